@@ -1,0 +1,38 @@
+# Two commands set everything up on a machine with python3 and make: `make demo` and `make test`.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+
+.PHONY: install demo test check bench gallery clean help
+
+help: ## this list
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
+
+install: $(STAMP) ## make .venv with everything in it
+
+$(STAMP): pyproject.toml constraints.txt
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[cpu,dev]'
+	@touch $@
+
+demo: install ## start the embedded service, render a sample through the real API
+	$(BIN)/python examples/demo.py
+
+test: install ## every test; those whose real part is missing are skipped and said so
+	$(BIN)/python -m pytest
+
+check: install ## ruff, types, import contracts
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: install ## speed, as ratios measured in one run
+	$(BIN)/python -m benchmarks
+
+gallery: install ## docs/gallery from real renders of the media folder: make gallery MEDIA=...
+	$(BIN)/python docs/make_gallery.py $(MEDIA)
+
+clean: ## forget the environment and every cache
+	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

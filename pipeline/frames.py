@@ -1,0 +1,51 @@
+"""What a frame is, and the one validator.
+
+A *frame* is a C-contiguous `uint8` array of shape (height, width, 3): red, green, blue, sRGB-encoded, range 0..255,
+row 0 at the top. Positions are (x, y) in pixels, x right, y down, the centre of the top left pixel at (0, 0).
+A *flow* is `float32` (height, width, 2): (dx, dy) in pixels. A *label map* is `int32` (height, width), 0 = no label.
+"""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import BadFrame
+
+Frame: TypeAlias = NDArray[np.uint8]
+Flow: TypeAlias = NDArray[np.float32]
+Labels: TypeAlias = NDArray[np.int32]
+Mask: TypeAlias = NDArray[np.bool_]
+Plane: TypeAlias = NDArray[np.float32]
+"""A scalar per pixel: `float32` (height, width)."""
+
+MIN_SIDE_PX = 16
+"""Smallest side a method accepts: below it no neighbourhood of the papers fits."""
+
+
+def check_frame(array: object, field: str = "frame") -> Frame:
+    """Return `array` as a frame, or raise `BadFrame` that names `field`, what it is, and what it should be."""
+    if not isinstance(array, np.ndarray):
+        raise BadFrame("A frame is a NumPy array.", field=field, value=type(array).__name__)
+    if array.dtype != np.uint8:
+        raise BadFrame("A frame has dtype uint8.", field=field, value=array.dtype, remedy="Scale it to 0..255 first.")
+    if array.ndim != 3 or array.shape[2] != 3:
+        raise BadFrame("A frame has shape (height, width, 3).", field=field, value=array.shape)
+    if min(array.shape[:2]) < MIN_SIDE_PX:
+        raise BadFrame(
+            f"A frame is at least {MIN_SIDE_PX} px on each side.",
+            field=field, value=f"{array.shape[1]}x{array.shape[0]}", remedy="Use a larger video.",
+        )
+    return np.ascontiguousarray(array)
+
+
+def same_size(array: Frame, size: tuple[int, int], field: str = "frame") -> Frame:
+    """Return `array` if it is (width, height) = `size`, else raise `BadFrame`."""
+    if (array.shape[1], array.shape[0]) != size:
+        raise BadFrame(
+            "Every frame of a video has one size.",
+            field=field, value=f"{array.shape[1]}x{array.shape[0]} instead of {size[0]}x{size[1]}",
+        )
+    return array

@@ -1,0 +1,201 @@
+"""What a method is: parameters, inputs, a plan, and step functions. Pure data and arrays; no farm, no HTTP.
+
+A *method* describes its work as *steps*; a step is a list of *tasks*, each one unit that a worker runs alone.
+The farm runs any plan and knows no method:
+
+    plan:   for each step in order: `tasks = step.plan(brief)`          once the steps it needs are done
+    run:    for each task whose `needs` and `after` are done:           on any worker, any number of times
+                note = step.run(task, bench)
+
+`brief.notes` carries the small JSON results ("notes") of finished steps, so that a later step can size itself by
+what an earlier one found (scene cuts, patches). Large results are *artefacts*: named dictionaries of arrays that a
+task saves on its bench and a later task loads. Finished frames are *emitted*; the platform encodes and joins them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict
+
+from pipeline.frames import Frame
+
+Note = dict[str, Any]
+"""A task's small JSON result."""
+Arrays = Mapping[str, NDArray[Any]]
+"""An artefact: arrays by name, stored without pickle."""
+InputKind = Literal["video", "image", "image-or-video", "images", "json"]
+
+
+class Params(BaseModel):
+    """Base of every method's parameters: unknown names and NaN are refused, values are immutable."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, validate_default=True)
+
+
+@dataclass(frozen=True)
+class InputSpec:
+    """An input a method takes. The video to be stylised is always named `video`."""
+
+    name: str
+    kind: InputKind
+    required: bool
+    title: str
+    help: str
+
+
+@dataclass(frozen=True)
+class VideoInfo:
+    """What planning may know of the video: sizes in pixels after rotation, frame count as the container tells it.
+
+    `frames` may be wrong (containers lie); a method that must know counts them in a step of its own.
+    """
+
+    width: int
+    height: int
+    frames: int
+    fps: float
+    duration_s: float
+
+
+@dataclass(frozen=True)
+class Brief:
+    """All that a plan may depend on. Two equal briefs give equal plans, on any machine."""
+
+    params: Any
+    """The method's Params."""
+    seed: int
+    video: VideoInfo
+    inputs: frozenset[str] = frozenset()
+    """Names of the inputs that were given."""
+    notes: Mapping[str, Mapping[str, Note]] = field(default_factory=dict)
+    """Notes of finished steps: step name -> task key -> note."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """One unit of a step. `key` is unique in its step, stable, and made of [a-z0-9-]."""
+
+    key: str
+    args: Note = field(default_factory=dict)
+    after: tuple[str, ...] = ()
+    """Keys of tasks of the SAME step that must be done first (a chain). Earlier steps are done anyway."""
+    emits: tuple[int, int] | None = None
+    """Frames [start, stop) that this task emits, each exactly once and in order; None = none."""
+    weight: float = 1.0
+    """Expected cost relative to the other tasks of the step: for progress and ETA."""
+
+
+class Bench(Protocol):
+    """What a step function works at: inputs in, artefacts and frames out, a clock, and a way to be told to stop."""
+
+    params: Any
+    seed: int
+    video: VideoInfo
+    size: tuple[int, int]
+    """(width, height) of the frames, px."""
+
+    def frames(self, name: str = "video", start: int = 0, stop: int | None = None) -> Iterator[Frame]:
+        """Decode frames [start, stop) of an input; fewer when the video ends earlier. One at a time, never all."""
+        ...
+
+    def has(self, name: str) -> bool:
+        """Whether the input `name` was given."""
+        ...
+
+    def image(self, name: str) -> Frame:
+        """The input `name` as one image (the first frame of a video)."""
+        ...
+
+    def json(self, name: str) -> Any:
+        """The input `name` parsed as JSON."""
+        ...
+
+    def images(self, name: str) -> Mapping[int, NDArray[Any]]:
+        """The images of the input `name` by the number in their file name, as stored: 8 or 16 bit, alpha kept."""
+        ...
+
+    def save(self, name: str, arrays: Arrays) -> None:
+        """Keep arrays as the artefact `name` of this step (unique over the step's tasks)."""
+        ...
+
+    def load(self, step: str, name: str) -> dict[str, NDArray[Any]]:
+        """The artefact `name` that a task of `step` has saved. KeyError if there is none."""
+        ...
+
+    def save_file(self, name: str, data: bytes, media_type: str) -> None:
+        """Keep a file as an artefact that the user can download (an SVG, a JSON report)."""
+        ...
+
+    def wants(self, artefact: str) -> bool:
+        """Whether the job asked for an optional artefact (`output.artefacts`), for example "svg" or "labels"."""
+        ...
+
+    def emit(self, index: int, frame: Frame) -> None:
+        """Hand over finished frame `index`, in order. Fast: encoding is done outside the method's clocks."""
+        ...
+
+    def clock(self, stage: str) -> AbstractContextManager[None]:
+        """Time a stage of the method (wall seconds, may overlap other threads' stages)."""
+        ...
+
+    def progress(self, done: float) -> None:
+        """Report the fraction done, 0..1. Raises `Cancelled` if the job was cancelled: call it a few times a second."""
+        ...
+
+
+@dataclass(frozen=True)
+class Step:
+    """A stage of a method's plan."""
+
+    name: str
+    title: str
+    plan: Callable[[Brief], Sequence[Task]]
+    run: Callable[[Task, Bench], Note]
+
+
+class Session(Protocol):
+    """A causal method at work on a stream: one frame in, one frame out. Not thread-safe."""
+
+    def step(self, frame: Frame) -> Frame: ...
+
+
+@dataclass(frozen=True)
+class Example:
+    """A ready set of parameters with a name people recognise: listed by the API, offered by the page."""
+
+    name: str
+    title: str
+    params: Note
+
+
+class Method(Protocol):
+    """A published method. An instance is stateless; registered in `pipeline.methods`."""
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    summary: ClassVar[str]
+    paper: ClassVar[str]
+    """Key in references.bib."""
+    Params: ClassVar[type[Params]]
+    inputs: ClassVar[tuple[InputSpec, ...]]
+    steps: ClassVar[tuple[Step, ...]]
+    artefacts: ClassVar[tuple[str, ...]]
+    """Optional artefacts a job may ask for."""
+    examples: ClassVar[tuple[Example, ...]]
+
+    def stream(
+        self, params: Any, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]
+    ) -> Session | None:
+        """A live session for frames of `size` (width, height) px, or None if the method is not causal."""
+        ...
+
+
+def seeded(seed: int, *purpose: int) -> np.random.Generator:
+    """Random numbers for one purpose: Philox keyed by (seed, purpose...), the same on any worker in any order."""
+    return np.random.Generator(np.random.Philox(np.random.SeedSequence([seed, *purpose])))
