@@ -36,7 +36,9 @@ def check_frame(array: object, field: str = "frame") -> Frame:
     if min(array.shape[:2]) < MIN_SIDE_PX:
         raise BadFrame(
             f"A frame is at least {MIN_SIDE_PX} px on each side.",
-            field=field, value=f"{array.shape[1]}x{array.shape[0]}", remedy="Use a larger video.",
+            field=field,
+            value=f"{array.shape[1]}x{array.shape[0]}",
+            remedy="Use a larger video.",
         )
     return np.ascontiguousarray(array)
 
@@ -46,6 +48,7 @@ def same_size(array: Frame, size: tuple[int, int], field: str = "frame") -> Fram
     if (array.shape[1], array.shape[0]) != size:
         raise BadFrame(
             "Every frame of a video has one size.",
-            field=field, value=f"{array.shape[1]}x{array.shape[0]} instead of {size[0]}x{size[1]}",
+            field=field,
+            value=f"{array.shape[1]}x{array.shape[0]} instead of {size[0]}x{size[1]}",
         )
     return array

@@ -32,7 +32,9 @@ def method(name: str) -> Method:
         return methods()[name]
     except KeyError:
         raise BadParameter(
-            f"There is no method named {name!r}.", field="method", value=name,
+            f"There is no method named {name!r}.",
+            field="method",
+            value=name,
             remedy=f"Use one of: {', '.join(methods())}.",
         ) from None
 
@@ -44,7 +46,12 @@ def parse_params(chosen: Method, values: Mapping[str, Any]) -> Params:
     except ValidationError as error:
         first = error.errors()[0]
         name = ".".join(str(part) for part in first["loc"])
-        remedy = f"Known parameters: {', '.join(chosen.Params.model_fields)}." if first["type"] == "extra_forbidden" else ""
+        remedy = (
+            f"Known parameters: {', '.join(chosen.Params.model_fields)}." if first["type"] == "extra_forbidden" else ""
+        )
         raise BadParameter(
-            f"{first['msg']}.", field=f"params.{name}", value=first.get("input"), remedy=remedy or f"See the method {chosen.name!r}.",
+            f"{first['msg']}.",
+            field=f"params.{name}",
+            value=first.get("input"),
+            remedy=remedy or f"See the method {chosen.name!r}.",
         ) from None

@@ -1,0 +1,28 @@
+"""Errors of jobs and stores, on the tree of `pipeline.errors`.
+
+ImpastoError
+├── NotFound                    no such job, task, asset, result            404
+├── Conflict                    not in this state; or the same key with another body   409 / 422
+│   └── IdempotencyMismatch
+└── QuotaExceeded               a key's quota or rate is used up            429
+"""
+
+from __future__ import annotations
+
+from pipeline.errors import ImpastoError
+
+
+class NotFound(ImpastoError):  # noqa: N818
+    code = "not-found"
+
+
+class Conflict(ImpastoError):  # noqa: N818
+    code = "conflict"
+
+
+class IdempotencyMismatch(Conflict):
+    code = "idempotency-mismatch"
+
+
+class QuotaExceeded(ImpastoError):  # noqa: N818
+    code = "quota-exceeded"

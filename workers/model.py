@@ -1,0 +1,209 @@
+"""The nouns of a render farm: asset, job, step, task, attempt, event. Plain data that the store keeps and the API shows.
+
+Words are Open Job Description's. Times are seconds since the epoch, UTC, as floats. Ids are sortable strings with a
+prefix: `ast_`, `job_`, `tsk_`, `att_`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+Json = dict[str, Any]
+
+
+class RunState(StrEnum):
+    """What a user asked of a job and how it stands. Kept apart from the counts of its tasks' states."""
+
+    QUEUED = "queued"
+    RUNNING = "running"
+    PAUSED = "paused"
+    SUCCEEDED = "succeeded"
+    FAILED = "failed"
+    CANCELLED = "cancelled"
+
+    @property
+    def final(self) -> bool:
+        return self in (RunState.SUCCEEDED, RunState.FAILED, RunState.CANCELLED)
+
+
+class TaskState(StrEnum):
+    WAITING = "waiting"
+    """Something it needs is not done."""
+    READY = "ready"
+    RUNNING = "running"
+    SUCCEEDED = "succeeded"
+    FAILED = "failed"
+    """Its attempts are used up."""
+    CANCELLED = "cancelled"
+
+
+@dataclass(frozen=True)
+class Asset:
+    """What a user uploaded. `id` is `ast_` + SHA-256 of the bytes in hex: the same bytes are the same asset."""
+
+    id: str
+    sha256: str
+    size_bytes: int
+    filename: str
+    """As the user named it, for display only: never a path."""
+    media_type: str
+    kind: str
+    """"video", "image", "archive" or "json"."""
+    info: Json
+    """What probing found: width, height, frames, fps, duration_s, codec, has_audio, rotation_deg, ..."""
+    created_at: float
+    owner: str = ""
+
+
+@dataclass(frozen=True)
+class OutputSpec:
+    """What the job makes."""
+
+    format: str = "mp4"
+    """"mp4" (H.264, AAC), "webm" (VP9, Opus) or "png" (a zip of lossless frames numbered from 0000)."""
+    quality: int = 20
+    """Constant rate factor of the codec, 0 (lossless) to 51."""
+    artefacts: tuple[str, ...] = ()
+    """Optional artefacts of the method, for example "svg"."""
+
+
+@dataclass(frozen=True)
+class JobRequest:
+    """What a user submits. `inputs` maps input names of the method to asset ids."""
+
+    method: str
+    inputs: dict[str, str]
+    params: Json = field(default_factory=dict)
+    seed: int = 0
+    output: OutputSpec = field(default_factory=OutputSpec)
+    priority: int = 0
+    """-100..100, higher first."""
+    name: str = ""
+    labels: dict[str, str] = field(default_factory=dict)
+    webhook: str = ""
+    """URL that is told of the job's end, or empty."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Why something failed: a stable code, a message, and what to do."""
+
+    code: str
+    message: str
+    remedy: str = ""
+    field: str = ""
+    value: str | None = None
+
+
+@dataclass(frozen=True)
+class StepView:
+    """A step of a job: its tasks by state, and wall seconds of its stages (summed over tasks)."""
+
+    name: str
+    title: str
+    state: str
+    """"waiting", "running", "succeeded" or "failed"."""
+    counts: dict[str, int]
+    progress: float
+    """0..1"""
+    seconds: float
+    """Summed wall seconds of the step's finished attempts, decoding and encoding apart."""
+    stages: dict[str, float]
+    """Stage name -> summed seconds, "decode" and "encode" among them."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """A job as its user sees it."""
+
+    id: str
+    state: RunState
+    request: JobRequest
+    owner: str
+    created_at: float
+    updated_at: float
+    started_at: float | None
+    finished_at: float | None
+    progress: float
+    """0..1"""
+    eta_s: float | None
+    """Seconds left, None while unknown."""
+    counts: dict[str, int]
+    """Task state -> number of tasks planned so far."""
+    steps: tuple[StepView, ...]
+    error: Fault | None
+    results: tuple[str, ...]
+    """Names of files that can be had: "result", "poster", "sheet", "preview", artefact names."""
+
+
+@dataclass(frozen=True)
+class TaskView:
+    id: str
+    job_id: str
+    step: str
+    key: str
+    state: TaskState
+    progress: float
+    attempts: tuple[Json, ...]
+    """Per attempt: id, number, worker, started_at, finished_at, outcome, error (Fault as JSON) or None."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """One thing that happened to a job. `seq` rises by one within a job, from 1."""
+
+    seq: int
+    job_id: str
+    at: float
+    type: str
+    """"job.state", "job.progress", "step.planned", "task.state", "log"."""
+    data: Json
+
+
+@dataclass(frozen=True)
+class TaskOrder:
+    """Everything a worker needs to run one attempt, anywhere: sent to it as is. JSON-able."""
+
+    attempt_id: str
+    job_id: str
+    task_id: str
+    step: str
+    method: str
+    """A method's name; the step "assemble" is the platform's own last step of every job."""
+    key: str
+    args: Json
+    emits: tuple[int, int] | None
+    params: Json
+    seed: int
+    inputs: dict[str, str]
+    """Input name -> blob key."""
+    input_info: dict[str, Json]
+    """Input name -> the asset's info."""
+    output: OutputSpec
+    notes: dict[str, dict[str, Json]]
+    """Notes of finished steps."""
+    artefacts: dict[str, str]
+    """"step/name" -> blob key of every artefact that finished tasks of this job have saved."""
+    segments: tuple[tuple[int, int, str], ...] = ()
+    """For "assemble": (start, stop, blob key) of every emitted run, in order."""
+
+
+@dataclass(frozen=True)
+class TaskOutcome:
+    """What one attempt brought back. Blobs are already committed; nothing counts until the store accepts this."""
+
+    attempt_id: str
+    note: Json
+    artefacts: dict[str, str]
+    """"step/name" -> blob key."""
+    files: dict[str, tuple[str, str]]
+    """Downloadable name -> (blob key, media type)."""
+    segment: str | None
+    """Blob key of the encoded run of frames, if the task emits."""
+    stages: dict[str, float]
+    """Stage -> wall seconds, with "decode", "encode" and "method" (wall of the method itself, overlaps counted once)."""
+    log: str
+    fault: Fault | None = None
+    cancelled: bool = False

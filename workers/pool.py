@@ -1,0 +1,47 @@
+"""Where attempts run: the muscle. `local_pool` runs them in this process, `ray_pool` on a Ray cluster.
+
+A pool is at-least-once and forgetful: it may lose an attempt (its `Report` then says so) and it keeps nothing over a
+restart. What is true is in the store; attempt ids fence late answers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from workers.model import TaskOrder, TaskOutcome
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a pool tells the dispatcher about an attempt."""
+
+    attempt_id: str
+    progress: float = 0.0
+    outcome: TaskOutcome | None = None
+    """Set once, at the end."""
+    lost: bool = False
+    """The worker died; the attempt will never answer."""
+    worker: str = ""
+
+
+class Pool(Protocol):
+    """Runs task orders on some workers. All calls are quick and thread-safe; `listen` callbacks come from any thread."""
+
+    capacity: int
+    """Attempts that may run at once."""
+
+    def start(self, listen: Callable[[Report], None]) -> None: ...
+
+    def submit(self, order: TaskOrder) -> None: ...
+
+    def cancel(self, attempt_id: str) -> None:
+        """Ask a running attempt to stop; it answers with an outcome that is `cancelled` within a second."""
+        ...
+
+    def describe(self) -> dict[str, object]:
+        """Kind, workers, what each is doing: for the ops page."""
+        ...
+
+    def stop(self, grace_s: float = 5.0) -> None: ...
