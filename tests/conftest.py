@@ -1,0 +1,137 @@
+"""What every test shares: real parts that are there or are said to be missing, one small clip, an empty home."""
+
+from __future__ import annotations
+
+import importlib.util
+import shutil
+from collections.abc import Callable, Iterator
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+ROOT = Path(__file__).resolve().parent.parent
+MEDIA = ROOT.parent / "shared" / "media"
+
+
+class TestSettings(BaseSettings):
+    """IMPASTO_REQUIRE_REAL=1 makes a missing real part a failure: CI proves that nothing was skipped."""
+
+    __test__ = False
+    model_config = SettingsConfigDict(env_prefix="IMPASTO_")
+    require_real: bool = False
+
+
+def _missing_chromium() -> str:
+    return "" if shutil.which("chromium") else "there is no chromium on the PATH: apt-get install chromium"
+
+
+def _missing_opencl() -> str:
+    import pyopencl
+
+    try:
+        devices = [device for platform in pyopencl.get_platforms() for device in platform.get_devices()]
+    except pyopencl.Error as error:
+        return f"OpenCL says {error}: pip install intel-opencl-rt, or a GPU driver"
+    return "" if devices else "OpenCL has no device: pip install intel-opencl-rt, or a GPU driver"
+
+
+def _missing_media() -> str:
+    return "" if MEDIA.is_dir() else f"there is no media folder at {MEDIA}"
+
+
+def _missing_ray() -> str:
+    return "" if importlib.util.find_spec("ray") else "ray is not installed: pip install 'ray[default]'"
+
+
+PARTS: dict[str, Callable[[], str]] = {
+    "chromium": _missing_chromium,
+    "opencl": _missing_opencl,
+    "media": _missing_media,
+    "ray": _missing_ray,
+}
+MAY_BE_ABSENT = {"media"}
+"""Test media are not ours to ship: another machine may lack them even where every part must be real."""
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    for mark in item.iter_markers("real"):
+        for part in mark.args:
+            _require(str(part))
+
+
+def _require(part: str) -> None:
+    if part not in PARTS:
+        pytest.fail(f"unknown real part {part!r}: one of {', '.join(PARTS)}")
+    if not (reason := PARTS[part]()):
+        return
+    if TestSettings().require_real and part not in MAY_BE_ABSENT:
+        pytest.fail(f"{part} is required (IMPASTO_REQUIRE_REAL=1): {reason}")
+    pytest.skip(f"{part}: {reason}")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def one_opencv_thread() -> Iterator[None]:
+    """Two cores, many tests: OpenCV's own pool only gets in the way of figures and of determinism checks."""
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    yield
+    cv2.setNumThreads(before)
+
+
+@pytest.fixture
+def home(tmp_path: Path) -> Path:
+    """An empty home for a farm: its database and blobs go here."""
+    return tmp_path / "home"
+
+
+@pytest.fixture(scope="session")
+def media() -> Path:
+    """The folder of real clips; use with `@pytest.mark.real("media")`."""
+    return MEDIA
+
+
+TINY_FRAMES, TINY_WIDTH, TINY_HEIGHT, TINY_FPS = 24, 96, 64, 12
+
+
+def tiny_frame(index: int) -> NDArray[np.uint8]:
+    """Frame `index` of the tiny clip: a disc that moves right, a bar that moves down, over a colour ramp."""
+    frame = np.empty((TINY_HEIGHT, TINY_WIDTH, 3), np.uint8)
+    frame[..., 0] = np.linspace(40, 120, TINY_WIDTH, dtype=np.uint8)
+    frame[..., 1] = np.linspace(90, 160, TINY_HEIGHT, dtype=np.uint8)[:, None]
+    frame[..., 2] = 110
+    cv2.rectangle(frame, (70, 4 + index), (86, 14 + index), (30, 60, 200), -1)
+    cv2.circle(frame, (16 + 2 * index, 40), 12, (220, 180, 40), -1)
+    return frame
+
+
+@pytest.fixture(scope="session")
+def tiny_clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A two second H.264/AAC MP4 of 24 frames, 96x64 px, 12 fps, with a tone. Do not change it: it is shared."""
+    path = tmp_path_factory.mktemp("media") / "tiny.mp4"
+    with av.open(str(path), "w") as out:
+        video = out.add_stream("libx264", rate=TINY_FPS, options={"crf": "12"})
+        video.width, video.height, video.pix_fmt = TINY_WIDTH, TINY_HEIGHT, "yuv420p"
+        audio = out.add_stream("aac", rate=44100, layout="mono")
+        for index in range(TINY_FRAMES):
+            out.mux(video.encode(av.VideoFrame.from_ndarray(tiny_frame(index), format="rgb24")))
+        out.mux(video.encode(None))
+        for packet in _tone(audio):
+            out.mux(packet)
+    return path
+
+
+def _tone(stream: av.AudioStream) -> Iterator[list[av.Packet]]:
+    """Two seconds of 440 Hz in the encoder's own frame size."""
+    seconds, rate = TINY_FRAMES / TINY_FPS, 44100
+    samples = (np.sin(np.arange(int(seconds * rate)) * 2 * np.pi * 440 / rate) * 8000).astype(np.int16)
+    for start in range(0, len(samples), 1024):
+        frame = av.AudioFrame.from_ndarray(samples[None, start : start + 1024], format="s16", layout="mono")
+        frame.sample_rate, frame.pts, frame.time_base = rate, start, Fraction(1, rate)
+        yield stream.encode(frame)
+    yield stream.encode(None)

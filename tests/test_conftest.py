@@ -1,0 +1,48 @@
+"""The shared fixtures and the marker keep their promises."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import av
+import pytest
+
+from tests.conftest import PARTS, TINY_FRAMES, TINY_HEIGHT, TINY_WIDTH, _require
+
+
+def test_the_tiny_clip_has_pictures_and_sound(tiny_clip: Path) -> None:
+    with av.open(str(tiny_clip)) as clip:
+        stream = clip.streams.video[0]
+        assert (stream.width, stream.height) == (TINY_WIDTH, TINY_HEIGHT)
+        assert sum(1 for _ in clip.decode(stream)) == TINY_FRAMES
+    with av.open(str(tiny_clip)) as clip:
+        assert clip.duration == pytest.approx(2_000_000, rel=0.05)
+        assert sum(f.samples for f in clip.decode(audio=0)) >= 2 * 44100 - 2048
+
+
+def _lack(monkeypatch: pytest.MonkeyPatch, part: str, require: str) -> None:
+    monkeypatch.setitem(PARTS, part, lambda: "it is not here")
+    monkeypatch.setenv("IMPASTO_REQUIRE_REAL", require)
+
+
+def test_a_missing_part_is_skipped(monkeypatch: pytest.MonkeyPatch) -> None:
+    _lack(monkeypatch, "chromium", "0")
+    with pytest.raises(pytest.skip.Exception, match="it is not here"):
+        _require("chromium")
+
+
+def test_a_missing_part_fails_where_real_is_required(monkeypatch: pytest.MonkeyPatch) -> None:
+    _lack(monkeypatch, "chromium", "1")
+    with pytest.raises(pytest.fail.Exception, match="required"):
+        _require("chromium")
+
+
+def test_media_may_be_absent_even_then(monkeypatch: pytest.MonkeyPatch) -> None:
+    _lack(monkeypatch, "media", "1")
+    with pytest.raises(pytest.skip.Exception):
+        _require("media")
+
+
+def test_an_unknown_part_is_a_mistake() -> None:
+    with pytest.raises(pytest.fail.Exception, match="unknown real part"):
+        _require("teapot")
