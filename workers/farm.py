@@ -5,7 +5,7 @@ A Farm ties a store (the truth), blobs and a pool (the muscle) together. Open on
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,7 +33,95 @@ class Served:
     etag: str
 
 
+SCOPES = ("submit", "read", "admin")
+"""What a key may do; "admin" includes the others."""
+
+
+@dataclass(frozen=True)
+class ApiKey:
+    """A key as operators see it; the secret itself is not kept, only its hash."""
+
+    id: str
+    """`key_...`: also the `owner` of what is made with it."""
+    name: str
+    scopes: frozenset[str]
+    """Of SCOPES."""
+    quotas: dict[str, int]
+    """Name -> bound, as the service understands it ("active_jobs", "asset_bytes", "requests_per_minute")."""
+    created_at: float
+    revoked_at: float | None = None
+
+    def allows(self, scope: str) -> bool:
+        return scope in self.scopes or "admin" in self.scopes
+
+
+class Keys(Protocol):
+    """API keys: made, listed, revoked, verified."""
+
+    def create(self, name: str, scopes: Collection[str], quotas: Mapping[str, int] | None = None) -> tuple[ApiKey, str]:
+        """A new key and its secret, which is shown this once. Raises BadParameter (unknown scope, bad quota)."""
+        ...
+
+    def list(self) -> list[ApiKey]:
+        """Every key, oldest first, revoked ones too."""
+        ...
+
+    def revoke(self, key_id: str) -> ApiKey:
+        """From now on `verify` refuses it. Revoking twice is the same as once. Raises NotFound."""
+        ...
+
+    def verify(self, secret: str) -> ApiKey | None:
+        """The key of a secret, or None: malformed, unknown or revoked. Takes the same time for right and wrong ones."""
+        ...
+
+    def usage(self, key_id: str) -> dict[str, int]:
+        """What counts against quotas now: "active_jobs" and "asset_bytes"."""
+        ...
+
+
+@dataclass(frozen=True)
+class Delivery:
+    """One webhook message of the outbox: written with the job's end, in the same transaction."""
+
+    id: str
+    """`msg_...`: the Standard Webhooks message id, the same over all tries."""
+    job_id: str
+    owner: str
+    url: str
+    body: Json
+    """{"type": "job.succeeded" | "job.failed" | "job.cancelled", "timestamp": ISO 8601, "data": {...}}"""
+    created_at: float
+    tries: int
+    """Tries made so far."""
+    state: str = "waiting"
+    """"waiting", "delivered" or "dead" (the last try failed)."""
+    next_at: float | None = None
+    """When it is tried again; None once it is delivered or dead."""
+    last_error: str = ""
+
+
+class Webhooks(Protocol):
+    """The outbox. Who sends: `for d in due(): status = post(d); record(d.id, status, error)`."""
+
+    def due(self, limit: int = 20, lease_s: float = 60.0) -> list[Delivery]:
+        """Claim messages to send now. One that is not recorded within `lease_s` becomes due again."""
+        ...
+
+    def record(self, delivery_id: str, status: int | None, error: str = "") -> Delivery:
+        """The outcome of a try: 2xx delivers it; anything else (None: no answer) waits longer each time, then is
+        dead. 410 (gone) is dead at once. Raises NotFound."""
+        ...
+
+    def of_job(self, job_id: str) -> list[Delivery]: ...
+
+
 class Farm(Protocol):
+    @property
+    def keys(self) -> Keys: ...
+
+    @property
+    def webhooks(self) -> Webhooks: ...
+
     # -- life
     def start(self) -> None: ...
     def stop(self) -> None: ...

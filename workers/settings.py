@@ -1,0 +1,52 @@
+"""What a farm is told at its start. Built once at the process's entry (from flags, a file or the environment) and
+passed down; nothing here reads the environment."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class FarmSettings(BaseModel):
+    """Where a farm keeps things, how much it does at once, and when it gives up."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    home: Path = Path(".impasto")
+    """Folder of everything that has no place of its own: database, blobs, scratch files, locks."""
+    database_url: str = ""
+    """SQLAlchemy URL; empty: SQLite in `home`."""
+    blob_root: Path | None = None
+    """Folder of blobs; None: `home`/blobs."""
+    reserve_bytes: int = Field(default=256 << 20, ge=0)
+    """New work is refused while less than this is free on the disk of the blobs."""
+
+    pool: Literal["local", "ray", "none"] = "local"
+    """Where attempts run: in this process, on a Ray cluster, or nowhere (accept and show only)."""
+    workers: int = Field(default=1, ge=1, le=256)
+    """Attempts that run at once."""
+    ray_address: str = "local"
+    """"local" starts a cluster in this machine; else the address of one."""
+
+    attempts: int = Field(default=3, ge=1, le=20)
+    """Failures after which a task fails for good."""
+    interruptions: int = Field(default=20, ge=1)
+    """Attempts of a task that may die with the whole process before it fails for good (a task that kills its host)."""
+    retry_delay_s: float = Field(default=0.5, ge=0)
+    """Wait before the second attempt; doubles with each failure."""
+    lease_s: float = Field(default=30.0, gt=0)
+    """An attempt whose dispatcher (on another machine) is silent for this long is given to another."""
+    stall_s: float = Field(default=900.0, gt=0)
+    """An attempt that reports nothing for this long counts as lost."""
+    events_kept: int = Field(default=5000, ge=10)
+    """Newest events kept per job."""
+
+    @property
+    def url(self) -> str:
+        return self.database_url or f"sqlite:///{(self.home / 'impasto.db').absolute()}"
+
+    @property
+    def blobs_at(self) -> Path:
+        return (self.blob_root or self.home / "blobs").absolute()
