@@ -1,0 +1,243 @@
+"""A small synchronous client of the public API.
+
+    with Client("http://127.0.0.1:8765") as impasto:
+        job = impasto.submit("abstraction", {"video": impasto.upload("clip.mp4")["id"]})
+        impasto.wait(job["id"])
+        impasto.download(job["id"], "cartoon.mp4")
+
+Answers are the API's JSON objects as dicts (docs/api.md); problems are raised as the classes of `pipeline.errors`,
+`workers.errors` and `impasto.problems`, with `code`, `field`, `value` and `remedy`.
+"""
+
+from __future__ import annotations
+
+import time
+import uuid
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import httpx
+
+from impasto import transfer
+from impasto.events import ServerEvent, follow
+from impasto.problems import ServiceUnreachable, error_of, job_failed
+from pipeline.errors import BadInput
+from workers.errors import NotFound
+
+Json = dict[str, Any]
+DEFAULT_SERVER = "http://127.0.0.1:8765"
+FINAL = frozenset({"succeeded", "failed", "cancelled"})
+SMALL_BYTES = 8 << 20
+"""Larger files go by resumable upload."""
+PLAIN_FILES = frozenset({"result", "poster", "sheet", "preview"})
+LOOK_EVERY_S = 0.2
+PATIENCE_S = 60.0
+"""How long `watch` and `wait` bear with a service that does not answer, a restart for example."""
+
+
+def _quiet(done: int, total: int) -> None:
+    """No progress asked for."""
+
+
+class Client:
+    """Talks to one service. A context manager; not for several threads at once.
+
+    Args:
+        server: address without `/v1`, for example "https://impasto.example.org".
+        api_key: sent as a bearer token; empty where the service is open (loopback).
+        timeout_s: seconds to connect, and between bytes of an answer.
+        transport: another way to the service, for tests.
+    """
+
+    def __init__(
+        self,
+        server: str = DEFAULT_SERVER,
+        api_key: str = "",
+        timeout_s: float = 30.0,
+        transport: httpx.BaseTransport | None = None,
+    ) -> None:
+        headers = {"Authorization": f"Bearer {api_key}"} if api_key else {}
+        timeout = httpx.Timeout(timeout_s)
+        self.server = server.rstrip("/")
+        self._http = httpx.Client(base_url=f"{self.server}/v1", headers=headers, timeout=timeout, transport=transport)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+    def close(self) -> None:
+        self._http.close()
+
+    # -- methods
+
+    def methods(self) -> list[Json]:
+        """Every method the service offers."""
+        return self._items("/methods")
+
+    def method(self, name: str) -> Json:
+        """One method with the JSON Schema of its parameters, its inputs and examples."""
+        return self._json("GET", f"/methods/{name}")
+
+    # -- assets
+
+    def upload(self, path: str | Path, progress: transfer.Progress = _quiet) -> Json:
+        """Send a file unless the service has these bytes already; return the asset. Large files are resumable.
+
+        Raises: BadInput (no such file), BadMedia (what is wrong with it), QuotaExceeded.
+        """
+        file = Path(path)
+        if not file.is_file():
+            raise BadInput("There is no such file.", field="path", value=file, remedy="Check the path.")
+        asset_id = f"ast_{transfer.sha256_of(file)}"
+        try:
+            return self.asset(asset_id)
+        except NotFound:
+            return self._send_file(file, asset_id, progress)
+
+    def _send_file(self, file: Path, asset_id: str, progress: transfer.Progress) -> Json:
+        if file.stat().st_size > SMALL_BYTES:
+            transfer.upload(self._http, "/uploads", file, progress)
+            return self.asset(asset_id)
+        with file.open("rb") as stream:
+            sent = self._json("POST", "/assets", files={"file": (file.name, stream)})
+        progress(file.stat().st_size, file.stat().st_size)
+        return sent
+
+    def asset(self, asset_id: str) -> Json:
+        return self._json("GET", f"/assets/{asset_id}")
+
+    # -- jobs
+
+    def submit(
+        self,
+        method: str,
+        inputs: Mapping[str, str],
+        params: Mapping[str, Any] | None = None,
+        *,
+        idempotency_key: str = "",
+        **more: Any,
+    ) -> Json:
+        """Submit a job. `inputs`: input name -> asset id. `more`: seed, output, priority, name, labels, webhook.
+
+        Without `idempotency_key` each call is a job of its own; with one, the same request is the same job.
+        Raises: BadParameter, NotFound (an asset), IdempotencyMismatch, QuotaExceeded.
+        """
+        body = {"method": method, "inputs": dict(inputs), "params": dict(params or {}), **more}
+        headers = {"Idempotency-Key": idempotency_key or uuid.uuid4().hex}
+        return self._json("POST", "/jobs", json=body, headers=headers)
+
+    def job(self, job_id: str) -> Json:
+        return self._json("GET", f"/jobs/{job_id}")
+
+    def jobs(self, **filters: Any) -> list[Json]:
+        """The newest jobs. `filters`: state, method, label, limit, cursor."""
+        return self._items("/jobs", **filters)
+
+    def cancel(self, job_id: str) -> Json:
+        return self._json("POST", f"/jobs/{job_id}/cancel")
+
+    def retry(self, job_id: str) -> Json:
+        """Run again only what failed or was cancelled."""
+        return self._json("POST", f"/jobs/{job_id}/retry")
+
+    def delete(self, job_id: str) -> None:
+        """Forget a job that is over, and its files."""
+        self._send("DELETE", f"/jobs/{job_id}")
+
+    def events(self, job_id: str, after: int = 0) -> Iterator[ServerEvent]:
+        """A job's events from seq > `after` until it is over, over any number of reconnects."""
+        for event in follow(self._http, f"/jobs/{job_id}/events", after=after):
+            if event is not None:
+                yield event
+            if (event is None or event.type == "job.state") and self.job(job_id)["state"] in FINAL:
+                return
+
+    def watch(self, job_id: str, poll_s: float = 1.0) -> Iterator[Json]:
+        """The job now, then each time it has changed, until it is over. Survives restarts of the service."""
+        seen: Json = {}
+        for job in self._looks(job_id, poll_s):
+            if job != seen:
+                seen = job
+                yield job
+
+    def wait(self, job_id: str, timeout_s: float = float("inf")) -> Json:
+        """Block until the job has succeeded, and return it.
+
+        Raises: JobFailed (its `job` is the job); TimeoutError, up to 15 s late while the job makes no progress.
+        """
+        deadline = time.monotonic() + timeout_s
+        for job in self._looks(job_id, 1.0):
+            if job["state"] in FINAL:
+                return _succeeded(job)
+            if time.monotonic() > deadline:
+                break
+        raise TimeoutError(f"Job {job_id} is not over after {timeout_s} s.")
+
+    def _looks(self, job_id: str, poll_s: float) -> Iterator[Json]:
+        """The job at every sign of change or life, at most five times a second, up to and including its end."""
+        job, last = self.job(job_id), time.monotonic()
+        yield job
+        events = follow(self._http, f"/jobs/{job_id}/events", poll_s=poll_s)
+        while job["state"] not in FINAL:
+            event = next(events)
+            urgent = event is None or event.type == "job.state"
+            if urgent or time.monotonic() - last > LOOK_EVERY_S:
+                job, last = self._job_patiently(job_id), time.monotonic()
+                yield job
+
+    def download(
+        self, job_id: str, path: str | Path, name: str = "result", progress: transfer.Progress = _quiet
+    ) -> Path:
+        """Fetch a job's file into `path`, which appears whole or not at all.
+
+        `name`: "result", "poster", "sheet", "preview", or an artefact's name.
+        """
+        target = Path(path)
+        where = f"/jobs/{job_id}/{name}" if name in PLAIN_FILES else f"/jobs/{job_id}/artefacts/{name}"
+        transfer.download(self._http, where, target, progress)
+        return target
+
+    # -- the wire
+
+    def _items(self, path: str, **query: Any) -> list[Json]:
+        found = self._json("GET", path, params={k: v for k, v in query.items() if v is not None})
+        items: list[Json] = found["items"]
+        return items
+
+    def _json(self, verb: str, path: str, **more: Any) -> Json:
+        answer: Json = self._send(verb, path, **more).json()
+        return answer
+
+    def _send(self, verb: str, path: str, **more: Any) -> httpx.Response:
+        try:
+            response = self._http.request(verb, path, **more)
+        except httpx.TransportError as error:
+            raise ServiceUnreachable(
+                f"No answer: {error or type(error).__name__}.",
+                field="server",
+                value=self.server,
+                remedy="Start one with `impasto serve`, or give its address with --server.",
+            ) from error
+        if response.is_error:
+            raise error_of(response)
+        return response
+
+    def _job_patiently(self, job_id: str) -> Json:
+        deadline = time.monotonic() + PATIENCE_S
+        while True:
+            try:
+                return self.job(job_id)
+            except ServiceUnreachable:
+                if time.monotonic() > deadline:
+                    raise
+                time.sleep(0.5)
+
+
+def _succeeded(job: Json) -> Json:
+    if job["state"] != "succeeded":
+        raise job_failed(job)
+    return job

@@ -1,0 +1,86 @@
+"""What goes wrong with a service far away, on the tree of `pipeline.errors`.
+
+ImpastoError
+├── ServiceUnreachable          nothing answers at that address
+├── NotAllowed                  no key, a wrong key, or one without that right   401, 403
+└── JobFailed                   the job ended without a result; `job` is what the service says of it
+
+Every other problem document becomes the class with its `code`, so that `except BadParameter` works over HTTP as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import httpx
+
+from pipeline.errors import ImpastoError
+from workers.errors import Conflict, NotFound, QuotaExceeded
+
+
+class ServiceUnreachable(ImpastoError):  # noqa: N818
+    code = "service-unreachable"
+
+
+class NotAllowed(ImpastoError):  # noqa: N818
+    code = "not-allowed"
+
+
+class JobFailed(ImpastoError):  # noqa: N818
+    """A job that ended as failed or cancelled. `job` is the service's last word on it."""
+
+    code = "job-failed"
+
+    def __init__(self, message: str, *, field: str = "", value: object = None, remedy: str = "") -> None:
+        super().__init__(message, field=field, value=value, remedy=remedy)
+        self.job: dict[str, Any] = {}
+
+
+BY_STATUS: dict[int, type[ImpastoError]] = {
+    401: NotAllowed,
+    403: NotAllowed,
+    404: NotFound,
+    409: Conflict,
+    429: QuotaExceeded,
+}
+"""For an answer that bears no code of ours, from a proxy for example."""
+
+
+def error_of(response: httpx.Response) -> ImpastoError:
+    """The problem in an HTTP answer of 4xx or 5xx as an error of our tree, with code, field, value and remedy."""
+    problem = _problem(response)
+    code = str(problem.get("code") or "")
+    kind = dict(_codes(ImpastoError)).get(code) or BY_STATUS.get(response.status_code, ImpastoError)
+    error = kind(
+        str(problem.get("detail") or problem.get("title") or f"The service answered {response.status_code}."),
+        field=str(problem.get("field") or ""),
+        value=problem.get("value"),
+        remedy=str(problem.get("remedy") or ""),
+    )
+    error.code = code or error.code
+    return error
+
+
+def job_failed(job: dict[str, Any]) -> JobFailed:
+    """The error for a job that is over and has no result."""
+    fault = job.get("error") or {}
+    said = fault.get("message") or f"The job was {job['state']}."
+    error = JobFailed(said, field=fault.get("field", ""), value=fault.get("value"), remedy=fault.get("remedy", ""))
+    error.code = fault.get("code") or ("cancelled" if job["state"] == "cancelled" else error.code)
+    error.job = job
+    return error
+
+
+def _problem(response: httpx.Response) -> dict[str, Any]:
+    try:
+        found = response.json()
+    except ValueError:
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _codes(kind: type[ImpastoError]) -> Iterator[tuple[str, type[ImpastoError]]]:
+    yield kind.code, kind
+    for below in kind.__subclasses__():
+        yield from _codes(below)
