@@ -1,0 +1,63 @@
+"""sRGB, HSV and CIELAB of a few colours (one a region), exactly; frames go through `cv2.cvtColor`.
+
+Colours are rows of an array (..., 3). sRGB and HSV's S and V are in 0..1, H is in degrees 0..360; CIELAB has L* in
+0..100 and a*, b* in about -128..127, for the white D65 and the 2 degree observer (IEC 61966-2-1, CIE 15).
+OpenCV's 8 bit Lab scales L* by 255/100 and adds 128 to a* and b*; its 8 bit H is halved.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Colours = NDArray[np.float64]
+
+_RGB_TO_XYZ = np.array([[0.412453, 0.357580, 0.180423], [0.212671, 0.715160, 0.072169], [0.019334, 0.119193, 0.950227]])
+_WHITE = _RGB_TO_XYZ.sum(axis=1)
+_RGB_TO_RELATIVE = _RGB_TO_XYZ / _WHITE[:, None]
+_RELATIVE_TO_RGB = np.linalg.inv(_RGB_TO_RELATIVE)
+_DELTA = 6 / 29
+
+
+def srgb_to_lab(rgb: ArrayLike) -> Colours:
+    """CIELAB of sRGB colours in 0..1, shape (..., 3)."""
+    encoded = np.asarray(rgb, np.float64)
+    linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+    relative = linear @ _RGB_TO_RELATIVE.T
+    f = np.where(relative > _DELTA**3, np.cbrt(relative), relative / (3 * _DELTA**2) + 4 / 29)
+    return np.stack([116 * f[..., 1] - 16, 500 * (f[..., 0] - f[..., 1]), 200 * (f[..., 1] - f[..., 2])], axis=-1)
+
+
+def lab_to_srgb(lab: ArrayLike) -> Colours:
+    """sRGB in 0..1 of CIELAB colours (..., 3); colours outside the sRGB gamut are clipped."""
+    values = np.asarray(lab, np.float64)
+    fy = (values[..., 0] + 16) / 116
+    f = np.stack([fy + values[..., 1] / 500, fy, fy - values[..., 2] / 200], axis=-1)
+    relative = np.where(f > _DELTA, f**3, 3 * _DELTA**2 * (f - 4 / 29))
+    linear = np.clip(relative @ _RELATIVE_TO_RGB.T, 0, 1)
+    return np.asarray(np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055))
+
+
+def srgb_to_hsv(rgb: ArrayLike) -> Colours:
+    """H in degrees 0..360, S and V in 0..1 of sRGB colours in 0..1, shape (..., 3). A gray has H = S = 0."""
+    return _through_cv2(rgb, cv2.COLOR_RGB2HSV)
+
+
+def hsv_to_srgb(hsv: ArrayLike) -> Colours:
+    """sRGB in 0..1 of colours with H in degrees, S and V in 0..1, shape (..., 3)."""
+    return _through_cv2(hsv, cv2.COLOR_HSV2RGB)
+
+
+def to_8bit(rgb: ArrayLike) -> NDArray[np.uint8]:
+    """sRGB in 0..1 rounded to 0..255."""
+    return np.rint(np.clip(np.asarray(rgb, np.float64), 0, 1) * 255).astype(np.uint8)
+
+
+def _through_cv2(colours: ArrayLike, code: int) -> Colours:
+    rows: NDArray[Any] = np.asarray(colours, np.float32)
+    if rows.size == 0:
+        return rows.astype(np.float64)
+    return cv2.cvtColor(rows.reshape(1, -1, 3), code).reshape(rows.shape).astype(np.float64)
