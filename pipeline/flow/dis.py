@@ -7,7 +7,7 @@ stripes, so its thread count changes the time and not one bit (a test pins it).
 from __future__ import annotations
 
 import threading
-from typing import Literal
+from typing import Any, Literal
 
 import cv2
 import numpy as np
@@ -31,8 +31,8 @@ def dis(previous: Gray, current: Gray, preset: Preset = "fast") -> Flow:
 
     Args:
         previous, current: uint8 (height, width), one size, at least 16 px on each side.
-        preset: ultrafast and fast stop at half and at half resolution with 0 and 5 refinement steps; medium goes on
-            with more of both. See OpenCV's `DISOpticalFlow`.
+        preset: ultrafast and fast stop at a quarter of the resolution, ultrafast without variational refinement;
+            medium stops at half the resolution and compares more patches.
 
     Returns:
         float32 (height, width, 2): (dx, dy) in px.
@@ -43,9 +43,12 @@ def dis(previous: Gray, current: Gray, preset: Preset = "fast") -> Flow:
     return np.ascontiguousarray(flow, dtype=np.float32)
 
 
-def _solver(preset: Preset) -> cv2.DISOpticalFlow:
-    """This thread's solver: it keeps its pyramids between calls, so two threads may not share one."""
-    solvers: dict[Preset, cv2.DISOpticalFlow] = _own.__dict__.setdefault("solvers", {})
+def _solver(preset: Preset) -> Any:
+    """This thread's solver: it keeps its pyramids between calls, so two threads may not share one.
+
+    Any, since OpenCV's stubs know no `calc` without a first guess of the flow.
+    """
+    solvers: dict[Preset, Any] = _own.__dict__.setdefault("solvers", {})
     if preset not in solvers:
-        solvers[preset] = cv2.DISOpticalFlow_create(PRESETS[preset])
+        solvers[preset] = cv2.DISOpticalFlow.create(PRESETS[preset])
     return solvers[preset]
