@@ -1,0 +1,198 @@
+"""Blobs in a folder. A blob is written beside its place, flushed, and renamed: whole or not there at all.
+
+root/<key>                   a committed blob
+root/~tmp/<random>           one being written; left behind only by a crash, swept at the next start
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import secrets
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from pipeline.errors import StorageError, StorageFull
+from workers.blobs.keys import check_key
+
+_CHUNK = 1 << 20
+_TEMPORARY = "~tmp"
+"""Not a possible key."""
+_FULL = (errno.ENOSPC, errno.EDQUOT)
+
+
+@dataclass(frozen=True)
+class DiskBlobs:
+    """The blobs under `root` (made if missing). A plain value: pickled to workers as it is.
+
+    Args:
+        root: the folder; on one machine, or shared by all workers.
+        reserve_bytes: `check` fails when less than this is free.
+    """
+
+    root: Path
+    reserve_bytes: int = 0
+
+    def put(self, key: str, data: bytes | BinaryIO | Path) -> None:
+        place = self._place(key)
+        with _storage_errors(), self._written(data) as temporary:
+            _in_folder(place, lambda: temporary.rename(place))
+
+    def put_if_absent(self, key: str, data: bytes) -> bool:
+        place = self._place(key)
+        with _storage_errors(), self._written(data) as temporary:
+            try:
+                _in_folder(place, lambda: place.hardlink_to(temporary))  # unlike rename, fails if there is one
+            except FileExistsError:
+                return False
+            return True
+
+    def get(self, key: str) -> bytes:
+        with _missing(key), _storage_errors():
+            return self._place(key).read_bytes()
+
+    def read(self, key: str, start: int = 0, stop: int | None = None, chunk: int = _CHUNK) -> Iterator[bytes]:
+        with _missing(key), _storage_errors():
+            file = self._place(key).open("rb")
+        return _pieces(file, start, stop, chunk)
+
+    @contextmanager
+    def local(self, key: str) -> Iterator[Path]:
+        place = self._place(key)
+        if not place.is_file():
+            raise KeyError(key)
+        yield place
+
+    def size(self, key: str) -> int | None:
+        place = self._place(key)
+        with _storage_errors():
+            return place.stat().st_size if place.is_file() else None
+
+    def delete(self, key: str) -> None:
+        place = self._place(key)
+        with _storage_errors():
+            place.unlink(missing_ok=True)
+        self._prune(place.parent)
+
+    def keys(self, prefix: str) -> Iterator[str]:
+        folder = self.root / prefix.rpartition("/")[0]
+        for found, folders, names in os.walk(folder):
+            folders[:] = sorted(name for name in folders if name != _TEMPORARY)
+            for name in sorted(names):
+                key = (Path(found) / name).relative_to(self.root).as_posix()
+                if key.startswith(prefix):
+                    yield key
+
+    def check(self) -> None:
+        """Raise StorageError if a blob cannot be written, StorageFull if less than the reserve is free."""
+        with _storage_errors():
+            with self._written(b"impasto"):
+                pass
+            free = shutil.disk_usage(self.root).free
+        if free < self.reserve_bytes:
+            raise StorageFull(
+                "The disk of the blobs is nearly full.",
+                field="free_bytes",
+                value=free,
+                remedy=f"Free some space: {self.reserve_bytes >> 20} MiB must stay free.",
+            )
+
+    def sweep(self, older_than_s: float = 3600.0) -> int:
+        """Remove temporary files that a crash left behind; say how many. Younger ones may be in use."""
+        before = time.time() - older_than_s
+        stale = [file for file in (self.root / _TEMPORARY).glob("*") if file.stat().st_mtime < before]
+        for file in stale:
+            file.unlink(missing_ok=True)
+        return len(stale)
+
+    def _place(self, key: str) -> Path:
+        return self.root / check_key(key)
+
+    @contextmanager
+    def _written(self, data: bytes | BinaryIO | Path) -> Iterator[Path]:
+        """A flushed temporary file with `data`, removed at the end if it is still there."""
+        folder = self.root / _TEMPORARY
+        folder.mkdir(parents=True, exist_ok=True)
+        temporary = folder / secrets.token_hex(16)
+        try:
+            with temporary.open("xb") as file:
+                _copy(data, file)
+                file.flush()
+                os.fsync(file.fileno())
+            yield temporary
+        finally:
+            temporary.unlink(missing_ok=True)
+
+    def _prune(self, folder: Path) -> None:
+        """Remove folders that became empty, up to the root."""
+        while folder != self.root:
+            try:
+                folder.rmdir()
+            except OSError:
+                return
+            folder = folder.parent
+
+
+def _copy(data: bytes | BinaryIO | Path, file: BinaryIO) -> None:
+    if isinstance(data, bytes):
+        file.write(data)
+    elif isinstance(data, Path):
+        with data.open("rb") as source:
+            shutil.copyfileobj(source, file, _CHUNK)
+    else:
+        shutil.copyfileobj(data, file, _CHUNK)
+
+
+def _pieces(file: BinaryIO, start: int, stop: int | None, chunk: int) -> Iterator[bytes]:
+    with file:
+        file.seek(start)
+        left = None if stop is None else max(0, stop - start)
+        while piece := file.read(chunk if left is None else min(chunk, left)):
+            left = None if left is None else left - len(piece)
+            yield piece
+
+
+def _in_folder(place: Path, commit: Callable[[], object]) -> None:
+    """Commit a file to its folder; once more if a `delete` beside us has just removed the folder as empty."""
+    for last in (False, False, True):
+        place.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            commit()
+            return _flush_folder(place.parent)
+        except FileNotFoundError:
+            if last:
+                raise
+
+
+def _flush_folder(folder: Path) -> None:
+    """Make a rename last over a power cut."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+@contextmanager
+def _missing(key: str) -> Iterator[None]:
+    try:
+        yield
+    except FileNotFoundError:
+        raise KeyError(key) from None
+
+
+@contextmanager
+def _storage_errors() -> Iterator[None]:
+    try:
+        yield
+    except (FileNotFoundError, FileExistsError):
+        raise
+    except OSError as error:
+        if error.errno in _FULL:
+            raise StorageFull("The disk of the blobs is full.", remedy="Free some space on it.") from error
+        raise StorageError(f"Blobs cannot be read or written: {error}.", remedy="Check the disk.") from error

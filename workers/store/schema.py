@@ -1,0 +1,237 @@
+"""The tables. Portable SQL only: SQLite and PostgreSQL run the same statements.
+
+    assets --< asset_owners
+    jobs --< job_inputs, job_labels, files, events, deliveries
+         --< steps --< tasks --< attempts
+                       tasks --< task_edges (which task waits for which)
+    api_keys
+
+Counts of tasks by state are kept in `steps`, updated in the transaction that moves a task, so that neither claiming
+nor showing a job counts rows. Every write to a job locks its row first; that makes them one after the other.
+Times are seconds since the epoch.
+"""
+
+from __future__ import annotations
+
+from sqlalchemy import (
+    JSON,
+    BigInteger,
+    Boolean,
+    Column,
+    Double,
+    ForeignKey,
+    Index,
+    Integer,
+    MetaData,
+    String,
+    Table,
+    Text,
+    UniqueConstraint,
+)
+
+metadata = MetaData(
+    naming_convention={
+        "pk": "pk_%(table_name)s",
+        "fk": "fk_%(table_name)s_%(column_0_name)s",
+        "uq": "uq_%(table_name)s_%(column_0_name)s",
+        "ix": "ix_%(table_name)s_%(column_0_N_name)s",
+    }
+)
+
+
+def _job_id(primary_key: bool = False) -> Column[str]:
+    owner = ForeignKey("jobs.id", ondelete="CASCADE")
+    return Column("job_id", String(40), owner, nullable=False, primary_key=primary_key)
+
+
+assets = Table(
+    "assets",
+    metadata,
+    Column("id", String(80), primary_key=True),
+    Column("sha256", String(64), nullable=False),
+    Column("size_bytes", BigInteger, nullable=False),
+    Column("filename", Text, nullable=False),
+    Column("media_type", String(120), nullable=False),
+    Column("kind", String(20), nullable=False),
+    Column("info", JSON, nullable=False),
+    Column("created_at", Double, nullable=False),
+    Column("owner", String(80), nullable=False),
+    Index(None, "created_at", "id"),
+)
+
+asset_owners = Table(
+    "asset_owners",
+    metadata,
+    Column("owner", String(80), primary_key=True),
+    Column("asset_id", String(80), ForeignKey("assets.id", ondelete="CASCADE"), primary_key=True),
+    Index(None, "asset_id"),
+)
+
+jobs = Table(
+    "jobs",
+    metadata,
+    Column("id", String(40), primary_key=True),
+    Column("owner", String(80), nullable=False),
+    Column("method", String(80), nullable=False),
+    Column("state", String(12), nullable=False),
+    Column("priority", Integer, nullable=False),
+    Column("request", JSON, nullable=False),
+    Column("params", JSON, nullable=False),
+    Column("step", Integer, nullable=False),
+    Column("step_count", Integer, nullable=False),
+    Column("planned", Boolean, nullable=False),
+    Column("doomed", Boolean, nullable=False),
+    Column("error", JSON(none_as_null=True)),
+    Column("last_seq", BigInteger, nullable=False),
+    Column("idempotency_key", String(255)),
+    Column("digest", String(64), nullable=False),
+    Column("created_at", Double, nullable=False),
+    Column("updated_at", Double, nullable=False),
+    Column("started_at", Double),
+    Column("finished_at", Double),
+    UniqueConstraint("owner", "idempotency_key"),
+    Index(None, "state", "priority", "id"),
+    Index(None, "owner", "id"),
+    Index(None, "method", "id"),
+)
+
+job_inputs = Table(
+    "job_inputs",
+    metadata,
+    _job_id(primary_key=True),
+    Column("name", String(80), primary_key=True),
+    Column("asset_id", String(80), nullable=False),
+    Index(None, "asset_id"),
+)
+
+job_labels = Table(
+    "job_labels",
+    metadata,
+    _job_id(primary_key=True),
+    Column("name", String(80), primary_key=True),
+    Column("value", String(255), nullable=False),
+    Index(None, "name", "value", "job_id"),
+)
+
+steps = Table(
+    "steps",
+    metadata,
+    _job_id(primary_key=True),
+    Column("step", Integer, primary_key=True),
+    Column("name", String(80), nullable=False),
+    Column("title", Text, nullable=False),
+    Column("waiting", Integer, nullable=False, default=0),
+    Column("ready", Integer, nullable=False, default=0),
+    Column("running", Integer, nullable=False, default=0),
+    Column("succeeded", Integer, nullable=False, default=0),
+    Column("failed", Integer, nullable=False, default=0),
+    Column("cancelled", Integer, nullable=False, default=0),
+    Column("weight", Double, nullable=False, default=0.0),
+    Column("weight_done", Double, nullable=False, default=0.0),
+    Column("busy_s", Double, nullable=False, default=0.0),
+    Column("stages", JSON, nullable=False, default=dict),
+)
+
+tasks = Table(
+    "tasks",
+    metadata,
+    Column("id", String(40), primary_key=True),
+    _job_id(),
+    Column("step", Integer, nullable=False),
+    Column("position", BigInteger, nullable=False),
+    Column("key", String(200), nullable=False),
+    Column("args", JSON, nullable=False),
+    Column("emit_start", Integer),
+    Column("emit_stop", Integer),
+    Column("weight", Double, nullable=False),
+    Column("chained", Boolean, nullable=False),
+    Column("state", String(12), nullable=False),
+    Column("blockers", Integer, nullable=False),
+    Column("failures", Integer, nullable=False, default=0),
+    Column("interruptions", Integer, nullable=False, default=0),
+    Column("ready_at", Double, nullable=False, default=0.0),
+    Column("progress", Double, nullable=False, default=0.0),
+    Column("attempt_id", String(40)),
+    Column("note", JSON),
+    Column("artefacts", JSON),
+    Column("segment", Text),
+    UniqueConstraint("job_id", "position"),
+    Index(None, "job_id", "state", "position"),
+)
+
+task_edges = Table(
+    "task_edges",
+    metadata,
+    Column("before_id", String(40), ForeignKey("tasks.id", ondelete="CASCADE"), primary_key=True),
+    Column("task_id", String(40), ForeignKey("tasks.id", ondelete="CASCADE"), primary_key=True),
+    Index(None, "task_id"),
+)
+
+attempts = Table(
+    "attempts",
+    metadata,
+    Column("id", String(40), primary_key=True),
+    Column("task_id", String(40), ForeignKey("tasks.id", ondelete="CASCADE"), nullable=False),
+    _job_id(),
+    Column("number", Integer, nullable=False),
+    Column("dispatcher", String(80), nullable=False),
+    Column("worker", String(120), nullable=False, default=""),
+    Column("outcome", String(12), nullable=False),
+    Column("started_at", Double, nullable=False),
+    Column("finished_at", Double),
+    Column("lease_until", Double, nullable=False),
+    Column("fault", JSON(none_as_null=True)),
+    Column("log", Text, nullable=False, default=""),
+    UniqueConstraint("task_id", "number"),
+    Index(None, "outcome", "dispatcher"),
+    Index(None, "job_id"),
+)
+
+files = Table(
+    "files",
+    metadata,
+    _job_id(primary_key=True),
+    Column("name", String(200), primary_key=True),
+    Column("key", Text, nullable=False),
+    Column("media_type", String(120), nullable=False),
+    Column("created_at", Double, nullable=False),
+)
+
+events = Table(
+    "events",
+    metadata,
+    _job_id(primary_key=True),
+    Column("seq", BigInteger, primary_key=True, autoincrement=False),
+    Column("at", Double, nullable=False),
+    Column("type", String(40), nullable=False),
+    Column("data", JSON, nullable=False),
+)
+
+api_keys = Table(
+    "api_keys",
+    metadata,
+    Column("id", String(40), primary_key=True),
+    Column("name", Text, nullable=False),
+    Column("hash", String(64), nullable=False),
+    Column("scopes", JSON, nullable=False),
+    Column("quotas", JSON, nullable=False),
+    Column("created_at", Double, nullable=False),
+    Column("revoked_at", Double),
+)
+
+deliveries = Table(
+    "deliveries",
+    metadata,
+    Column("id", String(40), primary_key=True),
+    _job_id(),
+    Column("owner", String(80), nullable=False),
+    Column("url", Text, nullable=False),
+    Column("body", JSON, nullable=False),
+    Column("created_at", Double, nullable=False),
+    Column("tries", Integer, nullable=False, default=0),
+    Column("state", String(12), nullable=False),
+    Column("next_at", Double),
+    Column("last_error", Text, nullable=False, default=""),
+    Index(None, "state", "next_at"),
+    Index(None, "job_id"),
+)
