@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from impasto.client import Client
 
-__all__ = ["Client", "__version__"]
+__all__ = ["DEFAULT_SERVER", "Client", "__version__"]
 __version__ = version("impasto")
+DEFAULT_SERVER = "http://127.0.0.1:8420"
 
 
 def __getattr__(name: str) -> object:

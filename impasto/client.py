@@ -1,6 +1,6 @@
 """A small synchronous client of the public API.
 
-    with Client("http://127.0.0.1:8765") as impasto:
+    with Client("http://127.0.0.1:8420") as impasto:
         job = impasto.submit("abstraction", {"video": impasto.upload("clip.mp4")["id"]})
         impasto.wait(job["id"])
         impasto.download(job["id"], "cartoon.mp4")
@@ -20,14 +20,13 @@ from typing import Any, Self
 
 import httpx
 
-from impasto import transfer
+from impasto import DEFAULT_SERVER, transfer
 from impasto.events import ServerEvent, follow
 from impasto.problems import ServiceUnreachable, error_of, job_failed
 from pipeline.errors import BadInput
 from workers.errors import NotFound
 
 Json = dict[str, Any]
-DEFAULT_SERVER = "http://127.0.0.1:8765"
 FINAL = frozenset({"succeeded", "failed", "cancelled"})
 SMALL_BYTES = 8 << 20
 """Larger files go by resumable upload."""
@@ -100,8 +99,8 @@ class Client:
 
     def _send_file(self, file: Path, asset_id: str, progress: transfer.Progress) -> Json:
         if file.stat().st_size > SMALL_BYTES:
-            transfer.upload(self._http, "/uploads", file, progress)
-            return self.asset(asset_id)
+            last = transfer.upload(self._http, "/uploads", file, progress)
+            return self.asset(last.headers.get("Impasto-Asset", asset_id))
         with file.open("rb") as stream:
             sent = self._json("POST", "/assets", files={"file": (file.name, stream)})
         progress(file.stat().st_size, file.stat().st_size)
@@ -197,7 +196,7 @@ class Client:
         `name`: "result", "poster", "sheet", "preview", or an artefact's name.
         """
         target = Path(path)
-        where = f"/jobs/{job_id}/{name}" if name in PLAIN_FILES else f"/jobs/{job_id}/artefacts/{name}"
+        where = f"/jobs/{job_id}/{name}" if name in PLAIN_FILES else f"/jobs/{job_id}/files/{name}"
         transfer.download(self._http, where, target, progress)
         return target
 

@@ -28,13 +28,14 @@ class NotAllowed(ImpastoError):  # noqa: N818
 
 
 class JobFailed(ImpastoError):  # noqa: N818
-    """A job that ended as failed or cancelled. `job` is the service's last word on it."""
+    """A job that ended as failed or cancelled. `job` is the last word on it, `log` what its failed tasks wrote."""
 
     code = "job-failed"
 
     def __init__(self, message: str, *, field: str = "", value: object = None, remedy: str = "") -> None:
         super().__init__(message, field=field, value=value, remedy=remedy)
         self.job: dict[str, Any] = {}
+        self.log = ""
 
 
 BY_STATUS: dict[int, type[ImpastoError]] = {

@@ -1,0 +1,1 @@
+"""The `impasto` command: a file a command, what they share beside them."""

@@ -1,0 +1,80 @@
+"""One render without a service: a farm with its workers in this process, opened for one job and closed again."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+from impasto.cli.console import Interrupted
+from impasto.cli.materials import Material
+from impasto.cli.progress import Show
+from impasto.problems import JobFailed
+from workers.farm import Farm
+from workers.model import Job, JobRequest, TaskView
+
+
+@contextmanager
+def opened(home: Path, workers: int) -> Iterator[Farm]:
+    """A farm at `home` with `workers` local workers, started; stopped at the end, whatever happens."""
+    from workers.settings import FarmSettings
+    from workers.studio import open_farm
+
+    farm = open_farm(FarmSettings(home=home, pool="local", workers=workers))
+    farm.start()
+    try:
+        yield farm
+    finally:
+        farm.stop()
+
+
+def submit(farm: Farm, request: JobRequest, materials: Mapping[str, Material], key: str) -> Job:
+    """Submit, or find the job that this very request began before; one that had failed is tried again."""
+    ids = {name: farm.add_asset(material.path, material.filename).id for name, material in materials.items()}
+    job = farm.submit(dataclasses.replace(request, inputs=ids), idempotency_key=key)
+    return farm.retry(job.id) if job.state in ("failed", "cancelled") else job
+
+
+def follow(farm: Farm, job_id: str, show: Show) -> Job:
+    """Show the job until it is over. Raises: Interrupted (Ctrl-C), JobFailed."""
+    seen = 0
+    try:
+        while not (job := farm.job(job_id)).state.final:
+            show(dataclasses.asdict(job))
+            farm.wait(job_id, seen, timeout_s=0.5)
+            events, _ = farm.events(job_id, after=seen)
+            seen = events[-1].seq if events else seen
+    except KeyboardInterrupt:
+        raise Interrupted(
+            f"Interrupted at {farm.job(job_id).progress:.0%}.", remedy="Run the same command again to go on from there."
+        ) from None
+    show(dataclasses.asdict(job))
+    if job.state != "succeeded":
+        raise _failure(farm, job)
+    return job
+
+
+def _failure(farm: Farm, job: Job) -> JobFailed:
+    """Why the job failed, with the end of the log of the task that did."""
+    fault = job.error
+    error = JobFailed(
+        fault.message if fault else f"The render was {job.state}.",
+        field=fault.field if fault else "",
+        value=fault.value if fault else None,
+        remedy=fault.remedy if fault else "",
+    )
+    error.code = fault.code if fault else error.code
+    error.job = dataclasses.asdict(job)
+    error.log = "\n".join(farm.task_log(task.id).strip() for task in tasks(farm, job.id, "failed"))
+    return error
+
+
+def tasks(farm: Farm, job_id: str, state: str | None = None) -> Iterator[TaskView]:
+    """All tasks of a job, page by page."""
+    cursor: str | None = None
+    while True:
+        page = farm.tasks(job_id, state=state, cursor=cursor)
+        yield from page.items
+        if (cursor := page.cursor) is None:
+            return

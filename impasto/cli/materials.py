@@ -1,0 +1,60 @@
+"""What a user names as input, as one file each: a folder becomes a zip, the same bytes from the same files."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.errors import BadInput
+
+EPOCH = (1980, 1, 1, 0, 0, 0)
+
+
+@dataclass(frozen=True)
+class Material:
+    """One input: the file to hand over, and the name it is known by."""
+
+    path: Path
+    filename: str
+    sha256: str
+
+
+def gather(field: str, path: Path, scratch: Path) -> Material:
+    """The file at `path`; a folder is zipped into `scratch` first (its files, not those of folders in it).
+
+    Raises: BadInput that names `field`: nothing there, an empty folder, neither file nor folder.
+    """
+    path = path.expanduser()
+    if not path.exists():
+        raise BadInput("There is no such file or folder.", field=field, value=path, remedy="Check the path.")
+    if path.is_dir():
+        file = scratch / f"{len(list(scratch.iterdir())):04d}.zip"
+        _zip(field, path, file)
+        return Material(file, f"{path.resolve().name}.zip", _sha256(file))
+    if not path.is_file():
+        raise BadInput("It is neither a file nor a folder.", field=field, value=path, remedy="Save it to a file first.")
+    try:
+        return Material(path, path.name, _sha256(path))
+    except PermissionError:
+        raise BadInput("It cannot be read.", field=field, value=path, remedy="Check its permissions.") from None
+
+
+def _zip(field: str, folder: Path, target: Path) -> None:
+    """Zip the visible files of `folder` by name, stored as they are, with a fixed date and mode: no clock, no umask."""
+    files = sorted(p for p in folder.iterdir() if p.is_file() and not p.name.startswith("."))
+    if not files:
+        raise BadInput("There are no files in the folder.", field=field, value=folder, remedy="Put the frames in it.")
+    with zipfile.ZipFile(target, "w", zipfile.ZIP_STORED) as archive:
+        for file in files:
+            entry = zipfile.ZipInfo(file.name, EPOCH)
+            entry.external_attr = 0o644 << 16
+            with file.open("rb") as source, archive.open(entry, "w", force_zip64=True) as sink:
+                shutil.copyfileobj(source, sink, 1 << 20)
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
