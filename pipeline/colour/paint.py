@@ -1,0 +1,55 @@
+"""Regions and ink to pixels."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Frame, Labels, Plane
+from pipeline.segmentation.jit import kernel
+
+
+def flat(labels: Labels, colours: NDArray[np.uint8], soften_px: float = 0.7) -> Frame:
+    """Every pixel in its region's colour, boundaries anti-aliased by a Gaussian of `soften_px` px.
+
+    Args:
+        labels: int32 (h, w), 0..n.
+        colours: uint8 (n + 1, 3), RGB.
+
+    Returns: uint8 (h, w, 3). Pixels further than the Gaussian from a boundary have exactly their region's colour.
+    """
+    out = np.empty((*labels.shape, 3), np.uint8)
+    _flat(labels, colours, out)
+    return cv2.GaussianBlur(out, (3, 3), soften_px) if soften_px > 0 else out
+
+
+@kernel
+def _flat(labels: Labels, colours: NDArray[np.uint8], out: Frame) -> None:
+    height, width = labels.shape
+    for y in range(height):
+        for x in range(width):
+            label = labels[y, x]
+            out[y, x, 0] = colours[label, 0]
+            out[y, x, 1] = colours[label, 1]
+            out[y, x, 2] = colours[label, 2]
+
+
+def overlay(picture: Frame, ink: Plane, colour: tuple[int, int, int]) -> Frame:
+    """Lay `ink` (float32 (h, w), opacity 0..1) of one RGB `colour` over `picture`, in place; returns it."""
+    opacity = cv2.convertScaleAbs(ink, alpha=256.0)
+    _overlay(picture, opacity, np.array(colour, np.int32))
+    return picture
+
+
+@kernel
+def _overlay(picture: Frame, opacity: NDArray[np.uint8], colour: NDArray[np.int32]) -> None:
+    height, width = opacity.shape
+    for y in range(height):
+        for x in range(width):
+            a = np.int32(opacity[y, x])
+            if a:
+                a += a >> 7  # 255 covers wholly
+                for c in range(3):
+                    p = np.int32(picture[y, x, c])
+                    picture[y, x, c] = np.uint8(p + (((colour[c] - p) * a) >> 8))

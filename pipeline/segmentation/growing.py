@@ -1,0 +1,117 @@
+"""Region growing with a constant colour model: zhang2011online, section 4.3."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Labels
+from pipeline.segmentation.jit import kernel
+from pipeline.segmentation.regions import Lab8, Means, Sums, colour_difference, means_of, move
+
+NO_LIMIT = 255
+_BINS = 1400
+_BINS_PER_UNIT = 4.0
+
+
+def unlabelled(labels: Labels, among: NDArray[np.int32] | None = None) -> NDArray[np.int32]:
+    """Flat indices of the pixels without a label, in raster order; only those of `among`, if given."""
+    if among is None:
+        return np.flatnonzero(labels.ravel() == 0).astype(np.int32)
+    return among[labels.ravel()[among] == 0]
+
+
+def grow(
+    labels: Labels, lab: Lab8, blocked: NDArray[np.uint8], limit: NDArray[np.uint8], sums: Sums,
+    pixels: NDArray[np.int32], anything: bool = False,
+) -> NDArray[np.int32]:  # fmt: skip
+    """Give unlabelled pixels the label of the neighbouring region that predicts them best; in place.
+
+    Args:
+        labels: int32 (h, w), 0 = unlabelled, C-contiguous.
+        lab: uint8 (h, w, 3).
+        blocked: uint8 (h, w), non-zero where no region may grow (edges).
+        limit: uint8 (h, w), largest reconstruction error allowed, CIELAB units: 20 (1.2 - I(p)).
+        sums: of every region; kept up to date. The colour model is that at the call.
+        pixels: int32, flat indices of every unlabelled pixel (others among them do no harm).
+        anything: ignore `blocked` and `limit`, for the leftovers at the end.
+
+    Returns:
+        The pixels that are still unlabelled.
+
+    The priority queue is a bucket queue of quarter units, first in first out within a bucket: deterministic.
+    """
+    pixels = unlabelled(labels, pixels)
+    if not pixels.size:
+        return pixels
+    _grow(labels, lab, blocked, limit, means_of(sums), sums, pixels, anything)
+    return unlabelled(labels, pixels)
+
+
+@kernel
+def _grow(
+    labels: Labels, lab: Lab8, blocked: NDArray[np.uint8], limit: NDArray[np.uint8], means: Means, sums: Sums,
+    pixels: NDArray[np.int32], anything: bool,
+) -> None:  # fmt: skip
+    height, width = labels.shape
+    capacity = 4 * pixels.size
+    at = np.empty(capacity, np.int32)
+    to = np.empty(capacity, np.int32)
+    following = np.empty(capacity, np.int32)
+    head = np.full(_BINS, -1, np.int32)
+    tail = np.full(_BINS, -1, np.int32)
+    used = 0
+    lowest = _BINS
+    step_y = (-1, 0, 0, 1)
+    step_x = (0, -1, 1, 0)
+    for k in range(pixels.size + 1):
+        if k == pixels.size:  # every border pixel is queued: now take them, best first
+            while lowest < _BINS:
+                entry = head[lowest]
+                if entry < 0:
+                    lowest += 1
+                    continue
+                head[lowest] = following[entry]
+                y, x, label = at[entry] // width, at[entry] % width, to[entry]
+                if labels[y, x] != 0:
+                    continue
+                labels[y, x] = label
+                move(sums, lab, limit, y, x, 0, label)
+                for n in range(4):
+                    j, i = y + step_y[n], x + step_x[n]
+                    if j < 0 or i < 0 or j >= height or i >= width or labels[j, i] != 0:
+                        continue
+                    if blocked[j, i] and not anything:
+                        continue
+                    error = colour_difference(lab, j, i, means, label)
+                    if error > limit[j, i] and not anything:
+                        continue
+                    b = min(_BINS - 1, int(error * _BINS_PER_UNIT))
+                    at[used], to[used], following[used] = j * width + i, label, -1
+                    if head[b] < 0:
+                        head[b] = used
+                    else:
+                        following[tail[b]] = used
+                    tail[b] = used
+                    used += 1
+                    lowest = min(lowest, b)
+            break
+        y, x = pixels[k] // width, pixels[k] % width
+        if blocked[y, x] and not anything:
+            continue
+        for n in range(4):
+            j, i = y + step_y[n], x + step_x[n]
+            if j < 0 or i < 0 or j >= height or i >= width or labels[j, i] == 0:
+                continue
+            error = colour_difference(lab, y, x, means, labels[j, i])
+            if error > limit[y, x] and not anything:
+                continue
+            b = min(_BINS - 1, int(error * _BINS_PER_UNIT))
+            at[used], to[used], following[used] = pixels[k], labels[j, i], -1
+            if head[b] < 0:
+                head[b] = used
+            else:
+                following[tail[b]] = used
+            tail[b] = used
+            used += 1
+            lowest = min(lowest, b)

@@ -1,0 +1,122 @@
+"""Labels from frame to frame: zhang2011online, section 4.2."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Flow, Labels
+from pipeline.segmentation.jit import kernel
+
+REMAINDER_UNIT = 64
+"""Steps a pixel in a carried remainder (int8, so at most 2 px)."""
+
+
+def propagate(
+    labels: Labels,
+    flow: Flow,
+    remainder: NDArray[np.int8],
+    error: NDArray[np.float32],
+    error_limit: float,
+    shared_decay: float = 0.9,
+) -> tuple[Labels, NDArray[np.int8]]:
+    """Carry every label along the rounded flow; 0 where the paper keeps a target unlabelled.
+
+    Args:
+        labels: int32 (h, w) of the previous frame, > 0.
+        flow: float32 (h, w, 2), px, previous to current frame.
+        remainder: int8 (h, w, 2), what rounding left over so far, 1/64 px.
+        error: float32 (h, w), CIELAB difference between source and target of each source pixel.
+        error_limit: T_f, CIELAB units: a source with a larger error does not arrive (paper: 5 to 20).
+        shared_decay: factor a frame on the remainder, 0..1; 0 = the paper's plain rounding.
+
+    Returns:
+        Labels of the current frame, 0 = nothing arrived, -1 = two labels met; and the remainder carried with them.
+
+    Departure: rounding alone never moves a pan of 0.4 px a frame; the fraction left over is carried with the label,
+    and decays so that flow noise does not add up to a step.
+    """
+    out = np.zeros_like(labels)
+    carried = np.zeros_like(remainder)
+    _propagate(labels, flow, remainder, error, np.float32(error_limit), np.float32(shared_decay), out, carried)
+    return out, carried
+
+
+@kernel
+def _propagate(
+    labels: Labels, flow: Flow, remainder: NDArray[np.int8], error: NDArray[np.float32],
+    error_limit: np.float32, decay: np.float32, out: Labels, carried: NDArray[np.int8],
+) -> None:  # fmt: skip
+    height, width = labels.shape
+    unit = np.float32(64.0)
+    for y in range(height):
+        for x in range(width):
+            if error[y, x] > error_limit:
+                continue
+            dx, dy = flow[y, x, 0], flow[y, x, 1]
+            label = labels[y, x]
+            tx, ty = x, y
+            rx = ry = np.float32(0.0)
+            if dx != 0.0 or dy != 0.0:
+                fx = dx + remainder[y, x, 0] * decay / unit
+                fy = dy + remainder[y, x, 1] * decay / unit
+                ix, iy = np.floor(fx + np.float32(0.5)), np.floor(fy + np.float32(0.5))
+                tx, ty = x + int(ix), y + int(iy)
+                if tx < 0 or ty < 0 or tx >= width or ty >= height:
+                    continue
+                rx, ry = (fx - ix) * unit, (fy - iy) * unit
+            there = out[ty, tx]
+            if there == 0:
+                out[ty, tx] = label
+                carried[ty, tx, 0] = np.int8(rx)
+                carried[ty, tx, 1] = np.int8(ry)
+            elif there != label:
+                out[ty, tx] = -1
+
+
+def smooth_labels(labels: Labels) -> Labels:
+    """The morphological filter: where 5 or more of the 8 neighbours agree on a label other than the pixel's own,
+
+    an unlabelled pixel (<= 0) takes it, and a labelled one becomes 0. The outermost pixels, which have fewer
+    neighbours, stay as they are.
+    """
+    out = labels.copy()
+    _morphological(labels, out)
+    return np.maximum(out, 0, out=out)
+
+
+@kernel
+def _morphological(labels: Labels, out: Labels) -> None:
+    height, width = labels.shape
+    uneven = np.zeros(width, np.bool_)
+    for y in range(1, height - 1):
+        for x in range(1, width - 1):
+            own = labels[y, x]
+            uneven[x] = (
+                (own != labels[y, x - 1]) | (own != labels[y, x + 1])
+                | (own != labels[y - 1, x]) | (own != labels[y + 1, x])
+            )  # fmt: skip
+        for x in range(1, width - 1):
+            if not uneven[x]:
+                continue
+            own = labels[y, x]
+            # Boyer and Moore's vote finds the only label that can have 5 of 8.
+            leader, lead = own, 0
+            for j in range(y - 1, y + 2):
+                for i in range(x - 1, x + 2):
+                    if j == y and i == x:
+                        continue
+                    if lead == 0:
+                        leader, lead = labels[j, i], 1
+                    elif labels[j, i] == leader:
+                        lead += 1
+                    else:
+                        lead -= 1
+            if leader == own:
+                continue
+            votes = 0
+            for j in range(y - 1, y + 2):
+                for i in range(x - 1, x + 2):
+                    votes += labels[j, i] == leader
+            if votes >= 5:
+                out[y, x] = leader if own <= 0 else 0

@@ -1,0 +1,96 @@
+"""What is known of each region, kept up to date while pixels change hands."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Labels
+from pipeline.segmentation.jit import kernel
+
+Lab8 = NDArray[np.uint8]
+"""OpenCV's 8-bit CIELAB, (h, w, 3): L scaled to 0..255, a and b offset by 128."""
+Means = NDArray[np.float32]
+"""float32 (regions + 1, 3), mean 8-bit Lab of every region; row 0 unused."""
+Sums = NDArray[np.int64]
+"""int64 (regions + 1, 5): sums of L, a, b, area in px, and sum of the growing limit. Row 0 = unlabelled pixels."""
+
+AREA = 3
+LIMIT = 4
+
+
+def measure(labels: Labels, lab: Lab8, limit: NDArray[np.uint8], count: int) -> Sums:
+    """The sums of regions 0..count in one pass."""
+    sums = np.zeros((count + 1, 5), np.int64)
+    _measure(labels, lab, limit, sums)
+    return sums
+
+
+@kernel
+def _measure(labels: Labels, lab: Lab8, limit: NDArray[np.uint8], sums: Sums) -> None:
+    """Adds up runs of one label before it touches the table: a row of a region costs one update."""
+    height, width = labels.shape
+    for y in range(height):
+        run = labels[y, 0]
+        l = a = b = n = m = np.int64(0)
+        for x in range(width):
+            if labels[y, x] != run:
+                sums[run, 0] += l
+                sums[run, 1] += a
+                sums[run, 2] += b
+                sums[run, 3] += n
+                sums[run, 4] += m
+                run = labels[y, x]
+                l = a = b = n = m = np.int64(0)
+            l += lab[y, x, 0]
+            a += lab[y, x, 1]
+            b += lab[y, x, 2]
+            m += limit[y, x]
+            n += 1
+        sums[run, 0] += l
+        sums[run, 1] += a
+        sums[run, 2] += b
+        sums[run, 3] += n
+        sums[run, 4] += m
+
+
+def means_of(sums: Sums) -> Means:
+    """Mean colours; an empty region is black."""
+    return (sums[:, :3] / np.maximum(sums[:, AREA], 1)[:, None]).astype(np.float32)
+
+
+@kernel
+def move(sums: Sums, lab: Lab8, limit: NDArray[np.uint8], y: int, x: int, old: int, new: int) -> None:
+    """Pixel (x, y) leaves region `old` for region `new`."""
+    for c in range(3):
+        sums[old, c] -= lab[y, x, c]
+        sums[new, c] += lab[y, x, c]
+    sums[old, 3] -= 1
+    sums[new, 3] += 1
+    sums[old, 4] -= limit[y, x]
+    sums[new, 4] += limit[y, x]
+
+
+@kernel
+def colour_difference(lab: Lab8, y: int, x: int, means: Means, label: int) -> np.float32:
+    """CIELAB distance of a pixel to a region's mean."""
+    dl = (lab[y, x, 0] - means[label, 0]) * np.float32(100.0 / 255.0)
+    da = lab[y, x, 1] - means[label, 1]
+    db = lab[y, x, 2] - means[label, 2]
+    return np.float32(np.sqrt(dl * dl + da * da + db * db))
+
+
+def overlap(before: Labels, now: Labels, count: int) -> NDArray[np.int32]:
+    """Per label, int32 (count + 1,): pixels that carry it in both maps."""
+    out = np.zeros(count + 1, np.int32)
+    _overlap(before, now, out)
+    return out
+
+
+@kernel
+def _overlap(before: Labels, now: Labels, out: NDArray[np.int32]) -> None:
+    height, width = now.shape
+    for y in range(height):
+        for x in range(width):
+            if before[y, x] == now[y, x]:
+                out[now[y, x]] += 1

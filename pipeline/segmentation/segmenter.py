@@ -1,0 +1,196 @@
+"""Coherent segmentation of a stream: zhang2011online, section 4, with a state that can be handed on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Flow, Labels, Plane
+from pipeline.segmentation.growing import grow, unlabelled
+from pipeline.segmentation.propagation import propagate, smooth_labels
+from pipeline.segmentation.regions import AREA, LIMIT, Lab8, Means, Sums, means_of, measure, overlap
+from pipeline.segmentation.tidy import correct, drop_misfits, merge_table, relabel
+from pipeline.segmentation.trapped_ball import fill, radii
+
+MAX_LIMIT = 100
+
+
+@dataclass(frozen=True)
+class SegmenterParams:
+    flow_error_limit: float
+    """T_f, CIELAB units."""
+    growing_limit: float
+    """20 in 20 (1.2 - I(p)), CIELAB units."""
+    misfit_slack: float
+    core_slack: float
+    boundary_margin: float
+    """CIELAB units."""
+    merge_similar: float
+    """CIELAB units."""
+    smallest_region: float
+    """Share of the frame, 0..1, at importance 0; a fifth of it at importance 1."""
+
+
+@dataclass(frozen=True)
+class Segmentation:
+    """One frame's regions. Rows of the tables are labels; row 0 is unused, as no pixel is unlabelled."""
+
+    labels: Labels
+    """int32 (h, w), 1..n, dense."""
+    ids: NDArray[np.int64]
+    """(n + 1,): names that a region keeps for life and no other region gets."""
+    areas: NDArray[np.int32]
+    means: Means
+    """8-bit Lab."""
+    previous: NDArray[np.int32]
+    """(n + 1,): the region's label in the previous frame, 0 = new."""
+    alpha: NDArray[np.float32]
+    """(n + 1,): eq. 4's alpha: pixels carried over / sqrt(area before * area now), 0 = new."""
+    residual: int
+    """Pixels the propagation left unlabelled: the whole frame at a cut."""
+
+
+class Segmenter:
+    """Segments frame after frame; each call depends on the frames before only."""
+
+    def __init__(self, params: SegmenterParams, size: tuple[int, int], first_id: int = 1) -> None:
+        self.params = params
+        self.next_id = first_id
+        self.shape = (size[1], size[0])
+        self.last: Segmentation | None = None
+        self.remainder = np.zeros((*self.shape, 2), np.int8)
+
+    def reset(self, first_id: int) -> None:
+        """Forget the past: the next frame is segmented afresh, with ids from `first_id` on."""
+        self.last = None
+        self.remainder[:] = 0
+        self.next_id = first_id
+
+    def step(
+        self, lab: Lab8, edges: NDArray[np.uint8], importance: Plane, flow: Flow | None, error: Plane | None
+    ) -> Segmentation:  # fmt: skip
+        """Segment a frame.
+
+        Args:
+            lab: uint8 (h, w, 3).
+            edges: uint8 (h, w), non-zero on edges.
+            importance: float32, any size, 0..1.
+            flow: previous to current frame, or None for the first frame.
+            error: float32 (h, w), CIELAB difference of every source pixel to its target; with `flow`.
+        """
+        limit = self._limit(importance)
+        known = self.last
+        if known is None or flow is None or error is None:
+            labels, carried = np.zeros(self.shape, np.int32), None
+            sums = measure(labels, lab, limit, 0)
+        else:
+            carried, self.remainder = propagate(known.labels, flow, self.remainder, error, self.params.flow_error_limit)
+            labels = smooth_labels(carried)
+            sums = measure(labels, lab, limit, len(known.ids) - 1)
+            labels = correct(labels, lab, limit, sums, self.params.boundary_margin, self.params.misfit_slack)
+        residual = int(sums[0, AREA])
+        if residual:
+            sums = self._complete(labels, lab, edges, limit, sums)
+        return self._finish(labels, carried, lab, limit, sums, residual)
+
+    def _limit(self, importance: Plane) -> NDArray[np.uint8]:
+        small = np.clip(self.params.growing_limit * (1.2 - importance), 1, MAX_LIMIT).astype(np.uint8)
+        return cv2.resize(small, self.shape[::-1], interpolation=cv2.INTER_LINEAR)
+
+    def _complete(
+        self, labels: Labels, lab: Lab8, edges: NDArray[np.uint8], limit: NDArray[np.uint8], sums: Sums
+    ) -> Sums:  # fmt: skip
+        """Grow, roll balls, grow again, and let leftovers join their best neighbour: no pixel stays unlabelled."""
+        pixels = unlabelled(labels)
+        if len(sums) > 1:
+            pixels = grow(labels, lab, edges, limit, sums, pixels)
+        for radius in radii(int(np.count_nonzero(edges.ravel()[pixels] == 0))):
+            made = fill(labels, edges, radius, len(sums))
+            if made:
+                born_from = len(sums)
+                sums = measure(labels, lab, limit, born_from - 1 + made)
+                drop_misfits(labels, lab, limit, sums, self.params.core_slack, born_from)
+                pixels = grow(labels, lab, edges, limit, sums, pixels)
+        if len(sums) == 1:
+            labels[:] = 1
+            return measure(labels, lab, limit, 1)
+        grow(labels, lab, edges, limit, sums, pixels, anything=True)
+        return sums
+
+    def _finish(
+        self, labels: Labels, carried: Labels | None, lab: Lab8, limit: NDArray[np.uint8], sums: Sums, residual: int
+    ) -> Segmentation:  # fmt: skip
+        """Merge specks and look-alikes, name regions, and say how each relates to the previous frame."""
+        known = self.last
+        born_from = len(known.ids) if known is not None else 1
+        table = merge_table(
+            labels, means_of(sums), sums[:, AREA].copy(), self._smallest(sums), born_from,
+            np.float32(self.params.merge_similar),
+        )  # fmt: skip
+        merged = np.zeros_like(sums)
+        np.add.at(merged, table, sums)
+        alive = np.flatnonzero(merged[:, AREA] > 0)
+        dense = np.zeros(len(sums), np.int32)
+        dense[alive] = np.arange(1, len(alive) + 1, dtype=np.int32)
+        relabel(labels, dense[table])
+        old = np.concatenate([[0], alive]).astype(np.int32)
+        sums = merged[old]
+        areas = sums[:, AREA].astype(np.int32)
+        previous = np.where(old < born_from, old, 0).astype(np.int32)
+        ids = self._ids(previous)
+        alpha = self._alpha(labels, carried, dense, previous, areas)
+        self.last = Segmentation(labels, ids, areas, means_of(sums), previous, alpha, residual)
+        return self.last
+
+    def _smallest(self, sums: Sums) -> NDArray[np.int32]:
+        """Per region, the area in px below which it is a speck: less where it matters more."""
+        limit = sums[:, LIMIT] / np.maximum(sums[:, AREA], 1) / self.params.growing_limit
+        base = self.params.smallest_region * self.shape[0] * self.shape[1]
+        return np.maximum(4, base * np.clip(limit - 0.2, 0.2, 1.0)).astype(np.int32)
+
+    def _ids(self, previous: NDArray[np.int32]) -> NDArray[np.int64]:
+        ids = np.zeros(len(previous), np.int64)
+        if self.last is not None:
+            ids = np.where(previous > 0, self.last.ids[previous], 0)
+        new = np.flatnonzero(previous == 0)[1:]
+        ids[new] = self.next_id + np.arange(len(new))
+        self.next_id += len(new)
+        return ids
+
+    def _alpha(
+        self, labels: Labels, carried: Labels | None, dense: NDArray[np.int32], previous: NDArray[np.int32],
+        areas: NDArray[np.int32],
+    ) -> NDArray[np.float32]:  # fmt: skip
+        if carried is None or self.last is None:
+            return np.zeros(len(previous), np.float32)
+        relabel(carried, dense)
+        arrived = overlap(carried, labels, len(previous) - 1).astype(np.float64)
+        before = self.last.areas[previous].astype(np.float64)
+        alpha = arrived / np.sqrt(np.maximum(before * areas, 1))
+        return np.where(previous > 0, np.minimum(alpha, 1), 0).astype(np.float32)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """All it remembers, for `restore`: a restored segmenter goes on with the same bytes."""
+        if self.last is None:
+            return {"next_id": np.array(self.next_id)}
+        last = self.last
+        return {
+            "next_id": np.array(self.next_id), "labels": last.labels, "ids": last.ids, "areas": last.areas,
+            "means": last.means, "remainder": self.remainder,
+        }  # fmt: skip
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        self.next_id = int(state["next_id"])
+        self.last = None
+        if "labels" in state:
+            self.remainder = state["remainder"]
+            rows = len(state["ids"])
+            self.last = Segmentation(
+                state["labels"], state["ids"], state["areas"], state["means"],
+                np.zeros(rows, np.int32), np.zeros(rows, np.float32), 0,
+            )  # fmt: skip
