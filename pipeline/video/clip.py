@@ -1,0 +1,107 @@
+"""Frames of a container by exact index.
+
+A video's frames are its presentation times in order: frame i is what is shown from the i-th time on. A frame that
+would not decode is shown as the one before it, and noted in `errors`, so that indices and sound stay in step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import av
+
+from pipeline.frames import Frame
+from pipeline.video.container import Index, build_index
+from pipeline.video.decoder import Damage, Pass
+from pipeline.video.geometry import Geometry, geometry_of, to_frame
+from pipeline.video.media import Limits, check_size, unreadable
+
+_Placed = tuple[int, av.VideoFrame]
+
+
+class Clip:
+    """A container's frames, read forwards, with seeks to keyframes. One decoder is kept open between reads.
+
+    A damaged file is decoded from its start on a single thread, so that what is concealed does not depend on where
+    reading began.
+    """
+
+    def __init__(self, path: Path, limits: Limits) -> None:
+        self._path = path
+        self._limits = limits
+        self._tolerant = False
+        self.errors: list[str] = []
+        self._forget()
+        self.index: Index = build_index(path, limits)
+        first = self._retried(0)
+        if first is None:
+            unreadable("No picture of the video can be decoded: it is cut off or damaged.")
+        check_size(first.width, first.height, limits)
+        self.pixel_format = first.format.name
+        self.geometry: Geometry = geometry_of(first, self._pass.aspect if self._pass else None)
+
+    def _forget(self) -> None:
+        self._pass: Pass | None = None
+        self._current: _Placed | None = None
+        """The last picture at or before the frame asked for (or the very first one)."""
+        self._ahead: _Placed | None = None
+        """One picture further, if a gap made us look."""
+
+    def close(self) -> None:
+        if self._pass:
+            self._pass.close()
+        self._forget()
+
+    @property
+    def position(self) -> int | None:
+        """The first frame that can be read without a seek, or None."""
+        if self._current:
+            return self._current[0]
+        return self._pass.position if self._pass else None
+
+    def read(self, start: int, stop: int) -> Iterator[Frame]:
+        """Frames [start, stop), fewer if the video ends earlier."""
+        for at in range(start, min(stop, len(self.index.pts)) if self.index.exact else stop):
+            picture = self._retried(at)
+            if picture is None:
+                return
+            yield to_frame(picture, self.geometry)
+
+    def _retried(self, at: int) -> av.VideoFrame | None:
+        try:
+            return self._picture(at)
+        except Damage:
+            self._tolerant = True
+            self.close()
+            return self._picture(at)
+
+    def _picture(self, at: int) -> av.VideoFrame | None:
+        """What is shown at frame `at`: the last picture at or before it, else the first one there is."""
+        source = self._pass_to(at)
+        while self._current is None or self._current[0] < at:
+            self._ahead = self._ahead or next(source, None)
+            if self._ahead is None:
+                return self._after_end()
+            if self._ahead[0] > at and self._current is not None:
+                break
+            self._current, self._ahead = self._ahead, None
+        return self._current[1]
+
+    def _after_end(self) -> av.VideoFrame | None:
+        """The decoder has ended before a frame that was asked for."""
+        if not self.index.exact or self._current is None:
+            return None
+        if not self._tolerant:
+            raise Damage("the last pictures are missing")
+        return self._current[1]
+
+    def _pass_to(self, at: int) -> Pass:
+        """The open pass if it leads to `at` the short way, else a new one from the keyframe before."""
+        key = 0 if self._tolerant or not len(self.index.pts) else self.index.key_before(at)
+        reached = self.position
+        if self._pass is None or reached is None or at < reached or key > self._pass.position:
+            self.close()
+            errors = self.errors if self._tolerant else None
+            self._pass = Pass(self._path, self.index, key, self._limits, errors)
+        return self._pass

@@ -1,0 +1,155 @@
+"""Opening containers safely, and the index of a video: its presentation times, without decoding.
+
+Only demuxers of self-contained files are allowed: a playlist could name other files or addresses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import numpy as np
+from av.container import InputContainer
+from av.stream import Discard
+from av.video.stream import VideoStream
+from numpy.typing import NDArray
+
+from pipeline.errors import NoVideoStream
+from pipeline.video.media import SEQUENCE_FPS, Limits, unreadable
+
+_DEMUXERS = (
+    "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,gif,apng,mpegts,mpeg,flv,ogg,asf,ivf,obu,h264,hevc,m4v,mjpeg,nut,mxf,"
+    "dv,rm,yuv4mpegpipe,mpegvideo,vc1,wtv,mp3,wav,flac,aac,ac3,aiff,caf,amr"
+)
+"""Video containers, and audio ones only so that they can be told from rubbish."""
+_SEEKABLE = ("mov,mp4,m4a,3gp,3g2,mj2", "matroska,webm", "avi")
+"""Demuxers whose times after a seek are those of a read from the start."""
+_DEPENDENT = frozenset({"gif", "apng"})
+"""Codecs whose every picture is painted over the one before, whatever their packets' flags say."""
+
+
+def open_container(path: Path, limits: Limits) -> InputContainer:
+    """A container open for reading. Raises UnreadableMedia."""
+    options = {"format_whitelist": _DEMUXERS, "protocol_whitelist": "file", "max_pixels": str(limits.pixels)}
+    try:
+        return av.open(f"file:{path}", "r", options=options, metadata_errors="replace")
+    except (av.FFmpegError, OSError, ValueError) as error:
+        unreadable("The file cannot be opened: it is cut off, damaged, or of an unknown kind.", _reason(error))
+
+
+def _reason(error: Exception) -> str:
+    return getattr(error, "strerror", None) or type(error).__name__
+
+
+def video_stream(container: InputContainer, limits: Limits, threads: int = 0) -> VideoStream:
+    """The stream of moving pictures (cover art does not count), set to refuse pictures above the limits.
+
+    Args:
+        threads: decoding threads; 0 = as many as cores. Output does not depend on it for undamaged files.
+
+    Raises: NoVideoStream, UnreadableMedia (no decoder for its codec).
+    """
+    streams = [s for s in container.streams.video if not s.disposition & s.disposition.attached_pic]
+    if not streams:
+        raise NoVideoStream(
+            "The file holds no video stream.",
+            field="file",
+            value=", ".join(s.type for s in container.streams) or container.format.name,
+            remedy="Upload a file with moving pictures.",
+        )
+    stream = streams[0]
+    context = stream.codec_context
+    if context is None:
+        unreadable("The video's codec is unknown.", container.format.name, "Re-encode it as H.264 in MP4.")
+    context.options = {"max_pixels": str(limits.pixels)}
+    context.thread_type = "AUTO"
+    context.thread_count = threads
+    return stream
+
+
+@dataclass(frozen=True)
+class Index:
+    """The presentation times of a video's frames, in display order.
+
+    `exact`: every frame has its own time, so that a decoded picture's index is its time's rank. If not, `pts` is made
+    up at the nominal rate, and the length is an estimate.
+    """
+
+    pts: NDArray[np.int64]
+    """Ticks of `time_base`, strictly increasing."""
+    keys: NDArray[np.int64]
+    """Frame indices at which decoding can start; 0 always can."""
+    end: int
+    """Ticks at which the last frame ends."""
+    time_base: Fraction
+    """Seconds a tick."""
+    exact: bool
+
+    @property
+    def duration_s(self) -> float:
+        return float((self.end - int(self.pts[0])) * self.time_base) if len(self.pts) else 0.0
+
+    @property
+    def fps(self) -> float:
+        """Mean rate, frames per second. The last frame's own duration does not count: some are held for long."""
+        steps, seconds = len(self.pts) - 1, float((int(self.pts[-1]) - int(self.pts[0])) * self.time_base)
+        return steps / seconds if steps > 0 else float(SEQUENCE_FPS)
+
+    def time(self, frame: int) -> int:
+        """Ticks at which `frame` starts; beyond the end, going on at the last frame's pace."""
+        if frame < len(self.pts):
+            return int(self.pts[frame])
+        last = self.end - int(self.pts[-1])
+        return self.end + (frame - len(self.pts)) * last
+
+    def key_before(self, frame: int) -> int:
+        """The last frame at or before `frame` at which decoding can start."""
+        return int(self.keys[np.searchsorted(self.keys, frame, side="right") - 1])
+
+
+def build_index(path: Path, limits: Limits) -> Index:
+    """Read every packet of the video stream (none is decoded). Raises UnreadableMedia, NoVideoStream."""
+    with open_container(path, limits) as container:
+        stream = video_stream(container, limits)
+        for other in container.streams:
+            if other.index != stream.index:
+                other.discard = Discard.all
+        packets = list(_shown(container, stream))
+        seekable = container.format.name in _SEEKABLE and stream.codec_context.name not in _DEPENDENT
+        times = [p[0] for p in packets]
+        if packets and None not in times and len(set(times)) == len(times):
+            return _exact(packets, stream.time_base or Fraction(1, 1000), seekable)
+        return _estimated(len(packets), _nominal_rate(stream))
+
+
+def _shown(container: InputContainer, stream: VideoStream) -> Iterator[tuple[int | None, int, bool]]:
+    """(pts, duration, is key) of every packet that becomes a picture."""
+    vp8 = stream.codec_context.name in ("vp8", "libvpx")
+    try:
+        for packet in container.demux(stream):
+            hidden = packet.is_discard or (vp8 and packet.size > 0 and not memoryview(packet)[0] & 0x10)
+            if packet.size and not hidden:
+                yield packet.pts, packet.duration or 0, packet.is_keyframe
+    except (av.FFmpegError, OSError):
+        return  # cut off: what could be read is what there is
+
+
+def _exact(packets: list[tuple[int | None, int, bool]], time_base: Fraction, seekable: bool) -> Index:
+    table = sorted((pts or 0, duration, key) for pts, duration, key in packets)
+    pts = np.array([row[0] for row in table], np.int64)
+    keys = np.flatnonzero([row[2] for row in table]).astype(np.int64) if seekable else np.empty(0, np.int64)
+    usual = int(np.median(np.diff(pts))) if len(pts) > 1 else max(1, round(1 / SEQUENCE_FPS / time_base))
+    last = table[-1][1] or usual
+    return Index(pts, np.union1d([0], keys), int(pts[-1]) + last, time_base, True)
+
+
+def _estimated(count: int, rate: Fraction) -> Index:
+    """Frames without times of their own: counted, at the nominal rate."""
+    return Index(np.arange(count, dtype=np.int64), np.zeros(1, np.int64), count, 1 / rate, False)
+
+
+def _nominal_rate(stream: VideoStream) -> Fraction:
+    return stream.average_rate or stream.guessed_rate or Fraction(SEQUENCE_FPS)

@@ -1,0 +1,126 @@
+"""From a decoded picture to a frame as shown: colour matrix, range, alpha, square pixels, rotation.
+
+Colour: the stream's own matrix and range; where a stream says nothing, players' custom: BT.709 from 720 lines up,
+BT.601 below, limited range. Transfer functions are left as they are (HDR is not tone-mapped).
+Swscale's fast path is used: it truncates, at most 3 of 255 levels below the exact product.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from fractions import Fraction
+
+import av
+import cv2
+import numpy as np
+from av.sidedata.sidedata import Type as SideDataType
+from av.video.reformatter import ColorRange, Colorspace, Interpolation
+from numpy.typing import NDArray
+
+from pipeline.frames import Frame
+from pipeline.video.stills import over_white
+
+_HD_LINES = 720
+_SQUARE_TOLERANCE = Fraction(1, 200)
+_MATRICES = {
+    1: Colorspace.ITU709,
+    4: Colorspace.FCC,
+    5: Colorspace.ITU601,
+    6: Colorspace.ITU601,
+    7: Colorspace.SMPTE240M,
+    9: Colorspace.BT2020,
+    10: Colorspace.BT2020,
+}
+"""Matrix coefficients of ISO/IEC 23091-2 (as frames carry them) -> swscale's."""
+
+
+def customary_matrix(height: int) -> Colorspace:
+    """The matrix that players assume for untagged video of `height` lines."""
+    return Colorspace.ITU709 if height >= _HD_LINES else Colorspace.ITU601
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """How stored pictures become frames: scaled to `scaled` (width, height) px, then transposed, then flipped."""
+
+    scaled: tuple[int, int]
+    transpose: bool = False
+    flip_x: bool = False
+    flip_y: bool = False
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) of frames, px."""
+        return self.scaled[::-1] if self.transpose else self.scaled
+
+    @property
+    def rotation_deg(self) -> int:
+        """Clockwise turn for display; of a mirrored picture, the turn before mirroring left to right."""
+        if self.transpose:
+            return 270 if self.flip_y and not self.flip_x else 90
+        return 180 if self.flip_y else 0
+
+
+def geometry_of(picture: av.VideoFrame, aspect: Fraction | None) -> Geometry:
+    """The geometry of a stream by its first picture and its sample aspect ratio (None or 0 = square)."""
+    a, b, c, d = _display_matrix(picture)
+    scaled = _square(picture.width, picture.height, aspect)
+    if abs(a) + abs(d) >= abs(b) + abs(c):
+        return Geometry(scaled, False, a < 0, d < 0)
+    return Geometry(scaled, True, c < 0, b < 0)
+
+
+def _display_matrix(picture: av.VideoFrame) -> tuple[int, int, int, int]:
+    """(a, b, c, d) of x' = a x + c y, y' = b x + d y, in 16.16 fixed point; identity if there is none."""
+    for data in picture.side_data:
+        if data.type == SideDataType.DISPLAYMATRIX:
+            a, b, _u, c, d, *_rest = struct.unpack("=9i", bytes(data)[:36])
+            return a, b, c, d
+    return 1, 0, 0, 1
+
+
+def _square(width: int, height: int, aspect: Fraction | None) -> tuple[int, int]:
+    """The size with square pixels: the shorter axis is enlarged, to an even number, so that no detail is lost."""
+    if not aspect or abs(aspect - 1) <= _SQUARE_TOLERANCE:
+        return width, height
+    if aspect > 1:
+        return 2 * round(width * aspect / 2), height
+    return width, 2 * round(height / aspect / 2)
+
+
+def to_frame(picture: av.VideoFrame, geometry: Geometry) -> Frame:
+    """A decoded picture as a frame of `geometry.size`. A picture of another size is scaled to it."""
+    width, height = geometry.scaled
+    same = (picture.width, picture.height) == geometry.scaled
+    pixels = picture.reformat(
+        width=width,
+        height=height,
+        format="rgba" if _has_alpha(picture) else "rgb24",
+        src_colorspace=_MATRICES.get(int(picture.colorspace), customary_matrix(picture.height)),
+        src_color_range=_range_of(picture),
+        dst_color_range=ColorRange.JPEG,
+        interpolation=Interpolation.BILINEAR if same else Interpolation.BICUBIC,
+        threads=1,
+    ).to_ndarray()
+    return _oriented(over_white(np.asarray(pixels)) if pixels.shape[2] == 4 else np.asarray(pixels), geometry)
+
+
+def _has_alpha(picture: av.VideoFrame) -> bool:
+    layout = picture.format
+    return layout.name == "pal8" or any(component.is_alpha for component in layout.components)
+
+
+def _range_of(picture: av.VideoFrame) -> ColorRange:
+    full = picture.color_range == ColorRange.JPEG or picture.format.name.startswith("yuvj") or picture.format.is_rgb
+    return ColorRange.JPEG if full else ColorRange.MPEG
+
+
+def _oriented(pixels: NDArray[np.uint8], geometry: Geometry) -> Frame:
+    if geometry.transpose:
+        pixels = np.asarray(cv2.transpose(pixels))
+    if geometry.flip_x:
+        pixels = pixels[:, ::-1]
+    if geometry.flip_y:
+        pixels = pixels[::-1]
+    return np.ascontiguousarray(pixels)

@@ -1,0 +1,91 @@
+"""What a media file is (`MediaInfo`), how large it may be (`Limits`), and the two errors everyone here raises."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Literal, NoReturn
+
+from pipeline.errors import MediaTooLarge, UnreadableMedia
+from pipeline.frames import MIN_SIDE_PX
+
+Kind = Literal["video", "image", "archive", "json"]
+
+SEQUENCE_FPS = 24
+"""Frames per second of image sequences, which carry none: film's rate."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How large a media file may be. All inclusive."""
+
+    size_bytes: int = 8 << 30
+    pixels: int = 50_000_000
+    """Pixels of one frame."""
+    side_px: int = 16384
+    """Longest side."""
+    seconds: float = 2 * 3600.0
+    frames: int = 1_000_000
+    """Also the most entries an archive may hold."""
+    json_bytes: int = 16 << 20
+
+
+@dataclass(frozen=True)
+class MediaInfo:
+    """What probing found. `width` and `height` are px as shown: after rotation, with square pixels."""
+
+    kind: Kind
+    media_type: str
+    width: int = 0
+    height: int = 0
+    frames: int = 0
+    fps: float = 0.0
+    duration_s: float = 0.0
+    codec: str = ""
+    pixel_format: str = ""
+    has_audio: bool = False
+    rotation_deg: int = 0
+    """Clockwise turn that the file asks players to make: 0, 90, 180 or 270."""
+
+    def as_json(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+def unreadable(message: str, value: object = None, remedy: str = "") -> NoReturn:
+    """Raise `UnreadableMedia` about the file."""
+    remedy = remedy or "Upload a video (MP4, MOV, MKV, WebM, AVI, GIF), an image, or a zip of PNG or JPEG frames."
+    raise UnreadableMedia(message, field="file", value=value, remedy=remedy)
+
+
+def check_size(width: int, height: int, limits: Limits, what: str = "The picture") -> None:
+    """Raise unless a picture of this size can be stylised, before anything of that size is allocated."""
+    value = f"{width}x{height}"
+    if width < MIN_SIDE_PX or height < MIN_SIDE_PX:
+        remedy = f"Use at least {MIN_SIDE_PX} px on each side."
+        unreadable(f"{what} is too small.", value, remedy)
+    if width * height > limits.pixels or max(width, height) > limits.side_px:
+        raise MediaTooLarge(
+            f"{what} has too many pixels.",
+            field="file",
+            value=value,
+            remedy=f"At most {limits.pixels / 1e6:g} megapixels and {limits.side_px} px a side: scale it down.",
+        )
+
+
+def check_bytes(size_bytes: int, most: int) -> None:
+    """Raise unless a file has between 1 and `most` bytes."""
+    if size_bytes == 0:
+        unreadable("The file is empty.", "0 bytes", "Upload it again: nothing arrived.")
+    if size_bytes > most:
+        remedy = f"At most {most / 2**20:.6g} MiB: shorten or compress it."
+        raise MediaTooLarge("The file has too many bytes.", field="file", value=f"{size_bytes} bytes", remedy=remedy)
+
+
+def check_length(frames: int, seconds: float, limits: Limits) -> None:
+    """Raise unless a video of that many frames and seconds is within the limits."""
+    if seconds > limits.seconds or frames > limits.frames:
+        raise MediaTooLarge(
+            "The video is too long.",
+            field="file",
+            value=f"{seconds:.1f} s, {frames} frames",
+            remedy=f"At most {limits.seconds:g} s and {limits.frames} frames: cut it.",
+        )

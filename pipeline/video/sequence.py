@@ -1,0 +1,78 @@
+"""Frames of numbered images, in a folder or a zip, and of a single still image: the same face as a `Clip`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from fractions import Fraction
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.frames import Frame, same_size
+from pipeline.video.archive import natural_key, open_archive, read_entry
+from pipeline.video.container import Index
+from pipeline.video.geometry import Geometry
+from pipeline.video.media import SEQUENCE_FPS, Limits, check_bytes, unreadable
+from pipeline.video.stills import decode_rgb
+
+_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp"})
+_IMAGE_BYTES = 1 << 30
+Loader = tuple[str, Callable[[], bytes]]
+"""An image's name, and what gives its encoded bytes."""
+
+
+class Sequence:
+    """Images as the frames of a video at `SEQUENCE_FPS`. `loaders` give (name, encoded bytes) of each frame."""
+
+    def __init__(self, loaders: list[Loader], limits: Limits, close: Callable[[], None]) -> None:
+        self._loaders = loaders
+        self._limits = limits
+        self._close = close
+        self.errors: list[str] = []
+        self.position: int | None = 0
+        count = len(loaders)
+        ticks = np.arange(count, dtype=np.int64)
+        self.index = Index(ticks, ticks, count, Fraction(1, SEQUENCE_FPS), True)
+        first = self._load(0)
+        self.geometry = Geometry((first.shape[1], first.shape[0]))
+        self.pixel_format = "rgb24"
+
+    def close(self) -> None:
+        self._close()
+
+    def read(self, start: int, stop: int) -> Iterator[Frame]:
+        """Frames [start, stop). Raises BadFrame if one has another size than the first."""
+        for at in range(start, min(stop, len(self._loaders))):
+            self.position = at + 1
+            yield same_size(self._load(at), self.geometry.size, self._loaders[at][0])
+
+    def _load(self, at: int) -> Frame:
+        name, load = self._loaders[at]
+        return decode_rgb(load(), self._limits, name)
+
+
+def open_still(path: Path, limits: Limits) -> Sequence:
+    """One image as a video of one frame."""
+    check_bytes(path.stat().st_size, min(limits.size_bytes, _IMAGE_BYTES))
+    return Sequence([("image", path.read_bytes)], limits, lambda: None)
+
+
+def open_folder(path: Path, limits: Limits) -> Sequence:
+    """The images of a folder, in the order of the numbers in their names."""
+    files = [p for p in path.iterdir() if p.suffix.lower() in _SUFFIXES and not p.name.startswith(".")]
+    if not files:
+        unreadable("The folder holds no images.", path, "Number PNG or JPEG frames in their names.")
+    files.sort(key=lambda p: natural_key(p.name))
+    return Sequence([(p.name, p.read_bytes) for p in files], limits, lambda: None)
+
+
+def open_zip(path: Path, limits: Limits) -> Sequence:
+    """The images of a zip archive, in the order of the numbers in their names."""
+    archive, members = open_archive(path, limits)
+    try:
+        loaders: list[Loader] = [(m.filename, partial(read_entry, archive, m)) for m in members]
+        return Sequence(loaders, limits, archive.close)
+    except BaseException:
+        archive.close()
+        raise

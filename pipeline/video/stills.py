@@ -1,0 +1,94 @@
+"""Still images from bytes: checked against their header first, then decoded to RGB.
+
+Orientation (EXIF) is applied, alpha is composited over white, 16 bits become 8. ICC profiles are ignored.
+"""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Frame
+from pipeline.video.headers import IMAGE_TYPES, ImageHeader, image_header, sniff
+from pipeline.video.media import Limits, check_size, unreadable
+
+
+def check_image(data: bytes, limits: Limits, name: str = "image") -> ImageHeader:
+    """The header of an encoded image that is whole and within the limits.
+
+    Raises: UnreadableMedia, MediaTooLarge.
+    """
+    media_type = sniff(io.BytesIO(data))
+    if media_type not in IMAGE_TYPES:
+        unreadable("This is not an image.", name)
+    header = image_header(io.BytesIO(data), media_type)
+    check_size(header.width, header.height, limits, f"The image {name}" if name != "image" else "The image")
+    _check_end(data, media_type, name)
+    return header
+
+
+def _check_end(data: bytes, media_type: str, name: str) -> None:
+    """libjpeg and libpng paint what is missing grey: a cut-off file must be told by its missing end."""
+    ends = {"image/jpeg": b"\xff\xd9", "image/png": b"IEND"}
+    end = ends.get(media_type)
+    if end and data.rfind(end, max(0, len(data) - (1 << 16))) < 0:
+        unreadable("The image is cut off.", name, "Upload it again, whole.")
+
+
+def decode_rgb(data: bytes, limits: Limits, name: str = "image") -> Frame:
+    """An encoded image as a frame. Raises UnreadableMedia, MediaTooLarge."""
+    check_image(data, limits, name)
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if image is not None and image.ndim == 3 and image.shape[2] == 4:
+        return over_white(_to_8_bit(cv2.cvtColor(image, cv2.COLOR_BGRA2RGBA)))
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    if image is None:
+        unreadable("The image cannot be decoded.", name, "Export it again as PNG or JPEG.")
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)
+
+
+def decode_raw(data: bytes, limits: Limits, name: str = "image") -> NDArray[Any]:
+    """An encoded image as stored: (h, w), (h, w, 3) RGB or (h, w, 4) RGBA; uint8 or uint16; orientation not applied."""
+    check_image(data, limits, name)
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if image is None:
+        unreadable("The image cannot be decoded.", name, "Export it again as PNG or JPEG.")
+    if image.ndim == 2:
+        return image
+    code = cv2.COLOR_BGRA2RGBA if image.shape[2] == 4 else cv2.COLOR_BGR2RGB
+    return np.asarray(cv2.cvtColor(image, code))
+
+
+def _to_8_bit(image: NDArray[Any]) -> NDArray[np.uint8]:
+    if image.dtype == np.uint8:
+        return np.asarray(image, np.uint8)
+    if image.dtype == np.uint16:
+        return (image >> 8).astype(np.uint8)
+    return (np.clip(image, 0, 1) * 255 + 0.5).astype(np.uint8)
+
+
+def over_white(rgba: NDArray[np.uint8]) -> Frame:
+    """Composite straight-alpha RGBA, uint8 (h, w, 4), over white; rounded to nearest."""
+    alpha = rgba[..., 3:].astype(np.uint16)
+    if alpha.min(initial=255) == 255:
+        return np.ascontiguousarray(rgba[..., :3])
+    mixed = rgba[..., :3].astype(np.uint16) * alpha + 255 * (255 - alpha) + 127
+    return np.asarray(mixed // 255, np.uint8)
+
+
+def encode_png(frame: Frame, level: int = 1) -> bytes:
+    """A frame as PNG bytes. `level` 0..9: 1 is fast and only some percent larger than the default."""
+    return cv2.imencode(".png", cv2.cvtColor(frame, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_PNG_COMPRESSION, level])[
+        1
+    ].tobytes()
+
+
+def encode_jpeg(frame: Frame, quality: int = 85) -> bytes:
+    """A frame as JPEG bytes. `quality` 1..100."""
+    return cv2.imencode(".jpg", cv2.cvtColor(frame, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, quality])[
+        1
+    ].tobytes()
