@@ -11,12 +11,13 @@ Every other problem document becomes the class with its `code`, so that `except 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
-
-import httpx
+from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import ImpastoError
 from workers.errors import Conflict, NotFound, QuotaExceeded
+
+if TYPE_CHECKING:
+    import httpx
 
 
 class ServiceUnreachable(ImpastoError):  # noqa: N818
@@ -52,7 +53,7 @@ def error_of(response: httpx.Response) -> ImpastoError:
     """The problem in an HTTP answer of 4xx or 5xx as an error of our tree, with code, field, value and remedy."""
     problem = _problem(response)
     code = str(problem.get("code") or "")
-    kind = dict(_codes(ImpastoError)).get(code) or BY_STATUS.get(response.status_code, ImpastoError)
+    kind = kind_of(code) or BY_STATUS.get(response.status_code, ImpastoError)
     error = kind(
         str(problem.get("detail") or problem.get("title") or f"The service answered {response.status_code}."),
         field=str(problem.get("field") or ""),
@@ -71,6 +72,11 @@ def job_failed(job: dict[str, Any]) -> JobFailed:
     error.code = fault.get("code") or ("cancelled" if job["state"] == "cancelled" else error.code)
     error.job = job
     return error
+
+
+def kind_of(code: str) -> type[ImpastoError] | None:
+    """The class of the error tree with this code."""
+    return dict(_codes(ImpastoError)).get(code)
 
 
 def _problem(response: httpx.Response) -> dict[str, Any]:

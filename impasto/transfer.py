@@ -100,7 +100,9 @@ class _Part:
 
     def receive(self, http: httpx.Client, url: str) -> Iterator[tuple[int, int]]:
         """Append what is missing, or begin anew if the file has changed; yields bytes had and bytes in all."""
-        headers = {"Range": f"bytes={self.have}-", "If-Range": self.etag} if self.have and self.etag else {}
+        headers = {"Accept-Encoding": "identity"}  # bytes as they are: a Range counts those
+        if self.have and self.etag:
+            headers |= {"Range": f"bytes={self.have}-", "If-Range": self.etag}
         with http.stream("GET", url, headers=headers) as response:
             if response.status_code in AWAY:
                 raise httpx.ReadError(f"the service answered {response.status_code}")
@@ -109,7 +111,7 @@ class _Part:
             self.etag = response.headers.get("ETag", "")
             total = self.have + int(response.headers.get("Content-Length", 0))
             with self.path.open("ab" if self.have else "wb") as file:
-                for piece in response.iter_bytes(1 << 20):
+                for piece in response.iter_raw():
                     file.write(piece)
                     self.have += len(piece)
                     yield self.have, total

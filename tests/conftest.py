@@ -32,13 +32,10 @@ def _missing_chromium() -> str:
 
 
 def _missing_opencl() -> str:
-    import pyopencl
+    from pipeline.compute import report
 
-    try:
-        devices = [device for platform in pyopencl.get_platforms() for device in platform.get_devices()]
-    except pyopencl.Error as error:
-        return f"OpenCL says {error}: pip install intel-opencl-rt, or a GPU driver"
-    return "" if devices else "OpenCL has no device: pip install intel-opencl-rt, or a GPU driver"
+    rows = report(fresh=False)
+    return "" if any(row["chosen"] for row in rows) else f"OpenCL: {rows[0]['reason']}"
 
 
 def _missing_media() -> str:

@@ -6,19 +6,18 @@ Exit status: 0 done, 1 failed, 2 bad input, 130 interrupted (Ctrl-C).
 from __future__ import annotations
 
 import json
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 from rich.console import Console
 
+from impasto.problems import kind_of
 from pipeline.errors import BadInput, ImpastoError
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 out = Console(highlight=False, soft_wrap=True)
 err = Console(stderr=True, highlight=False, soft_wrap=True)
-
-JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON object on the last line of stdout.")]
 
 
 class Interrupted(ImpastoError):  # noqa: N818
@@ -39,6 +38,9 @@ def say(text: str) -> None:
 
 def fail(error: ImpastoError, as_json: bool) -> int:
     """Print an error: one line on stderr, and with `--json` an object on stdout. Returns the exit status."""
+    log = getattr(error, "log", "")
+    if log:
+        typer.echo(log, err=True)
     typer.echo("error: " + " ".join(str(error).split()), err=True)
     if as_json:
         emit({"error": describe(error)})
@@ -60,4 +62,4 @@ def status(error: ImpastoError) -> int:
     """The exit status for an error."""
     if isinstance(error, Interrupted):
         return INTERRUPTED
-    return BAD_INPUT if isinstance(error, BadInput) else FAILED
+    return BAD_INPUT if issubclass(kind_of(error.code) or type(error), BadInput) else FAILED

@@ -90,6 +90,11 @@ def deliver(result: Path | Iterable[bytes], where: Target) -> None:
         _forget(part)
 
 
+def beside(where: Target, filename: str) -> Path:
+    """Where an artefact goes that was given no place: `cartoon.mp4` and "regions.zip" make `cartoon-regions.zip`."""
+    return where.path.with_name(f"{where.path.stem}-{Path(filename).name}")
+
+
 def _write(result: Path | Iterable[bytes], part: Path) -> None:
     if isinstance(result, Path):
         shutil.copyfile(result, part)

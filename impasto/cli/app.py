@@ -1,0 +1,89 @@
+"""The command line put together: every command, one way to fail."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import typer
+from typer.exceptions import Abort, TyperException
+
+from impasto.cli import (
+    cancel,
+    doctor,
+    get,
+    jobs,
+    keys,
+    methods,
+    render,
+    retry,
+    scene,
+    serve,
+    submit,
+    version,
+    watch,
+)
+from impasto.cli.console import FAILED, INTERRUPTED, fail
+from pipeline.errors import BadInput, ImpastoError
+
+app = typer.Typer(
+    name="impasto",
+    help="Turn video into paintings and cartoons that hold still where they should.",
+    epilog="Start with `impasto render clip.mp4 -o cartoon.mp4`, or with `impasto serve` and a browser.",
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+HERE, AWAY, AROUND = "On this machine", "At a service", "Looking around"
+app.command(epilog=render.EPILOG, rich_help_panel=HERE)(render.render)
+app.command(epilog=serve.EPILOG, rich_help_panel=HERE)(serve.serve)
+app.command(epilog=scene.EPILOG, rich_help_panel=HERE)(scene.scene)
+app.add_typer(keys.app, name="keys", rich_help_panel=HERE)
+app.command(epilog=submit.EPILOG, rich_help_panel=AWAY)(submit.submit)
+app.command(rich_help_panel=AWAY)(watch.watch)
+app.command(epilog=get.EPILOG, rich_help_panel=AWAY)(get.get)
+app.command(rich_help_panel=AWAY)(cancel.cancel)
+app.command(rich_help_panel=AWAY)(retry.retry)
+app.command(rich_help_panel=AWAY)(jobs.jobs)
+app.command(epilog=methods.EPILOG, rich_help_panel=AROUND)(methods.methods)
+app.command(rich_help_panel=AROUND)(doctor.doctor)
+app.command(rich_help_panel=AROUND)(version.version)
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run one command line; return its exit status. Errors are printed, in one way, here only."""
+    as_json = "--json" in arguments
+    try:
+        code: Any = app(args=list(arguments), prog_name="impasto", standalone_mode=False)
+    except TyperException as error:
+        return fail(_usage(error), as_json)
+    except (Abort, KeyboardInterrupt):
+        return INTERRUPTED
+    except ImpastoError as error:
+        return fail(error, as_json)
+    except BrokenPipeError:
+        return FAILED
+    except OSError as error:
+        return fail(_system(error), as_json)
+    return code if isinstance(code, int) else 0
+
+
+def _usage(error: TyperException) -> ImpastoError:
+    return BadInput(error.format_message(), remedy="`impasto --help` and `impasto COMMAND --help` show how.")
+
+
+def _system(error: OSError) -> ImpastoError:
+    """What the operating system refused: a full disk, a right that is missing."""
+    return ImpastoError(
+        f"{error.strerror or type(error).__name__}.",
+        field=str(error.filename or ""),
+        remedy="Check free space and permissions, then run the same command again.",
+    )
+
+
+def main() -> None:
+    """Entry point of the `impasto` command."""
+    sys.exit(run(sys.argv[1:]))

@@ -1,0 +1,90 @@
+"""`impasto keys`: who may use a service. Works on its home, so only its operator can."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.table import Table
+
+from impasto.cli.console import emit, out, say
+from impasto.cli.options import HomeOption, JsonFlag, home_of
+
+if TYPE_CHECKING:
+    from workers.farm import ApiKey, Keys
+
+app = typer.Typer(no_args_is_help=True, help="Make, list and revoke API keys of the service with this home.")
+
+
+@app.command()
+def create(
+    name: Annotated[str, typer.Argument(help="Whose it is, for you to remember.")],
+    scope: Annotated[list[str] | None, typer.Option(help="read, submit or admin; several are possible.")] = None,
+    home: HomeOption = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """Make a key and show its secret, this once."""
+    with _keys(home) as keys:
+        key, secret = keys.create(name, scope or ["read", "submit"])
+    if as_json:
+        emit(_row(key) | {"secret": secret})
+    else:
+        out.print(secret, markup=False)
+        say(f"{key.id} for {name}: {', '.join(sorted(key.scopes))}. The secret is not kept: note it now.")
+
+
+@app.command("list")
+def list_(home: HomeOption = None, as_json: JsonFlag = False) -> None:
+    """List every key, revoked ones too; secrets are not kept."""
+    with _keys(home) as keys:
+        rows = [_row(key) for key in keys.list()]
+    if as_json:
+        emit(rows)
+        return
+    table = Table("key", "name", "scopes", "made", "revoked", box=None, header_style="bold")
+    for row in rows:
+        table.add_row(
+            row["id"], row["name"], ", ".join(row["scopes"]), _day(row["created_at"]), _day(row["revoked_at"])
+        )
+    out.print(table)
+
+
+@app.command()
+def revoke(
+    key_id: Annotated[str, typer.Argument(metavar="KEY", help="The key's id.")],
+    home: HomeOption = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """Refuse a key from now on."""
+    with _keys(home) as keys:
+        key = keys.revoke(key_id)
+    emit(_row(key)) if as_json else say(f"{key.id} ({key.name}) is revoked.")
+
+
+@contextmanager
+def _keys(home: Path | None) -> Iterator[Keys]:
+    """The keys of the home, through a farm that runs nothing and so disturbs no service at work."""
+    from workers.studio import open_farm
+
+    from workers.settings import FarmSettings
+
+    yield open_farm(FarmSettings(home=home_of(home), pool="none")).keys
+
+
+def _row(key: ApiKey) -> dict[str, Any]:
+    return {
+        "id": key.id,
+        "name": key.name,
+        "scopes": sorted(key.scopes),
+        "quotas": key.quotas,
+        "created_at": key.created_at,
+        "revoked_at": key.revoked_at,
+    }
+
+
+def _day(at: float | None) -> str:
+    return "" if at is None else datetime.fromtimestamp(at).astimezone().strftime("%Y-%m-%d")

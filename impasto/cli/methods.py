@@ -1,0 +1,144 @@
+"""`impasto methods`: what there is, and what every parameter of it means."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.table import Table
+from rich.text import Text
+
+from impasto.cli.console import emit, out
+from impasto.cli.options import JsonFlag
+
+if TYPE_CHECKING:
+    from pipeline.methods.base import Method
+
+EPILOG = """[bold]Examples[/bold]
+
+impasto methods
+
+impasto methods abstraction
+
+impasto methods --json | jq '.[].name'
+"""
+
+
+def methods(
+    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="Explain every parameter of this one.")] = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """List the methods, or explain one: every parameter with unit, range, default and the paper's symbol."""
+    from pipeline.methods import method
+    from pipeline.methods import methods as registry
+
+    if name is not None:
+        chosen = method(name)
+        emit(describe(chosen)) if as_json else _teach(chosen)
+    elif as_json:
+        emit([describe(each) for each in registry().values()])
+    else:
+        _list(list(registry().values()))
+
+
+def describe(chosen: Method) -> dict[str, Any]:
+    """A method as JSON: name, title, summary, paper, inputs, parameters, steps, artefacts, examples."""
+    return {
+        "name": chosen.name,
+        "title": chosen.title,
+        "summary": chosen.summary,
+        "paper": chosen.paper,
+        "inputs": [
+            {"name": spec.name, "kind": spec.kind, "required": spec.required, "title": spec.title, "help": spec.help}
+            for spec in chosen.inputs
+        ],
+        "params": parameters(chosen),
+        "steps": [{"name": step.name, "title": step.title} for step in chosen.steps],
+        "artefacts": list(chosen.artefacts),
+        "examples": [{"name": each.name, "title": each.title, "params": each.params} for each in chosen.examples],
+    }
+
+
+def parameters(chosen: Method) -> list[dict[str, Any]]:
+    """A row a parameter: name, type, unit, range, default, symbol, help."""
+    schema = chosen.Params.model_json_schema()
+    kinds = schema.get("$defs", {})
+    return [_parameter(name, _resolved(field, kinds)) for name, field in schema["properties"].items()]
+
+
+def _resolved(field: dict[str, Any], kinds: dict[str, Any]) -> dict[str, Any]:
+    """A property with what it refers to (an enum of its own, an optional value) written out."""
+    options = [option for option in field.get("anyOf", [field]) if option.get("type") != "null"]
+    first = options[0] if options else {}
+    referred = kinds.get(str(first.get("$ref", "")).rpartition("/")[2], {})
+    return {**referred, **first, **field}
+
+
+def _parameter(name: str, field: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "name": name,
+        "type": "choice" if "enum" in field else field.get("type", "value"),
+        "unit": field.get("unit", ""),
+        "range": _range(field),
+        "default": field.get("default"),
+        "symbol": field.get("symbol", ""),
+        "help": field.get("description", ""),
+    }
+
+
+def _range(field: dict[str, Any]) -> str:
+    """What is allowed, as people read it: "0 to 50", "more than 0", "off, on"."""
+    if "enum" in field:
+        return ", ".join(str(value) for value in field["enum"])
+    low, above = field.get("minimum"), field.get("exclusiveMinimum")
+    high, below = field.get("maximum"), field.get("exclusiveMaximum")
+    start = f"{low:g}" if low is not None else f"more than {above:g}" if above is not None else ""
+    stop = f"{high:g}" if high is not None else f"less than {below:g}" if below is not None else ""
+    if start and stop:
+        return f"{start} to {stop}"
+    return start + " or more" if low is not None else start or (f"at most {stop}" if high is not None else stop)
+
+
+def _list(found: list[Method]) -> None:
+    table = Table("method", "what it does", box=None, header_style="bold")
+    for each in found:
+        table.add_row(each.name, f"{each.title}. {each.summary}")
+    out.print(table)
+    out.print("[dim]`impasto methods NAME` explains every parameter.")
+
+
+def _teach(chosen: Method) -> None:
+    out.print(f"[bold]{chosen.name}[/bold]: {chosen.title}")
+    out.print(chosen.summary, markup=False)
+    out.print(f"[dim]paper: {chosen.paper}; steps: {', '.join(step.name for step in chosen.steps)}")
+    _section("Inputs")
+    for spec in chosen.inputs:
+        need = "needed" if spec.required else "optional"
+        out.print(Text.assemble((f"  {spec.name}", "bold"), f"  {spec.kind}, {need}. {spec.help}"))
+    _section("Parameters (--param NAME=VALUE)")
+    for row in parameters(chosen):
+        _teach_parameter(row)
+    if chosen.artefacts:
+        _section(f"Artefacts (--artefact NAME): {', '.join(chosen.artefacts)}")
+    for example in chosen.examples:
+        _section(f"Example: {example.title}")
+        given = " ".join(f"--param {name}={value}" for name, value in example.params.items())
+        out.print(f"  impasto render clip.mp4 -o out.mp4 --method {chosen.name} {given}", markup=False)
+
+
+def _section(title: str) -> None:
+    out.print()
+    out.print(Text(title, "bold"))
+
+
+def _teach_parameter(row: dict[str, Any]) -> None:
+    facts = [f"default {_shown(row['default'])}", row["range"] or row["type"]]
+    facts += [row["unit"]] if row["unit"] else []
+    facts += [f"{row['symbol']} in the paper"] if row["symbol"] else []
+    out.print(Text.assemble((f"  {row['name']}", "bold"), ("  " + "; ".join(facts), "dim")))
+    if row["help"]:
+        out.print(f"      {row['help']}", markup=False)
+
+
+def _shown(value: Any) -> str:
+    return "none" if value is None else "on" if value is True else "off" if value is False else str(value)

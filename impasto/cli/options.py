@@ -1,0 +1,54 @@
+"""Options that several commands share, so that they read and mean the same everywhere."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from impasto.client import Client
+
+WHERE, WHAT = "Where", "What to paint"
+
+MethodOption = Annotated[str, typer.Option("--method", "-m", help="See `impasto methods`.", rich_help_panel=WHAT)]
+ParamOption = Annotated[
+    list[str] | None,
+    typer.Option("--param", "-p", metavar="NAME=VALUE", help="A parameter of the method.", rich_help_panel=WHAT),
+]
+InputOption = Annotated[
+    list[str] | None,
+    typer.Option("--input", "-i", metavar="NAME=PATH", help="Another input: a file or a folder.", rich_help_panel=WHAT),
+]
+SeedOption = Annotated[int, typer.Option(min=0, help="The same seed, the same picture.", rich_help_panel=WHAT)]
+QualityOption = Annotated[
+    int, typer.Option(min=0, max=51, help="Rate factor of the video codec: lower is better.", rich_help_panel=WHAT)
+]
+HomeOption = Annotated[
+    Path | None,
+    typer.Option(help="Folder for all that is kept; else IMPASTO_HOME, else your data folder.", rich_help_panel=WHERE),
+]
+ServerOption = Annotated[
+    str | None,
+    typer.Option(metavar="URL", help="The service; else IMPASTO_SERVER, else this machine.", rich_help_panel=WHERE),
+]
+KeyOption = Annotated[str | None, typer.Option(help="API key; else IMPASTO_API_KEY.", rich_help_panel=WHERE)]
+QuietFlag = Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")]
+JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON object on the last line of stdout.")]
+
+
+def home_of(given: Path | None) -> Path:
+    """The home folder: from the flag, else from the environment, else the user's data folder."""
+    from impasto.settings import CommandSettings
+
+    return (given or CommandSettings().home).expanduser().absolute()
+
+
+def client_of(server: str | None, api_key: str | None) -> Client:
+    """A client for the service that flags or the environment name."""
+    from impasto.client import Client
+    from impasto.settings import CommandSettings
+
+    settings = CommandSettings()
+    return Client(server or settings.server, settings.api_key.get_secret_value() if api_key is None else api_key)

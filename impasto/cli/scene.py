@@ -1,0 +1,7 @@
+"""`impasto scene`."""
+
+EPILOG = ""
+
+
+def scene() -> None:
+    """A procedural scene."""
