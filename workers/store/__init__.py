@@ -1,0 +1,54 @@
+"""The store: the truth about assets, jobs, keys and webhooks, in SQLite or PostgreSQL."""
+
+from __future__ import annotations
+
+import time
+
+from workers.store.assets import Assets
+from workers.store.base import Bell, Clock
+from workers.store.book import Policy
+from workers.store.context import Context
+from workers.store.database import Database
+from workers.store.history import History
+from workers.store.jobs import Accepted, Jobs
+from workers.store.keys import Keys
+from workers.store.overview import Overview
+from workers.store.plans import Plans, StepToPlan
+from workers.store.webhooks import Webhooks
+from workers.store.work import Claim, Work
+
+
+class Store:
+    """Every part of the store over one database. Thread-safe; several processes may open the same one.
+
+    Args:
+        url: SQLAlchemy URL.
+        policy: when to give up, how much history to keep.
+        now: the clock, s since the epoch.
+
+    Raises:
+        StorageError: the database cannot be reached.
+    """
+
+    def __init__(self, url: str, policy: Policy | None = None, now: Clock = time.time) -> None:
+        self._db = Database(url)
+        shared = (self._db, Bell(), policy or Policy(), now)
+        self.assets = Assets(*shared)
+        self.jobs = Jobs(*shared)
+        self.history = History(*shared)
+        self.plans = Plans(*shared)
+        self.work = Work(*shared)
+        self.context = Context(*shared)
+        self.overview = Overview(*shared)
+        self.keys = Keys(*shared)
+        self.webhooks = Webhooks(*shared)
+
+    def check(self) -> None:
+        """Raise StorageError if the database does not answer now."""
+        self._db.check()
+
+    def close(self) -> None:
+        self._db.close()
+
+
+__all__ = ["Accepted", "Claim", "Policy", "StepToPlan", "Store"]

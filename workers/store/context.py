@@ -1,0 +1,66 @@
+"""What a task may know of the work before it: notes, artefacts, emitted runs, and its inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from sqlalchemy import and_, select
+
+from workers.errors import NotFound
+from workers.model import Json, TaskState
+from workers.store import schema
+from workers.store.base import Base
+
+
+class Context(Base):
+    """Read-only; what it says of finished steps never changes."""
+
+    def before(self, job_id: str, step: int) -> tuple[dict[str, dict[str, Json]], dict[str, str]]:
+        """Notes (step -> key -> note) and artefacts ("step/name" -> blob key) of the steps before `step`."""
+        tasks, steps = schema.tasks, schema.steps
+        query = (
+            select(steps.c.name, tasks.c.key, tasks.c.note, tasks.c.artefacts)
+            .join(steps, and_(steps.c.job_id == tasks.c.job_id, steps.c.step == tasks.c.step))
+            .where(tasks.c.job_id == job_id, tasks.c.step < step)
+            .order_by(tasks.c.position)
+        )
+        notes: dict[str, dict[str, Json]] = {}
+        artefacts: dict[str, str] = {}
+        with self._db.read() as connection:
+            for name, key, note, made in connection.execute(query):
+                notes.setdefault(name, {})[key] = note or {}
+                artefacts.update(made or {})
+        return notes, artefacts
+
+    def siblings(self, job_id: str, step: int) -> dict[str, str]:
+        """Artefacts that finished tasks of this step have saved."""
+        tasks = schema.tasks
+        done = (tasks.c.job_id == job_id, tasks.c.step == step, tasks.c.state == TaskState.SUCCEEDED.value)
+        with self._db.read() as connection:
+            made = connection.execute(select(tasks.c.artefacts).where(*done)).scalars().all()
+        return {name: key for each in made for name, key in (each or {}).items()}
+
+    def segments(self, job_id: str) -> tuple[tuple[int, int, str], ...]:
+        """(start, stop, blob key) of every emitted run of frames, in order."""
+        tasks = schema.tasks
+        query = (
+            select(tasks.c.emit_start, tasks.c.emit_stop, tasks.c.segment)
+            .where(tasks.c.job_id == job_id, tasks.c.segment.is_not(None))
+            .order_by(tasks.c.emit_start)
+        )
+        with self._db.read() as connection:
+            return tuple((start, stop, key) for start, stop, key in connection.execute(query))
+
+    def input_info(self, inputs: Mapping[str, str]) -> dict[str, Json]:
+        """Input name -> the asset's info, with its kind and media type."""
+        assets = schema.assets
+        query = select(assets).where(assets.c.id.in_(inputs.values()))
+        with self._db.read() as connection:
+            found = {row["id"]: row for row in connection.execute(query).mappings()}
+        missing = next((name for name, asset_id in inputs.items() if asset_id not in found), None)
+        if missing is not None:
+            raise NotFound("The asset of an input is gone.", field=f"inputs.{missing}", value=inputs[missing])
+        return {
+            name: {**found[i]["info"], "kind": found[i]["kind"], "media_type": found[i]["media_type"]}
+            for name, i in inputs.items()
+        }

@@ -1,0 +1,255 @@
+"""Jobs in the database: accept, show, list, command, forget."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import ColumnElement, Connection, delete, func, insert, select
+from sqlalchemy.exc import IntegrityError
+
+from pipeline.errors import BadParameter
+from workers import jobs as machine
+from workers.errors import Conflict, IdempotencyMismatch, NotFound
+from workers.farm import Page
+from workers.ids import new_id
+from workers.model import Job, JobRequest, Json, RunState, TaskState
+from workers.store import schema
+from workers.store.base import Base
+from workers.store.records import Row, pack_cursor, request_to_json, unpack_cursor
+from workers.store.views import job_views
+
+
+@dataclass(frozen=True)
+class Accepted:
+    """A request that has been checked: what the store needs besides."""
+
+    request: JobRequest
+    params: Json
+    """The parameters with every default filled in, so that a job means the same after an upgrade."""
+    steps: tuple[tuple[str, str], ...]
+    """(name, title) of the method's steps and the platform's own."""
+
+
+class Jobs(Base):
+    """Jobs by id. Every method is one transaction."""
+
+    def add(self, accepted: Accepted, owner: str, idempotency_key: str = "") -> Job:
+        """Accept durably. The same owner, key and request: the job there is.
+
+        Raises:
+            IdempotencyMismatch: the key came with another request.
+            NotFound: an input's asset is gone.
+        """
+        digest = _digest(accepted.request)
+        try:
+            with self._db.write() as connection:
+                known = _by_key(connection, owner, idempotency_key, digest)
+                job_id = known or self._insert(connection, accepted, owner, idempotency_key, digest)
+        except IntegrityError:  # the same key, accepted elsewhere between our look and our insert
+            with self._db.read() as connection:
+                known = _by_key(connection, owner, idempotency_key, digest)
+            if known is None:
+                raise
+            job_id = known
+        self._bell.ring(job_id, 1)
+        return self.get(job_id)
+
+    def get(self, job_id: str) -> Job:
+        with self._db.read() as connection:
+            found = connection.execute(select(schema.jobs).where(schema.jobs.c.id == job_id)).mappings().all()
+            if not found:
+                raise NotFound(f"There is no job {job_id}.", field="job", value=job_id)
+            return job_views(connection, found, self._now())[0]
+
+    def page(
+        self,
+        state: str | None = None,
+        method: str | None = None,
+        owner: str | None = None,
+        label: tuple[str, str] | None = None,
+        cursor: str | None = None,
+        limit: int = 50,
+    ) -> Page:
+        """Newest first."""
+        table = schema.jobs
+        where = _filters(state, method, owner, label)
+        if cursor is not None:
+            where.append(table.c.id < unpack_cursor(cursor, str)[0])
+        query = select(table).where(*where).order_by(table.c.id.desc()).limit(limit + 1)
+        with self._db.read() as connection:
+            rows = connection.execute(query).mappings().all()
+            items = job_views(connection, rows[:limit], self._now())
+        return Page(tuple(items), pack_cursor(items[-1].id) if len(rows) > limit else None)
+
+    def command(self, job_id: str, event: machine.Pause | machine.Resume | machine.Cancel) -> Job:
+        """Pause, resume or cancel. Raises Conflict."""
+        with self._book(job_id) as book:
+            book.happen(event)
+        return self.get(job_id)
+
+    def retry(self, job_id: str) -> Job:
+        """Start again what failed or was cancelled. Raises Conflict, NotFound (an input was deleted since)."""
+        with self._book(job_id) as book:
+            _need_assets(book.connection, book.row["request"]["inputs"])
+            blocked = _blocked(book.connection, job_id)
+            book.happen(machine.Retry(blocked[TaskState.FAILED], blocked[TaskState.CANCELLED]))
+        return self.get(job_id)
+
+    def requeue(self, task_id: str) -> None:
+        """Start one failed or cancelled task again. Raises Conflict, NotFound."""
+        with self._db.read() as connection:
+            job_id = _job_of_task(connection, task_id)
+        with self._book(job_id) as book:
+            _need_assets(book.connection, book.row["request"]["inputs"])
+            task = book.task(task_id)
+            book.happen(machine.Requeue(), task)
+            book.delay(task, 0.0)
+            book.say_task(task, TaskState.READY)
+
+    def remove(self, job_id: str) -> None:
+        """Forget a final job. Raises Conflict while it is not."""
+        with self._book(job_id) as book:
+            if not RunState(book.row["state"]).final:
+                raise Conflict(
+                    "The job has not ended.", field="state", value=book.row["state"], remedy="Cancel it first."
+                )
+            book.connection.execute(delete(schema.jobs).where(schema.jobs.c.id == job_id))
+        self._bell.ring(job_id, 1 << 62)
+
+    def exists(self, job_ids: Collection[str]) -> set[str]:
+        """Those of `job_ids` that are known."""
+        with self._db.read() as connection:
+            return set(connection.execute(select(schema.jobs.c.id).where(schema.jobs.c.id.in_(job_ids))).scalars())
+
+    def file(self, job_id: str, name: str) -> Row | None:
+        """The row of a job's file: key, media_type."""
+        files = schema.files
+        query = select(files).where(files.c.job_id == job_id, files.c.name == name)
+        with self._db.read() as connection:
+            return connection.execute(query).mappings().first()
+
+    def _insert(self, connection: Connection, accepted: Accepted, owner: str, key: str, digest: str) -> str:
+        request, now, job_id = accepted.request, self._now(), new_id("job_")
+        _need_assets(connection, request.inputs)
+        row = {
+            "id": job_id,
+            "owner": owner,
+            "method": request.method,
+            "state": RunState.QUEUED.value,
+            "priority": request.priority,
+            "request": request_to_json(request),
+            "params": accepted.params,
+            "step": 0,
+            "step_count": len(accepted.steps),
+            "planned": False,
+            "doomed": False,
+            "last_seq": 1,
+            "idempotency_key": key or None,
+            "digest": digest,
+            "created_at": now,
+            "updated_at": now,
+        }
+        connection.execute(insert(schema.jobs).values(row))
+        _insert_all(connection, schema.steps, _step_rows(job_id, accepted.steps))
+        _insert_all(connection, schema.job_inputs, _pairs(job_id, request.inputs, "asset_id"))
+        _insert_all(connection, schema.job_labels, _pairs(job_id, request.labels, "value"))
+        born = {"job_id": job_id, "seq": 1, "at": now, "type": "job.state", "data": {"state": "queued", "error": None}}
+        connection.execute(insert(schema.events).values(born))
+        return job_id
+
+
+def _digest(request: JobRequest) -> str:
+    return hashlib.sha256(json.dumps(request_to_json(request), sort_keys=True).encode()).hexdigest()
+
+
+def _by_key(connection: Connection, owner: str, key: str, digest: str) -> str | None:
+    """The job that was accepted under an idempotency key, if any."""
+    if not key:
+        return None
+    table = schema.jobs
+    query = select(table.c.id, table.c.digest).where(table.c.owner == owner, table.c.idempotency_key == key)
+    row = connection.execute(query).first()
+    if row is None:
+        return None
+    if row.digest != digest:
+        raise IdempotencyMismatch(
+            "This idempotency key came with another request before.",
+            field="Idempotency-Key",
+            value=key,
+            remedy="Use a new key for a new request.",
+        )
+    return str(row.id)
+
+
+def _need_assets(connection: Connection, inputs: dict[str, str]) -> None:
+    """Every asset must be there, and stay until this transaction ends."""
+    table = schema.assets
+    query = select(table.c.id).where(table.c.id.in_(inputs.values())).with_for_update(read=True)
+    known = set(connection.execute(query).scalars())
+    for name, asset_id in inputs.items():
+        if asset_id not in known:
+            raise NotFound(
+                f"There is no asset {asset_id}.", field=f"inputs.{name}", value=asset_id, remedy="Upload it first."
+            )
+
+
+def _filters(
+    state: str | None, method: str | None, owner: str | None, label: tuple[str, str] | None
+) -> list[ColumnElement[bool]]:
+    table, labels = schema.jobs, schema.job_labels
+    where: list[ColumnElement[bool]] = []
+    if state is not None:
+        where.append(table.c.state == known_state(RunState, state))
+    if method is not None:
+        where.append(table.c.method == method)
+    if owner is not None:
+        where.append(table.c.owner == owner)
+    if label is not None:
+        named = select(labels.c.job_id).where(labels.c.name == label[0], labels.c.value == label[1])
+        where.append(table.c.id.in_(named))
+    return where
+
+
+def known_state(states: type[RunState] | type[TaskState], state: str) -> str:
+    try:
+        return states(state).value
+    except ValueError:
+        remedy = f"Use one of: {', '.join(states)}."
+        raise BadParameter(f"There is no state {state!r}.", field="state", value=state, remedy=remedy) from None
+
+
+def _blocked(connection: Connection, job_id: str) -> dict[TaskState, int]:
+    """How many failed and how many cancelled tasks still wait for others."""
+    tasks = schema.tasks
+    ended = [TaskState.FAILED, TaskState.CANCELLED]
+    query = (
+        select(tasks.c.state, func.count())
+        .where(tasks.c.job_id == job_id, tasks.c.state.in_([state.value for state in ended]), tasks.c.blockers > 0)
+        .group_by(tasks.c.state)
+    )
+    found = {TaskState(state): int(n) for state, n in connection.execute(query).tuples()}
+    return {state: found.get(state, 0) for state in ended}
+
+
+def _job_of_task(connection: Connection, task_id: str) -> str:
+    job_id = connection.execute(select(schema.tasks.c.job_id).where(schema.tasks.c.id == task_id)).scalar()
+    if job_id is None:
+        raise NotFound(f"There is no task {task_id}.", field="task", value=task_id)
+    return str(job_id)
+
+
+def _step_rows(job_id: str, steps: Sequence[tuple[str, str]]) -> list[dict[str, Any]]:
+    return [{"job_id": job_id, "step": i, "name": name, "title": title} for i, (name, title) in enumerate(steps)]
+
+
+def _pairs(job_id: str, values: dict[str, str], column: str) -> list[dict[str, Any]]:
+    return [{"job_id": job_id, "name": name, column: value} for name, value in values.items()]
+
+
+def _insert_all(connection: Connection, table: Any, rows: list[dict[str, Any]]) -> None:
+    if rows:
+        connection.execute(insert(table), rows)

@@ -1,0 +1,71 @@
+"""Figures for operators: how deep the queue is, what runs, what fails."""
+
+from __future__ import annotations
+
+from sqlalchemy import Connection, func, select
+
+from workers.model import Json, RunState, TaskState
+from workers.store import schema
+from workers.store.base import Base
+from workers.store.book import ACTIVE, RUNNING
+
+_LOOK_BACK_S = 900.0
+
+
+class Overview(Base):
+    """Read-only."""
+
+    def snapshot(self) -> Json:
+        """Jobs and tasks by state, queue depth and age (s), and the attempts that run."""
+        with self._db.read() as connection:
+            return {
+                "jobs": _jobs_by_state(connection),
+                "tasks": _tasks_by_state(connection),
+                "queue": _queue(connection, self._now()),
+                "attempts_running": _count(connection),
+                "failures": _failures(connection, self._now() - _LOOK_BACK_S),
+                "webhooks_waiting": _webhooks(connection),
+            }
+
+
+def _jobs_by_state(connection: Connection) -> dict[str, int]:
+    found = connection.execute(select(schema.jobs.c.state, func.count()).group_by(schema.jobs.c.state)).tuples()
+    return {state.value: 0 for state in RunState} | {state: int(n) for state, n in found}
+
+
+def _tasks_by_state(connection: Connection) -> dict[str, int]:
+    columns = [func.coalesce(func.sum(schema.steps.c[state.value]), 0) for state in TaskState]
+    row = connection.execute(select(*columns)).one()
+    return {state.value: int(n) for state, n in zip(TaskState, row, strict=True)}
+
+
+def _queue(connection: Connection, now: float) -> Json:
+    """Tasks that could run now, and how long the oldest queued job has waited."""
+    jobs, steps = schema.jobs, schema.steps
+    current = (steps.c.job_id == jobs.c.id) & (steps.c.step == jobs.c.step)
+    ready = select(func.coalesce(func.sum(steps.c.ready), 0)).join(jobs, current).where(jobs.c.state.in_(ACTIVE))
+    oldest = select(func.min(jobs.c.created_at)).where(jobs.c.state == RunState.QUEUED.value)
+    since = connection.execute(oldest).scalar()
+    age = 0.0 if since is None else max(0.0, now - since)
+    return {"ready_tasks": int(connection.execute(ready).scalar_one()), "oldest_s": age}
+
+
+def _count(connection: Connection) -> int:
+    attempts = schema.attempts
+    return int(connection.execute(select(func.count()).where(attempts.c.outcome == RUNNING)).scalar_one())
+
+
+def _failures(connection: Connection, since: float) -> dict[str, int]:
+    """Failed attempts of the last quarter of an hour by the code of their fault."""
+    attempts = schema.attempts
+    query = select(attempts.c.fault).where(attempts.c.outcome == "failed", attempts.c.finished_at >= since).limit(1000)
+    found: dict[str, int] = {}
+    for fault in connection.execute(query).scalars():
+        code = (fault or {}).get("code", "internal-error")
+        found[code] = found.get(code, 0) + 1
+    return found
+
+
+def _webhooks(connection: Connection) -> int:
+    table = schema.deliveries
+    return int(connection.execute(select(func.count()).where(table.c.state == "waiting")).scalar_one())

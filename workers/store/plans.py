@@ -1,0 +1,125 @@
+"""Planning in the database: which step is next, and its tasks, kept once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import Connection, func, insert, select, update
+
+from pipeline.methods.base import Task
+from workers import jobs as machine
+from workers.errors import NotFound
+from workers.ids import new_id
+from workers.model import Fault, JobRequest, Json, RunState, TaskState
+from workers.store import schema
+from workers.store.base import Base
+from workers.store.book import ACTIVE, JobBook
+from workers.store.records import request_of
+
+
+@dataclass(frozen=True)
+class StepToPlan:
+    """A step whose turn it is and that has no tasks yet."""
+
+    job_id: str
+    step: int
+    steps: int
+    method: str
+    params: Json
+    request: JobRequest
+
+
+class Plans(Base):
+    """Every method is one transaction."""
+
+    def to_plan(self, limit: int = 4) -> list[StepToPlan]:
+        """Steps to be planned now, most urgent jobs first."""
+        table = schema.jobs
+        query = (
+            select(table)
+            .where(table.c.state.in_(ACTIVE), table.c.planned.is_(False))
+            .order_by(table.c.priority.desc(), table.c.id)
+            .limit(limit)
+        )
+        with self._db.read() as connection:
+            return [_step_to_plan(row) for row in connection.execute(query).mappings()]
+
+    def planned(self, job_id: str, step: int, tasks: Sequence[Task]) -> bool:
+        """Keep the tasks of a step; False if another did, or the job has ended since. `tasks` have been checked."""
+        with self._unplanned(job_id, step) as book:
+            if book is None:
+                return False
+            rows = _task_rows(book, step, tasks)
+            waiting = sum(1 for row in rows if row["blockers"])
+            _insert_tasks(book.connection, tasks, rows)
+            _weigh(book, step, sum(task.weight for task in tasks))
+            book.happen(machine.Planned(len(rows) - waiting, waiting))
+            book.say("step.planned", {"step": book.step_row(step)["name"], "tasks": len(rows)})
+            return True
+
+    def plan_failed(self, job_id: str, step: int, fault: Fault) -> bool:
+        with self._unplanned(job_id, step) as book:
+            if book is None:
+                return False
+            book.happen(machine.PlanFailed(fault))
+            return True
+
+    @contextmanager
+    def _unplanned(self, job_id: str, step: int) -> Iterator[JobBook | None]:
+        """The job, if `step` is its current one and still has no tasks."""
+        try:
+            with self._book(job_id) as book:
+                row = book.row
+                turn = row["step"] == step and not row["planned"] and not RunState(row["state"]).final
+                yield book if turn else None
+        except NotFound:
+            yield None
+
+
+def _step_to_plan(row: Any) -> StepToPlan:
+    request = request_of(row["request"])
+    return StepToPlan(row["id"], row["step"], row["step_count"], row["method"], row["params"], request)
+
+
+def _task_rows(book: JobBook, step: int, tasks: Sequence[Task]) -> list[dict[str, Any]]:
+    table = schema.tasks
+    last = book.connection.execute(
+        select(func.coalesce(func.max(table.c.position), 0)).where(table.c.job_id == book.job_id)
+    ).scalar_one()
+    return [_task_row(book.job_id, step, last + i, task) for i, task in enumerate(tasks, 1)]
+
+
+def _task_row(job_id: str, step: int, position: int, task: Task) -> dict[str, Any]:
+    start, stop = task.emits or (None, None)
+    return {
+        "id": new_id("tsk_"),
+        "job_id": job_id,
+        "step": step,
+        "position": position,
+        "key": task.key,
+        "args": task.args,
+        "emit_start": start,
+        "emit_stop": stop,
+        "weight": task.weight,
+        "chained": bool(task.after),
+        "state": (TaskState.WAITING if task.after else TaskState.READY).value,
+        "blockers": len(set(task.after)),
+    }
+
+
+def _insert_tasks(connection: Connection, tasks: Sequence[Task], rows: list[dict[str, Any]]) -> None:
+    ids = {row["key"]: row["id"] for row in rows}
+    edges = [{"before_id": ids[key], "task_id": ids[task.key]} for task in tasks for key in sorted(set(task.after))]
+    if rows:
+        connection.execute(insert(schema.tasks), rows)
+    if edges:
+        connection.execute(insert(schema.task_edges), edges)
+
+
+def _weigh(book: JobBook, step: int, weight: float) -> None:
+    steps = schema.steps
+    where = (steps.c.job_id == book.job_id, steps.c.step == step)
+    book.connection.execute(update(steps).where(*where).values(weight=weight))

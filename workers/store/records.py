@@ -1,0 +1,75 @@
+"""Rows to nouns and back, and the cursors of listings."""
+
+from __future__ import annotations
+
+import base64
+import json
+from dataclasses import asdict
+from typing import Any
+
+from sqlalchemy import RowMapping
+
+from pipeline.errors import BadParameter
+from workers.farm import ApiKey, Delivery
+from workers.jobs import Counts
+from workers.model import Asset, Event, Fault, JobRequest, Json, OutputSpec, TaskState
+
+Row = RowMapping | dict[str, Any]
+
+
+def asset_of(row: Row) -> Asset:
+    return Asset(**{name: row[name] for name in Asset.__dataclass_fields__})
+
+
+def request_to_json(request: JobRequest) -> Json:
+    return asdict(request)
+
+
+def request_of(value: Json) -> JobRequest:
+    output = value["output"]
+    return JobRequest(**{**value, "output": OutputSpec(**{**output, "artefacts": tuple(output["artefacts"])})})
+
+
+def fault_to_json(fault: Fault | None) -> Json | None:
+    return None if fault is None else asdict(fault)
+
+
+def fault_of(value: Json | None) -> Fault | None:
+    return None if value is None else Fault(**value)
+
+
+def event_of(row: Row) -> Event:
+    return Event(row["seq"], row["job_id"], row["at"], row["type"], row["data"])
+
+
+def key_of(row: Row) -> ApiKey:
+    scopes = frozenset(row["scopes"])
+    return ApiKey(row["id"], row["name"], scopes, row["quotas"], row["created_at"], row["revoked_at"])
+
+
+def delivery_of(row: Row) -> Delivery:
+    return Delivery(**{name: row[name] for name in Delivery.__dataclass_fields__})
+
+
+def counts_of(row: Row) -> Counts:
+    return Counts(**{state.value: row[state.value] for state in TaskState})
+
+
+def pack_cursor(*parts: Any) -> str:
+    return base64.urlsafe_b64encode(json.dumps(parts).encode()).decode().rstrip("=")
+
+
+def unpack_cursor(cursor: str, *kinds: type) -> list[Any]:
+    """The parts of a cursor that a listing gave out, or `BadParameter`."""
+    try:
+        parts = json.loads(base64.urlsafe_b64decode(cursor + "=" * (-len(cursor) % 4)))
+        if len(parts) == len(kinds) and all(type(part) is kind for part, kind in zip(parts, kinds, strict=True)):
+            return list(parts)
+    except (ValueError, TypeError):
+        pass
+    raise BadParameter(
+        "This is not a cursor of this listing.",
+        field="cursor",
+        value=cursor,
+        remedy="Pass the `cursor` of the previous page, unchanged, or none for the first page.",
+    )

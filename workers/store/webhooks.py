@@ -1,0 +1,67 @@
+"""The outbox of webhooks. Messages are written with the job's end; this hands them out and notes what became of them.
+
+Tries wait longer each time, as Standard Webhooks 1.0.0 recommends: at once, 5 s, 5 min, 30 min, 2 h, 5 h, 10 h, 10 h.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sqlalchemy import select, update
+
+from workers.errors import NotFound
+from workers.farm import Delivery
+from workers.store import schema
+from workers.store.base import Base
+from workers.store.records import delivery_of
+
+WAITS_S = (5.0, 300.0, 1800.0, 7200.0, 18000.0, 36000.0, 36000.0)
+"""Seconds after each failed try; after one more the message is dead."""
+_GONE = 410
+
+
+class Webhooks(Base):
+    """Implements `workers.farm.Webhooks`."""
+
+    def due(self, limit: int = 20, lease_s: float = 60.0) -> list[Delivery]:
+        table, now = schema.deliveries, self._now()
+        query = (
+            select(table)
+            .where(table.c.state == "waiting", table.c.next_at <= now)
+            .order_by(table.c.next_at)
+            .limit(limit)
+        )
+        with self._db.read() as connection:  # the outbox is empty nearly always: do not lock anybody out to see that
+            if connection.execute(query).first() is None:
+                return []
+        with self._db.write() as connection:
+            found = [delivery_of(row) for row in connection.execute(query.with_for_update(skip_locked=True)).mappings()]
+            claimed = table.c.id.in_([delivery.id for delivery in found])
+            connection.execute(update(table).where(claimed).values(next_at=now + lease_s))
+        return found
+
+    def record(self, delivery_id: str, status: int | None, error: str = "") -> Delivery:
+        table = schema.deliveries
+        with self._db.write() as connection:
+            query = select(table).where(table.c.id == delivery_id).with_for_update()
+            row = connection.execute(query).mappings().first()
+            if row is None:
+                raise NotFound(f"There is no message {delivery_id}.", field="delivery", value=delivery_id)
+            values = _after_try(row["tries"] + 1, status, error, self._now())
+            connection.execute(update(table).where(table.c.id == delivery_id).values(values))
+            return delivery_of({**row, **values})
+
+    def of_job(self, job_id: str) -> list[Delivery]:
+        table = schema.deliveries
+        query = select(table).where(table.c.job_id == job_id).order_by(table.c.id)
+        with self._db.read() as connection:
+            return [delivery_of(row) for row in connection.execute(query).mappings()]
+
+
+def _after_try(tries: int, status: int | None, error: str, now: float) -> dict[str, Any]:
+    if status is not None and 200 <= status < 300:
+        return {"tries": tries, "state": "delivered", "next_at": None, "last_error": ""}
+    said = error or ("no answer" if status is None else f"HTTP {status}")
+    if status == _GONE or tries > len(WAITS_S):
+        return {"tries": tries, "state": "dead", "next_at": None, "last_error": said}
+    return {"tries": tries, "state": "waiting", "next_at": now + WAITS_S[tries - 1], "last_error": said}
