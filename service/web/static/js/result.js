@@ -1,0 +1,46 @@
+/** A finished film: the player, or the contact sheet where there is nothing a browser plays, and the downloads. */
+
+import * as api from "./api.js";
+import { h, icon } from "./dom.js";
+import { notify } from "./notices.js";
+import { createPlayer } from "./player.js";
+
+const NOT_FILES = ["result", "poster", "preview"];
+
+/** @returns {{element, downloads, close()}} */
+export function createResult(job) {
+  const element = h("div", { class: "result" });
+  const life = { closed: false, close: () => {} };
+  const playable = job.request.output?.format !== "png";
+  (playable ? play : hang)(job, element, life).catch(notify);
+  return { element, downloads: downloads(job), close: () => ((life.closed = true), life.close()) };
+}
+
+async function play(job, element, life) {
+  const video = await api.asset(job.request.inputs.video);
+  const addresses = [api.paths.content(video.id), api.paths.result(job.id), api.paths.file(job.id, "poster")];
+  const [before, after, poster] = await Promise.all(addresses.map((path) => api.mediaUrl(path)));
+  if (life.closed) return;
+  const player = createPlayer({ before, after, poster: job.results.includes("poster") ? poster : null, ratio: video.info.width / video.info.height });
+  life.close = player.close;
+  element.append(player.element);
+}
+
+async function hang(job, element) {
+  const name = ["sheet", "poster"].find((file) => job.results.includes(file));
+  if (name) element.append(h("img", { class: "sheet", alt: "Contact sheet of the frames", src: await api.mediaUrl(api.paths.file(job.id, name)) }));
+}
+
+function downloads(job) {
+  const base = (job.request.name || job.id).replace(/[^\p{L}\p{N}._-]+/gu, "-");
+  const format = job.request.output?.format ?? "mp4";
+  const file = format === "png" ? "zip" : format;
+  const save = (path, name) => () => api.download(path, name).catch(notify);
+  const main = h("button", { type: "button", class: "button primary", onclick: save(api.paths.result(job.id), `${base}.${file}`) }, icon("download"), `Download ${file.toUpperCase()}`);
+  const others = job.results.filter((name) => !NOT_FILES.includes(name));
+  const more = others.map((name) => h("button", { type: "button", class: "button small", onclick: save(api.paths.file(job.id, name), fileName(base, name)) }, label(name)));
+  return h("div", { class: "downloads" }, main, more.length > 0 && h("div", { class: "downloads-more" }, more));
+}
+
+const label = (name) => (name === "sheet" ? "Contact sheet" : name);
+const fileName = (base, name) => `${base}-${name === "sheet" ? "sheet.jpg" : name}`;
