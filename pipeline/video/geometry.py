@@ -10,11 +10,12 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import cast
 
 import av
 import cv2
 import numpy as np
-from av.sidedata.sidedata import Type as SideDataType
+from av.sidedata.sidedata import SideData
 from av.video.reformatter import ColorRange, Colorspace, Interpolation
 from numpy.typing import NDArray
 
@@ -73,11 +74,11 @@ def geometry_of(picture: av.VideoFrame, aspect: Fraction | None) -> Geometry:
 
 def _display_matrix(picture: av.VideoFrame) -> tuple[int, int, int, int]:
     """(a, b, c, d) of x' = a x + c y, y' = b x + d y, in 16.16 fixed point; identity if there is none."""
-    for data in picture.side_data:
-        if data.type == SideDataType.DISPLAYMATRIX:
-            a, b, _u, c, d, *_rest = struct.unpack("=9i", bytes(data)[:36])
-            return a, b, c, d
-    return 1, 0, 0, 1
+    data = picture.side_data.get("DISPLAYMATRIX")
+    if data is None:
+        return 1, 0, 0, 1
+    a, b, _u, c, d = struct.unpack_from("=5i", bytes(cast(SideData, data)))
+    return a, b, c, d
 
 
 def _square(width: int, height: int, aspect: Fraction | None) -> tuple[int, int]:

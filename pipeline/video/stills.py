@@ -67,8 +67,8 @@ def _to_8_bit(image: NDArray[Any]) -> NDArray[np.uint8]:
     if image.dtype == np.uint8:
         return np.asarray(image, np.uint8)
     if image.dtype == np.uint16:
-        return (image >> 8).astype(np.uint8)
-    return (np.clip(image, 0, 1) * 255 + 0.5).astype(np.uint8)
+        return np.asarray(image >> 8, np.uint8)
+    return np.asarray(np.clip(image, 0, 1) * 255 + 0.5, np.uint8)
 
 
 def over_white(rgba: NDArray[np.uint8]) -> Frame:

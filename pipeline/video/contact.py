@@ -1,0 +1,47 @@
+"""Small pictures of a finished video: a poster and a contact sheet, as JPEG. The same video gives the same bytes."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from pipeline.frames import Frame
+from pipeline.video.reader import VideoReader
+from pipeline.video.stills import encode_jpeg
+
+_COLUMNS, _ROWS = 4, 3
+_GAP_PX = 4
+
+
+def fit(frame: Frame, max_side_px: int) -> Frame:
+    """The frame, scaled down (never up) so that its longer side is at most `max_side_px`."""
+    height, width = frame.shape[:2]
+    scale = max_side_px / max(width, height)
+    if scale >= 1:
+        return frame
+    size = (max(1, round(width * scale)), max(1, round(height * scale)))
+    return np.asarray(cv2.resize(frame, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def poster(reader: VideoReader, max_side_px: int = 1280) -> bytes:
+    """The frame a third into the video (openings are often black), JPEG."""
+    return encode_jpeg(fit(_frame(reader, reader.frames // 3), max_side_px))
+
+
+def contact_sheet(reader: VideoReader, tile_px: int = 320) -> bytes:
+    """Up to twelve frames, evenly spaced, on a dark sheet four wide; JPEG."""
+    count = min(reader.frames, _COLUMNS * _ROWS)
+    tiles = [fit(_frame(reader, round((i + 0.5) * reader.frames / count - 0.5)), tile_px) for i in range(count)]
+    height, width = tiles[0].shape[:2]
+    columns = min(count, _COLUMNS)
+    rows = -(-count // columns)
+    sheet = np.full((rows * (height + _GAP_PX) + _GAP_PX, columns * (width + _GAP_PX) + _GAP_PX, 3), 24, np.uint8)
+    for number, tile in enumerate(tiles):
+        row, column = divmod(number, columns)
+        y, x = _GAP_PX + row * (height + _GAP_PX), _GAP_PX + column * (width + _GAP_PX)
+        sheet[y : y + height, x : x + width] = tile
+    return encode_jpeg(sheet)
+
+
+def _frame(reader: VideoReader, index: int) -> Frame:
+    return next(reader.read(index, index + 1))

@@ -1,0 +1,105 @@
+"""Joining segments end to end, without re-encoding, and adding the source's sound: the finished file.
+
+The same segments and source give the same bytes: no creation time and no version is written.
+"""
+
+from __future__ import annotations
+
+import heapq
+import zipfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+from av.container import OutputContainer
+from av.packet import Packet
+from av.video.stream import VideoStream
+
+from pipeline.errors import UnreadableMedia
+from pipeline.video.audio import Timed, add_audio
+from pipeline.video.container import open_container
+from pipeline.video.media import Limits
+from pipeline.video.writer import MUXER_OPTIONS, Format, zip_entry
+
+MEDIA_TYPES: dict[Format, str] = {"mp4": "video/mp4", "webm": "video/webm", "png": "application/zip"}
+
+
+def join(
+    segments: Sequence[Path],
+    out: Path,
+    container: Format,
+    sound: Path | None = None,
+    origin_s: Fraction = Fraction(0),
+    progress: Callable[[float], None] = lambda done: None,
+) -> None:
+    """Write the finished file at `out`.
+
+    Args:
+        segments: files of `segment_writer`, all of one spec, in order; at least one.
+        container: "mp4" (streamable from its first bytes), "webm", or "png" (one zip of numbered frames).
+        sound: a media file whose audio is added in step, if it has any. "png" takes none.
+        origin_s: the time in `sound` at which the first frame is shown, seconds.
+        progress: told the fraction done after each segment; may raise to stop.
+    """
+    if container == "png":
+        _join_images(segments, out, progress)
+        return
+    with ExitStack() as stack:
+        options = MUXER_OPTIONS | ({"movflags": "+faststart"} if container == "mp4" else {})
+        target = stack.enter_context(av.open(f"file:{out}", "w", format=container, options=options))
+        template = stack.enter_context(open_container(segments[0], Limits()))
+        stream = target.add_stream_from_template(template.streams.video[0])
+        pictures = _pictures(segments, stream, progress)
+        _interleave(target, pictures, _sound(stack, sound, target, container, origin_s))
+
+
+def _sound(
+    stack: ExitStack, sound: Path | None, target: OutputContainer, container: str, origin_s: Fraction
+) -> Iterator[Timed]:
+    if sound is None:
+        return iter(())
+    try:
+        source = stack.enter_context(open_container(sound, Limits()))
+    except UnreadableMedia:
+        return iter(())  # pictures that no demuxer takes (a zip, a still) have no sound
+    return add_audio(source, target, container, origin_s)
+
+
+def _interleave(target: OutputContainer, *tracks: Iterator[Timed]) -> None:
+    """Mux in order of time, so that neither track is ever held in memory."""
+    for _time, packet in heapq.merge(*tracks, key=lambda timed: timed[0]):
+        target.mux(packet)
+
+
+def _pictures(segments: Sequence[Path], target: VideoStream, progress: Callable[[float], None]) -> Iterator[Timed]:
+    offset = 0
+    for number, segment in enumerate(segments, start=1):
+        with open_container(segment, Limits()) as source:
+            stream = source.streams.video[0]
+            tick = stream.time_base or Fraction(1, 1000)
+            end = 0
+            for packet in source.demux(stream):
+                if packet.size:
+                    end = (packet.pts or 0) + (packet.duration or 0)
+                    yield _moved(packet, offset, tick, target)
+            offset += end
+        progress(number / len(segments))
+
+
+def _moved(packet: Packet[Any], offset: int, tick: Fraction, target: VideoStream) -> Timed:
+    packet.pts = (packet.pts or 0) + offset
+    packet.dts = packet.pts
+    packet.stream = target
+    return packet.pts * tick, packet
+
+
+def _join_images(segments: Sequence[Path], out: Path, progress: Callable[[float], None]) -> None:
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_STORED) as target:
+        for number, segment in enumerate(segments, start=1):
+            with zipfile.ZipFile(segment) as source:
+                for member in source.infolist():
+                    target.writestr(zip_entry(member.filename), source.read(member))
+            progress(number / len(segments))

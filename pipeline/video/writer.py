@@ -1,0 +1,200 @@
+"""Encoding a run of frames as one *segment*: a file that starts with a keyframe and refers to nothing outside, so
+that segments join end to end without re-encoding (see `join`).
+
+The same frames give the same bytes: a fixed number of threads, no clock and no version in the file. There are no
+B-frames, so that packets are in display order and joining needs no shuffling of times.
+
+H.264 in 4:2:0 has even sides, and browsers play nothing else widely: an odd side grows by one repeated row or column.
+(H.264 can only crop by two there.) VP9 and PNG keep odd sizes.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from abc import ABC, abstractmethod
+from collections import deque
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+from typing import Literal, Self
+
+import av
+import cv2
+import numpy as np
+from av.video.codeccontext import VideoCodecContext
+from av.video.reformatter import ColorPrimaries, ColorRange, Colorspace, ColorTrc, Interpolation
+from av.video.stream import VideoStream
+
+from pipeline.errors import BadParameter
+from pipeline.frames import Frame, same_size
+from pipeline.video.geometry import customary_matrix
+from pipeline.video.stills import encode_png
+
+Format = Literal["mp4", "webm", "png"]
+FORMATS: tuple[Format, ...] = ("mp4", "webm", "png")
+MUXER_OPTIONS = {"fflags": "+bitexact"}
+_THREADS = 2
+_KEY_EVERY = 60
+_ZIP_EPOCH = (1980, 1, 1, 0, 0, 0)
+_BT601_TAG = 6
+
+
+@dataclass(frozen=True)
+class SegmentSpec:
+    """What every segment of one video shares."""
+
+    format: Format
+    size: tuple[int, int]
+    """(width, height) px of the frames given."""
+    time_base: Fraction
+    """Seconds a tick."""
+    fps: float
+    """Nominal rate: a hint for the encoder's rate control and for players."""
+    quality: int = 20
+    """Constant rate factor, 0 (lossless) to 51; PNG is always lossless."""
+
+    @property
+    def coded_size(self) -> tuple[int, int]:
+        """(width, height) px of the video written."""
+        width, height = self.size
+        return (width + width % 2, height + height % 2) if self.format == "mp4" else self.size
+
+
+class SegmentWriter(ABC):
+    """Writes one segment. Use as a context manager: the file is whole after a clean exit, and not to be used else."""
+
+    def __init__(self, spec: SegmentSpec) -> None:
+        self.spec = spec
+        self.frames = 0
+
+    def write(self, index: int, frame: Frame, start: int, stop: int) -> None:
+        """Add the frame `index` of the video, shown over ticks [start, stop); `start` is the `stop` before."""
+        self._write(index, same_size(frame, self.spec.size), start, stop)
+        self.frames += 1
+
+    @abstractmethod
+    def _write(self, index: int, frame: Frame, start: int, stop: int) -> None: ...
+
+    @abstractmethod
+    def finish(self) -> None: ...
+
+    @abstractmethod
+    def close(self) -> None: ...
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if kind is None:
+                self.finish()
+        finally:
+            self.close()
+
+
+def segment_writer(path: Path, spec: SegmentSpec) -> SegmentWriter:
+    """A writer of one segment at `path`. Raises BadParameter (format, quality)."""
+    if spec.format not in FORMATS:
+        remedy = f"Use one of: {', '.join(FORMATS)}."
+        raise BadParameter("There is no such output format.", field="output.format", value=spec.format, remedy=remedy)
+    if not 0 <= spec.quality <= 51:
+        raise BadParameter("The quality is out of range.", field="output.quality", value=spec.quality, remedy="0..51.")
+    return ImageSegment(path, spec) if spec.format == "png" else VideoSegment(path, spec)
+
+
+class VideoSegment(SegmentWriter):
+    """H.264 or VP9 in MP4, whose times start at 0."""
+
+    def __init__(self, path: Path, spec: SegmentSpec) -> None:
+        super().__init__(spec)
+        self._file = av.open(f"file:{path}", "w", format="mp4", options=dict(MUXER_OPTIONS))
+        codec, options = _codec(spec)
+        rate = Fraction(spec.fps).limit_denominator(1001)
+        stream = self._file.add_stream(codec, rate=max(rate, Fraction(1, 1001)), options=options)
+        assert isinstance(stream, VideoStream)
+        _describe(stream.codec_context, spec)
+        self._stream = stream
+        self._durations: deque[int] = deque()
+        self._origin: int | None = None
+
+    def _write(self, index: int, frame: Frame, start: int, stop: int) -> None:
+        self._origin = start if self._origin is None else self._origin
+        picture = av.VideoFrame.from_ndarray(_even(frame, self.spec.coded_size), format="rgb24").reformat(
+            format="yuv420p",
+            dst_colorspace=customary_matrix(self.spec.size[1]),
+            src_color_range=ColorRange.JPEG,
+            dst_color_range=ColorRange.MPEG,
+            interpolation=Interpolation.BILINEAR,
+            threads=1,
+        )
+        picture.pts, picture.time_base = start - self._origin, self.spec.time_base
+        self._durations.append(stop - start)
+        self._encode(picture)
+
+    def _encode(self, picture: av.VideoFrame | None) -> None:
+        for packet in self._stream.encode(picture):
+            packet.duration = self._durations.popleft()
+            self._file.mux(packet)
+
+    def finish(self) -> None:
+        if self.frames:
+            self._encode(None)
+
+    def close(self) -> None:
+        self._file.close()
+
+
+def _codec(spec: SegmentSpec) -> tuple[str, dict[str, str]]:
+    if spec.format == "webm":
+        crf = round(spec.quality * 63 / 51)
+        lossless = {"lossless": "1"} if spec.quality == 0 else {}
+        speed = {"deadline": "good", "cpu-used": "5", "lag-in-frames": "0", "auto-alt-ref": "0", "row-mt": "0"}
+        return "libvpx-vp9", {"crf": str(crf), "b": "0", "g": str(_KEY_EVERY)} | speed | lossless
+    # Slice threads, so that a frame's cost falls on the call that hands it over, and not on the method's clocks.
+    tuning = {"x264-params": "sliced-threads=1:sync-lookahead=0", "preset": "veryfast", "bf": "0"}
+    profile = {"profile": "high"} if spec.quality else {}
+    return "libx264", {"crf": str(spec.quality), "g": str(_KEY_EVERY)} | tuning | profile
+
+
+def _describe(context: VideoCodecContext, spec: SegmentSpec) -> None:
+    context.width, context.height = spec.coded_size
+    context.pix_fmt = "yuv420p"
+    context.time_base = spec.time_base
+    context.thread_count = _THREADS
+    hd = customary_matrix(spec.size[1]) == Colorspace.ITU709
+    context.color_range = ColorRange.MPEG
+    context.colorspace = Colorspace.ITU709 if hd else _BT601_TAG
+    context.color_primaries = ColorPrimaries.BT709 if hd else ColorPrimaries.SMPTE170M
+    context.color_trc = ColorTrc.BT709 if hd else ColorTrc.SMPTE170M
+
+
+def _even(frame: Frame, size: tuple[int, int]) -> Frame:
+    right, bottom = size[0] - frame.shape[1], size[1] - frame.shape[0]
+    if not right and not bottom:
+        return np.ascontiguousarray(frame)
+    return np.asarray(cv2.copyMakeBorder(frame, 0, bottom, 0, right, cv2.BORDER_REPLICATE), np.uint8)
+
+
+class ImageSegment(SegmentWriter):
+    """Lossless PNGs named by frame index, stored in a zip. Times are not kept."""
+
+    def __init__(self, path: Path, spec: SegmentSpec) -> None:
+        super().__init__(spec)
+        self._zip = zipfile.ZipFile(path, "w", zipfile.ZIP_STORED)
+
+    def _write(self, index: int, frame: Frame, start: int, stop: int) -> None:
+        self._zip.writestr(zip_entry(f"{index:04d}.png"), encode_png(frame))
+
+    def finish(self) -> None:
+        return
+
+    def close(self) -> None:
+        self._zip.close()
+
+
+def zip_entry(name: str) -> zipfile.ZipInfo:
+    """A stored entry without a clock in it."""
+    return zipfile.ZipInfo(name, _ZIP_EPOCH)
