@@ -1,0 +1,171 @@
+"""Faces found now and then (viola2001rapid) and followed in between, as soft bumps over whole heads.
+
+A detector that runs on every frame costs more than all the rest of a method, and its boxes tremble and drop out. So it
+searches the whole frame now and then, and four times as often the surroundings of the faces it knows. Between, a face
+moves with the median flow inside it, its box eases towards the latest detection, and its strength rises and falls
+slowly. The more often a face has been met, the longer it is kept without being met again.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from cv2.data import haarcascades
+from numpy.typing import NDArray
+
+from pipeline.errors import DeviceError
+from pipeline.frames import Flow, Plane
+
+Tracks = NDArray[np.float64]
+"""One face a row: eased box (cx, cy, width, height), latest box, strength 0..1, frames unseen, detections. Px of the
+frame."""
+
+_BOX, _GOAL, _STRENGTH, _UNSEEN, _HITS = slice(0, 4), slice(4, 8), 8, 9, 10
+_COLUMNS = 11
+_NEARBY_SEARCHES = 4
+"""Searches around known faces for each search of the whole frame."""
+_MIN_PATIENCE, _MAX_PATIENCE = 1.0, 2.0
+"""How long a face is kept after its first and after many detections, in intervals between whole searches."""
+_SCALE_FACTOR, _MIN_NEIGHBOURS = 1.15, 3
+_FINE_SCALE_FACTOR = 1.08
+_HALF_WIDTH, _HALF_HEIGHT, _RAISE = 0.55, 0.75, 0.1
+"""The head around a detected face, in sides of its box, which ends at brows and chin."""
+_FADE = 1.5
+"""The bump is 1 in the head's ellipse and 0 outside the ellipse this many times larger."""
+
+
+class FaceTracker:
+    """Follows the faces of one shot. Not thread-safe; the cascade is its own and is read on the first detection.
+
+    Args:
+        size: (width, height) of the frames, px.
+        every_frames: frames between searches of the whole frame, counted from the shot's first.
+        half_life_frames: of easing boxes and strengths.
+        smallest: smallest face, as a fraction of the frame's shorter side.
+    """
+
+    def __init__(self, size: tuple[int, int], every_frames: int, half_life_frames: float, smallest: float) -> None:
+        self._size = size
+        self._every = every_frames
+        self._gain = 1.0 - 0.5 ** (1.0 / half_life_frames) if half_life_frames > 0 else 1.0
+        self._smallest = smallest
+        self._cascade: cv2.CascadeClassifier | None = None
+        self.tracks: Tracks = np.empty((0, _COLUMNS))
+
+    def step(self, gray: NDArray[np.uint8], flow: Flow | None, age: int) -> None:
+        """Take in frame number `age` of the shot.
+
+        Args:
+            gray: the frame, scaled down.
+            flow: from the previous frame, px of the frame, sampled on a grid of any size over it.
+            age: 0 forgets every face.
+        """
+        if age == 0:
+            self.tracks = np.empty((0, _COLUMNS))
+        if flow is not None:
+            self._move(flow)
+        self.tracks[:, _UNSEEN] += 1
+        if age % self._every == 0:
+            self._meet(self._search(gray), newcomers=True, fresh=age == 0)
+        elif age % max(1, self._every // _NEARBY_SEARCHES) == 0:
+            self._meet(self._search_nearby(gray), newcomers=False)
+        self._ease()
+
+    def bump(self, shape: tuple[int, int]) -> Plane:
+        """Strength of the nearest head, float32 `shape` over the frame, in [0, 1]."""
+        height, width = shape
+        xs = (np.arange(width, dtype=np.float32) + 0.5) * np.float32(self._size[0] / width)
+        ys = (np.arange(height, dtype=np.float32) + 0.5) * np.float32(self._size[1] / height)
+        plane = np.zeros(shape, np.float32)
+        for cx, cy, w, h, strength in self.tracks[:, [0, 1, 2, 3, _STRENGTH]].astype(np.float32):
+            across = ((xs - cx) / (w * np.float32(_HALF_WIDTH))) ** 2
+            down = ((ys - cy + h * np.float32(_RAISE)) / (h * np.float32(_HALF_HEIGHT))) ** 2
+            distance = np.sqrt(across[None, :] + down[:, None])
+            ramp = np.clip((np.float32(_FADE) - distance) / np.float32(_FADE - 1), 0, 1)
+            np.maximum(plane, strength * ramp * ramp * (3 - 2 * ramp), out=plane)
+        return plane
+
+    def _move(self, flow: Flow) -> None:
+        scale = np.array([flow.shape[1] / self._size[0], flow.shape[0] / self._size[1]])
+        for track in self.tracks:
+            centre, quarter = track[0:2] * scale, track[2:4] * scale / 4
+            (x0, y0), (x1, y1) = np.maximum(centre - quarter, 0).astype(int), np.ceil(centre + quarter).astype(int)
+            inside = flow[y0 : y1 + 1, x0 : x1 + 1].reshape(-1, 2)
+            if inside.size:
+                shift = np.median(inside, axis=0)
+                track[0:2] += shift
+                track[4:6] += shift
+
+    def _search(self, gray: NDArray[np.uint8]) -> NDArray[np.float64]:
+        """Boxes (cx, cy, width, height) in px of the frame, in an order that depends on the picture alone."""
+        least = max(20, round(self._smallest * min(gray.shape)))
+        return self._detect(gray, _SCALE_FACTOR, least, min(gray.shape)) / self._scale(gray)
+
+    def _search_nearby(self, gray: NDArray[np.uint8]) -> NDArray[np.float64]:
+        """The same around every known face: twice its size, about its size, in finer steps."""
+        found = [np.empty((0, 4))]
+        for cx, cy, width, height in self.tracks[:, _GOAL] * self._scale(gray):
+            x, y = max(0, int(cx - width)), max(0, int(cy - height))
+            window = gray[y : int(cy + height) + 1, x : int(cx + width) + 1]
+            if min(window.shape) > 20:
+                boxes = self._detect(window, _FINE_SCALE_FACTOR, max(20, int(width * 0.75)), int(width * 1.35))
+                boxes[:, :2] += x, y
+                found.append(boxes / self._scale(gray))
+        return np.vstack(found)
+
+    def _detect(self, gray: NDArray[np.uint8], factor: float, least: int, most: int) -> NDArray[np.float64]:
+        if self._cascade is None:
+            self._cascade = _load_cascade()
+        found = self._cascade.detectMultiScale(
+            gray, factor, _MIN_NEIGHBOURS, minSize=(least, least), maxSize=(most, most)
+        )
+        boxes = np.array(sorted(tuple(int(v) for v in box) for box in found), np.float64).reshape(-1, 4)
+        boxes[:, :2] += boxes[:, 2:] / 2
+        return boxes
+
+    def _scale(self, gray: NDArray[np.uint8]) -> NDArray[np.float64]:
+        return np.tile([gray.shape[1] / self._size[0], gray.shape[0] / self._size[1]], 2)
+
+    def _meet(self, boxes: NDArray[np.float64], newcomers: bool, fresh: bool = False) -> None:
+        """Give every detection to the nearest face that no other has taken, else to a new one if those may come."""
+        free = np.ones(len(self.tracks), bool)
+        new = []
+        for box in boxes:
+            apart = np.linalg.norm(self.tracks[:, 4:6] - box[:2], axis=1) / np.maximum(self.tracks[:, 6], box[2])
+            near = np.flatnonzero(free & (apart < 0.5))
+            if near.size:
+                nearest = int(near[apart[near].argmin()])
+                free[nearest] = False
+                self._renew(nearest, box)
+            elif newcomers:
+                new.append([*box, *box, float(fresh), 0.0, 1.0])
+        self.tracks = np.vstack([self.tracks, np.array(new, np.float64).reshape(-1, _COLUMNS)])
+
+    def _renew(self, index: int, box: NDArray[np.float64]) -> None:
+        self.tracks[index, _GOAL] = box
+        self.tracks[index, _UNSEEN] = 0
+        self.tracks[index, _HITS] += 1
+
+    def _ease(self) -> None:
+        tracks = self.tracks
+        patience = self._every * np.clip(tracks[:, _HITS] / 4, _MIN_PATIENCE, _MAX_PATIENCE)
+        held = tracks[:, _UNSEEN] <= patience
+        tracks[:, _BOX] += self._gain * (tracks[:, _GOAL] - tracks[:, _BOX])
+        tracks[:, _STRENGTH] += self._gain * (held - tracks[:, _STRENGTH])
+        inside = ((tracks[:, 4:6] >= 0) & (tracks[:, 4:6] < self._size)).all(axis=1)
+        self.tracks = tracks[(held | (tracks[:, _STRENGTH] > 0.02)) & inside]
+
+
+def _load_cascade() -> cv2.CascadeClassifier:
+    path = Path(haarcascades) / "haarcascade_frontalface_alt2.xml"
+    cascade = cv2.CascadeClassifier(str(path))
+    if cascade.empty():
+        raise DeviceError(
+            "OpenCV's face cascade cannot be read.",
+            field="opencv",
+            value=path,
+            remedy="Install opencv-contrib-python-headless 4.x.",
+        )
+    return cascade

@@ -1,0 +1,50 @@
+"""Static saliency by the spectral residual (hou2007spectral)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Plane
+
+SIDE_PX = 64
+"""The paper's scale: what stands out at this size is what a glance takes in."""
+_AVERAGE_PX = 3
+_BLUR_PX = 2.5
+
+
+def spectral_residual(gray: NDArray[np.uint8]) -> Plane:
+    """What in a picture departs from the smooth spectrum that natural pictures share.
+
+    Departure: the map is divided by its mean and squeezed by 1 - exp(-x / 3) instead of being stretched to its
+    maximum, so that one bright speck that comes and goes does not dim the rest of the map.
+
+    Args:
+        gray: uint8 (height, width), any size.
+
+    Returns: float32 (64, 64) in [0, 1), stretched over the whole picture; 0 everywhere for a flat picture.
+    """
+    small = cv2.resize(gray, (SIDE_PX, SIDE_PX), interpolation=cv2.INTER_AREA).astype(np.float32)
+    small -= small.mean()
+    spectrum = cv2.dft(small, flags=cv2.DFT_COMPLEX_OUTPUT)
+    amplitude = np.sqrt(_power(spectrum)) + np.float32(1e-3)
+    log_amplitude = np.log(amplitude)
+    residual = log_amplitude - cv2.blur(log_amplitude, (_AVERAGE_PX, _AVERAGE_PX))
+    spectrum *= (np.exp(residual) / amplitude)[..., None]
+    signal = cv2.dft(spectrum, flags=cv2.DFT_INVERSE | cv2.DFT_SCALE)
+    energy = cv2.GaussianBlur(_power(signal), (0, 0), _BLUR_PX)
+    mean = float(energy.mean())
+    if mean <= 1e-12 or float(np.ptp(small)) < 1.0:
+        return np.zeros((SIDE_PX, SIDE_PX), np.float32)
+    squeezed: Plane = (1 - np.exp(energy / np.float32(-3 * mean))).astype(np.float32, copy=False)
+    return squeezed
+
+
+def _power(spectrum: NDArray[Any]) -> Plane:
+    """Squared magnitude. Not by `cv2.magnitude`: its last bit depends on where in memory its result happens to lie."""
+    real, imaginary = spectrum[..., 0], spectrum[..., 1]
+    squared: Plane = real * real + imaginary * imaginary
+    return squared
