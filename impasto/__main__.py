@@ -1,0 +1,5 @@
+"""`python -m impasto`: the command, without the script."""
+
+from impasto.cli.app import main
+
+main()
