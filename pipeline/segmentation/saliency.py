@@ -33,8 +33,8 @@ def spectral_residual(gray: NDArray[np.uint8]) -> Plane:
     amplitude = np.sqrt(_power(spectrum)) + np.float32(1e-3)
     log_amplitude = np.log(amplitude)
     residual = log_amplitude - cv2.blur(log_amplitude, (_AVERAGE_PX, _AVERAGE_PX))
-    spectrum *= (np.exp(residual) / amplitude)[..., None]
-    signal = cv2.dft(spectrum, flags=cv2.DFT_INVERSE | cv2.DFT_SCALE)
+    flattened = spectrum * (np.exp(residual) / amplitude)[..., None]
+    signal = cv2.dft(flattened, flags=cv2.DFT_INVERSE | cv2.DFT_SCALE)
     energy = cv2.GaussianBlur(_power(signal), (0, 0), _BLUR_PX)
     mean = float(energy.mean())
     if mean <= 1e-12 or float(np.ptp(small)) < 1.0:
