@@ -1,0 +1,83 @@
+"""What routes ask for: who is calling (with the right scope) and the parts of the service."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Annotated, cast
+
+from anyio import CapacityLimiter
+from fastapi import Depends, Request, Security
+from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
+
+from service.access.keys import Principal, Scope
+from service.errors import Forbidden
+from service.settings import Settings
+from service.webhooks.secrets import WebhookSecrets
+from workers.farm import Farm
+
+
+class Streams:
+    """Counts event streams, and keeps their waiting threads apart from those that serve requests."""
+
+    def __init__(self, most: int) -> None:
+        self._most, self._open = most, 0
+        self.threads = CapacityLimiter(most)
+
+    @property
+    def full(self) -> bool:
+        return self._open >= self._most
+
+    @contextmanager
+    def one(self) -> Iterator[None]:
+        """Count a stream while it lasts. Called on the event loop only."""
+        self._open += 1
+        try:
+            yield
+        finally:
+            self._open -= 1
+
+
+@dataclass
+class Service:
+    """The parts that routes work with; made by `create_app`."""
+
+    settings: Settings
+    farm: Farm
+    streams: Streams
+    previews: threading.BoundedSemaphore
+    webhook_secrets: WebhookSecrets
+    closing: threading.Event = field(default_factory=threading.Event)
+    """Set when the process is about to stop: long answers end."""
+
+
+def _service(request: Request) -> Service:
+    return cast(Service, request.app.state.service)
+
+
+bearer = HTTPBearer(auto_error=False, description="An API key; not needed on loopback unless the operator says so.")
+
+
+def _needs(scope: Scope) -> Callable[..., Principal]:
+    def caller(
+        request: Request, _documented: Annotated[HTTPAuthorizationCredentials | None, Security(bearer)] = None
+    ) -> Principal:
+        principal = cast(Principal, request.state.principal)
+        if principal.may(scope):
+            return principal
+        raise Forbidden(
+            f"This key may not do that: it lacks the scope {scope.value!r}.",
+            field="Authorization",
+            value=", ".join(sorted(principal.scopes)),
+            remedy=f"Use a key with the scope {scope.value!r}.",
+        )
+
+    return caller
+
+
+Parts = Annotated[Service, Depends(_service)]
+Reader = Annotated[Principal, Depends(_needs(Scope.READ))]
+Submitter = Annotated[Principal, Depends(_needs(Scope.SUBMIT))]
+Admin = Annotated[Principal, Depends(_needs(Scope.ADMIN))]

@@ -1,0 +1,113 @@
+"""The gate before every request: is the address meant for us, who is asking, and not too often."""
+
+from __future__ import annotations
+
+import hmac
+from urllib.parse import urlsplit
+
+from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import Headers
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from pipeline.errors import ImpastoError
+from service.access.keys import EVERYONE, OPERATOR, Principal
+from service.access.rates import Rates
+from service.errors import Forbidden, RateLimited, Unauthorized, respond, retry_after
+from service.settings import Settings, is_loopback
+from workers.farm import Keys
+
+GUARDED = ("/v1/", "/metrics")
+"""What needs a key where keys are needed. Pages, health and the API's description hold no one's data."""
+
+
+class Gate:
+    """Sets `request.state.principal`, or answers with 401, 403 or 429."""
+
+    def __init__(self, app: ASGIApp, settings: Settings, keys: Keys, rates: Rates) -> None:
+        self._app, self._settings, self._keys, self._rates = app, settings, keys, rates
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        try:
+            scope.setdefault("state", {})["principal"] = await self._admit(scope)
+        except ImpastoError as error:
+            await respond(error, scope["path"])(scope, receive, send)
+            return
+        await self._app(scope, receive, send)
+
+    async def _admit(self, scope: Scope) -> Principal | None:
+        headers = Headers(scope=scope)
+        secret = _bearer(headers)
+        if secret is None and self._settings.open:
+            self._check_local(headers, scope["scheme"])
+        if not scope["path"].startswith(GUARDED):
+            return None
+        principal = await self._known(secret)
+        self._check_rate(principal, _address(scope))
+        if principal is None:
+            raise Unauthorized(
+                "This needs an API key." if secret is None else "This API key is not known.",
+                field="Authorization",
+                remedy="Send the header 'Authorization: Bearer <key>' with a valid key.",
+            )
+        return principal
+
+    async def _known(self, secret: str | None) -> Principal | None:
+        if secret is None:
+            return EVERYONE if self._settings.open else None
+        fixed = self._settings.admin_key
+        if fixed and hmac.compare_digest(secret.encode(), fixed.get_secret_value().encode()):
+            return OPERATOR
+        key = await run_in_threadpool(self._keys.verify, secret)
+        return Principal(key.id, key.scopes, key.quotas) if key else None
+
+    def _check_rate(self, principal: Principal | None, address: str) -> None:
+        caller = (principal and principal.owner) or address
+        own = principal.quotas.get("requests_per_minute") if principal else None
+        per_minute = own or self._settings.requests_per_minute
+        wait_s = self._rates.take(caller, per_minute / 60, max(1, per_minute // 6))
+        if wait_s > 0:
+            raise RateLimited(
+                "Too many requests in a short time.",
+                headers=retry_after(wait_s),
+                field="Authorization",
+                remedy=f"Wait {wait_s:.1f} s.",
+            )
+
+    def _check_local(self, headers: Headers, scheme: str) -> None:
+        """Without keys, a page from elsewhere must not reach us: by a name that it rebinds, or across origins."""
+        host = headers.get("host", "")
+        if self._settings.auth == "auto" and not self._local_name(host):
+            raise Forbidden(
+                "This service answers to this machine only.",
+                field="Host",
+                value=host,
+                remedy="Use http://127.0.0.1, add the name to IMPASTO_ALLOWED_HOSTS, or use an API key.",
+            )
+        origin = headers.get("origin")
+        if origin is not None and origin.lower() != f"{scheme}://{host}".lower():
+            raise Forbidden(
+                "Pages of other origins may not use this service.",
+                field="Origin",
+                value=origin,
+                remedy="Use the service's own page, or an API key from a program.",
+            )
+
+    def _local_name(self, host: str) -> bool:
+        try:
+            name = urlsplit(f"//{host}").hostname or ""
+        except ValueError:
+            return False
+        return is_loopback(name) or name in self._settings.allowed_hosts
+
+
+def _bearer(headers: Headers) -> str | None:
+    kind, _, secret = headers.get("authorization", "").partition(" ")
+    return (secret.strip() or None) if kind.lower() == "bearer" else None
+
+
+def _address(scope: Scope) -> str:
+    client = scope.get("client")
+    return f"@{client[0]}" if client else "@"

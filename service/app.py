@@ -1,0 +1,79 @@
+"""create_app: the parts put together, nothing more."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import Any
+
+from fastapi import FastAPI
+from starlette.staticfiles import StaticFiles
+
+from service import errors
+from service.access.depends import Service, Streams
+from service.access.gate import Gate
+from service.access.rates import Rates
+from service.assets.routes import router as assets
+from service.bodies import JsonBodies
+from service.edge import Edge
+from service.jobs.events import router as events
+from service.jobs.files import router as files
+from service.jobs.routes import router as jobs
+from service.jobs.tasks import router as tasks
+from service.methods.routes import router as methods
+from service.ops.routes import router as ops
+from service.pages import router as pages
+from service.previews.routes import router as previews
+from service.settings import Settings
+from service.webhooks.secrets import WebhookSecrets
+from workers.farm import Farm
+
+WEB = Path(__file__).parent / "web"
+ROUTERS = (methods, assets, jobs, tasks, events, files, previews, ops, pages)
+
+
+def create_app(settings: Settings, farm: Farm) -> FastAPI:
+    """The HTTP service over `farm`, which the caller starts and stops."""
+    app = FastAPI(
+        title="Impasto",
+        version="1",
+        summary="Turn video into paintings and cartoons that hold still where they should.",
+        docs_url=None,
+        redoc_url=None,
+        generate_unique_id_function=lambda route: route.name,
+    )
+    app.state.service = service = Service(
+        settings=settings,
+        farm=farm,
+        streams=Streams(settings.max_streams),
+        previews=threading.BoundedSemaphore(settings.preview_slots),
+        webhook_secrets=WebhookSecrets(settings.home / "webhook_secret"),
+    )
+    errors.install(app)
+    for router in ROUTERS:
+        app.include_router(router, responses=errors.PROBLEM_RESPONSES)
+    app.mount("/static", StaticFiles(directory=WEB / "static"), name="static")
+    _add_middleware(app, service)
+    _describe(app)
+    return app
+
+
+def _add_middleware(app: FastAPI, service: Service) -> None:
+    """The last one added is the outermost."""
+    settings = service.settings
+    app.add_middleware(JsonBodies, max_bytes=settings.max_json_bytes, idle_s=settings.idle_s)
+    app.add_middleware(Gate, settings=settings, keys=service.farm.keys, rates=Rates())
+    app.add_middleware(Edge)
+
+
+def _describe(app: FastAPI) -> None:
+    """Add the problem's schema, which every route refers to, to the OpenAPI document."""
+    plain = app.openapi
+
+    def openapi() -> dict[str, Any]:
+        document = plain()
+        schemas = document.setdefault("components", {}).setdefault("schemas", {})
+        schemas["Problem"] = errors.Problem.model_json_schema()
+        return document
+
+    app.openapi = openapi  # type: ignore[method-assign]

@@ -1,0 +1,1 @@
+"""Assets: what users upload in one go."""

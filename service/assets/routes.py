@@ -1,0 +1,110 @@
+"""/v1/assets: upload a small file in one go, list, look, fetch, delete."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from fastapi import APIRouter, Request, Response
+from starlette.concurrency import run_in_threadpool
+
+from service.access.depends import Parts, Reader, Service, Submitter
+from service.access.keys import Principal
+from service.assets.adopt import adopt, disk_faults
+from service.assets.multipart import FileReceiver
+from service.bodies import chunks
+from service.schemas import AssetId, Cursor, Download, Limit, Listing, binary
+from service.serving import serve
+from workers.errors import NotFound
+from workers.model import Asset
+
+router = APIRouter(prefix="/v1/assets", tags=["assets"])
+
+FORM = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "multipart/form-data": {
+                "schema": {
+                    "type": "object",
+                    "required": ["file"],
+                    "properties": {"file": {"type": "string", "format": "binary"}},
+                }
+            }
+        },
+    }
+}
+
+
+@router.post("", status_code=201, openapi_extra=FORM, responses={200: {"model": Asset, "description": "Known"}})
+async def upload(request: Request, response: Response, parts: Parts, caller: Submitter) -> Asset:
+    """Upload one file (field `file`). 201 with Location, or 200 when you have uploaded these bytes before."""
+    with tempfile.TemporaryDirectory(dir=await run_in_threadpool(_room, parts)) as folder:
+        received = await _receive(request, parts, Path(folder) / "file")
+        asset, new = await run_in_threadpool(adopt, parts, caller, received.path, received.filename, received.sha256)
+    response.headers["Location"] = f"/v1/assets/{asset.id}"
+    response.status_code = 201 if new else 200
+    return asset
+
+
+def _room(parts: Service) -> Path:
+    with disk_faults():
+        parts.settings.uploads_dir.mkdir(parents=True, exist_ok=True)
+    return parts.settings.uploads_dir
+
+
+async def _receive(request: Request, parts: Service, path: Path) -> FileReceiver:
+    receiver = FileReceiver(request.headers.get("content-type", ""), path)
+    try:
+        with disk_faults():
+            async for chunk in chunks(request, parts.settings.max_upload_bytes, parts.settings.idle_s):
+                await run_in_threadpool(receiver.feed, chunk)
+    finally:
+        receiver.close()
+    receiver.finish()
+    return receiver
+
+
+@router.get("")
+def list_assets(parts: Parts, caller: Reader, cursor: Cursor = None, limit: Limit = 50) -> Listing[Asset]:
+    """Your assets, newest first."""
+    page = parts.farm.assets(owner=caller.only_owner, cursor=cursor, limit=limit)
+    return Listing(page.items, page.cursor)
+
+
+@router.get("/{asset_id}")
+def get_asset(asset_id: AssetId, parts: Parts, caller: Reader) -> Asset:
+    """What is known of an asset."""
+    return visible(parts, caller, asset_id)
+
+
+@router.head("/{asset_id}/content", include_in_schema=False)
+@router.get(
+    "/{asset_id}/content",
+    response_class=Response,
+    responses=binary("application/octet-stream", "The bytes as uploaded"),
+)
+def get_content(
+    asset_id: AssetId, request: Request, parts: Parts, caller: Reader, download: Download = False
+) -> Response:
+    """The bytes, whole or a range."""
+    visible(parts, caller, asset_id)
+    return serve(parts.farm, parts.farm.asset_file(asset_id), request, download)
+
+
+@router.delete("/{asset_id}", status_code=204)
+def delete_asset(asset_id: AssetId, parts: Parts, caller: Submitter) -> None:
+    """Forget an asset. 409 while an unfinished job uses it."""
+    visible(parts, caller, asset_id)
+    parts.farm.delete_asset(asset_id)
+
+
+def visible(parts: Service, caller: Principal, asset_id: str, field: str = "asset_id") -> Asset:
+    """The asset, or NotFound: also if it is someone else's, which is not to be told apart."""
+    try:
+        asset = parts.farm.asset(asset_id)
+    except NotFound:
+        asset = None
+    if asset is None or not caller.sees(asset.owner):
+        raise NotFound("There is no such asset.", field=field, value=asset_id, remedy="See GET /v1/assets for yours.")
+    return asset

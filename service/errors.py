@@ -1,0 +1,291 @@
+"""Exceptions to RFC 9457 problems: one table, one way to answer.
+
+ImpastoError
+└── RequestError                what is wrong with the request itself, seen only here
+    ├── BadRequest 400          ├── MethodNotAllowed 405     ├── RangeNotSatisfiable 416
+    │   └── BadJson 400         ├── RequestTimeout 408       ├── Locked 423
+    ├── Unauthorized 401        ├── OffsetMismatch 409       ├── RateLimited 429
+    ├── Forbidden 403           ├── WrongVersion 412         ├── ChecksumMismatch 460
+    ├── Gone 410                ├── UnsupportedMediaType 415 └── Busy 503
+    └── BodyTooLarge 413
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Mapping
+from http import HTTPStatus
+from typing import Any
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from pydantic import BaseModel
+from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
+from starlette.responses import JSONResponse, Response
+
+from pipeline.errors import BadParameter, ImpastoError
+from workers.errors import NotFound
+
+log = logging.getLogger(__name__)
+
+PROBLEM_TYPE = "application/problem+json"
+SECURITY_HEADERS = {
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "X-Frame-Options": "DENY",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+}
+
+
+class RequestError(ImpastoError):
+    """A fault of the request; `headers` go out with the answer."""
+
+    code = "bad-request"
+
+    def __init__(self, message: str, *, headers: Mapping[str, str] | None = None, **parts: Any) -> None:
+        super().__init__(message, **parts)
+        self.headers = dict(headers or {})
+
+
+class BadRequest(RequestError):  # noqa: N818
+    code = "bad-request"
+
+
+class BadJson(BadRequest):
+    code = "bad-json"
+
+
+class Unauthorized(RequestError):  # noqa: N818
+    code = "unauthorized"
+
+
+class Forbidden(RequestError):  # noqa: N818
+    code = "forbidden"
+
+
+class MethodNotAllowed(RequestError):  # noqa: N818
+    code = "method-not-allowed"
+
+
+class RequestTimeout(RequestError):  # noqa: N818
+    code = "request-timeout"
+
+
+class OffsetMismatch(RequestError):  # noqa: N818
+    code = "offset-mismatch"
+
+
+class Gone(RequestError):  # noqa: N818
+    code = "gone"
+
+
+class WrongVersion(RequestError):  # noqa: N818
+    code = "wrong-version"
+
+
+class BodyTooLarge(RequestError):  # noqa: N818
+    code = "body-too-large"
+
+
+class UnsupportedMediaType(RequestError):  # noqa: N818
+    code = "unsupported-media-type"
+
+
+class RangeNotSatisfiable(RequestError):  # noqa: N818
+    code = "range-not-satisfiable"
+
+
+class Locked(RequestError):  # noqa: N818
+    code = "locked"
+
+
+class ChecksumMismatch(RequestError):  # noqa: N818
+    code = "checksum-mismatch"
+
+
+class RateLimited(RequestError):  # noqa: N818
+    code = "rate-limited"
+
+
+class Busy(RequestError):  # noqa: N818
+    code = "busy"
+
+
+TABLE: dict[str, tuple[int, str]] = {
+    "bad-request": (400, "The request cannot be understood"),
+    "bad-json": (400, "The body is not JSON"),
+    "unauthorized": (401, "A key is needed"),
+    "forbidden": (403, "Not allowed"),
+    "not-found": (404, "There is no such thing"),
+    "method-not-allowed": (405, "This address does not do that"),
+    "request-timeout": (408, "The request took too long to arrive"),
+    "conflict": (409, "Not possible in this state"),
+    "cancelled": (409, "It was cancelled"),
+    "offset-mismatch": (409, "The upload stands elsewhere"),
+    "gone": (410, "It is no longer there"),
+    "wrong-version": (412, "Another protocol version is spoken here"),
+    "body-too-large": (413, "The body is too large"),
+    "media-too-large": (413, "The media are too large"),
+    "unsupported-media-type": (415, "This type of body is not taken here"),
+    "range-not-satisfiable": (416, "The range lies outside the file"),
+    "bad-input": (422, "The input is wrong"),
+    "bad-parameter": (422, "A parameter is wrong"),
+    "bad-media": (422, "The media are wrong"),
+    "unreadable-media": (422, "The media cannot be read"),
+    "no-video-stream": (422, "There is no video in it"),
+    "bad-frame": (422, "A frame is wrong"),
+    "idempotency-mismatch": (422, "The idempotency key was used for another request"),
+    "locked": (423, "Another request is at work on it"),
+    "quota-exceeded": (429, "A quota is used up"),
+    "rate-limited": (429, "Too many requests"),
+    "checksum-mismatch": (460, "The checksum does not match"),
+    "internal-error": (500, "Something went wrong inside"),
+    "busy": (503, "Busy"),
+    "device-error": (503, "No compute device works"),
+    "storage-unavailable": (503, "Storage cannot be reached"),
+    "storage-full": (507, "Storage is full"),
+}
+"""Code -> (status, title). Every code of the error tree has a row."""
+
+
+class Problem(BaseModel):
+    """RFC 9457, with Impasto's stable code, the field that is wrong, its value, and what to do."""
+
+    type: str
+    title: str
+    status: int
+    detail: str
+    code: str
+    field: str
+    value: str | None
+    remedy: str
+    instance: str
+
+
+PROBLEM_RESPONSES: dict[int | str, dict[str, Any]] = {
+    family: {
+        "description": text,
+        "content": {PROBLEM_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}},
+    }
+    for family, text in (("4XX", "The request is wrong"), ("5XX", "The service cannot do it now"))
+}
+"""For `APIRouter(responses=...)`: every route may answer with a problem."""
+
+
+def problem(error: ImpastoError, instance: str) -> Problem:
+    """The problem that `error` is, at the path `instance`."""
+    status, title = TABLE.get(error.code, TABLE["internal-error"])
+    return Problem(
+        type=f"urn:impasto:problem:{error.code}",
+        title=title,
+        status=status,
+        detail=error.message,
+        code=error.code,
+        field=error.field,
+        value=error.value,
+        remedy=error.remedy,
+        instance=instance,
+    )
+
+
+def respond(error: ImpastoError, instance: str) -> Response:
+    """The answer to a request that failed with `error`."""
+    body = problem(error, instance)
+    headers = SECURITY_HEADERS | {"Cache-Control": "no-store"} | _headers(error, body.status)
+    return JSONResponse(body.model_dump(), body.status, headers, PROBLEM_TYPE)
+
+
+def _headers(error: ImpastoError, status: int) -> dict[str, str]:
+    own = dict(error.headers) if isinstance(error, RequestError) else {}
+    if status == HTTPStatus.UNAUTHORIZED:
+        own.setdefault("WWW-Authenticate", "Bearer")
+    if status in (429, 503):
+        own.setdefault("Retry-After", "5")
+    return own
+
+
+def retry_after(seconds: float) -> dict[str, str]:
+    """The `Retry-After` header: whole seconds, at least one."""
+    return {"Retry-After": str(max(1, math.ceil(seconds)))}
+
+
+def install(app: FastAPI) -> None:
+    """Make every failure of `app` a problem."""
+    app.add_exception_handler(ImpastoError, _on_impasto)
+    app.add_exception_handler(RequestValidationError, _on_validation)
+    app.add_exception_handler(HTTPException, _on_http)
+    app.add_exception_handler(ClientDisconnect, _on_disconnect)
+    app.add_exception_handler(Exception, _on_surprise)
+
+
+def _on_impasto(request: Request, error: Exception) -> Response:
+    assert isinstance(error, ImpastoError)
+    status, _ = TABLE.get(error.code, TABLE["internal-error"])
+    if status == HTTPStatus.INTERNAL_SERVER_ERROR:
+        return _on_surprise(request, error)
+    if status > HTTPStatus.INTERNAL_SERVER_ERROR:
+        log.warning("%s %s: %s", request.method, request.url.path, error)
+    return respond(error, request.url.path)
+
+
+def _on_validation(request: Request, error: Exception) -> Response:
+    assert isinstance(error, RequestValidationError)
+    return respond(from_validation(error), request.url.path)
+
+
+def from_validation(error: RequestValidationError) -> ImpastoError:
+    """The first fault that validation found, as an error that names it."""
+    first = error.errors()[0]
+    where, *names = (str(part) for part in first["loc"])
+    field = ".".join(names) or where
+    if first["type"] == "json_invalid":
+        return BadJson("The body is not JSON.", field="body", remedy=f"Mend it: {first['ctx']['error']}.")
+    if first["type"] == "missing":
+        return _validation(f"{field} is missing.", field, None, f"Give {field} ({where}).")
+    if first["type"] == "extra_forbidden":
+        return _validation(f"There is no field {field} here.", field, first["input"], "Leave it out.")
+    return _validation(f"{field} is not what it should be.", field, first["input"], f"{first['msg']}.")
+
+
+def _validation(message: str, field: str, value: object, remedy: str) -> ImpastoError:
+    return BadParameter(message, field=field, value=value, remedy=remedy)
+
+
+def _on_http(request: Request, error: Exception) -> Response:
+    assert isinstance(error, HTTPException)
+    return respond(from_http(error, request), request.url.path)
+
+
+def from_http(error: HTTPException, request: Request) -> ImpastoError:
+    """What the framework itself refuses (no such route, wrong method), as one of our errors."""
+    headers = dict(error.headers or {})
+    if error.status_code == HTTPStatus.NOT_FOUND:
+        return NotFound(
+            "There is nothing at this address.", field="path", value=request.url.path, remedy="See /docs for what is."
+        )
+    if error.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
+        return MethodNotAllowed(
+            f"{request.method} is not possible here.",
+            headers=headers,
+            field="method",
+            value=request.method,
+            remedy=f"Use {headers.get('Allow', 'another method')}.",
+        )
+    if error.status_code == HTTPStatus.REQUEST_ENTITY_TOO_LARGE:
+        return BodyTooLarge(str(error.detail), field="body", remedy="Send less.")
+    return BadRequest(str(error.detail), field="body", remedy="See /docs for what is expected.")
+
+
+def _on_disconnect(_request: Request, _error: Exception) -> Response:
+    return Response(status_code=400)  # nobody is there to read it
+
+
+def _on_surprise(request: Request, error: Exception) -> Response:
+    log.error("%s %s failed", request.method, request.url.path, exc_info=error)
+    unknown = ImpastoError(
+        "The service failed at this request.", remedy="Try again; if it stays, send the operator the time and address."
+    )
+    return respond(unknown, request.url.path)

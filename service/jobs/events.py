@@ -1,0 +1,102 @@
+"""/v1/jobs/{job_id}/events: Server-Sent Events, resumed by Last-Event-ID.
+
+    id: 17                      the event's `seq`
+    event: task.state           its `type`, or "history-gone" when events that were asked for are kept no more
+    data: {"seq": 17, ...}      the event as JSON
+
+The stream ends when the job is final and everything was said. A client that comes back then with nothing new to hear
+gets 204, which tells a browser's EventSource to stop.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import AsyncIterator
+from dataclasses import asdict, dataclass
+from typing import Annotated
+
+import anyio.to_thread
+from fastapi import APIRouter, Header, Response
+from starlette.responses import StreamingResponse
+
+from service.access.depends import Parts, Reader, Service
+from service.errors import Busy, retry_after
+from service.jobs.lookup import find_job
+from service.schemas import JobId, Responses
+from workers.errors import NotFound
+from workers.model import Event
+
+router = APIRouter(prefix="/v1/jobs", tags=["events"])
+
+SLICE_S = 1.0
+"""No thread waits longer than this, so that a closing service and a lost client are noticed."""
+AT_ONCE = 500
+RETRY_MS = 1000
+
+STREAM: Responses = {
+    200: {"description": "The events", "content": {"text/event-stream": {"schema": {"type": "string"}}}},
+    204: {"description": "The job is finished and there is nothing after that event"},
+}
+
+
+@router.get("/{job_id}/events", response_class=StreamingResponse, responses=STREAM)
+def get_events(
+    job_id: JobId,
+    parts: Parts,
+    caller: Reader,
+    last_event_id: Annotated[int, Header(ge=0, le=2**53, description="Go on after this `seq`.")] = 0,
+) -> Response:
+    """What happens to the job, as it happens."""
+    job = find_job(parts, caller, job_id)
+    if last_event_id and job.state.final and not parts.farm.events(job_id, last_event_id, 1)[0]:
+        return Response(status_code=204)
+    if parts.streams.full:
+        raise Busy("Too many event streams are open.", headers=retry_after(5), remedy="Look at the job now and then.")
+    headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
+    return StreamingResponse(_stream(parts, job_id, last_event_id), 200, headers, "text/event-stream")
+
+
+@dataclass(frozen=True)
+class _Look:
+    """What one look at the job's history brought."""
+
+    text: str
+    after: int
+    over: bool = False
+
+
+async def _stream(parts: Service, job_id: str, after: int) -> AsyncIterator[str]:
+    with parts.streams.one():
+        yield f"retry: {RETRY_MS}\n\n"
+        heard_at = anyio.current_time()
+        look = _Look("", after)
+        while not (look.over or parts.closing.is_set()):
+            look = await anyio.to_thread.run_sync(_look, parts, job_id, look.after, limiter=parts.streams.threads)
+            silent_s = anyio.current_time() - heard_at
+            if look.text or silent_s >= parts.settings.heartbeat_s:
+                heard_at = anyio.current_time()
+                yield look.text or ": still here\n\n"
+
+
+def _look(parts: Service, job_id: str, after: int) -> _Look:
+    """What is new after `after`; waits a little if nothing is."""
+    try:
+        final = parts.farm.job(job_id).state.final  # before the events: what ends a job is then among them
+        events, gone = parts.farm.events(job_id, after, AT_ONCE)
+    except NotFound:  # deleted meanwhile
+        return _Look("", after, over=True)
+    if events:
+        lost = _lost(job_id, after, events[0].seq) if gone else ""
+        return _Look(lost + "".join(map(_text, events)), events[-1].seq)
+    if not final:
+        parts.farm.wait(job_id, after, min(SLICE_S, parts.settings.heartbeat_s))
+    return _Look("", after, over=final)
+
+
+def _lost(job_id: str, after: int, goes_on: int) -> str:
+    data = {"job_id": job_id, "after": after, "goes_on_with": goes_on}
+    return f"event: history-gone\ndata: {json.dumps(data)}\n\n"
+
+
+def _text(event: Event) -> str:
+    return f"id: {event.seq}\nevent: {event.type}\ndata: {json.dumps(asdict(event))}\n\n"

@@ -1,0 +1,102 @@
+"""/v1/jobs: submit, look, steer, forget."""
+
+from __future__ import annotations
+
+import time
+from typing import Annotated
+
+from fastapi import APIRouter, Header, Query, Response
+
+from service.access.depends import Parts, Reader, Submitter
+from service.jobs.lookup import check_inputs, check_quota, find_job, parse_label
+from service.jobs.schemas import JobIn, JobOut, job_out
+from service.schemas import Cursor, JobId, Limit, Listing
+from service.webhooks.targets import check_target
+from workers.model import RunState
+
+router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+
+IdempotencyKey = Annotated[
+    str | None,
+    Header(
+        min_length=1,
+        max_length=200,
+        pattern=r"^[\x21-\x7e]+$",
+        description="The same key with the same body is the same job; with another body it is refused.",
+    ),
+]
+
+
+@router.post("", status_code=201, responses={200: {"model": JobOut, "description": "This key's job, made before"}})
+def submit(
+    body: JobIn,
+    response: Response,
+    parts: Parts,
+    caller: Submitter,
+    idempotency_key: IdempotencyKey = None,
+) -> JobOut:
+    """Submit a job: accepted durably before the answer goes out."""
+    began_at = time.time()
+    check_inputs(parts, caller, body)
+    check_target(body.webhook, parts.settings.webhook_private)
+    check_quota(parts, caller)
+    job = parts.farm.submit(body.request(), caller.owner, idempotency_key or "")
+    response.headers["Location"] = f"/v1/jobs/{job.id}"
+    response.status_code = 201 if job.created_at >= began_at else 200
+    return job_out(job)
+
+
+@router.get("")
+def list_jobs(
+    parts: Parts,
+    caller: Reader,
+    state: RunState | None = None,
+    method: Annotated[str | None, Query(max_length=64)] = None,
+    label: Annotated[str | None, Query(max_length=300, description="name:value")] = None,
+    cursor: Cursor = None,
+    limit: Limit = 50,
+) -> Listing[JobOut]:
+    """Your jobs, newest first."""
+    page = parts.farm.jobs(state, method, caller.only_owner, parse_label(label), cursor, limit)
+    return Listing(tuple(job_out(job) for job in page.items), page.cursor)
+
+
+@router.get("/{job_id}")
+def get_job(job_id: JobId, parts: Parts, caller: Reader) -> JobOut:
+    """A job: its state, progress, ETA, steps, error and results."""
+    return job_out(find_job(parts, caller, job_id))
+
+
+@router.delete("/{job_id}", status_code=204)
+def delete_job(job_id: JobId, parts: Parts, caller: Submitter) -> None:
+    """Forget a finished job and its files. 409 while it is not finished."""
+    find_job(parts, caller, job_id)
+    parts.farm.delete(job_id)
+
+
+@router.post("/{job_id}/cancel")
+def cancel(job_id: JobId, parts: Parts, caller: Submitter) -> JobOut:
+    """Stop the job; what is done is kept, so that it can be retried."""
+    find_job(parts, caller, job_id)
+    return job_out(parts.farm.cancel(job_id))
+
+
+@router.post("/{job_id}/pause")
+def pause(job_id: JobId, parts: Parts, caller: Submitter) -> JobOut:
+    """Start no more tasks of it; those at work are finished."""
+    find_job(parts, caller, job_id)
+    return job_out(parts.farm.pause(job_id))
+
+
+@router.post("/{job_id}/resume")
+def resume(job_id: JobId, parts: Parts, caller: Submitter) -> JobOut:
+    """Go on with a paused job."""
+    find_job(parts, caller, job_id)
+    return job_out(parts.farm.resume(job_id))
+
+
+@router.post("/{job_id}/retry")
+def retry(job_id: JobId, parts: Parts, caller: Submitter) -> JobOut:
+    """Run again only what failed or was cancelled."""
+    find_job(parts, caller, job_id)
+    return job_out(parts.farm.retry(job_id))

@@ -1,0 +1,97 @@
+"""What a job looks like going in and coming out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from workers.model import Job, JobRequest, OutputSpec
+
+MAX_SEED = 2**53 - 1
+"""The largest whole number that every JSON reader keeps exact."""
+
+Name = Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z0-9._-]+$")]
+AssetRef = Annotated[str, Field(min_length=1, max_length=100)]
+
+
+class _In(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class OutputIn(_In):
+    format: Literal["mp4", "webm", "png"] = "mp4"
+    quality: int = Field(default=20, ge=0, le=51, description="Constant rate factor, 0 (lossless) to 51.")
+    artefacts: tuple[Name, ...] = Field(default=(), max_length=32)
+
+    def spec(self) -> OutputSpec:
+        return OutputSpec(self.format, self.quality, self.artefacts)
+
+
+class Work(_In):
+    """A method at work on inputs: what a job and a preview share."""
+
+    method: str = Field(min_length=1, max_length=64)
+    inputs: dict[Name, AssetRef] = Field(max_length=64, description="Input name -> asset id.")
+    params: dict[str, Any] = Field(default_factory=dict, max_length=256)
+    seed: int = Field(default=0, ge=0, le=MAX_SEED)
+
+
+class JobIn(Work):
+    output: OutputIn = OutputIn()
+    priority: int = Field(default=0, ge=-100, le=100, description="Higher first.")
+    name: str = Field(default="", max_length=200)
+    labels: dict[Name, Annotated[str, Field(max_length=200)]] = Field(default_factory=dict, max_length=32)
+    webhook: str = Field(default="", max_length=2000, description="http(s) URL that is told of the job's end.")
+
+    def request(self) -> JobRequest:
+        values = {name: getattr(self, name) for name in type(self).model_fields}
+        return JobRequest(**values | {"output": self.output.spec()})
+
+
+class PreviewIn(Work):
+    frame: int = Field(default=0, ge=0, le=10_000_000, description="Which frame of the video, from 0.")
+    max_side_px: int = Field(default=640, ge=16, le=2048)
+
+    def request(self) -> JobRequest:
+        return JobRequest(self.method, self.inputs, self.params, self.seed)
+
+
+@dataclass(frozen=True)
+class Links:
+    self: str
+    events: str
+    result: str
+    tasks: str
+
+
+@dataclass(frozen=True)
+class JobOut(Job):
+    """A job, and where its parts are."""
+
+    links: Links
+
+
+def job_out(job: Job) -> JobOut:
+    at = f"/v1/jobs/{job.id}"
+    own = {field.name: getattr(job, field.name) for field in fields(Job)}
+    return JobOut(**own, links=Links(at, f"{at}/events", f"{at}/result", f"{at}/tasks"))
+
+
+@dataclass(frozen=True)
+class FileOut:
+    """A file of a job."""
+
+    name: str
+    size_bytes: int
+    media_type: str
+    filename: str
+    etag: str
+    url: str
+
+
+@dataclass(frozen=True)
+class LogOut:
+    task_id: str
+    log: str

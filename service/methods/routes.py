@@ -1,0 +1,51 @@
+"""GET /v1/methods: what can be done to a video, with the schema of every parameter."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter, Path
+from starlette.responses import Response
+
+from pipeline.methods import methods
+from pipeline.methods.base import Method
+from service.access.depends import Reader
+from service.methods.schemas import MethodOut, MethodsOut, method_out
+from service.methods.thumbnail import thumbnail
+from workers.errors import NotFound
+
+router = APIRouter(prefix="/v1/methods", tags=["methods"])
+
+Name = Annotated[str, Path(max_length=64, description="A method's name.")]
+
+
+@router.get("")
+def list_methods(_caller: Reader) -> MethodsOut:
+    """Every method."""
+    return MethodsOut(tuple(method_out(method) for method in methods().values()))
+
+
+@router.get("/{name}")
+def get_method(name: Name, _caller: Reader) -> MethodOut:
+    """One method."""
+    return method_out(_find(name))
+
+
+@router.get("/{name}/thumbnail", response_class=Response, responses={200: {"content": {"image/svg+xml": {}}}})
+def get_thumbnail(name: Name, _caller: Reader) -> Response:
+    """A picture of what the method does."""
+    return Response(
+        thumbnail(_find(name)), media_type="image/svg+xml", headers={"Cache-Control": "private, max-age=3600"}
+    )
+
+
+def _find(name: str) -> Method:
+    try:
+        return methods()[name]
+    except KeyError:
+        raise NotFound(
+            f"There is no method named {name!r}.",
+            field="name",
+            value=name,
+            remedy=f"Use one of: {', '.join(methods())}.",
+        ) from None

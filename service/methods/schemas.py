@@ -1,0 +1,55 @@
+"""A method as its users see it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from pipeline.methods.base import Example, InputSpec, Method
+
+
+@dataclass(frozen=True)
+class StepOut:
+    name: str
+    title: str
+
+
+@dataclass(frozen=True)
+class MethodOut:
+    name: str
+    title: str
+    summary: str
+    paper: str
+    """Key of the paper in references.bib."""
+    inputs: tuple[InputSpec, ...]
+    params_schema: dict[str, Any]
+    """JSON Schema; properties carry `unit` and the paper's `symbol` where they have one."""
+    defaults: dict[str, Any]
+    examples: tuple[Example, ...]
+    artefacts: tuple[str, ...]
+    """What a job may ask for in `output.artefacts`."""
+    steps: tuple[StepOut, ...]
+    thumbnail: str
+    """Address of a picture."""
+
+
+@dataclass(frozen=True)
+class MethodsOut:
+    items: tuple[MethodOut, ...]
+    cursor: None = None
+
+
+def method_out(method: Method) -> MethodOut:
+    return MethodOut(
+        name=method.name,
+        title=method.title,
+        summary=method.summary,
+        paper=method.paper,
+        inputs=method.inputs,
+        params_schema=method.Params.model_json_schema(),
+        defaults=method.Params().model_dump(mode="json"),
+        examples=method.examples,
+        artefacts=method.artefacts,
+        steps=tuple(StepOut(step.name, step.title) for step in method.steps),
+        thumbnail=f"/v1/methods/{method.name}/thumbnail",
+    )

@@ -1,0 +1,29 @@
+"""The pages: the studio at /, and the API's description at /docs, drawn from /openapi.json."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from fastapi import APIRouter
+from starlette.exceptions import HTTPException
+from starlette.responses import FileResponse
+
+HERE = Path(__file__).parent
+router = APIRouter(include_in_schema=False)
+
+
+@router.get("/")
+def index() -> FileResponse:
+    return FileResponse(HERE / "web" / "index.html")
+
+
+@router.get("/docs")
+def docs() -> FileResponse:
+    return FileResponse(HERE / "docs" / "index.html")
+
+
+@router.get("/docs/{name}")
+def docs_part(name: str) -> FileResponse:
+    if name not in ("docs.js", "docs.css"):
+        raise HTTPException(404)
+    return FileResponse(HERE / "docs" / name)

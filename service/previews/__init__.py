@@ -1,0 +1,1 @@
+"""One stylised frame, now."""

@@ -1,0 +1,28 @@
+"""POST /v1/previews: one stylised frame as PNG, for thumbnails that follow the sliders."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter, Response
+
+from service.access.depends import Parts, Submitter
+from service.errors import Busy, retry_after
+from service.jobs.lookup import check_inputs
+from service.jobs.schemas import PreviewIn
+from service.schemas import Responses, binary
+
+router = APIRouter(prefix="/v1/previews", tags=["previews"])
+
+PNG: Responses = {200: binary("image/png", "The frame")[200]}
+
+
+@router.post("", response_class=Response, responses=PNG)
+def preview(body: PreviewIn, parts: Parts, caller: Submitter) -> Response:
+    """Stylise one frame. 503 with Retry-After while as many as may are being made."""
+    check_inputs(parts, caller, body)
+    if not parts.previews.acquire(blocking=False):
+        raise Busy("Previews are busy.", headers=retry_after(1), remedy="Ask again in a second.")
+    try:
+        png = parts.farm.preview(body.request(), body.frame, body.max_side_px)
+    finally:
+        parts.previews.release()
+    return Response(png, media_type="image/png", headers={"Cache-Control": "no-store"})

@@ -1,0 +1,20 @@
+"""File names as users give them: for display only, and refused rather than mended."""
+
+from __future__ import annotations
+
+from pipeline.errors import BadParameter
+
+MAX_CHARS = 255
+
+
+def check_filename(name: str) -> str:
+    """Return `name` if it is one plain file name, or raise BadParameter."""
+    bad = not name.strip() or name in (".", "..") or len(name) > MAX_CHARS
+    if bad or any(char in "/\\" or not char.isprintable() for char in name):
+        raise BadParameter(
+            "That is not a plain file name.",
+            field="filename",
+            value=name.encode("utf-8", "replace").decode(),
+            remedy=f"Give a name of 1 to {MAX_CHARS} printable characters without / and \\, for example clip.mp4.",
+        )
+    return name

@@ -1,0 +1,48 @@
+"""Signing secrets: one for each owner, all derived from one file, none stored elsewhere."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import hmac
+import os
+import secrets
+from pathlib import Path
+
+SECRET_BYTES = 32
+
+
+class WebhookSecrets:
+    """Secrets in the form of Standard Webhooks 1.0.0 (`whsec_` and base64).
+
+    Args:
+        path: file with the master secret; made with mode 0600 on first use.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def of(self, owner: str) -> str:
+        """The secret that signs what is sent for `owner`."""
+        digest = hmac.new(self._master(), b"webhook:" + owner.encode(), hashlib.sha256).digest()
+        return "whsec_" + base64.b64encode(digest).decode()
+
+    def _master(self) -> bytes:
+        try:
+            return self._path.read_bytes()
+        except FileNotFoundError:
+            return self._make()
+
+    def _make(self) -> bytes:
+        """Write whole, then link: of two processes that start at once, one wins and both read the same."""
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        fresh = self._path.with_name(f"{self._path.name}.{secrets.token_hex(8)}")
+        fresh.touch(mode=0o600)
+        fresh.write_bytes(secrets.token_bytes(SECRET_BYTES))
+        try:
+            os.link(fresh, self._path)
+        except FileExistsError:
+            pass
+        finally:
+            fresh.unlink()
+        return self._path.read_bytes()

@@ -1,0 +1,62 @@
+"""An app over a farm in memory, and a client that speaks to it as a program on this machine would."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fastapi.testclient import TestClient
+
+from service.app import create_app
+from service.settings import Settings
+from tests.service.fake_farm import MAGIC, FakeFarm
+from tests.service.toy_method import Toy
+
+CLIP = MAGIC + b" of a cat"
+
+
+@pytest.fixture(autouse=True)
+def only_toy(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The one method there is: tests of the service do not depend on a real one."""
+    found = {"toy": Toy()}
+    monkeypatch.setattr("pipeline.methods.methods", lambda: found)
+    monkeypatch.setattr("service.methods.routes.methods", lambda: found)
+
+
+@pytest.fixture
+def settings(home: Path) -> Settings:
+    return Settings(home=home, heartbeat_s=0.2, idle_s=5.0)
+
+
+@pytest.fixture
+def farm() -> FakeFarm:
+    return FakeFarm()
+
+
+@pytest.fixture
+def client(settings: Settings, farm: FakeFarm) -> Iterator[TestClient]:
+    yield from open_client(settings, farm)
+
+
+def open_client(settings: Settings, farm: FakeFarm, **more: Any) -> Iterator[TestClient]:
+    app = create_app(settings, farm)
+    with TestClient(app, "http://127.0.0.1:8420", raise_server_exceptions=False, **more) as client:
+        yield client
+
+
+@pytest.fixture
+def asset(client: TestClient) -> str:
+    return str(client.post("/v1/assets", files={"file": ("clip.mp4", CLIP)}).json()["id"])
+
+
+@pytest.fixture
+def body(asset: str) -> dict[str, Any]:
+    """A job that is accepted."""
+    return {"method": "toy", "inputs": {"video": asset}}
+
+
+@pytest.fixture
+def job(client: TestClient, body: dict[str, Any]) -> str:
+    return str(client.post("/v1/jobs", json=body).json()["id"])

@@ -1,0 +1,109 @@
+"""/v1/jobs and /v1/tasks: shapes, idempotency, paging, steering."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from fastapi.testclient import TestClient
+
+from tests.service.fake_farm import FakeFarm
+from workers.model import Fault, RunState, TaskState
+
+
+def test_a_job_is_the_dataclass_and_links(client: TestClient, body: dict[str, Any], asset: str) -> None:
+    request = body | {"params": {"mode": "hard"}, "labels": {"shot": "12"}, "output": {"artefacts": ["svg"]}}
+    answer = client.post("/v1/jobs", json=request)
+    job = answer.json()
+    assert answer.status_code == 201
+    assert answer.headers["location"] == f"/v1/jobs/{job['id']}" == job["links"]["self"]
+    assert job["request"] == {
+        "method": "toy",
+        "inputs": {"video": asset},
+        "params": {"mode": "hard"},
+        "seed": 0,
+        "output": {"format": "mp4", "quality": 20, "artefacts": ["svg"]},
+        "priority": 0,
+        "name": "",
+        "labels": {"shot": "12"},
+        "webhook": "",
+    }
+    assert job["state"] == "queued"
+    assert isinstance(job["created_at"], float)
+    assert client.get(job["links"]["self"]).json() == job
+
+
+def test_an_idempotency_key_is_one_job(client: TestClient, body: dict[str, Any]) -> None:
+    key = {"Idempotency-Key": "once"}
+    first, again = (client.post("/v1/jobs", json=body, headers=key) for _ in range(2))
+    other = client.post("/v1/jobs", json=body | {"seed": 1}, headers=key)
+    assert (first.status_code, again.status_code) == (201, 200)
+    assert first.json() == again.json()
+    assert (other.status_code, other.json()["code"]) == (422, "idempotency-mismatch")
+
+
+def test_paging_visits_every_job_once_newest_first(client: TestClient, body: dict[str, Any]) -> None:
+    made = [client.post("/v1/jobs", json=body).json()["id"] for _ in range(5)]
+    seen, cursor = [], None
+    for _ in range(3):
+        page = client.get("/v1/jobs", params={"limit": 2} | ({"cursor": cursor} if cursor else {})).json()
+        seen += [job["id"] for job in page["items"]]
+        cursor = page["cursor"]
+    assert seen == made[::-1]
+    assert cursor is None
+
+
+def test_filters(client: TestClient, farm: FakeFarm, body: dict[str, Any]) -> None:
+    shot = client.post("/v1/jobs", json=body | {"labels": {"shot": "a:1"}}).json()["id"]
+    farm.move(client.post("/v1/jobs", json=body).json()["id"], RunState.RUNNING)
+
+    def ids(**query: str) -> list[str]:
+        return [job["id"] for job in client.get("/v1/jobs", params=query).json()["items"]]
+
+    assert ids(label="shot:a:1") == [shot] == ids(state="queued")
+    assert ids(method="oil") == []
+    assert len(ids(method="toy")) == 2
+
+
+@pytest.mark.parametrize(
+    ("state", "verb", "after"),
+    [
+        (RunState.RUNNING, "cancel", "cancelled"),
+        (RunState.RUNNING, "pause", "paused"),
+        (RunState.PAUSED, "resume", "running"),
+        (RunState.FAILED, "retry", "queued"),
+    ],
+)
+def test_steering(client: TestClient, farm: FakeFarm, job: str, state: RunState, verb: str, after: str) -> None:
+    farm.move(job, state)
+    answer = client.post(f"/v1/jobs/{job}/{verb}")
+    assert (answer.status_code, answer.json()["state"]) == (200, after)
+
+
+@pytest.mark.parametrize("verb", ["cancel", "resume", "retry"])
+def test_steering_what_is_over_is_409(client: TestClient, farm: FakeFarm, job: str, verb: str) -> None:
+    farm.finish(job)
+    answer = client.post(f"/v1/jobs/{job}/{verb}")
+    assert (answer.status_code, answer.json()["code"]) == (409, "conflict")
+
+
+def test_a_failed_job_says_why(client: TestClient, farm: FakeFarm, job: str) -> None:
+    farm.move(job, RunState.FAILED, Fault("unreadable-media", "Frame 7 is broken.", "Encode it again."))
+    error = client.get(f"/v1/jobs/{job}").json()["error"]
+    assert (error["code"], error["remedy"]) == ("unreadable-media", "Encode it again.")
+
+
+def test_forgetting(client: TestClient, farm: FakeFarm, job: str) -> None:
+    assert client.delete(f"/v1/jobs/{job}").status_code == 409
+    farm.finish(job)
+    assert client.delete(f"/v1/jobs/{job}").status_code == 204
+    assert client.get(f"/v1/jobs/{job}").status_code == 404
+
+
+def test_tasks(client: TestClient, farm: FakeFarm, job: str) -> None:
+    task = farm.add_task(job, TaskState.FAILED)
+    assert [row["id"] for row in client.get(f"/v1/jobs/{job}/tasks").json()["items"]] == [task.id]
+    assert client.get(f"/v1/jobs/{job}/tasks", params={"state": "ready"}).json()["items"] == []
+    assert client.get(f"/v1/tasks/{task.id}").json()["key"] == "run-0"
+    assert client.get(f"/v1/tasks/{task.id}/log").json() == {"task_id": task.id, "log": "log of run-0"}
+    assert client.post(f"/v1/tasks/{task.id}/requeue").json()["state"] == "ready"
