@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-from impasto.cli.console import Interrupted
+from impasto.cli.console import Interrupted, say
 from impasto.cli.materials import Material
 from impasto.cli.progress import Show
 from impasto.problems import JobFailed
@@ -34,6 +34,8 @@ def submit(farm: Farm, request: JobRequest, materials: Mapping[str, Material], k
     """Submit, or find the job that this very request began before; one that had failed is tried again."""
     ids = {name: farm.add_asset(material.path, material.filename).id for name, material in materials.items()}
     job = farm.submit(dataclasses.replace(request, inputs=ids), idempotency_key=key)
+    if job.progress > 0:
+        say(f"Going on from {job.progress:.0%}.")
     return farm.retry(job.id) if job.state in ("failed", "cancelled") else job
 
 

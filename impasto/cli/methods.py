@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
@@ -60,7 +61,7 @@ def describe(chosen: Method) -> dict[str, Any]:
 
 
 def parameters(chosen: Method) -> list[dict[str, Any]]:
-    """A row a parameter: name, type, unit, range, default, symbol, help."""
+    """A row a parameter: name, type, unit, range, default, symbol, group, help."""
     schema = chosen.Params.model_json_schema()
     kinds = schema.get("$defs", {})
     return [_parameter(name, _resolved(field, kinds)) for name, field in schema["properties"].items()]
@@ -82,6 +83,7 @@ def _parameter(name: str, field: dict[str, Any]) -> dict[str, Any]:
         "range": _range(field),
         "default": field.get("default"),
         "symbol": field.get("symbol", ""),
+        "group": field.get("group", ""),
         "help": field.get("description", ""),
     }
 
@@ -114,16 +116,21 @@ def _teach(chosen: Method) -> None:
     _section("Inputs")
     for spec in chosen.inputs:
         need = "needed" if spec.required else "optional"
-        out.print(Text.assemble((f"  {spec.name}", "bold"), f"  {spec.kind}, {need}. {spec.help}"))
+        out.print(Text.assemble((f"  {spec.name}", "bold"), (f"  {spec.kind}, {need}", "dim")))
+        _indented(spec.help)
     _section("Parameters (--param NAME=VALUE)")
+    group = ""
     for row in parameters(chosen):
+        if row["group"] != group:
+            group = row["group"]
+            out.print(Text(f"  {group}", "magenta"))
         _teach_parameter(row)
     if chosen.artefacts:
         _section(f"Artefacts (--artefact NAME): {', '.join(chosen.artefacts)}")
     for example in chosen.examples:
         _section(f"Example: {example.title}")
-        given = " ".join(f"--param {name}={value}" for name, value in example.params.items())
-        out.print(f"  impasto render clip.mp4 -o out.mp4 --method {chosen.name} {given}", markup=False)
+        given = "".join(f" --param {name}={value}" for name, value in example.params.items())
+        out.print(f"  impasto render clip.mp4 -o {example.name}.mp4 --method {chosen.name}{given}", markup=False)
 
 
 def _section(title: str) -> None:
@@ -136,8 +143,12 @@ def _teach_parameter(row: dict[str, Any]) -> None:
     facts += [row["unit"]] if row["unit"] else []
     facts += [f"{row['symbol']} in the paper"] if row["symbol"] else []
     out.print(Text.assemble((f"  {row['name']}", "bold"), ("  " + "; ".join(facts), "dim")))
-    if row["help"]:
-        out.print(f"      {row['help']}", markup=False)
+    _indented(row["help"])
+
+
+def _indented(text: str) -> None:
+    if text:
+        out.print(Padding(Text(text), (0, 2, 0, 6)), soft_wrap=False)
 
 
 def _shown(value: Any) -> str:

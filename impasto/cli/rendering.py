@@ -11,7 +11,8 @@ from pathlib import Path
 
 from impasto import __version__
 from impasto.cli import embedded
-from impasto.cli.delivery import Target, beside, deliver
+from impasto.cli.artefacts import deliver_artefacts
+from impasto.cli.delivery import Target, deliver
 from impasto.cli.materials import Material, gather
 from impasto.cli.place import forget, key_of, place, sweep
 from impasto.cli.progress import Show
@@ -19,7 +20,7 @@ from impasto.cli.timing import Timing, rounded
 from pipeline.errors import BadInput
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import Method
-from pipeline.video import probe
+from pipeline.video.probe import probe
 from workers.farm import Farm
 from workers.model import Job, JobRequest, Json
 
@@ -81,7 +82,7 @@ def run(order: Commission, workers: int, home: Path, show: Show) -> Json:
         with place(home, key) as folder:
             with embedded.opened(folder, workers) as farm:
                 job = embedded.follow(farm, embedded.submit(farm, order.request, materials, key).id, show)
-                summary = _deliver(farm, job, order)
+                summary = _deliver(farm, job, order, Path(scratch))
             forget(folder)
     return summary | {"wall_seconds": round(time.monotonic() - began, 4)}
 
@@ -100,9 +101,9 @@ def _facts(order: Commission, materials: Mapping[str, Material]) -> Json:
     }
 
 
-def _deliver(farm: Farm, job: Job, order: Commission) -> Json:
+def _deliver(farm: Farm, job: Job, order: Commission, scratch: Path) -> Json:
     """Put artefacts and the result in their places, the result last: where it is, all is."""
-    artefacts = _deliver_artefacts(farm, job, order)
+    artefacts = deliver_artefacts(farm, job, order.where, order.artefacts, scratch)
     with farm.local(farm.file(job.id, "result")) as file:
         info = probe(file)
         deliver(file, order.where)
@@ -119,13 +120,3 @@ def _deliver(farm: Farm, job: Job, order: Commission) -> Json:
         "artefacts": artefacts,
         "job": job.id,
     }
-
-
-def _deliver_artefacts(farm: Farm, job: Job, order: Commission) -> dict[str, str]:
-    found: dict[str, str] = {}
-    for name, path in order.artefacts.items():
-        served = farm.file(job.id, name)
-        place = path or beside(order.where, served.filename)
-        deliver(farm.read(served), Target(place.absolute(), "", "file"))
-        found[name] = str(place)
-    return found

@@ -1,0 +1,197 @@
+"""The contract of `impasto render`, kept as a script sees it: a real process, a real farm, a real file."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import av
+import cv2
+import numpy as np
+import pytest
+
+from tests.conftest import TINY_FRAMES, TINY_HEIGHT, TINY_WIDTH, tiny_frame
+
+LONG_FRAMES = 240
+
+
+def impasto(*words: str | Path, home: Path) -> list[str]:
+    return [sys.executable, "-m", "impasto", *map(str, words), "--home", str(home)]
+
+
+def render(*words: str | Path, home: Path, code: int = 0) -> subprocess.CompletedProcess[str]:
+    command = impasto("render", *words, home=home)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=240, stdin=subprocess.DEVNULL, check=False)
+    assert done.returncode == code, done.stdout + done.stderr
+    return done
+
+
+def summary(done: subprocess.CompletedProcess[str]) -> dict[str, Any]:
+    last: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return last
+
+
+def frames_of(path: Path) -> list[np.ndarray[Any, Any]]:
+    with av.open(str(path)) as clip:
+        return [frame.to_ndarray(format="rgb24") for frame in clip.decode(video=0)]
+
+
+@pytest.fixture(scope="module")
+def cartoon(tiny_clip: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """The tiny clip rendered once to a video and once to frames, with what each said."""
+    folder = tmp_path_factory.mktemp("cartoon")
+    done = render(tiny_clip, "-o", folder / "out.mp4", "--seed", "7", "--json", home=folder / "home")
+    return folder, summary(done)
+
+
+def test_json_says_what_was_made_and_what_it_cost(cartoon: tuple[Path, dict[str, Any]]) -> None:
+    folder, said = cartoon
+    assert (said["frames"], said["width"], said["height"]) == (TINY_FRAMES, TINY_WIDTH, TINY_HEIGHT)
+    assert said["output"] == str(folder / "out.mp4")
+    assert said["seconds"] == pytest.approx(sum(said["steps"].values()), abs=0.01)
+    assert said["fps"] == pytest.approx(said["frames"] / said["seconds"], rel=0.01)
+    assert 0 < said["seconds"] < said["wall_seconds"]
+    assert {"decode", "encode"} <= set(said["stages"])
+    assert "assemble" not in said["steps"]
+
+
+def test_the_video_has_every_frame_and_the_sound(cartoon: tuple[Path, dict[str, Any]]) -> None:
+    folder, _ = cartoon
+    frames = frames_of(folder / "out.mp4")
+    assert len(frames) == TINY_FRAMES
+    assert frames[0].shape == (TINY_HEIGHT, TINY_WIDTH, 3)
+    with av.open(str(folder / "out.mp4")) as clip:
+        assert len(clip.streams.audio) == 1
+
+
+def test_nothing_is_left_behind(cartoon: tuple[Path, dict[str, Any]]) -> None:
+    folder, _ = cartoon
+    assert [p.name for p in folder.iterdir() if p.name != "home"] == ["out.mp4"]
+    assert list((folder / "home" / "renders").iterdir()) == []
+
+
+def test_a_folder_gets_lossless_frames_and_workers_change_no_byte(tiny_clip: Path, tmp_path: Path) -> None:
+    one = render(tiny_clip, "-o", f"{tmp_path}/one/", "--json", home=tmp_path / "home")
+    render(tiny_clip, "-o", f"{tmp_path}/two/", "--workers", "2", home=tmp_path / "home")
+    names = [f"{index:04d}.png" for index in range(TINY_FRAMES)]
+    assert sorted(p.name for p in (tmp_path / "one").iterdir()) == names
+    for name in names:
+        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
+    first = cv2.imread(str(tmp_path / "one" / "0000.png"), cv2.IMREAD_UNCHANGED)
+    assert first.shape == (TINY_HEIGHT, TINY_WIDTH, 3)
+    assert summary(one)["frames"] == TINY_FRAMES
+
+
+def test_a_folder_of_frames_and_a_still_are_inputs_too(tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    for index in range(3):
+        cv2.imwrite(str(tmp_path / "in" / f"{index:04d}.png"), tiny_frame(index)[..., ::-1])
+    said = summary(render(tmp_path / "in", "-o", f"{tmp_path}/out/", "--json", home=tmp_path / "home"))
+    assert said["frames"] == 3
+    render(tmp_path / "in" / "0000.png", "-o", tmp_path / "still.png", home=tmp_path / "home")
+    still, first = (cv2.imread(str(tmp_path / name)) for name in ("still.png", "out/0000.png"))
+    assert np.array_equal(still, first)
+
+
+def test_references_parameters_and_artefacts_arrive(tiny_clip: Path, tmp_path: Path) -> None:
+    reference = tmp_path / "red.png"
+    cv2.imwrite(str(reference), np.full((64, 64, 3), (30, 30, 220), np.uint8))
+    plain = render(tiny_clip, "-o", f"{tmp_path}/plain/", "--param", "lines=off", home=tmp_path / "home")
+    assert plain.stdout.strip() == str(tmp_path / "plain")
+    words = ("--param", "lines=off", "--input", f"reference={reference}", "--artefact", "svg", "--json")
+    said = summary(render(tiny_clip, "-o", f"{tmp_path}/red/", *words, home=tmp_path / "home"))
+    before, after = (cv2.imread(str(tmp_path / name / "0005.png")).astype(float) for name in ("plain", "red"))
+    assert np.abs(before - after).mean() > 1
+    assert Path(said["artefacts"]["svg"]).is_file()
+
+
+# -- bad input
+
+
+@pytest.mark.parametrize(
+    ("words", "field", "hint"),
+    [
+        (["--param", "no_such=1"], "params.no_such", "growing_limit"),
+        (["--param", "growing_limit=1e9"], "params.growing_limit", ""),
+        (["--param", "growing_limit=NaN"], "params.growing_limit", ""),
+        (["--param", "lines"], "--param", "--param sigma_px=1.5"),
+        (["--method", "oil"], "method", "abstraction"),
+        (["--input", "refrence=x.png"], "--input", "reference"),
+        (["--input", "reference=/no/such.png"], "--input reference", "Check the path"),
+        (["--artefact", "psd"], "--artefact", "svg"),
+    ],
+)
+def test_bad_words_are_refused_with_field_and_remedy(
+    tiny_clip: Path, tmp_path: Path, words: list[str], field: str, hint: str
+) -> None:
+    done = render(tiny_clip, "-o", tmp_path / "out.mp4", "--json", *words, home=tmp_path / "home", code=2)
+    error = summary(done)["error"]
+    assert error["field"] == field
+    assert error["remedy"]
+    assert hint in error["remedy"]
+    assert done.stderr.startswith("error: ")
+    assert len(done.stderr.splitlines()) == 1
+    assert not (tmp_path / "out.mp4").exists()
+
+
+@pytest.mark.parametrize(
+    "data", [b"", b"MZ this is no video", b"\x00\x00\x00\x18ftypmp42"], ids=["empty", "exe", "cut"]
+)
+def test_bad_media_are_refused(tmp_path: Path, data: bytes) -> None:
+    (tmp_path / "clip.mp4").write_bytes(data)
+    done = render(tmp_path / "clip.mp4", "-o", tmp_path / "out.mp4", "--json", home=tmp_path / "home", code=2)
+    error = summary(done)["error"]
+    assert error["code"] in ("unreadable-media", "no-video-stream")
+    assert error["remedy"]
+
+
+# -- interrupted
+
+
+@pytest.fixture(scope="module")
+def long_clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A clip long enough to be several tasks."""
+    path = tmp_path_factory.mktemp("long") / "long.mp4"
+    with av.open(str(path), "w") as out:
+        video = out.add_stream("libx264", rate=24, options={"crf": "16"})
+        video.width, video.height, video.pix_fmt = TINY_WIDTH, TINY_HEIGHT, "yuv420p"
+        for index in range(LONG_FRAMES):
+            out.mux(video.encode(av.VideoFrame.from_ndarray(tiny_frame(abs(index % 60 - 30)), format="rgb24")))
+        out.mux(video.encode(None))
+    return path
+
+
+def stop_while_painting(command: list[str], how: signal.Signals) -> tuple[int, str]:
+    """Start a render, send `how` as soon as its first step is done; exit status and stderr."""
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        for line in process.stderr:
+            if "succeeded" in line:
+                break
+        process.send_signal(how)
+        rest = process.stderr.read()
+        return process.wait(timeout=60), rest
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
+def test_the_same_command_goes_on_and_makes_the_same_bytes(
+    long_clip: Path, tmp_path: Path, how: signal.Signals
+) -> None:
+    out = tmp_path / "out.mp4"
+    words = ("render", long_clip, "-o", out, "--json")
+    status, said = stop_while_painting(impasto(*words, home=tmp_path / "home"), how)
+    assert not out.exists()
+    assert status == (130 if how == signal.SIGINT else -signal.SIGKILL)
+    if how == signal.SIGINT:
+        assert "error: Interrupted at" in said
+        assert "Run the same command again" in said
+    again = render(*words[1:], home=tmp_path / "home")
+    assert "Going on from" in again.stderr
+    fresh = render(long_clip, "-o", tmp_path / "whole.mp4", home=tmp_path / "home")
+    assert "Going on from" not in fresh.stderr
+    assert summary(again)["frames"] == LONG_FRAMES
+    assert out.read_bytes() == (tmp_path / "whole.mp4").read_bytes()
