@@ -72,7 +72,11 @@ def _keys(home: Path | None) -> Iterator[Keys]:
 
     from workers.settings import FarmSettings
 
-    yield open_farm(FarmSettings(home=home_of(home), pool="none")).keys
+    farm = open_farm(FarmSettings(home=home_of(home), pool="none"))
+    try:
+        yield farm.keys
+    finally:
+        farm.stop()
 
 
 def _row(key: ApiKey) -> dict[str, Any]:

@@ -18,20 +18,6 @@ COMMANDS = (
     *("render", "serve", "scene", "keys", "submit", "watch", "get"),
     *("cancel", "retry", "jobs", "methods", "doctor", "version"),
 )
-    "render",
-    "serve",
-    "scene",
-    "keys",
-    "submit",
-    "watch",
-    "get",
-    "cancel",
-    "retry",
-    "jobs",
-    "methods",
-    "doctor",
-    "version",
-]
 
 
 @pytest.mark.parametrize("command", COMMANDS)
