@@ -68,9 +68,8 @@ def revoke(
 @contextmanager
 def _keys(home: Path | None) -> Iterator[Keys]:
     """The keys of the home, through a farm that runs nothing and so disturbs no service at work."""
-    from workers.studio import open_farm
-
     from workers.settings import FarmSettings
+    from workers.studio import open_farm
 
     farm = open_farm(FarmSettings(home=home_of(home), pool="none"))
     try:
