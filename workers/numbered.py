@@ -1,0 +1,66 @@
+"""A zip of numbered images (masks, label maps, keyframes) as a lazy mapping: an image is decoded when asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+from zipfile import ZipFile, ZipInfo
+
+from numpy.typing import NDArray
+
+from pipeline.errors import UnreadableMedia
+from pipeline.video.archive import number_of, open_archive, read_entry
+from pipeline.video.headers import sniff
+from pipeline.video.media import Limits
+from pipeline.video.stills import decode_raw
+
+
+class NumberedImages(Mapping[int, "NDArray[Any]"]):
+    """Images by the last number in their file name, ascending, as stored. A file that is one image has number 0.
+
+    Raises: UnreadableMedia (not images, a name without a number, a number twice). Close it.
+    """
+
+    def __init__(self, path: Path, field: str, limits: Limits | None = None) -> None:
+        self._path = path
+        self._limits = limits or Limits()
+        with path.open("rb") as stream:
+            zipped = sniff(stream) == "application/zip"
+        self._archive: ZipFile | None = None
+        self._members: dict[int, ZipInfo] = {}
+        if zipped:
+            self._archive, members = open_archive(path, self._limits)
+            self._number(members, field)
+
+    def _number(self, members: list[ZipInfo], field: str) -> None:
+        for member in members:
+            number = number_of(member.filename)
+            if number is None or number in self._members:
+                fault = "has no number in its name" if number is None else "has a number that another has"
+                self.close()
+                raise UnreadableMedia(
+                    f"An image of the archive {fault}.",
+                    field=field,
+                    value=member.filename,
+                    remedy="Number the images by the frames they belong to.",
+                )
+            self._members[number] = member
+
+    def __getitem__(self, number: int) -> NDArray[Any]:
+        if self._archive is None:
+            if number != 0:
+                raise KeyError(number)
+            return decode_raw(self._path.read_bytes(), self._limits)
+        member = self._members[number]
+        return decode_raw(read_entry(self._archive, member), self._limits, member.filename)
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(sorted(self._members) if self._archive is not None else [0])
+
+    def __len__(self) -> int:
+        return len(self._members) if self._archive is not None else 1
+
+    def close(self) -> None:
+        if self._archive is not None:
+            self._archive.close()

@@ -1,0 +1,150 @@
+"""`Renderer`: runs one task order, start to end, on this machine. No Ray, no store: blobs in, blobs out."""
+
+from __future__ import annotations
+
+import logging
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import cv2
+
+from pipeline.errors import BadParameter, Cancelled
+from pipeline.methods import method, parse_params
+from pipeline.methods.base import Brief, Method, Step, Task
+from workers.assemble import Assembly
+from workers.bench import TaskBench
+from workers.blobs.base import Blobs
+from workers.decoders import Decoders
+from workers.faults import fault_from
+from workers.jobs import ASSEMBLE
+from workers.logs import AttemptLog, captured
+from workers.model import TaskOrder, TaskOutcome
+
+_LOG = logging.getLogger(__name__)
+
+
+def prepare_process() -> None:
+    """What every process that renders needs first.
+
+    One OpenCV thread: some of its results (DIS flow) depend on how many there are; parallel work is ours to spread.
+    """
+    cv2.setNumThreads(1)
+    logging.getLogger("pipeline").setLevel(logging.INFO)
+    _LOG.setLevel(logging.INFO)
+
+
+class Renderer:
+    """Runs orders one after another, keeping decoders open from one to the next. Not thread-safe: one a thread.
+
+    Args:
+        blobs: where inputs are and results go.
+        scratch: folder for files while they are written; None: the system's.
+        find: finds a method by name (the registry; a test may bring its own).
+    """
+
+    def __init__(self, blobs: Blobs, scratch: Path | None = None, find: Callable[[str], Method] = method) -> None:
+        prepare_process()
+        self._blobs = blobs
+        self._scratch = scratch
+        self._find = find
+        self._decoders = Decoders(blobs)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        self._decoders.close()
+
+    def run(
+        self,
+        order: TaskOrder,
+        report: Callable[[float], None] = lambda done: None,
+        cancelled: Callable[[], bool] = lambda: False,
+    ) -> TaskOutcome:
+        """Run one attempt. What goes wrong is in the outcome, never raised.
+
+        Args:
+            report: told the fraction done, 0..1, a few times a second.
+            cancelled: asked ten times a second; once it says yes, the outcome is `cancelled`.
+        """
+        with captured(order.job_id, order.task_id, order.attempt_id) as log:
+            outcome = TaskOutcome(order.attempt_id, {}, {}, {}, None, {}, "")
+            try:
+                outcome = self._run(order, report, cancelled)
+            except Cancelled:
+                outcome = replace(outcome, cancelled=True)
+            except Exception as error:
+                _LOG.exception("step %s, task %s failed", order.step, order.key)
+                outcome = replace(outcome, fault=fault_from(error))
+            return _with_log(outcome, log)
+
+    def _run(self, order: TaskOrder, report: Callable[[float], None], cancelled: Callable[[], bool]) -> TaskOutcome:
+        with self._folder() as folder:
+            params = None if order.step == ASSEMBLE else parse_params(self._find(order.method), order.params)
+            bench = TaskBench(order, params, self._blobs, self._decoders, folder, report, cancelled)
+            try:
+                bench.progress(0.0)
+                return self._assemble(order, bench, folder) if order.step == ASSEMBLE else self._step(order, bench)
+            finally:
+                bench.close()
+
+    def _step(self, order: TaskOrder, bench: TaskBench) -> TaskOutcome:
+        step = _step_of(self._find(order.method), order.step)
+        task = _task_of(step, order, bench)
+        with bench.stages.method():
+            note = dict(step.run(task, bench))
+        segment = bench.finish()
+        if bench.emitted and order.emits and bench.emitted[1] < order.emits[1]:
+            _LOG.info("the video ended at frame %d of [%d, %d)", bench.emitted[1], *order.emits)
+            note["emitted"] = list(bench.emitted)
+        for warning in bench.warnings:
+            _LOG.warning("%s", warning)
+        return TaskOutcome(order.attempt_id, note, bench.artefacts, bench.files, segment, bench.stages.seconds(), "")
+
+    def _assemble(self, order: TaskOrder, bench: TaskBench, folder: Path) -> TaskOutcome:
+        prefix = f"jobs/{order.job_id}/{order.step}/{order.key}/{order.attempt_id}"
+        assembly = Assembly(order, self._blobs, self._decoders, folder, prefix)
+        with bench.stages.waiting("join"):
+            note = assembly.run(bench.progress)
+        return TaskOutcome(order.attempt_id, note, {}, assembly.files, None, bench.stages.seconds(), "")
+
+    @contextmanager
+    def _folder(self) -> Iterator[Path]:
+        if self._scratch:
+            self._scratch.mkdir(parents=True, exist_ok=True)
+        folder = Path(tempfile.mkdtemp(prefix="impasto-", dir=self._scratch))
+        try:
+            yield folder
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def _step_of(chosen: Method, name: str) -> Step:
+    for step in chosen.steps:
+        if step.name == name:
+            return step
+    raise BadParameter(f"The method {chosen.name!r} has no such step.", field="step", value=name)
+
+
+def _task_of(step: Step, order: TaskOrder, bench: TaskBench) -> Task:
+    """The planned task. An order does not say what its task waits for; equal briefs give equal plans."""
+    brief = Brief(bench.params, order.seed, bench.video, frozenset(order.inputs), order.notes)
+    for task in step.plan(brief):
+        if task.key == order.key:
+            return replace(task, args=order.args, emits=order.emits)
+    raise BadParameter("The plan has no such task.", field="key", value=order.key, remedy="Submit the job again.")
+
+
+def _with_log(outcome: TaskOutcome, log: AttemptLog) -> TaskOutcome:
+    return replace(outcome, log=log.text())
