@@ -1,0 +1,1 @@
+"""Label maps as vector outlines (zhang2011online, section 7)."""
