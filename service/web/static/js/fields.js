@@ -11,26 +11,30 @@ export function control(field, ids, changed) {
 const described = (ids) => ({ "aria-describedby": `${ids.help} ${ids.error}` });
 
 function slider(field, ids, changed) {
-  const range = { min: field.min, max: field.max };
-  const track = h("input", { type: "range", step: "any", ...strings(range), "aria-labelledby": ids.label, ...described(ids) });
+  const span = field.max - field.min;
+  const track = h("input", { type: "range", min: "0", max: "1", step: "any", "aria-labelledby": ids.label, ...described(ids) });
   const box = numberBox(field, ids);
-  const paint = () => track.style.setProperty("--fill", (track.value - field.min) / (field.max - field.min));
-  track.addEventListener("input", () => {
-    box.value = snap(Number(track.value), field);
-    paint();
-    changed();
-  });
-  box.addEventListener("input", () => {
-    if (box.value !== "") track.value = box.value;
-    paint();
-    changed();
-  });
-  const write = (value) => {
-    box.value = track.value = value;
+  const place = () => {
+    const share = Math.min(1, Math.max(0, (box.value - field.min) / span));
+    track.value = String(share ** (1 / field.curve));
     paint();
   };
-  return { element: h("div", { class: "slider" }, track, unitBox(field, box)), read: () => number(box.value, field), write };
+  const paint = () => {
+    track.style.setProperty("--fill", track.value);
+    track.setAttribute("aria-valuetext", `${box.value} ${field.unit}`.trim());
+  };
+  track.addEventListener("input", () => {
+    box.value = snap(field.min + span * track.value ** field.curve, field);
+    paint();
+    changed();
+  });
+  box.addEventListener("input", () => (place(), changed()));
+  const write = (value) => ((box.value = round(value)), place());
+  return { element: h("div", { class: "slider" }, track, box), read: () => number(box.value, field), write };
 }
+
+/** A default such as two thirds, as it is read. */
+const round = (value) => Number(Number(value).toPrecision(4));
 
 const strings = (object) => Object.fromEntries(Object.entries(object).map(([name, value]) => [name, String(value)]));
 
@@ -38,8 +42,6 @@ function numberBox(field, ids) {
   const limits = strings(Object.fromEntries(["min", "max"].filter((k) => field[k] !== undefined).map((k) => [k, field[k]])));
   return h("input", { type: "number", id: ids.input, step: field.whole ? "1" : "any", inputmode: field.whole ? "numeric" : "decimal", ...limits, ...described(ids) });
 }
-
-const unitBox = (field, box) => h("span", { class: "unit-box" }, box, field.unit && h("span", { class: "unit" }, field.unit));
 
 function number(text, field) {
   if (text === "" && field.nullable) return null;
@@ -54,12 +56,17 @@ function plainNumber(field, ids, changed) {
   const box = numberBox(field, ids);
   box.addEventListener("input", changed);
   if (field.nullable) box.placeholder = "auto";
-  return { element: unitBox(field, box), read: () => number(box.value, field), write: (value) => (box.value = value ?? "") };
+  return { element: box, read: () => number(box.value, field), write: (value) => (box.value = value ?? "") };
 }
 
 function toggle(field, ids, changed) {
   const box = h("input", { type: "checkbox", role: "switch", id: ids.input, onchange: changed, ...described(ids) });
   return { element: box, read: () => box.checked, write: (value) => (box.checked = Boolean(value)), inline: true };
+}
+
+function onoff(field, ids, changed) {
+  const { element, read, write, inline } = toggle(field, ids, changed);
+  return { element, inline, read: () => (read() ? "on" : "off"), write: (value) => write(value === "on") };
 }
 
 function choice(field, ids, changed) {
@@ -116,4 +123,4 @@ function parsed(value) {
   }
 }
 
-const KINDS = { slider, number: plainNumber, switch: toggle, choice, choices, text, json };
+const KINDS = { slider, number: plainNumber, switch: toggle, onoff, choice, choices, text, json };

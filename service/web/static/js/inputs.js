@@ -14,15 +14,26 @@ import { upload } from "./upload.js";
 export function createInputs(specs, given, onchange) {
   const slots = specs.map((spec) => createSlot(spec, given[spec.name] ?? "", onchange));
   return {
-    element: h("div", { class: "inputs", hidden: !specs.length }, slots.map((slot) => slot.element)),
+    element: h("div", { class: "inputs", hidden: !specs.length }, elements(slots.filter((slot) => !rare(slot))), folded(slots.filter(rare))),
     values: () => Object.fromEntries(slots.filter((slot) => slot.id).map((slot) => [slot.spec.name, slot.id])),
     quiet: () => slots.forEach((slot) => slot.complain("")),
     problem(name, text) {
       const slot = slots.find((candidate) => candidate.spec.name === name);
       slot?.complain(text);
+      slot?.element.closest("details")?.setAttribute("open", "");
       return Boolean(slot);
     },
   };
+}
+
+/** Pictures and films come first; what few have at hand is folded away unless it is given or needed. */
+const rare = ({ spec }) => ["json", "images"].includes(spec.kind) && !spec.required;
+const elements = (slots) => slots.map((slot) => slot.element);
+
+function folded(slots) {
+  if (!slots.length) return false;
+  const open = slots.some((slot) => slot.id);
+  return h("details", { class: "more-inputs", open }, h("summary", {}, "More to go by"), elements(slots));
 }
 
 function createSlot(spec, id, onchange) {

@@ -35,7 +35,7 @@ export function createJobView(id) {
   function missing(problem) {
     life.abort();
     element.setAttribute("aria-busy", "false");
-    fill(element, problemBlock(problem, h("a", { class: "button", href: "#/jobs" }, "All works"), h("a", { class: "button", href: "#/" }, "To the studio")));
+    fill(element, h("div", { class: "failure" }, problemBlock(problem, h("a", { class: "button", href: "#/jobs" }, "All works"), h("a", { class: "button", href: "#/" }, "To the studio"))));
   }
 
   function draw(now) {
@@ -58,7 +58,7 @@ export function createJobView(id) {
 
   function verbs(now) {
     const button = (verb, text, kind = "") => h("button", { type: "button", class: `button ${kind}`, onclick: () => act(verb) }, text);
-    const again = h("a", { class: "button", href: hashOfJob(now) }, "Use these settings");
+    const again = h("a", { class: "button", href: hashOfJob(now) }, "Change settings");
     if (now.state === "paused") return [button("resume", "Go on", "primary"), button("cancel", "Cancel")];
     if (!isFinal(now)) return [button("pause", "Pause"), button("cancel", "Cancel")];
     const forget = deletion(id, titleOf(now), () => (location.hash = "#/jobs"));

@@ -6,31 +6,23 @@ import { h } from "./dom.js";
 /** @returns {{element, load(asset, localUrl, frame), seek(frame), onfail(listener), close()}} */
 export function createOriginal() {
   const video = h("video", { class: "picture", muted: true, playsinline: "", preload: "auto", "aria-label": "The frame, original" });
-  const still = h("img", { class: "picture", alt: "The frame, original", hidden: true });
-  const element = h("div", { class: "original" }, video, still);
   let fps = 25;
   let frame = 0;
-  let owned = null;
   let fail = () => {};
 
   const goto = () => (video.currentTime = (frame + 0.5) / fps);
   video.addEventListener("loadedmetadata", goto);
   video.addEventListener("error", () => video.hasAttribute("src") && fail());
-  still.addEventListener("error", () => fail());
 
   async function load(asset, localUrl, index) {
     fps = asset.info.fps || 25;
     frame = index;
-    const picture = asset.media_type.startsWith("image/");
-    video.hidden = picture;
-    still.hidden = !picture;
-    const url = localUrl ?? (await mediaUrl(paths.content(asset.id)));
-    owned = url.startsWith("blob:") ? url : null;
-    (picture ? still : video).src = url;
+    if (!asset.media_type.startsWith("video/")) return fail();
+    video.src = localUrl ?? (await mediaUrl(paths.content(asset.id)));
   }
 
   return {
-    element,
+    element: video,
     load: (...args) => load(...args).catch(() => fail()),
     seek(index) {
       frame = index;
@@ -38,9 +30,9 @@ export function createOriginal() {
     },
     onfail: (listener) => (fail = listener),
     close() {
+      if (video.src.startsWith("blob:")) URL.revokeObjectURL(video.src);
       video.removeAttribute("src");
       video.load();
-      if (owned) URL.revokeObjectURL(owned);
     },
   };
 }

@@ -8,6 +8,9 @@ import { createWipe } from "./wipe.js";
 
 const DEBOUNCE_MS = 220;
 const MAX_SIDE_PX = 720;
+/** The service makes few previews at once: when it is busy, ask again. */
+const BUSY_TRIES = 10;
+const BUSY_MS = 1200;
 
 /**
  * @param {{onframe(frame), onproblem(problem), onpainted()}} told of what happens
@@ -88,13 +91,15 @@ function createPainter({ began, came, failed }) {
     clearTimeout(timer);
     running.abort();
   };
-  async function send(body) {
+  async function send(body, tries = 0) {
     const mine = (running = new AbortController());
     try {
       const url = URL.createObjectURL(await api.preview(body, mine.signal));
       if (!mine.signal.aborted) came(url);
     } catch (problem) {
-      if (!mine.signal.aborted) failed(problem);
+      if (mine.signal.aborted) return;
+      if (problem.code === "busy" && tries < BUSY_TRIES) timer = setTimeout(send, BUSY_MS, body, tries + 1);
+      else failed(problem);
     }
   }
   function paint(body) {

@@ -4,7 +4,9 @@ import { control } from "./fields.js";
 import { h, icon, unique } from "./dom.js";
 import { fieldsOf } from "./schema.js";
 
-const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
+/** Equal as the form shows them: numbers to four digits. */
+const same = (a, b) => shown(a) === shown(b);
+const shown = (value) => JSON.stringify(value, (_, v) => (typeof v === "number" ? Number(v.toPrecision(4)) : v));
 
 /**
  * @param {object} schema of type object
@@ -112,8 +114,19 @@ function createRow(field, changed) {
 }
 
 function head(field, ids, reset) {
-  const label = h("label", { id: ids.label, for: ids.input }, field.title, field.symbol && h("i", { class: "symbol", title: "Symbol in the paper" }, field.symbol));
-  return h("div", { class: "field-head" }, label, reset);
+  const label = h("label", { id: ids.label, for: ids.input }, field.title, field.symbol && symbol(field.symbol));
+  const unit = field.unit && field.unit !== "ratio" && h("span", { class: "unit" }, unitWord(field.unit));
+  return h("div", { class: "field-head" }, label, reset, unit);
+}
+
+const unitWord = (unit) => unit.replace("per mille of the", "‰ of").replace("per mille", "‰").replace("degrees", "°");
+
+const GREEK = { alpha: "α", beta: "β", gamma: "γ", delta: "δ", epsilon: "ε", lambda: "λ", mu: "μ", phi: "φ", rho: "ρ", sigma: "σ", tau: "τ" };
+
+/** The paper's symbol in its letters, its subscript lowered: "sigma_e". */
+function symbol(text) {
+  const [base, ...below] = text.split("_").map((part) => GREEK[part] ?? part);
+  return h("i", { class: "symbol", title: "Symbol in the paper" }, base, below.length > 0 && h("sub", {}, below.join("").replace(/[{}]/g, "")));
 }
 
 const help = (field, ids) => h("p", { class: "field-help", id: ids.help }, field.help);

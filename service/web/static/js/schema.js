@@ -5,10 +5,11 @@ import { humanise } from "./format.js";
 /**
  * @typedef {object} Field
  * @property {string} name, title, help, unit, symbol, group
- * @property {"slider"|"number"|"switch"|"choice"|"choices"|"text"|"json"} kind
+ * @property {"slider"|"number"|"switch"|"onoff"|"choice"|"choices"|"text"|"json"} kind
  * @property {*} initial the default
  * @property {{value: *, title: string}[]} options of a choice
  * @property {boolean} whole whether numbers are integers
+ * @property {number} curve of a slider: value = min + (max - min) * position ** curve, so that the default is in reach
  * @property {boolean} nullable whether it may be left empty
  */
 
@@ -30,6 +31,7 @@ function resolve(property, defs) {
 
 function field(name, schema, defs) {
   const [min, max] = bounds(schema);
+  const curve = curveOf(schema, min, max);
   const common = {
     name,
     title: schema.title ?? humanise(name),
@@ -40,8 +42,9 @@ function field(name, schema, defs) {
     initial: schema.default ?? (schema.nullable ? null : undefined),
     nullable: Boolean(schema.nullable),
     whole: schema.type === "integer",
+    curve,
   };
-  return { ...common, min, max, step: stepOf(schema, min, max), options: optionsOf(schema, defs), kind: kindOf(schema, min, max, defs) };
+  return { ...common, min, max, step: stepOf(schema, min, max, curve), options: optionsOf(schema, defs), kind: kindOf(schema, min, max, defs) };
 }
 
 function bounds(schema) {
@@ -51,12 +54,18 @@ function bounds(schema) {
   return [min, max];
 }
 
-/** A round step, about a hundredth of the range: 1, 2 or 5 times a power of ten. */
-function stepOf(schema, min, max) {
+/** Above 1 where the default lies low in its range: it is then drawn near the middle of the slider. */
+function curveOf(schema, min, max) {
+  const share = (schema.default - min) / (max - min);
+  return share > 0 && share < 0.3 ? Math.min(3, Math.log(share) / Math.log(0.4)) : 1;
+}
+
+/** A round step, about a hundredth of the range or finer on a curve: 1, 2 or 5 times a power of ten. */
+function stepOf(schema, min, max, curve) {
   if (schema.multipleOf) return schema.multipleOf;
   if (schema.type === "integer") return 1;
   if (min === undefined || max === undefined) return "any";
-  const rough = (max - min) / 100;
+  const rough = (max - min) / (curve > 1 ? 500 : 100);
   const power = 10 ** Math.floor(Math.log10(rough));
   return power * ([1, 2, 5].find((digit) => digit * power >= rough * 0.999) ?? 10);
 }
@@ -71,12 +80,15 @@ function optionsOf(schema, defs) {
 
 function kindOf(schema, min, max, defs) {
   if (schema.type === "array") return optionsOf(schema, defs).length ? "choices" : "json";
+  if (isOnOff(optionsOf(schema, defs))) return "onoff";
   if (optionsOf(schema, defs).length) return "choice";
   if (schema.type === "boolean") return "switch";
   if (schema.type === "string") return "text";
   if (schema.type !== "number" && schema.type !== "integer") return "json";
   return min === undefined || max === undefined || schema.nullable ? "number" : "slider";
 }
+
+const isOnOff = (options) => options.length === 2 && ["on", "off"].every((word) => options.some((o) => o.value === word));
 
 /** Round to the step of the field, without the dust of binary fractions. */
 export function snap(value, { step, min = 0 }) {

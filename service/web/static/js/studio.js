@@ -89,7 +89,7 @@ export function createStudio({ methods, asset, localUrl, draft, ondiscard }) {
     else if (!problem.isConnected) notify(fault);
   }
 
-  const bar = h("div", { class: "submit-bar" }, h("div", { class: "submit-note" }, `${asset.info.frames ?? "?"} frames · ${asset.info.width} × ${asset.info.height}`, problem), button);
+  const bar = h("div", { class: "submit-bar" }, h("div", { class: "submit-note" }, h("span", {}, `${asset.info.frames ?? "?"} frames`), h("span", {}, `${asset.info.width} × ${asset.info.height}`), problem), button);
   const element = h("div", { class: "studio" }, h("div", { class: "studio-stage" }, heading(asset, ondiscard), preview.element), h("aside", { class: "panel", "aria-label": "Settings" }, panel, bar));
   return { element, close: () => preview.close() };
 }
