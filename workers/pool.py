@@ -40,6 +40,10 @@ class Pool(Protocol):
         """Ask a running attempt to stop; it answers with an outcome that is `cancelled` within a second."""
         ...
 
+    def abandon(self, attempt_id: str) -> None:
+        """Stop waiting for an attempt that reports nothing any more; its worker is replaced."""
+        ...
+
     def describe(self) -> dict[str, object]:
         """Kind, workers, what each is doing: for the ops page."""
         ...

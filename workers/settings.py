@@ -8,6 +8,8 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from pipeline.video.media import Limits
+
 
 class FarmSettings(BaseModel):
     """Where a farm keeps things, how much it does at once, and when it gives up."""
@@ -22,6 +24,13 @@ class FarmSettings(BaseModel):
     """Folder of blobs; None: `home`/blobs."""
     reserve_bytes: int = Field(default=256 << 20, ge=0)
     """New work is refused while less than this is free on the disk of the blobs."""
+
+    max_asset_bytes: int = Field(default=8 << 30, ge=1024)
+    max_pixels: int = Field(default=50_000_000, ge=256)
+    """Pixels of one frame."""
+    max_side_px: int = Field(default=16384, ge=16)
+    max_seconds: float = Field(default=2 * 3600.0, gt=0)
+    max_frames: int = Field(default=1_000_000, ge=1)
 
     pool: Literal["local", "ray", "none"] = "local"
     """Where attempts run: in this process, on a Ray cluster, or nowhere (accept and show only)."""
@@ -46,6 +55,17 @@ class FarmSettings(BaseModel):
     @property
     def url(self) -> str:
         return self.database_url or f"sqlite:///{(self.home / 'impasto.db').absolute()}"
+
+    @property
+    def limits(self) -> Limits:
+        """How large an asset may be."""
+        return Limits(
+            size_bytes=self.max_asset_bytes,
+            pixels=self.max_pixels,
+            side_px=self.max_side_px,
+            seconds=self.max_seconds,
+            frames=self.max_frames,
+        )
 
     @property
     def blobs_at(self) -> Path:

@@ -90,11 +90,15 @@ class DiskBlobs:
 
     def check(self) -> None:
         """Raise StorageError if a blob cannot be written, StorageFull if less than the reserve is free."""
+        with _storage_errors(), self._written(b"impasto"):
+            self.check_room()
+
+    def check_room(self, wanted_bytes: int = 0) -> None:
+        """Raise StorageFull unless `wanted_bytes` more leave the reserve free. Cheap."""
         with _storage_errors():
-            with self._written(b"impasto"):
-                pass
+            self.root.mkdir(parents=True, exist_ok=True)
             free = shutil.disk_usage(self.root).free
-        if free < self.reserve_bytes:
+        if free < self.reserve_bytes + wanted_bytes:
             raise StorageFull(
                 "The disk of the blobs is nearly full.",
                 field="free_bytes",
@@ -163,10 +167,12 @@ def _in_folder(place: Path, commit: Callable[[], object]) -> None:
         place.parent.mkdir(parents=True, exist_ok=True)
         try:
             commit()
-            return _flush_folder(place.parent)
+            _flush_folder(place.parent)
         except FileNotFoundError:
             if last:
                 raise
+        else:
+            return
 
 
 def _flush_folder(folder: Path) -> None:

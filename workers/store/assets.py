@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict
+from typing import Any
 
-from sqlalchemy import Connection, delete, insert, select
+from sqlalchemy import ColumnElement, Connection, Select, delete, insert, select
 
 from workers.errors import Conflict, NotFound
 from workers.farm import Page
@@ -29,55 +30,49 @@ class Assets(Base):
         with self._db.write() as connection:
             if not still_there():
                 return None
-            known = _find(connection, asset.id)
-            if known is None:
+            if _find(connection, asset.id) is None:
                 connection.execute(insert(schema.assets).values(asdict(asset)))
             _hold(connection, asset)
-            return known or asset
+        return self.get(asset.id, asset.owner)
 
-    def get(self, asset_id: str) -> Asset:
+    def get(self, asset_id: str, owner: str | None = None) -> Asset:
+        """The asset; with `owner`, as that owner holds it (their file name and time), else NotFound."""
         with self._db.read() as connection:
-            found = _find(connection, asset_id)
+            found = _find(connection, asset_id) if owner is None else _held_by(connection, asset_id, owner)
         if found is None:
             raise _unknown(asset_id)
         return found
 
     def page(self, owner: str | None = None, cursor: str | None = None, limit: int = 50) -> Page:
         """Newest first."""
-        table, owners = schema.assets, schema.asset_owners
-        query = select(table).order_by(table.c.created_at.desc(), table.c.id.desc()).limit(limit + 1)
-        if owner is not None:
-            query = query.join(owners, owners.c.asset_id == table.c.id).where(owners.c.owner == owner)
+        at, key, query = _listing(owner)
         if cursor is not None:
-            at, last = unpack_cursor(cursor, float, str)
-            query = query.where((table.c.created_at < at) | ((table.c.created_at == at) & (table.c.id < last)))
+            when, last = unpack_cursor(cursor, float, str)
+            query = query.where((at < when) | ((at == when) & (key < last)))
         with self._db.read() as connection:
-            items = [asset_of(row) for row in connection.execute(query).mappings()]
-        more = len(items) > limit
-        items = items[:limit]
+            rows = connection.execute(query.order_by(at.desc(), key.desc()).limit(limit + 1)).mappings().all()
+        items = [asset_of(row) for row in rows[:limit]]
+        more = len(rows) > limit
         return Page(tuple(items), pack_cursor(items[-1].created_at, items[-1].id) if more else None)
 
-    def owners(self, asset_id: str) -> set[str]:
-        owners = schema.asset_owners
-        with self._db.read() as connection:
-            return set(connection.execute(select(owners.c.owner).where(owners.c.asset_id == asset_id)).scalars())
+    def remove(self, asset_id: str, owner: str | None = None) -> bool:
+        """Forget the asset, or only what `owner` holds of it; whether its bytes are needed no more.
 
-    def remove(self, asset_id: str) -> None:
-        """Raises NotFound, or Conflict while a job that is not final uses it."""
+        Raises:
+            NotFound: there is no such asset (of that owner).
+            Conflict: a job that is not final uses it.
+        """
+        self.get(asset_id, owner)
         with self._db.write() as connection:
-            table = schema.assets
-            locked = connection.execute(select(table.c.id).where(table.c.id == asset_id).with_for_update()).first()
-            if locked is None:
-                raise _unknown(asset_id)
-            job_id = _user(connection, asset_id)
-            if job_id is not None:
-                raise Conflict(
-                    f"The job {job_id} uses this asset.",
-                    field="asset",
-                    value=asset_id,
-                    remedy="Cancel the job, or wait until it has ended.",
-                )
-            connection.execute(delete(table).where(table.c.id == asset_id))
+            table, owners = schema.assets, schema.asset_owners
+            connection.execute(select(table.c.id).where(table.c.id == asset_id).with_for_update()).first()
+            _refuse_if_used(connection, asset_id, owner)
+            mine = () if owner is None else (owners.c.owner == owner,)
+            connection.execute(delete(owners).where(owners.c.asset_id == asset_id, *mine))
+            left = connection.execute(select(owners.c.owner).where(owners.c.asset_id == asset_id).limit(1)).first()
+            if left is None:
+                connection.execute(delete(table).where(table.c.id == asset_id))
+            return left is None
 
     def unless_known(self, asset_id: str, forget: Callable[[], None]) -> None:
         """Call `forget` if the asset is (still) unknown, while nobody can add it."""
@@ -91,14 +86,41 @@ def _find(connection: Connection, asset_id: str) -> Asset | None:
     return None if row is None else asset_of(row)
 
 
+def _held_by(connection: Connection, asset_id: str, owner: str) -> Asset | None:
+    _, key, query = _listing(owner)
+    row = connection.execute(query.where(key == asset_id)).mappings().first()
+    return None if row is None else asset_of(row)
+
+
+def _listing(owner: str | None) -> tuple[ColumnElement[float], ColumnElement[str], Select[Any]]:
+    """(time, id, query) of assets: all of them, or as one owner holds them."""
+    table, owners = schema.assets, schema.asset_owners
+    if owner is None:
+        return table.c.created_at, table.c.id, select(table)
+    own = ("filename", "created_at", "owner")
+    columns = [column for column in table.c if column.name not in own] + [owners.c[name] for name in own]
+    query = select(*columns).join(owners, owners.c.asset_id == table.c.id).where(owners.c.owner == owner)
+    return owners.c.created_at, table.c.id, query
+
+
 def _hold(connection: Connection, asset: Asset) -> None:
     owners = schema.asset_owners
     held = select(owners.c.owner).where(owners.c.asset_id == asset.id, owners.c.owner == asset.owner)
     if connection.execute(held).first() is None:
-        connection.execute(insert(owners).values(owner=asset.owner, asset_id=asset.id))
+        names = {"owner": asset.owner, "asset_id": asset.id, "filename": asset.filename}
+        values = {**names, "created_at": asset.created_at}
+        connection.execute(insert(owners).values(values))
 
 
-def _user(connection: Connection, asset_id: str) -> str | None:
+def _refuse_if_used(connection: Connection, asset_id: str, owner: str | None) -> None:
+    job_id = _user(connection, asset_id, owner)
+    if job_id is not None:
+        remedy = "Cancel the job, or wait until it has ended."
+        raise Conflict(f"The job {job_id} uses this asset.", field="asset", value=asset_id, remedy=remedy)
+
+
+def _user(connection: Connection, asset_id: str, owner: str | None) -> str | None:
+    """A job (of `owner`) that uses the asset and is not final."""
     jobs, inputs = schema.jobs, schema.job_inputs
     query = (
         select(jobs.c.id)
@@ -106,6 +128,8 @@ def _user(connection: Connection, asset_id: str) -> str | None:
         .where(inputs.c.asset_id == asset_id, jobs.c.state.not_in(_FINAL))
         .limit(1)
     )
+    if owner is not None:
+        query = query.where(jobs.c.owner == owner)
     return connection.execute(query).scalar()
 
 

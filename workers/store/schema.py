@@ -64,7 +64,10 @@ asset_owners = Table(
     metadata,
     Column("owner", String(80), primary_key=True),
     Column("asset_id", String(80), ForeignKey("assets.id", ondelete="CASCADE"), primary_key=True),
+    Column("filename", Text, nullable=False),
+    Column("created_at", Double, nullable=False),
     Index(None, "asset_id"),
+    Index(None, "owner", "created_at"),
 )
 
 jobs = Table(

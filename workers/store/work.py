@@ -30,6 +30,7 @@ class Claim:
 
     attempt_id: str
     job_id: str
+    step_name: str
     task: Mapping[str, Any]
     """The row of the task."""
     job: Mapping[str, Any]
@@ -204,8 +205,7 @@ def _claim_in(book: JobBook, dispatcher: str, lease_until: float) -> Claim | Non
     book.connection.execute(update(schema.tasks).where(where).values(attempt_id=attempt_id))
     task["attempt_id"] = attempt_id
     book.say_task(task, TaskState.RUNNING, attempt=number)
-    task["step_name"] = book.step_row(task["step"])["name"]
-    return Claim(attempt_id, book.job_id, task, book.row)
+    return Claim(attempt_id, book.job_id, book.step_row(task["step"])["name"], task, book.row)
 
 
 def _first_ready(book: JobBook) -> dict[str, Any] | None:

@@ -1,0 +1,83 @@
+"""A farm with the toy method, and small helpers to move time along."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.workers.toy import Toy, ToyRunner
+from workers.blobs.disk import DiskBlobs
+from workers.local_pool import LocalPool
+from workers.model import Job, JobRequest
+from workers.settings import FarmSettings
+from workers.studio import Studio
+
+
+@pytest.fixture(autouse=True)
+def only_toy(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = {"toy": Toy()}
+    monkeypatch.setattr("pipeline.methods.methods", lambda: found)
+
+
+@pytest.fixture
+def settings(tmp_path: Path) -> FarmSettings:
+    return FarmSettings(home=tmp_path / "home", workers=2, retry_delay_s=0.02, reserve_bytes=0)
+
+
+@pytest.fixture
+def open_studio(settings: FarmSettings) -> Iterator[Callable[..., Studio]]:
+    """Opens and starts farms; stops them at the end."""
+    opened: list[Studio] = []
+
+    def open_one(start: bool = True, **changes: Any) -> Studio:
+        chosen = settings.model_copy(update=changes)
+        blobs = DiskBlobs(chosen.blobs_at)
+        studio = Studio(chosen, LocalPool(lambda: ToyRunner(blobs), chosen.workers))
+        opened.append(studio)
+        if start:
+            studio.start()
+        return studio
+
+    yield open_one
+    for studio in opened:
+        studio.stop()
+
+
+@pytest.fixture
+def farm(open_studio: Callable[..., Studio]) -> Studio:
+    return open_studio()
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    path = tmp_path / "data.json"
+    path.write_text('{"cat": 1}')
+    return path
+
+
+def request_on(farm: Studio, data: Path, **changes: Any) -> JobRequest:
+    """A request of the toy method on `data`."""
+    asset = farm.add_asset(data, "data.json")
+    return JobRequest(**{"method": "toy", "inputs": {"data": asset.id}, "seed": 7, **changes})
+
+
+def finished(farm: Studio, job_id: str, timeout_s: float = 20.0) -> Job:
+    """The job once it is final."""
+    return until(lambda: (job := farm.job(job_id)).state.final and job, timeout_s)
+
+
+def until(ask: Callable[[], Any], timeout_s: float = 10.0) -> Any:
+    """The first true answer."""
+    deadline = time.monotonic() + timeout_s
+    while not (answer := ask()):
+        assert time.monotonic() < deadline, "it did not happen in time"
+        time.sleep(0.01)
+    return answer
+
+
+def result(farm: Studio, job_id: str) -> bytes:
+    return b"".join(farm.read(farm.file(job_id, "result")))

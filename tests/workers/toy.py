@@ -1,0 +1,164 @@
+"""A method and a runner for tests of the farm: seconds of video arithmetic without any video.
+
+The method works on a JSON input; its tasks do what `args` and `params` say: wait, fail, stop the process. The runner
+keeps the contract of `workers.render.Renderer` with the smallest possible bench.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, ClassVar
+
+from pydantic import Field
+
+from pipeline.errors import BadInput, Cancelled, StorageError, StorageFull
+from pipeline.frames import Frame
+from pipeline.methods.base import Brief, Example, InputSpec, Note, Params, Session, Step, Task, seeded
+from workers.blobs.base import Blobs
+from workers.faults import failed_outcome
+from workers.jobs import ASSEMBLE
+from workers.model import TaskOrder, TaskOutcome
+
+
+class ToyParams(Params):
+    tasks: int = Field(default=3, ge=0, le=100_000)
+    chain: bool = False
+    sleep_s: float = Field(default=0.0, ge=0)
+    trouble: str = ""
+    """What task "run-1" meets: "raise", "bad-input", "full", "away", "once", "die", "cycle" (in the plan)."""
+    mark: str = ""
+    """A file that "once" leaves behind, so that it happens once only."""
+
+
+def _plan_look(brief: Brief) -> list[Task]:
+    return [Task("all")]
+
+
+def _look(task: Task, bench: Any) -> Note:
+    return {"found": bench.params.tasks}
+
+
+def _plan_draw(brief: Brief) -> list[Task]:
+    n = brief.notes["look"]["all"]["found"]
+    after = {i: (f"run-{i - 1}",) for i in range(1, n) if brief.params.chain}
+    if brief.params.trouble == "cycle":
+        after[0] = (f"run-{n - 1}",)
+    return [Task(f"run-{i}", {"i": i}, after.get(i, ()), (i, i + 1), weight=1.0 + i % 2) for i in range(n)]
+
+
+def _draw(task: Task, bench: Any) -> Note:
+    params = bench.params
+    if task.key == "run-1":
+        _trouble(params)
+    deadline = time.monotonic() + params.sleep_s
+    while time.monotonic() < deadline:
+        bench.progress(1 - (deadline - time.monotonic()) / max(params.sleep_s, 1e-9))
+        time.sleep(0.01)
+    before = bench.load("draw", task.after[0]) if task.after else b""
+    drawn = before[-4:] + seeded(bench.seed, task.args["i"]).bytes(8)
+    bench.save(task.key, drawn)
+    bench.segment = drawn
+    return {"i": task.args["i"]}
+
+
+def _trouble(params: ToyParams) -> None:
+    first = bool(params.mark) and not Path(params.mark).exists()
+    if first:
+        Path(params.mark).touch()
+    if params.trouble == "raise" or (params.trouble == "once" and first):
+        raise RuntimeError("the cat sat on the keyboard")
+    if params.trouble == "bad-input":
+        raise BadInput("No cat in the picture.", field="inputs.data", remedy="Add a cat.")
+    if params.trouble == "full":
+        raise StorageFull("The disk is full.", remedy="Free some space.")
+    if params.trouble == "away" and first:
+        raise StorageError("S3 does not answer.")
+    if params.trouble == "die" and first:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+class Toy:
+    name: ClassVar[str] = "toy"
+    title: ClassVar[str] = "Toy"
+    summary: ClassVar[str] = "Draws random bytes."
+    paper: ClassVar[str] = "nobody"
+    Params: ClassVar[type[Params]] = ToyParams
+    inputs: ClassVar[tuple[InputSpec, ...]] = (
+        InputSpec("data", "json", True, "Data", "Anything."),
+        InputSpec("reference", "image", False, "Reference", "Colours."),
+        InputSpec("video", "video", False, "Video", "A video."),
+    )
+    steps: ClassVar[tuple[Step, ...]] = (
+        Step("look", "Look", _plan_look, _look),
+        Step("draw", "Draw", _plan_draw, _draw),
+    )
+    artefacts: ClassVar[tuple[str, ...]] = ("svg",)
+    examples: ClassVar[tuple[Example, ...]] = ()
+
+    def stream(
+        self, params: Any, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]
+    ) -> Session | None:
+        return None
+
+
+class _Bench:
+    def __init__(self, blobs: Blobs, order: TaskOrder, report: Callable[[float], None], cancelled: Callable[[], bool]):
+        self.params = ToyParams(**order.params)
+        self.seed = order.seed
+        self.artefacts: dict[str, str] = {}
+        self.segment: bytes | None = None
+        self._blobs, self._order, self._report, self._cancelled = blobs, order, report, cancelled
+
+    def progress(self, done: float) -> None:
+        if self._cancelled():
+            raise Cancelled("Stopped.")
+        self._report(done)
+
+    def save(self, name: str, data: bytes) -> None:
+        key = f"jobs/{self._order.job_id}/{self._order.attempt_id}/{name}"
+        self._blobs.put(key, data)
+        self.artefacts[f"{self._order.step}/{name}"] = key
+
+    def load(self, step: str, name: str) -> bytes:
+        return self._blobs.get(self._order.artefacts[f"{step}/{name}"])
+
+
+class ToyRunner:
+    """Like Renderer: never raises, answers with an outcome."""
+
+    def __init__(self, blobs: Blobs) -> None:
+        self._blobs = blobs
+
+    def run(self, order: TaskOrder, report: Callable[[float], None], cancelled: Callable[[], bool]) -> TaskOutcome:
+        try:
+            return self._assemble(order) if order.step == ASSEMBLE else self._step(order, report, cancelled)
+        except Exception as error:
+            return failed_outcome(order.attempt_id, error)
+
+    def close(self) -> None: ...
+
+    def _step(self, order: TaskOrder, report: Callable[[float], None], cancelled: Callable[[], bool]) -> TaskOutcome:
+        began = time.monotonic()
+        bench = _Bench(self._blobs, order, report, cancelled)
+        step = next(step for step in Toy.steps if step.name == order.step)
+        task = Task(order.key, order.args, _after(order), order.emits)
+        note = step.run(task, bench)
+        key = f"jobs/{order.job_id}/{order.attempt_id}/segment" if bench.segment is not None else None
+        if key is not None and bench.segment is not None:
+            self._blobs.put(key, bench.segment)
+        stages = {"method": time.monotonic() - began, "decode": 0.0, "encode": 0.0}
+        return TaskOutcome(order.attempt_id, note, bench.artefacts, {}, key, stages, f"ran {order.key}\n")
+
+    def _assemble(self, order: TaskOrder) -> TaskOutcome:
+        key = f"jobs/{order.job_id}/{order.attempt_id}/result"
+        self._blobs.put(key, b"".join(self._blobs.get(segment) for _, _, segment in order.segments))
+        return TaskOutcome(order.attempt_id, {}, {}, {"result": (key, "video/mp4")}, None, {}, "joined\n")
+
+
+def _after(order: TaskOrder) -> tuple[str, ...]:
+    i = order.args.get("i", 0)
+    return (f"run-{i - 1}",) if order.params["chain"] and i > 0 else ()

@@ -1,0 +1,299 @@
+"""The dispatcher: one thread that plans steps, claims tasks for its pool, and brings their outcomes into the store.
+
+It keeps nothing that matters: kill it at any instant and its successor goes on from what the store says. When the
+store or the blobs are away it waits, longer each time, and loses no outcome meanwhile.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.errors import ImpastoError, StorageError
+from workers import jobs as machine
+from workers.faults import failed_outcome, fault_from, is_final, is_storage_away
+from workers.life import Life
+from workers.model import Fault, TaskOutcome
+from workers.orders import Orders
+from workers.planning import plan_step
+from workers.pool import Pool, Report
+from workers.settings import FarmSettings
+from workers.store import Claim, StepToPlan, Store
+
+log = logging.getLogger(__name__)
+
+_BUSY_TICK_S = 0.4
+"""While something runs: how often progress is written and cancelled attempts are looked for."""
+_IDLE_TICK_S = 1.0
+"""While nothing runs: how soon work that another process has accepted is seen."""
+_MAX_BACK_OFF_S = 15.0
+_STORAGE_AWAY_S = 3.0
+"""How long a task that met an absent store waits."""
+
+
+@dataclass
+class _Flight:
+    """An attempt that is with the pool."""
+
+    heard: float
+    """When it last reported, monotonic s."""
+    job_id: str = ""
+    progress: float = 0.0
+    worker: str = ""
+    told: bool = True
+    """Whether the store knows `progress`."""
+    revoked: bool = False
+
+
+class Dispatcher:
+    """Runs the jobs of a store on a pool.
+
+    Args:
+        store: the truth.
+        pool: started and stopped by this.
+        settings: capacity, leases, limits.
+        has_room: raises StorageFull when nothing new should begin.
+        forget_blobs: removes what a deleted job's last attempts have left (job id).
+    """
+
+    def __init__(
+        self,
+        store: Store,
+        pool: Pool,
+        settings: FarmSettings,
+        has_room: Callable[[], None] = lambda: None,
+        forget_blobs: Callable[[str], None] = lambda job_id: None,
+    ) -> None:
+        self._store = store
+        self._pool = pool
+        self._settings = settings
+        self._has_room = has_room
+        self._forget_blobs = forget_blobs
+        self._orders = Orders(store)
+        self._flights: dict[str, _Flight] = {}
+        self._reports: deque[Report] = deque()
+        self._wake = threading.Event()
+        self._stopping = False
+        self._thread = threading.Thread(target=self._run, name="impasto-dispatcher", daemon=True)
+        self._life: Life | None = None
+        self._renewed = self._told = self._looked = self._turned = 0.0
+        self.trouble = ""
+        """What keeps it from working now; empty if nothing does."""
+
+    # -- life
+
+    def start(self, home: Path) -> None:
+        """Take up what earlier lives have left, and begin. `home` holds the lock files of dispatchers."""
+        self._life = Life(home / "dispatchers")
+        self._pool.start(self._hear)
+        self._turned = time.monotonic()
+        self._thread.start()
+
+    def stop(self, grace_s: float = 5.0) -> None:
+        """Ask running attempts to stop, give their tasks back, and end."""
+        if self._life is None:
+            return
+        self._stopping = True
+        self._wake.set()
+        self._thread.join(grace_s + _MAX_BACK_OFF_S)
+        self._pool.stop(grace_s)
+        self._leave()
+        self._life.end()
+        self._life = None
+
+    def poke(self) -> None:
+        """Something in the store has changed: look now."""
+        self._looked = 0.0
+        self._wake.set()
+
+    def check(self) -> None:
+        """Raise StorageError with what keeps it from working, or if its thread hangs or has died."""
+        silent_s = time.monotonic() - self._turned
+        if not self._thread.is_alive() or silent_s > 4 * _MAX_BACK_OFF_S:
+            raise StorageError(f"The dispatcher has been silent for {silent_s:.0f} s.", remedy="Restart the service.")
+        if self.trouble:
+            raise StorageError(self.trouble)
+
+    @property
+    def running(self) -> int:
+        """Attempts that are with the pool."""
+        return len(self._flights)
+
+    # -- the thread
+
+    def _run(self) -> None:
+        back_off = 0.0
+        while not self._stopping:
+            self._wake.clear()
+            self._turned = time.monotonic()
+            try:
+                self._turn()
+                back_off, self.trouble = 0.0, ""
+            except Exception as error:
+                back_off = min(_MAX_BACK_OFF_S, max(0.5, 2 * back_off))
+                self._note_trouble(error)
+            self._wake.wait(back_off or (_BUSY_TICK_S if self._flights else _IDLE_TICK_S))
+
+    def _note_trouble(self, error: Exception) -> None:
+        self.trouble = str(error) or type(error).__name__
+        if isinstance(error, StorageError):
+            log.warning("dispatcher waits: %s", error)
+        else:
+            log.exception("dispatcher failed; it tries again")
+
+    def _turn(self) -> None:
+        """Everything there is to do now. Repeatable: an exception in the middle loses nothing."""
+        self._bring_in()
+        self._keep_leases()
+        self._tell_progress()
+        self._revoke()
+        self._plan()
+        self._fill()
+
+    # -- reports from the pool
+
+    def _hear(self, report: Report) -> None:
+        """Called from any thread."""
+        self._reports.append(report)
+        if report.outcome is not None or report.lost:
+            self._wake.set()
+
+    def _bring_in(self) -> None:
+        while self._reports:
+            self._take(self._reports[0])
+            self._reports.popleft()
+
+    def _take(self, report: Report) -> None:
+        flight = self._flights.get(report.attempt_id)
+        if flight is None:
+            return  # given up already; the store would refuse it, too
+        flight.heard = time.monotonic()
+        flight.worker = report.worker or flight.worker
+        if report.lost:
+            self._settle(report.attempt_id, flight, _lost(report))
+        elif report.outcome is not None:
+            self._settle(report.attempt_id, flight, report.outcome)
+        elif report.progress != flight.progress:
+            flight.progress, flight.told = report.progress, False
+
+    def _settle(self, attempt_id: str, flight: _Flight, outcome: TaskOutcome) -> None:
+        """Bring an outcome into the store. The attempt leaves us only once that has worked."""
+        if not self._commit(outcome) and not self._store.jobs.exists([flight.job_id]):
+            self._forget_blobs(flight.job_id)
+        self._flights.pop(attempt_id, None)
+
+    def _commit(self, outcome: TaskOutcome) -> bool:
+        work, fault = self._store.work, outcome.fault
+        if outcome.cancelled and self._stopping:
+            return work.put_off(outcome.attempt_id, 0.0, outcome.log)
+        if outcome.cancelled:  # an attempt that nobody stopped is at fault; that of a cancelled job is fenced
+            fault = fault or Fault("cancelled", "The task stopped by itself.", "See the log of the task.")
+        if fault is None:
+            return work.finish(outcome)
+        if is_storage_away(fault):
+            return work.put_off(outcome.attempt_id, _STORAGE_AWAY_S, outcome.log)
+        return work.finish(outcome, machine.Failed(fault, is_final(fault)))
+
+    def _tell_progress(self) -> None:
+        news = {attempt_id: flight for attempt_id, flight in self._flights.items() if not flight.told}
+        if not news or time.monotonic() - self._told < _BUSY_TICK_S:
+            return
+        self._told = time.monotonic()
+        fractions = {attempt_id: flight.progress for attempt_id, flight in news.items()}
+        self._store.work.progress(fractions, {attempt_id: flight.worker for attempt_id, flight in news.items()})
+        for flight in news.values():
+            flight.told = True
+
+    # -- leases, revocations, silence
+
+    def _keep_leases(self) -> None:
+        assert self._life is not None
+        lease_s = self._settings.lease_s
+        if time.monotonic() - self._renewed < lease_s / 3:
+            return
+        self._store.work.renew(self._life.id, lease_s)
+        dead = self._life.dead()
+        if given_back := self._store.work.interrupt(dead):
+            log.info("%d attempts of dead dispatchers were given back", given_back)
+        self._life.forget(dead)
+        self._renewed = time.monotonic()
+
+    def _revoke(self) -> None:
+        """Tell the pool of attempts that no longer count (their job was cancelled), and of silent ones."""
+        assert self._life is not None
+        now = time.monotonic()
+        if not self._flights or now - self._looked < _BUSY_TICK_S:
+            return
+        mine = self._store.work.mine(self._life.id)
+        self._looked = now
+        for attempt_id, flight in list(self._flights.items()):
+            if attempt_id not in mine and not flight.revoked:
+                flight.revoked = True
+                self._pool.cancel(attempt_id)
+            if now - flight.heard > self._settings.stall_s:
+                self._pool.abandon(attempt_id)
+                self._hear(Report(attempt_id, outcome=_stalled(attempt_id, self._settings.stall_s)))
+
+    # -- new work
+
+    def _plan(self) -> None:
+        for todo in self._store.plans.to_plan():
+            self._plan_one(todo)
+
+    def _plan_one(self, todo: StepToPlan) -> None:
+        plans, context = self._store.plans, self._store.context
+        try:
+            notes, _ = context.before(todo.job_id, todo.step)
+            info = context.input_info(todo.request.inputs)
+            tasks = plan_step(todo.step, todo.request, todo.params, info, notes)
+        except StorageError:
+            raise
+        except Exception as error:
+            log.warning("job %s: planning failed: %s", todo.job_id, error)
+            plans.plan_failed(todo.job_id, todo.step, fault_from(error))
+        else:
+            plans.planned(todo.job_id, todo.step, tasks)
+        self._wake.set()  # an empty step is over at once, and the next one is to be planned
+
+    def _fill(self) -> None:
+        assert self._life is not None
+        while len(self._flights) < self._pool.capacity and not self._stopping:
+            self._has_room()
+            claim = self._store.work.claim(self._life.id, self._settings.lease_s)
+            if claim is None:
+                return
+            self._flights[claim.attempt_id] = _Flight(time.monotonic(), claim.job_id)
+            self._send(claim)
+
+    def _send(self, claim: Claim) -> None:
+        """Hand a claimed task to the pool; what goes wrong is the attempt's outcome, like any other."""
+        try:
+            self._pool.submit(self._orders.order(claim))
+        except ImpastoError as error:
+            self._hear(Report(claim.attempt_id, outcome=failed_outcome(claim.attempt_id, error)))
+
+    def _leave(self) -> None:
+        """Give back what did not end in time."""
+        try:
+            self._bring_in()
+            for attempt_id in list(self._flights):
+                self._store.work.put_off(attempt_id, 0.0, "The service was stopped.")
+        except StorageError as error:
+            log.warning("could not give running attempts back; the next start does: %s", error)
+        self._flights.clear()
+
+
+def _lost(report: Report) -> TaskOutcome:
+    fault = Fault("worker-lost", "The worker died while it ran this task.", "Look for a lack of memory, then retry.")
+    said = f"The worker {report.worker or '(unknown)'} died."
+    return TaskOutcome(report.attempt_id, {}, {}, {}, None, {}, said, fault)
+
+
+def _stalled(attempt_id: str, seconds: float) -> TaskOutcome:
+    fault = Fault("stalled", f"The task reported nothing for {seconds:.0f} s.", "See the log of the task, then retry.")
+    return TaskOutcome(attempt_id, {}, {}, {}, None, {}, "", fault)

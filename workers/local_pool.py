@@ -1,0 +1,115 @@
+"""Attempts in threads of this process. The work itself leaves Python's lock: NumPy, OpenCV, OpenCL, Numba."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+from workers.faults import failed_outcome
+from workers.model import TaskOrder, TaskOutcome
+from workers.pool import Report
+
+Listen = Callable[[Report], None]
+
+
+class Runner(Protocol):
+    """Runs one order at a time, as `workers.render.Renderer` does."""
+
+    def run(self, order: TaskOrder, report: Callable[[float], None], cancelled: Callable[[], bool]) -> TaskOutcome: ...
+
+    def close(self) -> None: ...
+
+
+class LocalPool:
+    """`workers` threads, each with a runner of its own, made in the thread at its first order."""
+
+    def __init__(self, make_runner: Callable[[], Runner], workers: int) -> None:
+        self.capacity = workers
+        self._make_runner = make_runner
+        self._orders: queue.SimpleQueue[TaskOrder | None] = queue.SimpleQueue()
+        self._stops: dict[str, threading.Event] = {}
+        self._busy: dict[str, str] = {}
+        self._abandoned: set[str] = set()
+        self._lock = threading.Lock()
+        self._threads: list[threading.Thread] = []
+        self._listen: Listen = lambda report: None
+
+    def start(self, listen: Listen) -> None:
+        self._listen = listen
+        for _ in range(self.capacity):
+            self._add_worker()
+
+    def submit(self, order: TaskOrder) -> None:
+        with self._lock:
+            self._stops[order.attempt_id] = threading.Event()
+        self._orders.put(order)
+
+    def cancel(self, attempt_id: str) -> None:
+        with self._lock:
+            if stop := self._stops.get(attempt_id):
+                stop.set()
+
+    def abandon(self, attempt_id: str) -> None:
+        """Stop waiting for an attempt that does not answer. A thread cannot be killed: another takes its place."""
+        self.cancel(attempt_id)
+        with self._lock:
+            if attempt_id not in self._busy or attempt_id in self._abandoned:
+                return
+            self._abandoned.add(attempt_id)
+        self._add_worker()
+
+    def describe(self) -> dict[str, object]:
+        with self._lock:
+            return {"kind": "local", "workers": self.capacity, "busy": dict(self._busy)}
+
+    def stop(self, grace_s: float = 5.0) -> None:
+        with self._lock:
+            for stop in self._stops.values():
+                stop.set()
+        for _ in self._threads:
+            self._orders.put(None)
+        deadline = time.monotonic() + grace_s
+        for thread in self._threads:
+            thread.join(max(0.0, deadline - time.monotonic()))
+
+    def _add_worker(self) -> None:
+        name = f"impasto-worker-{len(self._threads)}"
+        thread = threading.Thread(target=self._work, name=name, daemon=True)
+        self._threads.append(thread)
+        thread.start()
+
+    def _work(self) -> None:
+        name = threading.current_thread().name
+        runner: Runner | None = None
+        while (order := self._orders.get()) is not None:
+            runner = self._run(order, runner, name)
+            if self._was_abandoned(order.attempt_id):
+                break  # another thread works in our place
+        if runner is not None:
+            runner.close()
+
+    def _was_abandoned(self, attempt_id: str) -> bool:
+        with self._lock:
+            was = attempt_id in self._abandoned
+            self._abandoned.discard(attempt_id)
+            return was
+
+    def _run(self, order: TaskOrder, runner: Runner | None, name: str) -> Runner | None:
+        """Run one order and report; returns the runner for the next one."""
+        attempt_id = order.attempt_id
+        with self._lock:
+            stop = self._stops[attempt_id]
+            self._busy[attempt_id] = name
+        self._listen(Report(attempt_id, worker=name))
+        try:
+            runner = runner or self._make_runner()
+            outcome = runner.run(order, lambda done: self._listen(Report(attempt_id, done, worker=name)), stop.is_set)
+        except BaseException as error:
+            outcome, runner = failed_outcome(attempt_id, error), None
+        with self._lock:
+            del self._stops[attempt_id], self._busy[attempt_id]
+        self._listen(Report(attempt_id, 1.0, outcome, worker=name))
+        return runner
