@@ -9,7 +9,8 @@ from pipeline.compute import device as default_device
 from pipeline.errors import BadParameter
 from pipeline.flow.dis import dis
 from pipeline.flow.gray import gray_pair
-from pipeline.flow.tvl1 import DEFAULTS, TvL1, tvl1
+from pipeline.flow.tvl1 import tvl1
+from pipeline.flow.tvl1_params import DEFAULTS, TvL1
 from pipeline.frames import Flow
 
 FlowMethod = Literal["dis-ultrafast", "dis-fast", "dis-medium", "tvl1"]

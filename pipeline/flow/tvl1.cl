@@ -1,7 +1,10 @@
 /* TV-L1 optical flow, zach2007duality. The specification is tvl1_reference.py: same operations in the same order.
 
    An image or field is one buffer of float planes, each height rows of width. x runs along dimension 0, y along 1,
-   the plane along 2. Outside the picture its border pixel goes on. */
+   the plane along 2. Outside the picture its border pixel goes on.
+
+   Neighbours along x are read under a condition, never at a clamped index: compilers for CPUs then read a whole vector
+   at once instead of gathering its elements. */
 
 #define AT(plane, x, y) ((plane) * height * width + (y) * width + (x))
 #define GUARD                                                                                                          \
@@ -12,9 +15,15 @@
 /* Divergence of the vector field in planes k, k + 1: backward differences, zero outside. */
 static float divergence(global const float *p, const int k, const int x, const int y, const int width, const int height)
 {
-    const float left = x > 0 ? p[AT(k, max(x - 1, 0), y)] : 0.0f;
-    const float up = y > 0 ? p[AT(k + 1, x, max(y - 1, 0))] : 0.0f;
+    const float left = x > 0 ? p[AT(k, x - 1, y)] : 0.0f;
+    const float up = y > 0 ? p[AT(k + 1, x, y - 1)] : 0.0f;
     return (p[AT(k, x, y)] - left) + (p[AT(k + 1, x, y)] - up);
+}
+
+static float denoised(global const float *image, global const float *p, const float theta, const int n, const int x,
+                      const int y, const int width, const int height)
+{
+    return image[AT(n, x, y)] + theta * divergence(p, 2 * n, x, y, width, height);
 }
 
 /* One dual step of ROF denoising; planes of p: x and y of image 0, of image 1. */
@@ -23,13 +32,12 @@ kernel void rof(global const float *image, global const float *p, global float *
 {
     const int n = get_global_id(2);
     GUARD;
-    const int right = min(x + 1, width - 1), below = min(y + 1, height - 1);
-    const float here = image[AT(n, x, y)] + theta * divergence(p, 2 * n, x, y, width, height);
-    const float next_x = image[AT(n, right, y)] + theta * divergence(p, 2 * n, right, y, width, height);
-    const float next_y = image[AT(n, x, below)] + theta * divergence(p, 2 * n, x, below, width, height);
-    const float px = p[AT(2 * n, x, y)] + ratio * (next_x - here);
-    const float py = p[AT(2 * n + 1, x, y)] + ratio * (next_y - here);
-    const float norm = fmax(1.0f, sqrt(px * px + py * py));
+    const float here = denoised(image, p, theta, n, x, y, width, height);
+    const float dx = x < width - 1 ? denoised(image, p, theta, n, x + 1, y, width, height) - here : 0.0f;
+    const float dy = y < height - 1 ? denoised(image, p, theta, n, x, y + 1, width, height) - here : 0.0f;
+    const float px = p[AT(2 * n, x, y)] + ratio * dx;
+    const float py = p[AT(2 * n + 1, x, y)] + ratio * dy;
+    const float norm = max(1.0f, sqrt(px * px + py * py));
     p_next[AT(2 * n, x, y)] = px / norm;
     p_next[AT(2 * n + 1, x, y)] = py / norm;
 }
@@ -41,8 +49,7 @@ kernel void texture(global const float *image, global const float *p, global flo
     const int n = get_global_id(2);
     GUARD;
     const float value = image[AT(n, x, y)];
-    const float smooth = value + theta * divergence(p, 2 * n, x, y, width, height);
-    out[AT(n, x, y)] = value - share * smooth;
+    out[AT(n, x, y)] = value - share * denoised(image, p, theta, n, x, y, width, height);
 }
 
 /* Half the size: binomial 1 4 6 4 1 along x, then along y, at the even pixels. */
@@ -146,7 +153,7 @@ kernel void primal(global const float *data, global const float *p, global float
     const float gx = data[AT(0, x, y)], gy = data[AT(1, x, y)];
     const float u = flow[AT(0, x, y)], v = flow[AT(1, x, y)];
     const float rho = data[AT(2, x, y)] + gx * u + gy * v;
-    const float step = clamp(-rho / fmax(gx * gx + gy * gy, 1e-9f), -bound, bound);
+    const float step = clamp(-rho / max(gx * gx + gy * gy, 1e-9f), -bound, bound);
     flow[AT(0, x, y)] = u + step * gx + theta * divergence(p, 0, x, y, width, height);
     flow[AT(1, x, y)] = v + step * gy + theta * divergence(p, 2, x, y, width, height);
 }
@@ -155,10 +162,11 @@ kernel void primal(global const float *data, global const float *p, global float
 kernel void dual(global const float *flow, global float *p, const float ratio, const int width, const int height)
 {
     GUARD;
-    const int right = min(x + 1, width - 1), below = min(y + 1, height - 1);
+    const int below = min(y + 1, height - 1);
     for (int n = 0; n < 2; n++) {
         const float here = flow[AT(n, x, y)];
-        const float dx = flow[AT(n, right, y)] - here, dy = flow[AT(n, x, below)] - here;
+        const float dx = x < width - 1 ? flow[AT(n, x + 1, y)] - here : 0.0f;
+        const float dy = flow[AT(n, x, below)] - here;
         const float norm = 1.0f + ratio * sqrt(dx * dx + dy * dy);
         p[AT(2 * n, x, y)] = (p[AT(2 * n, x, y)] + ratio * dx) / norm;
         p[AT(2 * n + 1, x, y)] = (p[AT(2 * n + 1, x, y)] + ratio * dy) / norm;
@@ -168,8 +176,8 @@ kernel void dual(global const float *flow, global float *p, const float ratio, c
 /* Exact median of 5 x 5 by forgetting: of any 14 of the 25 values the smallest and the largest are not the median. */
 #define ORDER(a, b)                                                                                                    \
     {                                                                                                                  \
-        const float low = fmin(a, b);                                                                                  \
-        b = fmax(a, b);                                                                                                \
+        const float low = min(a, b);                                                                                  \
+        b = max(a, b);                                                                                                \
         a = low;                                                                                                       \
     }
 
@@ -178,8 +186,16 @@ kernel void median(global const float *in, global float *out, const int width, c
     const int n = get_global_id(2);
     GUARD;
     float v[25];
-    for (int k = 0; k < 25; k++)
-        v[k] = in[AT(n, clamp(x + k % 5 - 2, 0, width - 1), clamp(y + k / 5 - 2, 0, height - 1))];
+#pragma unroll
+    for (int k = 0; k < 5; k++) {
+        global const float *row = in + AT(n, 0, clamp(y + k - 2, 0, height - 1));
+        const float first = row[0], last = row[width - 1];
+        v[5 * k] = x >= 2 ? row[x - 2] : first;
+        v[5 * k + 1] = x >= 1 ? row[x - 1] : first;
+        v[5 * k + 2] = row[x];
+        v[5 * k + 3] = x < width - 1 ? row[x + 1] : last;
+        v[5 * k + 4] = x < width - 2 ? row[x + 2] : last;
+    }
 #pragma unroll
     for (int count = 14, first = 0; count >= 3; count--, first++) {
 #pragma unroll

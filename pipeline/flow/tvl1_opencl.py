@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.compute import Device, DeviceArray
+from pipeline.compute import Device, DeviceArray, Launch
 from pipeline.flow.gray import Gray
-from pipeline.flow.tvl1 import TvL1
+from pipeline.flow.tvl1_params import TvL1
 from pipeline.flow.tvl1_reference import ROF_RATIO, ROF_THETA
 from pipeline.frames import Flow
 
@@ -21,10 +21,13 @@ class Kernels:
     def __init__(self, device: Device) -> None:
         self._device = device
 
-    def _run(self, name: str, planes: int, size: tuple[int, int], *args: DeviceArray | float | np.generic) -> None:
-        """Launch over every pixel of `planes` planes; the picture's width and height are the last two arguments."""
+    def _at(self, name: str, planes: int, size: tuple[int, int], *args: DeviceArray | float | np.generic) -> Launch:
+        """Over every pixel of `planes` planes; the picture's width and height are the last two arguments."""
         height, width = size
-        self._device.kernel(_SOURCE, name)((width, height, planes), *args, width, height)
+        return self._device.kernel(_SOURCE, name).at((width, height, planes), *args, width, height)
+
+    def _run(self, name: str, planes: int, size: tuple[int, int], *args: DeviceArray | float | np.generic) -> None:
+        self._device.run(self._at(name, planes, size, *args))
 
     def load(self, previous: Gray, current: Gray) -> DeviceArray:
         return self._device.upload(np.stack([previous, current]).astype(np.float32))
@@ -77,9 +80,9 @@ class Kernels:
         self, data: DeviceArray, flow: DeviceArray, dual: DeviceArray, params: TvL1
     ) -> tuple[DeviceArray, DeviceArray]:
         size, bound = self.size(flow), params.attachment * params.tightness
-        for _ in range(params.iterations):
-            self._run("primal", 1, size, data, dual, flow, bound, params.tightness)
-            self._run("dual", 1, size, flow, dual, params.time_step / params.tightness)
+        primal = self._at("primal", 1, size, data, dual, flow, bound, params.tightness)
+        second = self._at("dual", 1, size, flow, dual, params.time_step / params.tightness)
+        self._device.run(primal, second, times=params.iterations)
         return flow, dual
 
     def median(self, flow: DeviceArray) -> DeviceArray:

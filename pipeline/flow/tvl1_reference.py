@@ -7,23 +7,23 @@ Every operation keeps to float32 and to the order of the kernels, so that the tw
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.flow.gray import Gray
-from pipeline.flow.tvl1 import TvL1
+from pipeline.flow.tvl1_params import TvL1
 from pipeline.frames import Flow
 
-Planes: TypeAlias = NDArray[np.float32]
+Planes: TypeAlias = NDArray[Any]
+"""Always float32, which NumPy's types cannot say: to them a Python number makes it float64."""
 
 ROF_THETA = np.float32(0.125 * 127.5)
 """Strength of the denoising that finds the texture, in grey levels: wedel2009improved's 1/8 for brightness in -1..1."""
 ROF_RATIO = np.float32(0.25 / (0.125 * 127.5))
 """Its time step over its strength."""
-_HALF, _ONE = np.float32(0.5), np.float32(1)
 
 
 class Reference:
@@ -48,7 +48,8 @@ class Reference:
         dual = self.zeros(4, self.size(pair))
         for _ in range(params.texture_iterations):
             dual = _rof(pair, dual)
-        return pair - np.float32(params.texture_share) * (pair + ROF_THETA * _divergence(dual))
+        out: Planes = pair - np.float32(params.texture_share) * (pair + ROF_THETA * _divergence(dual))
+        return out
 
     def down(self, pair: Planes) -> Planes:
         """Half the size, rounded up: binomial 1 4 6 4 1 at the even pixels."""
@@ -60,7 +61,8 @@ class Reference:
         y1 = np.minimum((y + 1) // 2, flow.shape[1] - 1)
         x1 = np.minimum((x + 1) // 2, flow.shape[2] - 1)
         above, under = flow[:, y // 2], flow[:, y1]
-        return _HALF * ((above[:, :, x // 2] + above[:, :, x1]) + (under[:, :, x // 2] + under[:, :, x1]))
+        out: Planes = 0.5 * ((above[:, :, x // 2] + above[:, :, x1]) + (under[:, :, x // 2] + under[:, :, x1]))
+        return out
 
     def gradient(self, pair: Planes) -> Planes:
         """Central differences of fourth order."""
@@ -74,7 +76,7 @@ class Reference:
         y = np.arange(h, dtype=np.float32)[:, None] + flow[1]
         inside = ((x >= 0) & (x <= w - 1) & (y >= 0) & (y <= h - 1)).astype(np.float32)
         value, dx, dy = _cubic_samples([pair[1], slope[2], slope[3]], x, y)
-        gx, gy = _HALF * (slope[0] + dx) * inside, _HALF * (slope[1] + dy) * inside
+        gx, gy = 0.5 * (slope[0] + dx) * inside, 0.5 * (slope[1] + dy) * inside
         return np.stack([gx, gy, (value - pair[0]) * inside - gx * flow[0] - gy * flow[1]])
 
     def iterate(self, data: Planes, flow: Planes, dual: Planes, params: TvL1) -> tuple[Planes, Planes]:
@@ -83,7 +85,7 @@ class Reference:
         bound = np.float32(params.attachment * params.tightness)
         ratio = np.float32(params.time_step / params.tightness)
         gradient, constant = data[:2], data[2]
-        square = np.maximum(gradient[0] * gradient[0] + gradient[1] * gradient[1], np.float32(1e-9))
+        square = np.maximum(gradient[0] * gradient[0] + gradient[1] * gradient[1], 1e-9)
         for _ in range(params.iterations):
             rho = constant + gradient[0] * flow[0] + gradient[1] * flow[1]
             step = np.clip(-rho / square, -bound, bound)
@@ -115,7 +117,7 @@ def _forward(planes: Planes) -> tuple[Planes, Planes]:
 def _rof(pair: Planes, dual: Planes) -> Planes:
     along_x, along_y = _forward(pair + ROF_THETA * _divergence(dual))
     x, y = dual[0::2] + ROF_RATIO * along_x, dual[1::2] + ROF_RATIO * along_y
-    norm = np.maximum(_ONE, np.sqrt(x * x + y * y))
+    norm = np.maximum(1.0, np.sqrt(x * x + y * y))
     stepped = np.empty_like(dual)
     stepped[0::2], stepped[1::2] = x / norm, y / norm
     return stepped
@@ -123,7 +125,7 @@ def _rof(pair: Planes, dual: Planes) -> Planes:
 
 def _dual(flow: Planes, dual: Planes, ratio: np.float32) -> Planes:
     along_x, along_y = _forward(flow)
-    norm = _ONE + ratio * np.sqrt(along_x * along_x + along_y * along_y)
+    norm = 1.0 + ratio * np.sqrt(along_x * along_x + along_y * along_y)
     stepped = np.empty_like(dual)
     stepped[0::2] = (dual[0::2] + ratio * along_x) / norm
     stepped[1::2] = (dual[1::2] + ratio * along_y) / norm
@@ -138,7 +140,7 @@ def _halve(planes: Planes, axis: int) -> Planes:
     count = planes.shape[axis]
     even = np.arange(0, count, 2)
     total = np.zeros_like(planes.take(even, axis))
-    for shift, weight in zip(range(-2, 3), np.float32([0.0625, 0.25, 0.375, 0.25, 0.0625]), strict=True):
+    for shift, weight in zip(range(-2, 3), (0.0625, 0.25, 0.375, 0.25, 0.0625), strict=True):
         total = total + weight * planes.take(np.clip(even + shift, 0, count - 1), axis)
     return total
 
@@ -147,13 +149,14 @@ def _central(plane: Planes, axis: int) -> Planes:
     n = plane.shape[axis]
     near = plane.take(_near(n, 1), axis) - plane.take(_near(n, -1), axis)
     far = plane.take(_near(n, 2), axis) - plane.take(_near(n, -2), axis)
-    return (np.float32(8) * near - far) / np.float32(12)
+    out: Planes = (8.0 * near - far) / 12.0
+    return out
 
 
 def _cubic_samples(planes: list[Planes], x: Planes, y: Planes) -> list[Planes]:
     """The planes at (x, y) by cubic convolution, positions kept inside."""
     h, w = planes[0].shape
-    x, y = np.clip(x, 0, np.float32(w - 1)), np.clip(y, 0, np.float32(h - 1))
+    x, y = np.clip(x, 0, w - 1), np.clip(y, 0, h - 1)
     left, top = np.floor(x), np.floor(y)
     wx, wy = _cubic(x - left), _cubic(y - top)
     columns = [np.clip(left.astype(np.int32) + k, 0, w - 1) for k in range(-1, 3)]
@@ -163,13 +166,14 @@ def _cubic_samples(planes: list[Planes], x: Planes, y: Planes) -> list[Planes]:
 
 def _cubic(t: Planes) -> list[Planes]:
     """Weights of four samples at a fraction t between the two in the middle (Catmull and Rom)."""
-    half, one, more, most, two = (np.float32(value) for value in (0.5, 1, 1.5, 2.5, 2))
-    before = t * (-half + t * (one - half * t))
-    left = one + t * t * (more * t - most)
-    right = t * (half + t * (two - more * t))
-    after = t * t * (half * t - half)
+    before: Planes = t * (-0.5 + t * (1.0 - 0.5 * t))
+    left: Planes = 1.0 + t * t * (1.5 * t - 2.5)
+    right: Planes = t * (0.5 + t * (2.0 - 1.5 * t))
+    after: Planes = t * t * (0.5 * t - 0.5)
     return [before, left, right, after]
 
 
 def _blend(samples: list[Planes], weights: list[Planes]) -> Planes:
-    return weights[0] * samples[0] + weights[1] * samples[1] + weights[2] * samples[2] + weights[3] * samples[3]
+    a, b, c, d = weights
+    out: Planes = a * samples[0] + b * samples[1] + c * samples[2] + d * samples[3]
+    return out

@@ -1,0 +1,95 @@
+"""Where a flow can be trusted: forward-backward agreement, occlusion, motion boundaries, colour residual."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from pipeline.flow.warp import fetch, positions
+from pipeline.frames import Flow, Frame, Mask, Plane
+
+CHI_EPSILON_PX2 = 2.0
+
+
+def round_trip_px(flow: Flow, back: Flow) -> Plane:
+    """How far from home one ends by following `flow` and then `back`: float32 (height, width), px.
+
+    Args:
+        flow: from this frame to the other, float32 (height, width, 2), px.
+        back: from the other frame to this one.
+    """
+    return np.linalg.norm(flow + fetch(back, flow), axis=-1)
+
+
+def visible(flow: Flow, back: Flow) -> Mask:
+    """True where a pixel of this frame is also seen in the other one: the round trip closes, within the picture.
+
+    The tolerance grows with the motion: |f + b|^2 <= 0.01 (|f|^2 + |b|^2) + 0.5 (sundaram2010dense, eq. 5).
+    """
+    there = fetch(back, flow)
+    squares = np.square(flow).sum(-1) + np.square(there).sum(-1)
+    closes: Mask = np.square(flow + there).sum(-1) <= 0.01 * squares + 0.5
+    return closes & inside(flow)
+
+
+def inside(flow: Flow) -> Mask:
+    """True where the flow leads to a place within the picture."""
+    height, width = flow.shape[:2]
+    x, y = positions(flow)
+    return (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
+
+
+def motion_boundary(flow: Flow) -> Mask:
+    """True where the flow changes abruptly, so that it is uncertain: |grad f|^2 > 0.01 |f|^2 + 0.002.
+
+    Source: sundaram2010dense, eq. 6.
+    """
+    gradients = [np.square(g) for plane in cv2.split(flow) for g in np.gradient(plane)]
+    edge: Mask = np.sum(gradients, axis=0) > 0.01 * np.square(flow).sum(-1) + 0.002
+    return edge
+
+
+def chi_minus(velocity_minus: Flow, velocity_plus_before: Flow, epsilon_px2: float = CHI_EPSILON_PX2) -> Mask:
+    """True where a pixel of frame t was not occluded at t - 1.
+
+    Args:
+        velocity_minus: V-(t): the pixel p came from p - V-(p). float32 (height, width, 2), px.
+        velocity_plus_before: V+(t - 1).
+        epsilon_px2: largest squared difference.
+
+    Source: benard2013stylizing, section 3.1. Departure: a pixel that came from outside the picture counts as occluded.
+    """
+    return _agree(velocity_plus_before, velocity_minus, -velocity_minus, epsilon_px2)
+
+
+def chi_plus(velocity_plus: Flow, velocity_minus_after: Flow, epsilon_px2: float = CHI_EPSILON_PX2) -> Mask:
+    """True where a pixel of frame t is not occluded at t + 1.
+
+    Args:
+        velocity_plus: V+(t): the pixel p goes to p + V+(p). float32 (height, width, 2), px.
+        velocity_minus_after: V-(t + 1).
+        epsilon_px2: largest squared difference.
+
+    Source and departure: as `chi_minus`.
+    """
+    return _agree(velocity_minus_after, velocity_plus, velocity_plus, epsilon_px2)
+
+
+def _agree(there: Flow, here: Flow, way: Flow, epsilon_px2: float) -> Mask:
+    same: Mask = np.square(fetch(there, way) - here).sum(-1) < epsilon_px2
+    return same & inside(way)
+
+
+def residual_lab(previous: Frame, current: Frame, flow: Flow) -> Plane:
+    """How much the colours at the two ends of each pixel's flow differ: CIELAB units, float32 (height, width).
+
+    Args:
+        previous, current: frames of one size.
+        flow: from `previous` to `current`.
+    """
+    return np.asarray(np.linalg.norm(_lab(previous) - fetch(_lab(current), flow), axis=-1), dtype=np.float32)
+
+
+def _lab(frame: Frame) -> Plane:
+    """CIELAB with L in 0..100."""
+    return np.asarray(cv2.cvtColor(frame.astype(np.float32) / 255, cv2.COLOR_RGB2Lab), dtype=np.float32)

@@ -1,0 +1,67 @@
+"""Move pictures along a flow: fetch from where it points, or push to where it points."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Flow, Plane
+
+
+def positions(flow: Flow) -> tuple[Plane, Plane]:
+    """Where each pixel's flow points: x + flow(x), as two planes (x, y) in px."""
+    height, width = flow.shape[:2]
+    x = flow[..., 0] + np.arange(width, dtype=np.float32)
+    y = flow[..., 1] + np.arange(height, dtype=np.float32)[:, None]
+    return x, y
+
+
+def fetch(image: NDArray[Any], flow: Flow) -> NDArray[Any]:
+    """The image where the flow points: out(x) = image(x + flow(x)), bilinear; beyond the border its pixel goes on.
+
+    With `estimate(previous, current)` and `image = current` this is `previous` again, where nothing was hidden.
+
+    Args:
+        image: uint8 or float32, (height, width) or (height, width, channels).
+        flow: float32 (height, width, 2), px.
+    """
+    x, y = positions(flow)
+    return np.asarray(cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+
+
+def push(image: NDArray[Any], flow: Flow) -> tuple[NDArray[np.float32], Plane]:
+    """The image carried along the flow: each pixel is spread over the four around its target.
+
+    Args:
+        image: (height, width, channels), any real dtype.
+        flow: float32 (height, width, 2), px.
+
+    Returns:
+        float32 (height, width, channels), the weighted mean of what arrives, and the weight that has arrived
+        (float32 (height, width); 0 = nothing, and the image is 0 there).
+    """
+    height, width, channels = image.shape
+    total, weight = np.zeros((height * width, channels)), np.zeros(height * width)
+    values = image.reshape(-1, channels).astype(np.float64)
+    for index, share in _corners(flow):
+        inside = share > 0
+        np.add.at(weight, index[inside], share[inside])
+        np.add.at(total, index[inside], share[inside, None] * values[inside])
+    mean = total / np.maximum(weight, 1e-12)[:, None]
+    return mean.reshape(image.shape).astype(np.float32), weight.reshape(height, width).astype(np.float32)
+
+
+def _corners(flow: Flow) -> list[tuple[NDArray[np.intp], NDArray[np.float64]]]:
+    """For each of the four pixels about each target: its flat index and bilinear share, 0 outside the picture."""
+    height, width = flow.shape[:2]
+    x, y = (p.reshape(-1).astype(np.float64) for p in positions(flow))
+    left, top = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
+    corners = []
+    for column, across in ((left, 1 - (x - left)), (left + 1, x - left)):
+        for row, down in ((top, 1 - (y - top)), (top + 1, y - top)):
+            inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+            corners.append((np.where(inside, row * width + column, 0), np.where(inside, across * down, 0.0)))
+    return corners
