@@ -20,7 +20,7 @@ _MAX_LABEL_NAME, _MAX_LABEL_VALUE, _MAX_NAME, _MAX_URL = 63, 255, 200, 2000
 _MAX_SEED = 2**63 - 1
 
 _FITS: Mapping[InputKind, tuple[str, ...]] = {
-    "video": ("video", "archive"),
+    "video": ("video", "image", "archive"),
     "image": ("image", "video"),
     "image-or-video": ("image", "video", "archive"),
     "images": ("archive", "image"),
