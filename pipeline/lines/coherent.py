@@ -73,12 +73,3 @@ def _follow(plane: Plane, flow: Flow, out: Plane) -> None:
             top = plane[y0, x0] + fx * (plane[y0, x1] - plane[y0, x0])
             low = plane[y1, x0] + fx * (plane[y1, x1] - plane[y1, x0])
             out[y, x] = top + fy * (low - top)
-
-
-def remember(ink: Plane, before: Plane, residual: NDArray[np.uint8], memory: float, tolerance: float) -> Plane:
-    """Blend drawn ink with what was there, weight `memory` (0..1) where the picture agrees with its past.
-
-    `residual` is uint8 (h, w), RGB distance to the past; at `tolerance` the weight has fallen to 1/e.
-    """
-    weight = np.exp(-((np.arange(256, dtype=np.float32) / tolerance) ** 2)) * np.float32(memory)
-    return ink + weight.astype(np.float32)[residual] * (before - ink)

@@ -11,9 +11,14 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Frame
 from pipeline.segmentation.jit import kernel
+from pipeline.segmentation.regions import Lab8
 
+RESIDUAL_STEPS = 4
+"""A residual counts quarters of a CIELAB unit."""
 FAR = 255
 """The residual of a pixel with no counterpart in the previous frame."""
+FADE_TOLERANCE = 6.0
+"""CIELAB units of residual at which the previous paint's weight has fallen to 1/e."""
 
 
 def hold_still(flow: Flow, previous_gray: NDArray[np.uint8], gray: NDArray[np.uint8], tolerance: float) -> Flow:
@@ -39,32 +44,72 @@ def _zero_still(flow: Flow, difference: NDArray[np.uint8], tolerance: np.uint8) 
 
 
 def settle(
-    frame: Frame, settled: Frame, flow: Flow, memory: float, tolerance: float
-) -> tuple[Frame, NDArray[np.uint8]]:
-    """Average `frame` with the settled previous frame along the motion, where the two agree.
+    lab: Lab8, settled: Lab8, flow: Flow, memory: float, tolerance: float
+) -> tuple[Lab8, NDArray[np.uint8]]:  # fmt: skip
+    """Average a frame with the settled previous one along the motion, where the two agree.
 
     Args:
-        frame: current frame, uint8 (h, w, 3).
+        lab: current frame, uint8 (h, w, 3).
         settled: result for the previous frame, same shape.
         flow: previous to current frame, float32 (h, w, 2), px; taken at the target (flow varies slowly).
         memory: weight of the past where the two agree perfectly, 0..0.95.
-        tolerance: RGB distance (levels) at which that weight has fallen to 1/e.
+        tolerance: CIELAB difference at which that weight has fallen to 1/e.
 
     Returns:
-        The settled frame, and the residual: RGB distance to the past, uint8, 255 where there is none.
+        The settled frame, and the residual: uint8 (h, w), CIELAB difference to the bilinear sample of the past, in
+        quarter units (255 = 63.75 or more, or no counterpart).
     """
-    squared = np.arange(0, 4096, dtype=np.float32) * 4
-    weights = (memory * np.exp(-squared / tolerance**2)).astype(np.float32)
-    out = np.empty_like(frame)
-    residual = np.empty(frame.shape[:2], np.uint8)
-    _settle(frame, settled, flow, weights, out, residual)
+    out = np.empty_like(lab)
+    residual = np.empty(lab.shape[:2], np.uint8)
+    _settle(lab, settled, flow, _weights(memory, tolerance), out, residual)
     return out, residual
+
+
+def fade(picture: Frame, before: Frame, flow: Flow, residual: NDArray[np.uint8], memory: float) -> Frame:
+    """Blend an output with the previous output moved along the flow, weight `memory` where the SOURCE agrees with
+
+    its past (within about `FADE_TOLERANCE` CIELAB units): where nothing happened, paint must not jump; it fades over.
+
+    Args:
+        picture, before: uint8 (h, w, 3), this and the previous output.
+        flow, residual: of the source, as in `settle`.
+        memory: 0..0.95.
+
+    Returns: uint8 (h, w, 3).
+    """
+    out = np.empty_like(picture)
+    _fade(picture, before, flow, residual, _weights(memory, FADE_TOLERANCE), out)
+    return out
+
+
+def _weights(memory: float, tolerance: float) -> NDArray[np.float32]:
+    """Weight of the past by residual, float32 (256,)."""
+    difference = np.arange(256) / RESIDUAL_STEPS
+    weights = memory * np.exp(-((difference / tolerance) ** 2))
+    weights[FAR] = 0
+    return weights.astype(np.float32)
+
+
+@kernel
+def _sample(image: NDArray[np.uint8], x: float, y: float, out: NDArray[np.float32]) -> bool:
+    """Bilinear sample of an (h, w, 3) image at (x, y); False outside."""
+    height, width = image.shape[0], image.shape[1]
+    if x < 0 or y < 0 or x > width - 1 or y > height - 1:
+        return False
+    x0, y0 = int(x), int(y)
+    x1, y1 = min(x0 + 1, width - 1), min(y0 + 1, height - 1)
+    fx, fy = np.float32(x - x0), np.float32(y - y0)
+    for c in range(3):
+        top = image[y0, x0, c] + fx * (np.float32(image[y0, x1, c]) - np.float32(image[y0, x0, c]))
+        low = image[y1, x0, c] + fx * (np.float32(image[y1, x1, c]) - np.float32(image[y1, x0, c]))
+        out[c] = top + fy * (low - top)
+    return True
 
 
 @kernel
 def _settle(
-    frame: Frame, settled: Frame, flow: Flow, weights: NDArray[np.float32], out: Frame, residual: NDArray[np.uint8]
-) -> None:
+    lab: Lab8, settled: Lab8, flow: Flow, weights: NDArray[np.float32], out: Lab8, residual: NDArray[np.uint8]
+) -> None:  # fmt: skip
     height, width = residual.shape
     past = np.empty(3, np.float32)
     for y in range(height):
@@ -73,26 +118,37 @@ def _settle(
             if dx == 0.0 and dy == 0.0:
                 for c in range(3):
                     past[c] = settled[y, x, c]
-            else:
-                sx, sy = x - dx, y - dy
-                if sx < 0 or sy < 0 or sx > width - 1 or sy > height - 1:
-                    residual[y, x] = 255
-                    for c in range(3):
-                        out[y, x, c] = frame[y, x, c]
-                    continue
-                x0, y0 = int(sx), int(sy)
-                x1, y1 = min(x0 + 1, width - 1), min(y0 + 1, height - 1)
-                fx, fy = np.float32(sx - x0), np.float32(sy - y0)
+            elif not _sample(settled, x - dx, y - dy, past):
+                residual[y, x] = 255
                 for c in range(3):
-                    top = settled[y0, x0, c] + fx * (np.float32(settled[y0, x1, c]) - np.float32(settled[y0, x0, c]))
-                    low = settled[y1, x0, c] + fx * (np.float32(settled[y1, x1, c]) - np.float32(settled[y1, x0, c]))
-                    past[c] = top + fy * (low - top)
-            total = np.float32(0.0)
+                    out[y, x, c] = lab[y, x, c]
+                continue
+            dl = (past[0] - lab[y, x, 0]) * np.float32(100.0 / 255.0)
+            da = past[1] - lab[y, x, 1]
+            db = past[2] - lab[y, x, 2]
+            far = np.uint8(min(np.float32(254.0), np.float32(4.0) * np.sqrt(dl * dl + da * da + db * db)))
+            residual[y, x] = far
             for c in range(3):
-                d = past[c] - frame[y, x, c]
-                total += d * d
-            residual[y, x] = np.uint8(min(254.0, np.sqrt(total)))
-            index = int(total * 0.25)
-            weight = weights[index] if index < weights.size else np.float32(0.0)
+                out[y, x, c] = np.uint8(lab[y, x, c] + weights[far] * (past[c] - lab[y, x, c]) + np.float32(0.5))
+
+
+@kernel
+def _fade(
+    picture: Frame, before: Frame, flow: Flow, residual: NDArray[np.uint8], weights: NDArray[np.float32], out: Frame
+) -> None:  # fmt: skip
+    height, width = residual.shape
+    past = np.empty(3, np.float32)
+    for y in range(height):
+        for x in range(width):
+            dx, dy = flow[y, x, 0], flow[y, x, 1]
+            weight = weights[residual[y, x]]
+            if dx == 0.0 and dy == 0.0:
+                for c in range(3):
+                    past[c] = before[y, x, c]
+            elif weight == 0 or not _sample(before, x - dx, y - dy, past):
+                weight = np.float32(0.0)
             for c in range(3):
-                out[y, x, c] = np.uint8(frame[y, x, c] + weight * (past[c] - frame[y, x, c]) + np.float32(0.5))
+                now = np.float32(picture[y, x, c])
+                out[y, x, c] = (
+                    np.uint8(now + weight * (past[c] - now) + np.float32(0.5)) if weight else picture[y, x, c]
+                )

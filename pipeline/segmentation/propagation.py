@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Labels
 from pipeline.segmentation.jit import kernel
+from pipeline.segmentation.motion import FAR, RESIDUAL_STEPS
 
 REMAINDER_UNIT = 64
 """Steps a pixel in a carried remainder (int8, so at most 2 px)."""
@@ -16,7 +17,7 @@ def propagate(
     labels: Labels,
     flow: Flow,
     remainder: NDArray[np.int8],
-    error: NDArray[np.float32],
+    residual: NDArray[np.uint8],
     error_limit: float,
     shared_decay: float = 0.9,
 ) -> tuple[Labels, NDArray[np.int8]]:
@@ -26,8 +27,8 @@ def propagate(
         labels: int32 (h, w) of the previous frame, > 0.
         flow: float32 (h, w, 2), px, previous to current frame.
         remainder: int8 (h, w, 2), what rounding left over so far, 1/64 px.
-        error: float32 (h, w), CIELAB difference between source and target of each source pixel.
-        error_limit: T_f, CIELAB units: a source with a larger error does not arrive (paper: 5 to 20).
+        residual: uint8 (h, w), CIELAB difference of each target pixel to its source, in quarter units.
+        error_limit: T_f, CIELAB units: a target with a larger error stays unlabelled (paper: 5 to 20).
         shared_decay: factor a frame on the remainder, 0..1; 0 = the paper's plain rounding.
 
     Returns:
@@ -38,21 +39,20 @@ def propagate(
     """
     out = np.zeros_like(labels)
     carried = np.zeros_like(remainder)
-    _propagate(labels, flow, remainder, error, np.float32(error_limit), np.float32(shared_decay), out, carried)
+    limit = int(min(error_limit * RESIDUAL_STEPS, FAR - 1))
+    _propagate(labels, flow, remainder, residual, limit, np.float32(shared_decay), out, carried)
     return out, carried
 
 
 @kernel
 def _propagate(
-    labels: Labels, flow: Flow, remainder: NDArray[np.int8], error: NDArray[np.float32],
-    error_limit: np.float32, decay: np.float32, out: Labels, carried: NDArray[np.int8],
+    labels: Labels, flow: Flow, remainder: NDArray[np.int8], residual: NDArray[np.uint8],
+    limit: int, decay: np.float32, out: Labels, carried: NDArray[np.int8],
 ) -> None:  # fmt: skip
     height, width = labels.shape
     unit = np.float32(64.0)
     for y in range(height):
         for x in range(width):
-            if error[y, x] > error_limit:
-                continue
             dx, dy = flow[y, x, 0], flow[y, x, 1]
             label = labels[y, x]
             tx, ty = x, y
@@ -65,6 +65,8 @@ def _propagate(
                 if tx < 0 or ty < 0 or tx >= width or ty >= height:
                     continue
                 rx, ry = (fx - ix) * unit, (fy - iy) * unit
+            if residual[ty, tx] > limit:
+                continue
             there = out[ty, tx]
             if there == 0:
                 out[ty, tx] = label

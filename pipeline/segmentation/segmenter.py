@@ -17,7 +17,7 @@ from pipeline.segmentation.regions import AREA, LIMIT, Lab8, Means, Sums, means_
 from pipeline.segmentation.tidy import correct, drop_misfits, merge_table, relabel
 from pipeline.segmentation.trapped_ball import fill, radii
 
-MAX_LIMIT = 100
+CORE_ROLLS = 4
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,8 @@ class Segmenter:
         self.next_id = first_id
 
     def step(
-        self, lab: Lab8, edges: NDArray[np.uint8], importance: Plane, flow: Flow | None, error: Plane | None
+        self, lab: Lab8, edges: NDArray[np.uint8], importance: Plane, flow: Flow | None,
+        residual: NDArray[np.uint8] | None,
     ) -> Segmentation:  # fmt: skip
         """Segment a frame.
 
@@ -81,26 +82,30 @@ class Segmenter:
             edges: uint8 (h, w), non-zero on edges.
             importance: float32, any size, 0..1.
             flow: previous to current frame, or None for the first frame.
-            error: float32 (h, w), CIELAB difference of every source pixel to its target; with `flow`.
+            residual: uint8 (h, w), CIELAB difference of every pixel to its past, quarter units; with `flow`.
         """
         limit = self._limit(importance)
         known = self.last
-        if known is None or flow is None or error is None:
+        if known is None or flow is None or residual is None:
             labels, carried = np.zeros(self.shape, np.int32), None
             sums = measure(labels, lab, limit, 0)
         else:
-            carried, self.remainder = propagate(known.labels, flow, self.remainder, error, self.params.flow_error_limit)
+            carried, self.remainder = propagate(
+                known.labels, flow, self.remainder, residual, self.params.flow_error_limit
+            )
             labels = smooth_labels(carried)
             sums = measure(labels, lab, limit, len(known.ids) - 1)
             labels = correct(labels, lab, limit, sums, self.params.boundary_margin, self.params.misfit_slack)
-        residual = int(sums[0, AREA])
-        if residual:
+        left = int(sums[0, AREA])
+        if left:
             sums = self._complete(labels, lab, edges, limit, sums)
-        return self._finish(labels, carried, lab, limit, sums, residual)
+        return self._finish(labels, carried, lab, limit, sums, left)
 
     def _limit(self, importance: Plane) -> NDArray[np.uint8]:
-        small = np.clip(self.params.growing_limit * (1.2 - importance), 1, MAX_LIMIT).astype(np.uint8)
-        return cv2.resize(small, self.shape[::-1], interpolation=cv2.INTER_LINEAR)
+        """20 (1.2 - I(p)), uint8 (h, w), CIELAB units."""
+        scale = self.params.growing_limit
+        limit = cv2.convertScaleAbs(importance, alpha=-scale, beta=1.2 * scale)
+        return np.asarray(limit if limit.shape == self.shape else cv2.resize(limit, self.shape[::-1]), np.uint8)
 
     def _complete(
         self, labels: Labels, lab: Lab8, edges: NDArray[np.uint8], limit: NDArray[np.uint8], sums: Sums
@@ -110,16 +115,30 @@ class Segmenter:
         if len(sums) > 1:
             pixels = grow(labels, lab, edges, limit, sums, pixels)
         for radius in radii(int(np.count_nonzero(edges.ravel()[pixels] == 0))):
-            made = fill(labels, edges, radius, len(sums))
-            if made:
-                born_from = len(sums)
-                sums = measure(labels, lab, limit, born_from - 1 + made)
-                drop_misfits(labels, lab, limit, sums, self.params.core_slack, born_from)
-                pixels = grow(labels, lab, edges, limit, sums, pixels)
+            sums = self._fill(labels, lab, edges, limit, sums, radius)
+            pixels = grow(labels, lab, edges, limit, sums, pixels)
         if len(sums) == 1:
             labels[:] = 1
             return measure(labels, lab, limit, 1)
         grow(labels, lab, edges, limit, sums, pixels, anything=True)
+        return sums
+
+    def _fill(
+        self, labels: Labels, lab: Lab8, edges: NDArray[np.uint8], limit: NDArray[np.uint8], sums: Sums, radius: int
+    ) -> Sums:  # fmt: skip
+        """Roll one ball, and again where it found more than one colour.
+
+        Departure: a ball alone makes one region of a sky from zenith to horizon, and growing then takes in all that is
+        within 20 units of its mean. What is further than `core_slack` of that from a new region's mean is set free
+        again before growing, to be found by the next roll: a gradient becomes bands, an arm parts from a wall.
+        """
+        for _ in range(CORE_ROLLS):
+            made = fill(labels, edges, radius, len(sums))
+            if not made:
+                break
+            born_from = len(sums)
+            sums = measure(labels, lab, limit, born_from - 1 + made)
+            drop_misfits(labels, lab, limit, sums, self.params.core_slack, born_from)
         return sums
 
     def _finish(

@@ -1,0 +1,69 @@
+"""abstraction: online cartoon abstraction of a video stream (zhang2011online).
+
+Flat regions that flow with the picture, a colour scheme of your choice, and bold lines. Causal: frame t uses frames
+up to t only, and a live stream runs the same session as a batch job.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, ClassVar
+
+from pipeline.colour.scheme import learn
+from pipeline.frames import Frame
+from pipeline.methods.abstraction.params import AbstractionParams
+from pipeline.methods.abstraction.plan import (
+    plan_abstract,
+    plan_reference,
+    plan_scan,
+    run_abstract,
+    run_reference,
+    run_scan,
+)
+from pipeline.methods.abstraction.session import AbstractionSession
+from pipeline.methods.base import Example, InputSpec, Params, Step
+
+__all__ = ["Abstraction", "AbstractionParams", "AbstractionSession"]
+
+
+class Abstraction:
+    """The method as the registry knows it."""
+
+    name: ClassVar[str] = "abstraction"
+    title: ClassVar[str] = "Cartoon abstraction"
+    summary: ClassVar[str] = "Flat regions that flow with the picture, bold lines, a colour scheme of your choice."
+    paper: ClassVar[str] = "zhang2011online"
+    Params: ClassVar[type[Params]] = AbstractionParams
+    inputs: ClassVar[tuple[InputSpec, ...]] = (
+        InputSpec("video", "video", True, "Video", "The video, GIF, image or zip of numbered images to turn into a cartoon."),
+        InputSpec("reference", "image-or-video", False, "Colour reference", "A picture or video whose colours to take on."),
+        InputSpec(
+            "histogram", "json", False, "Hue histogram",
+            'A colour scheme drawn by hand: {"hue": [36 weights], "saturation_mean": 0.5, "saturation_std": 0.2, '
+            '"value_mean": 0.6}. Goes before a reference.',
+        ),
+        InputSpec(
+            "importance", "images", False, "Importance masks",
+            "White where detail matters, black where not; a zip of images named by frame number, each valid until the next.",
+        ),
+    )  # fmt: skip
+    steps: ClassVar[tuple[Step, ...]] = (
+        Step("scan", "Find the shots", plan_scan, run_scan),
+        Step("reference", "Learn the colours", plan_reference, run_reference),
+        Step("abstract", "Paint", plan_abstract, run_abstract),
+    )
+    artefacts: ClassVar[tuple[str, ...]] = ("svg",)
+    examples: ClassVar[tuple[Example, ...]] = (
+        Example("cartoon", "Cartoon", {"vividness": 1.25}),
+        Example("poster", "Poster", {"vividness": 1.6, "growing_limit": 30, "smallest_region": 0.6, "line_width": 3.6}),
+        Example("comic", "Comic strip", {"line_width": 3.4, "line_threshold": 0.9, "vividness": 1.4}),
+        Example("watercolour", "Soft shapes, no lines", {"lines": "off", "growing_limit": 14, "boundary_smoothing": 9}),
+        Example("fine", "Fine detail", {"growing_limit": 12, "smallest_region": 0.05, "line_width": 1.8}),
+    )
+
+    def stream(
+        self, params: Any, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]
+    ) -> AbstractionSession:
+        """A live session. `references` may hold "reference": the frames to learn colours from."""
+        scheme = learn(references["reference"]) if "reference" in references else None
+        return AbstractionSession(params, size, scheme)

@@ -1,0 +1,170 @@
+"""The batch form of the online method: shots in parallel, runs of a shot in a chain.
+
+    scan        one pass over the video: how many frames there really are, and where shots begin
+    reference   the colour scheme of the reference, if one was given
+    abstract    runs of at most RUN_FRAMES frames; a run goes on from the state that the run before it saved,
+                the first run of a shot starts afresh
+
+The state that is handed on is everything a session remembers, so that the result is byte for byte what one session
+over the whole video gives, with no warm-up and no seam, however many workers there are and wherever they stop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from itertools import islice
+from typing import Any
+
+import numpy as np
+
+from pipeline.colour.scheme import ColourStats, from_histogram, learn
+from pipeline.errors import BadInput
+from pipeline.frames import Frame, Plane
+from pipeline.methods.abstraction.params import AbstractionParams
+from pipeline.methods.abstraction.session import AbstractionSession, Painting, Percept
+from pipeline.methods.abstraction.vectors import SvgBook
+from pipeline.methods.base import Bench, Brief, Note, Task
+from pipeline.segmentation.cuts import is_cut, thumbnail
+
+RUN_FRAMES = 96
+"""Frames a task: about 3 s of work at 720p, which is the most a restart repeats."""
+BATCH_BYTES = 48 << 20
+"""Frames are decoded, painted and encoded in batches of this size, so that each is timed alone."""
+AHEAD = 3
+"""Percepts in flight between eye and hand."""
+
+
+def plan_scan(brief: Brief) -> list[Task]:
+    return [Task("video", weight=0.05 * max(brief.video.frames, 1))]
+
+
+def run_scan(task: Task, bench: Bench) -> Note:
+    """Count the frames and call the cuts, exactly as a session would."""
+    params: AbstractionParams = bench.params
+    before: Plane | None = None
+    cuts: list[int] = []
+    count = 0
+    for index, frame in enumerate(bench.frames("video")):
+        with bench.clock("cuts"):
+            now = thumbnail(frame)
+            if before is not None and is_cut(before, now, params.cut_sensitivity):
+                cuts.append(index)
+        before = now
+        count = index + 1
+        if index % 16 == 0:
+            bench.progress(min(1.0, count / max(bench.video.frames, count)))
+    if not count:
+        raise BadInput("The video has no frames.", field="inputs.video", remedy="Upload a video that plays.")
+    return {"frames": count, "cuts": cuts}
+
+
+def plan_reference(brief: Brief) -> list[Task]:
+    return [Task("colours")] if "reference" in brief.inputs or "histogram" in brief.inputs else []
+
+
+def run_reference(task: Task, bench: Bench) -> Note:
+    """Learn the colour scheme and keep it as the artefact "colours"."""
+    with bench.clock("learn"):
+        if bench.has("histogram"):
+            scheme = from_histogram(bench.json("histogram"), "inputs.histogram")
+        else:
+            scheme = learn(_reported(bench), "inputs.reference")
+    tone = np.array([scheme.saturation_mean, scheme.saturation_std, scheme.value_mean])
+    bench.save("colours", {"hue": scheme.hue, "tone": tone})
+    return {}
+
+
+def _scheme(bench: Bench) -> ColourStats | None:
+    if not bench.has("reference") and not bench.has("histogram"):
+        return None
+    kept = bench.load("reference", "colours")
+    saturation, spread, value = kept["tone"].tolist()
+    return ColourStats(saturation, spread, value, kept["hue"])
+
+
+def _reported(bench: Bench) -> Iterator[Frame]:
+    for frame in bench.frames("reference"):
+        bench.progress(0.5)
+        yield frame
+
+
+def plan_abstract(brief: Brief) -> list[Task]:
+    scan = brief.notes["scan"]["video"]
+    edges = [0, *scan["cuts"], scan["frames"]]
+    chained = brief.params.temporal == "on"
+    tasks: list[Task] = []
+    for shot, (begin, end) in enumerate(zip(edges, edges[1:], strict=False)):
+        for start in range(begin, end, RUN_FRAMES):
+            stop = min(start + RUN_FRAMES, end)
+            after = (_key(start - RUN_FRAMES),) if start > begin and chained else ()
+            args = {"start": start, "stop": stop, "shot": shot, "last": stop == end}
+            tasks.append(Task(_key(start), args, after, (start, stop), weight=stop - start))
+    return tasks
+
+
+def _key(start: int) -> str:
+    return f"run-{start:07d}"
+
+
+def run_abstract(task: Task, bench: Bench) -> Note:
+    """Paint frames [start, stop), from the state of the run before where there is one."""
+    start, stop = task.args["start"], task.args["stop"]
+    session = AbstractionSession(bench.params, bench.size, _scheme(bench), task.args["shot"], bench.clock)
+    if task.after:
+        session.restore(bench.load("abstract", task.after[0]))
+    book = SvgBook(task.key) if bench.wants("svg") else None
+    masks = _masks(bench, start)
+    index = start
+    with ThreadPoolExecutor(1, thread_name_prefix="eye") as eye:
+        for batch in _batches(bench.frames("video", start, stop), bench.size):
+            frames = []
+            for painting in _overlap(session, eye, batch, masks, index):
+                frames.append(painting.frame)
+                if book is not None:
+                    book.add(index + len(frames) - 1, painting)
+                bench.progress((index + len(frames) - start) / (stop - start))
+            for frame in frames:
+                bench.emit(index, frame)
+                index += 1
+    if not task.args["last"] and bench.params.temporal == "on":
+        bench.save(task.key, session.state())
+    if book is not None:
+        bench.save_file(book.name, book.close(), "application/zip")
+    return {"frames": index - start}
+
+
+def _masks(bench: Bench, start: int) -> Mapping[int, Plane]:
+    """The user's importance masks by frame number; a run begins with the newest one before it."""
+    if not bench.has("importance"):
+        return {}
+    given = {number: _plane(image) for number, image in bench.images("importance").items()}
+    earlier = [number for number in given if number <= start]
+    return given | ({start: given[max(earlier)]} if earlier else {})
+
+
+def _plane(image: np.ndarray[Any, Any]) -> Plane:
+    """Importance 0..1 of a gray or RGB image of 8 or 16 bit."""
+    gray = image if image.ndim == 2 else image[..., :3].mean(axis=-1)
+    return np.asarray(gray / np.iinfo(image.dtype).max, np.float32)
+
+
+def _batches(frames: Iterable[Frame], size: tuple[int, int]) -> Iterator[list[Frame]]:
+    """Frames in lists of about BATCH_BYTES."""
+    count = max(2, min(64, BATCH_BYTES // (size[0] * size[1] * 3)))
+    source = iter(frames)
+    while batch := list(islice(source, count)):
+        yield batch
+
+
+def _overlap(
+    session: AbstractionSession, eye: ThreadPoolExecutor, batch: list[Frame], masks: Mapping[int, Plane], first: int
+) -> Iterator[Painting]:  # fmt: skip
+    """Perceive on the eye's thread, at most AHEAD frames before the hand paints them on this one."""
+    waiting: list[Future[Percept]] = []
+    for number, frame in enumerate(batch):
+        waiting.append(eye.submit(session.eye.step, frame, masks.get(first + number)))
+        if len(waiting) > AHEAD:
+            yield session.hand.step(waiting.pop(0).result())
+    for percept in waiting:
+        yield session.hand.step(percept.result())
