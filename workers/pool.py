@@ -27,10 +27,12 @@ class Report:
 
 
 class Pool(Protocol):
-    """Runs task orders on some workers. All calls are quick and thread-safe; `listen` callbacks come from any thread."""
+    """Runs task orders on some workers. Calls are quick and thread-safe; `listen` is called from any thread."""
 
-    capacity: int
-    """Attempts that may run at once."""
+    @property
+    def capacity(self) -> int:
+        """Attempts that may run at once; may change."""
+        ...
 
     def start(self, listen: Callable[[Report], None]) -> None: ...
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from pipeline.video.probe import probe
 from tests.workers.toy import Toy, ToyRunner
 from workers.blobs.disk import DiskBlobs
 from workers.local_pool import LocalPool
@@ -21,6 +22,12 @@ from workers.studio import Studio
 def only_toy(monkeypatch: pytest.MonkeyPatch) -> None:
     found = {"toy": Toy()}
     monkeypatch.setattr("pipeline.methods.methods", lambda: found)
+
+
+@pytest.fixture(autouse=True)
+def quick_probe(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In this process: a child that imports every decoder takes longer than these tests."""
+    monkeypatch.setattr("workers.studio.probe_guarded", probe)
 
 
 @pytest.fixture

@@ -231,7 +231,7 @@ def _blocked(connection: Connection, job_id: str) -> dict[TaskState, int]:
         .where(tasks.c.job_id == job_id, tasks.c.state.in_([state.value for state in ended]), tasks.c.blockers > 0)
         .group_by(tasks.c.state)
     )
-    found = {TaskState(state): int(n) for state, n in connection.execute(query).tuples()}
+    found = {TaskState(state): int(n) for state, n in connection.execute(query)}
     return {state: found.get(state, 0) for state in ended}
 
 

@@ -29,7 +29,7 @@ class Overview(Base):
 
 
 def _jobs_by_state(connection: Connection) -> dict[str, int]:
-    found = connection.execute(select(schema.jobs.c.state, func.count()).group_by(schema.jobs.c.state)).tuples()
+    found = connection.execute(select(schema.jobs.c.state, func.count()).group_by(schema.jobs.c.state))
     return {state.value: 0 for state in RunState} | {state: int(n) for state, n in found}
 
 

@@ -1,0 +1,67 @@
+"""The same farm on a real Ray cluster of one machine: same bytes, cancel, death of a worker, an own SIGTERM handler."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from tests.workers.conftest import finished, request_on, result, until
+from tests.workers.toy import ToyRunner
+from workers.blobs.disk import DiskBlobs
+from workers.settings import FarmSettings
+from workers.studio import Studio
+
+pytestmark = pytest.mark.real("ray")
+
+
+@pytest.fixture(scope="module")
+def ray_farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Studio]:
+    """One cluster for all tests here: it takes seconds to start."""
+    from workers.ray_pool import RayPool
+
+    home = tmp_path_factory.mktemp("ray")
+    settings = FarmSettings(home=home, pool="ray", workers=2, reserve_bytes=0, retry_delay_s=0.02)
+    blobs = DiskBlobs(settings.blobs_at)
+    farm = Studio(settings, RayPool(blobs, settings, partial(ToyRunner, blobs)))
+    farm.start()
+    yield farm
+    farm.stop()
+
+
+def test_ray_and_the_local_pool_give_the_same_bytes(
+    ray_farm: Studio, open_studio: Callable[..., Studio], data: Path
+) -> None:
+    local = open_studio()
+    results = set()
+    for farm in (ray_farm, local):
+        job = finished(farm, farm.submit(request_on(farm, data, params={"tasks": 6, "chain": True})).id, 60)
+        assert job.state == "succeeded", job.error
+        results.add(result(farm, job.id))
+    assert len(results) == 1
+
+
+def test_cancel_reaches_an_actor_within_a_second(ray_farm: Studio, data: Path) -> None:
+    job = ray_farm.submit(request_on(ray_farm, data, params={"tasks": 2, "sleep_s": 30}))
+    until(lambda: 0 < ray_farm.job(job.id).progress and ray_farm.job(job.id).steps[1].counts["running"] == 2, 30)
+    ray_farm.cancel(job.id)
+    until(lambda: ray_farm.snapshot()["pool"]["busy"] == {}, 1.5)
+
+
+def test_a_worker_that_dies_is_replaced_and_its_task_runs_again(ray_farm: Studio, data: Path, tmp_path: Path) -> None:
+    params = {"tasks": 3, "trouble": "die", "mark": str(tmp_path / "mark")}
+    job = finished(ray_farm, ray_farm.submit(request_on(ray_farm, data, params=params)).id, 60)
+    assert job.state == "succeeded", job.error
+    task = next(task for task in ray_farm.tasks(job.id).items if task.key == "run-1")
+    assert [attempt["outcome"] for attempt in task.attempts] == ["failed", "succeeded"]
+    assert task.attempts[0]["error"]["code"] == "worker-lost"
+    until(lambda: ray_farm.snapshot()["pool"]["workers"] == 2, 30)
+
+
+def test_the_handler_of_sigterm_stays_ours(ray_farm: Studio) -> None:
+    assert ray_farm.ready()["pool"] == "ok"
+    assert signal.getsignal(signal.SIGTERM) in (signal.SIG_DFL, signal.default_int_handler), os.getpid()

@@ -1,0 +1,226 @@
+"""Attempts on a Ray cluster: one actor a worker. Ray is muscle: it retries nothing and keeps nothing for us.
+
+An actor counts as capacity once it has said hello, so that a cluster with fewer processors than workers simply does
+less at once. When an actor dies its attempt is reported as lost and another actor takes its place.
+"""
+
+from __future__ import annotations
+
+import logging
+import signal
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import ray
+from ray.exceptions import RayError
+
+from pipeline.errors import StorageError
+from workers.actors import RenderActor
+from workers.blobs.disk import DiskBlobs
+from workers.faults import failed_outcome
+from workers.local_pool import Listen, Runner
+from workers.model import TaskOrder, TaskOutcome
+from workers.pool import Report
+from workers.render import Renderer
+from workers.settings import FarmSettings
+
+log = logging.getLogger(__name__)
+
+_TICK_S = 0.25
+"""How often progress is asked for while something runs."""
+_OBJECT_STORE_BYTES = 100 << 20
+"""Orders and outcomes are a few kilobytes; blobs go by their own way."""
+
+
+@dataclass
+class _Worker:
+    """An actor and what it does."""
+
+    actor: Any
+    hello: Any
+    """Reference to its greeting, until that has come."""
+    name: str = ""
+    attempt_id: str = ""
+    answer: Any = None
+    """Reference to the outcome of the attempt."""
+
+    @property
+    def idle(self) -> bool:
+        return bool(self.name) and not self.attempt_id
+
+
+class RayPool:
+    """`settings.workers` actors on the cluster at `settings.ray_address` ("local": one of its own, on this machine).
+
+    Args:
+        blobs: pickled to the actors as it is; on several machines its folder must be shared by them.
+        make_runner: made once an actor; None: a Renderer over `blobs`.
+    """
+
+    def __init__(
+        self, blobs: DiskBlobs, settings: FarmSettings, make_runner: Callable[[], Runner] | None = None
+    ) -> None:
+        self._settings = settings
+        self._make_runner = make_runner or partial(Renderer, blobs)
+        self._workers: list[_Worker] = []
+        self._lock = threading.RLock()
+        self._news = threading.Event()
+        self._stopping = False
+        self._pump = threading.Thread(target=self._watch, name="impasto-ray", daemon=True)
+        self._listen: Listen = lambda report: None
+
+    @property
+    def capacity(self) -> int:
+        with self._lock:
+            return sum(1 for worker in self._workers if worker.name)
+
+    def start(self, listen: Listen) -> None:
+        """Connect, or start a cluster. On the main thread only: Ray aborts the process at its end otherwise."""
+        if threading.current_thread() is not threading.main_thread():
+            raise StorageError("A Ray farm starts on the main thread.", remedy="Call start() there.")
+        self._listen = listen
+        _connect(self._settings)
+        with self._lock:
+            self._workers = [self._new_worker() for _ in range(self._settings.workers)]
+        self._pump.start()
+
+    def submit(self, order: TaskOrder) -> None:
+        with self._lock:
+            worker = next((worker for worker in self._workers if worker.idle), None)
+            if worker is not None:
+                worker.attempt_id = order.attempt_id
+                worker.answer = worker.actor.run.remote(order)
+        if worker is None:  # an actor died between the claim and now
+            self._listen(Report(order.attempt_id, lost=True))
+        self._news.set()
+
+    def cancel(self, attempt_id: str) -> None:
+        worker = self._at_work(attempt_id)
+        if worker is not None:
+            worker.actor.cancel.remote(attempt_id)
+
+    def abandon(self, attempt_id: str) -> None:
+        worker = self._at_work(attempt_id)
+        if worker is not None:
+            ray.kill(worker.actor)
+            self._replace(worker)
+
+    def describe(self) -> dict[str, object]:
+        with self._lock:
+            busy = {worker.attempt_id: worker.name for worker in self._workers if worker.attempt_id}
+        return {"kind": "ray", "workers": self.capacity, "wanted": self._settings.workers, "busy": busy}
+
+    def stop(self, grace_s: float = 5.0) -> None:
+        with self._lock:
+            busy = [worker for worker in self._workers if worker.attempt_id]
+        for worker in busy:
+            worker.actor.cancel.remote(worker.attempt_id)
+        if busy:
+            ray.wait([worker.answer for worker in busy], num_returns=len(busy), timeout=grace_s)
+        self._stopping = True
+        self._news.set()
+        self._pump.join(grace_s)
+        self._collect(0.0)
+        ray.shutdown()
+
+    # -- the pump: greetings, answers, progress
+
+    def _watch(self) -> None:
+        while not self._stopping:
+            self._news.clear()
+            try:
+                if not self._collect(_TICK_S):
+                    self._news.wait(_TICK_S)
+                self._ask_progress()
+            except Exception:
+                log.exception("the Ray pool failed; it tries again")
+                self._news.wait(1.0)
+
+    def _collect(self, timeout_s: float) -> bool:
+        """Take what has come within `timeout_s`; False at once if nothing is awaited."""
+        with self._lock:
+            awaited = {w.hello if w.hello is not None else w.answer: w for w in self._workers}
+        awaited.pop(None, None)
+        if not awaited:
+            return False
+        come, _ = ray.wait(list(awaited), timeout=timeout_s)
+        for ref in come:
+            self._take(ref, awaited[ref])
+        return True
+
+    def _take(self, ref: Any, worker: _Worker) -> None:
+        try:
+            value = ray.get(ref)
+        except ray.exceptions.RayTaskError as error:  # the actor lives; our own code has raised
+            value = failed_outcome(worker.attempt_id, error.cause or error)
+        except RayError as error:
+            log.warning("the worker %s has died: %s", worker.name or "(starting)", type(error).__name__)
+            self._replace(worker, lost=worker.attempt_id)
+            return
+        if isinstance(value, TaskOutcome):
+            self._answered(worker, value)
+        else:
+            worker.name, worker.hello = str(value), None
+
+    def _answered(self, worker: _Worker, outcome: TaskOutcome) -> None:
+        with self._lock:
+            worker.attempt_id, worker.answer = "", None
+        self._listen(Report(outcome.attempt_id, 1.0, outcome, worker=worker.name))
+
+    def _ask_progress(self) -> None:
+        with self._lock:
+            asked = {worker.actor.progress.remote(): worker for worker in self._workers if worker.attempt_id}
+        if not asked:
+            return
+        come, _ = ray.wait(list(asked), num_returns=len(asked), timeout=_TICK_S)
+        for ref in come:
+            self._tell(ref, asked[ref])
+
+    def _tell(self, ref: Any, worker: _Worker) -> None:
+        try:
+            attempt_id, done = ray.get(ref)
+        except RayError:
+            return  # its answer will say so
+        if attempt_id == worker.attempt_id:
+            self._listen(Report(attempt_id, done, worker=worker.name))
+
+    # -- actors
+
+    def _new_worker(self) -> _Worker:
+        actor = RenderActor.options(num_cpus=1).remote(self._make_runner)
+        return _Worker(actor, actor.hello.remote())
+
+    def _replace(self, worker: _Worker, lost: str = "") -> None:
+        with self._lock:
+            if worker in self._workers:
+                self._workers[self._workers.index(worker)] = self._new_worker()
+        if lost:
+            self._listen(Report(lost, lost=True, worker=worker.name))
+
+    def _at_work(self, attempt_id: str) -> _Worker | None:
+        with self._lock:
+            return next((worker for worker in self._workers if worker.attempt_id == attempt_id), None)
+
+
+def _connect(settings: FarmSettings) -> None:
+    """`ray.init`, without losing the process's own SIGTERM handler to it."""
+    local = settings.ray_address == "local"
+    own: dict[str, Any] = {"num_cpus": settings.workers, "object_store_memory": _OBJECT_STORE_BYTES} if local else {}
+    handler = signal.getsignal(signal.SIGTERM)
+    try:
+        ray.init(
+            address=settings.ray_address,
+            include_dashboard=False if local else None,
+            log_to_driver=False,
+            logging_level=logging.WARNING,
+            configure_logging=False,
+            **own,
+        )
+    except (RayError, ConnectionError, RuntimeError, ValueError) as error:
+        raise StorageError(f"The Ray cluster cannot be used: {error}.", remedy="Check its address.") from error
+    finally:
+        if handler is not None:
+            signal.signal(signal.SIGTERM, handler)
