@@ -17,6 +17,7 @@ from impasto.cli.materials import Material, gather
 from impasto.cli.place import forget, key_of, place, sweep
 from impasto.cli.progress import Show
 from impasto.cli.timing import Timing, rounded
+from impasto.cli.warmup import warm_up
 from pipeline.errors import BadInput
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import Method
@@ -79,12 +80,18 @@ def run(order: Commission, workers: int, home: Path, show: Show) -> Json:
     with tempfile.TemporaryDirectory(prefix="impasto-") as scratch:
         materials = _gather(order.paths, Path(scratch))
         key = key_of(_facts(order, materials))
+        _warm_up(order.request)
         with place(home, key) as folder:
             with embedded.opened(folder, workers) as farm:
                 job = embedded.follow(farm, embedded.submit(farm, order.request, materials, key).id, show)
                 summary = _deliver(farm, job, order, Path(scratch))
             forget(folder)
     return summary | {"wall_seconds": round(time.monotonic() - began, 4)}
+
+
+def _warm_up(request: JobRequest) -> None:
+    chosen = method(request.method)
+    warm_up(chosen, parse_params(chosen, request.params))
 
 
 def _gather(paths: Mapping[str, Path], scratch: Path) -> dict[str, Material]:
