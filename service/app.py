@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from fastapi import FastAPI
+from prometheus_client import CollectorRegistry
 from starlette.staticfiles import StaticFiles
 
 from service import errors
@@ -14,6 +15,7 @@ from service.access.depends import Service, Streams
 from service.access.gate import Gate
 from service.access.rates import Rates
 from service.assets.routes import router as assets
+from service.background import background
 from service.bodies import JsonBodies
 from service.edge import Edge
 from service.jobs.events import router as events
@@ -21,19 +23,24 @@ from service.jobs.files import router as files
 from service.jobs.routes import router as jobs
 from service.jobs.tasks import router as tasks
 from service.methods.routes import router as methods
+from service.ops.keys import router as keys
+from service.ops.metrics import FarmMetrics, HttpMetrics
 from service.ops.routes import router as ops
 from service.pages import router as pages
 from service.previews.routes import router as previews
 from service.settings import Settings
+from service.uploads.routes import router as uploads
+from service.webhooks.routes import router as webhooks
 from service.webhooks.secrets import WebhookSecrets
 from workers.farm import Farm
 
 WEB = Path(__file__).parent / "web"
-ROUTERS = (methods, assets, jobs, tasks, events, files, previews, ops, pages)
+ROUTERS = (methods, assets, uploads, jobs, tasks, events, files, webhooks, previews, keys, ops, pages)
 
 
 def create_app(settings: Settings, farm: Farm) -> FastAPI:
     """The HTTP service over `farm`, which the caller starts and stops."""
+    service = _parts(settings, farm)
     app = FastAPI(
         title="Impasto",
         version="1",
@@ -41,14 +48,9 @@ def create_app(settings: Settings, farm: Farm) -> FastAPI:
         docs_url=None,
         redoc_url=None,
         generate_unique_id_function=lambda route: route.name,
+        lifespan=lambda _app: background(service),
     )
-    app.state.service = service = Service(
-        settings=settings,
-        farm=farm,
-        streams=Streams(settings.max_streams),
-        previews=threading.BoundedSemaphore(settings.preview_slots),
-        webhook_secrets=WebhookSecrets(settings.home / "webhook_secret"),
-    )
+    app.state.service = service
     errors.install(app)
     for router in ROUTERS:
         app.include_router(router, responses=errors.PROBLEM_RESPONSES)
@@ -58,12 +60,25 @@ def create_app(settings: Settings, farm: Farm) -> FastAPI:
     return app
 
 
+def _parts(settings: Settings, farm: Farm) -> Service:
+    service = Service(
+        settings=settings,
+        farm=farm,
+        streams=Streams(settings.max_streams),
+        previews=threading.BoundedSemaphore(settings.preview_slots),
+        webhook_secrets=WebhookSecrets(settings.home / "webhook_secret"),
+        registry=CollectorRegistry(),
+    )
+    service.registry.register(FarmMetrics(farm))
+    return service
+
+
 def _add_middleware(app: FastAPI, service: Service) -> None:
     """The last one added is the outermost."""
     settings = service.settings
     app.add_middleware(JsonBodies, max_bytes=settings.max_json_bytes, idle_s=settings.idle_s)
     app.add_middleware(Gate, settings=settings, keys=service.farm.keys, rates=Rates())
-    app.add_middleware(Edge)
+    app.add_middleware(Edge, metrics=HttpMetrics(service.registry, service.streams.count))
 
 
 def _describe(app: FastAPI) -> None:

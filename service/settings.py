@@ -13,7 +13,6 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 from workers.settings import FarmSettings
 
 MIB = 1 << 20
-GIB = 1 << 30
 
 
 class Settings(BaseSettings, FarmSettings):
@@ -38,13 +37,12 @@ class Settings(BaseSettings, FarmSettings):
 
     requests_per_minute: int = Field(default=6000, ge=1)
     """In the long run, a key (or an address without one); a sixth of it may come at once. A key may have its own."""
-    active_jobs: int = Field(default=1000, ge=1)
+    quota_active_jobs: int = Field(default=1000, ge=1)
     """Unfinished jobs an owner may have; a key may have its own bound."""
-    asset_bytes: int | None = Field(default=None, ge=1)
+    quota_asset_bytes: int | None = Field(default=None, ge=1)
     """Bytes of assets an owner may keep (None: any); a key may have its own bound."""
 
     max_json_bytes: int = Field(default=1 * MIB, ge=1024)
-    max_upload_bytes: int = Field(default=8 * GIB, ge=1024)
     upload_ttl_s: float = Field(default=24 * 3600.0, gt=0)
     """An unfinished resumable upload is forgotten after this long without a byte."""
     idle_s: float = Field(default=60.0, gt=0)

@@ -11,6 +11,7 @@ from typing import Annotated, cast
 from anyio import CapacityLimiter
 from fastapi import Depends, Request, Security
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
+from prometheus_client import CollectorRegistry
 
 from service.access.keys import Principal, Scope
 from service.errors import Forbidden
@@ -29,6 +30,10 @@ class Streams:
     @property
     def full(self) -> bool:
         return self._open >= self._most
+
+    def count(self) -> int:
+        """Streams open now."""
+        return self._open
 
     @contextmanager
     def one(self) -> Iterator[None]:
@@ -49,6 +54,8 @@ class Service:
     streams: Streams
     previews: threading.BoundedSemaphore
     webhook_secrets: WebhookSecrets
+    registry: CollectorRegistry
+    """Of this app's metrics."""
     closing: threading.Event = field(default_factory=threading.Event)
     """Set when the process is about to stop: long answers end."""
 

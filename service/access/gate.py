@@ -66,7 +66,7 @@ class Gate:
     def _check_rate(self, principal: Principal | None, address: str) -> None:
         caller = (principal and principal.owner) or address
         own = principal.quotas.get("requests_per_minute") if principal else None
-        per_minute = own or self._settings.requests_per_minute
+        per_minute = self._settings.requests_per_minute if own is None else max(1, own)
         wait_s = self._rates.take(caller, per_minute / 60, max(1, per_minute // 6))
         if wait_s > 0:
             raise RateLimited(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,6 +13,8 @@ from service.access.depends import Service
 from service.access.keys import Principal
 from workers.errors import NotFound, QuotaExceeded
 from workers.model import Asset
+
+NO_ROOM = "Try later, or tell the operator to free space."
 
 
 def adopt(parts: Service, caller: Principal, path: Path, filename: str, sha256: str) -> tuple[Asset, bool]:
@@ -27,14 +30,15 @@ def adopt(parts: Service, caller: Principal, path: Path, filename: str, sha256: 
 
 def _known(parts: Service, caller: Principal, asset_id: str) -> bool:
     try:
-        return caller.sees(parts.farm.asset(asset_id).owner)
+        parts.farm.asset(asset_id, caller.owner)
     except NotFound:
         return False
+    return True
 
 
 def check_quota(parts: Service, caller: Principal, size_bytes: int) -> None:
     """Raise QuotaExceeded if `size_bytes` more would be more than the caller may keep."""
-    limit = caller.quotas.get("asset_bytes", parts.settings.asset_bytes)
+    limit = caller.quotas.get("asset_bytes", parts.settings.quota_asset_bytes)
     if limit is not None and size_bytes + parts.farm.keys.usage(caller.owner)["asset_bytes"] > limit:
         raise QuotaExceeded(
             f"Your assets may be {limit} bytes together.",
@@ -44,6 +48,13 @@ def check_quota(parts: Service, caller: Principal, size_bytes: int) -> None:
         )
 
 
+def check_room(parts: Service, size_bytes: int) -> None:
+    """Raise StorageFull unless the disk of unfinished uploads has room for `size_bytes` and the reserve."""
+    free = shutil.disk_usage(parts.settings.uploads_dir).free
+    if free - size_bytes < parts.settings.reserve_bytes:
+        raise StorageFull("The disk is nearly full.", field="file", value=size_bytes, remedy=NO_ROOM)
+
+
 @contextmanager
 def disk_faults() -> Iterator[None]:
     """Say StorageFull when the disk is."""
@@ -51,5 +62,5 @@ def disk_faults() -> Iterator[None]:
         yield
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise StorageFull("The disk is full.", remedy="Try later, or tell the operator to free space.") from error
+            raise StorageFull("The disk is full.", field="file", remedy=NO_ROOM) from error
         raise

@@ -10,7 +10,7 @@ from starlette.concurrency import run_in_threadpool
 
 from service.access.depends import Parts, Reader, Service, Submitter
 from service.access.keys import Principal
-from service.assets.adopt import adopt, disk_faults
+from service.assets.adopt import adopt, check_room, disk_faults
 from service.assets.multipart import FileReceiver
 from service.bodies import chunks
 from service.schemas import AssetId, Cursor, Download, Limit, Listing, binary
@@ -20,6 +20,8 @@ from workers.model import Asset
 
 router = APIRouter(prefix="/v1/assets", tags=["assets"])
 
+FORM_BYTES = 64 * 1024
+"""What a form may add to its file."""
 FORM = {
     "requestBody": {
         "required": True,
@@ -50,6 +52,7 @@ async def upload(request: Request, response: Response, parts: Parts, caller: Sub
 def _room(parts: Service) -> Path:
     with disk_faults():
         parts.settings.uploads_dir.mkdir(parents=True, exist_ok=True)
+    check_room(parts, 0)
     return parts.settings.uploads_dir
 
 
@@ -57,7 +60,7 @@ async def _receive(request: Request, parts: Service, path: Path) -> FileReceiver
     receiver = FileReceiver(request.headers.get("content-type", ""), path)
     try:
         with disk_faults():
-            async for chunk in chunks(request, parts.settings.max_upload_bytes, parts.settings.idle_s):
+            async for chunk in chunks(request, parts.settings.max_asset_bytes + FORM_BYTES, parts.settings.idle_s):
                 await run_in_threadpool(receiver.feed, chunk)
     finally:
         receiver.close()
@@ -96,15 +99,14 @@ def get_content(
 def delete_asset(asset_id: AssetId, parts: Parts, caller: Submitter) -> None:
     """Forget an asset. 409 while an unfinished job uses it."""
     visible(parts, caller, asset_id)
-    parts.farm.delete_asset(asset_id)
+    parts.farm.delete_asset(asset_id, caller.only_owner)
 
 
 def visible(parts: Service, caller: Principal, asset_id: str, field: str = "asset_id") -> Asset:
-    """The asset, or NotFound: also if it is someone else's, which is not to be told apart."""
+    """The asset as the caller holds it, or NotFound: also if it is only others', which is not to be told apart."""
     try:
-        asset = parts.farm.asset(asset_id)
+        return parts.farm.asset(asset_id, caller.only_owner)
     except NotFound:
-        asset = None
-    if asset is None or not caller.sees(asset.owner):
-        raise NotFound("There is no such asset.", field=field, value=asset_id, remedy="See GET /v1/assets for yours.")
-    return asset
+        raise NotFound(
+            "There is no such asset.", field=field, value=asset_id, remedy="See GET /v1/assets for yours."
+        ) from None

@@ -42,7 +42,7 @@ def check_inputs(parts: Service, caller: Principal, work: Work) -> None:
 
 def check_quota(parts: Service, caller: Principal) -> None:
     """Raise QuotaExceeded if the caller has as many unfinished jobs as they may."""
-    limit = caller.quotas.get("active_jobs", parts.settings.active_jobs)
+    limit = caller.quotas.get("active_jobs", parts.settings.quota_active_jobs)
     if parts.farm.keys.usage(caller.owner)["active_jobs"] >= limit:
         raise QuotaExceeded(
             f"You may have {limit} unfinished jobs.",

@@ -1,4 +1,4 @@
-"""/healthz, /readyz, /v1/ops."""
+"""/healthz, /readyz, /metrics, /v1/ops."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from http import HTTPStatus
 from typing import Any
 
 from fastapi import APIRouter, Response
+from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 
-from service.access.depends import Admin, Parts
+from service.access.depends import Admin, Parts, Reader
 
 router = APIRouter(tags=["ops"])
 
@@ -40,6 +41,12 @@ def readyz(response: Response, parts: Parts) -> Ready:
         return Ready("ok", found)
     response.status_code = HTTPStatus.SERVICE_UNAVAILABLE
     return Ready("unavailable", found)
+
+
+@router.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
+def metrics(parts: Parts, _caller: Reader) -> Response:
+    """Prometheus metrics: sums over everyone, no one's data."""
+    return Response(generate_latest(parts.registry), headers={"Content-Type": CONTENT_TYPE_LATEST})
 
 
 @router.get("/v1/ops/snapshot")

@@ -54,7 +54,7 @@ class FakeKeys:
 
     def usage(self, key_id: str) -> dict[str, int]:
         jobs = [job for job in self._farm.all_jobs.values() if job.owner == key_id and not job.state.final]
-        assets = [asset for asset in self._farm.all_assets.values() if asset.owner == key_id]
+        assets = [asset for (_, owner), asset in self._farm.all_assets.items() if owner == key_id]
         return {"active_jobs": len(jobs), "asset_bytes": sum(asset.size_bytes for asset in assets)}
 
 
@@ -88,7 +88,8 @@ class FakeFarm:
     def __init__(self, events_kept: int = 1000) -> None:
         self.keys = FakeKeys(self)
         self.webhooks = FakeWebhooks()
-        self.all_assets: dict[str, Asset] = {}
+        self.all_assets: dict[tuple[str, str], Asset] = {}
+        """(id, owner) -> as that owner holds it"""
         self.all_jobs: dict[str, Job] = {}
         self.all_tasks: dict[str, TaskView] = {}
         self.files: dict[tuple[str, str], tuple[bytes, str]] = {}
@@ -137,19 +138,24 @@ class FakeFarm:
         sha = hashlib.sha256(data).hexdigest()
         asset = Asset(f"ast_{sha}", sha, len(data), filename, "video/mp4", "video", {"frames": 1}, time.time(), owner)
         self._bytes[asset.id] = data
-        return self.all_assets.setdefault(asset.id, asset)
+        return self.all_assets.setdefault((asset.id, owner), asset)
 
-    def asset(self, asset_id: str) -> Asset:
-        return _get(self.all_assets, asset_id, "asset")
+    def asset(self, asset_id: str, owner: str | None = None) -> Asset:
+        held = [asset for (known, by), asset in self.all_assets.items() if known == asset_id and owner in (None, by)]
+        if not held:
+            raise NotFound("There is no such asset.", field="asset", value=asset_id)
+        return held[0]
 
     def assets(self, owner: str | None = None, cursor: str | None = None, limit: int = 50) -> Page:
-        rows = [asset for asset in self.all_assets.values() if owner in (None, asset.owner)]
+        rows = [asset for (_, by), asset in self.all_assets.items() if owner in (None, by)]
         return _page(rows, cursor, limit)
 
-    def delete_asset(self, asset_id: str) -> None:
+    def delete_asset(self, asset_id: str, owner: str | None = None) -> None:
+        self.asset(asset_id, owner)
         if any(asset_id in j.request.inputs.values() and not j.state.final for j in self.all_jobs.values()):
             raise Conflict("A job uses it.", field="asset_id", value=asset_id, remedy="Wait.")
-        del self.all_assets[asset_id]
+        for key in [key for key in self.all_assets if key[0] == asset_id and owner in (None, key[1])]:
+            del self.all_assets[key]
 
     def asset_file(self, asset_id: str) -> Served:
         asset = self.asset(asset_id)

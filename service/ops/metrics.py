@@ -1,0 +1,100 @@
+"""Prometheus metrics: base units, `_total` on counters, labels from small fixed sets."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any
+
+from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
+from prometheus_client.core import GaugeMetricFamily
+from prometheus_client.metrics_core import Metric
+from prometheus_client.registry import Collector
+
+from workers.farm import Farm
+
+log = logging.getLogger(__name__)
+
+LATENCY_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30, 120)
+VERBS = frozenset({"GET", "HEAD", "POST", "PATCH", "PUT", "DELETE", "OPTIONS"})
+MAX_LABELS = 50
+"""Values of one label at most: more are not shown."""
+
+
+class HttpMetrics:
+    """What this process has answered."""
+
+    def __init__(self, registry: CollectorRegistry, streams: Callable[[], float]) -> None:
+        labels = ("method", "route", "status")
+        self.requests = Counter("impasto_http_requests", "Requests answered.", labels, registry=registry)
+        self.seconds = Histogram(
+            "impasto_http_request_duration_seconds",
+            "From a request's first byte to the start of its answer.",
+            ("method", "route"),
+            buckets=LATENCY_S,
+            registry=registry,
+        )
+        Gauge("impasto_event_streams", "Event streams open now.", registry=registry).set_function(streams)
+
+    def note(self, verb: str, route: str, status: int, seconds: float) -> None:
+        verb = verb if verb in VERBS else "other"
+        self.requests.labels(verb, route, str(status)).inc()
+        self.seconds.labels(verb, route).observe(seconds)
+
+
+class FarmMetrics(Collector):
+    """What the farm says of itself when it is asked."""
+
+    def __init__(self, farm: Farm) -> None:
+        self._farm = farm
+
+    def describe(self) -> Iterable[Metric]:
+        """Nothing ahead of time: registering must not ask the store."""
+        return ()
+
+    def collect(self) -> Iterator[Metric]:
+        yield from _ready(self._farm.ready())
+        try:
+            snapshot = self._farm.snapshot()
+        except Exception:  # the store is away: say what can be said
+            log.exception("The farm gave no snapshot")
+            return
+        yield from _families(snapshot)
+
+
+def _ready(parts: Mapping[str, str]) -> Iterator[Metric]:
+    words = {part: float(word == "ok") for part, word in parts.items()}
+    yield _gauge("impasto_ready", "1 where a part of the farm works.", "part", words)
+
+
+def _families(snapshot: Mapping[str, Any]) -> Iterator[Metric]:
+    queue = snapshot.get("queue", {})
+    yield _gauge("impasto_jobs", "Jobs.", "state", snapshot.get("jobs", {}))
+    yield _gauge("impasto_tasks", "Tasks of all jobs.", "state", snapshot.get("tasks", {}))
+    yield _single("impasto_queue_ready_tasks", "Tasks that could run now.", queue.get("ready_tasks", 0))
+    yield _single("impasto_queue_oldest_seconds", "Wait of the oldest queued job.", queue.get("oldest_s", 0))
+    yield _single("impasto_attempts_running", "Attempts at work.", snapshot.get("attempts_running", 0))
+    yield _gauge(
+        "impasto_recent_attempt_failures",
+        "Attempts that failed in the last quarter of an hour.",
+        "code",
+        snapshot.get("failures", {}),
+    )
+    yield _gauge(
+        "impasto_frames_per_second",
+        "Frames finished a second, lately.",
+        "method",
+        snapshot.get("frames_per_s", {}),
+    )
+    yield _single("impasto_webhooks_waiting", "Messages in the outbox.", snapshot.get("webhooks_waiting", 0))
+
+
+def _gauge(name: str, text: str, label: str, values: Mapping[str, float]) -> Metric:
+    family = GaugeMetricFamily(name, text, labels=[label])
+    for value, number in sorted(values.items())[:MAX_LABELS]:
+        family.add_metric([value], float(number))
+    return family
+
+
+def _single(name: str, text: str, value: float) -> Metric:
+    return GaugeMetricFamily(name, text, value=float(value))
