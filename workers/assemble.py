@@ -58,15 +58,16 @@ class Assembly:
             raise UnreadableMedia("The video has no frames.", field="inputs.video", remedy="Use another video.")
         out = self._scratch / f"result.{_suffix(self._format)}"
         with ExitStack() as stack:
+            starts = self._starts_s([start for start, _stop, _key in segments])
             paths = [stack.enter_context(self._blobs.local(key)) for _start, _stop, key in segments]
             sound = stack.enter_context(self._blobs.local(self._order.inputs["video"]))
-            join(paths, out, self._format, sound, self._origin_s(segments[0][0]), progress)
+            join(list(zip(starts, paths, strict=True)), out, self._format, sound, progress)
         return out
 
-    def _origin_s(self, first: int) -> Fraction:
-        """When the source shows the first frame of the result."""
+    def _starts_s(self, frames: list[int]) -> list[Fraction]:
+        """When the source shows each of these frames, seconds."""
         with self._decoders.reader(self._order.inputs["video"]) as reader:
-            return reader.index.time(first) * reader.time_base
+            return [reader.index.time(frame) * reader.time_base for frame in frames]
 
     def _describe(self, result: Path) -> Note:
         with VideoReader(result) as reader:

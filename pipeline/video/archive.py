@@ -8,8 +8,11 @@ from __future__ import annotations
 import re
 import stat
 import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
-from typing import BinaryIO
+from typing import BinaryIO, cast
 
 from pipeline.errors import MediaTooLarge
 from pipeline.video.media import Limits, unreadable
@@ -17,6 +20,7 @@ from pipeline.video.media import Limits, unreadable
 _IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg"})
 _BOMB_RATIO = 200
 _BOMB_FLOOR_BYTES = 1 << 20
+_DAMAGE = (zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, NotImplementedError)
 
 
 def open_archive(path: Path, limits: Limits) -> tuple[zipfile.ZipFile, list[zipfile.ZipInfo]]:
@@ -85,20 +89,20 @@ def _too_large(message: str, value: object, remedy: str) -> None:
     raise MediaTooLarge(message, field="file", value=value, remedy=remedy)
 
 
-def read_entry(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> bytes:
-    """The bytes of one entry, never more than its header says. Raises UnreadableMedia."""
+@contextmanager
+def entry_stream(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Iterator[BinaryIO]:
+    """One entry as a stream. Raises UnreadableMedia, also for what goes wrong while it is read."""
     try:
         with archive.open(member) as stream:
-            return stream.read(member.file_size)
-    except (zipfile.BadZipFile, OSError, EOFError, ValueError, NotImplementedError) as error:
-        unreadable("An entry of the archive is damaged.", f"{member.filename}: {error}", "Zip the frames again.")
-    except Exception as error:  # zlib.error has no common base with the rest
+            yield cast(BinaryIO, stream)
+    except _DAMAGE as error:
         unreadable("An entry of the archive is damaged.", f"{member.filename}: {error}", "Zip the frames again.")
 
 
-def open_entry(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> BinaryIO:
-    """One entry as a stream, to read its header only."""
-    return archive.open(member)  # type: ignore[return-value]
+def read_entry(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> bytes:
+    """The bytes of one entry, never more than its header says. Raises UnreadableMedia."""
+    with entry_stream(archive, member) as stream:
+        return stream.read(member.file_size)
 
 
 def natural_key(name: str) -> tuple[tuple[int, int | str], ...]:

@@ -33,11 +33,16 @@ _DEPENDENT = frozenset({"gif", "apng"})
 
 def open_container(path: Path, limits: Limits) -> InputContainer:
     """A container open for reading. Raises UnreadableMedia."""
-    options = {"format_whitelist": _DEMUXERS, "protocol_whitelist": "file", "max_pixels": str(limits.pixels)}
+    options = {"format_whitelist": _DEMUXERS, "protocol_whitelist": "file", "max_pixels": _most_pixels(limits)}
     try:
         return av.open(f"file:{path}", "r", options=options, metadata_errors="replace")
     except (av.FFmpegError, OSError, ValueError) as error:
         unreadable("The file cannot be opened: it is cut off, damaged, or of an unknown kind.", _reason(error))
+
+
+def _most_pixels(limits: Limits) -> str:
+    """A bound for decoders, which pad what they allocate; the exact limit is checked by us."""
+    return str(2 * limits.pixels + (1 << 20))
 
 
 def _reason(error: Exception) -> str:
@@ -64,7 +69,7 @@ def video_stream(container: InputContainer, limits: Limits, threads: int = 0) ->
     context = stream.codec_context
     if context is None:
         unreadable("The video's codec is unknown.", container.format.name, "Re-encode it as H.264 in MP4.")
-    context.options = {"max_pixels": str(limits.pixels)}
+    context.options = {"max_pixels": _most_pixels(limits)}
     context.thread_type = "AUTO"
     context.thread_count = threads
     return stream

@@ -34,6 +34,7 @@ class ImageHeader:
     width: int
     height: int
     animated: bool = False
+    """More than one picture, perhaps: a PNG or GIF like that is read as a video."""
 
 
 def sniff(stream: BinaryIO) -> str:
@@ -77,7 +78,7 @@ def _is_text(head: bytes) -> bool:
 
 
 def image_header(stream: BinaryIO, media_type: str) -> ImageHeader:
-    """The size (px) in the header of an image of one of `IMAGE_TYPES`, as stored (before any EXIF turn).
+    """The size (px) in the header of an image of one of `IMAGE_TYPES` or a GIF, as stored (before any EXIF turn).
 
     Raises: UnreadableMedia if the header is cut off or nonsense.
     """
@@ -86,6 +87,11 @@ def image_header(stream: BinaryIO, media_type: str) -> ImageHeader:
     except (struct.error, IndexError, ValueError) as error:
         unreadable("The image's header is cut off or damaged.", f"{media_type}: {error}", "Export the image again.")
     return ImageHeader(media_type, width, height, animated)
+
+
+def is_still(header: ImageHeader) -> bool:
+    """Whether the image is read as one picture: PNGs and GIFs may move, of a moving WebP the first picture counts."""
+    return not (header.animated and header.media_type in ("image/png", "image/gif"))
 
 
 def _png(stream: BinaryIO) -> tuple[int, int, bool]:
@@ -148,7 +154,13 @@ def _bmp(stream: BinaryIO) -> tuple[int, int, bool]:
     return abs(width), abs(height), False
 
 
+def _gif(stream: BinaryIO) -> tuple[int, int, bool]:
+    width, height = struct.unpack("<6xHH", stream.read(10))
+    return width, height, True
+
+
 _PARSERS = {
+    "image/gif": _gif,
     "image/png": _png,
     "image/jpeg": _jpeg,
     "image/webp": _webp,

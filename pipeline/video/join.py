@@ -28,29 +28,29 @@ MEDIA_TYPES: dict[Format, str] = {"mp4": "video/mp4", "webm": "video/webm", "png
 
 
 def join(
-    segments: Sequence[Path],
+    segments: Sequence[tuple[Fraction, Path]],
     out: Path,
     container: Format,
     sound: Path | None = None,
-    origin_s: Fraction = Fraction(0),
     progress: Callable[[float], None] = lambda done: None,
 ) -> None:
     """Write the finished file at `out`.
 
     Args:
-        segments: files of `segment_writer`, all of one spec, in order; at least one.
+        segments: files of `segment_writer`, all of one spec, in order, at least one; each with the time at which the
+            source shows its first frame, seconds. The first of these is time 0 of the output.
         container: "mp4" (streamable from its first bytes), "webm", or "png" (one zip of numbered frames).
         sound: a media file whose audio is added in step, if it has any. "png" takes none.
-        origin_s: the time in `sound` at which the first frame is shown, seconds.
         progress: told the fraction done after each segment; may raise to stop.
     """
     if container == "png":
-        _join_images(segments, out, progress)
+        _join_images([path for _start, path in segments], out, progress)
         return
+    origin_s, first = segments[0]
     with ExitStack() as stack:
         options = MUXER_OPTIONS | ({"movflags": "+faststart"} if container == "mp4" else {})
         target = stack.enter_context(av.open(f"file:{out}", "w", format=container, options=options))
-        template = stack.enter_context(open_container(segments[0], Limits()))
+        template = stack.enter_context(open_container(first, Limits()))
         stream = target.add_stream_from_template(template.streams.video[0])
         pictures = _pictures(segments, stream, progress)
         _interleave(target, pictures, _sound(stack, sound, target, container, origin_s))
@@ -74,18 +74,17 @@ def _interleave(target: OutputContainer, *tracks: Iterator[Timed]) -> None:
         target.mux(packet)
 
 
-def _pictures(segments: Sequence[Path], target: VideoStream, progress: Callable[[float], None]) -> Iterator[Timed]:
-    offset = 0
-    for number, segment in enumerate(segments, start=1):
-        with open_container(segment, Limits()) as source:
+def _pictures(
+    segments: Sequence[tuple[Fraction, Path]], target: VideoStream, progress: Callable[[float], None]
+) -> Iterator[Timed]:
+    for number, (start_s, path) in enumerate(segments, start=1):
+        with open_container(path, Limits()) as source:
             stream = source.streams.video[0]
             tick = stream.time_base or Fraction(1, 1000)
-            end = 0
+            offset = round((start_s - segments[0][0]) / tick)
             for packet in source.demux(stream):
                 if packet.size:
-                    end = (packet.pts or 0) + (packet.duration or 0)
                     yield _moved(packet, offset, tick, target)
-            offset += end
         progress(number / len(segments))
 
 

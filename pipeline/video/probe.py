@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import BadMedia, MediaTooLarge, NoVideoStream, UnreadableMedia
-from pipeline.video.archive import open_archive
+from pipeline.video.archive import entry_stream, open_archive
 from pipeline.video.clip import Clip
 from pipeline.video.container import open_container, video_stream
-from pipeline.video.headers import IMAGE_TYPES, image_header, sniff
+from pipeline.video.headers import IMAGE_TYPES, image_header, is_still, sniff
 from pipeline.video.media import (
     Limits,
     MediaInfo,
@@ -44,10 +44,10 @@ def probe(path: Path, limits: Limits | None = None) -> MediaInfo:
     check_bytes(path.stat().st_size, limits.size_bytes)
     with path.open("rb") as stream:
         media_type = sniff(stream)
-        if media_type in IMAGE_TYPES:
+        if media_type in (*IMAGE_TYPES, "image/gif"):
             header = image_header(stream, media_type)
             check_size(header.width, header.height, limits)
-            if not (header.animated and media_type == "image/png"):
+            if is_still(header):
                 return _probe_still(path, media_type, limits)
     if media_type == "application/json":
         return _probe_json(path, limits)
@@ -81,11 +81,11 @@ def _check_members(path: Path, limits: Limits) -> None:
     first: tuple[int, int] | None = None
     with archive:
         for member in members:
-            with archive.open(member) as stream:
-                media_type = sniff(stream)  # type: ignore[arg-type]
+            with entry_stream(archive, member) as stream:
+                media_type = sniff(stream)
                 if media_type not in IMAGE_TYPES:
                     unreadable("An entry of the archive is not an image.", member.filename, "Remove that entry.")
-                header = image_header(stream, media_type)  # type: ignore[arg-type]
+                header = image_header(stream, media_type)
             size = (header.width, header.height)
             check_size(*size, limits, f"The image {member.filename}")
             first = first or size

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pipeline.frames import Frame
 from pipeline.video.clip import Clip
 from pipeline.video.container import Index
-from pipeline.video.headers import IMAGE_TYPES, image_header, sniff
+from pipeline.video.headers import IMAGE_TYPES, image_header, is_still, sniff
 from pipeline.video.media import Limits, check_bytes, unreadable
 from pipeline.video.sequence import Sequence, open_folder, open_still, open_zip
 
@@ -108,9 +108,7 @@ def _open(path: Path, limits: Limits) -> Clip | Sequence:
     check_bytes(path.stat().st_size, limits.size_bytes)
     with path.open("rb") as stream:
         media_type = sniff(stream)
-        still = media_type in IMAGE_TYPES and not (
-            media_type == "image/png" and image_header(stream, media_type).animated
-        )
+        still = media_type in IMAGE_TYPES and is_still(image_header(stream, media_type))
     if media_type == "application/json":
         unreadable("The file is JSON, not pictures.")
     if media_type == "application/zip":
