@@ -7,22 +7,18 @@ demo-output/: the clip, the cartoon, a contact sheet and a poster.
 from __future__ import annotations
 
 import contextlib
-import socket
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
 from impasto import Client
 from impasto.cli.app import run as command
 from impasto.cli.progress import progress
-from impasto.problems import ServiceUnreachable
 
 OUTPUT = Path(__file__).resolve().parent.parent / "demo-output"
 FRAMES, SIZE = 72, "480x270"
-START_S = 60.0
 
 
 def main() -> None:
@@ -55,39 +51,25 @@ def paint(impasto: Client, clip: Path) -> None:
 @contextlib.contextmanager
 def service(home: Path) -> Iterator[Client]:
     """The real service as a process of its own, on a free port of this machine; a client to it."""
-    port = free_port()
     log = home / "service.log"
     with log.open("wb") as sink:
         process = subprocess.Popen(  # noqa: S603  (our own command, no shell, no foreign word in it)
-            [sys.executable, "-m", "impasto", "serve", "--port", str(port), "--home", str(home / "data")],
+            [sys.executable, "-m", "impasto", "serve", "--port", "0", "--home", str(home / "data")],
             stdin=subprocess.DEVNULL,
-            stdout=sink,
-            stderr=subprocess.STDOUT,
+            stdout=subprocess.PIPE,
+            stderr=sink,
+            text=True,
         )
     try:
-        with Client(f"http://127.0.0.1:{port}") as impasto:
-            wait_until_ready(impasto, process, log)
+        assert process.stdout is not None
+        address = process.stdout.readline().strip()  # printed once it answers; nothing if it could not start
+        if not address:
+            sys.exit(f"The service did not start. It said:\n{log.read_text(errors='replace')[-4000:]}")
+        with Client(address) as impasto:
             yield impasto
     finally:
         process.terminate()
         process.wait(timeout=30)
-
-
-def wait_until_ready(impasto: Client, process: subprocess.Popen[bytes], log: Path) -> None:
-    """Return when the service answers; say what it said if it does not."""
-    deadline = time.monotonic() + START_S
-    while process.poll() is None and time.monotonic() < deadline:
-        with contextlib.suppress(ServiceUnreachable):
-            impasto.methods()
-            return
-        time.sleep(0.2)
-    sys.exit(f"The service did not start. It said:\n{log.read_text(errors='replace')[-4000:]}")
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 if __name__ == "__main__":

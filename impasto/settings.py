@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any, TypeVar
 
 import platformdirs
-from pydantic import Field, SecretStr
+from pydantic import Field, SecretStr, ValidationError
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from impasto import DEFAULT_SERVER
+from pipeline.errors import BadInput
+
+S = TypeVar("S", bound=BaseSettings)
 
 
 class CommandSettings(BaseSettings):
@@ -19,3 +23,21 @@ class CommandSettings(BaseSettings):
     home: Path = Field(default_factory=lambda: platformdirs.user_data_path("impasto"))
     server: str = DEFAULT_SERVER
     api_key: SecretStr = SecretStr("")
+
+
+def load(kind: type[S], **flags: Any) -> S:
+    """Settings from flags that were given (not None), then the environment, then defaults.
+
+    Raises: BadInput that names the setting.
+    """
+    try:
+        return kind(**{name: value for name, value in flags.items() if value is not None})
+    except ValidationError as error:
+        first = error.errors()[0]
+        name = ".".join(str(part) for part in first["loc"])
+        raise BadInput(
+            f"{first['msg']}.",
+            field=f"IMPASTO_{name.upper()}",
+            value=first.get("input"),
+            remedy=f"Mend the environment variable, or the flag --{name.replace('_', '-')}.",
+        ) from None

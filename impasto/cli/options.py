@@ -40,15 +40,15 @@ JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON object on
 
 def home_of(given: Path | None) -> Path:
     """The home folder: from the flag, else from the environment, else the user's data folder."""
-    from impasto.settings import CommandSettings
+    from impasto.settings import CommandSettings, load
 
-    return (given or CommandSettings().home).expanduser().absolute()
+    return load(CommandSettings, home=given).home.expanduser().absolute()
 
 
 def client_of(server: str | None, api_key: str | None) -> Client:
     """A client for the service that flags or the environment name."""
     from impasto.client import Client
-    from impasto.settings import CommandSettings
+    from impasto.settings import CommandSettings, load
 
-    settings = CommandSettings()
-    return Client(server or settings.server, settings.api_key.get_secret_value() if api_key is None else api_key)
+    settings = load(CommandSettings, server=server, api_key=api_key)
+    return Client(settings.server, settings.api_key.get_secret_value())

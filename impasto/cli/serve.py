@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from enum import StrEnum
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from impasto.cli.console import say
 from impasto.cli.options import HomeOption, home_of
-
-if TYPE_CHECKING:
-    from service.settings import Settings
-    from workers.settings import FarmSettings
 
 EPILOG = """[bold]Examples[/bold]
 
@@ -26,7 +20,7 @@ impasto keys create alice && impasto serve --host 0.0.0.0
 
 impasto serve --farm ray --ray-address auto --workers 16
 
-Every setting can come from the environment as well: IMPASTO_PORT, IMPASTO_HOME, IMPASTO_MAX_UPLOAD_BYTES, ...
+Every setting can come from the environment as well: IMPASTO_PORT, IMPASTO_HOME, IMPASTO_MAX_ASSET_BYTES, ...
 """
 
 
@@ -47,41 +41,35 @@ class Auth(StrEnum):
 
 def serve(
     host: Annotated[str | None, typer.Option(help="Address to listen at; 0.0.0.0 for every network.")] = None,
-    port: Annotated[int | None, typer.Option(min=0, max=65535, help="Port; 0 takes a free one.")] = None,
+    port: Annotated[int | None, typer.Option(min=0, max=65535, help="Port, else 8420; 0 takes a free one.")] = None,
     home: HomeOption = None,
-    farm: Annotated[FarmKind, typer.Option(help="Workers in this process, or on a Ray cluster.")] = FarmKind.LOCAL,
-    workers: Annotated[
-        int | None, typer.Option(min=1, max=256, help="Tasks that run at once; else one for each core.")
-    ] = None,
-    ray_address: Annotated[str, typer.Option(help="A Ray cluster's address; local starts one here.")] = "local",
-    database: Annotated[str, typer.Option(metavar="URL", help="Database; else SQLite in the home folder.")] = "",
+    farm: Annotated[FarmKind | None, typer.Option(help="Workers in this process, or on a Ray cluster.")] = None,
+    workers: Annotated[int | None, typer.Option(min=1, max=256, help="Tasks that run at once; else 1.")] = None,
+    ray_address: Annotated[str | None, typer.Option(help="A Ray cluster's address; else one is started here.")] = None,
+    database: Annotated[str | None, typer.Option(metavar="URL", help="Database; else SQLite in the home.")] = None,
     auth: Annotated[
         Auth | None, typer.Option(help="auto: keys are needed unless it listens on this machine only.")
     ] = None,
 ) -> None:
-    """Start the service: the API at /v1, its documentation at /docs, the web page at /."""
+    """Start the service: the API at /v1, its documentation at /docs, the web page at /.
+
+    Its address is the one line on stdout, printed once it answers. Ctrl-C stops it; unfinished jobs go on at the next
+    start.
+    """
+    from impasto.settings import load
     from service.server import serve as run
-
-    settings = _settings(host, port, home, auth)
-    say(f"Impasto keeps everything in {settings.home}")
-    run(settings, _farm_settings(settings.home, farm, workers, ray_address, database))
-
-
-def _settings(host: str | None, port: int | None, home: Path | None, auth: Auth | None) -> Settings:
-    """What the flags say, then the environment, then the defaults."""
     from service.settings import Settings
 
-    flags = {"host": host, "port": port, "home": home_of(home), "auth": auth and auth.value}
-    return Settings.model_validate({name: value for name, value in flags.items() if value is not None})
-
-
-def _farm_settings(home: Path, farm: FarmKind, workers: int | None, ray_address: str, database: str) -> FarmSettings:
-    from workers.settings import FarmSettings
-
-    return FarmSettings(
-        home=home,
-        pool=farm.value,
-        workers=workers or os.cpu_count() or 1,
+    settings = load(
+        Settings,
+        host=host,
+        port=port,
+        home=home_of(home),
+        pool=farm and farm.value,
+        workers=workers,
         ray_address=ray_address,
         database_url=database,
+        auth=auth and auth.value,
     )
+    say(f"Impasto keeps everything in {settings.home}. Ctrl-C stops it.")
+    run(settings, typer.echo)
