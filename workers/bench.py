@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pipeline.errors import BadParameter, Cancelled
 from pipeline.frames import Frame
 from pipeline.methods.base import Arrays
+from pipeline.video.container import Index
 from pipeline.video.writer import SegmentSpec
 from workers.arrays import read_arrays, write_arrays
 from workers.blobs.base import Blobs
@@ -69,6 +70,7 @@ class TaskBench:
         self._cancelled = cancelled
         self._asked = self._told = float("-inf")
         self._ended_at: int | None = None
+        self._index: Index | None = None
         self._life = ExitStack()
         self._emission: Emission | None = None
 
@@ -77,6 +79,8 @@ class TaskBench:
     def frames(self, name: str = "video", start: int = 0, stop: int | None = None) -> Iterator[Frame]:
         with self._decoders.reader(self._input(name), start) as reader:
             noted, at = len(reader.errors), start
+            if name == "video":
+                self._index = reader.index
             source = reader.read(start, stop)
             while (frame := self._next(source)) is not None:
                 at += 1
@@ -166,11 +170,16 @@ class TaskBench:
     def _start_emission(self) -> Emission:
         if self._order.emits is None:
             raise EmitError("This task announced no frames.", field="emit", value=self._order.key)
-        with self._decoders.reader(self._input("video"), self._order.emits[0]) as reader:
-            index = reader.index
-        output = self._order.output
+        index, output = self._video_index(), self._order.output
         spec = SegmentSpec(output.format, self.size, index.time_base, index.fps, output.quality)  # type: ignore[arg-type]
         return Emission(self._scratch / "segment", spec, index, self._order.emits)
+
+    def _video_index(self) -> Index:
+        """When frames are shown; known already if the step has read the video."""
+        if self._index is None:
+            with self._decoders.reader(self._input("video")) as reader:
+                self._index = reader.index
+        return self._index
 
     def finish(self) -> str | None:
         """Commit the segment and the preview; the segment's blob key, or None. Raises EmitError."""

@@ -1,0 +1,95 @@
+"""Decoders stay open between tasks, and never more of them than allowed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from workers.arrays import read_arrays, write_arrays
+from workers.blobs.disk import DiskBlobs
+from workers.decoders import Decoders
+from workers.stages import Stages
+
+
+@pytest.fixture
+def blobs(home: Path, tiny_clip: Path) -> DiskBlobs:
+    made = DiskBlobs(home)
+    for name in ("a", "b", "c"):
+        made.put(name, tiny_clip)
+    return made
+
+
+def test_the_next_run_gets_the_reader_that_stands_there(blobs: DiskBlobs) -> None:
+    decoders = Decoders(blobs)
+    with decoders.reader("a") as first:
+        assert len(list(first.read(0, 5))) == 5
+        with decoders.reader("a", 10) as second:
+            assert second is not first
+            assert len(list(second.read(10, 12))) == 2
+    with decoders.reader("a", 5) as again:
+        assert again is first
+    with decoders.reader("a", 12) as other:
+        assert other is second
+    decoders.close()
+
+
+def test_the_oldest_are_closed_and_the_failed_are_not_kept(blobs: DiskBlobs) -> None:
+    decoders = Decoders(blobs, idle=1)
+    with decoders.reader("a") as first:
+        pass
+    with decoders.reader("b"):
+        pass
+    with decoders.reader("a") as again:
+        assert again is not first
+    with pytest.raises(RuntimeError), decoders.reader("a") as failed:
+        raise RuntimeError
+    with decoders.reader("a") as fresh:
+        assert fresh is not failed
+    decoders.close()
+
+
+def test_an_abandoned_read_gives_its_reader_back(blobs: DiskBlobs) -> None:
+    decoders = Decoders(blobs)
+
+    def frames() -> object:
+        with decoders.reader("a") as reader:
+            yield reader
+            yield from reader.read()
+
+    walk = frames()
+    reader = next(walk)  # type: ignore[call-overload]
+    next(walk)  # type: ignore[call-overload]
+    walk.close()  # type: ignore[attr-defined]
+    with decoders.reader("a") as again:
+        assert again is reader
+    decoders.close()
+
+
+def test_a_missing_blob(blobs: DiskBlobs) -> None:
+    with pytest.raises(KeyError), Decoders(blobs).reader("none"):
+        pass
+
+
+def test_arrays_come_back_and_pickles_do_not(tmp_path: Path) -> None:
+    arrays = {"labels": np.arange(60, dtype=np.int32).reshape(6, 10), "flow": np.ones((3, 4, 2), np.float32)}
+    for name in ("one", "two"):
+        with (tmp_path / name).open("wb") as stream:
+            write_arrays(stream, arrays)
+    data = (tmp_path / "one").read_bytes()
+    assert data == (tmp_path / "two").read_bytes()
+    found = read_arrays(data)
+    assert found.keys() == arrays.keys()
+    assert all(np.array_equal(found[k], arrays[k]) and found[k].dtype == arrays[k].dtype for k in arrays)
+    with (tmp_path / "bad").open("wb") as stream, pytest.raises(ValueError, match="Object arrays"):
+        write_arrays(stream, {"x": np.array([object()])})
+
+
+def test_the_method_does_not_pay_for_the_platform(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = iter([0.0, 1.0, 3.0, 10.0])
+    monkeypatch.setattr("workers.stages.time.perf_counter", lambda: next(now))
+    stages = Stages()
+    with stages.method(), stages.waiting("decode"):
+        pass
+    assert stages.seconds() == {"decode": 2.0, "method": 8.0}

@@ -1,0 +1,83 @@
+"""One stylised frame, now."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.errors import BadParameter
+from pipeline.frames import Frame
+from pipeline.methods.base import InputSpec, Params
+from pipeline.video.stills import encode_png
+from tests.conftest import tiny_frame
+from workers.blobs.disk import DiskBlobs
+from workers.model import Asset, JobRequest
+from workers.orders import asset_key
+from workers.preview import Previews
+
+
+class Last:
+    """Shows how many frames it has seen as red, the reference's green as green."""
+
+    name = "last"
+    Params = Params
+    inputs = (InputSpec("video", "video", True, "", ""), InputSpec("style", "image", False, "", ""))
+
+    def stream(
+        self, params: Any, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]
+    ) -> Last | None:
+        self.seen, self.size = 0, size
+        self.green = int(next(references["style"])[0, 0, 1]) if "style" in references else 0
+        return self if seed == 0 else None
+
+    def step(self, frame: Frame) -> Frame:
+        assert (frame.shape[1], frame.shape[0]) == self.size
+        self.seen += 1
+        return np.full_like(frame, (self.seen, self.green, frame[frame.shape[0] * 40 // 64, frame.shape[1] // 6, 0]))
+
+
+def asset(name: str) -> Asset:
+    return Asset(f"ast_{name}", name, 1, name, "video/mp4", "video", {}, 0.0)
+
+
+@pytest.fixture
+def previews(home: Path, tiny_clip: Path) -> Iterator[Previews]:
+    blobs = DiskBlobs(home)
+    blobs.put(asset_key("ast_video"), tiny_clip)
+    blobs.put(asset_key("ast_style"), encode_png(np.full((32, 32, 3), (0, 77, 0), np.uint8)))
+    made = Previews(blobs, lambda name: Last())  # type: ignore[arg-type, return-value]
+    yield made
+    made.close()
+
+
+def shown(previews: Previews, frame: int, side: int = 640, seed: int = 0, names: tuple[str, ...] = ("video",)) -> Frame:
+    assets = {name: asset(name) for name in names}
+    request = JobRequest("last", {name: a.id for name, a in assets.items()}, seed=seed)
+    data = previews.png(request, assets, frame, side)
+    return np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)[..., ::-1], np.uint8)
+
+
+def test_a_frame_after_the_two_before_it(previews: Previews) -> None:
+    assert shown(previews, 10).shape == (64, 96, 3)
+    assert shown(previews, 10)[0, 0, 0] == 3
+    assert shown(previews, 0)[0, 0, 0] == 1
+    assert abs(int(shown(previews, 0)[0, 0, 2]) - int(tiny_frame(0)[40, 16, 0])) < 12
+    assert np.array_equal(shown(previews, 500), shown(previews, 23))
+
+
+def test_it_is_scaled_to_fit(previews: Previews) -> None:
+    assert shown(previews, 3, side=48).shape == (32, 48, 3)
+
+
+def test_references_reach_the_method(previews: Previews) -> None:
+    assert shown(previews, 3, names=("video", "style"))[0, 0, 1] == 77
+
+
+def test_a_method_that_is_not_causal_says_so(previews: Previews) -> None:
+    with pytest.raises(BadParameter, match="no preview"):
+        shown(previews, 3, seed=1)
