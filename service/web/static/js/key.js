@@ -17,7 +17,8 @@ export function askKey(wrong) {
       h("button", { class: "button primary", type: "submit" }, "Continue"),
     );
     const dialog = h("dialog", { class: "key", onclose: () => input.value.trim() || dialog.showModal() }, form);
-    form.addEventListener("submit", () => {
+    form.addEventListener("submit", (event) => {
+      event.preventDefault();
       dialog.remove();
       resolve(input.value.trim());
     });

@@ -90,7 +90,7 @@ function createRow(field, changed) {
 
   /** Show what cannot be parsed at once; forget what the service said of the old value. */
   function refresh() {
-    reset.hidden = !altered();
+    reset.hidden = value() !== undefined && !altered();
     try {
       part.read();
       complain("");

@@ -72,7 +72,7 @@ export function createStudio({ methods, asset, localUrl, draft, ondiscard }) {
   }
 
   async function send() {
-    if (!set.form.valid() || !set.film.valid()) return panel.querySelector(".wrong input, .wrong textarea")?.focus();
+    if (!set.form.valid() || !set.film.valid()) return panel.querySelector(".wrong :is(input:not([type=range]), textarea)")?.focus();
     button.disabled = true;
     try {
       const job = await api.submit({ ...request(), ...outputOf(set.film.values(), asset) }, api.token());

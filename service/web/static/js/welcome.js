@@ -1,5 +1,6 @@
 /** The studio before there is a video: drop one, pick one, or try the sample. */
 
+import { request } from "./api.js";
 import { ACCEPT, acceptDrops, createDropzone } from "./dropzone.js";
 import { fill, h } from "./dom.js";
 import { bytes, percent } from "./format.js";
@@ -36,12 +37,13 @@ export function createWelcome({ onasset }) {
   }
 
   async function trySample() {
-    const blob = await (await fetch(SAMPLE.path)).blob();
-    take(new File([blob], SAMPLE.name, { type: "video/mp4" }));
+    const answer = await request(SAMPLE.path).catch((problem) => fill(fault, problemBlock(problem)));
+    if (answer) take(new File([await answer.blob()], SAMPLE.name, { type: "video/mp4" }));
   }
 
-  const sample = h("button", { type: "button", class: "link", onclick: trySample }, "try the sample clip");
-  const text = h("div", { class: "welcome-text" }, h("h1", {}, "Video in, ", h("em", {}, "painting"), " out."), h("p", { class: "lede" }, "Impasto turns footage into cartoons and paintings that hold still where they should: no shimmer, no crawling lines."), h("p", { class: "lede-small" }, "No clip at hand? You can ", sample, "."));
+  const picture = h("img", { src: "/static/img/sample.jpg", alt: "", width: 100, height: 72 });
+  const sample = h("button", { type: "button", class: "sample", onclick: trySample }, picture, h("span", {}, "No clip at hand?", h("strong", {}, "Try the sample")));
+  const text = h("div", { class: "welcome-text" }, h("h1", {}, "Video in, ", h("em", {}, "painting"), " out."), h("p", { class: "lede" }, "Impasto turns footage into cartoons and paintings that hold still where they should: no shimmer, no crawling lines."), sample);
   const element = h("section", { class: "welcome" }, text, h("div", { class: "welcome-drop" }, zone, fault));
   acceptDrops(element, take);
   return { element, close: () => stopping.abort() };
