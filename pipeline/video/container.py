@@ -9,11 +9,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
+from typing import Literal
 
 import av
 import numpy as np
+from av.codec import CodecContext
 from av.container import InputContainer
 from av.stream import Discard
+from av.video.codeccontext import VideoCodecContext
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
@@ -27,6 +30,8 @@ _DEMUXERS = (
 """Video containers, and audio ones only so that they can be told from rubbish."""
 _SEEKABLE = ("mov,mp4,m4a,3gp,3g2,mj2", "matroska,webm", "avi")
 """Demuxers whose times after a seek are those of a read from the start."""
+_WITH_ALPHA: dict[str, Literal["libvpx", "libvpx-vp9"]] = {"vp8": "libvpx", "vp9": "libvpx-vp9"}
+"""Decoders that see the alpha plane, which travels beside the picture, where FFmpeg's own do not."""
 _DEPENDENT = frozenset({"gif", "apng"})
 """Codecs whose every picture is painted over the one before, whatever their packets' flags say."""
 
@@ -49,11 +54,8 @@ def _reason(error: Exception) -> str:
     return getattr(error, "strerror", None) or type(error).__name__
 
 
-def video_stream(container: InputContainer, limits: Limits, threads: int = 0) -> VideoStream:
-    """The stream of moving pictures (cover art does not count), set to refuse pictures above the limits.
-
-    Args:
-        threads: decoding threads; 0 = as many as cores. Output does not depend on it for undamaged files.
+def video_stream(container: InputContainer) -> VideoStream:
+    """The stream of moving pictures (cover art does not count).
 
     Raises: NoVideoStream, UnreadableMedia (no decoder for its codec).
     """
@@ -65,14 +67,25 @@ def video_stream(container: InputContainer, limits: Limits, threads: int = 0) ->
             value=", ".join(s.type for s in container.streams) or container.format.name,
             remedy="Upload a file with moving pictures.",
         )
-    stream = streams[0]
-    context = stream.codec_context
-    if context is None:
+    if streams[0].codec_context is None:
         unreadable("The video's codec is unknown.", container.format.name, "Re-encode it as H.264 in MP4.")
+    return streams[0]
+
+
+def decoder_of(stream: VideoStream, limits: Limits, threads: int) -> VideoCodecContext:
+    """A decoder for the stream, which refuses pictures far above the limits.
+
+    Args:
+        threads: decoding threads; 0 = as many as cores. Output does not depend on it for undamaged files.
+    """
+    context = stream.codec_context
+    name = _WITH_ALPHA.get(context.name)
+    if name and stream.metadata.get("alpha_mode") == "1":
+        context = CodecContext.create(name, "r")
     context.options = {"max_pixels": _most_pixels(limits)}
     context.thread_type = "AUTO"
     context.thread_count = threads
-    return stream
+    return context
 
 
 @dataclass(frozen=True)
@@ -118,7 +131,7 @@ class Index:
 def build_index(path: Path, limits: Limits) -> Index:
     """Read every packet of the video stream (none is decoded). Raises UnreadableMedia, NoVideoStream."""
     with open_container(path, limits) as container:
-        stream = video_stream(container, limits)
+        stream = video_stream(container)
         for other in container.streams:
             if other.index != stream.index:
                 other.discard = Discard.all

@@ -13,7 +13,7 @@ from av.container import InputContainer
 from av.packet import Packet
 from av.video.stream import VideoStream
 
-from pipeline.video.container import Index, open_container, video_stream
+from pipeline.video.container import Index, decoder_of, open_container, video_stream
 from pipeline.video.media import Limits
 
 
@@ -33,7 +33,8 @@ class Pass:
         self._errors = errors
         self._container = open_container(path, limits)
         # Concealment of damage may depend on how many threads decode; whole files do not.
-        self._stream = video_stream(self._container, limits, threads=0 if errors is None else 1)
+        self._stream = video_stream(self._container)
+        self._decoder = decoder_of(self._stream, limits, threads=0 if errors is None else 1)
         self.position = start
         """Index of the next frame, unless frames are missing."""
         self._pictures = self._decode(self._packets(start))
@@ -85,7 +86,7 @@ class Pass:
             if not packet.size and not last:
                 continue
             try:
-                pictures = self._stream.decode(None if last else packet)
+                pictures = self._decoder.decode(None if last else packet)
             except (av.FFmpegError, ValueError) as error:
                 self._note(f"packet at time {packet.pts}: {error}")
                 continue

@@ -15,6 +15,8 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+import psutil
+
 from pipeline.errors import BadMedia, MediaTooLarge, NoVideoStream, UnreadableMedia
 from pipeline.video.archive import entry_stream, open_archive
 from pipeline.video.clip import Clip
@@ -31,8 +33,8 @@ from pipeline.video.media import (
 from pipeline.video.sequence import Sequence, open_still, open_zip
 
 _ERRORS = {kind.__name__: kind for kind in (BadMedia, MediaTooLarge, NoVideoStream, UnreadableMedia)}
-_MEMORY_BYTES = 6 << 30
-"""Address space of the guarded child: libraries and decoder threads reserve much that they never touch."""
+_MEMORY_BYTES = 4 << 30
+"""What the guarded child may allocate beyond what its libraries have reserved at their start."""
 
 
 def probe(path: Path, limits: Limits | None = None) -> MediaInfo:
@@ -96,7 +98,7 @@ def _check_members(path: Path, limits: Limits) -> None:
 
 def _probe_video(path: Path, media_type: str, limits: Limits) -> MediaInfo:
     with open_container(path, limits) as container:
-        stream = video_stream(container, limits)
+        stream = video_stream(container)
         context = stream.codec_context
         if context.width and context.height:
             check_size(context.width, context.height, limits, "The video")
@@ -172,7 +174,8 @@ def _answer(question: dict[str, Any]) -> dict[str, Any]:
 def _main() -> None:
     question = json.load(sys.stdin)
     seconds = int(question["seconds"]) + 1
-    resource.setrlimit(resource.RLIMIT_AS, (_MEMORY_BYTES, _MEMORY_BYTES))
+    memory = psutil.Process().memory_info().vms + _MEMORY_BYTES
+    resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     json.dump(_answer(question), sys.stdout)
