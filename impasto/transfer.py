@@ -37,7 +37,7 @@ def upload(http: httpx.Client, uploads: str, path: Path, progress: Progress) -> 
     name = base64.b64encode(path.name.encode()).decode()
     created = http.post(uploads, headers={**TUS, "Upload-Length": str(total), "Upload-Metadata": f"filename {name}"})
     _refuse(created)
-    url, done, response = created.headers["Location"], 0, created
+    url, done, response = str(created.url.join(created.headers["Location"])), 0, created
     failures = 0
     with path.open("rb") as file:
         while done < total:

@@ -11,8 +11,7 @@ from pathlib import Path
 
 from impasto import __version__
 from impasto.cli import embedded
-from impasto.cli.artefacts import deliver_artefacts
-from impasto.cli.delivery import Target, deliver
+from impasto.cli.delivery import Target, beside, deliver
 from impasto.cli.materials import Material, gather
 from impasto.cli.place import forget, key_of, place, sweep
 from impasto.cli.progress import Show
@@ -84,7 +83,7 @@ def run(order: Commission, workers: int, home: Path, show: Show) -> Json:
         with place(home, key) as folder:
             with embedded.opened(folder, workers) as farm:
                 job = embedded.follow(farm, embedded.submit(farm, order.request, materials, key).id, show)
-                summary = _deliver(farm, job, order, Path(scratch))
+                summary = _deliver(farm, job, order)
             forget(folder)
     return summary | {"wall_seconds": round(time.monotonic() - began, 4)}
 
@@ -108,9 +107,9 @@ def _facts(order: Commission, materials: Mapping[str, Material]) -> Json:
     }
 
 
-def _deliver(farm: Farm, job: Job, order: Commission, scratch: Path) -> Json:
+def _deliver(farm: Farm, job: Job, order: Commission) -> Json:
     """Put artefacts and the result in their places, the result last: where it is, all is."""
-    artefacts = deliver_artefacts(farm, job, order.where, order.artefacts, scratch)
+    artefacts = _deliver_artefacts(farm, job, order)
     with farm.local(farm.file(job.id, "result")) as file:
         info = probe(file)
         deliver(file, order.where)
@@ -127,3 +126,13 @@ def _deliver(farm: Farm, job: Job, order: Commission, scratch: Path) -> Json:
         "artefacts": artefacts,
         "job": job.id,
     }
+
+
+def _deliver_artefacts(farm: Farm, job: Job, order: Commission) -> dict[str, str]:
+    placed: dict[str, str] = {}
+    for name, path in order.artefacts.items():
+        served = farm.file(job.id, name)
+        at = path.absolute() if path else beside(order.where, served.filename)
+        deliver(farm.read(served), Target(at, "", "file"))
+        placed[name] = str(at)
+    return placed

@@ -186,12 +186,13 @@ class Tus:
     def _post(self, request: httpx.Request) -> httpx.Response:
         self.name = request.headers["Upload-Metadata"]
         assert request.url.path == "/v1/uploads"
-        return httpx.Response(201, headers={"Location": "http://service.test/v1/uploads/u1"})
+        return httpx.Response(201, headers={"Location": "/v1/uploads/u1"})
 
     def _head(self, request: httpx.Request) -> httpx.Response:
         return httpx.Response(200, headers={"Upload-Offset": str(len(self.data))})
 
     def _patch(self, request: httpx.Request) -> httpx.Response:
+        assert request.url.path == "/v1/uploads/u1"
         assert int(request.headers["Upload-Offset"]) == len(self.data)
         piece = request.read()
         if self.cuts:
