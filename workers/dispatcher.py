@@ -42,7 +42,8 @@ class _Flight:
 
     heard: float
     """When it last reported, monotonic s."""
-    job_id: str = ""
+    job_id: str
+    last_step: bool
     progress: float = 0.0
     worker: str = ""
     told: bool = True
@@ -58,7 +59,7 @@ class Dispatcher:
         pool: started and stopped by this.
         settings: capacity, leases, limits.
         has_room: raises StorageFull when nothing new should begin.
-        forget_blobs: removes what a deleted job's last attempts have left (job id).
+        tidy: removes blobs that a job (its id) needs no more: it succeeded, or was deleted.
     """
 
     def __init__(
@@ -67,13 +68,13 @@ class Dispatcher:
         pool: Pool,
         settings: FarmSettings,
         has_room: Callable[[], None] = lambda: None,
-        forget_blobs: Callable[[str], None] = lambda job_id: None,
+        tidy: Callable[[str], None] = lambda job_id: None,
     ) -> None:
         self._store = store
         self._pool = pool
         self._settings = settings
         self._has_room = has_room
-        self._forget_blobs = forget_blobs
+        self._tidy = tidy
         self._orders = Orders(store)
         self._flights: dict[str, _Flight] = {}
         self._reports: deque[Report] = deque()
@@ -81,7 +82,8 @@ class Dispatcher:
         self._stopping = False
         self._thread = threading.Thread(target=self._run, name="impasto-dispatcher", daemon=True)
         self._life: Life | None = None
-        self._renewed = self._told = self._looked = self._turned = 0.0
+        self._renewed = self._told = self._looked = float("-inf")
+        self._turned = time.monotonic()
         self.trouble = ""
         """What keeps it from working now; empty if nothing does."""
 
@@ -108,7 +110,7 @@ class Dispatcher:
 
     def poke(self) -> None:
         """Something in the store has changed: look now."""
-        self._looked = 0.0
+        self._looked = float("-inf")
         self._wake.set()
 
     def check(self) -> None:
@@ -183,9 +185,12 @@ class Dispatcher:
 
     def _settle(self, attempt_id: str, flight: _Flight, outcome: TaskOutcome) -> None:
         """Bring an outcome into the store. The attempt leaves us only once that has worked."""
-        if not self._commit(outcome) and not self._store.jobs.exists([flight.job_id]):
-            self._forget_blobs(flight.job_id)
+        counted = self._commit(outcome)
         self._flights.pop(attempt_id, None)
+        jobs = self._store.jobs
+        over = jobs.succeeded(flight.job_id) if counted and flight.last_step else not jobs.exists(flight.job_id)
+        if over:
+            self._tidy(flight.job_id)
 
     def _commit(self, outcome: TaskOutcome) -> bool:
         work, fault = self._store.work, outcome.fault
@@ -267,7 +272,9 @@ class Dispatcher:
             claim = self._store.work.claim(self._life.id, self._settings.lease_s)
             if claim is None:
                 return
-            self._flights[claim.attempt_id] = _Flight(time.monotonic(), claim.job_id)
+            self._flights[claim.attempt_id] = _Flight(
+                time.monotonic(), claim.job_id, claim.step_name == machine.ASSEMBLE
+            )
             self._send(claim)
 
     def _send(self, claim: Claim) -> None:

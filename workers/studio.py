@@ -54,7 +54,7 @@ class Studio:
         self._pictures: Recent[bytes] = Recent(_PICTURES_KEPT)
 
     def _make_dispatcher(self, pool: Pool) -> Dispatcher:
-        return Dispatcher(self._store, pool, self._settings, self._blobs.check_room, self._forget_blobs)
+        return Dispatcher(self._store, pool, self._settings, self._blobs.check_room, self._tidy)
 
     @property
     def keys(self) -> Keys:
@@ -171,11 +171,14 @@ class Studio:
 
     def delete(self, job_id: str) -> None:
         self._store.jobs.remove(job_id)
-        self._forget_blobs(job_id)
+        self._tidy(job_id)
 
-    def _forget_blobs(self, job_id: str) -> None:
+    def _tidy(self, job_id: str) -> None:
+        """Delete what only the job's own tasks needed; all there is if the job is forgotten."""
+        kept = self._store.jobs.blob_keys(job_id)
         for key in list(self._blobs.keys(f"jobs/{job_id}/")):
-            self._blobs.delete(key)
+            if key not in kept:
+                self._blobs.delete(key)
 
     def tasks(self, job_id: str, state: str | None = None, cursor: str | None = None, limit: int = 100) -> Page:
         return self._store.history.tasks(job_id, state, cursor, limit)
@@ -233,7 +236,7 @@ class Studio:
 
     def snapshot(self) -> Json:
         pool = {"kind": "none", "workers": 0, "busy": {}} if self._pool is None else self._pool.describe()
-        return {**self._store.overview.snapshot(), "pool": pool, "ready": self.ready()}
+        return {**self._store.overview.snapshot(), "pool": pool}
 
     def _poke(self) -> None:
         if self._dispatcher is not None:

@@ -47,7 +47,7 @@ def test_ray_and_the_local_pool_give_the_same_bytes(
 
 def test_cancel_reaches_an_actor_within_a_second(ray_farm: Studio, data: Path) -> None:
     job = ray_farm.submit(request_on(ray_farm, data, params={"tasks": 2, "sleep_s": 30}))
-    until(lambda: 0 < ray_farm.job(job.id).progress and ray_farm.job(job.id).steps[1].counts["running"] == 2, 30)
+    until(lambda: ray_farm.job(job.id).progress > 0 and ray_farm.job(job.id).steps[1].counts["running"] == 2, 30)
     ray_farm.cancel(job.id)
     until(lambda: ray_farm.snapshot()["pool"]["busy"] == {}, 1.5)
 

@@ -134,7 +134,7 @@ def test_a_cancelled_job_can_be_retried_and_deleted(farm: Studio, data: Path, tm
 def test_a_paused_job_starts_nothing_until_it_resumes(open_studio: Callable[..., Studio], data: Path) -> None:
     farm = open_studio(workers=1)
     job = farm.submit(request_on(farm, data, params={"tasks": 6, "sleep_s": 0.1}))
-    until(lambda: farm.job(job.id).counts["running"])
+    until(lambda: farm.job(job.id).steps[1].counts["running"])
     assert farm.pause(job.id).state == "paused"
     until(lambda: not farm.job(job.id).counts["running"])
     counts = farm.job(job.id).counts

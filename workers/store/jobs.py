@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -120,10 +120,15 @@ class Jobs(Base):
             book.connection.execute(delete(schema.jobs).where(schema.jobs.c.id == job_id))
         self._bell.ring(job_id, 1 << 62)
 
-    def exists(self, job_ids: Collection[str]) -> set[str]:
-        """Those of `job_ids` that are known."""
+    def exists(self, job_id: str) -> bool:
+        return self._state(job_id) is not None
+
+    def succeeded(self, job_id: str) -> bool:
+        return self._state(job_id) == RunState.SUCCEEDED.value
+
+    def _state(self, job_id: str) -> str | None:
         with self._db.read() as connection:
-            return set(connection.execute(select(schema.jobs.c.id).where(schema.jobs.c.id.in_(job_ids))).scalars())
+            return connection.execute(select(schema.jobs.c.state).where(schema.jobs.c.id == job_id)).scalar()
 
     def file(self, job_id: str, name: str) -> Row | None:
         """The row of a job's file: key, media_type."""
@@ -131,6 +136,11 @@ class Jobs(Base):
         query = select(files).where(files.c.job_id == job_id, files.c.name == name)
         with self._db.read() as connection:
             return connection.execute(query).mappings().first()
+
+    def blob_keys(self, job_id: str) -> set[str]:
+        """Blobs that a user can still ask for; none if the job is gone."""
+        with self._db.read() as connection:
+            return set(connection.execute(select(schema.files.c.key).where(schema.files.c.job_id == job_id)).scalars())
 
     def _insert(self, connection: Connection, accepted: Accepted, owner: str, key: str, digest: str) -> str:
         request, now, job_id = accepted.request, self._now(), new_id("job_")

@@ -10,13 +10,15 @@ from workers.store.base import Base
 from workers.store.book import ACTIVE, RUNNING
 
 _LOOK_BACK_S = 900.0
+_PACE_S = 300.0
 
 
 class Overview(Base):
     """Read-only."""
 
     def snapshot(self) -> Json:
-        """Jobs and tasks by state, queue depth and age (s), and the attempts that run."""
+        """Jobs and tasks by state, queue depth and age (s), attempts that run, failures by code (15 min), frames
+        finished a second by method (5 min), webhook messages that wait."""
         with self._db.read() as connection:
             return {
                 "jobs": _jobs_by_state(connection),
@@ -24,6 +26,7 @@ class Overview(Base):
                 "queue": _queue(connection, self._now()),
                 "attempts_running": _count(connection),
                 "failures": _failures(connection, self._now() - _LOOK_BACK_S),
+                "frames_per_s": _frames_per_s(connection, self._now() - _PACE_S),
                 "webhooks_waiting": _webhooks(connection),
             }
 
@@ -64,6 +67,18 @@ def _failures(connection: Connection, since: float) -> dict[str, int]:
         code = (fault or {}).get("code", "internal-error")
         found[code] = found.get(code, 0) + 1
     return found
+
+
+def _frames_per_s(connection: Connection, since: float) -> dict[str, float]:
+    jobs, tasks, attempts = schema.jobs, schema.tasks, schema.attempts
+    query = (
+        select(jobs.c.method, func.sum(tasks.c.emit_stop - tasks.c.emit_start))
+        .join(tasks, tasks.c.job_id == jobs.c.id)
+        .join(attempts, attempts.c.task_id == tasks.c.id)
+        .where(attempts.c.outcome == "succeeded", attempts.c.finished_at >= since)
+        .group_by(jobs.c.method)
+    )
+    return {method: float(frames or 0) / _PACE_S for method, frames in connection.execute(query)}
 
 
 def _webhooks(connection: Connection) -> int:

@@ -187,6 +187,7 @@ attempts = Table(
     Column("log", Text, nullable=False, default=""),
     UniqueConstraint("task_id", "number"),
     Index(None, "outcome", "dispatcher"),
+    Index(None, "outcome", "finished_at"),
     Index(None, "job_id"),
 )
 

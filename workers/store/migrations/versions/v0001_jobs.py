@@ -197,6 +197,7 @@ def upgrade() -> None:
     )
     op.create_index(op.f("ix_attempts_job_id"), "attempts", ["job_id"], unique=False)
     op.create_index(op.f("ix_attempts_outcome_dispatcher"), "attempts", ["outcome", "dispatcher"], unique=False)
+    op.create_index(op.f("ix_attempts_outcome_finished_at"), "attempts", ["outcome", "finished_at"], unique=False)
     op.create_table(
         "task_edges",
         sa.Column("before_id", sa.String(length=40), nullable=False),
@@ -211,6 +212,7 @@ def upgrade() -> None:
 def downgrade() -> None:
     op.drop_index(op.f("ix_task_edges_task_id"), table_name="task_edges")
     op.drop_table("task_edges")
+    op.drop_index(op.f("ix_attempts_outcome_finished_at"), table_name="attempts")
     op.drop_index(op.f("ix_attempts_outcome_dispatcher"), table_name="attempts")
     op.drop_index(op.f("ix_attempts_job_id"), table_name="attempts")
     op.drop_table("attempts")
