@@ -18,7 +18,7 @@ def round_trip_px(flow: Flow, back: Flow) -> Plane:
         flow: from this frame to the other, float32 (height, width, 2), px.
         back: from the other frame to this one.
     """
-    return np.linalg.norm(flow + fetch(back, flow), axis=-1)
+    return np.asarray(np.linalg.norm(flow + fetch(back, flow), axis=-1), dtype=np.float32)
 
 
 def visible(flow: Flow, back: Flow) -> Mask:
@@ -36,7 +36,8 @@ def inside(flow: Flow) -> Mask:
     """True where the flow leads to a place within the picture."""
     height, width = flow.shape[:2]
     x, y = positions(flow)
-    return (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
+    within: Mask = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
+    return within
 
 
 def motion_boundary(flow: Flow) -> Mask:

@@ -16,7 +16,7 @@ def positions(flow: Flow) -> tuple[Plane, Plane]:
     height, width = flow.shape[:2]
     x = flow[..., 0] + np.arange(width, dtype=np.float32)
     y = flow[..., 1] + np.arange(height, dtype=np.float32)[:, None]
-    return x, y
+    return np.asarray(x, dtype=np.float32), np.asarray(y, dtype=np.float32)
 
 
 def fetch(image: NDArray[Any], flow: Flow) -> NDArray[Any]:
