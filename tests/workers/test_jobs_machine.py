@@ -21,7 +21,7 @@ TASKS = 5
 class Model:
     """What the store keeps of a job: its mark, and the tasks of the current step in a chain of `chain` tasks."""
 
-    job: JobMark = JobMark(RunState.QUEUED, 0, 2)
+    job: JobMark = field(default_factory=lambda: JobMark(RunState.QUEUED, 0, 2))
     tasks: list[TaskMark] = field(default_factory=list)
     error: Fault | None = None
     announced: list[RunState] = field(default_factory=list)

@@ -17,10 +17,10 @@ from typing import Any
 from alembic import command
 from alembic.config import Config
 from sqlalchemy import Connection, Engine, create_engine, event, make_url, text
-from sqlalchemy.exc import DBAPIError, SQLAlchemyError
+from sqlalchemy.exc import DatabaseError, DataError, DBAPIError, InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 
-from pipeline.errors import StorageError, StorageFull
+from pipeline.errors import BadParameter, StorageError, StorageFull
 
 BUSY_TIMEOUT_S = 20
 _READ = "impasto_read"
@@ -80,12 +80,18 @@ def _engine(url: str) -> Engine:
     parsed = make_url(url)
     if parsed.get_backend_name() != "sqlite":
         return create_engine(parsed, pool_pre_ping=True, pool_size=10, max_overflow=20, pool_timeout=10)
-    if parsed.database:
-        Path(parsed.database).parent.mkdir(parents=True, exist_ok=True)
+    _make_folder(Path(parsed.database or "."))
     engine = create_engine(parsed, connect_args={"timeout": BUSY_TIMEOUT_S}, pool_size=10, max_overflow=40)
     event.listen(engine, "connect", _prepare_sqlite)
     event.listen(engine, "begin", _begin_sqlite)
     return engine
+
+
+def _make_folder(database: Path) -> None:
+    try:
+        database.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StorageError(f"The database's folder cannot be made: {error}.", remedy="Choose another home.") from error
 
 
 def _prepare_sqlite(connection: Any, _record: Any) -> None:
@@ -101,17 +107,21 @@ def _begin_sqlite(connection: Connection) -> None:
 
 @contextmanager
 def _as_storage_error() -> Iterator[None]:
-    """Errors of the connection become StorageError; those of our statements (a bug) stay what they are."""
+    """Errors of the connection become StorageError; those of our statements (a bug) stay what they are.
+
+    Text that no database can keep (lone surrogates, NUL in PostgreSQL) comes from users: BadParameter.
+    """
     try:
         yield
+    except (UnicodeEncodeError, DataError) as error:
+        remedy = "Use plain Unicode text without control characters."
+        raise BadParameter("A text has characters that cannot be stored.", field="text", remedy=remedy) from error
     except PoolTimeout as error:
         raise StorageError("The database has no free connection.", remedy="Try again shortly.") from error
     except DBAPIError as error:
         said = str(error.orig)
         if "disk is full" in said or "No space left" in said or "disk full" in said:
             raise StorageFull("The disk of the database is full.", remedy="Free some space on it.") from error
-        if type(error).__name__ in ("OperationalError", "InterfaceError") or error.connection_invalidated:
+        if type(error) in (OperationalError, InterfaceError, DatabaseError) or error.connection_invalidated:
             raise StorageError(f"The database does not answer: {said}.", remedy="Check that it runs.") from error
-        raise
-    except SQLAlchemyError:
         raise

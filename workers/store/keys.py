@@ -53,7 +53,8 @@ class Keys(Base):
 
     def verify(self, secret: str) -> ApiKey | None:
         table = schema.api_keys
-        key_id, _, tail = secret.removeprefix(_PREFIX).partition("_")
+        named, _, tail = secret.removeprefix(_PREFIX).partition("_")
+        key_id = named if named.isascii() and named.isalnum() else "none"
         with self._db.read() as connection:
             row = connection.execute(select(table).where(table.c.id == f"key_{key_id}")).mappings().first()
         kept = _NO_HASH if row is None else row["hash"]

@@ -1,0 +1,178 @@
+"""What every blob store does. Another implementation is one more line in `STORES`."""
+
+from __future__ import annotations
+
+import io
+import os
+import pickle
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.errors import BadInput, StorageError, StorageFull
+from workers.blobs.base import Blobs
+from workers.blobs.disk import DiskBlobs
+from workers.blobs.keys import check_key
+
+STORES: dict[str, Callable[[Path], Blobs]] = {"disk": lambda folder: DiskBlobs(folder / "blobs")}
+
+
+@pytest.fixture(params=STORES)
+def blobs(request: pytest.FixtureRequest, tmp_path: Path) -> Blobs:
+    return STORES[request.param](tmp_path)
+
+
+def test_what_was_put_can_be_got_from_bytes_files_and_paths(blobs: Blobs, tmp_path: Path) -> None:
+    path = tmp_path / "file"
+    path.write_bytes(b"from a path")
+    blobs.put("a/bytes", b"from bytes")
+    blobs.put("a/stream", io.BytesIO(b"from a stream"))
+    blobs.put("a/path", path)
+    path.unlink()
+    assert [blobs.get(f"a/{kind}") for kind in ("bytes", "stream", "path")] == [
+        b"from bytes",
+        b"from a stream",
+        b"from a path",
+    ]
+    assert blobs.size("a/bytes") == 10
+
+
+def test_ranges_are_read_in_pieces(blobs: Blobs) -> None:
+    blobs.put("k", bytes(range(100)))
+    assert b"".join(blobs.read("k", 10, 35, chunk=7)) == bytes(range(10, 35))
+    assert [len(piece) for piece in blobs.read("k", 10, 35, chunk=7)] == [7, 7, 7, 4]
+    assert b"".join(blobs.read("k", 90)) == bytes(range(90, 100))
+    assert b"".join(blobs.read("k", 50, 50)) == b""
+    assert b"".join(blobs.read("k", 98, 1000)) == bytes([98, 99])
+
+
+def test_what_is_not_there_is_a_key_error(blobs: Blobs) -> None:
+    assert blobs.size("no") is None
+    for ask in (lambda: blobs.get("no"), lambda: blobs.read("no"), lambda: blobs.local("no").__enter__()):
+        with pytest.raises(KeyError):
+            ask()
+    blobs.delete("no")
+
+
+def test_put_if_absent_keeps_the_first(blobs: Blobs) -> None:
+    assert blobs.put_if_absent("once", b"first")
+    assert not blobs.put_if_absent("once", b"second")
+    assert blobs.get("once") == b"first"
+
+
+def test_only_one_of_many_at_once_is_the_first(blobs: Blobs) -> None:
+    won: list[bytes] = []
+    start = threading.Barrier(8)
+
+    def race(data: bytes) -> None:
+        start.wait()
+        if blobs.put_if_absent("race", data):
+            won.append(data)
+
+    threads = [threading.Thread(target=race, args=(bytes([i]),)) for i in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert won == [blobs.get("race")]
+
+
+def test_keys_are_listed_by_prefix_in_order(blobs: Blobs) -> None:
+    for key in ("jobs/1/b", "jobs/1/a", "jobs/10/a", "jobs/2/a", "assets/x"):
+        blobs.put(key, b"")
+    assert list(blobs.keys("jobs/1/")) == ["jobs/1/a", "jobs/1/b"]
+    assert list(blobs.keys("jobs/1")) == ["jobs/1/a", "jobs/1/b", "jobs/10/a"]
+    assert len(list(blobs.keys(""))) == 5
+    assert list(blobs.keys("none/")) == []
+
+
+def test_deleted_is_gone_and_can_be_put_again(blobs: Blobs) -> None:
+    blobs.put("a/b/c", b"1")
+    blobs.delete("a/b/c")
+    assert blobs.size("a/b/c") is None
+    assert list(blobs.keys("")) == []
+    blobs.put("a/b/c", b"2")
+    assert blobs.get("a/b/c") == b"2"
+
+
+def test_a_local_file_has_the_bytes(blobs: Blobs) -> None:
+    blobs.put("clip.mp4", b"frames")
+    with blobs.local("clip.mp4") as path:
+        assert path.read_bytes() == b"frames"
+
+
+@pytest.mark.parametrize(
+    "key", ["../x", "a/../b", "/etc/passwd", "a//b", "", "a/", ".", "a b", "a\\b", "ä", "a\0b", "~tmp/x"]
+)
+def test_keys_that_could_lead_elsewhere_are_refused(blobs: Blobs, key: str) -> None:
+    with pytest.raises(BadInput):
+        blobs.put(key, b"")
+    with pytest.raises(BadInput):
+        blobs.get(key)
+
+
+@given(st.text(max_size=40))
+def test_no_key_leaves_the_root(key: str) -> None:
+    try:
+        check_key(key)
+    except BadInput:
+        return
+    root = Path("/root/blobs")
+    assert Path(os.path.normpath(root / key)).is_relative_to(root)
+
+
+def test_a_store_is_a_small_value_that_travels(blobs: Blobs) -> None:
+    blobs.put("k", b"v")
+    assert pickle.loads(pickle.dumps(blobs)).get("k") == b"v"
+
+
+def test_a_working_store_passes_its_check(blobs: Blobs) -> None:
+    blobs.check()
+
+
+# -- the disk alone
+
+
+def test_an_interrupted_put_leaves_nothing_under_the_key(tmp_path: Path) -> None:
+    class Breaks(io.BytesIO):
+        def read(self, size: int | None = -1) -> bytes:
+            raise ConnectionError("cut off")
+
+    blobs = DiskBlobs(tmp_path)
+    with pytest.raises(StorageError):
+        blobs.put("k", Breaks())
+    assert blobs.size("k") is None
+    assert [file for file in tmp_path.rglob("*") if file.is_file()] == []
+
+
+def test_a_full_disk_is_said_and_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(handle: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    blobs = DiskBlobs(tmp_path)
+    monkeypatch.setattr("workers.blobs.disk.os.fsync", full)
+    with pytest.raises(StorageFull) as error:
+        blobs.put("k", b"v")
+    assert error.value.remedy
+    assert list(blobs.keys("")) == []
+
+
+def test_less_than_the_reserve_free_is_full(tmp_path: Path) -> None:
+    with pytest.raises(StorageFull):
+        DiskBlobs(tmp_path, reserve_bytes=1 << 60).check()
+
+
+def test_sweeping_removes_what_a_crash_left_and_spares_what_is_in_use(tmp_path: Path) -> None:
+    blobs = DiskBlobs(tmp_path)
+    blobs.put("k", b"v")
+    old, young = tmp_path / "~tmp" / "old", tmp_path / "~tmp" / "young"
+    old.touch()
+    young.touch()
+    os.utime(old, (0, 0))
+    assert blobs.sweep() == 1
+    assert young.exists()
+    assert blobs.get("k") == b"v"

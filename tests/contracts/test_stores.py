@@ -1,0 +1,345 @@
+"""What the store promises, whatever the database. Another database is one more line in `DATABASES`."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from alembic.autogenerate import compare_metadata
+from alembic.migration import MigrationContext
+from sqlalchemy import select
+
+from pipeline.errors import BadParameter, StorageError
+from pipeline.methods.base import Task
+from workers import jobs as machine
+from workers.errors import Conflict, NotFound
+from workers.jobs import Limits
+from workers.model import Asset, Fault, JobRequest, TaskOutcome
+from workers.store import Accepted, Claim, Policy, Store, schema
+
+DATABASES: dict[str, Callable[[Path], str]] = {"sqlite": lambda folder: f"sqlite:///{folder / 'impasto.db'}"}
+STEPS = (("look", "Look"), ("draw", "Draw"), ("assemble", "Join"))
+
+
+class Clock:
+    now = 1_000_000.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture(params=DATABASES)
+def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    return DATABASES[request.param](tmp_path)
+
+
+@pytest.fixture
+def store(url: str, clock: Clock) -> Iterator[Store]:
+    opened = Store(url, Policy(Limits(2, 3), retry_delay_s=10, events_kept=200), clock)
+    opened.assets.add(_asset("a" * 64), lambda: True)
+    yield opened
+    opened.close()
+
+
+def _asset(sha: str, owner: str = "", filename: str = "cat.mp4") -> Asset:
+    return Asset(f"ast_{sha}", sha, 10, filename, "video/mp4", "video", {"width": 64, "frames": 9}, 1.5, owner)
+
+
+def _job(store: Store, owner: str = "", key: str = "", **changes: object) -> str:
+    request = JobRequest(**{"method": "toy", "inputs": {"video": "ast_" + "a" * 64}, **changes})  # type: ignore[arg-type]
+    return store.jobs.add(Accepted(request, {}, STEPS), owner, key).id
+
+
+def _plan(store: Store, *tasks: Task) -> None:
+    for todo in store.plans.to_plan(100):
+        assert store.plans.planned(todo.job_id, todo.step, tasks or (Task("one"),))
+
+
+def _claim(store: Store, dispatcher: str = "me") -> Claim:
+    claim = store.work.claim(dispatcher, 30)
+    assert claim is not None
+    return claim
+
+
+def _answer(claim: Claim, **changes: object) -> TaskOutcome:
+    given = {"note": {"n": 1}, "artefacts": {}, "files": {}, "segment": None, "stages": {"method": 2.0}, "log": "ok"}
+    return TaskOutcome(claim.attempt_id, **{**given, **changes})  # type: ignore[arg-type]
+
+
+FAULT = Fault("internal-error", "It broke.", "Mend it.")
+
+
+def test_migrations_make_the_tables_of_the_schema(store: Store) -> None:
+    with store._db.read() as connection:
+        assert compare_metadata(MigrationContext.configure(connection), schema.metadata) == []
+
+
+def test_a_job_is_there_after_the_store_was_opened_again(store: Store, url: str) -> None:
+    job_id = _job(store, labels={"shot": "12"}, name="cat")
+    again = Store(url)
+    assert again.jobs.get(job_id) == store.jobs.get(job_id)
+    again.close()
+
+
+def test_notes_artefacts_and_segments_reach_later_steps(store: Store) -> None:
+    job_id = _job(store)
+    _plan(store, Task("all"))
+    assert store.work.finish(_answer(_claim(store), artefacts={"look/cuts": "k1"}, note={"cuts": [3]}))
+    _plan(store, Task("b", emits=(4, 8)), Task("a", emits=(0, 4)))
+    assert store.context.before(job_id, 1) == ({"look": {"all": {"cuts": [3]}}}, {"look/cuts": "k1"})
+    for _ in range(2):
+        claim = _claim(store)
+        assert store.work.finish(_answer(claim, segment=f"seg-{claim.task['key']}"))
+    assert store.context.segments(job_id) == ((0, 4, "seg-a"), (4, 8, "seg-b"))
+    _plan(store, Task("assemble"))
+    assert store.work.finish(_answer(_claim(store), files={"result": ("k", "video/mp4")}))
+    job = store.jobs.get(job_id)
+    assert (job.state, job.results, job.progress) == ("succeeded", ("result",), 1.0)
+    assert [step.seconds for step in job.steps] == [2.0, 4.0, 2.0]
+
+
+def test_a_late_answer_changes_nothing(store: Store, clock: Clock) -> None:
+    job_id = _job(store)
+    _plan(store)
+    late = _claim(store, "dead")
+    clock.now += 31
+    assert store.work.interrupt([]) == 1, "its lease is over"
+    newer = _claim(store, "alive")
+    assert newer.task["id"] == late.task["id"]
+    before = store.jobs.get(job_id), store.history.events(job_id)
+    assert not store.work.finish(_answer(late, note={"wrong": 1}, files={"result": ("wrong", "x/y")}))
+    assert not store.work.finish(_answer(late), machine.Failed(FAULT))
+    assert not store.work.put_off(late.attempt_id, 0, "")
+    store.work.progress({late.attempt_id: 0.9}, {})
+    assert (store.jobs.get(job_id), store.history.events(job_id)) == before
+    assert store.work.finish(_answer(newer))
+    assert not store.work.finish(_answer(newer)), "an answer counts once"
+    assert not store.work.finish(TaskOutcome("att_unknown", {}, {}, {}, None, {}, ""))
+
+
+def test_the_work_of_a_dead_dispatcher_is_taken_up_before_its_lease_ends(store: Store) -> None:
+    _job(store)
+    _plan(store)
+    claim = _claim(store, "dead")
+    assert store.work.claim("me", 30) is None
+    assert store.work.renew("me", 30) == set()
+    assert store.work.interrupt(["dead"]) == 1
+    assert _claim(store).task["id"] == claim.task["id"]
+
+
+def test_a_failed_attempt_waits_longer_each_time_and_then_fails_the_job(store: Store, clock: Clock) -> None:
+    job_id = _job(store)
+    _plan(store, Task("one"), Task("two"))
+    claim = _claim(store)
+    assert store.work.finish(_answer(claim, log="first try"), machine.Failed(FAULT))
+    other = _claim(store)
+    assert other.task["key"] == "two", "the first one is to wait"
+    assert store.work.claim("me", 30) is None
+    clock.now += 11
+    assert store.work.finish(_answer(_claim(store), log="second try"), machine.Failed(FAULT))
+    assert store.jobs.get(job_id).state == "running", "what runs beside it may end"
+    assert store.work.finish(_answer(other))
+    job = store.jobs.get(job_id)
+    assert (job.state, job.error) == ("failed", FAULT)
+    assert store.history.log(claim.task["id"]).count("try") == 2
+    store.jobs.retry(job_id)
+    assert _claim(store).task["key"] == "one", "only what failed"
+
+
+def test_chains_are_freed_one_by_one(store: Store) -> None:
+    _job(store)
+    _plan(store, Task("c", after=("a", "b")), Task("a"), Task("b"))
+    first, second = _claim(store), _claim(store)
+    assert store.work.claim("me", 30) is None
+    store.work.finish(_answer(first))
+    assert store.work.claim("me", 30) is None
+    store.work.finish(_answer(second))
+    assert _claim(store).task["key"] == "c"
+
+
+def test_cancelling_ends_attempts_and_a_retry_starts_the_rest(store: Store) -> None:
+    job_id = _job(store)
+    _plan(store, Task("a"), Task("b", after=("a",)), Task("c"))
+    store.work.finish(_answer(_claim(store)))
+    running = _claim(store)
+    store.jobs.command(job_id, machine.Cancel())
+    assert store.work.mine("me") == set()
+    assert not store.work.finish(_answer(running))
+    counts = store.jobs.get(job_id).counts
+    assert (counts["succeeded"], counts["cancelled"]) == (1, 2)
+    store.jobs.retry(job_id)
+    assert {_claim(store).task["key"], _claim(store).task["key"]} == {"b", "c"}
+    with pytest.raises(Conflict):
+        store.jobs.remove(job_id)
+
+
+def test_nothing_is_claimed_of_a_paused_job(store: Store) -> None:
+    job_id = _job(store)
+    _plan(store)
+    store.jobs.command(job_id, machine.Pause())
+    assert store.work.claim("me", 30) is None
+    assert store.plans.to_plan() == []
+    store.jobs.command(job_id, machine.Resume())
+    assert _claim(store).job_id == job_id
+
+
+def test_who_is_served_first(store: Store) -> None:
+    anna = [_job(store, "anna") for _ in range(3)]
+    ben = _job(store, "ben")
+    urgent = _job(store, "anna", priority=1)
+    _plan(store, Task("x"), Task("y"))
+    served = [_claim(store).job_id for _ in range(5)]
+    assert served[:2] == [urgent, urgent]
+    assert served[2:] == [ben, ben, anna[0]], "an owner with less at work goes first"
+
+
+def test_a_step_is_planned_once(store: Store) -> None:
+    job_id = _job(store)
+    assert store.plans.planned(job_id, 0, (Task("a"),))
+    assert not store.plans.planned(job_id, 0, (Task("b"),))
+    assert not store.plans.planned("job_gone", 0, (Task("b"),))
+    assert [task.key for task in store.history.tasks(job_id).items] == ["a"]
+
+
+def test_many_threads_claim_every_task_once(store: Store) -> None:
+    _job(store)
+    _plan(store, *(Task(f"t-{i}") for i in range(40)))
+    claimed: list[str] = []
+
+    def work(name: str) -> None:
+        while (claim := store.work.claim(name, 30)) is not None:
+            claimed.append(claim.task["key"])
+            store.work.finish(_answer(claim))
+
+    threads = [threading.Thread(target=work, args=(f"d{i}",)) for i in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert sorted(claimed) == sorted(f"t-{i}" for i in range(40))
+
+
+def test_pages_follow_each_other_without_gaps_while_jobs_arrive(store: Store) -> None:
+    made = [_job(store, labels={"n": str(i % 2)}) for i in range(7)]
+    first = store.jobs.page(limit=3)
+    _job(store)
+    second = store.jobs.page(limit=3, cursor=first.cursor)
+    third = store.jobs.page(limit=3, cursor=second.cursor)
+    listed = [job.id for page in (first, second, third) for job in page.items]
+    assert listed == made[::-1]
+    assert third.cursor is None
+    assert len(store.jobs.page(label=("n", "1")).items) == 3
+    assert store.jobs.page(state="failed").items == ()
+    with pytest.raises(BadParameter):
+        store.jobs.page(cursor="nonsense")
+    with pytest.raises(BadParameter):
+        store.jobs.page(state="asleep")
+
+
+def test_text_that_cannot_be_stored_is_the_users_fault(store: Store) -> None:
+    for ask in (
+        lambda: store.jobs.get("job_\ud800"),
+        lambda: _job(store, labels={"a": "\ud800"}),
+        lambda: _job(store, inputs={"video": "ast_\ud800"}),
+    ):
+        with pytest.raises(BadParameter):
+            ask()
+
+
+def test_tasks_are_listed_in_plan_order(store: Store) -> None:
+    job_id = _job(store)
+    _plan(store, *(Task(f"t-{i}") for i in range(5)))
+    first = store.history.tasks(job_id, limit=2)
+    rest = store.history.tasks(job_id, cursor=first.cursor)
+    assert [task.key for task in (*first.items, *rest.items)] == [f"t-{i}" for i in range(5)]
+    with pytest.raises(NotFound):
+        store.history.tasks("job_gone")
+
+
+def test_history_is_kept_to_a_bound_and_says_so(store: Store) -> None:
+    job_id = _job(store)
+    for _ in range(200):
+        store.jobs.command(job_id, machine.Pause())
+        store.jobs.command(job_id, machine.Resume())
+    events, gone = store.history.events(job_id, after=10, limit=1000)
+    assert gone
+    assert 200 <= len(events) < 400
+    assert not store.history.events(job_id, after=events[0].seq)[1]
+    assert store.history.events(job_id, after=events[-1].seq) == ([], False)
+    assert not store.history.wait(job_id, events[-1].seq, 0.01)
+    assert store.history.wait(job_id, events[-1].seq - 1, 0.01)
+
+
+def test_the_same_bytes_are_one_asset_that_several_may_hold(store: Store) -> None:
+    store.assets.add(_asset("b" * 64, "anna", "mine.mp4"), lambda: True)
+    assert store.assets.add(_asset("b" * 64, "ben", "his.mp4"), lambda: True) == _asset("b" * 64, "ben", "his.mp4")
+    assert [asset.filename for asset in store.assets.page("anna").items] == ["mine.mp4"]
+    assert len(store.assets.page().items) == 2
+    assert not store.assets.remove("ast_" + "b" * 64, "anna")
+    with pytest.raises(NotFound):
+        store.assets.get("ast_" + "b" * 64, "anna")
+    assert store.assets.remove("ast_" + "b" * 64, "ben")
+    with pytest.raises(NotFound):
+        store.assets.get("ast_" + "b" * 64)
+    assert store.assets.add(_asset("b" * 64), lambda: False) is None, "its bytes went in between"
+
+
+def test_keys_are_shown_once_and_verified(store: Store) -> None:
+    key, secret = store.keys.create("anna", ["submit", "read"], {"active_jobs": 2})
+    assert store.keys.verify(secret) == key
+    assert key.allows("read")
+    assert not key.allows("admin")
+    for wrong in ("", "impasto_", secret[:-1], secret + "x", secret.replace("impasto_", "other_"), "\ud800"):
+        assert store.keys.verify(wrong) is None
+    with store._db.read() as connection:
+        assert secret.rpartition("_")[2] not in str(connection.execute(select(schema.api_keys)).all())
+    _job(store, key.id)
+    assert store.keys.usage(key.id) == {"active_jobs": 1, "asset_bytes": 0}
+    revoked = store.keys.revoke(key.id)
+    assert store.keys.verify(secret) is None
+    assert store.keys.revoke(key.id) == revoked
+    assert store.keys.list() == [revoked]
+    with pytest.raises(BadParameter):
+        store.keys.create("ben", ["everything"])
+    with pytest.raises(NotFound):
+        store.keys.revoke("key_none")
+
+
+def test_webhooks_wait_longer_each_time_and_are_dead_at_last(store: Store, clock: Clock) -> None:
+    job_id = _job(store, webhook="https://example.org")
+    store.jobs.command(job_id, machine.Cancel())
+    (message,) = store.webhooks.due()
+    assert message.body["type"] == "job.cancelled"
+    assert store.webhooks.due() == []
+    clock.now += 61
+    assert [again.id for again in store.webhooks.due()] == [message.id], "whoever claimed it has died"
+    waits = []
+    while (state := store.webhooks.record(message.id, 500)).state == "waiting":
+        assert state.next_at is not None
+        waits.append(state.next_at - clock.now)
+    assert waits == sorted(waits)
+    assert waits[:2] == [5, 300]
+    assert (state.state, state.last_error) == ("dead", "HTTP 500")
+    assert store.webhooks.of_job(job_id) == [state]
+
+
+def test_gone_is_not_tried_again(store: Store) -> None:
+    store.jobs.command(_job(store, webhook="https://example.org"), machine.Cancel())
+    (message,) = store.webhooks.due()
+    assert store.webhooks.record(message.id, 410).state == "dead"
+
+
+def test_a_database_that_cannot_be_opened_says_so(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    (tmp_path / "broken.db").write_bytes(b"this is not a database at all, whatever its name says" * 50)
+    with pytest.raises(StorageError):
+        Store(f"sqlite:///{tmp_path / 'broken.db'}")
+    with pytest.raises(StorageError):
+        Store(f"sqlite:///{tmp_path / 'file' / 'impasto.db'}")
