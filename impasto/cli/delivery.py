@@ -79,15 +79,15 @@ def deliver(result: Path | Iterable[bytes], where: Target) -> None:
     """Put the bytes of a result at `where`. Raises: OSError, BadInput (a still of several frames)."""
     where.path.parent.mkdir(parents=True, exist_ok=True)
     part = where.path.with_name(f".{where.path.name}.part")
-    _forget(part)
+    forget(part)
     try:
         if where.kind == "file":
             _write(result, part)
         else:
             _unpack(result, part, where)
-        _swap(part, where.path)
+        swap(part, where.path)
     finally:
-        _forget(part)
+        forget(part)
 
 
 def beside(where: Target, filename: str) -> Path:
@@ -130,23 +130,23 @@ def _not_a_still(count: int, path: Path) -> BadInput:
     )
 
 
-def _swap(part: Path, path: Path) -> None:
+def swap(part: Path, path: Path) -> None:
     """Rename `part` to `path`, replacing the file or the frames there."""
     if not path.is_dir():
         part.replace(path)
         return
     old = path.with_name(f".{path.name}.old")
-    _forget(old)
+    forget(old)
     path.rename(old)
     try:
         part.rename(path)
     except OSError:
         old.rename(path)
         raise
-    _forget(old)
+    forget(old)
 
 
-def _forget(path: Path) -> None:
+def forget(path: Path) -> None:
     if path.is_dir():
         shutil.rmtree(path)
     else:
