@@ -66,18 +66,13 @@ def _check_input(spec: InputSpec, asset: Asset | None) -> None:
         if spec.required:
             raise BadParameter(f"The input {spec.name!r} is missing.", field=field, remedy=f"Give one: {spec.help}")
         return
-    if not _fits(spec.kind, asset):
+    if asset.kind not in _FITS[spec.kind]:
         raise BadParameter(
             f"The input {spec.name!r} is to be {spec.kind}, and this asset is {asset.kind}.",
             field=field,
             value=asset.id,
             remedy=f"Use an asset of kind: {', '.join(_FITS[spec.kind])}.",
         )
-
-
-def _fits(kind: InputKind, asset: Asset) -> bool:
-    moving_picture = kind == "video" and asset.kind == "image" and int(asset.info.get("frames", 1)) > 1
-    return asset.kind in _FITS[kind] or moving_picture
 
 
 def check_output(chosen: Method, output: OutputSpec) -> None:

@@ -1,0 +1,191 @@
+"""The dispatcher when things go wrong around it: workers die or fall silent, the store or the disk is away."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from pipeline.errors import StorageError, StorageFull
+from tests.workers.conftest import finished, request_on, until
+from tests.workers.toy import ToyRunner
+from workers.blobs.disk import DiskBlobs
+from workers.life import Life
+from workers.local_pool import Listen
+from workers.model import TaskOrder, TaskOutcome
+from workers.pool import Report
+from workers.settings import FarmSettings
+from workers.studio import Studio
+
+
+class ByHand:
+    """A pool that runs nothing: the test answers."""
+
+    def __init__(self, capacity: int = 2) -> None:
+        self.capacity = capacity
+        self.orders: list[TaskOrder] = []
+        self.cancelled: list[str] = []
+        self.abandoned: list[str] = []
+        self.listen: Listen = lambda report: None
+
+    def start(self, listen: Listen) -> None:
+        self.listen = listen
+
+    def submit(self, order: TaskOrder) -> None:
+        self.orders.append(order)
+
+    def cancel(self, attempt_id: str) -> None:
+        self.cancelled.append(attempt_id)
+
+    def abandon(self, attempt_id: str) -> None:
+        self.abandoned.append(attempt_id)
+
+    def describe(self) -> dict[str, object]:
+        return {"kind": "by hand", "workers": self.capacity, "busy": {}}
+
+    def stop(self, grace_s: float = 5.0) -> None: ...
+
+    def run(self, blobs: DiskBlobs, order: TaskOrder) -> None:
+        outcome = ToyRunner(blobs).run(order, lambda done: None, lambda: False)
+        self.listen(Report(order.attempt_id, 1.0, outcome))
+
+    def next(self) -> TaskOrder:
+        """The next order, once it has come."""
+        return until(lambda: self.orders and self.orders.pop(0))
+
+
+@pytest.fixture
+def pool() -> ByHand:
+    return ByHand()
+
+
+@pytest.fixture
+def blobs(settings: FarmSettings) -> DiskBlobs:
+    return DiskBlobs(settings.blobs_at)
+
+
+@pytest.fixture
+def by_hand(settings: FarmSettings, pool: ByHand) -> Callable[..., Studio]:
+    def open_one(**changes: object) -> Studio:
+        farm = Studio(settings.model_copy(update=changes), pool)
+        opened.append(farm)
+        farm.start()
+        return farm
+
+    opened: list[Studio] = []
+    yield open_one  # type: ignore[misc]
+    for farm in opened:
+        farm.stop()
+
+
+def test_a_worker_that_dies_costs_an_attempt(by_hand: Callable[..., Studio], pool: ByHand, data: Path) -> None:
+    farm = by_hand()
+    job = farm.submit(request_on(farm, data))
+    for _ in range(3):
+        pool.listen(Report(pool.next().attempt_id, lost=True, worker="w-1"))
+    error = finished(farm, job.id).error
+    assert error is not None
+    assert error.code == "worker-lost"
+
+
+def test_a_silent_worker_is_given_up(by_hand: Callable[..., Studio], pool: ByHand, data: Path) -> None:
+    farm = by_hand(stall_s=0.5, attempts=1)
+    job = farm.submit(request_on(farm, data))
+    order = pool.next()
+    error = finished(farm, job.id).error
+    assert error is not None
+    assert error.code == "stalled"
+    assert pool.abandoned == [order.attempt_id]
+
+
+def test_a_late_answer_of_a_given_up_attempt_changes_nothing(
+    by_hand: Callable[..., Studio], pool: ByHand, data: Path
+) -> None:
+    farm = by_hand()
+    job = farm.submit(request_on(farm, data))
+    late = pool.next()
+    pool.listen(Report(late.attempt_id, lost=True))
+    newer = pool.next()
+    pool.listen(Report(late.attempt_id, outcome=TaskOutcome(late.attempt_id, {"found": 99}, {}, {}, None, {}, "")))
+    pool.listen(Report(newer.attempt_id, outcome=TaskOutcome(newer.attempt_id, {"found": 2}, {}, {}, None, {}, "")))
+    until(lambda: farm.job(job.id).steps[1].counts["running"] == 2)
+
+
+def test_progress_is_shown_while_it_runs(by_hand: Callable[..., Studio], pool: ByHand, data: Path) -> None:
+    farm = by_hand()
+    job = farm.submit(request_on(farm, data))
+    order = pool.next()
+    pool.listen(Report(order.attempt_id, 0.5, worker="w-1"))
+    until(lambda: farm.tasks(job.id).items[0].progress == 0.5)
+    assert farm.tasks(job.id).items[0].attempts[0]["worker"] == "w-1"
+    progress = [event for event in farm.events(job.id)[0] if event.type == "job.progress"]
+    assert progress[-1].data["progress"] == pytest.approx(0.95 / 2 * 0.5)
+
+
+def test_an_outcome_waits_while_the_store_is_away(
+    by_hand: Callable[..., Studio], pool: ByHand, blobs: DiskBlobs, data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    farm = by_hand()
+    job = farm.submit(request_on(farm, data, params={"tasks": 1}))
+    order = pool.next()
+    finish = farm._store.work.finish
+    down = time.monotonic() + 0.8
+
+    def away(*args: object) -> bool:
+        if time.monotonic() < down:
+            raise StorageError("The database does not answer.")
+        return finish(*args)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(farm._store.work, "finish", away)
+    pool.run(blobs, order)
+    until(lambda: "does not answer" in farm.ready()["pool"])
+    for _ in range(2):
+        pool.run(blobs, pool.next())
+    assert finished(farm, job.id).state == "succeeded"
+    assert len(farm.tasks(job.id).items[0].attempts) == 1, "nothing was lost, nothing ran twice"
+    assert farm.ready()["pool"] == "ok"
+
+
+def test_nothing_begins_while_the_disk_is_full(
+    by_hand: Callable[..., Studio], pool: ByHand, data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    farm = by_hand()
+    request = request_on(farm, data)
+    job = farm.submit(request)
+    pool.next()
+    monkeypatch.setattr("workers.blobs.disk.shutil.disk_usage", lambda path: type("Usage", (), {"free": -1}))
+    with pytest.raises(StorageFull):
+        farm.submit(request)
+    with pytest.raises(StorageFull):
+        farm.add_asset(data, "data.json")
+    until(lambda: "nearly full" in farm.ready()["pool"])
+    assert "nearly full" in farm.ready()["blobs"]
+    assert not farm.job(job.id).state.final, "what runs may end"
+
+
+def test_a_deleted_job_leaves_no_blobs_of_late_attempts(
+    by_hand: Callable[..., Studio], pool: ByHand, blobs: DiskBlobs, data: Path
+) -> None:
+    farm = by_hand()
+    job = farm.submit(request_on(farm, data, params={"tasks": 1}))
+    pool.run(blobs, pool.next())
+    drawing = pool.next()
+    farm.cancel(job.id)
+    until(lambda: pool.cancelled == [drawing.attempt_id])
+    farm.delete(job.id)
+    pool.run(blobs, drawing)
+    until(lambda: list(blobs.keys("jobs/")) == [])
+
+
+def test_a_running_dispatcher_is_alive_and_a_closed_one_is_forgotten(tmp_path: Path) -> None:
+    first, second = Life(tmp_path), Life(tmp_path)
+    assert first.dead() == []
+    os.close(second._handle)  # what the kernel does when it is killed
+    assert first.dead() == [second.id]
+    first.forget([second.id])
+    assert first.dead() == []
+    first.end()
+    assert list(tmp_path.iterdir()) == []

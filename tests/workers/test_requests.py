@@ -1,0 +1,89 @@
+"""What may be submitted: every refusal names the field, the value and the remedy, and accepts nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from pipeline.errors import BadParameter
+from workers.model import Asset, JobRequest, OutputSpec
+from workers.requests import check_request
+
+
+def _asset(kind: str, **info: Any) -> Asset:
+    return Asset("ast_1", "1", 1, "x", "x/y", kind, info, 0.0)
+
+
+DATA = _asset("json")
+GOOD = JobRequest("toy", {"data": "ast_1"})
+
+
+def test_a_good_request_gets_every_default_filled_in() -> None:
+    accepted = check_request(replace(GOOD, params={"tasks": 2}), {"data": DATA})
+    assert accepted.params == {"tasks": 2, "chain": False, "sleep_s": 0.0, "trouble": "", "mark": ""}
+    assert [name for name, _ in accepted.steps] == ["look", "draw", "assemble"]
+
+
+BAD: list[tuple[str, dict[str, Any]]] = [
+    ("method", {"method": "oil"}),
+    ("params.tasks", {"params": {"tasks": -1}}),
+    ("params.sleep_s", {"params": {"sleep_s": float("nan")}}),
+    ("params.brush", {"params": {"brush": 1}}),
+    ("output.format", {"output": OutputSpec("avi")}),
+    ("output.quality", {"output": OutputSpec(quality=52)}),
+    ("output.artefacts", {"output": OutputSpec(artefacts=("labels",))}),
+    ("priority", {"priority": 101}),
+    ("seed", {"seed": -1}),
+    ("name", {"name": "x" * 201}),
+    ("labels", {"labels": {str(i): "" for i in range(33)}}),
+    ("labels", {"labels": {"": "x"}}),
+    ("labels.shot", {"labels": {"shot": "x" * 256}}),
+    *(("webhook", {"webhook": url}) for url in ("ftp://a", "https://", "javascript:x", "http://a b", "http://[", "x")),
+    ("webhook", {"webhook": "https://a:99999/"}),
+]
+
+
+@pytest.mark.parametrize(("field", "changes"), BAD)
+def test_a_bad_request_is_refused_with_field_and_remedy(field: str, changes: dict[str, Any]) -> None:
+    with pytest.raises(BadParameter) as refused:
+        check_request(replace(GOOD, **changes), {"data": DATA})
+    assert refused.value.field == field
+    assert refused.value.remedy
+
+
+@pytest.mark.parametrize(
+    ("name", "asset"),
+    [
+        ("data", _asset("video")),
+        ("reference", _asset("archive")),
+        ("reference", _asset("json")),
+        ("video", _asset("json")),
+        ("mask", _asset("image")),
+    ],
+)
+def test_an_asset_that_does_not_fit_is_refused(name: str, asset: Asset) -> None:
+    with pytest.raises(BadParameter) as refused:
+        check_request(GOOD, {"data": DATA, name: asset})
+    assert refused.value.field == f"inputs.{name}"
+
+
+@pytest.mark.parametrize(
+    ("name", "asset"),
+    [
+        ("reference", _asset("image")),
+        ("reference", _asset("video")),
+        ("video", _asset("video")),
+        ("video", _asset("archive")),
+        ("video", _asset("image", frames=1)),
+    ],
+)
+def test_an_asset_that_fits_is_taken(name: str, asset: Asset) -> None:
+    check_request(GOOD, {"data": DATA, name: asset})
+
+
+def test_a_missing_input_is_named() -> None:
+    with pytest.raises(BadParameter, match="missing") as refused:
+        check_request(replace(GOOD, inputs={}), {})
+    assert refused.value.field == "inputs.data"
