@@ -6,6 +6,7 @@ import math
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.scenes.pose import Array
 
@@ -14,16 +15,22 @@ TILE = 512
 _LEVELS = 7
 
 
-@lru_cache(maxsize=32)
-def _tiles(seed: int) -> tuple[Array, ...]:
+@lru_cache(maxsize=64)
+def _tile(seed: int, level: int) -> NDArray[np.float32]:
     """Noise with a spectrum that falls as 1 / f, about -1..1; each level has half the detail of the one before."""
     random = np.random.Generator(np.random.Philox(np.random.SeedSequence([seed, 0x67726169])))
     spectrum = np.fft.rfft2(random.standard_normal((TILE, TILE)))
     frequency = np.hypot(np.fft.fftfreq(TILE)[:, None], np.fft.rfftfreq(TILE)) * TILE
     falling = np.where(frequency >= 3, 1.0 / np.maximum(frequency, 1) ** 1.15, 0.0)
-    finest = [0.25 * TILE / 2**level for level in range(_LEVELS)]
-    tiles = [np.fft.irfft2(spectrum * falling * np.exp(-((frequency / f) ** 4)), s=(TILE, TILE)) for f in finest]
-    return tuple(tile / (2.5 * tiles[0].std()) for tile in tiles)
+    spectrum *= falling / (2.5 * _deviation(falling))
+    tile = np.fft.irfft2(spectrum * np.exp(-((frequency / (0.25 * TILE / 2**level)) ** 4)), s=(TILE, TILE))
+    return tile.astype(np.float32)
+
+
+def _deviation(falling: Array) -> float:
+    """Of white noise after this filter: what every level is scaled by, so that only detail tells them apart."""
+    both = 2 * np.square(falling).sum() - np.square(falling[:, 0]).sum() - np.square(falling[:, -1]).sum()
+    return math.sqrt(both) / TILE
 
 
 def grain(x: Array, y: Array, period: float, pixel: float, seed: int) -> Array:
@@ -37,10 +44,10 @@ def grain(x: Array, y: Array, period: float, pixel: float, seed: int) -> Array:
     """
     step = period / TILE
     level = min(_LEVELS - 1, max(0, math.ceil(math.log2(max(pixel / step, 1e-9)) - 0.4)))
-    return _bilinear(_tiles(seed)[level], x / step, y / step)
+    return _bilinear(_tile(seed, level), x / step, y / step)
 
 
-def _bilinear(tile: Array, x: Array, y: Array) -> Array:
+def _bilinear(tile: NDArray[np.float32], x: Array, y: Array) -> Array:
     left, top = np.floor(x), np.floor(y)
     fx, fy = x - left, y - top
     c0, r0 = left.astype(np.int64) % TILE, top.astype(np.int64) % TILE
