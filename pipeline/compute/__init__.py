@@ -1,6 +1,6 @@
 """Where data-parallel work runs: an OpenCL device, chosen and opened once a process, never at import."""
 
 from pipeline.compute.choice import Candidate, candidates, report
-from pipeline.compute.device import Device, DeviceArray, Kernel, Launch, device
+from pipeline.compute.opencl import Device, DeviceArray, Kernel, Launch, device
 
 __all__ = ["Candidate", "Device", "DeviceArray", "Kernel", "Launch", "candidates", "device", "report"]

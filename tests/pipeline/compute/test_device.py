@@ -1,0 +1,203 @@
+"""Devices: chosen by what works, kernels right at odd sizes, errors that say what to do."""
+
+from __future__ import annotations
+
+import json
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.compute import Device, choice, device, probe, report
+from pipeline.compute.probe import Found
+from pipeline.errors import DeviceError
+
+SOURCE = """
+kernel void axpy(global const float *x, global float *y, const float a, const int width, const int height)
+{
+    const int i = get_global_id(0), j = get_global_id(1);
+    if (i < width && j < height)
+        y[j * width + i] = a * x[j * width + i] + SHIFT;
+}
+kernel void grow(global float *y, const int count) { if (get_global_id(0) < count) y[get_global_id(0)] += 1.0f; }
+"""
+
+
+def found(name: str, kind: str = "cpu", fault: str = "", rank: tuple[int, int] = (0, 1)) -> Found:
+    return Found("Platform", name, kind, "1.0", rank, fault)
+
+
+@pytest.fixture
+def source(tmp_path: Path) -> Path:
+    file = tmp_path / "kernels.cl"
+    file.write_text(SOURCE)
+    return file
+
+
+@pytest.fixture
+def listed(monkeypatch: pytest.MonkeyPatch) -> list[Found]:
+    rows: list[Found] = []
+    monkeypatch.setattr(choice, "probe", lambda fresh=False: (rows, "" if rows else "No runtime is registered."))
+    return rows
+
+
+def test_a_gpu_comes_before_a_cpu_and_broken_ones_never(listed: list[Found]) -> None:
+    listed += [found("cpu"), found("broken", "gpu", fault="build failed"), found("card", "gpu")]
+    assert choice.choose().device == "card"
+    assert choice.choose("cpu").device == "cpu"
+    assert choice.choose("CAR").device == "card"
+
+
+def test_what_was_named_is_not_replaced_by_something_else(listed: list[Found]) -> None:
+    listed += [found("one"), found("two", fault="build failed")]
+    for wanted in ("gpu", "two", "three"):
+        with pytest.raises(DeviceError) as caught:
+            choice.choose(wanted)
+        assert caught.value.value == wanted and caught.value.remedy
+
+
+def test_the_report_gives_every_device_a_reason(listed: list[Found]) -> None:
+    listed += [found("slow"), found("fast", rank=(1, 1)), found("broken", fault="build failed")]
+    rows = {row["device"]: row for row in report()}
+    assert rows["fast"]["chosen"] and not rows["slow"]["chosen"]
+    assert "another one comes first" in str(rows["slow"]["reason"])
+    assert "build failed" in str(rows["broken"]["reason"]) and not rows["broken"]["works"]
+
+
+def test_the_report_says_so_when_there_is_nothing(listed: list[Found]) -> None:
+    (row,) = report()
+    assert not row["works"] and "impasto[cpu]" in str(row["reason"])
+    with pytest.raises(DeviceError, match="No runtime is registered"):
+        choice.choose()
+
+
+def lines_of(*rows: Found, announce_only: bool = False) -> list[str]:
+    made = [json.dumps(vars(row)) for row in rows]
+    return [line for row in made for line in (["?" + row] if announce_only else ["?" + row, row])]
+
+
+def test_a_device_that_kills_its_test_is_reported_and_the_next_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[int] = []
+
+    def child(skip: int, timeout_s: float) -> tuple[list[str], str]:
+        calls.append(skip)
+        if skip == 0:
+            return lines_of(found("a")) + lines_of(found("crash"), announce_only=True), "was killed by signal 11"
+        return lines_of(found("b")), ""
+
+    monkeypatch.setattr(probe, "_child", child)
+    rows, ending = probe._ask_all()
+    asked = probe._parse(rows)
+    assert calls == [0, 2] and ending == ""
+    assert [(f.device, bool(f.fault)) for f in asked] == [("a", False), ("crash", True), ("b", False)]
+    assert "signal 11" in asked[1].fault
+
+
+def test_a_listing_that_fails_is_not_tried_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(probe, "_child", lambda skip, timeout_s: ([], "was killed by signal 11"))
+    assert probe._ask_all() == ([], "Listing the OpenCL devices failed: was killed by signal 11.")
+
+
+def test_a_child_that_hangs_is_ended(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    hang = tmp_path / "hang"
+    hang.write_text("#!/bin/sh\necho '?{}'\nexec sleep 60\n")
+    hang.chmod(0o755)
+    monkeypatch.setattr(probe.sys, "executable", str(hang))
+    out, ending = probe._child(0, 0.5)
+    assert out == ["?{}"] and "did not end within" in ending
+
+
+@pytest.mark.real("opencl")
+def test_verdicts_are_kept_and_asked_anew_on_demand(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(probe.runtime, "cache_folder", lambda: tmp_path)
+    asked: list[int] = []
+    real = probe._child
+    monkeypatch.setattr(probe, "_child", lambda skip, timeout_s: (asked.append(skip), real(skip, timeout_s))[1])
+    first = probe.probe()
+    assert first == probe.probe() and first[0] and len(asked) >= 1
+    count = len(asked)
+    probe.probe(fresh=True)
+    assert len(asked) > count
+
+
+@pytest.mark.real("opencl")
+@pytest.mark.parametrize("size", [(1, 1), (63, 17), (131, 5)], ids=str)
+def test_a_kernel_covers_every_pixel_of_any_size_and_no_more(source: Path, size: tuple[int, int]) -> None:
+    one = device()
+    x = np.random.default_rng(0).random((size[1], size[0]), dtype=np.float32)
+    y = one.upload(np.full((size[1] + 1, size[0]), -1, np.float32))
+    kernel = one.kernel(source, "axpy", {"SHIFT": "1.0f"})
+    kernel(size, one.upload(x), y, 0.1, *size)
+    got = one.download(y)
+    np.testing.assert_array_equal(got[:-1], np.float32(0.1) * x + np.float32(1))  # rounded twice: no fused add
+    np.testing.assert_array_equal(got[-1], -1)
+
+
+@pytest.mark.real("opencl")
+def test_a_sequence_is_run_in_order_and_over_again(source: Path) -> None:
+    one = device()
+    y, x = one.zeros((3, 5)), one.zeros((3, 5))
+    grow = one.kernel(source, "grow", {"SHIFT": "0.0f"}).at((15,), y, 15)
+    double = one.kernel(source, "axpy", {"SHIFT": "0.0f"}).at((5, 3), y, x, 2.0, 5, 3)
+    one.run(grow, double, times=4)
+    np.testing.assert_array_equal(one.download(y), 4)
+    np.testing.assert_array_equal(one.download(x), 8)
+
+
+@pytest.mark.real("opencl")
+def test_threads_share_a_device(source: Path) -> None:
+    one, results = device(), {}
+
+    def work(number: int) -> None:
+        y = one.zeros((1000,))
+        for _ in range(50):
+            one.kernel(source, "grow", {"SHIFT": number})((1000,), y, 1000)
+        results[number] = one.download(y)
+
+    threads = [threading.Thread(target=work, args=(n,)) for n in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(results) == 4
+    for result in results.values():
+        np.testing.assert_array_equal(result, 50)
+
+
+@pytest.mark.real("opencl")
+def test_a_process_has_one_device(source: Path) -> None:
+    assert device() is device() and device(device().name.lower()).name
+
+
+@pytest.mark.real("opencl")
+def test_a_kernel_that_does_not_compile_says_why(tmp_path: Path) -> None:
+    file = tmp_path / "wrong.cl"
+    file.write_text("kernel void wrong(global float *y) { y[0] = nonsense; }")
+    with pytest.raises(DeviceError, match="nonsense") as caught:
+        device().kernel(file, "wrong")
+    assert "wrong.cl" in caught.value.message
+
+
+@pytest.mark.real("opencl")
+def test_memory_in_no_use_is_given_back(source: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    one = device()
+    monkeypatch.setattr("pipeline.compute.opencl._IDLE_BYTES", 1 << 20)
+    for side in range(100, 1100, 100):
+        one.zeros((side, side, 3))
+    one.empty((4,))
+    assert one._pool.managed_bytes - one._pool.active_bytes < 20 << 20
+
+
+@pytest.mark.real("opencl")
+def test_every_working_device_gives_the_same_bits(source: Path) -> None:
+    x = np.random.default_rng(1).random((33, 65), dtype=np.float32)
+    results = []
+    for row in report(fresh=False):
+        if row["works"]:
+            one = device(str(row["platform"]))
+            assert isinstance(one, Device)
+            y = one.zeros(x.shape)
+            one.kernel(source, "axpy", {"SHIFT": "0.3f"})((65, 33), one.upload(x), y, 0.7, 65, 33)
+            results.append(one.download(y))
+    assert results and all(np.array_equal(results[0], other) for other in results)
