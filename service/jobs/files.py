@@ -57,7 +57,8 @@ def _add_plain(name: str, media_type: str, text: str) -> None:
 
     get.__name__ = f"get_{name}"
     answers = binary(media_type, text)
-    router.add_api_route(f"/{name}", get, response_class=Response, responses=answers, summary=text)
+    more = f"{text}, whole or a range. 409 while it is not there yet."
+    router.add_api_route(f"/{name}", get, response_class=Response, responses=answers, summary=text, description=more)
     router.add_api_route(f"/{name}", get, methods=["HEAD"], response_class=Response, include_in_schema=False)
 
 

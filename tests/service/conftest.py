@@ -13,13 +13,14 @@ from service.app import create_app
 from service.settings import Settings
 from tests.service.fake_farm import MAGIC, FakeFarm
 from tests.service.toy_method import Toy
+from workers.farm import Farm
 
 CLIP = MAGIC + b" of a cat"
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture
 def only_toy(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The one method there is: tests of the service do not depend on a real one."""
+    """The one method there is: tests over the farm in memory do not depend on a real one."""
     found = {"toy": Toy()}
     monkeypatch.setattr("pipeline.methods.methods", lambda: found)
     monkeypatch.setattr("service.methods.routes.methods", lambda: found)
@@ -31,7 +32,7 @@ def settings(home: Path) -> Settings:
 
 
 @pytest.fixture
-def farm() -> FakeFarm:
+def farm(only_toy: None) -> FakeFarm:
     return FakeFarm()
 
 
@@ -40,7 +41,7 @@ def client(settings: Settings, farm: FakeFarm) -> Iterator[TestClient]:
     yield from open_client(settings, farm)
 
 
-def open_client(settings: Settings, farm: FakeFarm, **more: Any) -> Iterator[TestClient]:
+def open_client(settings: Settings, farm: Farm, **more: Any) -> Iterator[TestClient]:
     app = create_app(settings, farm)
     with TestClient(app, "http://127.0.0.1:8420", raise_server_exceptions=False, **more) as client:
         yield client

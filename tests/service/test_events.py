@@ -76,7 +76,7 @@ def test_what_happens_meanwhile_is_told_and_silence_is_filled(client: TestClient
     assert {"event": ":"} in told
 
 
-def test_lost_history_is_said(settings: Settings) -> None:
+def test_lost_history_is_said(settings: Settings, only_toy: None) -> None:
     farm = FakeFarm(events_kept=2)
     for client in open_client(settings, farm):
         clip = client.post("/v1/assets", files={"file": ("a.mp4", b"CLIP")}).json()["id"]

@@ -1,0 +1,265 @@
+"""Bad uploads and bad requests against the real farm: each a 4xx problem with code, field and remedy."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zipfile
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import av
+import cv2
+import numpy as np
+import pytest
+from fastapi.testclient import TestClient
+
+from service.app import create_app
+from service.errors import TABLE, Problem
+from service.settings import Settings
+from tests.service.conftest import open_client
+from workers.studio import open_farm
+
+
+@dataclass
+class Bench:
+    """A client of a real farm that accepts and runs nothing, and an asset it has."""
+
+    client: TestClient
+    asset: str
+    clip: bytes
+
+    def upload(self, data: bytes, name: str = "clip.mp4") -> Any:
+        return self.client.post("/v1/assets", files={"file": (name, data)})
+
+    def submit(self, **more: Any) -> Any:
+        body = {"method": "abstraction", "inputs": {"video": self.asset}} | more
+        return self.client.post("/v1/jobs", json=body)
+
+    def raw(self, text: str, **headers: str) -> Any:
+        return self.client.post("/v1/jobs", content=text, headers={"Content-Type": "application/json"} | headers)
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory, tiny_clip: Path) -> Iterator[Bench]:
+    home = tmp_path_factory.mktemp("home")
+    settings = Settings(home=home, pool="none", max_json_bytes=4096, max_asset_bytes=1 << 20, quota_active_jobs=3)
+    farm = open_farm(settings)
+    farm.start()
+    for client in open_client(settings, farm):
+        found = Bench(client, "", tiny_clip.read_bytes())
+        found.asset = found.upload(found.clip).json()["id"]
+        yield found
+    farm.stop()
+
+
+# -- bytes
+
+
+def png(width: int, height: int) -> bytes:
+    return cv2.imencode(".png", np.full((height, width, 3), 127, np.uint8))[1].tobytes()
+
+
+def png_header(width: int, height: int) -> bytes:
+    """A real PNG of one row that says it is far larger: a decompression bomb without the bytes."""
+
+    def part(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    head = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + part(b"IHDR", head) + part(b"IDAT", zlib.compress(b"\0" * 100)) + part(b"IEND", b"")
+
+
+def archive(name: str, data: bytes = b"x") -> bytes:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as file:
+        file.writestr(name, data)
+    return out.getvalue()
+
+
+def sound_only() -> bytes:
+    out = io.BytesIO()
+    with av.open(out, "w", format="mp4") as file:
+        stream = file.add_stream("aac", rate=44100, layout="mono")
+        for index in range(4):
+            frame = av.AudioFrame.from_ndarray(np.zeros((1, 1024), np.int16), format="s16", layout="mono")
+            frame.sample_rate, frame.pts = 44100, index * 1024
+            file.mux(stream.encode(frame))
+        file.mux(stream.encode(None))
+    return out.getvalue()
+
+
+def unknown_codec(clip: bytes) -> bytes:
+    assert b"avc1" in clip
+    return clip.replace(b"avc1", b"zzzz").replace(b"avcC", b"zzzC")
+
+
+# -- the table: name -> (what is sent, status, code, field)
+
+Case = tuple[Callable[[Bench], Any], int, str, str]
+
+UPLOADS: dict[str, Case] = {
+    "no bytes": (lambda b: b.upload(b""), 422, "unreadable-media", "file"),
+    "a truncated clip": (lambda b: b.upload(b.clip[: len(b.clip) // 2]), 422, "unreadable-media", "file"),
+    "only the first bytes": (lambda b: b.upload(b.clip[:40]), 422, "unreadable-media", "file"),
+    "a renamed program": (lambda b: b.upload(b"\x7fELF" + bytes(500)), 422, "unreadable-media", "file"),
+    "a renamed text": (lambda b: b.upload(b"hello " * 50), 422, "unreadable-media", "file"),
+    "an unknown codec": (lambda b: b.upload(unknown_codec(b.clip)), 422, "unreadable-media", "file"),
+    "sound only": (lambda b: b.upload(sound_only()), 422, "no-video-stream", "file"),
+    "one pixel": (lambda b: b.upload(png(1, 1), "p.png"), 422, "", ""),
+    "20000x20000 in the header": (lambda b: b.upload(png_header(20000, 20000), "p.png"), 413, "media-too-large", ""),
+    "a zip that climbs out": (lambda b: b.upload(archive("../../evil.png", png(32, 32)), "z.zip"), 422, "", ""),
+    "a zip of nothing useful": (lambda b: b.upload(archive("a.txt"), "z.zip"), 422, "", ""),
+    "a zip bomb": (lambda b: b.upload(archive("0.png", bytes(300 << 20)), "z.zip"), 413, "media-too-large", "file"),
+    "too many bytes": (lambda b: b.upload(bytes(2 << 20)), 413, "body-too-large", "body"),
+    "a path for a name": (lambda b: b.upload(b.clip, "../../etc/passwd"), 422, "bad-parameter", "filename"),
+    "a path for a Windows name": (lambda b: b.upload(b.clip, "..\\evil.mp4"), 422, "bad-parameter", "filename"),
+    "an endless name": (lambda b: b.upload(b.clip, "x" * 300), 422, "bad-parameter", "filename"),
+    "another field": (
+        lambda b: b.client.post("/v1/assets", files={"movie": ("a.mp4", b.clip)}),
+        400,
+        "bad-request",
+        "movie",
+    ),
+    "two files": (
+        lambda b: b.client.post("/v1/assets", files=[("file", ("a.mp4", b.clip)), ("file", ("b.mp4", b.clip))]),
+        400,
+        "bad-request",
+        "file",
+    ),
+    "no form": (
+        lambda b: b.client.post("/v1/assets", content=b.clip, headers={"Content-Type": "video/mp4"}),
+        415,
+        "unsupported-media-type",
+        "Content-Type",
+    ),
+    "a form that ends early": (
+        lambda b: b.client.post(
+            "/v1/assets",
+            content=b'--x\r\nContent-Disposition: form-data; name="file"; filename="a.mp4"\r\n\r\nabc',
+            headers={"Content-Type": "multipart/form-data; boundary=x"},
+        ),
+        400,
+        "bad-request",
+        "body",
+    ),
+    "a form without a boundary": (
+        lambda b: b.client.post("/v1/assets", content=b"x", headers={"Content-Type": "multipart/form-data"}),
+        400,
+        "bad-request",
+        "body",
+    ),
+}
+
+REQUESTS: dict[str, Case] = {
+    "no JSON": (lambda b: b.raw("{"), 400, "bad-json", "body"),
+    "NaN": (lambda b: b.raw('{"method": NaN}'), 400, "bad-json", "body"),
+    "Infinity": (lambda b: b.raw('{"params": {"x": -Infinity}}'), 400, "bad-json", "body"),
+    "a number beyond numbers": (lambda b: b.raw('{"params": {"x": 1e999}}'), 400, "bad-json", "body"),
+    "half a character": (lambda b: b.raw('{"name": "\\ud800"}'), 400, "bad-json", "body"),
+    "a NUL": (lambda b: b.raw('{"name": "\\u0000"}'), 400, "bad-json", "body"),
+    "endless nesting": (lambda b: b.raw("[" * 4000), 400, "bad-json", "body"),
+    "too much JSON": (lambda b: b.raw('"' + "x" * 5000 + '"'), 413, "body-too-large", "body"),
+    "JSON as a form": (lambda b: b.raw("{}", **{"Content-Type": "text/plain"}), 415, "unsupported-media-type", ""),
+    "a list": (lambda b: b.raw("[]"), 422, "bad-parameter", "body"),
+    "no method": (lambda b: b.raw('{"inputs": {}}'), 422, "bad-parameter", "method"),
+    "an unknown method": (lambda b: b.submit(method="oil"), 422, "bad-parameter", "method"),
+    "an unknown field": (lambda b: b.submit(colour="red"), 422, "bad-parameter", "colour"),
+    "an unknown parameter": (lambda b: b.submit(params={"nope": 1}), 422, "bad-parameter", "params.nope"),
+    "a parameter of the wrong type": (lambda b: b.submit(params={"lines": "x"}), 422, "bad-parameter", "params.lines"),
+    "an input that is not there": (
+        lambda b: b.submit(inputs={"video": "ast_" + "0" * 64}),
+        404,
+        "not-found",
+        "inputs.video",
+    ),
+    "no video": (lambda b: b.submit(inputs={}), 422, "bad-parameter", "inputs.video"),
+    "an unknown input": (lambda b: b.submit(inputs={"video": b.asset, "x": b.asset}), 422, "bad-parameter", "inputs.x"),
+    "a negative seed": (lambda b: b.submit(seed=-1), 422, "bad-parameter", "seed"),
+    "a seed beyond whole numbers": (lambda b: b.submit(seed=2**70), 422, "bad-parameter", "seed"),
+    "priority": (lambda b: b.submit(priority=101), 422, "bad-parameter", "priority"),
+    "format": (lambda b: b.submit(output={"format": "avi"}), 422, "bad-parameter", "output.format"),
+    "quality": (lambda b: b.submit(output={"quality": 99}), 422, "bad-parameter", "output.quality"),
+    "an unknown artefact": (lambda b: b.submit(output={"artefacts": ["x"]}), 422, "bad-parameter", ""),
+    "a webhook that is no URL": (lambda b: b.submit(webhook="nowhere"), 422, "bad-parameter", "webhook"),
+    "a webhook into this machine": (
+        lambda b: b.submit(webhook="http://127.0.0.1:1/"),
+        422,
+        "bad-parameter",
+        "webhook",
+    ),
+    "a webhook by file": (lambda b: b.submit(webhook="file:///etc/passwd"), 422, "bad-parameter", "webhook"),
+    "a limit": (lambda b: b.client.get("/v1/jobs?limit=0"), 422, "bad-parameter", "limit"),
+    "a cursor": (lambda b: b.client.get("/v1/jobs?cursor=%00x"), 422, "bad-parameter", "cursor"),
+    "a cursor of assets": (lambda b: b.client.get("/v1/assets?cursor=bm8="), 422, "bad-parameter", "cursor"),
+    "a state": (lambda b: b.client.get("/v1/jobs?state=done"), 422, "bad-parameter", "state"),
+    "a label": (lambda b: b.client.get("/v1/jobs?label=shot"), 422, "bad-parameter", "label"),
+    "no such job": (lambda b: b.client.get("/v1/jobs/job_none"), 404, "not-found", "job_id"),
+    "no such task": (lambda b: b.client.get("/v1/tasks/tsk_none/log"), 404, "not-found", "task_id"),
+    "no such address": (lambda b: b.client.get("/v1/nowhere"), 404, "not-found", "path"),
+    "another verb": (lambda b: b.client.put("/v1/jobs"), 405, "method-not-allowed", "method"),
+    "an idempotency key": (
+        lambda b: b.raw('{"method": "abstraction", "inputs": {}}', **{"Idempotency-Key": "a b"}),
+        422,
+        "bad-parameter",
+        "idempotency-key",
+    ),
+    "a preview of no frame": (
+        lambda b: b.client.post(
+            "/v1/previews", json={"method": "abstraction", "inputs": {"video": b.asset}, "frame": -1}
+        ),
+        422,
+        "bad-parameter",
+        "frame",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", [*UPLOADS, *REQUESTS])
+def test_it_is_refused_with_code_field_and_remedy(bench: Bench, name: str) -> None:
+    send, status, code, field = (UPLOADS | REQUESTS)[name]
+    answer = send(bench)
+    assert answer.status_code == status, answer.text
+    assert answer.headers["content-type"] == "application/problem+json"
+    problem = Problem.model_validate(answer.json())
+    assert problem.status == status == TABLE[problem.code][0]
+    assert problem.code == (code or problem.code)
+    assert problem.field == field or (not field and problem.field)
+    assert problem.remedy.endswith((".", "?"))
+    assert problem.detail
+    assert problem.type == f"urn:impasto:problem:{problem.code}"
+
+
+def test_nothing_of_it_is_kept(bench: Bench) -> None:
+    assert [row["id"] for row in bench.client.get("/v1/assets").json()["items"]] == [bench.asset]
+    assert bench.client.get("/v1/jobs").json()["items"] == []
+
+
+def test_the_same_key_with_another_body_and_one_job_too_many(bench: Bench) -> None:
+    def submit(seed: int, key: str) -> Any:
+        body = {"method": "abstraction", "inputs": {"video": bench.asset}, "seed": seed}
+        return bench.client.post("/v1/jobs", json=body, headers={"Idempotency-Key": key})
+
+    first, again, other = submit(1, "k"), submit(1, "k"), submit(2, "k")
+    assert (first.status_code, again.status_code) == (201, 200)
+    assert first.json()["id"] == again.json()["id"]
+    assert (other.status_code, other.json()["code"]) == (422, "idempotency-mismatch")
+    assert other.json()["remedy"]
+    assert submit(3, "l").status_code == submit(4, "m").status_code == 201
+    full = submit(5, "n")
+    assert (full.status_code, full.json()["code"], full.json()["field"]) == (429, "quota-exceeded", "active_jobs")
+
+
+def test_an_error_inside_tells_nothing(settings: Settings, caplog: pytest.LogCaptureFixture) -> None:
+    farm = open_farm(settings.model_copy(update={"pool": "none"}))
+    app = create_app(settings, farm)
+    app.add_api_route("/v1/broken", lambda: 1 / 0)
+    with TestClient(app, "http://localhost", raise_server_exceptions=False) as client:
+        answer = client.get("/v1/broken")
+    farm.stop()
+    assert (answer.status_code, answer.json()["code"]) == (500, "internal-error")
+    assert "division" not in answer.text
+    assert "ZeroDivisionError" in caplog.text

@@ -1,0 +1,134 @@
+"""Health, metrics, previews, pages, headers, and what the OpenAPI document promises."""
+
+from __future__ import annotations
+
+import re
+import threading
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from fastapi.testclient import TestClient
+from prometheus_client.parser import text_string_to_metric_families
+
+from pipeline.errors import ImpastoError, StorageError
+from service.errors import TABLE
+from tests.service.fake_farm import FakeFarm
+
+
+def test_health(client: TestClient, farm: FakeFarm) -> None:
+    assert client.get("/healthz").json() == {"status": "ok"}
+    assert client.get("/readyz").json() == {"status": "ok", "parts": farm.parts}
+    farm.parts = farm.parts | {"blobs": "The disk is full."}
+    answer = client.get("/readyz")
+    assert (answer.status_code, answer.json()["status"]) == (503, "unavailable")
+    assert answer.json()["parts"]["blobs"] == "The disk is full."
+    assert client.get("/healthz").status_code == 200
+
+
+def test_metrics_have_base_units_and_bounded_labels(client: TestClient, farm: FakeFarm, job: str) -> None:
+    for number in range(30):
+        client.get(f"/v1/jobs/job_{number}")
+        client.get(f"/nowhere/{number}")
+        client.request("PURGE", "/v1/jobs")
+    answer = client.get("/metrics")
+    families = {family.name: family for family in text_string_to_metric_families(answer.text)}
+    requests = families["impasto_http_requests"]
+    routes = {sample.labels["route"] for sample in requests.samples}
+    assert {"/v1/jobs/{job_id}", "/v1/jobs", "/v1/assets"} <= routes
+    assert not any(re.search(r"job_\d|/nowhere", route) for route in routes)
+    assert "PURGE" not in {sample.labels["method"] for sample in requests.samples}
+    assert all(family.type != "counter" or family.samples[0].name.endswith("_total") for family in families.values())
+    looked = [
+        s.value for s in requests.samples if s.labels["route"] == "/v1/jobs/{job_id}" and s.name.endswith("total")
+    ]
+    assert looked == [30.0]
+
+
+def test_metrics_tell_of_the_farm(client: TestClient, farm: FakeFarm, monkeypatch: pytest.MonkeyPatch) -> None:
+    snapshot = {"jobs": {"queued": 3}, "queue": {"ready_tasks": 7, "oldest_s": 1.5}, "failures": {"bad-media": 2}}
+    monkeypatch.setattr(farm, "snapshot", lambda: snapshot)
+    text = client.get("/metrics").text
+    for line in (
+        'impasto_jobs{state="queued"} 3.0',
+        "impasto_queue_ready_tasks 7.0",
+        "impasto_queue_oldest_seconds 1.5",
+        'impasto_recent_attempt_failures{code="bad-media"} 2.0',
+        'impasto_ready{part="blobs"} 1.0',
+    ):
+        assert line in text.splitlines()
+
+
+def test_metrics_are_there_while_the_store_is_away(
+    client: TestClient, farm: FakeFarm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def away() -> dict[str, Any]:
+        raise StorageError("The database is away.")
+
+    monkeypatch.setattr(farm, "snapshot", away)
+    farm.parts = {"store": "The database is away."}
+    answer = client.get("/metrics")
+    assert answer.status_code == 200
+    assert 'impasto_ready{part="store"} 0.0' in answer.text
+
+
+def test_a_preview_is_a_picture(client: TestClient, body: dict[str, Any]) -> None:
+    answer = client.post("/v1/previews", json=body | {"frame": 3, "max_side_px": 32})
+    assert answer.headers["content-type"] == "image/png"
+    assert cv2.imdecode(np.frombuffer(answer.content, np.uint8), cv2.IMREAD_COLOR).shape == (18, 32, 3)
+
+
+def test_more_previews_than_may_are_told_to_come_back(client: TestClient, farm: FakeFarm, body: dict[str, Any]) -> None:
+    farm.preview_gate.clear()
+    statuses: list[int] = []
+
+    def ask() -> None:
+        statuses.append(client.post("/v1/previews", json=body).status_code)
+
+    work = [threading.Thread(target=ask) for _ in range(2)]
+    for thread in work:
+        thread.start()
+    semaphore = client.app.state.service.previews  # type: ignore[attr-defined]
+    while semaphore._value:
+        threading.Event().wait(0.01)
+    busy = client.post("/v1/previews", json=body)
+    farm.preview_gate.set()
+    for thread in work:
+        thread.join()
+    assert (busy.status_code, busy.json()["code"], busy.headers["retry-after"]) == (503, "busy", "1")
+    assert statuses == [200, 200]
+    assert client.post("/v1/previews", json=body).status_code == 200
+
+
+@pytest.mark.parametrize("path", ["/", "/docs", "/docs/docs.js", "/docs/docs.css", "/v1/methods", "/v1/none", "/x"])
+def test_every_answer_bears_the_headers(client: TestClient, path: str) -> None:
+    headers = client.get(path).headers
+    assert headers["x-content-type-options"] == "nosniff"
+    assert headers["x-frame-options"] == "DENY"
+    assert "default-src 'self'" in headers["content-security-policy"]
+    assert "unsafe" not in headers["content-security-policy"]
+    assert "access-control-allow-origin" not in headers
+
+
+def test_pages_fetch_nothing_from_elsewhere(client: TestClient) -> None:
+    for path in ("/", "/docs", "/docs/docs.js", "/docs/docs.css"):
+        text = client.get(path).text
+        assert not re.search(r"""(src|href)=["'](https?:)?//|import .*["']https?://|url\(["']?https?:""", text), path
+
+
+def test_the_description_is_whole(client: TestClient) -> None:
+    api = client.get("/openapi.json").json()
+    assert api["openapi"].startswith("3.1")
+    assert "Problem" in api["components"]["schemas"]
+    names = [row["operationId"] for item in api["paths"].values() for row in item.values()]
+    assert len(names) == len(set(names))
+    assert all(row.get("description") for item in api["paths"].values() for row in item.values())
+
+
+def test_every_code_of_the_tree_has_a_row() -> None:
+    def codes(kind: type[ImpastoError]) -> set[str]:
+        return {kind.code}.union(*(codes(below) for below in kind.__subclasses__()))
+
+    client_side = {"service-unreachable", "not-allowed", "job-failed"}
+    assert codes(ImpastoError) - client_side <= set(TABLE)

@@ -1,0 +1,58 @@
+"""schemathesis over our own OpenAPI document, against the real farm: no request makes a 5xx."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import schemathesis
+from hypothesis import HealthCheck, given, settings
+from schemathesis import GenerationMode
+from schemathesis.checks import not_a_server_error
+from schemathesis.specs.openapi.checks import content_type_conformance, response_schema_conformance
+
+from service.app import create_app
+from service.settings import Settings
+from workers.model import JobRequest
+from workers.studio import open_farm
+
+schemathesis.serializer.alias("application/offset+octet-stream", "application/octet-stream")
+
+HEADERS = {"Host": "127.0.0.1"}
+CHECKS = [not_a_server_error, response_schema_conformance, content_type_conformance]
+BOUNDED = settings(
+    max_examples=5, deadline=None, derandomize=True, database=None, suppress_health_check=list(HealthCheck)
+)
+"""Examples of each operation and mode."""
+
+
+@pytest.fixture(scope="module")
+def schema(tmp_path_factory: pytest.TempPathFactory, tiny_clip: Path) -> Iterator[Any]:
+    """Of a farm with an asset and a job, so that not every list is empty."""
+    home = tmp_path_factory.mktemp("home")
+    options = Settings(home=home, pool="none", requests_per_minute=10**6, max_json_bytes=8192, heartbeat_s=0.05)
+    farm = open_farm(options)
+    farm.start()
+    asset = farm.add_asset(tiny_clip, "tiny.mp4")
+    farm.cancel(farm.submit(JobRequest("abstraction", {"video": asset.id})).id)
+    yield schemathesis.openapi.from_asgi("/openapi.json", create_app(options, farm), headers=HEADERS)
+    farm.stop()
+
+
+@pytest.mark.parametrize("mode", list(GenerationMode))
+def test_no_request_makes_a_5xx(schema: Any, mode: GenerationMode) -> None:
+    operations = [found.ok() for found in schema.get_all_operations()]
+    assert len(operations) > 30
+    for operation in operations:
+        _bombard(operation, mode)
+
+
+def _bombard(operation: Any, mode: GenerationMode) -> None:
+    @given(case=operation.as_strategy(generation_mode=mode))
+    @BOUNDED
+    def send(case: schemathesis.Case) -> None:
+        case.call_and_validate(headers=HEADERS, checks=CHECKS)
+
+    send()

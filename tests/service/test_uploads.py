@@ -1,0 +1,237 @@
+"""/v1/uploads: tus 1.0.0 by its rules, and by a real client over breaks and restarts."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import http.client
+import os
+import time
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import pytest
+from fastapi.testclient import TestClient
+from tusclient.client import TusClient
+from tusclient.exceptions import TusCommunicationError, TusUploadFailed
+
+from service.settings import Settings
+from service.uploads.store import UploadStore
+from tests.service.conftest import CLIP, open_client
+from tests.service.fake_farm import FakeFarm
+from tests.service.live import running
+
+TUS = {"Tus-Resumable": "1.0.0"}
+PIECE = TUS | {"Content-Type": "application/offset+octet-stream"}
+NAME = base64.b64encode(b"clip.mp4").decode()
+
+
+def begin(client: TestClient, length: int = len(CLIP), **headers: str) -> str:
+    head = TUS | {"Upload-Length": str(length), "Upload-Metadata": f"filename {NAME},empty"} | headers
+    answer = client.post("/v1/uploads", headers=head)
+    assert answer.status_code == 201, answer.text
+    return answer.headers["location"]
+
+
+def patch(client: TestClient, where: str, at: int, data: bytes, **headers: str) -> Any:
+    return client.patch(where, headers=PIECE | {"Upload-Offset": str(at)} | headers, content=data)
+
+
+def offset(client: TestClient, where: str) -> int:
+    return int(client.head(where, headers=TUS).headers["upload-offset"])
+
+
+def checksum(data: bytes, algorithm: str = "sha1") -> str:
+    return f"{algorithm} {base64.b64encode(hashlib.new(algorithm, data).digest()).decode()}"
+
+
+def test_options_tell_what_is_possible(client: TestClient) -> None:
+    answer = client.options("/v1/uploads")
+    assert answer.status_code == 204
+    assert answer.headers["tus-version"] == answer.headers["tus-resumable"] == "1.0.0"
+    assert "creation-with-upload" in answer.headers["tus-extension"]
+    assert int(answer.headers["tus-max-size"]) > 1 << 30
+    assert answer.headers["tus-checksum-algorithm"] == "sha1,sha256"
+
+
+def test_pieces_become_an_asset(client: TestClient, settings: Settings) -> None:
+    where = begin(client)
+    first = patch(client, where, 0, CLIP[:5])
+    assert (first.status_code, first.headers["upload-offset"]) == (204, "5")
+    assert "impasto-asset" not in first.headers
+    head = client.head(where, headers=TUS)
+    assert (head.headers["upload-length"], head.headers["cache-control"]) == (str(len(CLIP)), "no-store")
+    assert head.headers["upload-metadata"] == f"filename {NAME},empty"
+    assert head.headers["upload-expires"].endswith("GMT")
+    last = patch(client, where, 5, CLIP[5:])
+    asset = client.get(f"/v1/assets/{last.headers['impasto-asset']}").json()
+    assert (asset["filename"], asset["size_bytes"]) == ("clip.mp4", len(CLIP))
+    assert client.head(where, headers=TUS).headers["impasto-asset"] == asset["id"]
+    assert not list(settings.uploads_dir.glob("*.part"))
+
+
+def test_a_piece_may_come_with_the_creation(client: TestClient) -> None:
+    head = PIECE | {"Upload-Length": str(len(CLIP))}
+    answer = client.post("/v1/uploads", headers=head, content=CLIP)
+    assert (answer.status_code, answer.headers["upload-offset"]) == (201, str(len(CLIP)))
+    assert answer.headers["impasto-asset"].startswith("ast_")
+
+
+def test_another_offset_is_409_and_tells_the_right_one(client: TestClient) -> None:
+    where = begin(client)
+    patch(client, where, 0, CLIP[:5])
+    for wrong in (0, 4, 6):
+        answer = patch(client, where, wrong, b"x")
+        assert (answer.status_code, answer.json()["code"]) == (409, "offset-mismatch")
+        assert answer.headers["upload-offset"] == "5"
+    assert offset(client, where) == 5
+
+
+@pytest.mark.parametrize("verb", ["post", "head", "patch", "delete"])
+def test_another_version_is_412(client: TestClient, verb: str) -> None:
+    where = "/v1/uploads" if verb == "post" else begin(client)
+    headers = PIECE | {"Tus-Resumable": "0.2.2", "Upload-Offset": "0", "Upload-Length": "5"}
+    answer = client.request(verb, where, headers=headers)
+    assert (answer.status_code, answer.headers["tus-version"]) == (412, "1.0.0")
+
+
+def test_another_body_type_is_415(client: TestClient) -> None:
+    answer = patch(client, begin(client), 0, CLIP, **{"Content-Type": "video/mp4"})
+    assert (answer.status_code, answer.headers["tus-resumable"]) == (415, "1.0.0")
+
+
+def test_more_than_was_announced_is_413(client: TestClient) -> None:
+    where = begin(client)
+    assert patch(client, where, 0, CLIP + b"x").status_code == 413
+    assert offset(client, where) == 0
+
+
+def test_more_than_may_be_is_413(settings: Settings, farm: FakeFarm) -> None:
+    for client in open_client(settings.model_copy(update={"max_asset_bytes": 10}), farm):
+        answer = client.post("/v1/uploads", headers=TUS | {"Upload-Length": "11"})
+        assert (answer.status_code, answer.json()["field"]) == (413, "Upload-Length")
+
+
+@pytest.mark.parametrize("algorithm", ["sha1", "sha256"])
+def test_a_checksum_is_checked(client: TestClient, algorithm: str) -> None:
+    where = begin(client)
+    wrong = patch(client, where, 0, CLIP[:5], **{"Upload-Checksum": checksum(b"other", algorithm)})
+    assert (wrong.status_code, wrong.json()["code"], offset(client, where)) == (460, "checksum-mismatch", 0)
+    right = patch(client, where, 0, CLIP[:5], **{"Upload-Checksum": checksum(CLIP[:5], algorithm)})
+    assert (right.status_code, offset(client, where)) == (204, 5)
+
+
+def test_media_that_are_refused_are_refused_again(client: TestClient) -> None:
+    where = begin(client, 4)
+    first = patch(client, where, 0, b"MZ\x90\x00")
+    assert (first.status_code, first.json()["code"]) == (422, "unreadable-media")
+    assert client.head(where, headers=TUS).status_code == 422
+
+
+def test_termination(client: TestClient) -> None:
+    where = begin(client)
+    assert client.delete(where, headers=TUS).status_code == 204
+    assert client.head(where, headers=TUS).status_code == 404
+
+
+def test_expiry(client: TestClient, settings: Settings) -> None:
+    where = begin(client)
+    old = time.time() - settings.upload_ttl_s - 1
+    for path in settings.uploads_dir.iterdir():
+        os.utime(path, (old, old))
+    assert client.head(where, headers=TUS).status_code == 410
+    UploadStore(settings.uploads_dir, settings.upload_ttl_s).sweep()
+    assert list(settings.uploads_dir.iterdir()) == []
+    assert client.head(where, headers=TUS).status_code == 404
+
+
+def test_two_writers_at_once_are_kept_apart(client: TestClient, settings: Settings) -> None:
+    where = begin(client)
+    store = UploadStore(settings.uploads_dir, settings.upload_ttl_s)
+    with store.claim(store.find(where.rpartition("/")[2])):
+        answer = patch(client, where, 0, CLIP)
+    assert (answer.status_code, answer.headers["retry-after"]) == (423, "1")
+    assert patch(client, where, 0, CLIP).status_code == 204
+
+
+def test_a_proxy_that_knows_no_patch(client: TestClient) -> None:
+    where = begin(client)
+    headers = PIECE | {"Upload-Offset": "0", "X-HTTP-Method-Override": "PATCH"}
+    assert client.post(where, headers=headers, content=CLIP).headers["upload-offset"] == str(len(CLIP))
+
+
+def test_the_process_may_die_between_the_last_byte_and_the_asset(client: TestClient, settings: Settings) -> None:
+    where = begin(client)
+    (settings.uploads_dir / f"{where.rpartition('/')[2]}.part").write_bytes(CLIP)
+    assert client.head(where, headers=TUS).headers["impasto-asset"].startswith("ast_")
+
+
+# -- a real client over a real socket
+
+
+@pytest.fixture
+def clip(tmp_path: Path) -> Path:
+    path = tmp_path / "clip.mp4"
+    path.write_bytes(CLIP + os.urandom(300_000))
+    return path
+
+
+def test_tuspy_uploads_in_checked_pieces(settings: Settings, farm: FakeFarm, clip: Path) -> None:
+    with running(settings, farm) as url:
+        uploader = TusClient(f"{url}/v1/uploads").uploader(
+            str(clip), chunk_size=70_000, metadata={"filename": "clip.mp4"}, upload_checksum=True
+        )
+        uploader.upload()
+        asset_id = uploader.request.response_headers["impasto-asset"]
+    assert asset_id == "ast_" + hashlib.sha256(clip.read_bytes()).hexdigest()
+    assert farm.asset(asset_id).filename == "clip.mp4"
+
+
+def test_tuspy_goes_on_after_a_restart_of_the_service(settings: Settings, farm: FakeFarm, clip: Path) -> None:
+    with running(settings, farm) as url:
+        uploader = TusClient(f"{url}/v1/uploads").uploader(str(clip), chunk_size=70_000)
+        uploader.upload(stop_at=140_000)
+        path = urlsplit(uploader.url).path
+    with pytest.raises(TusCommunicationError):
+        uploader.upload()
+    with running(settings, farm) as url:
+        again = TusClient(f"{url}/v1/uploads").uploader(str(clip), url=url + path, chunk_size=70_000)
+        assert again.offset == 140_000
+        again.upload()
+        assert again.request.response_headers["impasto-asset"] in {key for key, _ in farm.all_assets}
+
+
+def test_a_broken_connection_loses_nothing_that_arrived(settings: Settings, farm: FakeFarm, clip: Path) -> None:
+    data = clip.read_bytes()
+    with running(settings, farm) as url:
+        uploader = TusClient(f"{url}/v1/uploads").uploader(str(clip))
+        uploader.set_url(uploader.create_url())
+        _send_and_hang_up(uploader.url, data, sent=100_000)
+        deadline = time.monotonic() + 5
+        while uploader.get_offset() < 100_000 and time.monotonic() < deadline:
+            time.sleep(0.02)
+        resumed = TusClient(f"{url}/v1/uploads").uploader(str(clip), url=uploader.url, retries=3, retry_delay=0)
+        assert resumed.offset == 100_000
+        resumed.upload()
+        assert resumed.request.response_headers["impasto-asset"].endswith(hashlib.sha256(data).hexdigest())
+
+
+def _send_and_hang_up(url: str, data: bytes, sent: int) -> None:
+    parts = urlsplit(url)
+    line = http.client.HTTPConnection(parts.netloc)
+    line.putrequest("PATCH", parts.path)
+    for name, value in (PIECE | {"Upload-Offset": "0", "Content-Length": str(len(data))}).items():
+        line.putheader(name, value)
+    line.endheaders(data[:sent])
+    time.sleep(0.2)
+    line.close()
+
+
+def test_tuspy_is_told_that_its_file_is_no_video(settings: Settings, farm: FakeFarm, tmp_path: Path) -> None:
+    fake = tmp_path / "clip.mp4"
+    fake.write_bytes(b"#!/bin/sh\n")
+    with running(settings, farm) as url, pytest.raises(TusUploadFailed) as failure:
+        TusClient(f"{url}/v1/uploads").uploader(str(fake)).upload()
+    assert failure.value.status_code == 422
+    assert b"unreadable-media" in failure.value.response_content
