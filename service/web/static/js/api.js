@@ -106,11 +106,19 @@ export async function objectUrl(path, signal) {
  */
 export const mediaUrl = (path) => (key() ? objectUrl(path) : Promise.resolve(path));
 
-/** Save a file of the service under `filename`. */
-export async function download(path, filename) {
+/** Save a file of the service under the name that the service gives it. */
+export async function download(path) {
   const link = document.createElement("a");
-  link.href = await mediaUrl(path);
-  link.download = filename;
+  link.href = `${path}?download=true`;
+  link.download = "";
+  if (key()) await fetched(link);
   link.click();
-  if (link.href.startsWith("blob:")) setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
+}
+
+/** A link cannot send the key: let it point at the bytes instead. */
+async function fetched(link) {
+  const response = await request(link.href);
+  link.download = /filename="([^"]+)"/.exec(response.headers.get("Content-Disposition"))?.[1] ?? "";
+  link.href = URL.createObjectURL(await response.blob());
+  setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
 }

@@ -1,6 +1,6 @@
 /** What the job makes: the same form as parameters have, from a schema of our own. */
 
-import { humanise } from "./format.js";
+import { artefactTitle } from "./format.js";
 
 /** Schema of the form, with the optional artefacts that a method offers. */
 export const filmSchema = (artefacts) => ({
@@ -21,7 +21,7 @@ export const filmSchema = (artefacts) => ({
     seed: { title: "Seed", type: "integer", minimum: 0, default: 0, description: "Another seed, another hand: chance falls differently, all else stays.", group: "Film" },
     name: { title: "Name", type: "string", default: "", description: "Shown among the works; the file's name if left empty.", group: "Film" },
     ...(artefacts.length && {
-      artefacts: { title: "Also make", type: "array", items: { oneOf: artefacts.map((name) => ({ const: name, title: name.length < 5 ? name.toUpperCase() : humanise(name) })) }, default: [], description: "More files that can be downloaded when the film is done.", group: "Film" },
+      artefacts: { title: "Also make", type: "array", items: { oneOf: artefacts.map((name) => ({ const: name, title: artefactTitle(name) })) }, default: [], description: "More files that can be downloaded when the film is done.", group: "Film" },
     }),
   },
 });

@@ -49,6 +49,12 @@ export function humanise(name) {
   return words.charAt(0).toUpperCase() + words.slice(1);
 }
 
+/** An artefact's name as a label: "svg" -> "SVG", "report" -> "Report", "cuts.json" as it is. */
+export function artefactTitle(name) {
+  if (name.includes(".")) return name;
+  return name.length < 5 ? name.toUpperCase() : humanise(name);
+}
+
 /** What probing found of an asset, in a line. */
 export function describe(info) {
   const parts = [];

@@ -2,9 +2,10 @@
 
 import * as api from "./api.js";
 import { hashOfJob } from "./draft.js";
-import { fill, h, icon } from "./dom.js";
+import { fill, h } from "./dom.js";
 import { follow } from "./events.js";
 import { ago, percent } from "./format.js";
+import { createEasel } from "./easel.js";
 import { createFacts } from "./facts.js";
 import { deletion } from "./jobs.js";
 import { notify, problemBlock } from "./notices.js";
@@ -12,7 +13,6 @@ import { createProgress, isFinal, stateWord } from "./progress.js";
 import { createResult } from "./result.js";
 
 const REFRESH_MS = 600;
-const PREVIEW_MS = 1500;
 
 /** @returns {{element, close()}} */
 export function createJobView(id) {
@@ -97,36 +97,6 @@ export function createJobView(id) {
 const titleOf = (job) => job.request.name || job.request.method;
 
 const heading = (job) => h("div", { class: "film-head" }, h("div", { class: "film-title" }, h("h1", {}, titleOf(job)), h("p", {}, `${stateWord(job)} · begun ${ago(job.created_at)}`)));
-
-/** The newest finished frame while the job runs. */
-function createEasel(id) {
-  const picture = h("img", { class: "picture", alt: "The newest finished frame", hidden: true });
-  const blank = h("div", { class: "easel-blank" }, icon("brush"), h("p", {}, "The first frames appear here."));
-  const element = h("div", { class: "easel" }, h("div", { class: "frame" }, picture, blank));
-  let busy = false;
-  let last = 0;
-
-  async function update(job) {
-    const name = ["preview", "poster"].find((file) => job.results.includes(file));
-    if (!name || busy || Date.now() - last < PREVIEW_MS) return;
-    busy = true;
-    await api.objectUrl(api.paths.file(id, name)).then(show, () => {});
-    last = Date.now();
-    busy = false;
-  }
-
-  async function show(url) {
-    const old = picture.src;
-    picture.src = url;
-    await picture.decode().catch(() => {});
-    element.firstChild.style.setProperty("--ratio", String(picture.naturalWidth / picture.naturalHeight || 16 / 9));
-    picture.hidden = false;
-    blank.hidden = true;
-    if (old) URL.revokeObjectURL(old);
-  }
-
-  return { element, update, close: () => picture.src && URL.revokeObjectURL(picture.src) };
-}
 
 /** Run `work` at once, then at most once every `ms`; a call meanwhile is made up for at the end. */
 function throttle(work, ms) {

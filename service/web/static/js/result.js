@@ -2,6 +2,7 @@
 
 import * as api from "./api.js";
 import { h, icon } from "./dom.js";
+import { artefactTitle } from "./format.js";
 import { notify } from "./notices.js";
 import { createPlayer } from "./player.js";
 
@@ -32,15 +33,13 @@ async function hang(job, element) {
 }
 
 function downloads(job) {
-  const base = (job.request.name || job.id).replace(/[^\p{L}\p{N}._-]+/gu, "-");
   const format = job.request.output?.format ?? "mp4";
-  const file = format === "png" ? "zip" : format;
-  const save = (path, name) => () => api.download(path, name).catch(notify);
-  const main = h("button", { type: "button", class: "button primary", onclick: save(api.paths.result(job.id), `${base}.${file}`) }, icon("download"), `Download ${file.toUpperCase()}`);
+  const save = (path) => () => api.download(path).catch(notify);
+  const text = `Download ${format === "png" ? "ZIP" : format === "webm" ? "WebM" : "MP4"}`;
+  const main = h("button", { type: "button", class: "button primary", onclick: save(api.paths.result(job.id)) }, icon("download"), text);
   const others = job.results.filter((name) => !NOT_FILES.includes(name));
-  const more = others.map((name) => h("button", { type: "button", class: "button small", onclick: save(api.paths.file(job.id, name), fileName(base, name)) }, label(name)));
+  const more = others.map((name) => h("button", { type: "button", class: "button small", onclick: save(api.paths.file(job.id, name)) }, label(name)));
   return h("div", { class: "downloads" }, main, more.length > 0 && h("div", { class: "downloads-more" }, more));
 }
 
-const label = (name) => (name === "sheet" ? "Contact sheet" : name);
-const fileName = (base, name) => `${base}-${name === "sheet" ? "sheet.jpg" : name}`;
+const label = (name) => (name === "sheet" ? "Contact sheet" : artefactTitle(name));
