@@ -51,17 +51,13 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-SERVE = "from service.server import serve; from service.settings import Settings; serve(Settings())"
-
-
 def serve(home: Path, **settings: str) -> Iterator[str]:
-    """The service in a process of its own, with one worker, until the test is over; its address."""
-    port = free_port()
-    environment = {"HOME": str(home), "PORT": str(port), "WORKERS": "1"} | settings
-    log = home.with_suffix(".log")
+    """`impasto serve` as a user runs it, with one worker, until the test is over; its address."""
+    port, log = free_port(), home.with_suffix(".log")
+    command = [sys.executable, "-m", "impasto", "serve", "--port", str(port), "--home", str(home), "--workers", "1"]
+    env = os.environ | {f"IMPASTO_{name}": value for name, value in settings.items()}
     with log.open("wb") as sink:
-        env = os.environ | {f"IMPASTO_{name}": value for name, value in environment.items()}
-        server = subprocess.Popen([sys.executable, "-c", SERVE], cwd=ROOT, stdout=sink, stderr=sink, env=env)
+        server = subprocess.Popen(command, cwd=ROOT, stdout=sink, stderr=sink, env=env)
     try:
         address = f"http://127.0.0.1:{port}"
         _wait_ready(address, server, log)
