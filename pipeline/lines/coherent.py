@@ -15,19 +15,22 @@ from pipeline.frames import Flow, Plane
 from pipeline.segmentation.jit import kernel
 
 
-def keep_strokes(ink: Plane, before: Plane | None, weak: float, strong: float, shortest_px: float) -> NDArray[np.bool_]:
+def keep_strokes(
+    ink: Plane, before: Plane | None, importance: Plane, weak: float, strong: float, shortest_px: float
+) -> NDArray[np.bool_]:  # fmt: skip
     """Which pixels belong to a stroke worth drawing: bool (h, w).
 
     A stroke is a connected run of ink above `weak`; it is kept when it reaches `strong` or lies on ink that was
-    drawn `before` (float32 (h, w), moved to this frame), and is at least `shortest_px` pixels large (a third of
-    that if it was drawn before).
+    drawn `before` (float32 (h, w), moved to this frame), and is at least `shortest_px` pixels large: a third of
+    that if it was drawn before, and a quarter where it matters most (an eye is short), importance float32 (h, w).
     """
     mask = (ink > weak).astype(np.uint8)
     count, parts, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8, ltype=cv2.CV_32S)
-    peak, old = _strongest(parts, ink, before if before is not None else np.zeros_like(ink), count)
+    past = before if before is not None else np.zeros_like(ink)
+    peak, old, weight = _strongest(parts, ink, past, importance, count)
     known = old > 0.25 * np.maximum(stats[:, cv2.CC_STAT_AREA], 1)
     extent = np.maximum(stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT])
-    long_enough = extent >= np.where(known, shortest_px / 3, shortest_px)
+    long_enough = extent >= shortest_px * np.where(known, 1 / 3, 1) * (1 - 0.75 * weight)
     keep = ((peak > strong) | known) & long_enough
     keep[0] = False
     return keep[parts]
@@ -35,18 +38,20 @@ def keep_strokes(ink: Plane, before: Plane | None, weak: float, strong: float, s
 
 @kernel
 def _strongest(
-    parts: NDArray[np.int32], ink: Plane, before: Plane, count: int
-) -> tuple[NDArray[np.float32], NDArray[np.int32]]:  # fmt: skip
+    parts: NDArray[np.int32], ink: Plane, before: Plane, importance: Plane, count: int
+) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.float32]]:  # fmt: skip
     peak = np.zeros(count, np.float32)
     old = np.zeros(count, np.int32)
+    weight = np.zeros(count, np.float32)
     height, width = ink.shape
     for y in range(height):
         for x in range(width):
             part = parts[y, x]
             if part:
                 peak[part] = max(peak[part], ink[y, x])
+                weight[part] = max(weight[part], importance[y, x])
                 old[part] += before[y, x] > 0.3
-    return peak, old
+    return peak, old, weight
 
 
 def follow(plane: Plane, flow: Flow) -> Plane:

@@ -33,6 +33,12 @@ def is_cut(before: Plane, now: Plane, sensitivity: float = 1.0) -> bool:
     return _correlation(before[..., 0], now[..., 0]) < CORRELATION
 
 
+def steadiness(before: Plane, now: Plane) -> float:
+    """0..1: 1 when the light is steady, towards 0 in a fade: exp(-(drift / 0.8)^2), drift = mean change in CIELAB."""
+    shift = (now - before).mean(axis=(0, 1)) * np.array([100 / 255, 1, 1], np.float32)
+    return float(np.exp(-((shift * shift).sum() / 0.8**2)))
+
+
 def _correlation(a: Plane, b: Plane) -> float:
     """Pearson's r; of two flat pictures 1 if they are equally flat, else 0."""
     x, y = a - a.mean(), b - b.mean()

@@ -17,6 +17,8 @@ RESIDUAL_STEPS = 4
 """A residual counts quarters of a CIELAB unit."""
 FAR = 255
 """The residual of a pixel with no counterpart in the previous frame."""
+MOVING = 0.6
+"""Share of the memory that moving pixels have."""
 FADE_TOLERANCE = 6.0
 """CIELAB units of residual at which the previous paint's weight has fallen to 1/e."""
 
@@ -52,7 +54,8 @@ def settle(
         lab: current frame, uint8 (h, w, 3).
         settled: result for the previous frame, same shape.
         flow: previous to current frame, float32 (h, w, 2), px; taken at the target (flow varies slowly).
-        memory: weight of the past where the two agree perfectly, 0..0.95.
+        memory: weight of the past where the two agree perfectly and stand still, 0..0.95; `MOVING` of that where
+            they move, since every bilinear sample of a sample blurs a little more.
         tolerance: CIELAB difference at which that weight has fallen to 1/e.
 
     Returns:
@@ -128,8 +131,9 @@ def _settle(
             db = past[2] - lab[y, x, 2]
             far = np.uint8(min(np.float32(254.0), np.float32(4.0) * np.sqrt(dl * dl + da * da + db * db)))
             residual[y, x] = far
+            weight = weights[far] if dx == 0.0 and dy == 0.0 else weights[far] * np.float32(MOVING)
             for c in range(3):
-                out[y, x, c] = np.uint8(lab[y, x, c] + weights[far] * (past[c] - lab[y, x, c]) + np.float32(0.5))
+                out[y, x, c] = np.uint8(lab[y, x, c] + weight * (past[c] - lab[y, x, c]) + np.float32(0.5))
 
 
 @kernel

@@ -74,6 +74,7 @@ class Segmenter:
     def step(
         self, lab: Lab8, edges: NDArray[np.uint8], importance: Plane, flow: Flow | None,
         residual: NDArray[np.uint8] | None,
+        fading: bool = False,
     ) -> Segmentation:  # fmt: skip
         """Segment a frame.
 
@@ -83,6 +84,9 @@ class Segmenter:
             importance: float32, any size, 0..1.
             flow: previous to current frame, or None for the first frame.
             residual: uint8 (h, w), CIELAB difference of every pixel to its past, quarter units; with `flow`.
+            fading: the light is changing fast. Regions then have to earn their pixels anew: misfits are judged as
+                strictly as in a new region, and balls roll before regions grow (what a fade-in reveals was one
+                black region before).
         """
         limit = self._limit(importance)
         known = self.last
@@ -95,10 +99,11 @@ class Segmenter:
             )
             labels = smooth_labels(carried)
             sums = measure(labels, lab, limit, len(known.ids) - 1)
-            labels = correct(labels, lab, limit, sums, self.params.boundary_margin, self.params.misfit_slack)
+            slack = self.params.core_slack if fading else self.params.misfit_slack
+            labels = correct(labels, lab, limit, sums, self.params.boundary_margin, slack)
         left = int(sums[0, AREA])
         if left:
-            sums = self._complete(labels, lab, edges, limit, sums)
+            sums = self._complete(labels, lab, edges, limit, sums, grow_first=not fading)
         return self._finish(labels, carried, lab, limit, sums, left)
 
     def _limit(self, importance: Plane) -> NDArray[np.uint8]:
@@ -108,11 +113,12 @@ class Segmenter:
         return np.asarray(limit if limit.shape == self.shape else cv2.resize(limit, self.shape[::-1]), np.uint8)
 
     def _complete(
-        self, labels: Labels, lab: Lab8, edges: NDArray[np.uint8], limit: NDArray[np.uint8], sums: Sums
+        self, labels: Labels, lab: Lab8, edges: NDArray[np.uint8], limit: NDArray[np.uint8], sums: Sums,
+        grow_first: bool,
     ) -> Sums:  # fmt: skip
         """Grow, roll balls, grow again, and let leftovers join their best neighbour: no pixel stays unlabelled."""
         pixels = unlabelled(labels)
-        if len(sums) > 1:
+        if len(sums) > 1 and grow_first:
             pixels = grow(labels, lab, edges, limit, sums, pixels)
         for radius in radii(int(np.count_nonzero(edges.ravel()[pixels] == 0))):
             sums = self._fill(labels, lab, edges, limit, sums, radius)

@@ -16,6 +16,8 @@ from pipeline.methods.abstraction.params import AbstractionParams
 
 TAU = 0.99
 """Weight of the wider Gaussian; a flat area then answers with -1 % of its gray level, safely below any threshold."""
+FINEST_PX = 0.7
+"""A narrower Gaussian than this sees pixels, not lines."""
 WEAK, STRONG = 0.25, 0.6
 """Hysteresis on ink: what a stroke needs everywhere, and somewhere."""
 
@@ -26,7 +28,7 @@ class Inker:
     def __init__(self, params: AbstractionParams, size: tuple[int, int]) -> None:
         self.params = params
         self.size = size
-        sigma_px = params.line_width / 1000 * size[1]
+        sigma_px = max(FINEST_PX, params.line_width / 1000 * size[1])
         self.shrink = max(1, round(sigma_px))
         self.small = (max(1, size[0] // self.shrink), max(1, size[1] // self.shrink))
         self.sigma_px = sigma_px / self.shrink
@@ -42,11 +44,9 @@ class Inker:
             flow: from the previous frame, px; None = nothing is known of the past.
         """
         small = cv2.resize(gray, self.small, interpolation=cv2.INTER_AREA).astype(np.float32)
-        ink = self._draw(small, cv2.resize(importance, self.small, interpolation=cv2.INTER_NEAREST))
-        if flow is None or self.last is None:
-            kept = self._keep(ink, None)
-        else:
-            kept = self._keep(ink, follow(self.last, self._shrink_flow(flow)))
+        weight = cv2.resize(importance, self.small, interpolation=cv2.INTER_NEAREST)
+        past = None if flow is None or self.last is None else follow(self.last, self._shrink_flow(flow))
+        kept = self._keep(self._draw(small, weight), past, weight)
         self.last = kept
         return kept if self.shrink == 1 else cv2.resize(kept, self.size, interpolation=cv2.INTER_LINEAR)
 
@@ -55,8 +55,8 @@ class Inker:
         threshold = self.params.line_threshold * (1.25 - 0.75 * importance)
         return soft_threshold(response, threshold.astype(np.float32), self.params.line_sharpness)
 
-    def _keep(self, ink: Plane, before: Plane | None) -> Plane:
-        keep = keep_strokes(ink, before, WEAK, STRONG, self.shortest_px)
+    def _keep(self, ink: Plane, before: Plane | None, importance: Plane) -> Plane:
+        keep = keep_strokes(ink, before, importance, WEAK, STRONG, self.shortest_px)
         # One pixel more on each side keeps the soft rim of a stroke.
         rim = cv2.dilate(keep.view(np.uint8), np.ones((3, 3), np.uint8))
         return ink * rim

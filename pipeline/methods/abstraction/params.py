@@ -34,7 +34,7 @@ class AbstractionParams(Params):
         "CIELAB", "Regions", "20",
     )  # fmt: skip
     core_tolerance: float = _number(
-        0.55, 0.2, 1.5, "Core tolerance",
+        0.4, 0.2, 1.5, "Core tolerance",
         "Share of the region tolerance that a new region's core must keep to. Smaller = more shades in a gradient.",
         "ratio", "Regions",
     )  # fmt: skip
@@ -84,7 +84,7 @@ class AbstractionParams(Params):
         "A boundary pixel changes region only if the other fits better by more than this.", "CIELAB", "Time",
     )  # fmt: skip
     paint_memory: float = _number(
-        0.6, 0, 0.95, "Paint memory",
+        0.65, 0, 0.95, "Paint memory",
         "Weight of the last frame's paint where the source agrees with its past: what changes there fades, not pops.",
         "ratio", "Time",
     )  # fmt: skip

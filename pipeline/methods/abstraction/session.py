@@ -27,7 +27,7 @@ from pipeline.frames import Flow, Frame, Plane, same_size
 from pipeline.methods.abstraction.inker import Inker
 from pipeline.methods.abstraction.palette import Palette
 from pipeline.methods.abstraction.params import AbstractionParams
-from pipeline.segmentation.cuts import is_cut, thumbnail
+from pipeline.segmentation.cuts import is_cut, steadiness, thumbnail
 from pipeline.segmentation.edges import edges
 from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker
 from pipeline.segmentation.motion import fade, hold_still, settle
@@ -42,6 +42,8 @@ IDS_A_SHOT = 1_000_000_000
 """Region ids are shot * IDS_A_SHOT + n: unique over the video although shots are done apart."""
 SETTLE_TOLERANCE = 6.0
 """CIELAB units at which the weight of the past has fallen to 1/e."""
+FADING = 0.5
+"""`calm` below which regions have to earn their pixels anew."""
 INK = (14, 11, 16)
 """RGB of full ink: a warm black."""
 
@@ -59,6 +61,8 @@ class Percept:
     ink: Plane | None
     tone: Tone | None
     shot: int
+    calm: float
+    """0..1: 1 = the light is steady; towards 0 in a fade, when the past is no guide to colour."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +92,7 @@ class Eye:
         self.gray: NDArray[np.uint8] | None = None
         self.settled: Lab8 | None = None
         self.thumbnail: Plane | None = None
+        self.calm = 1.0
         self.smooth_px = 0.6 + 0.4 * size[1] / 360
 
     def step(self, frame: Frame, mask: Plane | None = None) -> Percept:
@@ -107,11 +112,12 @@ class Eye:
         with self.clock("colour"):
             tone = self.tone.step(measure_tone(frame), fresh) if self.tone else None
         self.gray, self.settled = gray, settled
-        return Percept(settled, outline, importance, flow, residual, ink, tone, self.shot)
+        return Percept(settled, outline, importance, flow, residual, ink, tone, self.shot, self.calm)
 
     def _begins_shot(self, frame: Frame) -> bool:
         """The first frame, a hard cut, or any frame at all when every frame stands on its own."""
         before, self.thumbnail = self.thumbnail, thumbnail(frame)
+        self.calm = 1.0 if before is None else steadiness(before, self.thumbnail)
         if before is None:
             return True
         cut = is_cut(before, self.thumbnail, self.params.cut_sensitivity)
@@ -127,7 +133,7 @@ class Eye:
             flow = estimate(self.gray, gray, self.params.flow)
             hold_still(flow, self.gray, gray, self.params.stillness)
         with self.clock("settle"):
-            settled, residual = settle(lab, self.settled, flow, self.params.steadiness, SETTLE_TOLERANCE)
+            settled, residual = settle(lab, self.settled, flow, self.params.steadiness * self.calm, SETTLE_TOLERANCE)
         return flow, settled, residual
 
     def state(self) -> State:
@@ -168,11 +174,12 @@ class Hand:
         with self.clock("segment"):
             if percept.flow is None:
                 self._begin(percept.shot)
+            fading = percept.calm < FADING
             regions = self.segmenter.step(
-                percept.lab, percept.edges, percept.importance, percept.flow, percept.residual
+                percept.lab, percept.edges, percept.importance, percept.flow, percept.residual, fading
             )
         with self.clock("colour"):
-            colours = self.palette.step(regions, percept.tone)
+            colours = self.palette.step(regions, percept.tone, percept.calm)
         with self.clock("paint"):
             labels = round_boundaries(regions.labels, self.round_px) if self.round_px else regions.labels
             picture = flat(labels, colours)
@@ -185,7 +192,7 @@ class Hand:
         """Where the source agrees with its past, let paint fade over from the last frame rather than jump."""
         if percept.flow is None or percept.residual is None or self.picture is None or not self.params.paint_memory:
             return picture
-        return fade(picture, self.picture, percept.flow, percept.residual, self.params.paint_memory)
+        return fade(picture, self.picture, percept.flow, percept.residual, self.params.paint_memory * percept.calm)
 
     def _begin(self, shot: int) -> None:
         """A shot's ids start at its own base; frames on their own (`temporal=off`) go on counting within it."""
