@@ -1,0 +1,70 @@
+"""Reliability and warping, against scenes whose occlusions are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.flow import estimate
+from pipeline.flow.reliability import inside, motion_boundary, residual_lab, round_trip_px, visible
+from pipeline.flow.warp import fetch, push
+from pipeline.scenes import scene
+
+
+def ramp(height: int = 24, width: int = 32) -> np.ndarray:
+    y, x = np.mgrid[:height, :width].astype(np.float32)
+    return np.stack([x, y, x + y], axis=-1)
+
+
+def constant(dx: float, dy: float, height: int = 24, width: int = 32) -> np.ndarray:
+    return np.broadcast_to(np.float32([dx, dy]), (height, width, 2)).copy()
+
+
+def test_fetch_reads_where_the_flow_points() -> None:
+    got = fetch(ramp(), constant(2.5, -1.25))
+    np.testing.assert_allclose(got[4:-4, 4:-4], (ramp() + np.float32([2.5, -1.25, 1.25]))[4:-4, 4:-4], atol=0.05)
+
+
+def test_push_then_fetch_is_the_picture_again() -> None:
+    flow = constant(3, -2)
+    moved, weight = push(ramp(), flow)
+    np.testing.assert_allclose(fetch(moved, flow)[4:-4, 4:-4], ramp()[4:-4, 4:-4], atol=1e-4)
+    assert (weight[:, :3] == 0).all() and (weight[:-2, 3:] == 1).all() and (weight[-2:] == 0).all()
+
+
+def test_push_keeps_the_sum_of_what_stays_inside() -> None:
+    picture = np.zeros((24, 32, 1), np.float32)
+    picture[10:14, 10:14] = 1
+    moved, weight = push(picture, constant(1.3, 0.6))
+    assert (moved[..., 0] * weight).sum() == pytest.approx(16, rel=1e-5)
+
+
+def test_a_round_trip_along_opposite_flows_closes() -> None:
+    there, back = constant(3, 1), constant(-3, -1)
+    assert round_trip_px(there, back).max() < 1e-5
+    assert visible(there, back).sum() == (24 - 1) * (32 - 3)
+    assert not visible(there, constant(0, 0)).any()
+    assert inside(there).sum() == (24 - 1) * (32 - 3)
+
+
+def test_a_motion_boundary_is_where_the_flow_jumps() -> None:
+    flow = constant(0, 0)
+    flow[:, 16:] = 4
+    edge = motion_boundary(flow)
+    assert edge[:, 15:17].all() and not edge[:, :14].any() and not edge[:, 18:].any()
+
+
+def test_known_occlusions_are_found() -> None:
+    made = scene("shapes", (256, 144), 6, 12.0)
+    here, after = made.frame(3), made.image(4)
+    seen = visible(estimate(here.image, after, "dis-medium"), estimate(after, here.image, "dis-medium"))
+    assert seen[~here.occluded_next].mean() > 0.93
+    assert seen[here.occluded_next].mean() < 0.4
+
+
+def test_the_residual_is_high_where_a_point_is_gone() -> None:
+    made = scene("shapes", (256, 144), 6, 12.0)
+    here, after = made.frame(3), made.image(4)
+    residual = residual_lab(here.image, after, here.velocity_next)
+    assert residual.dtype == np.float32
+    assert np.median(residual[~here.occluded_next]) < 1.5 < 8 < np.median(residual[here.occluded_next])
