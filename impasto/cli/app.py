@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -24,7 +25,7 @@ from impasto.cli import (
     version,
     watch,
 )
-from impasto.cli.console import FAILED, INTERRUPTED, fail
+from impasto.cli.console import FAILED, INTERRUPTED, Interrupted, fail
 from pipeline.errors import BadInput, ImpastoError
 
 app = typer.Typer(
@@ -53,6 +54,14 @@ app.command(rich_help_panel=AROUND)(doctor.doctor)
 app.command(rich_help_panel=AROUND)(version.version)
 
 
+REMEDIES = {
+    errno.ENOSPC: "Free some space, then run the same command again.",
+    errno.EACCES: "Check the permissions, or name another place.",
+    errno.EROFS: "Name a place that can be written to.",
+    errno.EADDRINUSE: "Choose another port: --port 0 takes a free one.",
+}
+
+
 def run(arguments: Sequence[str]) -> int:
     """Run one command line; return its exit status. Errors are printed, in one way, here only."""
     as_json = "--json" in arguments
@@ -61,13 +70,15 @@ def run(arguments: Sequence[str]) -> int:
     except TyperException as error:
         return fail(_usage(error), as_json)
     except (Abort, KeyboardInterrupt):
-        return INTERRUPTED
+        code = INTERRUPTED
     except ImpastoError as error:
         return fail(error, as_json)
     except BrokenPipeError:
         return FAILED
     except OSError as error:
         return fail(_system(error), as_json)
+    if code == INTERRUPTED:
+        return fail(Interrupted("Interrupted."), as_json)
     return code if isinstance(code, int) else 0
 
 
@@ -76,11 +87,11 @@ def _usage(error: TyperException) -> ImpastoError:
 
 
 def _system(error: OSError) -> ImpastoError:
-    """What the operating system refused: a full disk, a right that is missing."""
+    """What the operating system refused: a full disk, a right that is missing, a port that is taken."""
     return ImpastoError(
         f"{error.strerror or type(error).__name__}.",
         field=str(error.filename or ""),
-        remedy="Check free space and permissions, then run the same command again.",
+        remedy=REMEDIES.get(error.errno or 0, "Mend that, then run the same command again."),
     )
 
 

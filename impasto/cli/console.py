@@ -28,7 +28,7 @@ class Interrupted(ImpastoError):  # noqa: N818
 
 def emit(value: Any) -> None:
     """Print `value` as one line of JSON on stdout."""
-    typer.echo(json.dumps(value, ensure_ascii=False, allow_nan=False))
+    typer.echo(json.dumps(value, allow_nan=False))
 
 
 def say(text: str) -> None:

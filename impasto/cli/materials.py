@@ -33,13 +33,18 @@ def gather(field: str, path: Path, scratch: Path) -> Material:
     if path.is_dir():
         file = scratch / f"{len(list(scratch.iterdir())):04d}.zip"
         _zip(field, path, file)
-        return Material(file, f"{path.resolve().name}.zip", _sha256(file))
+        return Material(file, plain(f"{path.resolve().name}.zip"), _sha256(file))
     if not path.is_file():
         raise BadInput("It is neither a file nor a folder.", field=field, value=path, remedy="Save it to a file first.")
     try:
-        return Material(path, path.name, _sha256(path))
+        return Material(path, plain(path.name), _sha256(path))
     except PermissionError:
         raise BadInput("It cannot be read.", field=field, value=path, remedy="Check its permissions.") from None
+
+
+def plain(name: str) -> str:
+    """A file's name as text that can be stored and shown, whatever bytes it is made of."""
+    return name.encode("utf-8", "replace").decode()[:200]
 
 
 def _zip(field: str, folder: Path, target: Path) -> None:

@@ -24,7 +24,7 @@ KEPT_S = 30 * 24 * 3600.0
 
 def key_of(facts: dict[str, Any]) -> str:
     """A short name for a command: equal facts (inputs by their SHA-256, parameters, output, ...), equal name."""
-    text = json.dumps(facts, sort_keys=True, ensure_ascii=False, default=str)
+    text = json.dumps(facts, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:24]
 
 

@@ -63,13 +63,14 @@ def render(
 ) -> None:
     """Render IN to OUT on this machine, with a bar for each step."""
     from impasto.cli.delivery import target
+    from impasto.cli.materials import plain
     from impasto.cli.progress import progress
     from impasto.cli.rendering import Commission, run
     from workers.model import JobRequest, OutputSpec
 
     where, artefacts = target(output), values.artefacts(artefact or [])
     spec = OutputSpec(format=where.format, quality=quality, artefacts=tuple(sorted(artefacts)))
-    request = JobRequest(method, {}, values.params(param or []), seed, spec, name=source.name)
+    request = JobRequest(method, {}, values.params(param or []), seed, spec, name=plain(source.name))
     order = Commission(request, {"video": source, **values.inputs(extra or [])}, where, artefacts)
     order.check()
     with progress(quiet) as show:

@@ -55,6 +55,8 @@ def submit(
     as_json: JsonFlag = False,
 ) -> None:
     """Upload IN and submit a job to a service; print its id."""
+    from impasto.cli.materials import plain
+
     paths = {"video": source, **values.inputs(extra or [])}
     given = values.params(param or [])
     labels = values.labels(label or [])
@@ -65,7 +67,7 @@ def submit(
             given,
             seed=seed,
             output={"format": output_format, "quality": quality, "artefacts": artefact or []},
-            name=name or source.name,
+            name=name or plain(source.name),
             labels=labels,
             priority=priority,
             webhook=webhook,

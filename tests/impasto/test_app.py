@@ -76,15 +76,25 @@ def test_no_service_is_an_error_that_says_how_to_start_one(command: str, capsys:
     assert "impasto serve" in capsys.readouterr().err
 
 
+def _raising(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
+    def refuse(text: str) -> object:
+        raise error
+
+    monkeypatch.setattr("impasto.cli.delivery.target", refuse)
+
+
 def test_what_the_system_refuses_is_no_traceback(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def full(text: str) -> object:
-        raise OSError(errno.ENOSPC, "No space left on device", "/tmp/x")
-
-    monkeypatch.setattr("impasto.cli.delivery.target", full)
+    _raising(monkeypatch, OSError(errno.ENOSPC, "No space left on device", "/tmp/x"))
     assert app.run(["render", "a.mp4", "-o", "b.mp4"]) == 1
-    assert "No space left on device. (field: /tmp/x)" in capsys.readouterr().err
+    assert "No space left on device. (field: /tmp/x) Free some" in capsys.readouterr().err
+
+
+def test_ctrl_c_anywhere_is_status_130(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    _raising(monkeypatch, KeyboardInterrupt())
+    assert app.run(["render", "a.mp4", "-o", "b.mp4", "--json"]) == 130
+    assert json.loads(capsys.readouterr().out)["error"]["code"] == "interrupted"
 
 
 def test_doctor_looks_at_everything(home: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -117,7 +118,9 @@ def test_a_folder_of_frames_and_a_still_are_inputs_too(render: Here, tmp_path: P
     for index in range(3):
         cv2.imwrite(str(tmp_path / "in" / f"{index:04d}.png"), tiny_frame(index)[..., ::-1])
     assert render(tmp_path / "in", "-o", f"{tmp_path}/out/")["frames"] == 3
-    render(tmp_path / "in" / "0000.png", "-o", tmp_path / "still.png")
+    odd = tmp_path / os.fsdecode(b"caf\xe9 " + b"x" * 220 + b".png")  # no UTF-8, and long
+    odd.write_bytes((tmp_path / "in" / "0000.png").read_bytes())
+    render(odd, "-o", tmp_path / "still.png")
     still, first = (cv2.imread(str(tmp_path / name)) for name in ("still.png", "out/0000.png"))
     assert np.array_equal(still, first)
 
@@ -213,6 +216,6 @@ def test_the_same_command_goes_on_to_the_same_bytes(
         assert "Run the same command again" in said
     assert render(long_clip, "-o", out)["frames"] == LONG_FRAMES
     assert "Going on from" in render.err
-    render(long_clip, "-o", whole)
+    render(long_clip, "-o", whole, "--workers", "2")
     assert "Going on from" not in render.err
     assert out.read_bytes() == whole.read_bytes()
