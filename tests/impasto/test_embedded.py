@@ -1,0 +1,66 @@
+"""A render's job is found again by its key, whatever became of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from impasto.cli import embedded
+from impasto.cli.console import Interrupted
+from impasto.cli.materials import gather
+from impasto.problems import JobFailed
+from workers.farm import Farm
+from workers.model import JobRequest, RunState
+from workers.settings import FarmSettings
+from workers.studio import open_farm
+
+REQUEST = JobRequest("abstraction", {}, {"lines": "off"})
+
+
+def submit(farm: Farm, clip: Path, scratch: Path) -> Any:
+    return embedded.submit(farm, REQUEST, {"video": gather("IN", clip, scratch)}, "key")
+
+
+def test_what_was_cancelled_is_taken_up_again(tiny_clip: Path, home: Path, tmp_path: Path) -> None:
+    idle = open_farm(FarmSettings(home=home, pool="none"))
+    job = submit(idle, tiny_clip, tmp_path)
+    assert submit(idle, tiny_clip, tmp_path).id == job.id
+    idle.cancel(job.id)
+    idle.stop()
+    shown: list[float] = []
+    with embedded.opened(home, 1) as farm:
+        again = submit(farm, tiny_clip, tmp_path)
+        assert again.id == job.id
+        done = embedded.follow(farm, job.id, lambda now: shown.append(now["progress"]))
+    assert done.state is RunState.SUCCEEDED
+    assert shown == sorted(shown)
+    assert shown[-1] == 1.0
+
+
+def test_a_job_without_a_result_is_a_failure_that_says_why(tiny_clip: Path, home: Path, tmp_path: Path) -> None:
+    farm = open_farm(FarmSettings(home=home, pool="none"))
+    job = submit(farm, tiny_clip, tmp_path)
+    farm.cancel(job.id)
+    with pytest.raises(JobFailed) as caught:
+        embedded.follow(farm, job.id, lambda now: None)
+    assert caught.value.job["state"] == "cancelled"
+    farm.stop()
+
+
+def test_ctrl_c_says_how_far_it_came_and_how_to_go_on(
+    tiny_clip: Path, home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    farm = open_farm(FarmSettings(home=home, pool="none"))
+    job = submit(farm, tiny_clip, tmp_path)
+
+    def ctrl_c(*_: object, **__: object) -> bool:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(farm, "wait", ctrl_c)
+    with pytest.raises(Interrupted, match="0%") as caught:
+        embedded.follow(farm, job.id, lambda now: None)
+    assert "same command" in caught.value.remedy
+    assert farm.job(job.id).state is RunState.QUEUED
+    farm.stop()
