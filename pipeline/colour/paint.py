@@ -21,7 +21,7 @@ def flat(labels: Labels, colours: NDArray[np.uint8], soften_px: float = 0.7) -> 
     """
     out = np.empty((*labels.shape, 3), np.uint8)
     _flat(labels, colours, out)
-    return cv2.GaussianBlur(out, (3, 3), soften_px) if soften_px > 0 else out
+    return np.asarray(cv2.GaussianBlur(out, (3, 3), soften_px), np.uint8) if soften_px > 0 else out
 
 
 @kernel
@@ -37,7 +37,7 @@ def _flat(labels: Labels, colours: NDArray[np.uint8], out: Frame) -> None:
 
 def overlay(picture: Frame, ink: Plane, colour: tuple[int, int, int]) -> Frame:
     """Lay `ink` (float32 (h, w), opacity 0..1) of one RGB `colour` over `picture`, in place; returns it."""
-    opacity = cv2.convertScaleAbs(ink, alpha=256.0)
+    opacity = np.asarray(cv2.convertScaleAbs(ink, alpha=256.0), np.uint8)
     _overlay(picture, opacity, np.array(colour, np.int32))
     return picture
 

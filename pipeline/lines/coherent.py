@@ -27,13 +27,13 @@ def keep_strokes(
     mask = (ink > weak).astype(np.uint8)
     count, parts, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8, ltype=cv2.CV_32S)
     past = before if before is not None else np.zeros_like(ink)
-    peak, old, weight = _strongest(parts, ink, past, importance, count)
+    peak, old, weight = _strongest(np.asarray(parts, np.int32), ink, past, importance, count)
     known = old > 0.25 * np.maximum(stats[:, cv2.CC_STAT_AREA], 1)
     extent = np.maximum(stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT])
     long_enough = extent >= shortest_px * np.where(known, 1 / 3, 1) * (1 - 0.75 * weight)
-    keep = ((peak > strong) | known) & long_enough
+    keep: NDArray[np.bool_] = ((peak > strong) | known) & long_enough
     keep[0] = False
-    return keep[parts]
+    return np.asarray(keep[parts], np.bool_)
 
 
 @kernel

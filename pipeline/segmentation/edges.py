@@ -28,4 +28,4 @@ def edges(
     dx = cv2.Sobel(gray, cv2.CV_32F, 1, 0)
     dy = cv2.Sobel(gray, cv2.CV_32F, 0, 1)
     scaled = [cv2.multiply(d, gain, dtype=cv2.CV_16S) for d in (dx, dy)]
-    return cv2.Canny(scaled[0], scaled[1], high * low_ratio, high)
+    return np.asarray(cv2.Canny(scaled[0], scaled[1], high * low_ratio, high), np.uint8)

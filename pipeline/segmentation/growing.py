@@ -18,7 +18,7 @@ def unlabelled(labels: Labels, among: NDArray[np.int32] | None = None) -> NDArra
     """Flat indices of the pixels without a label, in raster order; only those of `among`, if given."""
     if among is None:
         return np.flatnonzero(labels.ravel() == 0).astype(np.int32)
-    return among[labels.ravel()[among] == 0]
+    return np.asarray(among[labels.ravel()[among] == 0], np.int32)
 
 
 def grow(

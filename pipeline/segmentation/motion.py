@@ -29,7 +29,7 @@ def hold_still(flow: Flow, previous_gray: NDArray[np.uint8], gray: NDArray[np.ui
     A pixel stands still when the mean absolute difference of the two grays over 5x5 is at most `tolerance`
     (levels, 0..255), or when its displacement is under a tenth of a pixel.
     """
-    difference = cv2.boxFilter(cv2.absdiff(gray, previous_gray), -1, (5, 5))
+    difference = np.asarray(cv2.boxFilter(cv2.absdiff(gray, previous_gray), -1, (5, 5)), np.uint8)
     _zero_still(flow, difference, np.uint8(tolerance))
     return flow
 

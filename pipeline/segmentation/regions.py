@@ -32,22 +32,22 @@ def _measure(labels: Labels, lab: Lab8, limit: NDArray[np.uint8], sums: Sums) ->
     height, width = labels.shape
     for y in range(height):
         run = labels[y, 0]
-        l = a = b = n = m = np.int64(0)
+        light = a = b = n = m = np.int64(0)
         for x in range(width):
             if labels[y, x] != run:
-                sums[run, 0] += l
+                sums[run, 0] += light
                 sums[run, 1] += a
                 sums[run, 2] += b
                 sums[run, 3] += n
                 sums[run, 4] += m
                 run = labels[y, x]
-                l = a = b = n = m = np.int64(0)
-            l += lab[y, x, 0]
+                light = a = b = n = m = np.int64(0)
+            light += lab[y, x, 0]
             a += lab[y, x, 1]
             b += lab[y, x, 2]
             m += limit[y, x]
             n += 1
-        sums[run, 0] += l
+        sums[run, 0] += light
         sums[run, 1] += a
         sums[run, 2] += b
         sums[run, 3] += n

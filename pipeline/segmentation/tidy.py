@@ -85,7 +85,8 @@ def _drop(
 
 @kernel
 def merge_table(
-    labels: Labels, means: Means, areas: NDArray[np.int64], smallest: NDArray[np.int32], newborn: int, similar: np.float32
+    labels: Labels, means: Means, areas: NDArray[np.int64], smallest: NDArray[np.int32], newborn: int,
+    similar: np.float32,
 ) -> NDArray[np.int32]:  # fmt: skip
     """int32 (regions + 1,): the label each region should have.
 

@@ -37,8 +37,7 @@ def fill(labels: Labels, blocked: NDArray[np.uint8], radius_px: int, first_label
     A ball at a centre covers the disc around it; centres are the pixels whose disc holds no obstacle, so a gap
     in an edge narrower than the ball lets nothing through. The frame's border is no obstacle.
     """
-    free = cv2.compare(labels, 0, cv2.CMP_EQ)
-    cv2.bitwise_and(free, cv2.compare(blocked, 0, cv2.CMP_EQ), dst=free)
+    free = ((labels == 0) & (blocked == 0)).view(np.uint8)
     box = cv2.boundingRect(free)
     if not box[2]:
         return 0
@@ -47,7 +46,8 @@ def fill(labels: Labels, blocked: NDArray[np.uint8], radius_px: int, first_label
 
 
 def _fill(labels: Labels, free: NDArray[np.uint8], radius_px: int, first_label: int) -> int:
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius_px + 1, 2 * radius_px + 1))
+    side = 2 * radius_px + 1
+    disc = np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)), np.uint8)
     centres = _centres(free, disc, radius_px)
     count, cores = cv2.connectedComponents(centres, connectivity=4, ltype=cv2.CV_32S)
     if count == 1:
@@ -59,7 +59,7 @@ def _fill(labels: Labels, free: NDArray[np.uint8], radius_px: int, first_label: 
         np.copyto(covered, cores, where=centres > 0, casting="unsafe")
         core_of = np.where(free > 0, covered, 0).astype(np.int32)
     else:
-        core_of = _nearest_core(centres, cores, free, radius_px)
+        core_of = _nearest_core(centres, np.asarray(cores, np.int32), free, radius_px)
     reached = core_of > 0
     labels[reached] = core_of[reached] + np.int32(first_label - 1)
     return count - 1
@@ -68,7 +68,7 @@ def _fill(labels: Labels, free: NDArray[np.uint8], radius_px: int, first_label: 
 def _centres(free: NDArray[np.uint8], disc: NDArray[np.uint8], radius_px: int) -> NDArray[np.uint8]:
     """Where the ball's centre may be: an erosion, by taps while the ball is small and by distance when it is large."""
     if radius_px <= _ERODED_UP_TO_PX:
-        return cv2.erode(free, disc, borderType=cv2.BORDER_CONSTANT, borderValue=255)
+        return np.asarray(cv2.erode(free, disc, borderType=cv2.BORDER_CONSTANT, borderValue=255), np.uint8)
     distance = cv2.distanceTransform(free, cv2.DIST_L2, 5)
     return np.asarray(distance > radius_px, np.uint8)
 

@@ -35,8 +35,12 @@ class Abstraction:
     paper: ClassVar[str] = "zhang2011online"
     Params: ClassVar[type[Params]] = AbstractionParams
     inputs: ClassVar[tuple[InputSpec, ...]] = (
-        InputSpec("video", "video", True, "Video", "The video, GIF, image or zip of numbered images to turn into a cartoon."),
-        InputSpec("reference", "image-or-video", False, "Colour reference", "A picture or video whose colours to take on."),
+        InputSpec(
+            "video", "video", True, "Video", "The video, GIF, image or zip of numbered images to turn into a cartoon.",
+        ),
+        InputSpec(
+            "reference", "image-or-video", False, "Colour reference", "A picture or video whose colours to take on.",
+        ),
         InputSpec(
             "histogram", "json", False, "Hue histogram",
             'A colour scheme drawn by hand: {"hue": [36 weights], "saturation_mean": 0.5, "saturation_std": 0.2, '
@@ -44,7 +48,8 @@ class Abstraction:
         ),
         InputSpec(
             "importance", "images", False, "Importance masks",
-            "White where detail matters, black where not; a zip of images named by frame number, each valid until the next.",
+            "White where detail matters, black where not; a zip of images named by frame number, "
+            "each valid until the next.",
         ),
     )  # fmt: skip
     steps: ClassVar[tuple[Step, ...]] = (

@@ -44,11 +44,13 @@ class Inker:
             flow: from the previous frame, px; None = nothing is known of the past.
         """
         small = cv2.resize(gray, self.small, interpolation=cv2.INTER_AREA).astype(np.float32)
-        weight = cv2.resize(importance, self.small, interpolation=cv2.INTER_NEAREST)
+        weight = np.asarray(cv2.resize(importance, self.small, interpolation=cv2.INTER_NEAREST), np.float32)
         past = None if flow is None or self.last is None else follow(self.last, self._shrink_flow(flow))
         kept = self._keep(self._draw(small, weight), past, weight)
         self.last = kept
-        return kept if self.shrink == 1 else cv2.resize(kept, self.size, interpolation=cv2.INTER_LINEAR)
+        if self.shrink == 1:
+            return kept
+        return np.asarray(cv2.resize(kept, self.size, interpolation=cv2.INTER_LINEAR), np.float32)
 
     def _draw(self, gray: Plane, importance: Plane) -> Plane:
         response = dog_response(gray, self.sigma_px, TAU)

@@ -16,7 +16,7 @@ def _number(
     default: float, low: float, high: float, title: str, help_: str, unit: str, group: str, symbol: str = ""
 ) -> Any:
     """A field with limits and what a form or a command line needs to show it."""
-    extra = {"unit": unit, "group": group, **({"symbol": symbol} if symbol else {})}
+    extra: dict[str, Any] = {"unit": unit, "group": group, **({"symbol": symbol} if symbol else {})}
     return Field(default, ge=low, le=high, title=title, description=help_, json_schema_extra=extra)
 
 

@@ -99,10 +99,11 @@ class Eye:
         frame = same_size(frame, self.size)
         fresh = self._begins_shot(frame)
         with self.clock("lab"):
-            lab = cv2.cvtColor(cv2.GaussianBlur(frame, (0, 0), self.smooth_px), cv2.COLOR_RGB2LAB)
-            gray = cv2.extractChannel(lab, 0)
+            smooth = cv2.GaussianBlur(frame, (0, 0), self.smooth_px)
+            lab = np.asarray(cv2.cvtColor(smooth, cv2.COLOR_RGB2LAB), np.uint8)
+            gray = np.asarray(cv2.extractChannel(lab, 0), np.uint8)
         flow, settled, residual = self._follow(lab, gray, fresh)
-        calm = cv2.extractChannel(settled, 0)
+        calm = np.asarray(cv2.extractChannel(settled, 0), np.uint8)
         with self.clock("importance"):
             importance = self.importance.step(gray, flow, fresh, mask)
         with self.clock("edges"):
