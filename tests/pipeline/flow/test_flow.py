@@ -45,7 +45,7 @@ def test_colour_and_gray_frames_give_the_same_flow(method: FlowMethod) -> None:
 
 @pytest.mark.real("opencl")
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("size", [(16, 16), (17, 131), (131, 17)], ids=str)
+@pytest.mark.parametrize("size", [(16, 16), (17, 131), (131, 17), (16, 400)], ids=str)
 def test_any_size(method: FlowMethod, size: tuple[int, int]) -> None:
     flow = estimate(*pair(*size), method)
     assert flow.shape == (*size, 2) and np.isfinite(flow).all()
