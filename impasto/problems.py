@@ -10,11 +10,23 @@ Every other problem document becomes the class with its `code`, so that `except 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from pipeline.errors import ImpastoError
-from workers.errors import Conflict, NotFound, QuotaExceeded
+from pipeline.errors import (
+    BadFrame,
+    BadInput,
+    BadMedia,
+    BadParameter,
+    Cancelled,
+    DeviceError,
+    ImpastoError,
+    MediaTooLarge,
+    NoVideoStream,
+    StorageError,
+    StorageFull,
+    UnreadableMedia,
+)
+from workers.errors import Conflict, IdempotencyMismatch, NotFound, QuotaExceeded
 
 if TYPE_CHECKING:
     import httpx
@@ -39,6 +51,13 @@ class JobFailed(ImpastoError):  # noqa: N818
         self.log = ""
 
 
+SHARED = (
+    *(BadInput, BadParameter, BadMedia, UnreadableMedia, NoVideoStream, MediaTooLarge, BadFrame),
+    *(Cancelled, DeviceError, StorageError, StorageFull),
+    *(NotFound, Conflict, IdempotencyMismatch, QuotaExceeded),
+)
+"""The classes that a caller may know from working without a service: the same codes mean the same there and here."""
+BY_CODE: dict[str, type[ImpastoError]] = {kind.code: kind for kind in SHARED}
 BY_STATUS: dict[int, type[ImpastoError]] = {
     401: NotAllowed,
     403: NotAllowed,
@@ -46,14 +65,14 @@ BY_STATUS: dict[int, type[ImpastoError]] = {
     409: Conflict,
     429: QuotaExceeded,
 }
-"""For an answer that bears no code of ours, from a proxy for example."""
+"""For codes that only a service has, and for answers that bear none: those of a proxy, for example."""
 
 
 def error_of(response: httpx.Response) -> ImpastoError:
     """The problem in an HTTP answer of 4xx or 5xx as an error of our tree, with code, field, value and remedy."""
     problem = _problem(response)
     code = str(problem.get("code") or "")
-    kind = kind_of(code) or BY_STATUS.get(response.status_code, ImpastoError)
+    kind = BY_CODE.get(code) or BY_STATUS.get(response.status_code, ImpastoError)
     error = kind(
         str(problem.get("detail") or problem.get("title") or f"The service answered {response.status_code}."),
         field=str(problem.get("field") or ""),
@@ -74,20 +93,9 @@ def job_failed(job: dict[str, Any]) -> JobFailed:
     return error
 
 
-def kind_of(code: str) -> type[ImpastoError] | None:
-    """The class of the error tree with this code."""
-    return dict(_codes(ImpastoError)).get(code)
-
-
 def _problem(response: httpx.Response) -> dict[str, Any]:
     try:
         found = response.json()
     except ValueError:
         return {}
     return found if isinstance(found, dict) else {}
-
-
-def _codes(kind: type[ImpastoError]) -> Iterator[tuple[str, type[ImpastoError]]]:
-    yield kind.code, kind
-    for below in kind.__subclasses__():
-        yield from _codes(below)

@@ -11,7 +11,7 @@ from typing import Any
 import typer
 from rich.console import Console
 
-from impasto.problems import kind_of
+from impasto.problems import BY_CODE
 from pipeline.errors import BadInput, ImpastoError
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
@@ -62,4 +62,4 @@ def status(error: ImpastoError) -> int:
     """The exit status for an error."""
     if isinstance(error, Interrupted):
         return INTERRUPTED
-    return BAD_INPUT if issubclass(kind_of(error.code) or type(error), BadInput) else FAILED
+    return BAD_INPUT if issubclass(BY_CODE.get(error.code, type(error)), BadInput) else FAILED
