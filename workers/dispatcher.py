@@ -12,7 +12,6 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 from pipeline.errors import ImpastoError, StorageError
 from workers import jobs as machine
@@ -89,10 +88,10 @@ class Dispatcher:
 
     # -- life
 
-    def start(self, home: Path) -> None:
-        """Take up what earlier lives have left, and begin. `home` holds the lock files of dispatchers."""
-        self._life = Life(home / "dispatchers")
+    def start(self, life: Life) -> None:
+        """Take up what earlier lives have left, and begin. `stop` ends `life`."""
         self._pool.start(self._hear)
+        self._life = life
         self._turned = time.monotonic()
         self._thread.start()
 
@@ -185,24 +184,24 @@ class Dispatcher:
 
     def _settle(self, attempt_id: str, flight: _Flight, outcome: TaskOutcome) -> None:
         """Bring an outcome into the store. The attempt leaves us only once that has worked."""
-        counted = self._commit(outcome)
+        counted = self._commit(outcome, flight.worker)
         self._flights.pop(attempt_id, None)
         jobs = self._store.jobs
         over = jobs.succeeded(flight.job_id) if counted and flight.last_step else not jobs.exists(flight.job_id)
         if over:
             self._tidy(flight.job_id)
 
-    def _commit(self, outcome: TaskOutcome) -> bool:
+    def _commit(self, outcome: TaskOutcome, worker: str) -> bool:
         work, fault = self._store.work, outcome.fault
         if outcome.cancelled and self._stopping:
             return work.put_off(outcome.attempt_id, 0.0, outcome.log)
         if outcome.cancelled:  # an attempt that nobody stopped is at fault; that of a cancelled job is fenced
             fault = fault or Fault("cancelled", "The task stopped by itself.", "See the log of the task.")
         if fault is None:
-            return work.finish(outcome)
+            return work.finish(outcome, worker=worker)
         if is_storage_away(fault):
             return work.put_off(outcome.attempt_id, _STORAGE_AWAY_S, outcome.log)
-        return work.finish(outcome, machine.Failed(fault, is_final(fault)))
+        return work.finish(outcome, machine.Failed(fault, is_final(fault)), worker)
 
     def _tell_progress(self) -> None:
         news = {attempt_id: flight for attempt_id, flight in self._flights.items() if not flight.told}

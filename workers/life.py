@@ -30,7 +30,14 @@ class Life:
 
     def dead(self) -> list[str]:
         """Ids of dispatchers of this home that are dead and not yet forgotten."""
-        return [file.stem for file in self._folder.glob("dsp_*.lock") if file != self._place and _is_free(file)]
+        return [file.stem for file in self._others() if _is_free(file)]
+
+    def alone(self) -> bool:
+        """Whether no other dispatcher of this home is alive."""
+        return all(_is_free(file) for file in self._others())
+
+    def _others(self) -> list[Path]:
+        return [file for file in self._folder.glob("dsp_*.lock") if file != self._place]
 
     def forget(self, dead: list[str]) -> None:
         """Their work has been taken up."""

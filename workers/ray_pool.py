@@ -64,7 +64,8 @@ class RayPool:
         self, blobs: DiskBlobs, settings: FarmSettings, make_runner: Callable[[], Runner] | None = None
     ) -> None:
         self._settings = settings
-        self._make_runner = make_runner or partial(Renderer, blobs)
+        here = settings.ray_address == "local"
+        self._make_runner = make_runner or partial(Renderer, blobs, settings.scratch if here else None)
         self._workers: list[_Worker] = []
         self._lock = threading.RLock()
         self._news = threading.Event()

@@ -57,6 +57,11 @@ class FarmSettings(BaseModel):
         return self.database_url or f"sqlite:///{(self.home / 'impasto.db').absolute()}"
 
     @property
+    def scratch(self) -> Path:
+        """Folder of files that are being written; worth nothing once its process is dead."""
+        return (self.home / "scratch").absolute()
+
+    @property
     def limits(self) -> Limits:
         """How large an asset may be."""
         return Limits(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
@@ -17,6 +18,7 @@ from workers.dispatcher import Dispatcher
 from workers.errors import Conflict, NotFound
 from workers.farm import Farm, Keys, Page, Served, Webhooks
 from workers.jobs import Limits
+from workers.life import Life
 from workers.model import Asset, Event, Job, JobRequest, Json, TaskView
 from workers.orders import asset_key
 from workers.pool import Pool
@@ -68,8 +70,16 @@ class Studio:
 
     def start(self) -> None:
         self._blobs.sweep()
-        if self._dispatcher is not None:
-            self._dispatcher.start(self._settings.home)
+        if self._dispatcher is None:
+            return
+        life = Life(self._settings.home / "dispatchers")
+        if life.alone():  # what is in there was left by a crash
+            shutil.rmtree(self._settings.scratch, ignore_errors=True)
+        try:
+            self._dispatcher.start(life)
+        except BaseException:
+            life.end()
+            raise
 
     def stop(self) -> None:
         if self._dispatcher is not None:
@@ -263,7 +273,7 @@ def _pool(settings: FarmSettings) -> Pool | None:
     from workers.local_pool import LocalPool
     from workers.render import Renderer
 
-    return LocalPool(lambda: Renderer(blobs), settings.workers)
+    return LocalPool(lambda: Renderer(blobs, settings.scratch), settings.workers)
 
 
 def _sha256(path: Path) -> str:

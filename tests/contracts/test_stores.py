@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
-from sqlalchemy import select
+from sqlalchemy import event, select
 
 from pipeline.errors import BadParameter, StorageError
 from pipeline.methods.base import Task
@@ -343,3 +343,31 @@ def test_a_database_that_cannot_be_opened_says_so(tmp_path: Path) -> None:
         Store(f"sqlite:///{tmp_path / 'broken.db'}")
     with pytest.raises(StorageError):
         Store(f"sqlite:///{tmp_path / 'file' / 'impasto.db'}")
+
+
+def test_claiming_and_answering_read_no_whole_table(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With 100,000 tasks a scan would show: every statement must find its rows by an index."""
+    job_id = _job(store)
+    _plan(store, *(Task(f"t-{i}", after=("t-0",) if i > 5 else ()) for i in range(500)))
+    said: list[tuple[str, object]] = []
+    engine = store._db._engine
+    event.listen(engine, "before_cursor_execute", lambda c, cursor, text, given, *_: said.append((text, given)))
+    for _ in range(2):
+        claim = _claim(store)
+        store.work.progress({claim.attempt_id: 0.5}, {})
+        store.work.renew("me", 30)
+        store.work.finish(_answer(claim))
+    store.jobs.get(job_id)
+    store.history.tasks(job_id, state="ready", limit=5)
+    store.history.events(job_id, 3, 5)
+    for text, given in list(said):
+        assert not _scanned(store, text, given) & {"tasks", "task_edges", "attempts", "events", "files"}, text
+
+
+def _scanned(store: Store, text: str, given: object) -> set[str]:
+    """Tables that SQLite would read from end to end for a statement."""
+    if not store._db.is_sqlite or text.startswith(("BEGIN", "INSERT")):
+        return set()
+    with store._db.read() as connection:
+        plan = connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {text}", given).all()  # type: ignore[arg-type]
+    return {row[3].split()[1] for row in plan if row[3].startswith("SCAN") and "INDEX" not in row[3]}

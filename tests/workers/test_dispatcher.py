@@ -134,10 +134,10 @@ def test_an_outcome_waits_while_the_store_is_away(
     finish = farm._store.work.finish
     down = time.monotonic() + 0.8
 
-    def away(*args: object) -> bool:
+    def away(*args: object, **more: object) -> bool:
         if time.monotonic() < down:
             raise StorageError("The database does not answer.")
-        return finish(*args)  # type: ignore[arg-type]
+        return finish(*args, **more)  # type: ignore[arg-type]
 
     monkeypatch.setattr(farm._store.work, "finish", away)
     pool.run(blobs, order)
@@ -183,9 +183,24 @@ def test_a_deleted_job_leaves_no_blobs_of_late_attempts(
 def test_a_running_dispatcher_is_alive_and_a_closed_one_is_forgotten(tmp_path: Path) -> None:
     first, second = Life(tmp_path), Life(tmp_path)
     assert first.dead() == []
+    assert not first.alone()
     os.close(second._handle)  # what the kernel does when it is killed
     assert first.dead() == [second.id]
+    assert first.alone()
     first.forget([second.id])
     assert first.dead() == []
     first.end()
     assert list(tmp_path.iterdir()) == []
+
+
+def test_scratch_files_of_a_crash_are_swept_when_nobody_else_is_alive(
+    by_hand: Callable[..., Studio], settings: FarmSettings
+) -> None:
+    left = settings.scratch / "impasto-x" / "segment"
+    left.parent.mkdir(parents=True)
+    left.touch()
+    by_hand()
+    assert not left.exists()
+    left.parent.mkdir(parents=True)
+    by_hand()
+    assert left.parent.exists(), "it may be in use by the other farm"

@@ -8,6 +8,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from workers.errors import NotFound
 from workers.store.book import JobBook, Policy
 from workers.store.database import Database
 
@@ -47,10 +48,19 @@ class Base:
 
     @contextmanager
     def _book(self, job_id: str) -> Iterator[JobBook]:
-        """The job under lock; committed at the end, and the bell rung."""
-        with self._db.write() as connection:
-            book = JobBook(connection, job_id, self._now(), self._policy)
+        """The job under lock; committed at the end, and the bell rung. Raises NotFound."""
+        with self._book_if_any(job_id) as book:
+            if book is None:
+                raise NotFound(f"There is no job {job_id}.", field="job", value=job_id)
             yield book
-            book.close()
-        if book.changed:
+
+    @contextmanager
+    def _book_if_any(self, job_id: str) -> Iterator[JobBook | None]:
+        """Like `_book`; None if there is no such job."""
+        with self._db.write() as connection:
+            book = JobBook.open(connection, job_id, self._now(), self._policy)
+            yield book
+            if book is not None:
+                book.close()
+        if book is not None and book.changed:
             self._bell.ring(job_id, book.seq)

@@ -36,24 +36,23 @@ class Policy:
 
 
 class JobBook:
-    """A job under lock until the transaction ends. Call `close` last.
+    """A job under lock until the transaction ends. Call `close` last."""
 
-    Raises:
-        NotFound: there is no such job.
-    """
-
-    def __init__(self, connection: Connection, job_id: str, now: float, policy: Policy) -> None:
+    def __init__(self, connection: Connection, row: RowMapping, now: float, policy: Policy) -> None:
         self.connection = connection
-        self.job_id = job_id
+        self.job_id = str(row["id"])
         self.now = now
-        self._policy = policy
-        found = connection.execute(select(schema.jobs).where(schema.jobs.c.id == job_id).with_for_update())
-        row = found.mappings().first()
-        if row is None:
-            raise NotFound(f"There is no job {job_id}.", field="job", value=job_id)
         self.row = dict(row)
+        self._policy = policy
         self._changes: dict[str, Any] = {}
         self._events: list[Json] = []
+
+    @classmethod
+    def open(cls, connection: Connection, job_id: str, now: float, policy: Policy) -> JobBook | None:
+        """Lock the job; None if there is no such job."""
+        query = select(schema.jobs).where(schema.jobs.c.id == job_id).with_for_update()
+        row = connection.execute(query).mappings().first()
+        return None if row is None else cls(connection, row, now, policy)
 
     @property
     def seq(self) -> int:

@@ -11,7 +11,6 @@ from sqlalchemy import Connection, func, insert, select, update
 
 from pipeline.methods.base import Task
 from workers import jobs as machine
-from workers.errors import NotFound
 from workers.ids import new_id
 from workers.model import Fault, JobRequest, Json, RunState, TaskState
 from workers.store import schema
@@ -70,13 +69,10 @@ class Plans(Base):
     @contextmanager
     def _unplanned(self, job_id: str, step: int) -> Iterator[JobBook | None]:
         """The job, if `step` is its current one and still has no tasks."""
-        try:
-            with self._book(job_id) as book:
-                row = book.row
-                turn = row["step"] == step and not row["planned"] and not RunState(row["state"]).final
-                yield book if turn else None
-        except NotFound:
-            yield None
+        with self._book_if_any(job_id) as book:
+            row = {} if book is None else book.row
+            turn = bool(row) and row["step"] == step and not row["planned"] and not RunState(row["state"]).final
+            yield book if turn else None
 
 
 def _step_to_plan(row: Any) -> StepToPlan:

@@ -48,7 +48,9 @@ class Work(Base):
             job_id = connection.execute(_claimable(self._now())).scalar()
             if job_id is None:
                 return None
-            book = JobBook(connection, job_id, self._now(), self._policy)
+            book = JobBook.open(connection, job_id, self._now(), self._policy)
+            if book is None:
+                return None
             claim = _claim_in(book, dispatcher, self._now() + lease_s)
             book.close()
         self._bell.ring(job_id, book.seq)
@@ -73,32 +75,35 @@ class Work(Base):
 
     def progress(self, fractions: Mapping[str, float], workers: Mapping[str, str]) -> None:
         """Note how far attempts are (attempt id -> 0..1) and on which worker; skips those that no longer count."""
-        tasks = schema.tasks
+        table = schema.attempts
+        query = select(table.c.id, table.c.job_id).where(table.c.id.in_(fractions), table.c.outcome == RUNNING)
         with self._db.read() as connection:
-            query = select(tasks.c.job_id, tasks.c.attempt_id).where(tasks.c.attempt_id.in_(fractions))
             rows = connection.execute(query).all()
         for job_id in {row.job_id for row in rows}:
-            attempts = [row.attempt_id for row in rows if row.job_id == job_id]
-            self._progress_in(job_id, {attempt: fractions[attempt] for attempt in attempts}, workers)
+            mine = {row.id: fractions[row.id] for row in rows if row.job_id == job_id}
+            self._progress_in(job_id, mine, workers)
 
     def _progress_in(self, job_id: str, fractions: Mapping[str, float], workers: Mapping[str, str]) -> None:
         tasks, attempts = schema.tasks, schema.attempts
-        with self._book(job_id) as book:
-            for attempt_id, fraction in fractions.items():
-                where = (tasks.c.attempt_id == attempt_id, tasks.c.state == TaskState.RUNNING.value)
-                book.connection.execute(update(tasks).where(*where).values(progress=fraction))
-                if worker := workers.get(attempt_id):
-                    book.connection.execute(update(attempts).where(attempts.c.id == attempt_id).values(worker=worker))
-            _say_progress(book)
+        with self._book_if_any(job_id) as book:
+            held = [] if book is None else [_current(book, attempt_id) for attempt_id in fractions]
+            for each in filter(None, held):
+                attempt_id = each.attempt["id"]
+                done, named = {"progress": fractions[attempt_id]}, {"worker": workers.get(attempt_id, "")}
+                each.book.connection.execute(update(tasks).where(tasks.c.id == each.task["id"]).values(done))
+                each.book.connection.execute(update(attempts).where(attempts.c.id == attempt_id).values(named))
+            if book is not None and any(held):
+                _say_progress(book)
 
     # -- outcomes
 
-    def finish(self, outcome: TaskOutcome, event: Happening | None = None) -> bool:
+    def finish(self, outcome: TaskOutcome, event: Happening | None = None, worker: str = "") -> bool:
         """Bring in an attempt's outcome, once; False if the attempt no longer counts (nothing has changed then).
 
         Args:
             outcome: what the attempt brought back; its log and fault are kept even if it failed.
             event: what happened, if not what `outcome` says by itself (success).
+            worker: who ran it.
         """
         with self._held(outcome.attempt_id) as held:
             if held is None:
@@ -106,7 +111,7 @@ class Work(Base):
             if event is None:
                 _keep_result(held, outcome)
                 event = machine.Done(_frees(held.book.connection, held.task["id"]))
-            _end(held, event, outcome)
+            _end(held, event, outcome, worker)
             return True
 
     def interrupt(self, dispatchers: Collection[str]) -> int:
@@ -138,8 +143,8 @@ class Work(Base):
         if job_id is None:
             yield None
             return
-        with self._book(job_id) as book:
-            yield _current(book, attempt_id)
+        with self._book_if_any(job_id) as book:
+            yield None if book is None else _current(book, attempt_id)
 
 
 @dataclass(frozen=True)
@@ -263,7 +268,7 @@ def _frees(connection: Connection, task_id: str) -> int:
     return int(connection.execute(query).scalar_one())
 
 
-def _end(held: _Held, event: Happening, outcome: TaskOutcome) -> None:
+def _end(held: _Held, event: Happening, outcome: TaskOutcome, worker: str = "") -> None:
     """Close the attempt, let the machine decide what follows, and say it."""
     book, task, attempt = held.book, held.task, held.attempt
     fault = event.fault if isinstance(event, machine.Failed) else None
@@ -272,6 +277,7 @@ def _end(held: _Held, event: Happening, outcome: TaskOutcome) -> None:
         "finished_at": book.now,
         "fault": fault_to_json(fault),
         "log": outcome.log[-_LOG_KEPT:],
+        "worker": worker or attempt["worker"],
     }
     book.connection.execute(update(schema.attempts).where(schema.attempts.c.id == attempt["id"]).values(ended))
     after = book.happen(event, task).task
