@@ -85,7 +85,7 @@ def get_asset(asset_id: AssetId, parts: Parts, caller: Reader) -> Asset:
 @router.get(
     "/{asset_id}/content",
     response_class=Response,
-    responses=binary("application/octet-stream", "The bytes as uploaded"),
+    responses=binary("*/*", "The bytes as uploaded"),
 )
 def get_content(
     asset_id: AssetId, request: Request, parts: Parts, caller: Reader, download: Download = False

@@ -33,8 +33,9 @@ SLICE_S = 1.0
 AT_ONCE = 500
 RETRY_MS = 1000
 
+EVENT = {"type": "object", "properties": {name: {"type": "string"} for name in ("id", "event", "data", "retry")}}
 STREAM: Responses = {
-    200: {"description": "The events", "content": {"text/event-stream": {"schema": {"type": "string"}}}},
+    200: {"description": "The events", "content": {"text/event-stream": {"schema": EVENT}}},
     204: {"description": "The job is finished and there is nothing after that event"},
 }
 

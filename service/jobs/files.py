@@ -42,7 +42,7 @@ def _files(parts: Service, job: Job) -> Iterator[FileOut]:
 
 
 @router.head("/files/{name}", include_in_schema=False)
-@router.get("/files/{name}", response_class=Response, responses=binary("application/octet-stream", "The file"))
+@router.get("/files/{name}", response_class=Response, responses=binary("*/*", "The file"))
 def get_file(
     job_id: JobId, name: FileName, request: Request, parts: Parts, caller: Reader, download: Download = False
 ) -> Response:

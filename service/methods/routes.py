@@ -12,11 +12,16 @@ from pipeline.methods.base import Method
 from service.access.depends import Reader
 from service.methods.schemas import MethodOut, MethodsOut, method_out
 from service.methods.thumbnail import thumbnail
+from service.schemas import Responses
 from workers.errors import NotFound
 
 router = APIRouter(prefix="/v1/methods", tags=["methods"])
 
 Name = Annotated[str, Path(max_length=64, description="A method's name.")]
+
+PICTURE: Responses = {
+    200: {"description": "The picture", "content": {"image/jpeg": {}, "image/svg+xml": {}}},
+}
 
 
 @router.get("")
@@ -31,12 +36,11 @@ def get_method(name: Name, _caller: Reader) -> MethodOut:
     return method_out(_find(name))
 
 
-@router.get("/{name}/thumbnail", response_class=Response, responses={200: {"content": {"image/svg+xml": {}}}})
+@router.get("/{name}/thumbnail", response_class=Response, responses=PICTURE)
 def get_thumbnail(name: Name, _caller: Reader) -> Response:
     """A picture of what the method does."""
-    return Response(
-        thumbnail(_find(name)), media_type="image/svg+xml", headers={"Cache-Control": "private, max-age=3600"}
-    )
+    picture = thumbnail(_find(name))
+    return Response(picture.data, media_type=picture.media_type, headers={"Cache-Control": "private, max-age=3600"})
 
 
 def _find(name: str) -> Method:

@@ -1,0 +1,70 @@
+"""serve: a process that comes up, says where, and goes down in order."""
+
+from __future__ import annotations
+
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import httpx
+import pytest
+
+from pipeline.errors import BadParameter
+from service.server import serve
+from service.settings import Settings
+
+PROGRAM = """
+import sys
+from pathlib import Path
+from service.server import serve
+from service.settings import Settings
+serve(Settings(home=Path(sys.argv[1]), port=0, pool="none"), lambda url: print(url, flush=True))
+print("stopped in order", flush=True)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_ends_streams_and_the_process(home: Path, tiny_clip: Path, number: signal.Signals) -> None:
+    process = subprocess.Popen([sys.executable, "-c", PROGRAM, str(home)], stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    try:
+        url = process.stdout.readline().strip()
+        with httpx.Client(base_url=url, timeout=20) as http:
+            asset = http.post("/v1/assets", files={"file": ("a.mp4", tiny_clip.read_bytes())}).json()["id"]
+            job = http.post("/v1/jobs", json={"method": "abstraction", "inputs": {"video": asset}}).json()
+            with http.stream("GET", job["links"]["events"]) as stream:
+                lines = stream.iter_lines()
+                assert next(lines).startswith("retry:")
+                threading.Timer(0.3, process.send_signal, [number]).start()
+                began = time.monotonic()
+                assert sum(1 for _ in lines) > 0
+        assert process.wait(10) == 0
+        assert time.monotonic() - began < 8
+        assert process.stdout.read() == "stopped in order\n"
+    finally:
+        process.kill()
+        process.wait()
+
+
+def test_without_any_key_it_does_not_come_up_open(home: Path) -> None:
+    with pytest.raises(BadParameter) as error:
+        serve(Settings(home=home, host="0.0.0.0", port=0, pool="none"))
+    assert error.value.field == "IMPASTO_ADMIN_KEY"
+    assert "127.0.0.1" in error.value.remedy
+
+
+def test_a_taken_port_is_said(home: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(OSError, match="in use"):
+        serve(Settings(home=home, port=taken.getsockname()[1], pool="none"))
+
+
+def test_settings_come_from_the_environment(monkeypatch: pytest.MonkeyPatch, home: Path) -> None:
+    monkeypatch.setenv("IMPASTO_HOME", str(home))
+    monkeypatch.setenv("IMPASTO_WORKERS", "3")
+    monkeypatch.setenv("IMPASTO_ALLOWED_HOSTS", '["studio.local"]')
+    settings = Settings()
+    assert (settings.home, settings.workers, settings.allowed_hosts) == (home, 3, {"studio.local"})
