@@ -212,3 +212,35 @@ def test_an_ended_job_refuses(event: machine.Happening) -> None:
     with pytest.raises(Conflict) as refused:
         advance(State(JobMark(RunState.SUCCEEDED, 1, 2, planned=True)), event)
     assert refused.value.value == "succeeded"
+
+
+def test_a_task_that_kills_its_host_again_and_again_fails_at_the_limit() -> None:
+    job = JobMark(RunState.RUNNING, 0, 1, planned=True, counts=Counts(running=1))
+    state = State(job, TaskMark(TaskState.RUNNING, interruptions=2), Limits(2, 3))
+    after, effects = advance(state, machine.Interrupted())
+    assert after.task is not None
+    assert (after.task.state, after.job.run) == (TaskState.FAILED, RunState.FAILED)
+    (fault,) = [effect.fault for effect in effects if isinstance(effect, machine.Blame)]
+    assert fault.code == "interrupted"
+
+
+def test_one_of_two_failed_tasks_runs_again_and_the_job_ends_as_failed() -> None:
+    job = JobMark(RunState.FAILED, 0, 1, planned=True, counts=Counts(succeeded=1, failed=2))
+    queued, _ = advance(State(job, TaskMark(TaskState.FAILED, failures=2)), machine.Requeue())
+    assert (queued.job.run, queued.task) == (RunState.QUEUED, TaskMark(TaskState.READY))
+    running, _ = advance(queued, machine.Claimed())
+    ended, _ = advance(running, machine.Done())
+    assert ended.job.run is RunState.FAILED
+
+
+def test_a_requeue_while_the_job_still_drains_lets_it_start_tasks_again() -> None:
+    counts = Counts(running=1, ready=1, failed=1)
+    job = JobMark(RunState.RUNNING, 0, 1, planned=True, doomed=True, counts=counts)
+    after, _ = advance(State(job, TaskMark(TaskState.FAILED)), machine.Requeue())
+    advance(after, machine.Claimed())
+
+
+def test_a_task_that_waits_for_another_is_not_requeued_alone() -> None:
+    job = JobMark(RunState.CANCELLED, 0, 1, planned=True, counts=Counts(cancelled=2))
+    with pytest.raises(Conflict):
+        advance(State(job, TaskMark(TaskState.CANCELLED, blockers=1)), machine.Requeue())
