@@ -32,7 +32,7 @@ def propagate(
         shared_decay: factor a frame on the remainder, 0..1; 0 = the paper's plain rounding.
 
     Returns:
-        Labels of the current frame, 0 = nothing arrived, -1 = two labels met; and the remainder carried with them.
+        Labels of the current frame, 0 = nothing arrived, or two labels met; and the remainder carried with them.
 
     Departure: rounding alone never moves a pan of 0.4 px a frame; the fraction left over is carried with the label,
     and decays so that flow noise does not add up to a step.
@@ -41,7 +41,7 @@ def propagate(
     carried = np.zeros_like(remainder)
     limit = int(min(error_limit * RESIDUAL_STEPS, FAR - 1))
     _propagate(labels, flow, remainder, residual, limit, np.float32(shared_decay), out, carried)
-    return out, carried
+    return np.maximum(out, 0, out=out), carried
 
 
 @kernel
@@ -73,18 +73,18 @@ def _propagate(
                 carried[ty, tx, 0] = np.int8(rx)
                 carried[ty, tx, 1] = np.int8(ry)
             elif there != label:
-                out[ty, tx] = -1
+                out[ty, tx] = -1  # two labels met: no third one may settle here
 
 
 def smooth_labels(labels: Labels) -> Labels:
     """The morphological filter: where 5 or more of the 8 neighbours agree on a label other than the pixel's own,
 
-    an unlabelled pixel (<= 0) takes it, and a labelled one becomes 0. The outermost pixels, which have fewer
+    an unlabelled pixel (0) takes it, and a labelled one becomes 0. The outermost pixels, which have fewer
     neighbours, stay as they are.
     """
     out = labels.copy()
     _morphological(labels, out)
-    return np.maximum(out, 0, out=out)
+    return out
 
 
 @kernel
@@ -121,4 +121,4 @@ def _morphological(labels: Labels, out: Labels) -> None:
                 for i in range(x - 1, x + 2):
                     votes += labels[j, i] == leader
             if votes >= 5:
-                out[y, x] = leader if own <= 0 else 0
+                out[y, x] = leader if own == 0 else 0
