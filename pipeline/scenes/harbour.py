@@ -68,9 +68,8 @@ def _cloud(seed: int, x: float, y: float, size: float, drift: float) -> CutOut:
         (float(u), -0.055 * float(1 - (u / 0.2) ** 2) * random.uniform(0.6, 1.5), random.uniform(0.026, 0.056))
         for u in np.linspace(-0.17, 0.17, 8)
     ]
-    flat_base = common(
-        blobs([*puffs, *((u, 0.0, 0.030) for u in (-0.12, -0.05, 0.02, 0.09, 0.15))], 0.008), lambda u, v: v - 0.022
-    )
+    floor = box(0, -0.018, 0.185, 0.040, 0.035)
+    flat_base = common(union(blobs(puffs, 0.008), floor), lambda u, v: v - 0.022)
     paint = p.blend(
         "#fffaf0", "#e3a98c", lambda s: p.ramp(s.y + 0.02 * grain(s.x, s.y, 0.3, s.pixel, seed), -0.07, 0.045)
     )
