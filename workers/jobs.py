@@ -2,16 +2,17 @@
 
 A job, as its user sees it (`RunState`):
 
-                 claim                     every task of the last step is done
-      QUEUED ------------> RUNNING ----------------------------------------> SUCCEEDED
-       |  ^                 |  ^ |
-       |  | resume          |  | | a task has failed for good, and those that ran beside it have ended
-       |  |          pause  |  | +-----------------------------------------> FAILED
-       |  +------- PAUSED <-+  |                                              |
-       +---------->   | -------+ resume (some attempts were still running)    | retry, requeue
-      QUEUED  <------ | ------------------------------------------------------+-------+
-                      |                                                               |
-      QUEUED, RUNNING, PAUSED -------- cancel --------> CANCELLED -- retry, requeue --+
+                  claim               every task of the last step is done
+      QUEUED ---------------> RUNNING ------------------------------------> SUCCEEDED
+        |  ^                   |  ^ |
+        |  | resume     pause  |  | | a task failed for good, and those that ran beside it have ended
+        |  |                   |  | +-------------------------------------> FAILED
+        |  +------- PAUSED <---+  |
+        +---------->   |  --------+
+          pause        |     resume, while attempts still run
+                       |
+      QUEUED, RUNNING, PAUSED -- cancel --> CANCELLED
+      FAILED, CANCELLED -- retry, requeue --> QUEUED
 
 A task (`TaskState`); its attempts are counted, and a late answer never gets here (the store fences it by attempt id):
 
