@@ -124,7 +124,9 @@ def test_the_morphological_filter_is_five_of_eight(labels: Labels) -> None:
     np.testing.assert_array_equal(labels, before)
 
 
-@pytest.mark.parametrize(("agreeing", "own", "after"), [(5, 0, 7), (4, 0, 0), (5, 3, 0), (4, 3, 3), (8, 0, 7), (8, 7, 7)])
+@pytest.mark.parametrize(
+    ("agreeing", "own", "after"), [(5, 0, 7), (4, 0, 0), (5, 3, 0), (4, 3, 3), (8, 0, 7), (8, 7, 7)]
+)
 def test_the_filter_by_hand(agreeing: int, own: int, after: int) -> None:
     around = [7] * agreeing + [1, 2, 3, 4][: 8 - agreeing]
     labels = np.array([*around[:4], own, *around[4:]], np.int32).reshape(3, 3)
