@@ -98,7 +98,7 @@ def _check_way_in(settings: Settings, farm: Farm) -> None:
     raise BadParameter(
         "Requests need an API key here, and there is none.",
         field="IMPASTO_ADMIN_KEY",
-        remedy="Set IMPASTO_ADMIN_KEY to a long random string, or bind to 127.0.0.1.",
+        remedy="Make one with `impasto keys create`, set IMPASTO_ADMIN_KEY to a long secret, or bind 127.0.0.1.",
     )
 
 

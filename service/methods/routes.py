@@ -39,7 +39,7 @@ def get_method(name: Name, _caller: Reader) -> MethodOut:
 @router.get("/{name}/thumbnail", response_class=Response, responses=PICTURE)
 def get_thumbnail(name: Name, _caller: Reader) -> Response:
     """A picture of what the method does."""
-    picture = thumbnail(_find(name))
+    picture = thumbnail(_find(name).name)
     return Response(picture.data, media_type=picture.media_type, headers={"Cache-Control": "private, max-age=3600"})
 
 

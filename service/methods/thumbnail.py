@@ -12,6 +12,7 @@ import cv2
 
 from pipeline.errors import ImpastoError
 from pipeline.frames import Frame
+from pipeline.methods import method as find_method
 from pipeline.methods.base import Method
 from pipeline.scenes import scene
 
@@ -30,8 +31,12 @@ class Picture:
 
 
 @cache
-def thumbnail(method: Method) -> Picture:
-    """The method's picture, 320x180 px; made once a process, in a fraction of a second."""
+def thumbnail(name: str) -> Picture:
+    """The picture of the method `name`, 320x180 px; made once a process, in a fraction of a second.
+
+    Raises: BadParameter if there is no such method.
+    """
+    method = find_method(name)
     try:
         frame = _render(method)
     except ImpastoError:  # no device, for example: a list of methods must not need one

@@ -53,13 +53,14 @@ class FarmMetrics(Collector):
         return ()
 
     def collect(self) -> Iterator[Metric]:
-        yield from _ready(self._farm.ready())
         try:
             snapshot = self._farm.snapshot()
         except Exception:  # the store is away: say what can be said
             log.exception("The farm gave no snapshot")
-            return
-        yield from _families(snapshot)
+            snapshot = {}
+        yield from _ready(snapshot.get("ready") or self._farm.ready())
+        if snapshot:
+            yield from _families(snapshot)
 
 
 def _ready(parts: Mapping[str, str]) -> Iterator[Metric]:
