@@ -25,7 +25,7 @@ def edges(
     """
     gain = cv2.resize(importance, (gray.shape[1], gray.shape[0]), interpolation=cv2.INTER_LINEAR)
     gain = gain + np.float32(floor)
-    dx = cv2.Sobel(gray, cv2.CV_32F, 1, 0)
-    dy = cv2.Sobel(gray, cv2.CV_32F, 0, 1)
+    dx = cv2.Sobel(gray, cv2.CV_32F, 1, 0, borderType=cv2.BORDER_REPLICATE)
+    dy = cv2.Sobel(gray, cv2.CV_32F, 0, 1, borderType=cv2.BORDER_REPLICATE)
     scaled = [cv2.multiply(d, gain, dtype=cv2.CV_16S) for d in (dx, dy)]
     return np.asarray(cv2.Canny(scaled[0], scaled[1], high * low_ratio, high), np.uint8)

@@ -1,0 +1,76 @@
+"""Edges whose thresholds follow importance: OpenCV's Canny wherever importance is constant."""
+
+from __future__ import annotations
+
+import cv2
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from numpy.typing import NDArray
+
+from pipeline.segmentation.edges import edges
+
+HIGH, LOW_RATIO, FLOOR = 90.0, 0.4, 0.2
+
+
+def texture(seed: int, shape: tuple[int, int] = (48, 64)) -> NDArray[np.uint8]:
+    """Soft blobs in even gray levels: half of an even gradient is exact."""
+    noise = np.random.default_rng(seed).integers(0, 128, shape).astype(np.uint8)
+    return np.asarray(cv2.GaussianBlur(noise, (0, 0), 1.5), np.uint8) * 2
+
+
+def constant(gray: NDArray[np.uint8], importance: float) -> NDArray[np.uint8]:
+    return edges(gray, np.full(gray.shape, importance, np.float32), HIGH, LOW_RATIO, FLOOR)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10_000), st.sampled_from([0.8, 0.3]))
+def test_constant_importance_is_opencvs_canny(seed: int, importance: float) -> None:
+    gray = texture(seed)
+    high = HIGH / (importance + FLOOR)
+    np.testing.assert_array_equal(constant(gray, importance), cv2.Canny(gray, high * LOW_RATIO, high))
+
+
+def test_thresholds_are_inverse_to_importance() -> None:
+    """A step of s levels has a Sobel gradient of 4 s: it is an edge from 4 s (I + 0.2) = 90 on."""
+    for importance in (0.0, 0.3, 0.8, 1.0):
+        least = HIGH / (importance + FLOOR) / 4
+        assert not constant(step(int(least - 1)), importance).any()
+        assert constant(step(int(least + 2)), importance).any()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_more_importance_never_loses_an_edge(seed: int) -> None:
+    less, more = constant(texture(seed), 0.3), constant(texture(seed), 0.8)
+    assert (more[less > 0] > 0).all() and (more > 0).sum() > (less > 0).sum()
+
+
+def test_thresholds_vary_within_a_picture_and_the_map_may_be_small() -> None:
+    gray = np.tile(step(30), (2, 1))
+    importance = np.repeat(np.array([[1.0], [0.0]], np.float32), 2, axis=0)
+    for plane in (importance, np.asarray(cv2.resize(importance, gray.shape[::-1]), np.float32)):
+        found = edges(gray, plane, HIGH)
+        assert found[:30].any() and not found[-30:].any()
+
+
+def test_weak_edges_live_by_strong_ones() -> None:
+    """Hysteresis across the varying threshold: an edge goes on into what is less important, but not beyond `low`."""
+    gray = step(30)
+    importance = np.tile(np.linspace(1, 0, gray.shape[0], dtype=np.float32)[:, None], (1, gray.shape[1]))
+    last = int(np.flatnonzero(edges(gray, importance, HIGH).any(axis=1)).max())
+    without = int(np.flatnonzero(edges(gray, importance, HIGH, low_ratio=1.0).any(axis=1)).max())
+    assert without < last
+    assert importance[last, 0] + FLOOR == pytest.approx(HIGH * LOW_RATIO / 120, abs=0.05)
+
+
+def test_a_flat_picture_has_no_edges_and_the_answer_is_zero_or_255() -> None:
+    assert not constant(np.full((48, 64), 77, np.uint8), 1.0).any()
+    assert set(np.unique(constant(texture(1), 0.8))) == {0, 255}
+
+
+def step(levels: int) -> NDArray[np.uint8]:
+    """Dark left, brighter right."""
+    gray = np.full((48, 64), 100, np.uint8)
+    gray[:, 32:] += np.uint8(levels)
+    return gray
