@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.frames import Frame, Labels, Plane
+from pipeline.frames import Frame, Labels
 from pipeline.segmentation.jit import kernel
 
 
@@ -35,21 +35,19 @@ def _flat(labels: Labels, colours: NDArray[np.uint8], out: Frame) -> None:
             out[y, x, 2] = colours[label, 2]
 
 
-def overlay(picture: Frame, ink: Plane, colour: tuple[int, int, int]) -> Frame:
-    """Lay `ink` (float32 (h, w), opacity 0..1) of one RGB `colour` over `picture`, in place; returns it."""
-    opacity = np.asarray(cv2.convertScaleAbs(ink, alpha=256.0), np.uint8)
-    _overlay(picture, opacity, np.array(colour, np.int32))
+def overlay(picture: Frame, ink: NDArray[np.uint8], colour: tuple[int, int, int], opacity: float = 1.0) -> Frame:
+    """Lay `ink` (uint8 (h, w), 0..255, times `opacity`) of one RGB `colour` over `picture`, in place; returns it."""
+    _overlay(picture, ink, np.array(colour, np.int32), round(opacity * 257))
     return picture
 
 
 @kernel
-def _overlay(picture: Frame, opacity: NDArray[np.uint8], colour: NDArray[np.int32]) -> None:
-    height, width = opacity.shape
+def _overlay(picture: Frame, ink: NDArray[np.uint8], colour: NDArray[np.int32], opacity: int) -> None:
+    height, width = ink.shape
     for y in range(height):
         for x in range(width):
-            a = np.int32(opacity[y, x])
+            a = np.int32(ink[y, x]) * opacity
             if a:
-                a += a >> 7  # 255 covers wholly
                 for c in range(3):
                     p = np.int32(picture[y, x, c])
-                    picture[y, x, c] = np.uint8(p + (((colour[c] - p) * a) >> 8))
+                    picture[y, x, c] = np.uint8(p + (((colour[c] - p) * a + 32768) >> 16))

@@ -7,6 +7,9 @@ ink fades in and out over a few frames while it moves with the picture.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import TypeAlias
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -14,44 +17,84 @@ from numpy.typing import NDArray
 from pipeline.frames import Flow, Plane
 from pipeline.segmentation.jit import kernel
 
+Ink: TypeAlias = NDArray[np.uint8]
+"""Opacity of ink, uint8 (h, w), 0..255."""
+LEFT, TOP, RIGHT, BOTTOM, PEAK, WEIGHT, AREA, KNOWN = range(8)
+"""Columns of the table of strokes."""
+DRAWN = 76
+"""Ink above this was seen as drawn."""
+
+
+@dataclass(frozen=True)
+class Past:
+    """Ink of the previous frame, and how to find it."""
+
+    ink: Ink
+    flow: Flow
+    """Previous to current frame at full size, px."""
+    shrink: int
+    """Full size over the ink's size."""
+
 
 def keep_strokes(
-    ink: Plane, before: Plane | None, importance: Plane, weak: float, strong: float, shortest_px: float
-) -> NDArray[np.bool_]:  # fmt: skip
-    """Which pixels belong to a stroke worth drawing: bool (h, w).
+    ink: Ink, past: Past | None, importance: Plane, weak: int, strong: int, shortest_px: float
+) -> NDArray[np.uint8]:  # fmt: skip
+    """Which pixels belong to a stroke worth drawing: uint8 (h, w), 255 or 0.
 
-    A stroke is a connected run of ink above `weak`; it is kept when it reaches `strong` or lies on ink that was
-    drawn `before` (float32 (h, w), moved to this frame), and is at least `shortest_px` pixels large: a third of
-    that if it was drawn before, and a quarter where it matters most (an eye is short), importance float32 (h, w).
+    A stroke is a connected run of ink above `weak` (0..255); it is kept when it reaches `strong` or lies on ink that
+    was drawn before, and is at least `shortest_px` pixels large: a third of that if it was drawn before, and a quarter
+    where it matters most (an eye is short). `importance` is float32 (h, w).
     """
-    mask = (ink > weak).astype(np.uint8)
-    count, parts, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8, ltype=cv2.CV_32S)
-    past = before if before is not None else np.zeros_like(ink)
-    peak, old, weight = _strongest(np.asarray(parts, np.int32), ink, past, importance, count)
-    known = old > 0.25 * np.maximum(stats[:, cv2.CC_STAT_AREA], 1)
-    extent = np.maximum(stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT])
-    long_enough = extent >= shortest_px * np.where(known, 1 / 3, 1) * (1 - 0.75 * weight)
-    keep: NDArray[np.bool_] = ((peak > strong) | known) & long_enough
+    count, parts = cv2.connectedComponents(cv2.compare(ink, weak, cv2.CMP_GT), connectivity=8, ltype=cv2.CV_32S)
+    strokes = np.zeros((count, 8), np.int32)
+    strokes[:, [LEFT, TOP]] = 1 << 30
+    if past is None:
+        past = Past(np.zeros_like(ink), np.zeros((1, 1, 2), np.float32), 0)
+    _survey(parts, ink, importance, past.ink, past.flow, past.shrink, strokes)
+    known = strokes[:, KNOWN] * 4 > strokes[:, AREA]
+    extent = np.maximum(strokes[:, RIGHT] - strokes[:, LEFT], strokes[:, BOTTOM] - strokes[:, TOP]) + 1
+    matters = strokes[:, WEIGHT] / 255
+    keep = (strokes[:, PEAK] > strong) | known
+    keep &= extent >= shortest_px * np.where(known, 1 / 3, 1) * (1 - 0.75 * matters)
     keep[0] = False
-    return np.asarray(keep[parts], np.bool_)
+    return _pick(parts, keep)
 
 
 @kernel
-def _strongest(
-    parts: NDArray[np.int32], ink: Plane, before: Plane, importance: Plane, count: int
-) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.float32]]:  # fmt: skip
-    peak = np.zeros(count, np.float32)
-    old = np.zeros(count, np.int32)
-    weight = np.zeros(count, np.float32)
+def _survey(
+    parts: NDArray[np.int32], ink: Ink, importance: Plane, before: Ink, flow: Flow, shrink: int,
+    strokes: NDArray[np.int32],
+) -> None:  # fmt: skip
+    """Fill the table of strokes: bounding box, strongest ink, largest importance, pixels, pixels known before."""
     height, width = ink.shape
     for y in range(height):
         for x in range(width):
             part = parts[y, x]
-            if part:
-                peak[part] = max(peak[part], ink[y, x])
-                weight[part] = max(weight[part], importance[y, x])
-                old[part] += before[y, x] > 0.3
-    return peak, old, weight
+            if part == 0:
+                continue
+            row = strokes[part]
+            row[0] = min(row[0], x)
+            row[1] = min(row[1], y)
+            row[2] = max(row[2], x)
+            row[3] = max(row[3], y)
+            row[4] = max(row[4], ink[y, x])
+            row[5] = max(row[5], int(importance[y, x] * 255))
+            row[6] += 1
+            if shrink:
+                dx, dy = flow[y * shrink, x * shrink, 0], flow[y * shrink, x * shrink, 1]
+                i = min(max(x - int(np.rint(dx / shrink)), 0), width - 1)
+                j = min(max(y - int(np.rint(dy / shrink)), 0), height - 1)
+                row[7] += before[j, i] > DRAWN
+
+
+@kernel
+def _pick(parts: NDArray[np.int32], keep: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    height, width = parts.shape
+    out = np.empty(parts.shape, np.uint8)
+    for y in range(height):
+        for x in range(width):
+            out[y, x] = 255 if keep[parts[y, x]] else 0
+    return out
 
 
 def follow(plane: Plane, flow: Flow) -> Plane:

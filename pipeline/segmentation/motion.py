@@ -5,6 +5,9 @@ Both are ours, beyond the paper: sensor noise is what makes a cartoon of a still
 
 from __future__ import annotations
 
+from functools import lru_cache
+from typing import TypeAlias
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +16,8 @@ from pipeline.frames import Flow, Frame
 from pipeline.segmentation.jit import kernel
 from pipeline.segmentation.regions import Lab8
 
+WayBack: TypeAlias = tuple[NDArray[np.int16], NDArray[np.uint16]]
+"""Fixed-point maps for `cv2.remap`: (h, w, 2) whole pixels, (h, w) fractions."""
 RESIDUAL_STEPS = 4
 """A residual counts quarters of a CIELAB unit."""
 FAR = 255
@@ -45,8 +50,24 @@ def _zero_still(flow: Flow, difference: NDArray[np.uint8], tolerance: np.uint8) 
                 flow[y, x, 1] = 0.0
 
 
+def way_back(flow: Flow) -> WayBack:
+    """Where each pixel was in the previous frame, as OpenCV's fixed-point maps (1/32 px): made once, used by all."""
+    where = _grid(flow.shape[1], flow.shape[0]) - flow
+    return cv2.convertMaps(where, None, cv2.CV_16SC2)
+
+
+@lru_cache(maxsize=4)
+def _grid(width: int, height: int) -> NDArray[np.float32]:
+    return np.stack(np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32)), axis=-1)
+
+
+def bring(image: NDArray[np.uint8], back: WayBack) -> NDArray[np.uint8]:
+    """The previous frame's `image`, uint8 (h, w[, c]), moved to this frame, bilinear; borders repeat."""
+    return np.asarray(cv2.remap(image, *back, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.uint8)
+
+
 def settle(
-    lab: Lab8, settled: Lab8, flow: Flow, memory: float, tolerance: float
+    lab: Lab8, settled: Lab8, flow: Flow, back: WayBack, memory: float, tolerance: float
 ) -> tuple[Lab8, NDArray[np.uint8]]:  # fmt: skip
     """Average a frame with the settled previous one along the motion, where the two agree.
 
@@ -54,6 +75,7 @@ def settle(
         lab: current frame, uint8 (h, w, 3).
         settled: result for the previous frame, same shape.
         flow: previous to current frame, float32 (h, w, 2), px; taken at the target (flow varies slowly).
+        back: of `flow`.
         memory: weight of the past where the two agree perfectly and stand still, 0..0.95; `MOVING` of that where
             they move, since every bilinear sample of a sample blurs a little more.
         tolerance: CIELAB difference at which that weight has fallen to 1/e.
@@ -62,97 +84,68 @@ def settle(
         The settled frame, and the residual: uint8 (h, w), CIELAB difference to the bilinear sample of the past, in
         quarter units (255 = 63.75 or more, or no counterpart).
     """
-    out = np.empty_like(lab)
+    past = bring(settled, back)
     residual = np.empty(lab.shape[:2], np.uint8)
-    _settle(lab, settled, flow, _weights(memory, tolerance), out, residual)
-    return out, residual
+    _settle(lab, past, flow, _weights(memory, tolerance), _weights(memory * MOVING, tolerance), residual)
+    return past, residual
 
 
-def fade(picture: Frame, before: Frame, flow: Flow, residual: NDArray[np.uint8], memory: float) -> Frame:
+def fade(
+    picture: Frame, before: Frame, back: WayBack, residual: NDArray[np.uint8], memory: float
+) -> Frame:  # fmt: skip
     """Blend an output with the previous output moved along the flow, weight `memory` where the SOURCE agrees with
 
     its past (within about `FADE_TOLERANCE` CIELAB units): where nothing happened, paint must not jump; it fades over.
 
     Args:
         picture, before: uint8 (h, w, 3), this and the previous output.
-        flow, residual: of the source, as in `settle`.
+        back, residual: of the source, as in `settle`.
         memory: 0..0.95.
 
     Returns: uint8 (h, w, 3).
     """
-    out = np.empty_like(picture)
-    _fade(picture, before, flow, residual, _weights(memory, FADE_TOLERANCE), out)
-    return out
+    past = bring(before, back)
+    _fade(picture, past, residual, _weights(memory, FADE_TOLERANCE))
+    return past
 
 
-def _weights(memory: float, tolerance: float) -> NDArray[np.float32]:
-    """Weight of the past by residual, float32 (256,)."""
+def _weights(memory: float, tolerance: float) -> NDArray[np.int32]:
+    """Weight of the past by residual, int32 (256,), 256 = 1."""
     difference = np.arange(256) / RESIDUAL_STEPS
     weights = memory * np.exp(-((difference / tolerance) ** 2))
     weights[FAR] = 0
-    return weights.astype(np.float32)
-
-
-@kernel
-def _sample(image: NDArray[np.uint8], x: float, y: float, out: NDArray[np.float32]) -> bool:
-    """Bilinear sample of an (h, w, 3) image at (x, y); False outside."""
-    height, width = image.shape[0], image.shape[1]
-    if x < 0 or y < 0 or x > width - 1 or y > height - 1:
-        return False
-    x0, y0 = int(x), int(y)
-    x1, y1 = min(x0 + 1, width - 1), min(y0 + 1, height - 1)
-    fx, fy = np.float32(x - x0), np.float32(y - y0)
-    for c in range(3):
-        top = image[y0, x0, c] + fx * (np.float32(image[y0, x1, c]) - np.float32(image[y0, x0, c]))
-        low = image[y1, x0, c] + fx * (np.float32(image[y1, x1, c]) - np.float32(image[y1, x0, c]))
-        out[c] = top + fy * (low - top)
-    return True
+    return np.rint(weights * 256).astype(np.int32)
 
 
 @kernel
 def _settle(
-    lab: Lab8, settled: Lab8, flow: Flow, weights: NDArray[np.float32], out: Lab8, residual: NDArray[np.uint8]
+    lab: Lab8, past: Lab8, flow: Flow, still: NDArray[np.int32], moving: NDArray[np.int32], residual: NDArray[np.uint8]
 ) -> None:  # fmt: skip
+    """Overwrites `past` with the settled frame."""
     height, width = residual.shape
-    past = np.empty(3, np.float32)
     for y in range(height):
         for x in range(width):
             dx, dy = flow[y, x, 0], flow[y, x, 1]
-            if dx == 0.0 and dy == 0.0:
-                for c in range(3):
-                    past[c] = settled[y, x, c]
-            elif not _sample(settled, x - dx, y - dy, past):
-                residual[y, x] = 255
-                for c in range(3):
-                    out[y, x, c] = lab[y, x, c]
-                continue
-            dl = (past[0] - lab[y, x, 0]) * np.float32(100.0 / 255.0)
-            da = past[1] - lab[y, x, 1]
-            db = past[2] - lab[y, x, 2]
-            far = np.uint8(min(np.float32(254.0), np.float32(4.0) * np.sqrt(dl * dl + da * da + db * db)))
+            light, a, b = np.int32(lab[y, x, 0]), np.int32(lab[y, x, 1]), np.int32(lab[y, x, 2])
+            dl, da, db = past[y, x, 0] - light, past[y, x, 1] - a, past[y, x, 2] - b
+            inside = 0 <= x - dx <= width - 1 and 0 <= y - dy <= height - 1
+            # L is scaled by 255/100, hence its square by 0.1538; 16 is the square of four quarters of a unit.
+            square = np.float32(16.0) * (np.float32(0.1538) * (dl * dl) + da * da + db * db)
+            far = np.uint8(min(np.float32(254.0), np.sqrt(square))) if inside else np.uint8(255)
             residual[y, x] = far
-            weight = weights[far] if dx == 0.0 and dy == 0.0 else weights[far] * np.float32(MOVING)
-            for c in range(3):
-                out[y, x, c] = np.uint8(lab[y, x, c] + weight * (past[c] - lab[y, x, c]) + np.float32(0.5))
+            weight = still[far] if dx == 0.0 and dy == 0.0 else moving[far]
+            past[y, x, 0] = np.uint8(light + ((weight * dl + 128) >> 8))
+            past[y, x, 1] = np.uint8(a + ((weight * da + 128) >> 8))
+            past[y, x, 2] = np.uint8(b + ((weight * db + 128) >> 8))
 
 
 @kernel
-def _fade(
-    picture: Frame, before: Frame, flow: Flow, residual: NDArray[np.uint8], weights: NDArray[np.float32], out: Frame
-) -> None:  # fmt: skip
+def _fade(picture: Frame, past: Frame, residual: NDArray[np.uint8], weights: NDArray[np.int32]) -> None:
+    """Overwrites `past` with the blend."""
     height, width = residual.shape
-    past = np.empty(3, np.float32)
     for y in range(height):
         for x in range(width):
-            dx, dy = flow[y, x, 0], flow[y, x, 1]
             weight = weights[residual[y, x]]
-            if dx == 0.0 and dy == 0.0:
-                for c in range(3):
-                    past[c] = before[y, x, c]
-            elif weight == 0 or not _sample(before, x - dx, y - dy, past):
-                weight = np.float32(0.0)
             for c in range(3):
-                now = np.float32(picture[y, x, c])
-                out[y, x, c] = (
-                    np.uint8(now + weight * (past[c] - now) + np.float32(0.5)) if weight else picture[y, x, c]
-                )
+                now = np.int32(picture[y, x, c])
+                past[y, x, c] = np.uint8(now + ((weight * (past[y, x, c] - now) + 128) >> 8))

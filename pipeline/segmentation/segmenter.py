@@ -14,10 +14,12 @@ from pipeline.frames import Flow, Labels, Plane
 from pipeline.segmentation.growing import grow, unlabelled
 from pipeline.segmentation.propagation import propagate, smooth_labels
 from pipeline.segmentation.regions import AREA, LIMIT, Lab8, Means, Sums, means_of, measure, overlap
-from pipeline.segmentation.tidy import correct, drop_misfits, merge_table, relabel
+from pipeline.segmentation.tidy import adopt, correct, merge_table, relabel
 from pipeline.segmentation.trapped_ball import fill, radii
 
 CORE_ROLLS = 4
+WORTH_A_ROLL = 0.001
+"""Share of the frame that must have come free for the same ball to roll again."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +123,7 @@ class Segmenter:
         if len(sums) > 1 and grow_first:
             pixels = grow(labels, lab, edges, limit, sums, pixels)
         for radius in radii(int(np.count_nonzero(edges.ravel()[pixels] == 0))):
-            sums = self._fill(labels, lab, edges, limit, sums, radius)
+            sums = self._fill(labels, lab, edges, limit, sums, pixels, radius)
             pixels = grow(labels, lab, edges, limit, sums, pixels)
         if len(sums) == 1:
             labels[:] = 1
@@ -130,7 +132,8 @@ class Segmenter:
         return sums
 
     def _fill(
-        self, labels: Labels, lab: Lab8, edges: NDArray[np.uint8], limit: NDArray[np.uint8], sums: Sums, radius: int
+        self, labels: Labels, lab: Lab8, edges: NDArray[np.uint8], limit: NDArray[np.uint8], sums: Sums,
+        pixels: NDArray[np.int32], radius: int,
     ) -> Sums:  # fmt: skip
         """Roll one ball, and again where it found more than one colour.
 
@@ -139,12 +142,14 @@ class Segmenter:
         again before growing, to be found by the next roll: a gradient becomes bands, an arm parts from a wall.
         """
         for _ in range(CORE_ROLLS):
-            made = fill(labels, edges, radius, len(sums))
+            made = fill(labels, edges, pixels, radius, len(sums))
             if not made:
                 break
             born_from = len(sums)
-            sums = measure(labels, lab, limit, born_from - 1 + made)
-            drop_misfits(labels, lab, limit, sums, self.params.core_slack, born_from)
+            sums = np.concatenate([sums, np.zeros((made, 5), np.int64)])
+            freed = adopt(labels, lab, limit, sums, pixels, born_from, self.params.core_slack)
+            if freed < WORTH_A_ROLL * labels.size:
+                break
         return sums
 
     def _finish(

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Labels
 from pipeline.segmentation.jit import kernel
 from pipeline.segmentation.regions import Lab8, Means, Sums, colour_difference, means_of, move
+
+NOISE = 5.0
+"""CIELAB units a pixel may always be from its region's mean: a camera's noise and a JPEG's blocks."""
 
 
 def correct(
@@ -41,10 +45,16 @@ def _correct(
             own = labels[y, x]
             if own == 0:
                 continue
-            error = colour_difference(lab, y, x, means, own)
             # Within the margin nobody can fit better by more than the margin.
-            if error <= margin and error <= limit[y, x] * slack:
+            misfit = max(limit[y, x] * slack, np.float32(NOISE))
+            least = min(margin, misfit)
+            dl = (lab[y, x, 0] - means[own, 0]) * np.float32(100.0 / 255.0)
+            da = lab[y, x, 1] - means[own, 1]
+            db = lab[y, x, 2] - means[own, 2]
+            square = dl * dl + da * da + db * db
+            if square <= least * least:
                 continue
+            error = np.sqrt(square)
             best, to = error - margin, own
             for n in range(4):
                 j, i = y + step_y[n], x + step_x[n]
@@ -56,31 +66,52 @@ def _correct(
                 there = colour_difference(lab, y, x, means, other)
                 if there < best:
                     best, to = there, other
-            if to == own and error > limit[y, x] * slack:
+            if to == own and error > misfit:
                 to = 0
             if to != own:
                 out[y, x] = to
                 move(sums, lab, limit, y, x, own, to)
 
 
-def drop_misfits(
-    labels: Labels, lab: Lab8, limit: NDArray[np.uint8], sums: Sums, slack: float, born_from: int
-) -> None:  # fmt: skip
-    """Unlabel pixels of new regions (label >= `born_from`) further than `limit` * `slack` from the mean; in place."""
-    _drop(labels, lab, limit, means_of(sums), sums, np.float32(slack), born_from)
+def adopt(
+    labels: Labels, lab: Lab8, limit: NDArray[np.uint8], sums: Sums, pixels: NDArray[np.int32], born_from: int,
+    slack: float,
+) -> int:  # fmt: skip
+    """Enter new regions (label >= `born_from`) into `sums`, and set free again what does not fit them; in place.
+
+    A pixel is set free if it is further than `limit` * `slack` from its new region's mean. `pixels` are the flat
+    indices of all pixels that may have a new label. Returns how many were set free.
+    """
+    _enter(labels, lab, limit, sums, pixels, born_from)
+    return int(_release(labels, lab, limit, means_of(sums), sums, pixels, born_from, np.float32(slack)))
 
 
 @kernel
-def _drop(
-    labels: Labels, lab: Lab8, limit: NDArray[np.uint8], means: Means, sums: Sums, slack: np.float32, born_from: int
+def _enter(
+    labels: Labels, lab: Lab8, limit: NDArray[np.uint8], sums: Sums, pixels: NDArray[np.int32], born_from: int
 ) -> None:  # fmt: skip
-    height, width = labels.shape
-    for y in range(height):
-        for x in range(width):
-            label = labels[y, x]
-            if label >= born_from and colour_difference(lab, y, x, means, label) > limit[y, x] * slack:
-                labels[y, x] = 0
-                move(sums, lab, limit, y, x, label, 0)
+    width = labels.shape[1]
+    for k in range(pixels.size):
+        y, x = pixels[k] // width, pixels[k] % width
+        if labels[y, x] >= born_from:
+            move(sums, lab, limit, y, x, 0, labels[y, x])
+
+
+@kernel
+def _release(
+    labels: Labels, lab: Lab8, limit: NDArray[np.uint8], means: Means, sums: Sums, pixels: NDArray[np.int32],
+    born_from: int, slack: np.float32,
+) -> int:  # fmt: skip
+    width = labels.shape[1]
+    freed = 0
+    for k in range(pixels.size):
+        y, x = pixels[k] // width, pixels[k] % width
+        label = labels[y, x]
+        if label >= born_from and colour_difference(lab, y, x, means, label) > max(limit[y, x] * slack, np.float32(NOISE)):
+            labels[y, x] = 0
+            move(sums, lab, limit, y, x, label, 0)
+            freed += 1
+    return freed
 
 
 @kernel
@@ -146,57 +177,48 @@ def relabel(labels: Labels, table: NDArray[np.int32]) -> None:
 def round_boundaries(labels: Labels, radius_px: int) -> Labels:
     """Low-pass filtered boundaries without gaps: each pixel takes the majority label of the disc around it.
 
-    Pixels away from boundaries are left alone; ties keep the pixel's own label. Discs of 3 px and more are sampled
-    at every other pixel of every other row (zhang2011online, section 3).
+    A pixel keeps its label if half of the disc agrees with it, and in ties. Discs of 3 px and more are sampled at
+    every other pixel of every other row; the frame's border repeats outwards (zhang2011online, section 3).
     """
-    out = labels.copy()
     stride = 1 if radius_px < 3 else 2
     ys, xs = np.mgrid[-radius_px : radius_px + 1, -radius_px : radius_px + 1]
     inside = (xs**2 + ys**2 <= radius_px**2 + radius_px) & (xs % stride == 0) & (ys % stride == 0)
     offsets = np.stack([ys[inside], xs[inside]], axis=1).astype(np.int64)
-    _majority(labels, offsets, radius_px, out)
+    padded = cv2.copyMakeBorder(labels, *[radius_px] * 4, cv2.BORDER_REPLICATE)
+    out = labels.copy()
+    _majority(padded, offsets, radius_px, out)
     return out
 
 
 @kernel
-def _majority(labels: Labels, offsets: NDArray[np.int64], radius: int, out: Labels) -> None:
-    height, width = labels.shape
-    seen = np.empty(offsets.shape[0] + 1, np.int32)
-    votes = np.empty(offsets.shape[0] + 1, np.int32)
+def _majority(padded: Labels, offsets: NDArray[np.int64], radius: int, out: Labels) -> None:
+    height, width = out.shape
+    total = offsets.shape[0]
+    mine = np.empty(width, np.int32)
+    seen = np.empty(total, np.int32)
+    votes = np.empty(total, np.int32)
     for y in range(height):
-        top, low = max(0, y - radius), min(height - 1, y + radius)
+        own_row = padded[y + radius, radius : radius + width]
+        mine[:] = 0
+        for n in range(total):  # whole rows at a time: this loop is the filter's cost, and it vectorises
+            row = padded[y + radius + offsets[n, 0], radius + offsets[n, 1] : radius + offsets[n, 1] + width]
+            for x in range(width):
+                mine[x] += np.int32(row[x] == own_row[x])
         for x in range(width):
-            own = labels[y, x]
-            left, right = max(0, x - radius), min(width - 1, x + radius)
-            if (
-                own == labels[y, left] and own == labels[y, right] and own == labels[top, x] and own == labels[low, x]
-                and own == labels[top, left] and own == labels[top, right]
-                and own == labels[low, left] and own == labels[low, right]
-            ):  # fmt: skip
+            if 2 * mine[x] >= total:  # nobody can have more
                 continue
-            mine = total = 0
-            for n in range(offsets.shape[0]):
-                j, i = y + offsets[n, 0], x + offsets[n, 1]
-                if 0 <= j < height and 0 <= i < width:
-                    mine += labels[j, i] == own
-                    total += 1
-            if 2 * mine >= total:  # nobody can have more
-                continue
-            kinds = 1
-            seen[0], votes[0] = own, mine
-            for n in range(offsets.shape[0]):
-                j, i = y + offsets[n, 0], x + offsets[n, 1]
-                if j < 0 or i < 0 or j >= height or i >= width or labels[j, i] == own:
-                    continue
-                k = 1
-                while k < kinds and seen[k] != labels[j, i]:
+            kinds = 0
+            for n in range(total):
+                label = padded[y + radius + offsets[n, 0], x + radius + offsets[n, 1]]
+                k = 0
+                while k < kinds and seen[k] != label:
                     k += 1
                 if k == kinds:
-                    seen[k], votes[k] = labels[j, i], 0
+                    seen[k], votes[k] = label, 0
                     kinds += 1
                 votes[k] += 1
-            best = 0
-            for k in range(1, kinds):
-                if votes[k] > votes[best]:
-                    best = k
-            out[y, x] = seen[best]
+            label, most = own_row[x], mine[x]
+            for k in range(kinds):
+                if votes[k] > most:
+                    label, most = seen[k], votes[k]
+            out[y, x] = label

@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Labels
+from pipeline.segmentation.jit import kernel
 
 SMALLEST_RADIUS_PX = 1
-_ERODED_UP_TO_PX = 4
+_TAPPED_UP_TO_PX = 4
 
 
 def radii(unlabelled_px: int) -> list[int]:
@@ -22,12 +23,15 @@ def radii(unlabelled_px: int) -> list[int]:
     return found
 
 
-def fill(labels: Labels, blocked: NDArray[np.uint8], radius_px: int, first_label: int) -> int:
+def fill(
+    labels: Labels, blocked: NDArray[np.uint8], pixels: NDArray[np.int32], radius_px: int, first_label: int
+) -> int:  # fmt: skip
     """Let a ball of `radius_px` roll over unlabelled, unblocked pixels; each area it can reach becomes a region.
 
     Args:
         labels: int32 (h, w), 0 = unlabelled; changed in place.
         blocked: uint8 (h, w), non-zero on edges.
+        pixels: int32, flat indices of every unlabelled pixel, in raster order (others among them do no harm).
         radius_px: ball radius, px, >= 1.
         first_label: label of the first new region; the next ones count up.
 
@@ -35,51 +39,77 @@ def fill(labels: Labels, blocked: NDArray[np.uint8], radius_px: int, first_label
         How many regions were made.
 
     A ball at a centre covers the disc around it; centres are the pixels whose disc holds no obstacle, so a gap
-    in an edge narrower than the ball lets nothing through. The frame's border is no obstacle.
+    in an edge narrower than the ball lets nothing through. The frame's border is no obstacle. Centres that touch
+    (4-neighbours) are one region; where discs of two regions overlap, the first in raster order has the pixel.
     """
     free = ((labels == 0) & (blocked == 0)).view(np.uint8)
-    box = cv2.boundingRect(free)
-    if not box[2]:
-        return 0
-    where = (slice(box[1], box[1] + box[3]), slice(box[0], box[0] + box[2]))
-    return _fill(labels[where], np.ascontiguousarray(free[where]), radius_px, first_label)
+    if radius_px <= _TAPPED_UP_TO_PX:
+        inside = _disc(radius_px)
+        return int(_roll(labels, free, pixels, inside, first_label))
+    return _roll_large(labels, free, radius_px, first_label)
 
 
-def _fill(labels: Labels, free: NDArray[np.uint8], radius_px: int, first_label: int) -> int:
-    side = 2 * radius_px + 1
-    disc = np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)), np.uint8)
-    centres = _centres(free, disc, radius_px)
+def _disc(radius_px: int) -> NDArray[np.int64]:
+    """Offsets (dy, dx) of the pixels of a ball."""
+    ys, xs = np.mgrid[-radius_px : radius_px + 1, -radius_px : radius_px + 1]
+    inside = xs**2 + ys**2 <= radius_px**2 + radius_px // 2
+    return np.stack([ys[inside], xs[inside]], axis=1).astype(np.int64)
+
+
+@kernel
+def _roll(
+    labels: Labels, free: NDArray[np.uint8], pixels: NDArray[np.int32], disc: NDArray[np.int64], first_label: int
+) -> int:  # fmt: skip
+    """A small ball: its disc is tried at every free pixel. `free` is used up: 3 = a centre of a known region."""
+    height, width = labels.shape
+    for k in range(pixels.size):
+        y, x = pixels[k] // width, pixels[k] % width
+        if not free[y, x]:
+            continue
+        fits = True
+        for n in range(disc.shape[0]):
+            j, i = y + disc[n, 0], x + disc[n, 1]
+            if 0 <= j < height and 0 <= i < width and not free[j, i]:
+                fits = False
+                break
+        if fits:
+            free[y, x] = 2
+    stack = np.empty(pixels.size, np.int32)
+    made = 0
+    for k in range(pixels.size):
+        y, x = pixels[k] // width, pixels[k] % width
+        if free[y, x] != 2:
+            continue
+        label = first_label + made
+        made += 1
+        free[y, x] = 3
+        stack[0], depth = pixels[k], 1
+        while depth:
+            depth -= 1
+            y, x = stack[depth] // width, stack[depth] % width
+            for n in range(disc.shape[0]):
+                j, i = y + disc[n, 0], x + disc[n, 1]
+                if j < 0 or i < 0 or j >= height or i >= width:
+                    continue
+                if labels[j, i] == 0:
+                    labels[j, i] = label
+                if abs(disc[n, 0]) + abs(disc[n, 1]) == 1 and free[j, i] == 2:
+                    free[j, i] = 3
+                    stack[depth] = j * width + i
+                    depth += 1
+    return made
+
+
+def _roll_large(labels: Labels, free: NDArray[np.uint8], radius_px: int, first_label: int) -> int:
+    """A large ball: distance transforms say where its centre may be, and which core covers a pixel."""
+    centres = np.asarray(cv2.distanceTransform(free, cv2.DIST_L2, 5) > radius_px, np.uint8)
     count, cores = cv2.connectedComponents(centres, connectivity=4, ltype=cv2.CV_32S)
     if count == 1:
         return 0
-    # The union of the discs, each pixel to its nearest core: a grey dilation paints the highest core number,
-    # which is the only one wherever cores are more than a disc apart.
-    if radius_px <= _ERODED_UP_TO_PX and count < 2**16:
-        covered = cv2.dilate(cores.astype(np.uint16), disc)
-        np.copyto(covered, cores, where=centres > 0, casting="unsafe")
-        core_of = np.where(free > 0, covered, 0).astype(np.int32)
-    else:
-        core_of = _nearest_core(centres, np.asarray(cores, np.int32), free, radius_px)
-    reached = core_of > 0
-    labels[reached] = core_of[reached] + np.int32(first_label - 1)
-    return count - 1
-
-
-def _centres(free: NDArray[np.uint8], disc: NDArray[np.uint8], radius_px: int) -> NDArray[np.uint8]:
-    """Where the ball's centre may be: an erosion, by taps while the ball is small and by distance when it is large."""
-    if radius_px <= _ERODED_UP_TO_PX:
-        return np.asarray(cv2.erode(free, disc, borderType=cv2.BORDER_CONSTANT, borderValue=255), np.uint8)
-    distance = cv2.distanceTransform(free, cv2.DIST_L2, 5)
-    return np.asarray(distance > radius_px, np.uint8)
-
-
-def _nearest_core(
-    centres: NDArray[np.uint8], cores: Labels, free: NDArray[np.uint8], radius_px: int
-) -> Labels:  # fmt: skip
-    distance, nearest = cv2.distanceTransformWithLabels(
-        (centres == 0).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
-    )
+    distance, nearest = cv2.distanceTransformWithLabels(1 - centres, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
     core_of = np.zeros(int(nearest.max()) + 1, np.int32)
     at_core = centres > 0
     core_of[nearest[at_core]] = cores[at_core]
-    return np.where((free > 0) & (distance <= radius_px), core_of[nearest], 0).astype(np.int32)
+    reached = (free > 0) & (distance <= radius_px)
+    labels[reached] = core_of[nearest[reached]] + np.int32(first_label - 1)
+    return count - 1

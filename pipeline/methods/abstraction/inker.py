@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Plane
-from pipeline.lines.coherent import follow, keep_strokes
+from pipeline.lines.coherent import Ink, Past, keep_strokes
 from pipeline.lines.dog import dog_response, soft_threshold
 from pipeline.methods.abstraction.params import AbstractionParams
 
@@ -18,8 +18,9 @@ TAU = 0.99
 """Weight of the wider Gaussian; a flat area then answers with -1 % of its gray level, safely below any threshold."""
 FINEST_PX = 0.7
 """A narrower Gaussian than this sees pixels, not lines."""
-WEAK, STRONG = 0.25, 0.6
+WEAK, STRONG = 64, 153
 """Hysteresis on ink: what a stroke needs everywhere, and somewhere."""
+RIM = np.ones((3, 3), np.uint8)
 
 
 class Inker:
@@ -33,10 +34,10 @@ class Inker:
         self.small = (max(1, size[0] // self.shrink), max(1, size[1] // self.shrink))
         self.sigma_px = sigma_px / self.shrink
         self.shortest_px = params.line_length / 1000 * self.small[1]
-        self.last: Plane | None = None
+        self.last: Ink | None = None
 
-    def step(self, gray: NDArray[np.uint8], importance: Plane, flow: Flow | None) -> Plane:
-        """Ink of the next frame, float32 (h, w), 0..1, before opacity.
+    def step(self, gray: NDArray[np.uint8], importance: Plane, flow: Flow | None) -> Ink:
+        """Ink of the next frame, uint8 (h, w), 0..255, before opacity.
 
         Args:
             gray: uint8 (h, w), settled.
@@ -44,30 +45,14 @@ class Inker:
             flow: from the previous frame, px; None = nothing is known of the past.
         """
         small = cv2.resize(gray, self.small, interpolation=cv2.INTER_AREA).astype(np.float32)
-        weight = np.asarray(cv2.resize(importance, self.small, interpolation=cv2.INTER_NEAREST), np.float32)
-        past = None if flow is None or self.last is None else follow(self.last, self._shrink_flow(flow))
-        kept = self._keep(self._draw(small, weight), past, weight)
-        self.last = kept
-        if self.shrink == 1:
-            return kept
-        return np.asarray(cv2.resize(kept, self.size, interpolation=cv2.INTER_LINEAR), np.float32)
-
-    def _draw(self, gray: Plane, importance: Plane) -> Plane:
-        response = dog_response(gray, self.sigma_px, TAU)
-        threshold = self.params.line_threshold * (1.25 - 0.75 * importance)
-        return soft_threshold(response, threshold.astype(np.float32), self.params.line_sharpness)
-
-    def _keep(self, ink: Plane, before: Plane | None, importance: Plane) -> Plane:
-        keep = keep_strokes(ink, before, importance, WEAK, STRONG, self.shortest_px)
+        weight = cv2.resize(importance, self.small, interpolation=cv2.INTER_NEAREST)
+        response = dog_response(small, self.sigma_px, TAU)
+        ink = soft_threshold(response, weight, self.params.line_threshold, self.params.line_sharpness)
+        past = None if flow is None or self.last is None else Past(self.last, flow, self.shrink)
+        keep = keep_strokes(ink, past, weight, WEAK, STRONG, self.shortest_px)
         # One pixel more on each side keeps the soft rim of a stroke.
-        rim = cv2.dilate(keep.view(np.uint8), np.ones((3, 3), np.uint8))
-        return ink * rim
-
-    def _shrink_flow(self, flow: Flow) -> Flow:
-        if self.shrink == 1:
-            return flow
-        small = cv2.resize(flow, self.small, interpolation=cv2.INTER_NEAREST)
-        return np.asarray(small / np.float32(self.shrink), np.float32)
+        self.last = cv2.bitwise_and(ink, cv2.dilate(keep, RIM))
+        return self.last if self.shrink == 1 else cv2.resize(self.last, self.size, interpolation=cv2.INTER_LINEAR)
 
     def state(self) -> dict[str, NDArray[Any]]:
         return {} if self.last is None else {"ink": self.last}

@@ -119,7 +119,7 @@ def run_abstract(task: Task, bench: Bench) -> Note:
     with ThreadPoolExecutor(1, thread_name_prefix="eye") as eye:
         for batch in _batches(bench.frames("video", start, stop), bench.size):
             frames = []
-            for painting in _overlap(session, eye, batch, masks, index):
+            for painting in overlap(session, eye, batch, masks, index):
                 frames.append(painting.frame)
                 if book is not None:
                     book.add(index + len(frames) - 1, painting)
@@ -157,7 +157,7 @@ def _batches(frames: Iterable[Frame], size: tuple[int, int]) -> Iterator[list[Fr
         yield batch
 
 
-def _overlap(
+def overlap(
     session: AbstractionSession, eye: ThreadPoolExecutor, batch: list[Frame], masks: Mapping[int, Plane], first: int
 ) -> Iterator[Painting]:  # fmt: skip
     """Perceive on the eye's thread, at most AHEAD frames before the hand paints them on this one."""

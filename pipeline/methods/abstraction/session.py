@@ -24,13 +24,14 @@ from pipeline.colour.scheme import ColourStats, Tone, ToneTracker
 from pipeline.colour.scheme import measure as measure_tone
 from pipeline.flow import estimate
 from pipeline.frames import Flow, Frame, Plane, same_size
+from pipeline.lines.coherent import Ink
 from pipeline.methods.abstraction.inker import Inker
 from pipeline.methods.abstraction.palette import Palette
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.segmentation.cuts import is_cut, steadiness, thumbnail
 from pipeline.segmentation.edges import edges
 from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker
-from pipeline.segmentation.motion import fade, hold_still, settle
+from pipeline.segmentation.motion import WayBack, fade, hold_still, settle, way_back
 from pipeline.segmentation.regions import Lab8
 from pipeline.segmentation.segmenter import Segmentation, Segmenter, SegmenterParams
 from pipeline.segmentation.tidy import round_boundaries
@@ -57,8 +58,9 @@ class Percept:
     importance: Plane
     flow: Flow | None
     """None for the first frame of a shot."""
+    back: WayBack | None
     residual: NDArray[np.uint8] | None
-    ink: Plane | None
+    ink: Ink | None
     tone: Tone | None
     shot: int
     calm: float
@@ -102,7 +104,7 @@ class Eye:
             smooth = cv2.GaussianBlur(frame, (0, 0), self.smooth_px)
             lab = np.asarray(cv2.cvtColor(smooth, cv2.COLOR_RGB2LAB), np.uint8)
             gray = np.asarray(cv2.extractChannel(lab, 0), np.uint8)
-        flow, settled, residual = self._follow(lab, gray, fresh)
+        flow, back, settled, residual = self._follow(lab, gray, fresh)
         calm = np.asarray(cv2.extractChannel(settled, 0), np.uint8)
         with self.clock("importance"):
             importance = self.importance.step(gray, flow, fresh, mask)
@@ -113,7 +115,7 @@ class Eye:
         with self.clock("colour"):
             tone = self.tone.step(measure_tone(frame), fresh) if self.tone else None
         self.gray, self.settled = gray, settled
-        return Percept(settled, outline, importance, flow, residual, ink, tone, self.shot, self.calm)
+        return Percept(settled, outline, importance, flow, back, residual, ink, tone, self.shot, self.calm)
 
     def _begins_shot(self, frame: Frame) -> bool:
         """The first frame, a hard cut, or any frame at all when every frame stands on its own."""
@@ -127,15 +129,16 @@ class Eye:
 
     def _follow(
         self, lab: Lab8, gray: NDArray[np.uint8], fresh: bool
-    ) -> tuple[Flow | None, Lab8, NDArray[np.uint8] | None]:  # fmt: skip
+    ) -> tuple[Flow | None, WayBack | None, Lab8, NDArray[np.uint8] | None]:  # fmt: skip
         if fresh or self.gray is None or self.settled is None:
-            return None, lab, None
+            return None, None, lab, None
         with self.clock("flow"):
             flow = estimate(self.gray, gray, self.params.flow)
             hold_still(flow, self.gray, gray, self.params.stillness)
         with self.clock("settle"):
-            settled, residual = settle(lab, self.settled, flow, self.params.steadiness * self.calm, SETTLE_TOLERANCE)
-        return flow, settled, residual
+            back = way_back(flow)
+            settled, residual = settle(lab, self.settled, flow, back, self.params.steadiness * self.calm, SETTLE_TOLERANCE)
+        return flow, back, settled, residual
 
     def state(self) -> State:
         parts: dict[str, Mapping[str, NDArray[Any]]] = {"importance": self.importance.state()}
@@ -185,15 +188,15 @@ class Hand:
             labels = round_boundaries(regions.labels, self.round_px) if self.round_px else regions.labels
             picture = flat(labels, colours)
             if percept.ink is not None:
-                overlay(picture, percept.ink * np.float32(self.params.line_opacity), INK)
+                overlay(picture, percept.ink, INK, self.params.line_opacity)
             self.picture = self._fade(picture, percept)
         return Painting(self.picture, regions, labels, colours)
 
     def _fade(self, picture: Frame, percept: Percept) -> Frame:
         """Where the source agrees with its past, let paint fade over from the last frame rather than jump."""
-        if percept.flow is None or percept.residual is None or self.picture is None or not self.params.paint_memory:
+        if percept.back is None or percept.residual is None or self.picture is None or not self.params.paint_memory:
             return picture
-        return fade(picture, self.picture, percept.flow, percept.residual, self.params.paint_memory * percept.calm)
+        return fade(picture, self.picture, percept.back, percept.residual, self.params.paint_memory * percept.calm)
 
     def _begin(self, shot: int) -> None:
         """A shot's ids start at its own base; frames on their own (`temporal=off`) go on counting within it."""

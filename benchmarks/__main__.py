@@ -1,0 +1,23 @@
+"""`python -m benchmarks [name ...]`: run all benchmarks, or those named."""
+
+from __future__ import annotations
+
+import sys
+
+from benchmarks import abstraction
+
+ALL = {"abstraction": abstraction.main}
+
+
+def main() -> None:
+    names = sys.argv[1:] or list(ALL)
+    unknown = [name for name in names if name not in ALL]
+    if unknown:
+        sys.exit(f"No benchmark named {unknown[0]}. There are: {', '.join(ALL)}.")
+    for name in names:
+        print(f"\n== {name}")
+        ALL[name]()
+
+
+if __name__ == "__main__":
+    main()

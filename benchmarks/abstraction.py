@@ -1,0 +1,93 @@
+"""How many times faster than `cv2.stylization`, frame by frame, is the whole abstraction pipeline?
+
+Both run in one process on the same decoded frames, in turns, so that a noisy machine slows both: a block of our frames,
+then a few of theirs. Decoding and encoding are outside both. Ours runs its two halves on two threads, as a task does;
+OpenCV keeps its own threads for its own filter.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+import cv2
+
+from benchmarks.clips import clip
+from pipeline.frames import Frame
+from pipeline.methods.abstraction import AbstractionParams, AbstractionSession
+from pipeline.methods.abstraction.plan import overlap
+
+BLOCK = 24
+THEIRS = 3
+SIZES = ((352, 288), (640, 480), (1280, 720))
+
+
+@dataclass
+class Stopwatch:
+    """CPU seconds of each stage, over threads."""
+
+    stages: dict[str, float] = field(default_factory=lambda: defaultdict(float))
+
+    @contextmanager
+    def __call__(self, stage: str) -> Iterator[None]:
+        start = time.thread_time()
+        yield
+        self.stages[stage] += time.thread_time() - start
+
+
+def ours(session: AbstractionSession, frames: list[Frame]) -> float:
+    """Wall seconds a frame."""
+    with ThreadPoolExecutor(1) as eye:
+        start = time.perf_counter()
+        for _ in overlap(session, eye, frames, {}, 0):
+            pass
+        return (time.perf_counter() - start) / len(frames)
+
+
+def theirs(frames: list[Frame], threads: int) -> float:
+    """Wall seconds a frame of `cv2.stylization` with OpenCV's own threads."""
+    cv2.setNumThreads(threads)
+    start = time.perf_counter()
+    for frame in frames:
+        cv2.stylization(frame)
+    elapsed = time.perf_counter() - start
+    cv2.setNumThreads(1)
+    return elapsed / len(frames)
+
+
+def measure(size: tuple[int, int], blocks: int = 4) -> dict[str, object]:
+    """One row: medians over `blocks` turns after a first one that warms both up."""
+    threads = cv2.getNumberOfCPUs()
+    cv2.setNumThreads(1)
+    frames = clip(size, BLOCK * (blocks + 1))
+    watch = Stopwatch()
+    session = AbstractionSession(AbstractionParams(), size, clock=watch)
+    pairs = []
+    for start in range(0, len(frames), BLOCK):
+        block = frames[start : start + BLOCK]
+        if start == BLOCK:
+            watch.stages.clear()
+        pairs.append((ours(session, block), theirs(block[:THEIRS], threads)))
+    pairs = pairs[1:]
+    count = BLOCK * len(pairs)
+    return {
+        "size": f"{size[0]}x{size[1]}",
+        "ours_ms": statistics.median(a for a, _ in pairs) * 1e3,
+        "stylization_ms": statistics.median(b for _, b in pairs) * 1e3,
+        "ratio": statistics.median(b / a for a, b in pairs),
+        "cpu_ms": {stage: seconds / count * 1e3 for stage, seconds in watch.stages.items()},
+    }
+
+
+def main() -> None:
+    """Print the table."""
+    print(f"{'size':>10} {'ours ms':>9} {'stylization ms':>15} {'ratio':>7}   CPU ms a frame by stage")
+    for size in SIZES:
+        row = measure(size)
+        stages = "  ".join(f"{name} {ms:.2f}" for name, ms in row["cpu_ms"].items())
+        print(f"{row['size']:>10} {row['ours_ms']:9.2f} {row['stylization_ms']:15.1f} {row['ratio']:7.1f}   {stages}")

@@ -1,0 +1,33 @@
+"""Frames to measure on: a real clip from a media folder beside the project if there is one, else a procedural scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+
+from pipeline.frames import Frame
+from pipeline.scenes import scene
+from pipeline.video.reader import VideoReader
+
+MEDIA = Path(__file__).resolve().parents[2] / "shared" / "media" / "video"
+CLIPS = {(352, 288): "foreman_cif.mp4", (640, 480): "asl_walk_640x480.mkv", (1280, 720): "dog_720p_audio.mp4"}
+
+
+def clip(size: tuple[int, int], count: int) -> list[Frame]:
+    """`count` frames of `size` (width, height): a clip played to and fro if it is too short."""
+    path = MEDIA / CLIPS.get(size, "")
+    if path.is_file():
+        with VideoReader(path) as reader:
+            frames = [fit(frame, size) for frame in reader.read(0, count)]
+    else:
+        frames = [shot.image for shot in scene("harbour", size=size, frames=min(count, 48))]
+    there_and_back = frames + frames[-2:0:-1]
+    return [there_and_back[i % len(there_and_back)] for i in range(count)]
+
+
+def fit(frame: Frame, size: tuple[int, int]) -> Frame:
+    """The frame at `size`; untouched if it has it."""
+    if (frame.shape[1], frame.shape[0]) == size:
+        return frame
+    return cv2.resize(frame, size, interpolation=cv2.INTER_AREA)
