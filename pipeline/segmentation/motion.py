@@ -27,6 +27,9 @@ MOVING = 0.6
 FADE_TOLERANCE = 6.0
 """CIELAB units of residual at which the previous paint's weight has fallen to 1/e."""
 
+_ROOTS = np.minimum(np.sqrt(np.arange(65025)), 254).astype(np.uint8)
+"""Whole square roots of 0..65024."""
+
 
 def hold_still(flow: Flow, previous_gray: NDArray[np.uint8], gray: NDArray[np.uint8], tolerance: float) -> Flow:
     """Set `flow` (float32 (h, w, 2), px) to exactly zero where nothing moves; return it (changed in place).
@@ -86,7 +89,7 @@ def settle(
     """
     past = bring(settled, back)
     residual = np.empty(lab.shape[:2], np.uint8)
-    _settle(lab, past, flow, _weights(memory, tolerance), _weights(memory * MOVING, tolerance), residual)
+    _settle(lab, past, flow, _weights(memory, tolerance), _weights(memory * MOVING, tolerance), _ROOTS, residual)
     return past, residual
 
 
@@ -119,7 +122,8 @@ def _weights(memory: float, tolerance: float) -> NDArray[np.int32]:
 
 @kernel
 def _settle(
-    lab: Lab8, past: Lab8, flow: Flow, still: NDArray[np.int32], moving: NDArray[np.int32], residual: NDArray[np.uint8]
+    lab: Lab8, past: Lab8, flow: Flow, still: NDArray[np.int32], moving: NDArray[np.int32], roots: NDArray[np.uint8],
+    residual: NDArray[np.uint8],
 ) -> None:  # fmt: skip
     """Overwrites `past` with the settled frame."""
     height, width = residual.shape
@@ -128,12 +132,14 @@ def _settle(
             dx, dy = flow[y, x, 0], flow[y, x, 1]
             light, a, b = np.int32(lab[y, x, 0]), np.int32(lab[y, x, 1]), np.int32(lab[y, x, 2])
             dl, da, db = past[y, x, 0] - light, past[y, x, 1] - a, past[y, x, 2] - b
-            inside = 0 <= x - dx <= width - 1 and 0 <= y - dy <= height - 1
-            # L is scaled by 255/100, hence its square by 0.1538; 16 is the square of four quarters of a unit.
-            square = np.float32(16.0) * (np.float32(0.1538) * (dl * dl) + da * da + db * db)
-            far = np.uint8(min(np.float32(254.0), np.sqrt(square))) if inside else np.uint8(255)
+            # In sixteenths of a squared unit: L is scaled by 255/100, hence its square by 630/256/16.
+            far = roots[min(65024, ((630 * dl * dl) >> 8) + 16 * (da * da + db * db))]
+            weight = still[far]
+            if dx != 0.0 or dy != 0.0:
+                weight = moving[far]
+                if x < dx or y < dy or x - dx > width - 1 or y - dy > height - 1:
+                    far, weight = np.uint8(255), np.int32(0)
             residual[y, x] = far
-            weight = still[far] if dx == 0.0 and dy == 0.0 else moving[far]
             past[y, x, 0] = np.uint8(light + ((weight * dl + 128) >> 8))
             past[y, x, 1] = np.uint8(a + ((weight * da + 128) >> 8))
             past[y, x, 2] = np.uint8(b + ((weight * db + 128) >> 8))

@@ -37,6 +37,7 @@ class FlowLines:
     def __init__(self, sigma_px: float, tau: float, memory: float, shrink: int) -> None:
         self.sigma_px, self.tau, self.memory, self.shrink = sigma_px, tau, memory, shrink
         self.tensors: Tensors | None = None
+        self.device = _device()
 
     def step(self, gray: Plane, flow: Flow | None) -> Plane:
         """Response to the next frame, float32 (h, w): see `fdog_response`.
@@ -50,7 +51,7 @@ class FlowLines:
             self._remember(tensors, self.tensors, self._shrink(flow))
         self.tensors = tensors
         tangent = tangent_field(tensors)
-        return fdog_response(gray, tangent, self.sigma_px, self.tau, ALONG * self.sigma_px, _device())
+        return fdog_response(gray, tangent, self.sigma_px, self.tau, ALONG * self.sigma_px, self.device)
 
     def _remember(self, tensors: Tensors, before: Tensors, flow: Flow) -> None:
         for now, past in zip(tensors, before, strict=True):

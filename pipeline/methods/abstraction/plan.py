@@ -12,7 +12,6 @@ over the whole video gives, with no warm-up and no seam, however many workers th
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import islice
 from typing import Any
 
@@ -22,7 +21,7 @@ from pipeline.colour.scheme import ColourStats, from_histogram, learn
 from pipeline.errors import BadInput
 from pipeline.frames import Frame, Plane
 from pipeline.methods.abstraction.params import AbstractionParams
-from pipeline.methods.abstraction.session import AbstractionSession, Painting, Percept
+from pipeline.methods.abstraction.session import AbstractionSession, Relay
 from pipeline.methods.abstraction.vectors import SvgBook
 from pipeline.methods.base import Bench, Brief, Note, Task
 from pipeline.segmentation.cuts import is_cut, thumbnail
@@ -31,8 +30,6 @@ RUN_FRAMES = 96
 """Frames a task: about 3 s of work at 720p, which is the most a restart repeats."""
 BATCH_BYTES = 48 << 20
 """Frames are decoded, painted and encoded in batches of this size, so that each is timed alone."""
-AHEAD = 3
-"""Percepts in flight between eye and hand."""
 
 
 def plan_scan(brief: Brief) -> list[Task]:
@@ -116,10 +113,10 @@ def run_abstract(task: Task, bench: Bench) -> Note:
     book = SvgBook(task.key) if bench.wants("svg") else None
     masks = _masks(bench, start)
     index = start
-    with ThreadPoolExecutor(1, thread_name_prefix="eye") as eye:
+    with Relay(session) as relay:
         for batch in _batches(bench.frames("video", start, stop), bench.size):
             frames = []
-            for painting in overlap(session, eye, batch, masks, index):
+            for painting in relay.run(batch, masks, index):
                 frames.append(painting.frame)
                 if book is not None:
                     book.add(index + len(frames) - 1, painting)
@@ -155,16 +152,3 @@ def _batches(frames: Iterable[Frame], size: tuple[int, int]) -> Iterator[list[Fr
     source = iter(frames)
     while batch := list(islice(source, count)):
         yield batch
-
-
-def overlap(
-    session: AbstractionSession, eye: ThreadPoolExecutor, batch: list[Frame], masks: Mapping[int, Plane], first: int
-) -> Iterator[Painting]:  # fmt: skip
-    """Perceive on the eye's thread, at most AHEAD frames before the hand paints them on this one."""
-    waiting: list[Future[Percept]] = []
-    for number, frame in enumerate(batch):
-        waiting.append(eye.submit(session.eye.step, frame, masks.get(first + number)))
-        if len(waiting) > AHEAD:
-            yield session.hand.step(waiting.pop(0).result())
-    for percept in waiting:
-        yield session.hand.step(percept.result())

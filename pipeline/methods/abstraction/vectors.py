@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import zipfile
 
-from pipeline.methods.abstraction.session import Painting
+from pipeline.methods.abstraction.brush import Painting
 from pipeline.vector.svg import to_svg
 
 _EPOCH = (1980, 1, 1, 0, 0, 0)

@@ -1,0 +1,66 @@
+"""The brush: regions, colours and ink to the outgoing frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.colour.paint import flat, overlay
+from pipeline.frames import Frame
+from pipeline.methods.abstraction.eye import Percept
+from pipeline.methods.abstraction.hand import Sketch
+from pipeline.methods.abstraction.params import AbstractionParams
+from pipeline.methods.abstraction.state import Clock, State
+from pipeline.segmentation.motion import fade
+from pipeline.segmentation.segmenter import Segmentation
+from pipeline.segmentation.tidy import round_boundaries
+
+INK = (14, 11, 16)
+"""RGB of full ink: a warm black."""
+
+
+@dataclass(frozen=True)
+class Painting:
+    """A finished frame with what it was made from."""
+
+    frame: Frame
+    regions: Segmentation
+    labels: NDArray[np.int32]
+    """int32 (h, w): the labels as drawn, boundaries smoothed."""
+    colours: NDArray[np.uint8]
+    """(n + 1, 3) RGB."""
+
+
+class Brush:
+    """Smooths boundaries, fills regions, lays ink over them; remembers the last frame's paint."""
+
+    def __init__(self, params: AbstractionParams, size: tuple[int, int], clock: Clock) -> None:
+        self.params, self.clock = params, clock
+        self.round_px = round(params.boundary_smoothing / 1000 * size[1])
+        self.picture: Frame | None = None
+
+    def step(self, sketch: Sketch) -> Painting:
+        percept, regions = sketch.percept, sketch.regions
+        with self.clock("paint"):
+            labels = round_boundaries(regions.labels, self.round_px) if self.round_px else regions.labels
+            picture = flat(labels, sketch.colours)
+            if percept.ink is not None:
+                overlay(picture, percept.ink, INK, self.params.line_opacity)
+            self.picture = self._fade(picture, percept)
+        return Painting(self.picture, regions, labels, sketch.colours)
+
+    def _fade(self, picture: Frame, percept: Percept) -> Frame:
+        """Where the source agrees with its past, let paint fade over from the last frame rather than jump."""
+        if percept.back is None or percept.residual is None or self.picture is None or not self.params.paint_memory:
+            return picture
+        return fade(picture, self.picture, percept.back, percept.residual, self.params.paint_memory * percept.calm)
+
+    def state(self) -> State:
+        return {} if self.picture is None else {"picture": self.picture}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        self.picture = state.get("picture")
