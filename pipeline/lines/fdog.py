@@ -142,9 +142,9 @@ def _grid(plane: _Floats) -> tuple[_Floats, _Floats]:
 
 
 def _inside(plane: _Floats, x: _Floats, y: _Floats) -> tuple[_Floats, _Floats]:
-    right, bottom = np.float32(plane.shape[1] - 1), np.float32(plane.shape[0] - 1)
     low = np.float32(0)
-    return np.minimum(np.maximum(x, low), right), np.minimum(np.maximum(y, low), bottom)
+    right, bottom = np.float32(plane.shape[1] - 1), np.float32(plane.shape[0] - 1)
+    return np.asarray(np.minimum(np.maximum(x, low), right)), np.asarray(np.minimum(np.maximum(y, low), bottom))
 
 
 def _sample(plane: _Floats, x: _Floats, y: _Floats) -> _Floats:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pipeline.frames import Flow, Plane
 from pipeline.lines.coherent import Ink, Past, keep_strokes
 from pipeline.lines.dog import dog_response, soft_threshold
+from pipeline.methods.abstraction.flowlines import FlowLines
 from pipeline.methods.abstraction.params import AbstractionParams
 
 TAU = 0.99
@@ -35,6 +36,8 @@ class Inker:
         self.sigma_px = sigma_px / self.shrink
         self.shortest_px = params.line_length / 1000 * self.small[1]
         self.last: Ink | None = None
+        flows = params.lines == "flow"
+        self.flow_lines = FlowLines(self.sigma_px, TAU, params.steadiness, self.shrink) if flows else None
 
     def step(self, gray: NDArray[np.uint8], importance: Plane, flow: Flow | None) -> Ink:
         """Ink of the next frame, uint8 (h, w), 0..255, before opacity.
@@ -46,7 +49,7 @@ class Inker:
         """
         small = cv2.resize(gray, self.small, interpolation=cv2.INTER_AREA).astype(np.float32)
         weight = cv2.resize(importance, self.small, interpolation=cv2.INTER_NEAREST)
-        response = dog_response(small, self.sigma_px, TAU)
+        response = self._respond(small, weight, flow)
         ink = soft_threshold(response, weight, self.params.line_threshold, self.params.line_sharpness)
         past = None if flow is None or self.last is None else Past(self.last, flow, self.shrink)
         keep = keep_strokes(ink, past, weight, WEAK, STRONG, self.shortest_px)
@@ -54,8 +57,16 @@ class Inker:
         self.last = cv2.bitwise_and(ink, cv2.dilate(keep, RIM))
         return self.last if self.shrink == 1 else cv2.resize(self.last, self.size, interpolation=cv2.INTER_LINEAR)
 
+    def _respond(self, gray: Plane, importance: Plane, flow: Flow | None) -> Plane:
+        if self.flow_lines:
+            return self.flow_lines.step(gray, importance, flow)
+        return dog_response(gray, self.sigma_px, TAU)
+
     def state(self) -> dict[str, NDArray[Any]]:
-        return {} if self.last is None else {"ink": self.last}
+        own = {} if self.last is None else {"ink": self.last}
+        return own | (self.flow_lines.state() if self.flow_lines else {})
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         self.last = state.get("ink")
+        if self.flow_lines:
+            self.flow_lines.restore(state)
