@@ -70,7 +70,7 @@ class Segmenter:
     def reset(self, first_id: int) -> None:
         """Forget the past: the next frame is segmented afresh, with ids from `first_id` on."""
         self.last = None
-        self.remainder[:] = 0
+        self.remainder = np.zeros_like(self.remainder)
         self.next_id = first_id
 
     def step(
@@ -125,9 +125,9 @@ class Segmenter:
         for radius in radii(int(np.count_nonzero(edges.ravel()[pixels] == 0))):
             sums = self._fill(labels, lab, edges, limit, sums, pixels, radius)
             pixels = grow(labels, lab, edges, limit, sums, pixels)
-        if len(sums) == 1:
-            labels[:] = 1
-            return measure(labels, lab, limit, 1)
+        if not sums[1:, AREA].any():  # nothing but edges: one new region
+            labels[:] = len(sums)
+            return measure(labels, lab, limit, len(sums))
         grow(labels, lab, edges, limit, sums, pixels, anything=True)
         return sums
 

@@ -81,9 +81,13 @@ def adopt(
 
     A pixel is set free if it is further than `limit` * `slack` from its new region's mean. `pixels` are the flat
     indices of all pixels that may have a new label. Returns how many were set free.
+
+    The mean of a region of two colours is neither, and may fit nobody; the pixel nearest to it then stands for it.
     """
     _enter(labels, lab, limit, sums, pixels, born_from)
-    return int(_release(labels, lab, limit, means_of(sums), sums, pixels, born_from, np.float32(slack)))
+    means = means_of(sums)
+    _stand_in(labels, lab, limit, means, pixels, born_from, np.float32(slack))
+    return int(_release(labels, lab, limit, means, sums, pixels, born_from, np.float32(slack)))
 
 
 @kernel
@@ -98,6 +102,30 @@ def _enter(
 
 
 @kernel
+def _stand_in(
+    labels: Labels, lab: Lab8, limit: NDArray[np.uint8], means: Means, pixels: NDArray[np.int32], born_from: int,
+    slack: np.float32,
+) -> None:  # fmt: skip
+    width = labels.shape[1]
+    count = means.shape[0]
+    least = np.full(count, np.float32(1e9))
+    who = np.zeros(count, np.int32)
+    for k in range(pixels.size):
+        y, x = pixels[k] // width, pixels[k] % width
+        label = labels[y, x]
+        if label < born_from:
+            continue
+        over = colour_difference(lab, y, x, means, label) - max(limit[y, x] * slack, np.float32(NOISE))
+        if over < least[label]:
+            least[label], who[label] = over, pixels[k]
+    for label in range(born_from, count):
+        if 0 < least[label] < np.float32(1e9):
+            y, x = who[label] // width, who[label] % width
+            for c in range(3):
+                means[label, c] = lab[y, x, c]
+
+
+@kernel
 def _release(
     labels: Labels, lab: Lab8, limit: NDArray[np.uint8], means: Means, sums: Sums, pixels: NDArray[np.int32],
     born_from: int, slack: np.float32,
@@ -107,7 +135,9 @@ def _release(
     for k in range(pixels.size):
         y, x = pixels[k] // width, pixels[k] % width
         label = labels[y, x]
-        if label >= born_from and colour_difference(lab, y, x, means, label) > max(limit[y, x] * slack, np.float32(NOISE)):
+        if label < born_from:
+            continue
+        if colour_difference(lab, y, x, means, label) > max(limit[y, x] * slack, np.float32(NOISE)):
             labels[y, x] = 0
             move(sums, lab, limit, y, x, label, 0)
             freed += 1
