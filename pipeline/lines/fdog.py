@@ -137,14 +137,13 @@ def _turn(
 
 
 def _grid(plane: _Floats) -> tuple[_Floats, _Floats]:
-    y, x = np.indices(plane.shape, np.float32)
-    return x, y
+    places = np.indices(plane.shape, np.float32)
+    return places[1], places[0]
 
 
 def _inside(plane: _Floats, x: _Floats, y: _Floats) -> tuple[_Floats, _Floats]:
-    low = np.float32(0)
-    right, bottom = np.float32(plane.shape[1] - 1), np.float32(plane.shape[0] - 1)
-    return np.asarray(np.minimum(np.maximum(x, low), right)), np.asarray(np.minimum(np.maximum(y, low), bottom))
+    right, bottom = plane.shape[1] - 1, plane.shape[0] - 1
+    return np.asarray(x.clip(0, right)), np.asarray(y.clip(0, bottom))
 
 
 def _sample(plane: _Floats, x: _Floats, y: _Floats) -> _Floats:

@@ -48,14 +48,17 @@ class Inker:
             flow: from the previous frame, px; None = nothing is known of the past.
         """
         small = cv2.resize(gray, self.small, interpolation=cv2.INTER_AREA).astype(np.float32)
-        weight = cv2.resize(importance, self.small, interpolation=cv2.INTER_NEAREST)
+        weight = np.asarray(cv2.resize(importance, self.small, interpolation=cv2.INTER_NEAREST), np.float32)
         response = self._respond(small, weight, flow)
         ink = soft_threshold(response, weight, self.params.line_threshold, self.params.line_sharpness)
         past = None if flow is None or self.last is None else Past(self.last, flow, self.shrink)
         keep = keep_strokes(ink, past, weight, WEAK, STRONG, self.shortest_px)
         # One pixel more on each side keeps the soft rim of a stroke.
-        self.last = cv2.bitwise_and(ink, cv2.dilate(keep, RIM))
-        return self.last if self.shrink == 1 else cv2.resize(self.last, self.size, interpolation=cv2.INTER_LINEAR)
+        drawn = np.asarray(cv2.bitwise_and(ink, cv2.dilate(keep, RIM)), np.uint8)
+        self.last = drawn
+        if self.shrink == 1:
+            return drawn
+        return np.asarray(cv2.resize(drawn, self.size, interpolation=cv2.INTER_LINEAR), np.uint8)
 
     def _respond(self, gray: Plane, importance: Plane, flow: Flow | None) -> Plane:
         if self.flow_lines:
