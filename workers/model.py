@@ -185,7 +185,9 @@ class TaskOrder:
     notes: dict[str, dict[str, Json]]
     """Notes of finished steps."""
     artefacts: dict[str, str]
-    """"step/name" -> blob key of every artefact that finished tasks of this job have saved."""
+    """"step/name" -> blob key of every artefact that earlier steps, and the tasks of `after`, have saved."""
+    after: tuple[str, ...] = ()
+    """Keys of the tasks of this step that had to be done first, in plan order."""
     segments: tuple[tuple[int, int, str], ...] = ()
     """For "assemble": (start, stop, blob key) of every emitted run, in order."""
 

@@ -40,7 +40,7 @@ class Orders:
         task, request = claim.task, request_of(claim.job["request"])
         step = claim.step_name
         before = self._before(claim.job_id, task["step"], request.inputs, step)
-        siblings = self._store.context.siblings(claim.job_id, task["step"]) if task["chained"] else {}
+        after, chained = self._store.context.chain(task["id"]) if task["chained"] else ((), {})
         return TaskOrder(
             attempt_id=claim.attempt_id,
             job_id=claim.job_id,
@@ -56,7 +56,8 @@ class Orders:
             input_info=before.info,
             output=request.output,
             notes=before.notes,
-            artefacts={**before.artefacts, **siblings},
+            artefacts={**before.artefacts, **chained},
+            after=after,
             segments=before.segments,
         )
 

@@ -16,7 +16,7 @@ import cv2
 
 from pipeline.errors import BadParameter, Cancelled
 from pipeline.methods import method, parse_params
-from pipeline.methods.base import Brief, Method, Step, Task
+from pipeline.methods.base import Method, Step, Task
 from workers.assemble import Assembly
 from workers.bench import TaskBench
 from workers.blobs.base import Blobs
@@ -101,7 +101,7 @@ class Renderer:
 
     def _step(self, order: TaskOrder, bench: TaskBench) -> TaskOutcome:
         step = _step_of(self._find(order.method), order.step)
-        task = _task_of(step, order, bench)
+        task = Task(order.key, order.args, order.after, order.emits)
         with bench.stages.method():
             note = dict(step.run(task, bench))
         segment = bench.finish()
@@ -135,15 +135,6 @@ def _step_of(chosen: Method, name: str) -> Step:
         if step.name == name:
             return step
     raise BadParameter(f"The method {chosen.name!r} has no such step.", field="step", value=name)
-
-
-def _task_of(step: Step, order: TaskOrder, bench: TaskBench) -> Task:
-    """The planned task. An order does not say what its task waits for; equal briefs give equal plans."""
-    brief = Brief(bench.params, order.seed, bench.video, frozenset(order.inputs), order.notes)
-    for task in step.plan(brief):
-        if task.key == order.key:
-            return replace(task, args=order.args, emits=order.emits)
-    raise BadParameter("The plan has no such task.", field="key", value=order.key, remedy="Submit the job again.")
 
 
 def _with_log(outcome: TaskOutcome, log: AttemptLog) -> TaskOutcome:

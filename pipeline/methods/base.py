@@ -84,7 +84,10 @@ class Task:
     key: str
     args: Note = field(default_factory=dict)
     after: tuple[str, ...] = ()
-    """Keys of tasks of the SAME step that must be done first (a chain). Earlier steps are done anyway."""
+    """Keys of tasks of the SAME step that must be done first (a chain), in plan order. Earlier steps are done anyway.
+
+    A task may load what earlier steps have saved and, of its own step, what these tasks have: nothing else, so that
+    what it sees does not depend on what happened to run before it."""
     emits: tuple[int, int] | None = None
     """Frames [start, stop) that this task emits, each exactly once and in order; None = none."""
     weight: float = 1.0
@@ -125,7 +128,8 @@ class Bench(Protocol):
         ...
 
     def load(self, step: str, name: str) -> dict[str, NDArray[Any]]:
-        """The artefact `name` that a task of `step` has saved. KeyError if there is none."""
+        """The artefact `name` that a task of `step` has saved: an earlier step, or this one and a task of `after`.
+        KeyError if there is none."""
         ...
 
     def save_file(self, name: str, data: bytes, media_type: str) -> None:

@@ -105,6 +105,17 @@ def test_notes_artefacts_and_segments_reach_later_steps(store: Store) -> None:
     assert [step.seconds for step in job.steps] == [2.0, 4.0, 2.0]
 
 
+def test_a_task_sees_what_its_chain_has_saved_and_nothing_else(store: Store) -> None:
+    _job(store)
+    _plan(store, Task("all"))
+    assert store.work.finish(_answer(_claim(store)))
+    _plan(store, Task("a"), Task("b", after=("a",)), Task("other"), Task("c", after=("b", "a")))
+    for _ in range(3):
+        claim = _claim(store)
+        assert store.work.finish(_answer(claim, artefacts={f"draw/{claim.task['key']}": f"k-{claim.task['key']}"}))
+    assert store.context.chain(_claim(store).task["id"]) == (("a", "b"), {"draw/a": "k-a", "draw/b": "k-b"})
+
+
 def test_a_late_answer_changes_nothing(store: Store, clock: Clock) -> None:
     job_id = _job(store)
     _plan(store)

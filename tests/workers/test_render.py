@@ -140,6 +140,7 @@ def order_of(info: MediaInfo, task: Task, artefacts: dict[str, str] | None = Non
         key=task.key,
         args=task.args,
         emits=task.emits,
+        after=task.after,
         params={},
         seed=0,
         inputs={"video": "assets/video"},

@@ -145,7 +145,7 @@ class ToyRunner:
         began = time.monotonic()
         bench = _Bench(self._blobs, order, report, cancelled)
         step = next(step for step in Toy.steps if step.name == order.step)
-        task = Task(order.key, order.args, _after(order), order.emits)
+        task = Task(order.key, order.args, order.after, order.emits)
         note = step.run(task, bench)
         key = f"jobs/{order.job_id}/{order.attempt_id}/segment" if bench.segment is not None else None
         if key is not None and bench.segment is not None:
@@ -157,8 +157,3 @@ class ToyRunner:
         key = f"jobs/{order.job_id}/{order.attempt_id}/result"
         self._blobs.put(key, b"".join(self._blobs.get(segment) for _, _, segment in order.segments))
         return TaskOutcome(order.attempt_id, {}, {}, {"result": (key, "video/mp4")}, None, {}, "joined\n")
-
-
-def _after(order: TaskOrder) -> tuple[str, ...]:
-    i = order.args.get("i", 0)
-    return (f"run-{i - 1}",) if order.params["chain"] and i > 0 else ()

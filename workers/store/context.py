@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from sqlalchemy import and_, select
 
 from workers.errors import NotFound
-from workers.model import Json, TaskState
+from workers.model import Json
 from workers.store import schema
 from workers.store.base import Base
 
@@ -32,13 +32,19 @@ class Context(Base):
                 artefacts.update(made or {})
         return notes, artefacts
 
-    def siblings(self, job_id: str, step: int) -> dict[str, str]:
-        """Artefacts that finished tasks of this step have saved."""
-        tasks = schema.tasks
-        done = (tasks.c.job_id == job_id, tasks.c.step == step, tasks.c.state == TaskState.SUCCEEDED.value)
+    def chain(self, task_id: str) -> tuple[tuple[str, ...], dict[str, str]]:
+        """Keys of the tasks that had to be done before this one, in plan order, and the artefacts they have saved."""
+        tasks, edges = schema.tasks, schema.task_edges
+        query = (
+            select(tasks.c.key, tasks.c.artefacts)
+            .join(edges, edges.c.before_id == tasks.c.id)
+            .where(edges.c.task_id == task_id)
+            .order_by(tasks.c.position)
+        )
         with self._db.read() as connection:
-            made = connection.execute(select(tasks.c.artefacts).where(*done)).scalars().all()
-        return {name: key for each in made for name, key in (each or {}).items()}
+            found = connection.execute(query).all()
+        artefacts = {name: key for row in found for name, key in (row.artefacts or {}).items()}
+        return tuple(row.key for row in found), artefacts
 
     def segments(self, job_id: str) -> tuple[tuple[int, int, str], ...]:
         """(start, stop, blob key) of every emitted run of frames, in order."""
