@@ -1,0 +1,92 @@
+"""Directions of pictures whose directions are known."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pipeline.frames import Flow, Plane
+from pipeline.tensors.structure import structure_tensor, tangent_field
+
+ODD = (37, 53)
+
+
+def edge(angle_rad: float, size: tuple[int, int] = ODD) -> Plane:
+    """A soft straight edge through the middle; `angle_rad` is the angle of its normal."""
+    y, x = np.indices(size) - (np.array(size) - 1).reshape(2, 1, 1) / 2
+    return np.asarray(128 + 80 * np.tanh((x * math.cos(angle_rad) + y * math.sin(angle_rad)) / 2), np.float32)
+
+
+def noise(seed: int, size: tuple[int, int] = ODD) -> Plane:
+    return np.random.default_rng(seed).uniform(0, 255, size).astype(np.float32)
+
+
+def alike(a: Flow, b: Flow) -> NDArray[np.floating]:
+    """|cosine| between directions, which have no sign."""
+    return np.abs((a * b).sum(-1))
+
+
+@pytest.mark.parametrize("degrees", range(0, 180, 15))
+def test_a_straight_edge_runs_across_its_normal(degrees: int) -> None:
+    angle = math.radians(degrees)
+    field = tangent_field(structure_tensor(edge(angle), 2.0))
+    middle = field[18, 26]
+    assert abs(middle @ [math.cos(angle), math.sin(angle)]) < 0.005
+    assert np.hypot(*middle) == pytest.approx(1, abs=1e-6)
+
+
+def test_a_disc_runs_round_its_centre() -> None:
+    y, x = np.indices((61, 61)) - 30.0
+    radius = np.hypot(x, y)
+    disc = np.asarray(100 * np.tanh((radius - 20) / 2), np.float32)
+    field = tangent_field(structure_tensor(disc, 1.5))
+    ring = np.abs(radius - 20) < 2
+    round_it = np.dstack([-y, x]).astype(np.float32) / np.maximum(radius, 1)[..., None].astype(np.float32)
+    assert alike(field, round_it)[ring].min() > 0.99
+
+
+def test_a_quarter_turn_of_the_picture_turns_the_directions() -> None:
+    picture = noise(1)
+    field = tangent_field(structure_tensor(picture, 2.0))
+    turned = tangent_field(structure_tensor(np.ascontiguousarray(np.rot90(picture)), 2.0))
+    back = np.rot90(turned, -1)
+    np.testing.assert_allclose(alike(np.dstack([back[..., 1], -back[..., 0]]), field), 1, atol=1e-3)
+
+
+def test_directions_are_of_length_one_or_nothing() -> None:
+    picture = noise(2)
+    picture[:, 26:] = 77
+    length = np.hypot(*np.moveaxis(tangent_field(structure_tensor(picture, 1.0)), -1, 0))
+    assert np.all((length == 0) | (np.abs(length - 1) < 1e-6))
+    assert not length[:, 40:].any()
+    assert length[:, :20].all()
+
+
+def test_opposite_sides_of_a_line_agree_and_do_not_cancel() -> None:
+    picture = np.full(ODD, 200, np.float32)
+    picture[:, 26:28] = 20
+    field = tangent_field(structure_tensor(picture, 2.0))
+    np.testing.assert_allclose(np.abs(field[5:32, 22:32, 1]), 1, atol=1e-4)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 9), (9, 1), (17, 16)])
+def test_any_size_will_do(size: tuple[int, int]) -> None:
+    field = tangent_field(structure_tensor(noise(3, size), 2.0))
+    assert field.shape == (*size, 2)
+    assert field.dtype == np.float32
+    assert np.isfinite(field).all()
+
+
+def test_the_same_bytes_wherever_the_picture_lies_in_memory() -> None:
+    picture = noise(4)
+    expected = structure_tensor(picture, 2.0)
+    for shift in range(1, 8):
+        room = np.empty(picture.size + shift, np.float32)
+        moved = room[shift:].reshape(ODD)
+        moved[:] = picture
+        tensors = structure_tensor(moved, 2.0)
+        assert tensors.tobytes() == expected.tobytes()
+        assert tangent_field(tensors).tobytes() == tangent_field(expected).tobytes()
