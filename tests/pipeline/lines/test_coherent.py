@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -108,8 +110,8 @@ def test_a_line_that_trembles_about_the_strong_threshold_does_not_blink() -> Non
         found = kept(ink, past)
         remembered.append(bool(found.any()))
         past = drawn_before(np.where(found, ink, 0).astype(np.uint8))
-    assert sum(a != b for a, b in zip(alone, alone[1:], strict=False)) > 5
-    assert sum(a != b for a, b in zip(remembered, remembered[1:], strict=False)) <= 1
+    assert sum(a != b for a, b in pairwise(alone)) > 5
+    assert sum(a != b for a, b in pairwise(remembered)) <= 1
 
 
 def test_follow_moves_a_plane_along_the_flow() -> None:
