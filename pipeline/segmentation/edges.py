@@ -23,8 +23,8 @@ def edges(
     A threshold that varies by pixel is a gradient that is scaled by pixel: the scaled gradient goes through
     OpenCV's Canny with one threshold.
     """
-    gain = cv2.resize(importance, (gray.shape[1], gray.shape[0]), interpolation=cv2.INTER_LINEAR)
-    gain = gain + np.float32(floor)
+    size = (gray.shape[1], gray.shape[0])
+    gain = cv2.resize(importance + np.float32(floor), size, interpolation=cv2.INTER_LINEAR)
     dx = cv2.Sobel(gray, cv2.CV_32F, 1, 0, borderType=cv2.BORDER_REPLICATE)
     dy = cv2.Sobel(gray, cv2.CV_32F, 0, 1, borderType=cv2.BORDER_REPLICATE)
     scaled = [cv2.multiply(d, gain, dtype=cv2.CV_16S) for d in (dx, dy)]

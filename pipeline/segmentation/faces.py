@@ -1,7 +1,7 @@
 """Faces found now and then (viola2001rapid) and followed in between, as soft bumps over whole heads.
 
 A detector that runs on every frame costs more than all the rest of a method, and its boxes tremble and drop out. So it
-searches the whole frame now and then, and four times as often the surroundings of the faces it knows. Between, a face
+searches the whole frame now and then, and twice as often the surroundings of the faces it knows. Between, a face
 moves with the median flow inside it, its box eases towards the latest detection, and its strength rises and falls
 slowly. The more often a face has been met, the longer it is kept without being met again.
 """
@@ -24,11 +24,11 @@ frame."""
 
 _BOX, _GOAL, _STRENGTH, _UNSEEN, _HITS = slice(0, 4), slice(4, 8), 8, 9, 10
 _COLUMNS = 11
-_NEARBY_SEARCHES = 4
+_NEARBY_SEARCHES = 2
 """Searches around known faces for each search of the whole frame."""
 _MIN_PATIENCE, _MAX_PATIENCE = 1.0, 2.0
 """How long a face is kept after its first and after many detections, in intervals between whole searches."""
-_SCALE_FACTOR, _MIN_NEIGHBOURS = 1.15, 3
+_SCALE_FACTOR, _MIN_NEIGHBOURS = 1.2, 3
 _FINE_SCALE_FACTOR = 1.08
 _HALF_WIDTH, _HALF_HEIGHT, _RAISE = 0.55, 0.75, 0.1
 """The head around a detected face, in sides of its box, which ends at brows and chin."""
@@ -54,11 +54,15 @@ class FaceTracker:
         self._cascade: cv2.CascadeClassifier | None = None
         self.tracks: Tracks = np.empty((0, _COLUMNS))
 
-    def step(self, gray: NDArray[np.uint8], flow: Flow | None, age: int) -> None:
+    def looks(self, age: int) -> bool:
+        """Whether `step` needs the picture of frame number `age`."""
+        return age % max(1, self._every // _NEARBY_SEARCHES) == 0 or age % self._every == 0
+
+    def step(self, gray: NDArray[np.uint8] | None, flow: Flow | None, age: int) -> None:
         """Take in frame number `age` of the shot.
 
         Args:
-            gray: the frame, scaled down.
+            gray: the frame, scaled down; None where `looks` says no.
             flow: from the previous frame, px of the frame, sampled on a grid of any size over it.
             age: 0 forgets every face.
         """
@@ -67,9 +71,9 @@ class FaceTracker:
         if flow is not None:
             self._move(flow)
         self.tracks[:, _UNSEEN] += 1
-        if age % self._every == 0:
+        if gray is not None and age % self._every == 0:
             self._meet(self._search(gray), newcomers=True, fresh=age == 0)
-        elif age % max(1, self._every // _NEARBY_SEARCHES) == 0:
+        elif gray is not None and age % max(1, self._every // _NEARBY_SEARCHES) == 0:
             self._meet(self._search_nearby(gray), newcomers=False)
         self._ease()
 

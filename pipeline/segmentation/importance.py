@@ -28,6 +28,8 @@ DETECTION_SIDE_PX = 320
 """Longer side of the picture that faces are looked for in."""
 MAP_SIDE_PX = 96
 """Longer side of the map itself before it is stretched to the frame; I(p) is smooth, so this loses nothing."""
+CUES_EVERY_FRAMES = 3
+"""Saliency and motion are looked at in every third frame: they are smoothed over more than that."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,7 @@ class ImportanceTracker:
         self._size = size
         self._small = _fit(size, DETECTION_SIDE_PX)
         self._map = _fit(size, MAP_SIDE_PX)
-        self._gain = np.float32(1.0 - 0.5 ** (1.0 / params.half_life_frames) if params.half_life_frames > 0 else 1.0)
+        self._gain = np.float32(1.0 - 0.5 ** (CUES_EVERY_FRAMES / params.half_life_frames) if params.half_life_frames > 0 else 1.0)
         self._faces = FaceTracker(size, params.detect_every_frames, params.half_life_frames, params.smallest_face)
         self._age = 0
         self._cues: Plane = np.zeros(self._map[::-1], np.float32)
@@ -87,19 +89,30 @@ class ImportanceTracker:
         Raises:
             BadFrame: a wrong shape, dtype or range.
         """
+        stretched = np.asarray(
+            cv2.resize(self.step_coarse(image, flow, cut, mask), self._size, interpolation=cv2.INTER_LINEAR), np.float32
+        )
+        return np.clip(stretched, 0, 1, out=stretched)
+
+    def step_coarse(
+        self,
+        image: Frame | NDArray[np.uint8],
+        flow: Flow | None = None,
+        cut: bool = False,
+        mask: Plane | Mask | None = None,
+    ) -> Plane:
+        """The same before it is stretched to the frame: `MAP_SIDE_PX` on its longer side."""
         _check_shape(image, self._size, "image")
         if cut:
             self._age = 0
         if mask is not None:
             self._mask = _prepare_mask(mask, self._size, self._map)
         moving = None if flow is None or self._age == 0 else _prepare_flow(flow, self._size, self._map)
-        importance = self._combine(_shrink_gray(image, self._small), moving)
+        importance = self._combine(image, moving)
         self._age += 1
         if self._mask is not None:
             importance = importance * (1 - self._mask[..., 1]) + self._mask[..., 0]
-        # clipped while small: reading between two values of [0, 1] stays within it
-        stretched = cv2.resize(np.clip(importance, 0, 1), self._size, interpolation=cv2.INTER_LINEAR)
-        return np.minimum(stretched, np.float32(1), out=stretched)
+        return np.clip(importance, 0, 1)
 
     def state(self) -> dict[str, NDArray[Any]]:
         """All that the next step depends on."""
@@ -118,7 +131,24 @@ class ImportanceTracker:
         mask = np.array(state["mask"], np.float32)
         self._mask = mask if mask.size else None
 
-    def _combine(self, gray: NDArray[np.uint8], flow: Flow | None) -> Plane:
+    def _combine(self, image: NDArray[np.uint8], flow: Flow | None) -> Plane:
+        looks = self._age % CUES_EVERY_FRAMES == 0
+        gray = _shrink_gray(image, self._small) if looks else None
+        if gray is not None:
+            gain = np.float32(1) if self._age == 0 else self._gain
+            self._cues = self._cues + gain * (self._look(gray, flow) - self._cues)
+        if self._params.face <= 0:
+            return self._cues
+        if gray is None and self._faces.looks(self._age):
+            gray = _shrink_gray(image, self._small)
+        self._faces.step(gray, flow, self._age)
+        if not len(self._faces.tracks):
+            return self._cues
+        combined: Plane = 1 - (1 - self._cues) * (1 - np.float32(self._params.face) * self._faces.bump(self._cues.shape))
+        return combined
+
+    def _look(self, gray: NDArray[np.uint8], flow: Flow | None) -> Plane:
+        """Saliency and motion of one frame, joined."""
         params = self._params
         rest = np.ones(self._map[::-1], np.float32)
         if params.saliency > 0:
@@ -126,13 +156,7 @@ class ImportanceTracker:
             rest *= 1 - np.float32(params.saliency) * salient
         if params.motion > 0 and flow is not None:
             rest *= 1 - np.float32(params.motion) * _motion(flow, params.full_motion * float(np.hypot(*self._size)))
-        gain = np.float32(1) if self._age == 0 else self._gain
-        self._cues = self._cues + gain * ((1 - rest) - self._cues)
-        if params.face <= 0:
-            return self._cues
-        self._faces.step(gray, flow, self._age)
-        combined: Plane = 1 - (1 - self._cues) * (1 - np.float32(params.face) * self._faces.bump(rest.shape))
-        return combined
+        return 1 - rest
 
 
 def _motion(flow: Flow, full_px: float) -> Plane:

@@ -123,8 +123,10 @@ class Segmenter:
         if len(sums) > 1 and grow_first:
             pixels = grow(labels, lab, edges, limit, sums, pixels)
         for radius in radii(int(np.count_nonzero(edges.ravel()[pixels] == 0))):
+            known = len(sums)
             sums = self._fill(labels, lab, edges, limit, sums, pixels, radius)
-            pixels = grow(labels, lab, edges, limit, sums, pixels)
+            if len(sums) > known:
+                pixels = grow(labels, lab, edges, limit, sums, pixels)
         if not sums[1:, AREA].any():  # nothing but edges: one new region
             labels[:] = len(sums)
             return measure(labels, lab, limit, len(sums))

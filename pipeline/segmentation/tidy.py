@@ -204,34 +204,34 @@ def relabel(labels: Labels, table: NDArray[np.int32]) -> None:
             labels[y, x] = table[labels[y, x]]
 
 
-def round_boundaries(labels: Labels, radius_px: int) -> Labels:
+def round_boundaries(labels: Labels, radius_px: float) -> Labels:
     """Low-pass filtered boundaries without gaps: each pixel takes the majority label of the disc around it.
 
     A pixel keeps its label if half of the disc agrees with it, and in ties. Discs of 3 px and more are sampled at
     every other pixel of every other row; the frame's border repeats outwards (zhang2011online, section 3).
     """
-    stride = 1 if radius_px < 3 else 2
-    ys, xs = np.mgrid[-radius_px : radius_px + 1, -radius_px : radius_px + 1]
-    inside = (xs**2 + ys**2 <= radius_px**2 + radius_px) & (xs % stride == 0) & (ys % stride == 0)
-    offsets = np.stack([ys[inside], xs[inside]], axis=1).astype(np.int64)
-    padded = cv2.copyMakeBorder(labels, *[radius_px] * 4, cv2.BORDER_REPLICATE)
+    reach = int(radius_px)
+    stride = 1 if reach < 3 else 2
+    ys, xs = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    inside = (xs**2 + ys**2 <= radius_px**2) & (xs % stride == 0) & (ys % stride == 0)
+    padded = cv2.copyMakeBorder(labels, *[reach] * 4, cv2.BORDER_REPLICATE)
     out = labels.copy()
-    _majority(padded, offsets, radius_px, out)
+    _majority(np.asarray(padded, np.int32), ys[inside], xs[inside], reach, out)
     return out
 
 
 @kernel
-def _majority(padded: Labels, offsets: NDArray[np.int64], radius: int, out: Labels) -> None:
+def _majority(padded: Labels, ys: NDArray[np.int64], xs: NDArray[np.int64], reach: int, out: Labels) -> None:
     height, width = out.shape
-    total = offsets.shape[0]
+    total = ys.size
     mine = np.empty(width, np.int32)
     seen = np.empty(total, np.int32)
     votes = np.empty(total, np.int32)
     for y in range(height):
-        own_row = padded[y + radius, radius : radius + width]
+        own_row = padded[y + reach, reach : reach + width]
         mine[:] = 0
         for n in range(total):  # whole rows at a time: this loop is the filter's cost, and it vectorises
-            row = padded[y + radius + offsets[n, 0], radius + offsets[n, 1] : radius + offsets[n, 1] + width]
+            row = padded[y + reach + ys[n], reach + xs[n] : reach + xs[n] + width]
             for x in range(width):
                 mine[x] += np.int32(row[x] == own_row[x])
         for x in range(width):
@@ -239,7 +239,7 @@ def _majority(padded: Labels, offsets: NDArray[np.int64], radius: int, out: Labe
                 continue
             kinds = 0
             for n in range(total):
-                label = padded[y + radius + offsets[n, 0], x + radius + offsets[n, 1]]
+                label = padded[y + reach + ys[n], x + reach + xs[n]]
                 k = 0
                 while k < kinds and seen[k] != label:
                     k += 1

@@ -40,13 +40,13 @@ class Brush:
 
     def __init__(self, params: AbstractionParams, size: tuple[int, int], clock: Clock) -> None:
         self.params, self.clock = params, clock
-        self.round_px = round(params.boundary_smoothing / 1000 * size[1])
+        self.round_px = params.boundary_smoothing / 1000 * size[1]
         self.picture: Frame | None = None
 
     def step(self, sketch: Sketch) -> Painting:
         percept, regions = sketch.percept, sketch.regions
         with self.clock("paint"):
-            labels = round_boundaries(regions.labels, self.round_px) if self.round_px else regions.labels
+            labels = round_boundaries(regions.labels, self.round_px) if self.round_px >= 1 else regions.labels
             picture = flat(labels, sketch.colours)
             if percept.ink is not None:
                 overlay(picture, percept.ink, INK, self.params.line_opacity)

@@ -35,6 +35,7 @@ class Percept:
     lab: NDArray[np.uint8]
     edges: NDArray[np.uint8]
     importance: Plane
+    """float32, coarser than the frame."""
     flow: Flow | None
     """None for the first frame of a shot."""
     back: WayBack | None
@@ -59,6 +60,7 @@ class Eye:
         self.thumbnail: Plane | None = None
         self.calm = 1.0
         self.smooth_px = 0.6 + 0.4 * size[1] / 360
+        self.smooth_box = (2 * round(1.5 * self.smooth_px) + 1,) * 2
 
     def step(self, frame: Frame, mask: Plane | None = None) -> Percept:
         frame = same_size(frame, self.size)
@@ -70,7 +72,7 @@ class Eye:
         flow, back, settled, residual = self._follow(lab, gray, fresh)
         calm = np.asarray(cv2.extractChannel(settled, 0), np.uint8)
         with self.clock("importance"):
-            importance = self.importance.step(gray, flow, fresh, mask)
+            importance = self.importance.step_coarse(gray, flow, fresh, mask)
         with self.clock("edges"):
             outline = edges(calm, importance, self.params.edge_threshold)
         with self.clock("lines"):

@@ -44,11 +44,11 @@ class Inker:
 
         Args:
             gray: uint8 (h, w), settled.
-            importance: float32 (h, w).
+            importance: float32, any size.
             flow: from the previous frame, px; None = nothing is known of the past.
         """
         small = cv2.resize(gray, self.small, interpolation=cv2.INTER_AREA).astype(np.float32)
-        weight = np.asarray(cv2.resize(importance, self.small, interpolation=cv2.INTER_NEAREST), np.float32)
+        weight = np.asarray(cv2.resize(importance, self.small, interpolation=cv2.INTER_LINEAR), np.float32)
         response = self._respond(small, weight, flow)
         ink = soft_threshold(response, weight, self.params.line_threshold, self.params.line_sharpness)
         past = None if flow is None or self.last is None else Past(self.last, flow, self.shrink)

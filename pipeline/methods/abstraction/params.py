@@ -39,7 +39,7 @@ class AbstractionParams(Params):
         "ratio", "Regions",
     )  # fmt: skip
     smallest_region: float = _number(
-        0.15, 0, 5, "Smallest region",
+        0.2, 0, 5, "Smallest region",
         "Regions under this share of the frame join a neighbour; a fifth of it where importance is 1.",
         "per mille of the frame", "Regions",
     )  # fmt: skip
