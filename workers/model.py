@@ -1,4 +1,4 @@
-"""The nouns of a render farm: asset, job, step, task, attempt, event. Plain data that the store keeps and the API shows.
+"""The nouns of a render farm: asset, job, step, task, attempt, event. Plain data that the store keeps, the API shows.
 
 Words are Open Job Description's. Times are seconds since the epoch, UTC, as floats. Ids are sortable strings with a
 prefix: `ast_`, `job_`, `tsk_`, `att_`.
@@ -205,7 +205,7 @@ class TaskOutcome:
     segment: str | None
     """Blob key of the encoded run of frames, if the task emits."""
     stages: dict[str, float]
-    """Stage -> wall seconds, with "decode", "encode" and "method" (wall of the method itself, overlaps counted once)."""
+    """Stage -> wall seconds; "decode", "encode" and "method" (wall of the method itself, overlaps counted once)."""
     log: str
     fault: Fault | None = None
     cancelled: bool = False
