@@ -91,7 +91,8 @@ class Task:
     emits: tuple[int, int] | None = None
     """Frames [start, stop) that this task emits, each exactly once and in order; None = none."""
     weight: float = 1.0
-    """Expected cost relative to the other tasks of the step: for progress and ETA."""
+    """Expected cost, for progress and ETA, in one unit for all steps of the method: what it costs to paint one frame.
+    A pass that only decodes and looks is about 0.05 a frame."""
 
 
 class Bench(Protocol):
@@ -161,6 +162,8 @@ class Step:
     title: str
     plan: Callable[[Brief], Sequence[Task]]
     run: Callable[[Task, Bench], Note]
+    weight: float = 1.0
+    """Weight of its tasks together that is to be expected a frame of the video, until the step is planned."""
 
 
 class Session(Protocol):
@@ -202,4 +205,4 @@ class Method(Protocol):
 
 def seeded(seed: int, *purpose: int) -> np.random.Generator:
     """Random numbers for one purpose: Philox keyed by (seed, purpose...), the same on any worker in any order."""
-    return np.random.Generator(np.random.Philox(np.random.SeedSequence([seed, *purpose])))
+    return np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=purpose)))

@@ -1,0 +1,204 @@
+"""What every method of the registry promises: a schema that fits forms, plans that are pure, bytes that do not vary."""
+
+from __future__ import annotations
+
+import math
+import re
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+
+import pipeline
+from pipeline.errors import BadInput, BadParameter
+from pipeline.frames import Frame
+from pipeline.methods import method, methods, parse_params
+from pipeline.methods.base import Method, VideoInfo, seeded
+from pipeline.scenes import scene
+from tests.pipeline.methods.bench import FakeBench, painted, run_plan
+
+SIZE = (64, 48)
+every_method = pytest.mark.parametrize("chosen", methods().values(), ids=methods().keys())
+
+
+@cache
+def shot() -> list[Frame]:
+    made = scene("cut", SIZE, frames=6, fps=6)
+    return [made.image(index) for index in range(6)]
+
+
+def fields(chosen: Method) -> dict[str, dict[str, Any]]:
+    found: dict[str, dict[str, Any]] = chosen.Params.model_json_schema()["properties"]
+    return found
+
+
+# -- what a method says of itself
+
+
+@every_method
+def test_it_has_a_name_a_title_a_summary_and_a_paper(chosen: Method) -> None:
+    assert re.fullmatch(r"[a-z][a-z0-9-]*", chosen.name) and method(chosen.name) is chosen
+    assert chosen.title and chosen.summary.endswith(".")
+    papers = (Path(pipeline.__path__[0]) / "references.bib").read_text()
+    assert f"{{{chosen.paper}," in papers
+
+
+@every_method
+def test_its_inputs_begin_with_the_video_and_are_explained(chosen: Method) -> None:
+    video = chosen.inputs[0]
+    assert (video.name, video.kind, video.required) == ("video", "video", True)
+    assert len({spec.name for spec in chosen.inputs}) == len(chosen.inputs)
+    assert all(spec.title and len(spec.help) > 10 for spec in chosen.inputs)
+
+
+@every_method
+def test_its_schema_is_json_schema_and_its_defaults_fit_it(chosen: Method) -> None:
+    schema = chosen.Params.model_json_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    assert schema["additionalProperties"] is False
+    jsonschema.validate(chosen.Params().model_dump(), schema)
+
+
+@every_method
+def test_every_parameter_can_be_shown_in_a_form(chosen: Method) -> None:
+    for name, field in fields(chosen).items():
+        assert field["title"] and len(field["description"]) > 10, name
+        assert field["group"], name
+        assert "default" in field, name
+        if field.get("type") in ("number", "integer"):
+            assert field["unit"], name
+            assert field["minimum"] <= field["default"] <= field["maximum"], name
+        else:
+            assert field["default"] in field["enum"], name
+
+
+@every_method
+def test_its_examples_are_valid_and_differ(chosen: Method) -> None:
+    assert len({example.name for example in chosen.examples}) == len(chosen.examples)
+    made = [parse_params(chosen, example.params) for example in chosen.examples]
+    assert all(params != chosen.Params() for params in made)
+    assert all(example.title for example in chosen.examples)
+    for example in chosen.examples:
+        jsonschema.validate(example.params, chosen.Params.model_json_schema())
+
+
+# -- what is refused
+
+
+def numbers(chosen: Method) -> list[str]:
+    return [name for name, field in fields(chosen).items() if field.get("type") == "number"]
+
+
+@every_method
+def test_numbers_that_are_none_are_refused_by_name(chosen: Method) -> None:
+    for name in numbers(chosen):
+        for value in (math.nan, math.inf, -math.inf, "NaN", None, "wide"):
+            refused(chosen, {name: value}, name)
+
+
+@every_method
+def test_numbers_out_of_range_are_refused_and_limits_are_not(chosen: Method) -> None:
+    for name, field in fields(chosen).items():
+        if field.get("type") not in ("number", "integer"):
+            continue
+        refused(chosen, {name: field["minimum"] - 1}, name)
+        refused(chosen, {name: field["maximum"] + 1}, name)
+        parse_params(chosen, {name: field["minimum"]})
+        parse_params(chosen, {name: field["maximum"]})
+
+
+@every_method
+def test_a_choice_that_there_is_not_is_refused(chosen: Method) -> None:
+    for name, field in fields(chosen).items():
+        if "enum" in field:
+            refused(chosen, {name: "no such choice"}, name)
+
+
+@every_method
+def test_an_unknown_parameter_is_refused_with_the_known_ones(chosen: Method) -> None:
+    fault = refused(chosen, {"speling": 1}, "speling")
+    assert next(iter(fields(chosen))) in fault.remedy
+
+
+@every_method
+def test_parameters_cannot_be_changed_afterwards(chosen: Method) -> None:
+    params = chosen.Params()
+    with pytest.raises(ValueError, match="frozen"):
+        setattr(params, next(iter(fields(chosen))), 1)
+
+
+def test_an_unknown_method_is_refused_with_the_known_ones() -> None:
+    with pytest.raises(BadParameter) as caught:
+        method("abstracton")
+    assert caught.value.field == "method" and all(name in caught.value.remedy for name in methods())
+
+
+def refused(chosen: Method, values: dict[str, Any], name: str) -> BadParameter:
+    with pytest.raises(BadParameter) as caught:
+        parse_params(chosen, values)
+    assert caught.value.field == f"params.{name}" and caught.value.message and caught.value.remedy
+    return caught.value
+
+
+# -- plans
+
+
+@every_method
+def test_tasks_are_named_for_files_and_urls_and_frames_are_emitted_once(chosen: Method) -> None:
+    bench = FakeBench(chosen.Params(), shot())
+    tasks = run_plan(chosen, bench)
+    for listed in tasks.values():
+        keys = [task.key for task in listed]
+        assert len(set(keys)) == len(keys)
+        assert all(re.fullmatch(r"[a-z0-9-]+", key) for key in keys)
+        assert all(set(task.after) <= set(keys) and task.weight > 0 for task in listed)
+    assert painted(bench).shape == (len(shot()), SIZE[1], SIZE[0], 3)
+    assert painted(bench).dtype == np.uint8
+    assert bench.done and min(bench.done) >= 0 and max(bench.done) <= 1
+
+
+@every_method
+def test_the_same_request_gives_the_same_bytes_in_any_order(chosen: Method) -> None:
+    first, second = (FakeBench(chosen.Params(), shot(), artefacts=frozenset(chosen.artefacts)) for _ in range(2))
+    run_plan(chosen, first)
+    run_plan(chosen, second, shuffle=1)
+    np.testing.assert_array_equal(painted(first), painted(second))
+    assert first.files == second.files
+
+
+@every_method
+def test_a_container_that_lies_about_its_frames_changes_nothing(chosen: Method) -> None:
+    honest, lying = (FakeBench(chosen.Params(), shot()) for _ in range(2))
+    lying.video = VideoInfo(*SIZE, frames=1, fps=25.0, duration_s=0.04)
+    for bench in (honest, lying):
+        run_plan(chosen, bench)
+    np.testing.assert_array_equal(painted(honest), painted(lying))
+
+
+@every_method
+def test_a_video_without_frames_is_refused(chosen: Method) -> None:
+    with pytest.raises(BadInput) as caught:
+        run_plan(chosen, FakeBench(chosen.Params(), []))
+    assert caught.value.field == "inputs.video" and caught.value.remedy
+
+
+@every_method
+def test_a_live_session_paints_what_a_job_paints(chosen: Method) -> None:
+    session = chosen.stream(chosen.Params(), SIZE, 0, {})
+    if session is None:
+        pytest.skip("not a causal method")
+    bench = FakeBench(chosen.Params(), shot())
+    run_plan(chosen, bench)
+    np.testing.assert_array_equal(np.stack([session.step(frame) for frame in shot()]), painted(bench))
+
+
+# -- random numbers
+
+
+def test_random_numbers_depend_on_seed_and_purpose_alone() -> None:
+    drawn = {key: tuple(seeded(*key).integers(0, 1 << 30, 4)) for key in ((0, 1), (0, 2), (1, 1), (0, 1, 0))}
+    assert len(set(drawn.values())) == 4
+    assert tuple(seeded(0, 1).integers(0, 1 << 30, 4)) == drawn[0, 1]
