@@ -4,9 +4,15 @@ from __future__ import annotations
 
 import sys
 
-from benchmarks import abstraction
+from benchmarks import abstraction, flow, kill9, memory, workers
 
-ALL = {"abstraction": abstraction.main}
+ALL = {
+    "abstraction": abstraction.main,
+    "flow": flow.main,
+    "workers": workers.main,
+    "memory": memory.main,
+    "kill9": kill9.main,
+}
 
 
 def main() -> None:

@@ -1,0 +1,66 @@
+"""kill -9 of the whole process tree at ten random moments of a job: does it end, with the bytes of an undisturbed run?
+
+Three ways to run the job: `impasto render`; `impasto serve` and a client that waits; the same with the farm on Ray.
+After each death the command is started again, on the same home and at the same address. The short form is
+tests/e2e/test_kill.py.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable, Iterable
+from functools import partial
+from pathlib import Path
+
+from benchmarks.loops import looped, source
+from impasto.cli.app import run
+from tests.e2e.killing import RENDER, Killed, moments, render_killed, serve_killed
+
+CLIP, SIZE = "bikes_scene_cuts.mp4", "640x272"
+FRAMES = 750
+"""Half a minute of several shots, about ten tasks."""
+DEATHS, THEN_S = 10, 0.4
+"""Each death comes up to so many seconds after its share of the frames is painted."""
+WAYS: dict[str, Callable[..., list[Killed]]] = {
+    "render": render_killed,
+    "serve --farm local": partial(serve_killed, farm="local"),
+    "serve --farm ray": partial(serve_killed, farm="ray"),
+}
+
+
+def main() -> None:
+    """Print every death, and whether the bytes are the same in the end."""
+    with tempfile.TemporaryDirectory(prefix="impasto-kill9-") as scratch:
+        folder = Path(scratch)
+        clip = looped(source(CLIP, SIZE, folder), FRAMES, folder / "clip.mp4")
+        whole, calm_s = undisturbed(clip, folder)
+        print(f"{FRAMES} frames, {len(whole)} bytes, undisturbed in {calm_s:.1f} s")
+        same = [survives(name, clip, whole, folder / f"way-{seed}", seed) for seed, name in enumerate(WAYS, start=1)]
+    if not all(same):
+        raise SystemExit("The bytes differ.")
+
+
+def undisturbed(clip: Path, folder: Path) -> tuple[bytes, float]:
+    """What the job makes if it is left alone, and how long that takes."""
+    began = time.monotonic()
+    if run(["render", str(clip), "-o", str(folder / "calm.mp4"), "--home", str(folder / "calm"), *RENDER]):
+        raise SystemExit("The undisturbed render failed.")
+    return (folder / "calm.mp4").read_bytes(), time.monotonic() - began
+
+
+def survives(name: str, clip: Path, whole: bytes, home: Path, seed: int) -> bool:
+    """Run the job one way, through ten deaths; print them; whether the result is `whole`."""
+    out = home.with_suffix(".mp4")
+    began = time.monotonic()
+    deaths = WAYS[name](clip, out, home, plan=moments(DEATHS, 0.97 * FRAMES, THEN_S, seed))
+    same = out.read_bytes() == whole
+    print(f"\n{name}: killed {len(deaths)} times, {time.monotonic() - began:.0f} s in all, bytes equal: {same}")
+    show(deaths)
+    return same
+
+
+def show(deaths: Iterable[Killed]) -> None:
+    print(f"{'death':>6} {'lived s':>8} {'processes':>10} {'frames painted':>15} {'in finished tasks':>18}")
+    for number, death in enumerate(deaths, start=1):
+        print(f"{number:6} {death.lived_s:8.1f} {death.processes:10} {death.frames:15.0f} {death.finished:18}")

@@ -1,0 +1,87 @@
+"""Does the memory of a render grow with the length of the video? 10 s against 60 s of the same 720p clip, looped.
+
+The same `impasto render` as a user's, one worker: decoding, painting, encoding, joining. Two figures: the peak of the
+resident sets of its process tree, sampled, and the kernel's own peak of the process that renders.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import av
+import psutil
+
+from benchmarks.loops import looped, source
+
+CLIP, SIZE = "dog_720p_audio.mp4", "1280x720"
+SECONDS = (10, 60)
+SAMPLE_S = 0.05
+MIB = 1 << 20
+
+
+@dataclass(frozen=True)
+class Peak:
+    """Of one render, MiB."""
+
+    frames: int
+    wall_s: float
+    tree_mib: float
+    process_mib: float
+
+
+def main() -> None:
+    """Print both peaks and how much the longer one is above the shorter."""
+    with tempfile.TemporaryDirectory(prefix="impasto-memory-") as scratch:
+        folder = Path(scratch)
+        clip = source(CLIP, SIZE, folder)
+        peaks = [measure(clip, seconds, folder) for seconds in SECONDS]
+    print(f"{'video s':>8} {'frames':>7} {'wall s':>7} {'tree MiB':>9} {'process MiB':>12}")
+    for seconds, peak in zip(SECONDS, peaks, strict=True):
+        print(f"{seconds:8} {peak.frames:7} {peak.wall_s:7.1f} {peak.tree_mib:9.0f} {peak.process_mib:12.0f}")
+    short, long = peaks
+    tree, process = long.tree_mib / short.tree_mib - 1, long.process_mib / short.process_mib - 1
+    print(f"growth: tree {tree:+.1%}, process {process:+.1%} (at most +10 %)")
+
+
+def measure(clip: Path, seconds: int, folder: Path) -> Peak:
+    """Render the first `seconds` of `clip` without end."""
+    with av.open(str(clip)) as video:
+        frames = round(seconds * (video.streams.video[0].average_rate or 25))
+    long = looped(clip, frames, folder / f"{seconds}.mp4")
+    words = ["render", long, "-o", folder / "out.mp4", "--home", folder / "home", "--quiet"]
+    began = time.monotonic()
+    tree, process = _peaks([sys.executable, "-m", "impasto", *map(str, words)])
+    return Peak(frames, time.monotonic() - began, tree / MIB, process / MIB)
+
+
+def _peaks(command: list[str]) -> tuple[int, int]:
+    """Run a command; (peak of its tree as sampled, peak of itself as the kernel counts), bytes."""
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+    peak = 0
+    while True:
+        pid, status, usage = os.wait4(process.pid, os.WNOHANG)
+        if pid:
+            break
+        peak = max(peak, _resident(psutil.Process(process.pid)))
+        time.sleep(SAMPLE_S)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode:
+        raise SystemExit(f"impasto render failed with {process.returncode}.")
+    return peak, usage.ru_maxrss * 1024
+
+
+def _resident(root: psutil.Process) -> int:
+    """Bytes that a process and its descendants hold in memory now."""
+    total = 0
+    for process in (root, *root.children(recursive=True)):
+        try:
+            total += process.memory_info().rss
+        except psutil.NoSuchProcess:
+            continue
+    return total

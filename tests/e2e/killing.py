@@ -1,0 +1,127 @@
+"""kill -9 of a whole process tree at random moments of a job, and the job's end in spite of it."""
+
+from __future__ import annotations
+
+import random
+import sqlite3
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+import psutil
+
+from tests.e2e.processes import ROOT, Service, impasto, kill_9, start
+
+PATIENCE_S = 180.0
+SEED = 5
+RENDER = ("--workers", "2", "--seed", str(SEED), "--quiet")
+
+
+@dataclass(frozen=True)
+class Moment:
+    """When to kill: `then_s` seconds after `frames` frames are painted, counting those of unfinished tasks."""
+
+    frames: float
+    then_s: float
+
+
+@dataclass(frozen=True)
+class Killed:
+    """One death: how far the job had come, how long that life was, and how many processes died."""
+
+    frames: float
+    finished: int
+    """Of these, frames of finished tasks: they are not painted again."""
+    lived_s: float
+    processes: int
+
+
+def moments(count: int, frames: float, then_s: float, seed: int) -> list[Moment]:
+    """Random moments spread over the painting of `frames` frames. One that is past already strikes a start-up."""
+    dice = random.Random(seed)
+    return [Moment(at, dice.uniform(0, then_s)) for at in sorted(dice.uniform(0, frames) for _ in range(count))]
+
+
+def render_killed(clip: Path, out: Path, home: Path, plan: Sequence[Moment]) -> list[Killed]:
+    """`impasto render clip -o out`, killed at each moment, and run once more to its end."""
+    command, log = impasto("render", clip, "-o", out, "--home", home, *RENDER), home.with_suffix(".log")
+    deaths = []
+    for moment in plan:
+        deaths.append(_kill_at(start(command, log), moment, lambda: next(home.glob("renders/*/impasto.db"), None)))
+        assert not out.exists(), "a result before the render was over"
+    subprocess.run(command, cwd=ROOT, check=True, capture_output=True, timeout=PATIENCE_S)
+    return deaths
+
+
+def serve_killed(clip: Path, out: Path, home: Path, farm: str, plan: Sequence[Moment]) -> list[Killed]:
+    """The same job over HTTP: one client waits through all deaths of the service, then fetches the result."""
+    service = Service(home, farm)
+    deaths = []
+    try:
+        process = service.start()
+        service.wait_ready()
+        waiting = _Waiting(service, clip)
+        for moment in plan:
+            deaths.append(_kill_at(process, moment, lambda: home / "impasto.db"))
+            process = service.start()
+        waiting.fetch(out)
+    finally:
+        service.stop()
+    return deaths
+
+
+class _Waiting:
+    """A client that submits one job and waits for its end, on a thread of its own."""
+
+    def __init__(self, service: Service, clip: Path) -> None:
+        self._client = service.client()
+        video = self._client.upload(clip)
+        self._job = self._client.submit("abstraction", {"video": video["id"]}, seed=SEED)["id"]
+        self._error: list[Exception] = []
+        self._thread = threading.Thread(target=self._wait, daemon=True)
+        self._thread.start()
+
+    def _wait(self) -> None:
+        try:
+            self._client.wait(self._job)
+        except Exception as error:
+            self._error.append(error)
+
+    def fetch(self, out: Path) -> None:
+        self._thread.join(PATIENCE_S)
+        assert not self._thread.is_alive(), "the job did not end"
+        if self._error:
+            raise self._error[0]
+        with self._client as client:
+            client.download(self._job, out)
+
+
+def _kill_at(process: psutil.Popen, moment: Moment, database: Callable[[], Path | None]) -> Killed:
+    born = time.monotonic()
+    while painted(database())[0] < moment.frames:
+        assert process.poll() is None, "it ended before its time to die had come"
+        assert time.monotonic() < born + PATIENCE_S, "it does not come on"
+        time.sleep(0.02)
+    time.sleep(moment.then_s)
+    lived_s = time.monotonic() - born
+    assert process.poll() is None, "it ended before its time to die had come"
+    count = kill_9(process)
+    return Killed(*painted(database()), lived_s, count)
+
+
+def painted(database: Path | None) -> tuple[float, int]:
+    """Frames of a home's only job that are painted, and those of finished tasks, as its database has them."""
+    if database is None or not database.is_file():
+        return 0.0, 0
+    try:
+        with closing(sqlite3.connect(f"file:{database}?mode=ro", uri=True, timeout=5)) as connection:
+            rows = connection.execute("SELECT emit_stop - emit_start, state, progress FROM tasks WHERE emit_stop > 0")
+            found = rows.fetchall()
+    except sqlite3.OperationalError:  # its tables are about to be made
+        return 0.0, 0
+    finished = sum(frames for frames, state, _ in found if state == "succeeded")
+    return finished + sum(frames * done for frames, state, done in found if state == "running"), finished

@@ -1,0 +1,120 @@
+"""The product as processes of its own, and their end without warning."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterable
+from pathlib import Path
+
+import httpx
+import psutil
+
+from impasto import Client
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def impasto(*words: str | Path) -> list[str]:
+    """The command line of `impasto`, by the interpreter that runs us."""
+    return [sys.executable, "-m", "impasto", *map(str, words)]
+
+
+def start(command: list[str], log: Path) -> psutil.Popen:
+    """Start a command of ours; what it says is appended to `log`."""
+    with log.open("ab") as sink:
+        return psutil.Popen(command, cwd=ROOT, stdin=subprocess.DEVNULL, stdout=sink, stderr=sink)
+
+
+def kill_9(root: psutil.Process) -> int:
+    """Kill a process and all its descendants at one instant, as a power cut does. Returns how many there were.
+
+    They are stopped first, until there is no new one among them: nobody sees another die, nobody starts another.
+    """
+    found: dict[int, psutil.Process] = {}
+    while new := [process for process in _tree(root) if process.pid not in found]:
+        for process in new:
+            found[process.pid] = process
+            _quietly(process.suspend)
+    for process in found.values():
+        _quietly(process.kill)
+    if isinstance(root, psutil.Popen):
+        root.wait(30)
+    _await_death(found.values())
+    return len(found)
+
+
+def _tree(root: psutil.Process) -> list[psutil.Process]:
+    try:
+        return [root, *root.children(recursive=True)]
+    except psutil.NoSuchProcess:
+        return []
+
+
+def _quietly(act: object) -> None:
+    with contextlib.suppress(psutil.NoSuchProcess):
+        act()  # type: ignore[operator]
+
+
+def _await_death(processes: Iterable[psutil.Process], timeout_s: float = 30) -> None:
+    deadline = time.monotonic() + timeout_s
+    while any(_alive(process) for process in processes):
+        assert time.monotonic() < deadline, "a killed process lives on"
+        time.sleep(0.01)
+
+
+def _alive(process: psutil.Process) -> bool:
+    try:
+        return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
+
+
+class Service:
+    """`impasto serve` at one home and one address, through all its deaths."""
+
+    def __init__(self, home: Path, farm: str, workers: int = 2) -> None:
+        self.log = home.with_suffix(".log")
+        self._port = _free_port()
+        self.url = f"http://127.0.0.1:{self._port}"
+        self._command = impasto(
+            "serve", "--home", home, "--port", str(self._port), "--farm", farm, "--workers", str(workers)
+        )
+        self.process: psutil.Popen | None = None
+
+    def start(self) -> psutil.Popen:
+        """Start it; it may need seconds before it answers."""
+        self.process = start(self._command, self.log)
+        return self.process
+
+    def client(self) -> Client:
+        return Client(self.url)
+
+    def wait_ready(self, timeout_s: float = 90) -> None:
+        """Until it answers."""
+        deadline = time.monotonic() + timeout_s
+        while not self._answers():
+            assert self.process is not None and self.process.poll() is None, self.log.read_text()
+            assert time.monotonic() < deadline, f"no answer from {self.url}: {self.log.read_text()}"
+            time.sleep(0.05)
+
+    def _answers(self) -> bool:
+        try:
+            return httpx.get(f"{self.url}/healthz", timeout=5).is_success
+        except httpx.TransportError:
+            return False
+
+    def stop(self) -> None:
+        """Ask it to end, as an operator does."""
+        if self.process is not None and self.process.poll() is None:
+            self.process.terminate()
+            self.process.wait(60)
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

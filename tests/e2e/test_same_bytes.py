@@ -1,0 +1,53 @@
+"""One and two workers, in this process and on Ray: the same file, byte for byte."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from impasto.cli.app import run
+from tests.e2e.processes import Service
+
+FRAMES = 240
+"""Two shots of 120 frames: a chain of two tasks each, so that two workers always have something each."""
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("bytes") / "cut.mp4"
+    assert run(["scene", "cut", "-o", str(path), "--size", "96x64", "--frames", str(FRAMES), "--quiet"]) == 0
+    return path
+
+
+def render(clip: Path, out: Path, workers: int) -> bytes:
+    words = ["render", str(clip), "-o", str(out), "--workers", str(workers), "--seed", "5", "--quiet"]
+    assert run([*words, "--home", f"{out}.home"]) == 0
+    return out.read_bytes()
+
+
+@pytest.fixture(scope="module")
+def by_one(clip: Path) -> bytes:
+    """What one worker makes, in this process."""
+    return render(clip, clip.with_name("one.mp4"), 1)
+
+
+def test_two_workers_make_the_same_bytes(clip: Path, by_one: bytes, tmp_path: Path) -> None:
+    assert render(clip, tmp_path / "two.mp4", 2) == by_one
+
+
+@pytest.mark.real("ray")
+@pytest.mark.parametrize("workers", [1, 2])
+def test_ray_makes_the_same_bytes(clip: Path, by_one: bytes, tmp_path: Path, workers: int) -> None:
+    service = Service(tmp_path / "home", "ray", workers)
+    service.start()
+    try:
+        service.wait_ready()
+        with service.client() as client:
+            video = client.upload(clip)
+            job = client.submit("abstraction", {"video": video["id"]}, seed=5)
+            ended = client.wait(job["id"])
+            assert ended["steps"][2]["counts"]["succeeded"] == 4
+            assert client.download(job["id"], tmp_path / "out.mp4").read_bytes() == by_one
+    finally:
+        service.stop()
