@@ -11,13 +11,21 @@ from pipeline.segmentation.jit import kernel
 
 GAUSSIAN_RATIO = 1.6
 """Ratio of the two standard deviations: Marr and Hildreth's fit to the Laplacian, the paper's choice."""
+_TANH = np.rint(np.tanh(np.arange(1025) / 256) * 255).astype(np.uint8)
+"""tanh of 0..4 in steps of 1/256, 255 = 1."""
 
 
 def dog_response(gray: Plane, sigma_px: float, tau: float) -> Plane:
     """D = tau * G(1.6 sigma) - G(sigma), float32 (h, w), in gray levels: positive on the dark side of an edge."""
-    narrow = cv2.GaussianBlur(gray, (0, 0), sigma_px)
-    wide = cv2.GaussianBlur(gray, (0, 0), sigma_px * GAUSSIAN_RATIO)
+    narrow = _blur(gray, sigma_px)
+    wide = _blur(gray, sigma_px * GAUSSIAN_RATIO)
     return np.asarray(cv2.addWeighted(wide, tau, narrow, -1.0, 0.0), np.float32)
+
+
+def _blur(gray: Plane, sigma_px: float) -> Plane:
+    """A Gaussian cut off at three standard deviations."""
+    side = 2 * max(1, round(3 * sigma_px)) + 1
+    return np.asarray(cv2.GaussianBlur(gray, (side, side), sigma_px), np.float32)
 
 
 def soft_threshold(response: Plane, importance: Plane, threshold: float, sharpness: float) -> NDArray[np.uint8]:
@@ -26,8 +34,7 @@ def soft_threshold(response: Plane, importance: Plane, threshold: float, sharpne
     t = threshold * (1.25 - 0.75 * importance): more is drawn where it matters; `importance` is float32 (h, w), 0..1.
     """
     out = np.empty(response.shape, np.uint8)
-    table = np.rint(np.tanh(np.arange(1025) / 256) * 255).astype(np.uint8)
-    _soft_threshold(response, importance, np.float32(threshold), np.float32(sharpness), table, out)
+    _soft_threshold(response, importance, np.float32(threshold), np.float32(sharpness), _TANH, out)
     return out
 
 

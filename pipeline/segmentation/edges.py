@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Plane
+from pipeline.segmentation.jit import kernel
 
 
 def edges(
@@ -25,7 +26,15 @@ def edges(
     """
     size = (gray.shape[1], gray.shape[0])
     gain = cv2.resize(importance + np.float32(floor), size, interpolation=cv2.INTER_LINEAR)
-    dx = cv2.Sobel(gray, cv2.CV_32F, 1, 0, borderType=cv2.BORDER_REPLICATE)
-    dy = cv2.Sobel(gray, cv2.CV_32F, 0, 1, borderType=cv2.BORDER_REPLICATE)
-    scaled = [cv2.multiply(d, gain, dtype=cv2.CV_16S) for d in (dx, dy)]
-    return np.asarray(cv2.Canny(scaled[0], scaled[1], high * low_ratio, high), np.uint8)
+    dx, dy = cv2.spatialGradient(gray, ksize=3, borderType=cv2.BORDER_REPLICATE)
+    _scale(dx, dy, gain)
+    return np.asarray(cv2.Canny(dx, dy, high * low_ratio, high), np.uint8)
+
+
+@kernel
+def _scale(dx: NDArray[np.int16], dy: NDArray[np.int16], gain: Plane) -> None:
+    height, width = gain.shape
+    for y in range(height):
+        for x in range(width):
+            dx[y, x] = np.int16(np.rint(dx[y, x] * gain[y, x]))
+            dy[y, x] = np.int16(np.rint(dy[y, x] * gain[y, x]))

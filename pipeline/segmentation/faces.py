@@ -122,6 +122,8 @@ class FaceTracker:
     def _detect(self, gray: NDArray[np.uint8], factor: float, least: int, most: int) -> NDArray[np.float64]:
         if self._cascade is None:
             self._cascade = _load_cascade()
+        # Per thread: a cascade else opens the system's OpenCL loader, which then hides the runtimes we set up.
+        cv2.ocl.setUseOpenCL(False)
         found = self._cascade.detectMultiScale(
             gray, factor, _MIN_NEIGHBOURS, minSize=(least, least), maxSize=(most, most)
         )

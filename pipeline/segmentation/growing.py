@@ -55,7 +55,8 @@ def _grow(
 ) -> None:  # fmt: skip
     height, width = labels.shape
     capacity = 4 * pixels.size
-    at = np.empty(capacity, np.int32)
+    rows = np.empty(capacity, np.int16)
+    columns = np.empty(capacity, np.int16)
     to = np.empty(capacity, np.int32)
     following = np.empty(capacity, np.int32)
     head = np.full(_BINS, -1, np.int32)
@@ -72,7 +73,7 @@ def _grow(
                     lowest += 1
                     continue
                 head[lowest] = following[entry]
-                y, x, label = at[entry] // width, at[entry] % width, to[entry]
+                y, x, label = rows[entry], columns[entry], to[entry]
                 if labels[y, x] != 0:
                     continue
                 labels[y, x] = label
@@ -87,7 +88,7 @@ def _grow(
                     if error > limit[j, i] and not anything:
                         continue
                     b = min(_BINS - 1, int(error * _BINS_PER_UNIT))
-                    at[used], to[used], following[used] = j * width + i, label, -1
+                    rows[used], columns[used], to[used], following[used] = j, i, label, -1
                     if head[b] < 0:
                         head[b] = used
                     else:
@@ -96,22 +97,26 @@ def _grow(
                     used += 1
                     lowest = min(lowest, b)
             break
-        y, x = pixels[k] // width, pixels[k] % width
+        y, x = np.uint32(pixels[k]) // np.uint32(width), np.uint32(pixels[k]) % np.uint32(width)
+        y, x = np.int64(y), np.int64(x)
         if blocked[y, x] and not anything:
             continue
-        for n in range(4):
+        best, label = np.float32(1e9), 0
+        for n in range(4):  # only the best of a pixel's neighbours can ever win it
             j, i = y + step_y[n], x + step_x[n]
-            if j < 0 or i < 0 or j >= height or i >= width or labels[j, i] == 0:
+            if j < 0 or i < 0 or j >= height or i >= width or labels[j, i] == 0 or labels[j, i] == label:
                 continue
             error = colour_difference(lab, y, x, means, labels[j, i])
-            if error > limit[y, x] and not anything:
-                continue
-            b = min(_BINS - 1, int(error * _BINS_PER_UNIT))
-            at[used], to[used], following[used] = pixels[k], labels[j, i], -1
-            if head[b] < 0:
-                head[b] = used
-            else:
-                following[tail[b]] = used
-            tail[b] = used
-            used += 1
-            lowest = min(lowest, b)
+            if error < best:
+                best, label = error, labels[j, i]
+        if label == 0 or (best > limit[y, x] and not anything):
+            continue
+        b = min(_BINS - 1, int(best * _BINS_PER_UNIT))
+        rows[used], columns[used], to[used], following[used] = y, x, label, -1
+        if head[b] < 0:
+            head[b] = used
+        else:
+            following[tail[b]] = used
+        tail[b] = used
+        used += 1
+        lowest = min(lowest, b)

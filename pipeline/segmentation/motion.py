@@ -112,6 +112,7 @@ def fade(
     return past
 
 
+@lru_cache(maxsize=64)
 def _weights(memory: float, tolerance: float) -> NDArray[np.int32]:
     """Weight of the past by residual, int32 (256,), 256 = 1."""
     difference = np.arange(256) / RESIDUAL_STEPS

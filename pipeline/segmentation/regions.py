@@ -80,17 +80,36 @@ def colour_difference(lab: Lab8, y: int, x: int, means: Means, label: int) -> np
     return np.float32(np.sqrt(dl * dl + da * da + db * db))
 
 
-def overlap(before: Labels, now: Labels, count: int) -> NDArray[np.int32]:
-    """Per label, int32 (count + 1,): pixels that carry it in both maps."""
-    out = np.zeros(count + 1, np.int32)
-    _overlap(before, now, out)
-    return out
+def rename(
+    labels: Labels, names: NDArray[np.int32], carried: Labels | None, kept: NDArray[np.int32], count: int
+) -> NDArray[np.int32]:  # fmt: skip
+    """labels = names[labels], in place; and how much of each region was carried here from the previous frame.
+
+    Args:
+        labels: int32 (h, w).
+        names: int32, final label by label.
+        carried: int32 (h, w), labels as they arrived, or None: nothing did.
+        kept: int32, final label by carried label; 0 = that region is gone.
+        count: final labels are 0..count.
+
+    Returns: int32 (count + 1,): pixels of each region that carried its label already. `carried` may hold -1.
+    """
+    arrived = np.zeros(count + 1, np.int32)
+    if carried is None:
+        carried = np.zeros((1, 1), np.int32)
+    _rename(labels, names, carried, kept, arrived)
+    return arrived
 
 
 @kernel
-def _overlap(before: Labels, now: Labels, out: NDArray[np.int32]) -> None:
-    height, width = now.shape
+def _rename(
+    labels: Labels, names: NDArray[np.int32], carried: Labels, kept: NDArray[np.int32], arrived: NDArray[np.int32]
+) -> None:  # fmt: skip
+    height, width = labels.shape
+    known = carried.shape == labels.shape
     for y in range(height):
         for x in range(width):
-            if before[y, x] == now[y, x]:
-                out[now[y, x]] += 1
+            name = names[labels[y, x]]
+            labels[y, x] = name
+            if known and carried[y, x] > 0 and kept[carried[y, x]] == name:
+                arrived[name] += 1

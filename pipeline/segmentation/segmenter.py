@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from pipeline.frames import Flow, Labels, Plane
 from pipeline.segmentation.growing import grow, unlabelled
 from pipeline.segmentation.propagation import propagate, smooth_labels
-from pipeline.segmentation.regions import AREA, LIMIT, Lab8, Means, Sums, means_of, measure, overlap
-from pipeline.segmentation.tidy import adopt, correct, merge_table, relabel
+from pipeline.segmentation.regions import AREA, LIMIT, Lab8, Means, Sums, means_of, measure, rename
+from pipeline.segmentation.tidy import adopt, correct, merge_table
 from pipeline.segmentation.trapped_ball import fill, radii
 
 CORE_ROLLS = 4
@@ -169,13 +169,13 @@ class Segmenter:
         alive = np.flatnonzero(merged[:, AREA] > 0)
         dense = np.zeros(len(sums), np.int32)
         dense[alive] = np.arange(1, len(alive) + 1, dtype=np.int32)
-        relabel(labels, dense[table])
+        arrived = rename(labels, dense[table], carried, dense, len(alive))
         old = np.concatenate([[0], alive]).astype(np.int32)
         sums = merged[old]
         areas = sums[:, AREA].astype(np.int32)
         previous = np.where(old < born_from, old, 0).astype(np.int32)
         ids = self._ids(previous)
-        alpha = self._alpha(labels, carried, dense, previous, areas)
+        alpha = self._alpha(arrived, previous, areas)
         self.last = Segmentation(labels, ids, areas, means_of(sums), previous, alpha, residual)
         return self.last
 
@@ -195,13 +195,10 @@ class Segmenter:
         return ids
 
     def _alpha(
-        self, labels: Labels, carried: Labels | None, dense: NDArray[np.int32], previous: NDArray[np.int32],
-        areas: NDArray[np.int32],
+        self, arrived: NDArray[np.int32], previous: NDArray[np.int32], areas: NDArray[np.int32]
     ) -> NDArray[np.float32]:  # fmt: skip
-        if carried is None or self.last is None:
+        if self.last is None:
             return np.zeros(len(previous), np.float32)
-        relabel(carried, dense)
-        arrived = overlap(carried, labels, len(previous) - 1).astype(np.float64)
         before = self.last.areas[previous].astype(np.float64)
         alpha = arrived / np.sqrt(np.maximum(before * areas, 1))
         return np.where(previous > 0, np.minimum(alpha, 1), 0).astype(np.float32)

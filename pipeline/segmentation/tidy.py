@@ -195,15 +195,6 @@ def _goes_before(one: int, two: int, areas: NDArray[np.int64]) -> bool:
     return areas[one] < areas[two] or (areas[one] == areas[two] and one > two)
 
 
-@kernel
-def relabel(labels: Labels, table: NDArray[np.int32]) -> None:
-    """labels = table[labels], in place."""
-    height, width = labels.shape
-    for y in range(height):
-        for x in range(width):
-            labels[y, x] = table[labels[y, x]]
-
-
 def round_boundaries(labels: Labels, radius_px: float) -> Labels:
     """Low-pass filtered boundaries without gaps: each pixel takes the majority label of the disc around it.
 

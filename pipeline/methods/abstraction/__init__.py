@@ -53,8 +53,8 @@ class Abstraction:
         ),
     )  # fmt: skip
     steps: ClassVar[tuple[Step, ...]] = (
-        Step("scan", "Find the shots", plan_scan, run_scan),
-        Step("reference", "Learn the colours", plan_reference, run_reference),
+        Step("scan", "Find the shots", plan_scan, run_scan, weight=0.05),
+        Step("reference", "Learn the colours", plan_reference, run_reference, weight=0.0),
         Step("abstract", "Paint", plan_abstract, run_abstract),
     )
     artefacts: ClassVar[tuple[str, ...]] = ("svg",)

@@ -28,7 +28,7 @@ from pipeline.methods.abstraction.hand import Hand, Sketch
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.state import Clock, State, flatten, no_clock, part
 
-AHEAD = 3
+AHEAD = 6
 """Frames the eye may be ahead of the brush: enough to even out, little to keep."""
 
 
