@@ -12,10 +12,11 @@ over the whole video gives, with no warm-up and no seam, however many workers th
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from itertools import islice
+from itertools import islice, pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.colour.scheme import ColourStats, from_histogram, learn
 from pipeline.errors import BadInput
@@ -91,7 +92,7 @@ def plan_abstract(brief: Brief) -> list[Task]:
     edges = [0, *scan["cuts"], scan["frames"]]
     chained = brief.params.temporal == "on"
     tasks: list[Task] = []
-    for shot, (begin, end) in enumerate(zip(edges, edges[1:], strict=False)):
+    for shot, (begin, end) in enumerate(pairwise(edges)):
         for start in range(begin, end, RUN_FRAMES):
             stop = min(start + RUN_FRAMES, end)
             after = (_key(start - RUN_FRAMES),) if start > begin and chained else ()
@@ -132,15 +133,31 @@ def run_abstract(task: Task, bench: Bench) -> Note:
 
 
 def _masks(bench: Bench, start: int) -> Mapping[int, Plane]:
-    """The user's importance masks by frame number; a run begins with the newest one before it."""
-    if not bench.has("importance"):
-        return {}
-    given = {number: _plane(image) for number, image in bench.images("importance").items()}
-    earlier = [number for number in given if number <= start]
-    return given | ({start: given[max(earlier)]} if earlier else {})
+    return _Masks(bench.images("importance"), start) if bench.has("importance") else {}
 
 
-def _plane(image: np.ndarray[Any, Any]) -> Plane:
+class _Masks(Mapping[int, Plane]):
+    """The user's importance masks by frame number, each read when it is asked for: there may be one a frame.
+
+    A run begins with the newest one up to its start.
+    """
+
+    def __init__(self, images: Mapping[int, NDArray[Any]], start: int) -> None:
+        self._images = images
+        earlier = [number for number in images if number <= start]
+        self._source = {number: number for number in images} | ({start: max(earlier)} if earlier else {})
+
+    def __getitem__(self, number: int) -> Plane:
+        return _plane(self._images[self._source[number]])
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self._source)
+
+    def __len__(self) -> int:
+        return len(self._source)
+
+
+def _plane(image: NDArray[Any]) -> Plane:
     """Importance 0..1 of a gray or RGB image of 8 or 16 bit."""
     gray = image if image.ndim == 2 else image[..., :3].mean(axis=-1)
     return np.asarray(gray / np.iinfo(image.dtype).max, np.float32)

@@ -1,0 +1,339 @@
+"""The abstraction method as a whole: bytes that do not depend on how it was run, cuts, coherence, colour, SVG."""
+
+from __future__ import annotations
+
+import io
+import re
+import zipfile
+from functools import cache
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pipeline.colour.scheme import learn
+from pipeline.colour.spaces import srgb_to_hsv
+from pipeline.errors import BadFrame, BadInput
+from pipeline.frames import Flow, Frame, Mask, Plane
+from pipeline.methods import method
+from pipeline.methods.abstraction import AbstractionParams, AbstractionSession, plan
+from pipeline.methods.abstraction.brush import Painting
+from pipeline.methods.abstraction.session import Relay
+from pipeline.scenes import SceneFrame, scene
+from tests.pipeline.methods.bench import FakeBench, painted, run_plan
+
+SIZE = (96, 64)
+CUT = 6
+ABSTRACTION = method("abstraction")
+
+
+@cache
+def shots() -> list[Frame]:
+    """Twelve frames with a hard cut in the middle."""
+    made = scene("cut", SIZE, frames=2 * CUT, fps=10)
+    return [made.image(index) for index in range(2 * CUT)]
+
+
+def paint(frames: list[Frame], masks: dict[int, Plane] | None = None, **values: Any) -> list[Painting]:
+    with Relay(AbstractionSession(AbstractionParams(**values), SIZE)) as relay:
+        return list(relay.run(frames, masks or {}))
+
+
+def stacked(paintings: list[Painting]) -> NDArray[np.uint8]:
+    return np.stack([painting.frame for painting in paintings])
+
+
+# -- the same bytes
+
+
+VARIANTS: dict[str, dict[str, Any]] = {
+    "default": {},
+    "each frame on its own": {"temporal": "off"},
+    "cuts by residuals alone": {"cut_sensitivity": 0},
+    "lines off": {"lines": "off", "boundary_smoothing": 0},
+    "lines along the flow": {"lines": "flow", "line_width": 6},
+    "the paper's own memory": {"steadiness": 0, "paint_memory": 0, "colour_half_life": 0, "importance_half_life": 0},
+}
+
+
+@pytest.mark.parametrize("values", VARIANTS.values(), ids=VARIANTS.keys())
+def test_runs_of_any_length_give_what_one_session_gives(
+    values: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(plan, "RUN_FRAMES", 4)
+    monkeypatch.setattr(plan, "BATCH_BYTES", 3 * SIZE[0] * SIZE[1] * 3)
+    session = AbstractionSession(AbstractionParams(**values), SIZE)
+    wanted = np.stack([session.step(frame) for frame in shots()])
+    bench = FakeBench(AbstractionParams(**values), shots())
+    tasks = run_plan(ABSTRACTION, bench, shuffle=3)["abstract"]
+    starts = [task.emits[0] for task in tasks if task.emits]
+    assert starts == ([0, 4, 8] if values.get("cut_sensitivity") == 0 else [0, 4, CUT, CUT + 4])
+    np.testing.assert_array_equal(painted(bench), wanted)
+
+
+def test_a_reference_a_histogram_masks_and_svg_survive_the_seams_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    mask = np.zeros((SIZE[1], SIZE[0]), np.uint8)
+    mask[:, :40] = 255
+    inputs = {"reference": [reds()], "importance": {1: mask, 7: mask[:, ::-1].copy()}}
+    pages = []
+    for run_frames in (96, 4):
+        monkeypatch.setattr(plan, "RUN_FRAMES", run_frames)
+        bench = FakeBench(AbstractionParams(), shots(), inputs, artefacts=frozenset({"svg"}))
+        run_plan(ABSTRACTION, bench)
+        pages.append((painted(bench), svg_pages(bench)))
+    np.testing.assert_array_equal(pages[0][0], pages[1][0])
+    assert pages[0][1] == pages[1][1] and len(pages[0][1]) == len(shots())
+
+
+@pytest.mark.parametrize("at", [1, CUT - 1, CUT, CUT + 2])
+@pytest.mark.parametrize("values", [{}, {"lines": "flow"}], ids=["dog", "flow"])
+def test_a_restored_session_goes_on_to_the_bit(at: int, values: dict[str, Any]) -> None:
+    params, scheme = AbstractionParams(**values), learn([reds()])
+    one, two = (AbstractionSession(params, SIZE, scheme) for _ in range(2))
+    for frame in shots()[:at]:
+        one.step(frame)
+    state = {key: array.copy() for key, array in one.state().items()}
+    assert all(isinstance(array, np.ndarray) and array.dtype != object for array in state.values())
+    two.restore(state)
+    for frame in shots()[at:]:
+        np.testing.assert_array_equal(one.step(frame), two.step(frame))
+
+
+def test_a_state_is_not_changed_by_what_comes_after() -> None:
+    session = AbstractionSession(AbstractionParams(), SIZE)
+    for frame in shots()[:3]:
+        session.step(frame)
+    state = session.state()
+    kept = {key: array.copy() for key, array in state.items()}
+    for frame in shots()[3:]:
+        session.step(frame)
+    for key, array in state.items():
+        np.testing.assert_array_equal(array, kept[key])
+
+
+def test_neither_the_relay_nor_opencvs_threads_change_a_bit() -> None:
+    session = AbstractionSession(AbstractionParams(), SIZE)
+    wanted = np.stack([session.step(frame) for frame in shots()])
+    before = cv2.getNumThreads()
+    try:
+        for threads in (1, 2):
+            cv2.setNumThreads(threads)
+            np.testing.assert_array_equal(stacked(paint(shots())), wanted)
+    finally:
+        cv2.setNumThreads(before)
+
+
+def test_it_is_causal() -> None:
+    whole, half = paint(shots()), paint(shots()[:4])
+    np.testing.assert_array_equal(stacked(whole[:4]), stacked(half))
+
+
+def test_frames_on_their_own_are_independent_sessions() -> None:
+    off = paint(shots(), temporal="off")
+    for frame, painting in zip(shots(), off, strict=True):
+        np.testing.assert_array_equal(painting.frame, paint([frame])[0].frame)
+    ids = [set(painting.regions.ids[1:].tolist()) for painting in off]
+    assert sum(map(len, ids)) == len(set.union(*ids)), "no name stands for two regions"
+
+
+def test_another_size_within_a_video_is_refused() -> None:
+    session = AbstractionSession(AbstractionParams(), SIZE)
+    session.step(shots()[0])
+    with pytest.raises(BadFrame):
+        session.step(np.zeros((48, 64, 3), np.uint8))
+
+
+@pytest.mark.parametrize("size", [(16, 16), (17, 31), (200, 16)])
+def test_any_size_is_painted(size: tuple[int, int]) -> None:
+    made = scene("harbour", size, frames=3, fps=6)
+    session = AbstractionSession(AbstractionParams(), size)
+    for index in range(3):
+        assert session.step(made.image(index)).shape == (size[1], size[0], 3)
+
+
+# -- cuts
+
+
+def test_a_cut_begins_afresh() -> None:
+    """With the detector on, a shot is what it would be in a video of its own; its regions have names of their own."""
+    whole, alone = paint(shots()), paint(shots()[CUT:])
+    np.testing.assert_array_equal(stacked(whole[CUT:]), stacked(alone))
+    before = {int(name) for painting in whole[:CUT] for name in painting.regions.ids[1:]}
+    assert not before & {int(name) for painting in whole[CUT:] for name in painting.regions.ids[1:]}
+
+
+def test_residuals_alone_segment_anew_within_a_frame() -> None:
+    """The paper's claim: no detector is needed. The frame after the cut is as true as a first frame."""
+    whole, alone = paint(shots(), cut_sensitivity=0), paint(shots()[CUT:])
+    after, fresh, source = whole[CUT], alone[0], shots()[CUT]
+    assert after.regions.residual > 0.85 * SIZE[0] * SIZE[1]
+    assert distance(after.frame, fresh.frame) < 0.25 * distance(whole[CUT - 1].frame, fresh.frame)
+    assert distance(after.frame, source) < 1.1 * distance(fresh.frame, source)
+    old = np.isin(after.regions.ids, whole[CUT - 1].regions.ids[1:])
+    assert after.regions.areas[old].sum() < 0.2 * SIZE[0] * SIZE[1]
+    assert after.regions.labels.min() >= 1
+
+
+def distance(one: Frame, other: Frame) -> float:
+    return float(np.abs(one.astype(float) - other).mean())
+
+
+# -- coherence
+
+
+@cache
+def pan() -> list[SceneFrame]:
+    made = scene("harbour", SIZE, frames=8, fps=12)
+    return [made.frame(index) for index in range(8)]
+
+
+@pytest.mark.parametrize(("lines", "at_most"), [("off", 0.4), ("dog", 0.6), ("flow", 0.6)])
+def test_it_flickers_less_than_frames_on_their_own(lines: str, at_most: float) -> None:
+    """Differences along the exact motion, where a point is seen in both frames, on a noisy pan."""
+    truth = pan()
+    rng = np.random.default_rng(0)
+    noisy = [np.clip(t.image + rng.normal(0, 5, t.image.shape), 0, 255).astype(np.uint8) for t in truth]
+    figures = {}
+    for temporal in ("on", "off"):
+        out = [painting.frame for painting in paint(noisy, lines=lines, temporal=temporal)]
+        errors = [
+            warp_error(out[i - 1], out[i], truth[i].velocity_previous, ~truth[i].occluded_previous) for i in range(1, 8)
+        ]
+        figures[temporal] = float(np.sqrt(np.mean(errors)))
+    assert figures["on"] < at_most * figures["off"]
+
+
+def warp_error(before: Frame, now: Frame, velocity: Flow, seen: Mask) -> float:
+    x, y = np.meshgrid(*(np.arange(n, dtype=np.float32) for n in now.shape[1::-1]))
+    came = cv2.remap(before.astype(np.float32), x - velocity[..., 0], y - velocity[..., 1], cv2.INTER_LINEAR)
+    return float(np.square(now - came).sum(-1)[seen].mean())
+
+
+def test_a_still_noisy_picture_comes_to_rest() -> None:
+    rng = np.random.default_rng(2)
+    clean = shots()[0]
+    noisy = [np.clip(clean + rng.normal(0, 3, clean.shape), 0, 255).astype(np.uint8) for _ in range(12)]
+    out = stacked(paint(noisy)).astype(float)
+    assert (
+        np.abs(np.diff(out[6:], axis=0)).mean()
+        < 0.25 * np.abs(np.diff(np.stack(noisy[6:]).astype(float), axis=0)).mean()
+    )
+
+
+def test_a_fade_in_is_followed() -> None:
+    """What comes out of black ends as detailed and as true as a picture that was there from the start."""
+    full = shots()[0]
+    frames = [(full * light).astype(np.uint8) for light in np.linspace(0, 1, 10)] + [full] * 4
+    last, fresh = paint(frames, cut_sensitivity=0)[-1], paint([full])[0]
+    assert len(last.regions.ids) > 0.6 * len(fresh.regions.ids)
+    assert distance(last.frame, full) < 1.25 * distance(fresh.frame, full)
+
+
+# -- importance, lines, colour
+
+
+def test_importance_by_hand_gives_finer_regions_from_its_frame_on() -> None:
+    one = np.ones((SIZE[1], SIZE[0]), np.float32)
+    frames = shots()[:1]
+    fine, coarse = paint(frames, {0: one})[0], paint(frames, {0: 0 * one})[0]
+    assert len(fine.regions.ids) > 1.3 * len(coarse.regions.ids)
+    held = paint([frames[0]] * 2, {0: one}, temporal="off")
+    np.testing.assert_array_equal(held[1].frame, fine.frame)
+
+
+def test_masks_are_read_when_their_frame_comes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A mask a frame must not mean a video of masks in memory, in every run."""
+    monkeypatch.setattr(plan, "RUN_FRAMES", 4)
+    read: list[int] = []
+
+    class Images(dict[int, NDArray[np.uint8]]):
+        def __getitem__(self, number: int) -> NDArray[np.uint8]:
+            read.append(number)
+            return super().__getitem__(number)
+
+    masks = Images({number: np.full((SIZE[1], SIZE[0]), 20 * number, np.uint8) for number in range(12) if number != 4})
+    bench = FakeBench(AbstractionParams(temporal="off"), shots(), {"importance": masks})
+    run_plan(ABSTRACTION, bench)
+    assert read == [0, 1, 2, 3, 3, 5, 6, 7, 8, 9, 10, 11]
+    by_hand = {n: np.full((SIZE[1], SIZE[0]), 20 * n / 255, np.float32) for n in masks}
+    np.testing.assert_array_equal(painted(bench), stacked(paint(shots(), by_hand, temporal="off")))
+
+
+def test_lines_are_dark_where_the_picture_has_edges_and_switch_off() -> None:
+    frames = shots()[:2]
+    drawn, plain = paint(frames)[-1].frame.astype(int), paint(frames, lines="off")[-1].frame.astype(int)
+    inked = drawn.sum(-1) < plain.sum(-1) - 60
+    assert 0.01 < inked.mean() < 0.4
+    edge = cv2.dilate(cv2.Canny(frames[1], 60, 120), np.ones((5, 5), np.uint8)) > 0
+    assert edge[inked].mean() > 0.8
+    assert not np.array_equal(drawn, paint(frames, lines="flow")[-1].frame)
+
+
+def test_a_reference_lends_its_hues() -> None:
+    frames = shots()[:1]
+    session = AbstractionSession(AbstractionParams(lines="off", hue_neighbourhood=180), SIZE, learn([reds()]))
+    plain, moved = (
+        srgb_to_hsv(frame / 255) for frame in (paint(frames, lines="off")[0].frame, session.step(frames[0]))
+    )
+    coloured = (plain[..., 1] > 0.2) & (plain[..., 2] > 0.2)
+    warm = coloured & (from_red(plain) < 80)
+    assert warm.mean() > 0.2 and from_red(plain)[warm].mean() > 20
+    assert from_red(moved)[warm].mean() < 8
+
+
+def from_red(hsv: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distance to hue 0, degrees."""
+    return np.asarray(np.abs((hsv[..., 0] + 180) % 360 - 180))
+
+
+def test_a_histogram_goes_before_a_reference() -> None:
+    histogram = {"hue": [1.0, *[0.0] * 35], "saturation_mean": 0.6, "saturation_std": 0.2, "value_mean": 0.5}
+    blues = np.ascontiguousarray(reds()[..., ::-1])
+    one = FakeBench(AbstractionParams(), shots()[:2], {"histogram": histogram, "reference": [blues]})
+    two = FakeBench(AbstractionParams(), shots()[:2], {"histogram": histogram})
+    for bench in (one, two):
+        run_plan(ABSTRACTION, bench)
+    np.testing.assert_array_equal(painted(one), painted(two))
+
+
+def test_a_bad_histogram_is_refused_by_its_input_s_name() -> None:
+    with pytest.raises(BadInput) as caught:
+        run_plan(ABSTRACTION, FakeBench(AbstractionParams(), shots()[:1], {"histogram": {"hue": [1]}}))
+    assert caught.value.field.startswith("inputs.histogram")
+
+
+def reds() -> Frame:
+    """A reference of reds and a little gray."""
+    rng = np.random.default_rng(4)
+    red = np.stack([rng.uniform(150, 255, (40, 40)), rng.uniform(0, 60, (40, 40)), rng.uniform(0, 60, (40, 40))], -1)
+    red[:8] = 128
+    return red.astype(np.uint8)
+
+
+# -- vector output
+
+
+def svg_pages(bench: FakeBench) -> dict[str, bytes]:
+    pages: dict[str, bytes] = {}
+    for data in bench.files.values():
+        with zipfile.ZipFile(io.BytesIO(data)) as book:
+            pages |= {name: book.read(name) for name in book.namelist()}
+    return pages
+
+
+def test_svg_has_a_page_a_frame_whose_regions_keep_their_ids() -> None:
+    bench = FakeBench(AbstractionParams(), shots(), artefacts=frozenset({"svg"}))
+    run_plan(ABSTRACTION, bench)
+    pages = svg_pages(bench)
+    assert sorted(pages) == [f"{index:05d}.svg" for index in range(len(shots()))]
+    ids = [set(re.findall(rb'id="(r[0-9]+)"', pages[name])) for name in sorted(pages)]
+    assert len(ids[2] & ids[3]) > 0.7 * len(ids[3])
+    assert not ids[CUT - 1] & ids[CUT]
+
+
+def test_no_svg_is_made_unasked() -> None:
+    bench = FakeBench(AbstractionParams(), shots()[:2])
+    run_plan(ABSTRACTION, bench)
+    assert not bench.files
