@@ -45,7 +45,8 @@ def keep_strokes(
     was drawn before, and is at least `shortest_px` pixels large: a third of that if it was drawn before, and a quarter
     where it matters most (an eye is short). `importance` is float32 (h, w).
     """
-    count, parts = cv2.connectedComponents(cv2.compare(ink, weak, cv2.CMP_GT), connectivity=8, ltype=cv2.CV_32S)
+    count, found = cv2.connectedComponents((ink > weak).view(np.uint8), connectivity=8, ltype=cv2.CV_32S)
+    parts = np.asarray(found, np.int32)
     strokes = np.zeros((count, 8), np.int32)
     strokes[:, [LEFT, TOP]] = 1 << 30
     if past is None:

@@ -25,8 +25,9 @@ def edges(
     OpenCV's Canny with one threshold.
     """
     size = (gray.shape[1], gray.shape[0])
-    gain = cv2.resize(importance + np.float32(floor), size, interpolation=cv2.INTER_LINEAR)
-    dx, dy = cv2.spatialGradient(gray, ksize=3, borderType=cv2.BORDER_REPLICATE)
+    gain = np.asarray(cv2.resize(importance + np.float32(floor), size, interpolation=cv2.INTER_LINEAR), np.float32)
+    gradient = cv2.spatialGradient(gray, ksize=3, borderType=cv2.BORDER_REPLICATE)
+    dx, dy = (np.asarray(d, np.int16) for d in gradient)
     _scale(dx, dy, gain)
     return np.asarray(cv2.Canny(dx, dy, high * low_ratio, high), np.uint8)
 

@@ -62,7 +62,9 @@ class ImportanceTracker:
         self._size = size
         self._small = _fit(size, DETECTION_SIDE_PX)
         self._map = _fit(size, MAP_SIDE_PX)
-        self._gain = np.float32(1.0 - 0.5 ** (CUES_EVERY_FRAMES / params.half_life_frames) if params.half_life_frames > 0 else 1.0)
+        self._gain = np.float32(
+            1.0 - 0.5 ** (CUES_EVERY_FRAMES / params.half_life_frames) if params.half_life_frames > 0 else 1.0
+        )
         self._faces = FaceTracker(size, params.detect_every_frames, params.half_life_frames, params.smallest_face)
         self._age = 0
         self._cues: Plane = np.zeros(self._map[::-1], np.float32)
@@ -144,7 +146,9 @@ class ImportanceTracker:
         self._faces.step(gray, flow, self._age)
         if not len(self._faces.tracks):
             return self._cues
-        combined: Plane = 1 - (1 - self._cues) * (1 - np.float32(self._params.face) * self._faces.bump(self._cues.shape))
+        combined: Plane = 1 - (1 - self._cues) * (
+            1 - np.float32(self._params.face) * self._faces.bump(self._cues.shape)
+        )
         return combined
 
     def _look(self, gray: NDArray[np.uint8], flow: Flow | None) -> Plane:

@@ -53,10 +53,14 @@ def _zero_still(flow: Flow, difference: NDArray[np.uint8], tolerance: np.uint8) 
                 flow[y, x, 1] = 0.0
 
 
+_NO_SECOND_MAP = np.empty(0, np.float32)
+
+
 def way_back(flow: Flow) -> WayBack:
     """Where each pixel was in the previous frame, as OpenCV's fixed-point maps (1/32 px): made once, used by all."""
     where = _grid(flow.shape[1], flow.shape[0]) - flow
-    return cv2.convertMaps(where, None, cv2.CV_16SC2)
+    whole, fractions = cv2.convertMaps(where, _NO_SECOND_MAP, cv2.CV_16SC2)
+    return np.asarray(whole, np.int16), np.asarray(fractions, np.uint16)
 
 
 @lru_cache(maxsize=4)

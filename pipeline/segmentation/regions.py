@@ -72,7 +72,7 @@ def move(sums: Sums, lab: Lab8, limit: NDArray[np.uint8], y: int, x: int, old: i
 
 
 @kernel
-def colour_difference(lab: Lab8, y: int, x: int, means: Means, label: int) -> np.float32:
+def colour_difference(lab: Lab8, y: int | np.int64, x: int | np.int64, means: Means, label: int) -> np.float32:
     """CIELAB distance of a pixel to a region's mean."""
     dl = (lab[y, x, 0] - means[label, 0]) * np.float32(100.0 / 255.0)
     da = lab[y, x, 1] - means[label, 1]

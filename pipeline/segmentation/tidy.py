@@ -205,7 +205,7 @@ def round_boundaries(labels: Labels, radius_px: float) -> Labels:
     stride = 1 if reach < 3 else 2
     ys, xs = np.mgrid[-reach : reach + 1, -reach : reach + 1]
     inside = (xs**2 + ys**2 <= radius_px**2) & (xs % stride == 0) & (ys % stride == 0)
-    padded = cv2.copyMakeBorder(labels, *[reach] * 4, cv2.BORDER_REPLICATE)
+    padded = cv2.copyMakeBorder(labels, reach, reach, reach, reach, cv2.BORDER_REPLICATE)
     out = labels.copy()
     _majority(np.asarray(padded, np.int32), ys[inside], xs[inside], reach, out)
     return out

@@ -102,7 +102,9 @@ class Eye:
             hold_still(flow, self.gray, gray, self.params.stillness)
         with self.clock("settle"):
             back = way_back(flow)
-            settled, residual = settle(lab, self.settled, flow, back, self.params.steadiness * self.calm, SETTLE_TOLERANCE)
+            settled, residual = settle(
+                lab, self.settled, flow, back, self.params.steadiness * self.calm, SETTLE_TOLERANCE
+            )
         return flow, back, settled, residual
 
     def state(self) -> State:
