@@ -16,6 +16,8 @@ from workers.model import JobRequest, Json
 
 _KEY = re.compile(r"[a-z0-9-]{1,200}")
 _ASSEMBLE_TITLE = "Join frames and sound"
+_ASSEMBLE_WEIGHT = 0.05
+"""A frame: see `pipeline.methods.base.Task.weight`."""
 
 
 class PlanError(ImpastoError):
@@ -27,6 +29,12 @@ class PlanError(ImpastoError):
 def steps_of(chosen: Method) -> tuple[tuple[str, str], ...]:
     """(name, title) of a job's steps: the method's, then the platform's own."""
     return (*((step.name, step.title) for step in chosen.steps), (ASSEMBLE, _ASSEMBLE_TITLE))
+
+
+def expected_weights(chosen: Method, info: Json) -> tuple[float, ...]:
+    """What each of `steps_of` will weigh, as far as that is known of a video before anything is planned."""
+    frames = max(1, video_info(info).frames)
+    return (*(frames * step.weight for step in chosen.steps), frames * _ASSEMBLE_WEIGHT)
 
 
 def plan_step(
@@ -50,7 +58,7 @@ def plan_step(
     """
     chosen = method(request.method)
     if index == len(chosen.steps):
-        return [Task(ASSEMBLE)]
+        return [Task(ASSEMBLE, weight=expected_weights(chosen, info.get("video", {}))[-1])]
     brief = Brief(parse_params(chosen, params), request.seed, _video(info), frozenset(request.inputs), notes)
     tasks = list(chosen.steps[index].plan(brief))
     _check(tasks, chosen.steps[index].name)

@@ -1,76 +1,107 @@
 """How far a job is and how long it will take: pure arithmetic on weights, counts and measured seconds.
 
-A step's progress is the weight that is done over the weight there is. Steps whose tasks are not known yet count as
-much as the others, except the platform's last step, which only joins files. Time left is measured, not guessed:
-seconds that finished and running attempts took per unit of weight, over what runs at once. So neither a pause nor a
-restart spoils it.
+Weights are in one unit for all steps of a method (`pipeline.methods.base.Task`), so that steps can be added up. A step
+that has no tasks yet counts with the weight that was expected when the job was accepted. When the plan says otherwise,
+what is left of the bar is shared anew and what is done stays done: progress goes back only where work was lost.
+
+Time left is measured, not guessed: worker seconds a unit of weight so far, times the weight that is left, over what
+runs at once. Neither a pause nor a restart spoils it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-LAST_STEP_SHARE = 0.05
+ENOUGH = 0.01
+"""Share of a job's weight that must be done before its pace says anything."""
+SETTLED, SETTLED_S = 0.2, 60.0
+"""Share of a step, or worker seconds in it, after which its own pace is believed: before, starting up hides it."""
 
 
 @dataclass(frozen=True)
 class StepMeter:
-    """Measures of one step. Weights are the plan's; `busy_s` sums the wall seconds of finished attempts."""
+    """Measures of one step, all of the moment when its tasks last said how far they are."""
 
+    expected: float
+    """Its weight as it was expected before it was planned."""
     weight: float
+    """Of its tasks together; 0 until it is planned."""
     weight_done: float
+    """Of its finished tasks."""
     busy_s: float
+    """Wall seconds of finished attempts, summed."""
     planned: bool
     done: bool
     running: int = 0
+    """Attempts that run at once; one that ended at this very moment counts while a task is ready to take its place."""
     running_weight_done: float = 0.0
     """Sum over running tasks of weight times progress."""
     running_s: float = 0.0
-    """Wall seconds of running attempts so far."""
+    """Wall seconds of running attempts up to that moment, summed."""
+
+    @property
+    def whole(self) -> float:
+        """Its weight as far as is known."""
+        return self.weight if self.planned else self.expected
+
+    @property
+    def finished(self) -> float:
+        """Weight that is done."""
+        return self.whole if self.done else min(self.whole, self.weight_done + self.running_weight_done)
 
     @property
     def progress(self) -> float:
         """0..1"""
-        if self.done:
-            return 1.0
-        if not self.planned or self.weight <= 0:
-            return 0.0
-        return min(1.0, (self.weight_done + self.running_weight_done) / self.weight)
+        return 1.0 if self.done else self.finished / self.whole if self.whole > 0 else 0.0
 
     @property
-    def seconds_left(self) -> float | None:
-        """Wall seconds until this step is done at the present pace; None while there is no measure."""
-        if self.done:
-            return 0.0
-        finished = self.weight_done + self.running_weight_done
-        if not self.running or finished <= 0:
-            return None
-        pace = (self.busy_s + self.running_s) / finished
-        return max(0.0, self.weight - finished) * pace / self.running
+    def seconds(self) -> float:
+        """Worker seconds that went into what is done."""
+        return self.busy_s + self.running_s
 
 
 def job_progress(steps: Sequence[StepMeter]) -> float:
     """0..1 over all steps."""
-    return sum(share * step.progress for share, step in zip(_shares(len(steps)), steps, strict=True))
+    return sum(share * step.progress for share, step in zip(_shares(steps), steps, strict=True))
 
 
 def job_eta_s(steps: Sequence[StepMeter]) -> float | None:
-    """Seconds left: the current step's, and for later steps as much per share as this one takes."""
-    shares = _shares(len(steps))
-    current = next((i for i, step in enumerate(steps) if not step.done), None)
+    """Seconds left; None while too little is done to tell."""
+    whole, finished = sum(step.whole for step in steps), sum(step.finished for step in steps)
+    current = next((step for step in steps if not step.done), None)
     if current is None:
         return 0.0
-    left = steps[current].seconds_left
-    if left is None:
+    pace = _pace(steps, current)
+    if pace is None or finished < ENOUGH * whole:
         return None
-    undone = max(1e-6, 1.0 - steps[current].progress)
-    later = sum(shares[current + 1 :]) / shares[current] * left / undone
-    return left + later
+    return max(0.0, whole - finished) * pace / max(1, current.running)
 
 
-def _shares(n: int) -> list[float]:
-    """How much each step counts; they sum to 1."""
-    if n <= 1:
-        return [1.0] * n
-    return [(1.0 - LAST_STEP_SHARE) / (n - 1)] * (n - 1) + [LAST_STEP_SHARE]
+def _pace(steps: Sequence[StepMeter], current: StepMeter) -> float | None:
+    """Worker seconds a unit of weight: the current step's, at its beginning those of the steps before it."""
+    past = [step for step in steps if step.done]
+    own, before = _ratio([current]), _ratio(past)
+    if own is None or before is None:
+        return before if own is None else own
+    trust = min(1.0, max(current.progress / SETTLED, current.seconds / SETTLED_S))
+    return trust * own + (1 - trust) * before
+
+
+def _ratio(steps: Sequence[StepMeter]) -> float | None:
+    weight = sum(step.finished for step in steps)
+    return sum(step.seconds for step in steps) / weight if weight > 0 else None
+
+
+def _shares(steps: Sequence[StepMeter]) -> Iterator[float]:
+    """How much of the bar each step gets; they sum to 1.
+
+    A step takes its part of what the steps before it have left, measured by what was expected of those after it.
+    """
+    left, later = 1.0, sum(step.expected for step in steps)
+    for index, step in enumerate(steps):
+        later -= step.expected
+        last = index == len(steps) - 1
+        share = left if last or step.whole + later <= 0 else left * step.whole / (step.whole + later)
+        left -= share
+        yield share

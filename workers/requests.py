@@ -9,7 +9,7 @@ from pipeline.errors import BadParameter
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import InputKind, InputSpec, Method
 from workers.model import Asset, JobRequest, OutputSpec
-from workers.planning import steps_of
+from workers.planning import expected_weights, steps_of
 from workers.store import Accepted
 
 FORMATS = ("mp4", "webm", "png")
@@ -43,7 +43,9 @@ def check_request(request: JobRequest, assets: Mapping[str, Asset]) -> Accepted:
     check_inputs(chosen, assets)
     check_output(chosen, request.output)
     _check_envelope(request)
-    return Accepted(request, params.model_dump(mode="json"), steps_of(chosen))
+    info = assets["video"].info if "video" in assets else {}
+    weights = expected_weights(chosen, info)
+    return Accepted(request, params.model_dump(mode="json"), steps_of(chosen), weights)
 
 
 def check_inputs(chosen: Method, assets: Mapping[str, Asset]) -> None:

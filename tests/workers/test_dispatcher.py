@@ -122,7 +122,7 @@ def test_progress_is_shown_while_it_runs(by_hand: Callable[..., Studio], pool: B
     until(lambda: farm.tasks(job.id).items[0].progress == 0.5)
     assert farm.tasks(job.id).items[0].attempts[0]["worker"] == "w-1"
     progress = [event for event in farm.events(job.id)[0] if event.type == "job.progress"]
-    assert progress[-1].data["progress"] == pytest.approx(0.95 / 2 * 0.5)
+    assert 0 < progress[-1].data["progress"] < 0.5
 
 
 def test_an_outcome_waits_while_the_store_is_away(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,6 +31,8 @@ class Accepted:
     """The parameters with every default filled in, so that a job means the same after an upgrade."""
     steps: tuple[tuple[str, str], ...]
     """(name, title) of the method's steps and the platform's own."""
+    weights: tuple[float, ...] = ()
+    """What each of them is expected to weigh; empty: all the same."""
 
 
 class Jobs(Base):
@@ -63,7 +64,7 @@ class Jobs(Base):
             found = connection.execute(select(schema.jobs).where(schema.jobs.c.id == job_id)).mappings().all()
             if not found:
                 raise NotFound(f"There is no job {job_id}.", field="job", value=job_id)
-            return job_views(connection, found, self._now())[0]
+            return job_views(connection, found)[0]
 
     def page(
         self,
@@ -82,7 +83,7 @@ class Jobs(Base):
         query = select(table).where(*where).order_by(table.c.id.desc()).limit(limit + 1)
         with self._db.read() as connection:
             rows = connection.execute(query).mappings().all()
-            items = job_views(connection, rows[:limit], self._now())
+            items = job_views(connection, rows[:limit])
         return Page(tuple(items), pack_cursor(items[-1].id) if len(rows) > limit else None)
 
     def command(self, job_id: str, event: machine.Pause | machine.Resume | machine.Cancel) -> Job:
@@ -164,7 +165,7 @@ class Jobs(Base):
             "updated_at": now,
         }
         connection.execute(insert(schema.jobs).values(row))
-        _insert_all(connection, schema.steps, _step_rows(job_id, accepted.steps))
+        _insert_all(connection, schema.steps, _step_rows(job_id, accepted))
         _insert_all(connection, schema.job_inputs, _pairs(job_id, request.inputs, "asset_id"))
         _insert_all(connection, schema.job_labels, _pairs(job_id, request.labels, "value"))
         born = {"job_id": job_id, "seq": 1, "at": now, "type": "job.state", "data": {"state": "queued", "error": None}}
@@ -252,8 +253,12 @@ def _job_of_task(connection: Connection, task_id: str) -> str:
     return str(job_id)
 
 
-def _step_rows(job_id: str, steps: Sequence[tuple[str, str]]) -> list[dict[str, Any]]:
-    return [{"job_id": job_id, "step": i, "name": name, "title": title} for i, (name, title) in enumerate(steps)]
+def _step_rows(job_id: str, accepted: Accepted) -> list[dict[str, Any]]:
+    weights = accepted.weights or (1.0,) * len(accepted.steps)
+    return [
+        {"job_id": job_id, "step": i, "name": name, "title": title, "expected": weight}
+        for i, ((name, title), weight) in enumerate(zip(accepted.steps, weights, strict=True))
+    ]
 
 
 def _pairs(job_id: str, values: dict[str, str], column: str) -> list[dict[str, Any]]:

@@ -129,6 +129,7 @@ steps = Table(
     Column("succeeded", Integer, nullable=False, default=0),
     Column("failed", Integer, nullable=False, default=0),
     Column("cancelled", Integer, nullable=False, default=0),
+    Column("expected", Double, nullable=False, server_default="1"),
     Column("weight", Double, nullable=False, default=0.0),
     Column("weight_done", Double, nullable=False, default=0.0),
     Column("busy_s", Double, nullable=False, default=0.0),

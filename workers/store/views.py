@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 from typing import Any
 
-from sqlalchemy import Connection, select
+from sqlalchemy import Connection, func, select
 
 from workers.model import Job, RunState, StepView, TaskState
 from workers.progress import StepMeter, job_eta_s, job_progress
@@ -16,30 +16,40 @@ from workers.store.records import Row, fault_of, request_of
 ByJob = dict[str, list[Row]]
 
 
-def job_views(connection: Connection, rows: Sequence[Row], now: float) -> list[Job]:
+def job_views(connection: Connection, rows: Sequence[Row]) -> list[Job]:
     """A Job for every row of `jobs`."""
     ids = [row["id"] for row in rows]
     steps = _grouped(
         connection, select(schema.steps).where(schema.steps.c.job_id.in_(ids)).order_by(schema.steps.c.step)
     )
-    running = _grouped(connection, _running(ids))
+    running, ended = _grouped(connection, _running(ids)), _just_ended(connection, ids)
     files = _grouped(
         connection, select(schema.files.c.job_id, schema.files.c.name).where(schema.files.c.job_id.in_(ids))
     )
-    return [_job(row, steps[row["id"]], running[row["id"]], files[row["id"]], now) for row in rows]
+    return [_job(row, steps[row["id"]], running[row["id"]], ended.get(row["id"], 0), files[row["id"]]) for row in rows]
 
 
-def step_meters(job: Row, steps: Sequence[Row], running: Sequence[Row], now: float) -> list[StepMeter]:
-    """Measures of every step of a job; `running` are its running tasks with the start of their attempt."""
-    return [_meter(job, step, running if step["step"] == job["step"] else (), now) for step in steps]
+def step_meters(job: Row, steps: Sequence[Row], running: Sequence[Row], ended: int, told_at: float) -> list[StepMeter]:
+    """Measures of every step of a job.
+
+    Args:
+        running: its running tasks with the start of their attempt.
+        ended: attempts that ended with the newest change of the job: nobody could take their place yet.
+        told_at: when they last said how far they are: seconds after that have nothing to show yet.
+    """
+    return [
+        _meter(job, step, running, ended, told_at) if step["step"] == job["step"] else _meter(job, step, (), 0, told_at)
+        for step in steps
+    ]
 
 
-def meters_of(connection: Connection, job: Row, now: float) -> list[StepMeter]:
+def meters_of(connection: Connection, job: Row, told_at: float) -> list[StepMeter]:
     """Measures of every step of the job whose row is `job`."""
     steps = connection.execute(
         select(schema.steps).where(schema.steps.c.job_id == job["id"]).order_by(schema.steps.c.step)
     )
-    return step_meters(job, steps.mappings().all(), connection.execute(_running([job["id"]])).mappings().all(), now)
+    running = connection.execute(_running([job["id"]])).mappings().all()
+    return step_meters(job, steps.mappings().all(), running, 0, told_at)
 
 
 def _running(job_ids: Sequence[str]) -> Any:
@@ -51,6 +61,17 @@ def _running(job_ids: Sequence[str]) -> Any:
     )
 
 
+def _just_ended(connection: Connection, job_ids: Sequence[str]) -> dict[str, int]:
+    jobs, attempts = schema.jobs, schema.attempts
+    query = (
+        select(jobs.c.id, func.count())
+        .join(attempts, (attempts.c.job_id == jobs.c.id) & (attempts.c.finished_at == jobs.c.updated_at))
+        .where(jobs.c.id.in_(job_ids))
+        .group_by(jobs.c.id)
+    )
+    return {job_id: int(n) for job_id, n in connection.execute(query)}
+
+
 def _grouped(connection: Connection, query: Any) -> ByJob:
     found: ByJob = defaultdict(list)
     for row in connection.execute(query).mappings():
@@ -58,9 +79,9 @@ def _grouped(connection: Connection, query: Any) -> ByJob:
     return found
 
 
-def _job(row: Row, steps: Sequence[Row], running: Sequence[Row], files: Sequence[Row], now: float) -> Job:
+def _job(row: Row, steps: Sequence[Row], running: Sequence[Row], ended: int, files: Sequence[Row]) -> Job:
     run = RunState(row["state"])
-    meters = step_meters(row, steps, running, now)
+    meters = step_meters(row, steps, running, ended, row["updated_at"])
     counts = {state.value: sum(step[state.value] for step in steps) for state in TaskState}
     return Job(
         id=row["id"],
@@ -102,14 +123,15 @@ def _step_state(job: Row, step: Row, meter: StepMeter) -> str:
     return "running" if step["running"] or step["succeeded"] else "waiting"
 
 
-def _meter(job: Row, step: Row, running: Sequence[Row], now: float) -> StepMeter:
+def _meter(job: Row, step: Row, running: Sequence[Row], ended: int, told_at: float) -> StepMeter:
     return StepMeter(
+        expected=step["expected"],
         weight=step["weight"],
         weight_done=step["weight_done"],
         busy_s=step["busy_s"],
         planned=job["planned"] if step["step"] == job["step"] else step["step"] < job["step"],
         done=step["step"] < job["step"] or job["state"] == RunState.SUCCEEDED.value,
-        running=len(running),
+        running=len(running) + min(ended, step["ready"]),
         running_weight_done=sum(task["weight"] * task["progress"] for task in running),
-        running_s=sum(max(0.0, now - task["started_at"]) for task in running),
+        running_s=sum(max(0.0, told_at - task["started_at"]) for task in running),
     )
