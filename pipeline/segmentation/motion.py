@@ -24,7 +24,7 @@ FAR = 255
 """The residual of a pixel with no counterpart in the previous frame."""
 MOVING = 0.6
 """Share of the memory that moving pixels have."""
-FADE_TOLERANCE = 6.0
+FADE_TOLERANCE = 10.0
 """CIELAB units of residual at which the previous paint's weight has fallen to 1/e."""
 
 _ROOTS = np.minimum(np.sqrt(np.arange(65025)), 254).astype(np.uint8)

@@ -84,7 +84,7 @@ class AbstractionParams(Params):
         "A boundary pixel changes region only if the other fits better by more than this.", "CIELAB", "Time",
     )  # fmt: skip
     paint_memory: float = _number(
-        0.65, 0, 0.95, "Paint memory",
+        0.7, 0, 0.95, "Paint memory",
         "Weight of the last frame's paint where the source agrees with its past: what changes there fades, not pops.",
         "ratio", "Time",
     )  # fmt: skip
@@ -129,7 +129,7 @@ class AbstractionParams(Params):
         "gray levels", "Lines", "epsilon",
     )  # fmt: skip
     line_sharpness: float = _number(
-        0.9, 0.05, 10, "Line sharpness", "How fast ink saturates above the threshold.", "1/gray level", "Lines", "phi_e"
+        0.65, 0.05, 10, "Line sharpness", "How fast ink saturates above the threshold.", "1/gray level", "Lines", "phi_e"
     )
     line_opacity: float = _number(0.92, 0, 1, "Line opacity", "Opacity of full ink.", "ratio", "Lines")
     line_length: float = _number(
