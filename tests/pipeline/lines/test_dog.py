@@ -11,9 +11,11 @@ from pipeline.lines.dog import GAUSSIAN_RATIO, dog_response, soft_threshold
 
 
 def test_the_response_is_the_difference_of_two_gaussians() -> None:
+    """To a few tenths of a level, wherever the tails of the Gaussians are cut off."""
     gray = np.random.default_rng(0).uniform(0, 255, (40, 50)).astype(np.float32)
-    wanted = 0.98 * cv2.GaussianBlur(gray, (0, 0), 1.5 * GAUSSIAN_RATIO) - cv2.GaussianBlur(gray, (0, 0), 1.5)
-    np.testing.assert_allclose(dog_response(gray, 1.5, 0.98), wanted, atol=1e-3)
+    narrow, wide = (cv2.GaussianBlur(gray, (31, 31), sigma) for sigma in (1.5, 1.5 * GAUSSIAN_RATIO))
+    wanted = 0.98 * wide - narrow
+    assert np.abs(dog_response(gray, 1.5, 0.98) - wanted).max() < 0.5 < 0.05 * np.abs(wanted).max()
 
 
 def test_it_is_positive_on_the_dark_side_of_an_edge_and_lines_are_dark() -> None:

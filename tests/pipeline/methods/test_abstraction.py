@@ -231,6 +231,15 @@ def test_a_fade_in_is_followed() -> None:
     assert distance(last.frame, full) < 1.25 * distance(fresh.frame, full)
 
 
+@pytest.mark.real("opencl")
+def test_the_papers_own_flow_may_be_chosen_and_keeps_names_as_well() -> None:
+    kept = {}
+    for flow in ("tvl1", "dis-ultrafast"):
+        out = paint(shots()[:3], flow=flow)
+        kept[flow] = np.isin(out[2].regions.ids[1:], out[0].regions.ids[1:]).mean()
+    assert kept["tvl1"] > 0.6 and kept["dis-ultrafast"] > 0.6
+
+
 # -- importance, lines, colour
 
 

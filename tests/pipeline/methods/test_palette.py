@@ -37,7 +37,7 @@ def rgb_of(lab: np.ndarray) -> np.ndarray:
 
 
 def palette(**values: float) -> Palette:
-    return Palette(AbstractionParams(**values), None)  # type: ignore[arg-type]
+    return Palette(AbstractionParams(**values), None)
 
 
 def test_without_a_reference_a_region_has_its_mean_colour() -> None:

@@ -43,7 +43,8 @@ def error_at(lab: Lab8, y: int, x: int, mean: NDArray[np.float32]) -> float:
 
 def in_words(labels: Labels, lab: Lab8, blocked: Bytes, limit: Bytes, means: Means) -> Labels:
     """Section 4.3, word by word, with `heapq`; of equal errors the one that was queued first."""
-    out, queue, order = labels.copy(), [], count()
+    out, order = labels.copy(), count()
+    queue: list[tuple[float, int, int, int, int]] = []
 
     def put(y: int, x: int, label: int) -> None:
         error = error_at(lab, y, x, means[label])
@@ -69,7 +70,7 @@ def around(labels: Labels, y: int, x: int) -> list[tuple[int, int]]:
     return [(y + j, x + i) for j, i in NEIGHBOURS if 0 <= y + j < height and 0 <= x + i < width]
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(pictures(plain=True))
 def test_where_errors_are_whole_numbers_it_is_the_priority_queue(picture: tuple[Labels, Lab8, Bytes, Bytes]) -> None:
     labels, lab, blocked, limit = picture
@@ -79,7 +80,7 @@ def test_where_errors_are_whole_numbers_it_is_the_priority_queue(picture: tuple[
     np.testing.assert_array_equal(labels, wanted)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(pictures(plain=False))
 def test_what_growing_may_and_must_do(picture: tuple[Labels, Lab8, Bytes, Bytes]) -> None:
     labels, lab, blocked, limit = picture
@@ -100,7 +101,7 @@ def test_what_growing_may_and_must_do(picture: tuple[Labels, Lab8, Bytes, Bytes]
     np.testing.assert_array_equal(sums, measure(labels, lab, limit, 3))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(pictures(plain=False))
 def test_leftovers_leave_no_hole(picture: tuple[Labels, Lab8, Bytes, Bytes]) -> None:
     labels, lab, blocked, limit = picture
