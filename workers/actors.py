@@ -33,8 +33,8 @@ class _RenderActor:
         return f"{socket.gethostname()}:{os.getpid()}"
 
     @ray.method(concurrency_group=CONTROL)
-    def progress(self) -> tuple[str, float]:
-        """(attempt id, 0..1) of what runs now."""
+    def progress(self) -> tuple[str, float, str]:
+        """(attempt id, 0..1, blob key of its newest frame) of what runs now."""
         return self._watch.progress()
 
     @ray.method(concurrency_group=CONTROL)

@@ -25,6 +25,8 @@ from workers.emission import Emission, EmitError
 from workers.model import TaskOrder
 from workers.numbered import NumberedImages
 from workers.planning import video_info
+from workers.pool import Tell
+from workers.shows import Shows
 from workers.stages import Stages
 
 PART = "part:"
@@ -51,7 +53,7 @@ class TaskBench:
         blobs: Blobs,
         decoders: Decoders,
         scratch: Path,
-        report: Callable[[float], None],
+        report: Tell,
         cancelled: Callable[[], bool],
     ) -> None:
         self.params = params
@@ -69,6 +71,8 @@ class TaskBench:
         self._report = report
         self._cancelled = cancelled
         self._asked = self._told = float("-inf")
+        self._done = 0.0
+        self._shows = Shows(blobs, self._key("live"))
         self._ended_at: int | None = None
         self._index: Index | None = None
         self._life = ExitStack()
@@ -166,6 +170,10 @@ class TaskBench:
         with self.stages.waiting("encode"):
             self._emission = self._emission or self._start_emission()
             self._emission.take(index, frame)
+        if self._shows.due():
+            with self.stages.waiting("store"):
+                preview = self._shows.put(frame)
+            self._report(self._done, preview)
 
     def _start_emission(self) -> Emission:
         if self._order.emits is None:
@@ -213,8 +221,8 @@ class TaskBench:
         self._check_cancelled()
         now = time.monotonic()
         if now - self._told >= _REPORT_EVERY_S:
-            self._told = now
-            self._report(min(max(done, 0.0), 1.0))
+            self._told, self._done = now, min(max(done, 0.0), 1.0)
+            self._report(self._done)
 
     def _check_cancelled(self) -> None:
         now = time.monotonic()

@@ -22,7 +22,7 @@ from workers.orders import Orders
 from workers.planning import plan_step
 from workers.pool import Pool, Report
 from workers.settings import FarmSettings
-from workers.store import Claim, StepToPlan, Store
+from workers.store import Claim, Sign, StepToPlan, Store
 
 log = logging.getLogger(__name__)
 
@@ -44,9 +44,10 @@ class _Flight:
     job_id: str
     last_step: bool
     progress: float = 0.0
+    preview: str = ""
     worker: str = ""
     told: bool = True
-    """Whether the store knows `progress`."""
+    """Whether the store knows `progress` and `preview`."""
     revoked: bool = False
 
 
@@ -179,8 +180,9 @@ class Dispatcher:
             self._settle(report.attempt_id, flight, _lost(report))
         elif report.outcome is not None:
             self._settle(report.attempt_id, flight, report.outcome)
-        elif report.progress != flight.progress:
-            flight.progress, flight.told = report.progress, False
+        elif (report.progress, report.preview or flight.preview) != (flight.progress, flight.preview):
+            flight.progress, flight.preview = report.progress, report.preview or flight.preview
+            flight.told = False
 
     def _settle(self, attempt_id: str, flight: _Flight, outcome: TaskOutcome) -> None:
         """Bring an outcome into the store. The attempt leaves us only once that has worked."""
@@ -208,8 +210,9 @@ class Dispatcher:
         if not news or time.monotonic() - self._told < _BUSY_TICK_S:
             return
         self._told = time.monotonic()
-        fractions = {attempt_id: flight.progress for attempt_id, flight in news.items()}
-        self._store.work.progress(fractions, {attempt_id: flight.worker for attempt_id, flight in news.items()})
+        self._store.work.progress(
+            {attempt_id: Sign(flight.progress, flight.worker, flight.preview) for attempt_id, flight in news.items()}
+        )
         for flight in news.values():
             flight.told = True
 

@@ -1,4 +1,4 @@
-"""Frames that a task emits: checked, encoded as one segment, and the preview of its middle."""
+"""Frames that a task emits: checked, encoded as one segment, and a picture of how far it has come."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Emission:
         self._spec = spec
         self._index = index
         self._start, self._stop = span
-        self._middle: Frame | None = None
+        self._shown: Frame | None = None
         self._writer: SegmentWriter | None = None
         self.next = self._start
         """Index of the frame that must come next; in the end, one past the last that came."""
@@ -41,8 +41,8 @@ class Emission:
             )
         self._writer = self._writer or segment_writer(self._path, self._spec)
         self._writer.write(index, check_frame(frame), self._index.time(index), self._index.time(index + 1))
-        if index in (self._start, (self._start + self._stop) // 2):
-            self._middle = frame.copy()
+        if index in (self._start, self._stop - 1):
+            self._shown = frame.copy()
         self.next = index + 1
 
     def finish(self, ended_at: int | None) -> Path | None:
@@ -68,5 +68,5 @@ class Emission:
             self._writer.close()
 
     def preview(self) -> bytes | None:
-        """The middle frame (the first, if the task ended before), scaled to fit 960 px; JPEG."""
-        return encode_jpeg(fit(self._middle, _PREVIEW_PX)) if self._middle is not None else None
+        """The last frame (the first, if the task ended before), scaled to fit 960 px; JPEG."""
+        return encode_jpeg(fit(self._shown, _PREVIEW_PX)) if self._shown is not None else None

@@ -10,7 +10,7 @@ from typing import Protocol
 
 from workers.faults import failed_outcome
 from workers.model import TaskOrder, TaskOutcome
-from workers.pool import Report
+from workers.pool import Report, Tell
 
 Listen = Callable[[Report], None]
 
@@ -18,7 +18,7 @@ Listen = Callable[[Report], None]
 class Runner(Protocol):
     """Runs one order at a time, as `workers.render.Renderer` does."""
 
-    def run(self, order: TaskOrder, report: Callable[[float], None], cancelled: Callable[[], bool]) -> TaskOutcome: ...
+    def run(self, order: TaskOrder, report: Tell, cancelled: Callable[[], bool]) -> TaskOutcome: ...
 
     def close(self) -> None: ...
 
@@ -104,9 +104,13 @@ class LocalPool:
             stop = self._stops[attempt_id]
             self._busy[attempt_id] = name
         self._listen(Report(attempt_id, worker=name))
+
+        def tell(done: float, preview: str = "") -> None:
+            self._listen(Report(attempt_id, done, worker=name, preview=preview))
+
         try:
             runner = runner or self._make_runner()
-            outcome = runner.run(order, lambda done: self._listen(Report(attempt_id, done, worker=name)), stop.is_set)
+            outcome = runner.run(order, tell, stop.is_set)
         except BaseException as error:
             outcome, runner = failed_outcome(attempt_id, error), None
         with self._lock:

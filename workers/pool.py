@@ -24,6 +24,20 @@ class Report:
     lost: bool = False
     """The worker died; the attempt will never answer."""
     worker: str = ""
+    preview: str = ""
+    """Blob key of the newest frame, JPEG; empty: none, or as before."""
+
+
+class Tell(Protocol):
+    """How a runner says how far it is, a few times a second."""
+
+    def __call__(self, done: float, preview: str = "") -> None:
+        """
+        Args:
+            done: 0..1
+            preview: blob key of the newest frame, JPEG; empty: as before.
+        """
+        ...
 
 
 class Pool(Protocol):

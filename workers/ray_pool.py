@@ -182,11 +182,11 @@ class RayPool:
 
     def _tell(self, ref: Any, worker: _Worker) -> None:
         try:
-            attempt_id, done = ray.get(ref)
+            attempt_id, done, preview = ray.get(ref)
         except RayError:
             return  # its answer will say so
         if attempt_id == worker.attempt_id:
-            self._listen(Report(attempt_id, done, worker=worker.name))
+            self._listen(Report(attempt_id, done, worker=worker.name, preview=preview))
 
     # -- actors
 

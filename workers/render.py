@@ -25,6 +25,7 @@ from workers.faults import fault_from
 from workers.jobs import ASSEMBLE
 from workers.logs import AttemptLog, captured
 from workers.model import TaskOrder, TaskOutcome
+from workers.pool import Tell
 
 _LOG = logging.getLogger(__name__)
 
@@ -69,13 +70,13 @@ class Renderer:
     def run(
         self,
         order: TaskOrder,
-        report: Callable[[float], None] = lambda done: None,
+        report: Tell = lambda done, preview="": None,
         cancelled: Callable[[], bool] = lambda: False,
     ) -> TaskOutcome:
         """Run one attempt. What goes wrong is in the outcome, never raised.
 
         Args:
-            report: told the fraction done, 0..1, a few times a second.
+            report: told the fraction done, 0..1, a few times a second, and about once a second of a new frame to show.
             cancelled: asked ten times a second; once it says yes, the outcome is `cancelled`.
         """
         with captured(order.job_id, order.task_id, order.attempt_id) as log:
@@ -89,7 +90,7 @@ class Renderer:
                 outcome = replace(outcome, fault=fault_from(error))
             return _with_log(outcome, log)
 
-    def _run(self, order: TaskOrder, report: Callable[[float], None], cancelled: Callable[[], bool]) -> TaskOutcome:
+    def _run(self, order: TaskOrder, report: Tell, cancelled: Callable[[], bool]) -> TaskOutcome:
         with self._folder() as folder:
             params = None if order.step == ASSEMBLE else parse_params(self._find(order.method), order.params)
             bench = TaskBench(order, params, self._blobs, self._decoders, folder, report, cancelled)

@@ -18,17 +18,18 @@ class Watch:
         self._lock = threading.Lock()
         self._attempt_id = ""
         self._done = 0.0
+        self._preview = ""
         self._cancelled: OrderedDict[str, None] = OrderedDict()
 
     def run(self, runner: Runner, order: TaskOrder) -> TaskOutcome:
         with self._lock:
-            self._attempt_id, self._done = order.attempt_id, 0.0
+            self._attempt_id, self._done, self._preview = order.attempt_id, 0.0, ""
         return runner.run(order, self._report, lambda: self._is_cancelled(order.attempt_id))
 
-    def progress(self) -> tuple[str, float]:
-        """(attempt id, 0..1) of what ran last."""
+    def progress(self) -> tuple[str, float, str]:
+        """(attempt id, 0..1, blob key of its newest frame) of what ran last."""
         with self._lock:
-            return self._attempt_id, self._done
+            return self._attempt_id, self._done, self._preview
 
     def cancel(self, attempt_id: str) -> None:
         """Stop the attempt, also if it has not begun yet."""
@@ -37,9 +38,9 @@ class Watch:
             while len(self._cancelled) > _REMEMBERED:
                 self._cancelled.popitem(last=False)
 
-    def _report(self, done: float) -> None:
+    def _report(self, done: float, preview: str = "") -> None:
         with self._lock:
-            self._done = done
+            self._done, self._preview = done, preview or self._preview
 
     def _is_cancelled(self, attempt_id: str) -> bool:
         with self._lock:

@@ -17,7 +17,7 @@ from workers import jobs as machine
 from workers.errors import Conflict, NotFound
 from workers.jobs import Limits
 from workers.model import Asset, Fault, JobRequest, TaskOutcome
-from workers.store import Accepted, Claim, Policy, Store, schema
+from workers.store import Accepted, Claim, Policy, Sign, Store, schema
 
 DATABASES: dict[str, Callable[[Path], str]] = {"sqlite": lambda folder: f"sqlite:///{folder / 'impasto.db'}"}
 STEPS = (("look", "Look"), ("draw", "Draw"), ("assemble", "Join"))
@@ -116,6 +116,20 @@ def test_a_task_sees_what_its_chain_has_saved_and_nothing_else(store: Store) -> 
     assert store.context.chain(_claim(store).task["id"]) == (("a", "b"), {"draw/a": "k-a", "draw/b": "k-b"})
 
 
+def test_what_a_running_task_shows_is_a_file_of_the_job_until_there_is_better(store: Store) -> None:
+    job_id = _job(store)
+    _plan(store)
+    claim = _claim(store)
+    for number in range(3):
+        store.work.progress({claim.attempt_id: Sign(0.1 * number, "w-1", f"live-{number}")})
+    shown = store.jobs.file(job_id, "preview")
+    assert shown is not None
+    assert (shown["key"], store.jobs.get(job_id).results) == ("live-2", ("preview",))
+    assert store.work.finish(_answer(claim, files={"preview": ("last", "image/jpeg")}))
+    store.work.progress({claim.attempt_id: Sign(0.9, preview="late")})
+    assert store.jobs.blob_keys(job_id) == {"last"}
+
+
 def test_a_late_answer_changes_nothing(store: Store, clock: Clock) -> None:
     job_id = _job(store)
     _plan(store)
@@ -128,7 +142,7 @@ def test_a_late_answer_changes_nothing(store: Store, clock: Clock) -> None:
     assert not store.work.finish(_answer(late, note={"wrong": 1}, files={"result": ("wrong", "x/y")}))
     assert not store.work.finish(_answer(late), machine.Failed(FAULT))
     assert not store.work.put_off(late.attempt_id, 0, "")
-    store.work.progress({late.attempt_id: 0.9}, {})
+    store.work.progress({late.attempt_id: Sign(0.9, preview="late")})
     assert (store.jobs.get(job_id), store.history.events(job_id)) == before
     assert store.work.finish(_answer(newer))
     assert not store.work.finish(_answer(newer)), "an answer counts once"
@@ -365,7 +379,7 @@ def test_claiming_and_answering_read_no_whole_table(store: Store, monkeypatch: p
     event.listen(engine, "before_cursor_execute", lambda c, cursor, text, given, *_: said.append((text, given)))
     for _ in range(2):
         claim = _claim(store)
-        store.work.progress({claim.attempt_id: 0.5}, {})
+        store.work.progress({claim.attempt_id: Sign(0.5)})
         store.work.renew("me", 30)
         store.work.finish(_answer(claim))
     store.jobs.get(job_id)

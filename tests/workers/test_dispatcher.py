@@ -49,7 +49,7 @@ class ByHand:
     def stop(self, grace_s: float = 5.0) -> None: ...
 
     def run(self, blobs: DiskBlobs, order: TaskOrder) -> None:
-        outcome = ToyRunner(blobs).run(order, lambda done: None, lambda: False)
+        outcome = ToyRunner(blobs).run(order, lambda done, preview="": None, lambda: False)
         self.listen(Report(order.attempt_id, 1.0, outcome))
 
     def next(self) -> TaskOrder:
@@ -118,11 +118,13 @@ def test_progress_is_shown_while_it_runs(by_hand: Callable[..., Studio], pool: B
     farm = by_hand()
     job = farm.submit(request_on(farm, data))
     order = pool.next()
+    pool.listen(Report(order.attempt_id, 0.4, worker="w-1", preview="live-0.jpg"))
     pool.listen(Report(order.attempt_id, 0.5, worker="w-1"))
     until(lambda: farm.tasks(job.id).items[0].progress == 0.5)
     assert farm.tasks(job.id).items[0].attempts[0]["worker"] == "w-1"
     progress = [event for event in farm.events(job.id)[0] if event.type == "job.progress"]
     assert 0 < progress[-1].data["progress"] < 0.5
+    assert farm.job(job.id).results == ("preview",)
 
 
 def test_an_outcome_waits_while_the_store_is_away(

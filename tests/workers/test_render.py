@@ -265,8 +265,27 @@ def test_cancelling_takes_less_than_a_second(renderer: Renderer, info: MediaInfo
 
 def test_progress_rises_to_at_most_one(renderer: Renderer, info: MediaInfo) -> None:
     told: list[float] = []
-    renderer.run(order_of(info, tasks_of(info)[0]), report=told.append)
+    renderer.run(order_of(info, tasks_of(info)[0]), report=lambda done, preview="": told.append(done))
     assert told and all(0 <= done <= 1 for done in told)
+
+
+def test_a_running_task_shows_its_newest_frames(
+    renderer: Renderer, info: MediaInfo, blobs: DiskBlobs, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("workers.shows.EVERY_S", 0.0)
+    shown: list[np.ndarray[Any, Any]] = []
+
+    def look(done: float, preview: str = "") -> None:
+        if preview:
+            shown.append(cv2.imdecode(np.frombuffer(blobs.get(preview), np.uint8), cv2.IMREAD_COLOR))
+
+    outcome = renderer.run(order_of(info, tasks_of(info)[0]), report=look)
+    assert len(shown) == RUN
+    assert {picture.shape for picture in shown} == {(64, 96, 3)}
+    assert np.abs(shown[0].astype(int) - shown[-1]).max() > 50, "another frame each time"
+    live = [key for key in blobs.keys("jobs/") if "/live-" in key]
+    assert [key.rpartition("/")[2] for key in live] == ["live-7.jpg", "live-8.jpg", "live-9.jpg"]
+    assert not set(live) & {key for key, _ in outcome.files.values()}, "none of them outlives the job"
 
 
 def test_a_video_that_is_shorter_than_announced_ends_the_last_task(renderer: Renderer, info: MediaInfo) -> None:

@@ -22,6 +22,7 @@ from workers.blobs.base import Blobs
 from workers.faults import failed_outcome
 from workers.jobs import ASSEMBLE
 from workers.model import TaskOrder, TaskOutcome
+from workers.pool import Tell
 
 
 class ToyParams(Params):
@@ -106,7 +107,7 @@ class Toy:
 
 
 class _Bench:
-    def __init__(self, blobs: Blobs, order: TaskOrder, report: Callable[[float], None], cancelled: Callable[[], bool]):
+    def __init__(self, blobs: Blobs, order: TaskOrder, report: Tell, cancelled: Callable[[], bool]):
         self.params = ToyParams(**order.params)
         self.seed = order.seed
         self.artefacts: dict[str, str] = {}
@@ -133,7 +134,7 @@ class ToyRunner:
     def __init__(self, blobs: Blobs) -> None:
         self._blobs = blobs
 
-    def run(self, order: TaskOrder, report: Callable[[float], None], cancelled: Callable[[], bool]) -> TaskOutcome:
+    def run(self, order: TaskOrder, report: Tell, cancelled: Callable[[], bool]) -> TaskOutcome:
         try:
             return self._assemble(order) if order.step == ASSEMBLE else self._step(order, report, cancelled)
         except Exception as error:
@@ -141,7 +142,7 @@ class ToyRunner:
 
     def close(self) -> None: ...
 
-    def _step(self, order: TaskOrder, report: Callable[[float], None], cancelled: Callable[[], bool]) -> TaskOutcome:
+    def _step(self, order: TaskOrder, report: Tell, cancelled: Callable[[], bool]) -> TaskOutcome:
         began = time.monotonic()
         bench = _Bench(self._blobs, order, report, cancelled)
         step = next(step for step in Toy.steps if step.name == order.step)

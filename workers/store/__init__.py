@@ -15,7 +15,7 @@ from workers.store.keys import Keys
 from workers.store.overview import Overview
 from workers.store.plans import Plans, StepToPlan
 from workers.store.webhooks import Webhooks
-from workers.store.work import Claim, Work
+from workers.store.work import Claim, Sign, Work
 
 
 class Store:
@@ -51,4 +51,4 @@ class Store:
         self._db.close()
 
 
-__all__ = ["Accepted", "Claim", "Policy", "StepToPlan", "Store"]
+__all__ = ["Accepted", "Claim", "Policy", "Sign", "StepToPlan", "Store"]

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import Connection, Select, and_, delete, exists, func, insert, or_, select, update
+from sqlalchemy import Connection, Select, and_, exists, func, insert, or_, select, update
 
 from workers import jobs as machine
 from workers.ids import new_id
@@ -35,6 +35,17 @@ class Claim:
     """The row of the task."""
     job: Mapping[str, Any]
     """The row of its job."""
+
+
+@dataclass(frozen=True)
+class Sign:
+    """A sign of life of a running attempt."""
+
+    done: float
+    """0..1"""
+    worker: str = ""
+    preview: str = ""
+    """Blob key of its newest frame, JPEG; empty: none."""
 
 
 class Work(Base):
@@ -73,25 +84,20 @@ class Work(Base):
         with self._db.read() as connection:
             return set(connection.execute(query).scalars())
 
-    def progress(self, fractions: Mapping[str, float], workers: Mapping[str, str]) -> None:
-        """Note how far attempts are (attempt id -> 0..1) and on which worker; skips those that no longer count."""
+    def progress(self, signs: Mapping[str, Sign]) -> None:
+        """Note how far attempts are (by id), where, and what there is to see; skips those that no longer count."""
         table = schema.attempts
-        query = select(table.c.id, table.c.job_id).where(table.c.id.in_(fractions), table.c.outcome == RUNNING)
+        query = select(table.c.id, table.c.job_id).where(table.c.id.in_(signs), table.c.outcome == RUNNING)
         with self._db.read() as connection:
             rows = connection.execute(query).all()
         for job_id in {row.job_id for row in rows}:
-            mine = {row.id: fractions[row.id] for row in rows if row.job_id == job_id}
-            self._progress_in(job_id, mine, workers)
+            self._progress_in(job_id, {row.id: signs[row.id] for row in rows if row.job_id == job_id})
 
-    def _progress_in(self, job_id: str, fractions: Mapping[str, float], workers: Mapping[str, str]) -> None:
-        tasks, attempts = schema.tasks, schema.attempts
+    def _progress_in(self, job_id: str, signs: Mapping[str, Sign]) -> None:
         with self._book_if_any(job_id) as book:
-            held = [] if book is None else [_current(book, attempt_id) for attempt_id in fractions]
+            held = [] if book is None else [_current(book, attempt_id) for attempt_id in signs]
             for each in filter(None, held):
-                attempt_id = each.attempt["id"]
-                done, named = {"progress": fractions[attempt_id]}, {"worker": workers.get(attempt_id, "")}
-                each.book.connection.execute(update(tasks).where(tasks.c.id == each.task["id"]).values(done))
-                each.book.connection.execute(update(attempts).where(attempts.c.id == attempt_id).values(named))
+                _note_sign(each, signs[each.attempt["id"]])
             if book is not None and any(held):
                 _say_progress(book)
 
@@ -232,6 +238,17 @@ def _next_number(connection: Connection, task_id: str) -> int:
     return int(connection.execute(made).scalar_one()) + 1
 
 
+# -- while it runs
+
+
+def _note_sign(held: _Held, sign: Sign) -> None:
+    tasks, attempts, connection = schema.tasks, schema.attempts, held.book.connection
+    connection.execute(update(tasks).where(tasks.c.id == held.task["id"]).values(progress=sign.done))
+    connection.execute(update(attempts).where(attempts.c.id == held.attempt["id"]).values(worker=sign.worker))
+    if sign.preview:
+        _keep_file(held.book, "preview", sign.preview, "image/jpeg")
+
+
 # -- outcomes
 
 
@@ -240,12 +257,18 @@ def _keep_result(held: _Held, outcome: TaskOutcome) -> None:
     book, task = held.book, held.task
     made = {"note": outcome.note, "artefacts": outcome.artefacts, "segment": outcome.segment}
     book.connection.execute(update(schema.tasks).where(schema.tasks.c.id == task["id"]).values(made))
-    files = schema.files
     for name, (key, media_type) in outcome.files.items():
-        book.connection.execute(delete(files).where(files.c.job_id == book.job_id, files.c.name == name))
-        row = {"job_id": book.job_id, "name": name, "key": key, "media_type": media_type, "created_at": book.now}
-        book.connection.execute(insert(files).values(row))
+        _keep_file(book, name, key, media_type)
     _add_measures(book, task, outcome.stages, book.now - held.attempt["started_at"])
+
+
+def _keep_file(book: JobBook, name: str, key: str, media_type: str) -> None:
+    """The job's file of this name is this blob from now on."""
+    files = schema.files
+    row = {"key": key, "media_type": media_type, "created_at": book.now}
+    known = update(files).where(files.c.job_id == book.job_id, files.c.name == name).values(row)
+    if not book.connection.execute(known).rowcount:
+        book.connection.execute(insert(files).values(job_id=book.job_id, name=name, **row))
 
 
 def _add_measures(book: JobBook, task: dict[str, Any], stages: Mapping[str, float], seconds: float) -> None:
