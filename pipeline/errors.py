@@ -83,7 +83,7 @@ class BadFrame(BadInput):
     code = "bad-frame"
 
 
-class Cancelled(ImpastoError):  # noqa: N818  (it is not a fault)
+class Cancelled(ImpastoError):
     code = "cancelled"
 
 

@@ -12,11 +12,11 @@ from __future__ import annotations
 from pipeline.errors import ImpastoError
 
 
-class NotFound(ImpastoError):  # noqa: N818
+class NotFound(ImpastoError):
     code = "not-found"
 
 
-class Conflict(ImpastoError):  # noqa: N818
+class Conflict(ImpastoError):
     code = "conflict"
 
 
@@ -24,5 +24,5 @@ class IdempotencyMismatch(Conflict):
     code = "idempotency-mismatch"
 
 
-class QuotaExceeded(ImpastoError):  # noqa: N818
+class QuotaExceeded(ImpastoError):
     code = "quota-exceeded"

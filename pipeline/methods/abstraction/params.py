@@ -118,7 +118,7 @@ class AbstractionParams(Params):
     # -- lines
     lines: Literal["dog", "flow", "off"] = _choice(
         "dog", "Lines",
-        "dog = difference of Gaussians; flow = smoothed along the edge direction (calmer, a little slower).", "Lines",
+        "dog = difference of Gaussians; flow = smoothed along the edge direction (longer, calmer lines; 10 to 20 ms a frame more).", "Lines",
     )  # fmt: skip
     line_width: float = _number(
         2.6, 0.5, 10, "Line width", "Standard deviation of the narrower Gaussian.", "per mille of the height",
@@ -129,8 +129,9 @@ class AbstractionParams(Params):
         "gray levels", "Lines", "epsilon",
     )  # fmt: skip
     line_sharpness: float = _number(
-        0.65, 0.05, 10, "Line sharpness", "How fast ink saturates above the threshold.", "1/gray level", "Lines", "phi_e"
-    )
+        0.65, 0.05, 10, "Line sharpness", "How fast ink saturates above the threshold.", "1/gray level", "Lines",
+        "phi_e",
+    )  # fmt: skip
     line_opacity: float = _number(0.92, 0, 1, "Line opacity", "Opacity of full ink.", "ratio", "Lines")
     line_length: float = _number(
         40, 0, 300, "Shortest line", "Strokes shorter than this are not drawn.", "per mille of the height", "Lines"
