@@ -22,6 +22,7 @@ from workers.arrays import read_arrays, write_arrays
 from workers.blobs.base import Blobs
 from workers.decoders import Decoders
 from workers.emission import Emission, EmitError
+from workers.logs import belong
 from workers.model import TaskOrder
 from workers.numbered import NumberedImages
 from workers.planning import video_info
@@ -215,6 +216,7 @@ class TaskBench:
     # -- time
 
     def clock(self, stage: str) -> AbstractContextManager[None]:
+        belong(self._order.attempt_id)
         return self.stages.clock(stage)
 
     def progress(self, done: float) -> None:
@@ -225,6 +227,7 @@ class TaskBench:
             self._report(self._done)
 
     def _check_cancelled(self) -> None:
+        belong(self._order.attempt_id)
         now = time.monotonic()
         if now - self._asked < _ASK_EVERY_S:
             return

@@ -9,6 +9,7 @@ import threading
 import time
 import zipfile
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -62,6 +63,19 @@ def invert(task: Task, bench: Bench) -> Note:
     return {"count": count}
 
 
+def _helped(bench: Bench, index: int, painted: Any) -> None:
+    def help_out() -> None:
+        with bench.clock("help"):
+            LOG.info("helping with %d", index)
+
+    stranger = threading.Thread(target=LOG.info, args=("not of this task",))
+    stranger.start()
+    stranger.join()
+    with ThreadPoolExecutor(1) as helper:
+        helper.submit(help_out).result()
+    bench.emit(index, painted)
+
+
 def _nothing(bench: Bench, index: int, painted: Any) -> None:
     bench.emit(index, painted)
 
@@ -95,7 +109,15 @@ def _hang(bench: Bench, index: int, painted: Any) -> None:
         time.sleep(0.01)
 
 
-FAULTS = {"twice": _twice, "skip": _skip, "drop-last": _drop_last, "small": _small, "raise": _raise, "hang": _hang}
+FAULTS = {
+    "helped": _helped,
+    "twice": _twice,
+    "skip": _skip,
+    "drop-last": _drop_last,
+    "small": _small,
+    "raise": _raise,
+    "hang": _hang,
+}
 
 
 class Toy:
@@ -202,6 +224,12 @@ def test_an_outcome_says_what_was_made(renderer: Renderer, info: MediaInfo, blob
     assert 0 <= outcome.stages["invert"] <= outcome.stages["method"]
     assert "job_1 tsk_run-0 att_run-0" in outcome.log
     assert "inverting from 0" in outcome.log
+
+
+def test_helper_threads_that_use_the_bench_are_heard(renderer: Renderer, info: MediaInfo) -> None:
+    log = renderer.run(order_of(info, tasks_of(info)[0], params={"fault": "helped"})).log
+    assert "helping with 3" in log
+    assert "not of this task" not in log
 
 
 def test_the_same_order_gives_the_same_bytes(info: MediaInfo, blobs: DiskBlobs, tmp_path: Path) -> None:
