@@ -92,7 +92,7 @@ def rename(
         kept: int32, final label by carried label; 0 = that region is gone.
         count: final labels are 0..count.
 
-    Returns: int32 (count + 1,): pixels of each region that carried its label already. `carried` may hold -1.
+    Returns: int32 (count + 1,): pixels of each region that carried its label already.
     """
     arrived = np.zeros(count + 1, np.int32)
     if carried is None:
@@ -111,5 +111,5 @@ def _rename(
         for x in range(width):
             name = names[labels[y, x]]
             labels[y, x] = name
-            if known and carried[y, x] > 0 and kept[carried[y, x]] == name:
+            if known and carried[y, x] and kept[carried[y, x]] == name:
                 arrived[name] += 1

@@ -17,7 +17,7 @@ from pipeline.video.container import Index, decoder_of, open_container, video_st
 from pipeline.video.media import Limits
 
 
-class Damage(Exception):  # noqa: N818  (a signal between two classes, not an error of the user's)
+class Damage(Exception):
     """Something would not decode in a pass that was not told to tolerate it."""
 
 

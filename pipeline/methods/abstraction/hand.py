@@ -18,7 +18,7 @@ from pipeline.segmentation.segmenter import Segmentation, Segmenter, SegmenterPa
 
 IDS_A_SHOT = 1_000_000_000
 """Region ids are shot * IDS_A_SHOT + n: unique over the video although shots are done apart."""
-FADING = 0.5
+FADING = 0.15
 """`calm` below which regions have to earn their pixels anew."""
 MISFIT_SLACK = 1.1
 """A pixel leaves its region beyond this share of the growing limit: a little more than it took to join."""

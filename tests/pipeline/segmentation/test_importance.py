@@ -11,7 +11,7 @@ from skimage import data
 
 from pipeline.errors import BadFrame
 from pipeline.frames import Flow, Frame, Plane
-from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker
+from pipeline.segmentation.importance import CUES_EVERY_FRAMES, ImportanceParams, ImportanceTracker
 from pipeline.segmentation.saliency import spectral_residual
 
 SIZE = (160, 96)
@@ -156,11 +156,11 @@ def test_a_pan_alone_is_no_motion_and_does_not_hide_any() -> None:
 
 
 def test_a_step_is_approached_with_the_half_life() -> None:
-    params = ImportanceParams(face=0, saliency=0, motion=1, half_life_frames=4)
+    params = ImportanceParams(face=0, saliency=0, motion=1, half_life_frames=2 * CUES_EVERY_FRAMES)
     tracker = ImportanceTracker(params, SIZE)
     tracker.step(gray())
     values = [at(tracker.step(gray(), moving_square()), (80, 45)) for _ in range(60)]
-    assert values[3] == pytest.approx(values[-1] / 2, rel=0.01)
+    assert values[2 * CUES_EVERY_FRAMES - 1] == pytest.approx(values[-1] / 2, rel=0.01)
 
 
 def test_a_cut_forgets_the_old_shot() -> None:
