@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import os
 import socket
+import threading
 from collections.abc import Callable
+from functools import partial
 from typing import Any, cast
 
 import ray
@@ -23,6 +25,8 @@ class _RenderActor:
     def __init__(self, make_runner: Callable[[], Runner]) -> None:
         self._watch = Watch()
         self._runner = make_runner()
+        warm_up = partial(self._runner.warm_up, lambda: False)
+        threading.Thread(target=warm_up, name="impasto-warm-up", daemon=True).start()
 
     def run(self, order: TaskOrder) -> TaskOutcome:
         return self._watch.run(self._runner, order)

@@ -22,6 +22,10 @@ class Runner(Protocol):
 
     def close(self) -> None: ...
 
+    def warm_up(self, stopped: Callable[[], bool]) -> None:
+        """Get ready in the background, beside `run`, until it is done or `stopped`."""
+        ...
+
 
 class LocalPool:
     """`workers` threads, each with a runner of its own, made in the thread at its first order."""
@@ -35,12 +39,15 @@ class LocalPool:
         self._abandoned: set[str] = set()
         self._lock = threading.Lock()
         self._threads: list[threading.Thread] = []
+        self._stopping = threading.Event()
+        self._warming = threading.Thread(target=self._warm_up, name="impasto-warm-up", daemon=True)
         self._listen: Listen = lambda report: None
 
     def start(self, listen: Listen) -> None:
         self._listen = listen
         for _ in range(self.capacity):
             self._add_worker()
+        self._warming.start()
 
     def submit(self, order: TaskOrder) -> None:
         with self._lock:
@@ -66,14 +73,20 @@ class LocalPool:
             return {"kind": "local", "workers": self.capacity, "busy": dict(self._busy)}
 
     def stop(self, grace_s: float = 5.0) -> None:
+        self._stopping.set()
         with self._lock:
             for stop in self._stops.values():
                 stop.set()
         for _ in self._threads:
             self._orders.put(None)
         deadline = time.monotonic() + grace_s
-        for thread in self._threads:
+        for thread in (*self._threads, self._warming):
             thread.join(max(0.0, deadline - time.monotonic()))
+
+    def _warm_up(self) -> None:
+        runner = self._make_runner()
+        runner.warm_up(self._stopping.is_set)
+        runner.close()
 
     def _add_worker(self) -> None:
         name = f"impasto-worker-{len(self._threads)}"

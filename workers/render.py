@@ -26,6 +26,7 @@ from workers.jobs import ASSEMBLE
 from workers.logs import AttemptLog, captured
 from workers.model import TaskOrder, TaskOutcome
 from workers.pool import Tell
+from workers.warmup import warm_up_process
 
 _LOG = logging.getLogger(__name__)
 
@@ -66,6 +67,10 @@ class Renderer:
 
     def close(self) -> None:
         self._decoders.close()
+
+    def warm_up(self, stopped: Callable[[], bool] = lambda: False) -> None:
+        """Load what methods need before their first frame, once a process. From any thread; never raises."""
+        warm_up_process(stopped)
 
     def run(
         self,

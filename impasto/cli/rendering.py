@@ -16,13 +16,13 @@ from impasto.cli.materials import Material, gather
 from impasto.cli.place import forget, key_of, place, sweep
 from impasto.cli.progress import Show
 from impasto.cli.timing import Timing, rounded
-from impasto.cli.warmup import warm_up
 from pipeline.errors import BadInput
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import Method
 from pipeline.video.probe import probe
 from workers.farm import Farm
 from workers.model import Job, JobRequest, Json
+from workers.warmup import warm_up
 
 
 @dataclass(frozen=True)

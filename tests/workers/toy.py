@@ -142,6 +142,8 @@ class ToyRunner:
 
     def close(self) -> None: ...
 
+    def warm_up(self, stopped: Callable[[], bool]) -> None: ...
+
     def _step(self, order: TaskOrder, report: Tell, cancelled: Callable[[], bool]) -> TaskOutcome:
         began = time.monotonic()
         bench = _Bench(self._blobs, order, report, cancelled)

@@ -1,0 +1,69 @@
+"""Start-up paid before it is in anyone's way: kernels compiled and loaded, so that a first frame costs what others do.
+
+On a machine that has never run them, compiling all kernels takes a minute or more; they are then cached on disk, and
+loading them takes half a second a process.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import threading
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from pipeline.errors import ImpastoError
+from pipeline.frames import Frame
+from pipeline.methods import methods
+from pipeline.methods.base import Method, Params
+
+log = logging.getLogger(__name__)
+
+SIZE = (96, 64)
+"""(width, height) of the practice frames, px."""
+FRAMES = 4
+
+_practised = threading.Event()
+_one_at_a_time = threading.Lock()
+
+
+def warm_up(chosen: Method, params: Params, stopped: Callable[[], bool] = lambda: False) -> None:
+    """Let a causal method practise on a few small frames with the parameters that it will be given.
+
+    What is compiled and loaded then stays in this process, for every thread. A method that is not causal, or that finds
+    practice frames too small for its parameters, starts cold.
+
+    Args:
+        stopped: asked between frames.
+    """
+    _practised.set()
+    with contextlib.suppress(ImpastoError):
+        if (session := chosen.stream(params, SIZE, 0, {})) is not None:
+            for frame in _practice():
+                if stopped():
+                    return
+                session.step(frame)
+
+
+def warm_up_process(stopped: Callable[[], bool] = lambda: False) -> None:
+    """Let every method practise with its defaults, unless something has practised in this process before. Never raises:
+    what is wrong with a method shows when it is used."""
+    with _one_at_a_time:
+        if _practised.is_set():
+            return
+        for chosen in methods().values():
+            try:
+                warm_up(chosen, chosen.Params(), stopped)
+            except Exception:
+                log.warning("The method %s could not practise.", chosen.name, exc_info=True)
+
+
+def _practice() -> Iterator[Frame]:
+    """A bright square that moves over a ramp: edges, motion and more than one region."""
+    width, height = SIZE
+    for index in range(FRAMES):
+        frame = np.empty((height, width, 3), np.uint8)
+        frame[...] = np.linspace(20, 120, width, dtype=np.uint8)[:, None]
+        frame[16:48, 20 + 2 * index : 52 + 2 * index] = (230, 180, 60)
+        yield frame
