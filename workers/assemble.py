@@ -97,6 +97,7 @@ class Assembly:
             "output": {"format": order.output.format, "quality": order.output.quality},
             "result": note,
             "steps": order.notes,
+            "seconds": order.stages,
         }
 
     def _pack(self, artefact: str) -> None:

@@ -5,13 +5,13 @@ A Farm ties a store (the truth), blobs and a pool (the muscle) together. Open on
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from workers.model import Asset, Event, Job, JobRequest, Json, TaskView
+from workers.model import Asset, Event, Job, JobRequest, Json, Submitted, TaskView
 
 
 @dataclass(frozen=True)
@@ -144,8 +144,17 @@ class Farm(Protocol):
     def asset_file(self, asset_id: str) -> Served: ...
 
     # -- jobs
-    def submit(self, request: JobRequest, owner: str = "", idempotency_key: str = "") -> Job:
+    def submit(
+        self,
+        request: JobRequest,
+        owner: str = "",
+        idempotency_key: str = "",
+        admit: Callable[[], None] = lambda: None,
+    ) -> Submitted:
         """Validate (method, params, inputs exist and fit) and accept durably. Same key and body: the same job.
+
+        Args:
+            admit: called before a job is accepted that is new; what it raises (a quota) is raised, and there is no job.
 
         Raises BadParameter, NotFound (an asset), IdempotencyMismatch, StorageFull.
         """
@@ -213,5 +222,6 @@ class Farm(Protocol):
         ...
 
     def snapshot(self) -> Json:
-        """Queue depth and age, tasks by state, workers, throughput: for metrics and the ops page."""
+        """Queue depth and age, tasks by state, workers, throughput, and under "totals" what this process has counted
+        since it began (attempts by outcome, failures by code, frames and busy seconds by method): for metrics."""
         ...

@@ -139,6 +139,14 @@ class Job:
 
 
 @dataclass(frozen=True)
+class Submitted(Job):
+    """A job as `submit` answers it."""
+
+    new: bool = True
+    """Whether this call made it; False: the same key and request had, before."""
+
+
+@dataclass(frozen=True)
 class TaskView:
     id: str
     job_id: str
@@ -190,6 +198,8 @@ class TaskOrder:
     """Keys of the tasks of this step that had to be done first, in plan order."""
     segments: tuple[tuple[int, int, str], ...] = ()
     """For "assemble": (start, stop, blob key) of every emitted run, in order."""
+    stages: dict[str, dict[str, float]] = field(default_factory=dict)
+    """For "assemble": step -> stage -> seconds, summed over the step's tasks."""
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ class _Before:
     artefacts: dict[str, str]
     info: dict[str, Json]
     segments: tuple[tuple[int, int, str], ...]
+    stages: dict[str, dict[str, float]]
 
 
 class Orders:
@@ -59,6 +60,7 @@ class Orders:
             artefacts={**before.artefacts, **chained},
             after=after,
             segments=before.segments,
+            stages=before.stages,
         )
 
     def _before(self, job_id: str, step: int, inputs: dict[str, str], name: str) -> _Before:
@@ -73,5 +75,6 @@ class Orders:
     def _read(self, job_id: str, step: int, inputs: dict[str, str], name: str) -> _Before:
         context = self._store.context
         notes, artefacts = context.before(job_id, step)
-        segments = context.segments(job_id) if name == ASSEMBLE else ()
-        return _Before(notes, artefacts, context.input_info(inputs), segments)
+        last = name == ASSEMBLE
+        segments, stages = (context.segments(job_id), context.stages(job_id, step)) if last else ((), {})
+        return _Before(notes, artefacts, context.input_info(inputs), segments, stages)

@@ -19,7 +19,7 @@ from workers.errors import Conflict, NotFound
 from workers.farm import Farm, Keys, Page, Served, Webhooks
 from workers.jobs import Limits
 from workers.life import Life
-from workers.model import Asset, Event, Job, JobRequest, Json, TaskView
+from workers.model import Asset, Event, Job, JobRequest, Json, Submitted, TaskView
 from workers.orders import asset_key
 from workers.pool import Pool
 from workers.preview import Previews
@@ -129,7 +129,16 @@ class Studio:
 
     # -- jobs
 
-    def submit(self, request: JobRequest, owner: str = "", idempotency_key: str = "") -> Job:
+    def submit(
+        self,
+        request: JobRequest,
+        owner: str = "",
+        idempotency_key: str = "",
+        admit: Callable[[], None] = lambda: None,
+    ) -> Submitted:
+        if known := self._store.jobs.made_by(request, owner, idempotency_key):
+            return known
+        admit()
         accepted = check_request(request, self._inputs(request))
         self._blobs.check_room()
         job = self._store.jobs.add(accepted, owner, idempotency_key)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from typing import Annotated
 
 from fastapi import APIRouter, Header, Query, Response
@@ -36,13 +35,15 @@ def submit(
     idempotency_key: IdempotencyKey = None,
 ) -> JobOut:
     """Submit a job: accepted durably before the answer goes out."""
-    began_at = time.time()
-    check_inputs(parts, caller, body)
-    check_target(body.webhook, parts.settings.webhook_private)
-    check_quota(parts, caller)
-    job = parts.farm.submit(body.request(), caller.owner, idempotency_key or "")
+
+    def admit() -> None:
+        check_inputs(parts, caller, body)
+        check_target(body.webhook, parts.settings.webhook_private)
+        check_quota(parts, caller)
+
+    job = parts.farm.submit(body.request(), caller.owner, idempotency_key or "", admit)
     response.headers["Location"] = f"/v1/jobs/{job.id}"
-    response.status_code = 201 if job.created_at >= began_at else 200
+    response.status_code = 201 if job.new else 200
     return job_out(job)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
-from prometheus_client.core import GaugeMetricFamily
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
 from prometheus_client.metrics_core import Metric
 from prometheus_client.registry import Collector
 
@@ -87,7 +87,22 @@ def _families(snapshot: Mapping[str, Any]) -> Iterator[Metric]:
         "method",
         snapshot.get("frames_per_s", {}),
     )
+    yield from _totals(snapshot.get("totals", {}))
     yield _single("impasto_webhooks_waiting", "Messages in the outbox.", snapshot.get("webhooks_waiting", 0))
+
+
+def _totals(totals: Mapping[str, Mapping[str, float]]) -> Iterator[Metric]:
+    """Counters of this process; a rate over them needs no window of ours."""
+    for name, text, label, key in (
+        ("impasto_attempts", "Attempts that ended.", "outcome", "attempts"),
+        ("impasto_attempt_failures", "Attempts that failed.", "code", "failures"),
+        ("impasto_frames", "Frames finished.", "method", "frames"),
+        ("impasto_attempt_seconds", "Wall time of attempts that ended.", "method", "busy_s"),
+    ):
+        family = CounterMetricFamily(name, text, labels=[label])
+        for value, number in sorted(totals.get(key, {}).items())[:MAX_LABELS]:
+            family.add_metric([value], float(number))
+        yield family
 
 
 def _gauge(name: str, text: str, label: str, values: Mapping[str, float]) -> Metric:

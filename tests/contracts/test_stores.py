@@ -98,6 +98,7 @@ def test_notes_artefacts_and_segments_reach_later_steps(store: Store) -> None:
         claim = _claim(store)
         assert store.work.finish(_answer(claim, segment=f"seg-{claim.task['key']}"))
     assert store.context.segments(job_id) == ((0, 4, "seg-a"), (4, 8, "seg-b"))
+    assert store.context.stages(job_id, 2) == {"look": {"method": 2.0}, "draw": {"method": 4.0}}
     _plan(store, Task("assemble"))
     assert store.work.finish(_answer(_claim(store), files={"result": ("k", "video/mp4")}))
     job = store.jobs.get(job_id)
@@ -396,3 +397,24 @@ def _scanned(store: Store, text: str, given: object) -> set[str]:
     with store._db.read() as connection:
         plan = connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {text}", given).all()  # type: ignore[arg-type]
     return {row[3].split()[1] for row in plan if row[3].startswith("SCAN") and "INDEX" not in row[3]}
+
+
+def test_totals_rise_with_every_attempt_that_counts(store: Store, clock: Clock) -> None:
+    job_id = _job(store)
+    _plan(store, Task("a", emits=(0, 8)))
+    failing = _claim(store)
+    clock.now += 2
+    assert store.work.finish(_answer(failing), machine.Failed(FAULT))
+    assert not store.work.finish(_answer(failing), machine.Failed(FAULT)), "a late answer is not counted"
+    clock.now += 60
+    claim = _claim(store)
+    clock.now += 3
+    assert store.work.finish(_answer(claim))
+    store.jobs.command(job_id, machine.Cancel())
+    store.jobs.remove(job_id)
+    assert store.overview.snapshot()["totals"] == {
+        "attempts": {"failed": 1, "succeeded": 1},
+        "failures": {"internal-error": 1},
+        "frames": {"toy": 8},
+        "busy_s": {"toy": 5.0},
+    }

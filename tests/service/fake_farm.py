@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import threading
 import time
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +20,7 @@ from pipeline.methods import parse_params
 from workers.errors import Conflict, IdempotencyMismatch, NotFound
 from workers.farm import ApiKey, Delivery, Page, Served
 from workers.ids import new_id
-from workers.model import Asset, Event, Fault, Job, JobRequest, RunState, TaskState, TaskView
+from workers.model import Asset, Event, Fault, Job, JobRequest, RunState, Submitted, TaskState, TaskView
 
 MAGIC = b"CLIP"
 """What bytes begin with that this farm takes for a video."""
@@ -161,20 +161,27 @@ class FakeFarm:
         asset = self.asset(asset_id)
         return Served(asset_id, asset.size_bytes, asset.media_type, asset.filename, asset.sha256)
 
-    def submit(self, request: JobRequest, owner: str = "", idempotency_key: str = "") -> Job:
-        parse_params(find_method(request.method), request.params)
-        if "video" not in request.inputs:
-            raise BadParameter("An input is missing.", field="inputs.video", remedy="Give it.")
+    def submit(
+        self,
+        request: JobRequest,
+        owner: str = "",
+        idempotency_key: str = "",
+        admit: Callable[[], None] = lambda: None,
+    ) -> Submitted:
         if idempotency_key and (made := self._idempotent.get((owner, idempotency_key))):
             if made[0] != request:
                 raise IdempotencyMismatch(
                     "Another body.", field="Idempotency-Key", value=idempotency_key, remedy="New."
                 )
-            return self.all_jobs[made[1]]
+            return _submitted(self.all_jobs[made[1]], new=False)
+        admit()
+        parse_params(find_method(request.method), request.params)
+        if "video" not in request.inputs:
+            raise BadParameter("An input is missing.", field="inputs.video", remedy="Give it.")
         job = self._new_job(request, owner)
         if idempotency_key:
             self._idempotent[owner, idempotency_key] = (request, job.id)
-        return job
+        return _submitted(job, new=True)
 
     def _new_job(self, request: JobRequest, owner: str) -> Job:
         now = time.time()
@@ -279,6 +286,10 @@ class FakeFarm:
 
     def snapshot(self) -> dict[str, Any]:
         return {}
+
+
+def _submitted(job: Job, new: bool) -> Submitted:
+    return Submitted(**{name: getattr(job, name) for name in Job.__dataclass_fields__}, new=new)
 
 
 def _get(rows: dict[Any, Any], key: Any, kind: str) -> Any:

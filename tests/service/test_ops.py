@@ -48,7 +48,13 @@ def test_metrics_have_base_units_and_bounded_labels(client: TestClient, farm: Fa
 
 def test_metrics_tell_of_the_farm(client: TestClient, farm: FakeFarm, monkeypatch: pytest.MonkeyPatch) -> None:
     snapshot = {"jobs": {"queued": 3}, "queue": {"ready_tasks": 7, "oldest_s": 1.5}, "failures": {"bad-media": 2}}
-    monkeypatch.setattr(farm, "snapshot", lambda: snapshot)
+    totals = {
+        "failures": {"bad-media": 5},
+        "frames": {"toy": 120},
+        "attempts": {"succeeded": 9},
+        "busy_s": {"toy": 2.5},
+    }
+    monkeypatch.setattr(farm, "snapshot", lambda: snapshot | {"totals": totals})
     text = client.get("/metrics").text
     for line in (
         'impasto_jobs{state="queued"} 3.0',
@@ -56,6 +62,10 @@ def test_metrics_tell_of_the_farm(client: TestClient, farm: FakeFarm, monkeypatc
         "impasto_queue_oldest_seconds 1.5",
         'impasto_recent_attempt_failures{code="bad-media"} 2.0',
         'impasto_ready{part="blobs"} 1.0',
+        'impasto_attempt_failures_total{code="bad-media"} 5.0',
+        'impasto_attempts_total{outcome="succeeded"} 9.0',
+        'impasto_frames_total{method="toy"} 120.0',
+        'impasto_attempt_seconds_total{method="toy"} 2.5',
     ):
         assert line in text.splitlines()
 

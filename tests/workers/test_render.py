@@ -191,6 +191,7 @@ def render(renderer: Renderer, info: MediaInfo, **changes: Any) -> tuple[list[Ta
         assert task.emits and outcomes[-1].segment
         segments.append((*task.emits, outcomes[-1].segment))
     last = order_of(info, Task("assemble"), artefacts, step="assemble", segments=tuple(segments), **changes)
+    last = replace(last, stages={"invert": {"decode": 0.5}})
     return outcomes, last
 
 
@@ -208,7 +209,8 @@ def test_a_job_from_frames_to_file(renderer: Renderer, info: MediaInfo, blobs: D
             assert container.streams.audio
     with zipfile.ZipFile(io.BytesIO(blobs.get(done.files["svg"][0]))) as archive:
         assert archive.namelist() == ["svg-run-0.svg", "svg-run-10.svg", "svg-run-20.svg"]
-    assert json.loads(blobs.get(done.files["report"][0]))["result"] == done.note
+    report = json.loads(blobs.get(done.files["report"][0]))
+    assert (report["result"], report["seconds"]) == (done.note, {"invert": {"decode": 0.5}})
 
 
 def test_an_outcome_says_what_was_made(renderer: Renderer, info: MediaInfo, blobs: DiskBlobs) -> None:

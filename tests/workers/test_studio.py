@@ -166,7 +166,9 @@ def test_requeue_runs_one_failed_task_again(farm: Studio, data: Path) -> None:
 def test_idempotency(farm: Studio, data: Path) -> None:
     request = request_on(farm, data)
     job = farm.submit(request, owner="anna", idempotency_key="k")
-    assert farm.submit(request, owner="anna", idempotency_key="k").id == job.id
+    assert job.new
+    again = farm.submit(request, owner="anna", idempotency_key="k", admit=lambda: pytest.fail("it is no new job"))
+    assert (again.id, again.new) == (job.id, False)
     assert farm.submit(request, owner="ben", idempotency_key="k").id != job.id
     with pytest.raises(IdempotencyMismatch):
         farm.submit(request_on(farm, data, seed=8), owner="anna", idempotency_key="k")

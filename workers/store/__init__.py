@@ -14,6 +14,7 @@ from workers.store.jobs import Accepted, Jobs
 from workers.store.keys import Keys
 from workers.store.overview import Overview
 from workers.store.plans import Plans, StepToPlan
+from workers.store.tally import Tally
 from workers.store.webhooks import Webhooks
 from workers.store.work import Claim, Sign, Work
 
@@ -33,13 +34,14 @@ class Store:
     def __init__(self, url: str, policy: Policy | None = None, now: Clock = time.time) -> None:
         self._db = Database(url)
         shared = (self._db, Bell(), policy or Policy(), now)
+        tally = Tally()
         self.assets = Assets(*shared)
         self.jobs = Jobs(*shared)
         self.history = History(*shared)
         self.plans = Plans(*shared)
-        self.work = Work(*shared)
+        self.work = Work(*shared, tally)
         self.context = Context(*shared)
-        self.overview = Overview(*shared)
+        self.overview = Overview(*shared, tally)
         self.keys = Keys(*shared)
         self.webhooks = Webhooks(*shared)
 

@@ -57,6 +57,13 @@ class Context(Base):
         with self._db.read() as connection:
             return tuple((start, stop, key) for start, stop, key in connection.execute(query))
 
+    def stages(self, job_id: str, step: int) -> dict[str, dict[str, float]]:
+        """Seconds by stage of every step before `step`, by name."""
+        steps = schema.steps
+        query = select(steps.c.name, steps.c.stages).where(steps.c.job_id == job_id, steps.c.step < step)
+        with self._db.read() as connection:
+            return {name: dict(stages) for name, stages in connection.execute(query.order_by(steps.c.step))}
+
     def input_info(self, inputs: Mapping[str, str]) -> dict[str, Json]:
         """Input name -> the asset's info, with its kind and media type."""
         assets = schema.assets

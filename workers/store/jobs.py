@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 from sqlalchemy import ColumnElement, Connection, delete, func, insert, select
@@ -15,7 +15,7 @@ from workers import jobs as machine
 from workers.errors import Conflict, IdempotencyMismatch, NotFound
 from workers.farm import Page
 from workers.ids import new_id
-from workers.model import Job, JobRequest, Json, RunState, TaskState
+from workers.model import Job, JobRequest, Json, RunState, Submitted, TaskState
 from workers.store import schema
 from workers.store.base import Base
 from workers.store.records import Row, pack_cursor, request_to_json, unpack_cursor
@@ -38,7 +38,17 @@ class Accepted:
 class Jobs(Base):
     """Jobs by id. Every method is one transaction."""
 
-    def add(self, accepted: Accepted, owner: str, idempotency_key: str = "") -> Job:
+    def made_by(self, request: JobRequest, owner: str, idempotency_key: str) -> Submitted | None:
+        """The job that the same owner, key and request have made, if any. Raises IdempotencyMismatch."""
+        with self._db.read() as connection:
+            job_id = _by_key(connection, owner, idempotency_key, _digest(request))
+        return None if job_id is None else self._submitted(job_id, new=False)
+
+    def _submitted(self, job_id: str, new: bool) -> Submitted:
+        job = self.get(job_id)
+        return Submitted(**{field.name: getattr(job, field.name) for field in fields(Job)}, new=new)
+
+    def add(self, accepted: Accepted, owner: str, idempotency_key: str = "") -> Submitted:
         """Accept durably. The same owner, key and request: the job there is.
 
         Raises:
@@ -57,7 +67,7 @@ class Jobs(Base):
                 raise
             job_id = known
         self._bell.ring(job_id, 1)
-        return self.get(job_id)
+        return self._submitted(job_id, new=known is None)
 
     def get(self, job_id: str) -> Job:
         with self._db.read() as connection:

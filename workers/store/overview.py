@@ -6,8 +6,10 @@ from sqlalchemy import Connection, func, select
 
 from workers.model import Json, RunState, TaskState
 from workers.store import schema
-from workers.store.base import Base
-from workers.store.book import ACTIVE, RUNNING
+from workers.store.base import Base, Bell, Clock
+from workers.store.book import ACTIVE, RUNNING, Policy
+from workers.store.database import Database
+from workers.store.tally import Tally
 
 _LOOK_BACK_S = 900.0
 _PACE_S = 300.0
@@ -16,9 +18,13 @@ _PACE_S = 300.0
 class Overview(Base):
     """Read-only."""
 
+    def __init__(self, db: Database, bell: Bell, policy: Policy, now: Clock, tally: Tally) -> None:
+        super().__init__(db, bell, policy, now)
+        self._tally = tally
+
     def snapshot(self) -> Json:
         """Jobs and tasks by state, queue depth and age (s), attempts that run, failures by code (15 min), frames
-        finished a second by method (5 min), webhook messages that wait."""
+        finished a second by method (5 min), webhook messages that wait; and totals since this process began."""
         with self._db.read() as connection:
             return {
                 "jobs": _jobs_by_state(connection),
@@ -28,6 +34,7 @@ class Overview(Base):
                 "failures": _failures(connection, self._now() - _LOOK_BACK_S),
                 "frames_per_s": _frames_per_s(connection, self._now() - _PACE_S),
                 "webhooks_waiting": _webhooks(connection),
+                "totals": self._tally.counts(),
             }
 
 

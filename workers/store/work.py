@@ -15,9 +15,11 @@ from workers.jobs import Happening
 from workers.model import TaskOutcome, TaskState
 from workers.progress import job_eta_s, job_progress
 from workers.store import schema
-from workers.store.base import Base
-from workers.store.book import ACTIVE, RUNNING, JobBook
+from workers.store.base import Base, Bell, Clock
+from workers.store.book import ACTIVE, RUNNING, JobBook, Policy
+from workers.store.database import Database
 from workers.store.records import fault_to_json
+from workers.store.tally import Tally
 from workers.store.views import meters_of
 
 _LOG_KEPT = 64 << 10
@@ -50,6 +52,10 @@ class Sign:
 
 class Work(Base):
     """The store as dispatchers see it. Every method is one transaction."""
+
+    def __init__(self, db: Database, bell: Bell, policy: Policy, now: Clock, tally: Tally) -> None:
+        super().__init__(db, bell, policy, now)
+        self._tally = tally
 
     # -- claiming
 
@@ -118,7 +124,15 @@ class Work(Base):
                 _keep_result(held, outcome)
                 event = machine.Done(_frees(held.book.connection, held.task["id"]))
             _end(held, event, outcome, worker)
-            return True
+        self._count(held, event)
+        return True
+
+    def _count(self, held: _Held, event: Happening) -> None:
+        code = event.fault.code if isinstance(event, machine.Failed) else ""
+        task, seconds = held.task, self._now() - held.attempt["started_at"]
+        emitted = isinstance(event, machine.Done) and task["emit_start"] is not None
+        frames = task["emit_stop"] - task["emit_start"] if emitted else 0
+        self._tally.ended(_OUTCOMES[type(event)], code, held.book.row["method"], frames, seconds)
 
     def interrupt(self, dispatchers: Collection[str]) -> int:
         """Give back what dispatchers that are dead, or silent beyond their lease, were running; say how much."""
@@ -136,7 +150,8 @@ class Work(Base):
                 return False
             _end(held, machine.Released(), TaskOutcome(attempt_id, {}, {}, {}, None, {}, log))
             held.book.delay(held.task, seconds)
-            return True
+        self._count(held, machine.Released())
+        return True
 
     # -- fences
 
