@@ -1,8 +1,8 @@
 """How many times faster than `cv2.stylization`, frame by frame, is the whole abstraction pipeline?
 
 Both run in one process on the same decoded frames, in turns, so that a noisy machine slows both: a block of our
-frames, then a few of theirs. Decoding and encoding are outside both. Ours runs as a task does, its three parts on
-three threads; OpenCV keeps its own threads for its own filter.
+frames, then a few of theirs. Decoding and encoding are outside both. Ours runs as a task does, its eye on a
+thread of its own; OpenCV keeps its own threads for its own filter.
 """
 
 from __future__ import annotations

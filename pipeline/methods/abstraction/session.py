@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import ExitStack
 from typing import Any
 
 from numpy.typing import NDArray
@@ -23,8 +22,8 @@ from numpy.typing import NDArray
 from pipeline.colour.scheme import ColourStats
 from pipeline.frames import Frame, Plane
 from pipeline.methods.abstraction.brush import Brush, Painting
-from pipeline.methods.abstraction.eye import Eye
-from pipeline.methods.abstraction.hand import Hand, Sketch
+from pipeline.methods.abstraction.eye import Eye, Percept
+from pipeline.methods.abstraction.hand import Hand
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.state import Clock, State, flatten, no_clock, part
 
@@ -66,35 +65,37 @@ class AbstractionSession:
 
 
 class Relay:
-    """Runs a session's eye and hand on a thread each, ahead of its brush on the caller's. A context manager."""
+    """Runs a session's eye on a thread of its own, ahead of hand and brush on the caller's. A context manager.
+
+    Two threads, not three: eye and the rest cost about the same, and every thread more fights for the interpreter.
+    """
 
     def __init__(self, session: AbstractionSession) -> None:
         self.session = session
-        self._threads = ExitStack()
-        self._eye = self._threads.enter_context(ThreadPoolExecutor(1, thread_name_prefix="eye"))
-        self._hand = self._threads.enter_context(ThreadPoolExecutor(1, thread_name_prefix="hand"))
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="eye")
 
     def __enter__(self) -> Relay:
         return self
 
     def __exit__(self, *failure: object) -> None:
-        self._threads.close()
+        self._thread.shutdown(cancel_futures=True)
 
-    def run(self, frames: Iterable[Frame], masks: Mapping[int, Plane] = {}, first: int = 0) -> Iterator[Painting]:
+    def run(
+        self, frames: Iterable[Frame], masks: Mapping[int, Plane] | None = None, first: int = 0
+    ) -> Iterator[Painting]:  # fmt: skip
         """What `step` gives for each frame in turn, with what it was made from.
 
         Args:
             masks: importance by frame number, see `AbstractionSession.step`.
             first: number of the first frame.
         """
-        waiting: deque[Future[Sketch]] = deque()
+        waiting: deque[Future[Percept]] = deque()
         for number, frame in enumerate(frames, first):
-            waiting.append(self._sketch(frame, masks.get(number)))
+            waiting.append(self._thread.submit(self.session.eye.step, frame, masks.get(number) if masks else None))
             if len(waiting) > AHEAD:
-                yield self.session.brush.step(waiting.popleft().result())
+                yield self._paint(waiting.popleft())
         while waiting:
-            yield self.session.brush.step(waiting.popleft().result())
+            yield self._paint(waiting.popleft())
 
-    def _sketch(self, frame: Frame, mask: Plane | None) -> Future[Sketch]:
-        seen = self._eye.submit(self.session.eye.step, frame, mask)
-        return self._hand.submit(lambda: self.session.hand.step(seen.result()))
+    def _paint(self, seen: Future[Percept]) -> Painting:
+        return self.session.brush.step(self.session.hand.step(seen.result()))
