@@ -66,6 +66,7 @@ def _parts(settings: Settings, farm: Farm) -> Service:
         farm=farm,
         streams=Streams(settings.max_streams),
         previews=threading.BoundedSemaphore(settings.preview_slots),
+        frames=threading.BoundedSemaphore(settings.frame_slots),
         webhook_secrets=WebhookSecrets(settings.home / "webhook_secret"),
         registry=CollectorRegistry(),
     )

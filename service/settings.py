@@ -53,6 +53,8 @@ class Settings(BaseSettings, FarmSettings):
     """Event streams open at once."""
     preview_slots: int = Field(default=2, ge=1)
     """Previews made at once; more are told to come back."""
+    frame_slots: int = Field(default=4, ge=1)
+    """Single frames of assets decoded at once; more wait a moment, then are told to come back."""
 
     webhook_private: bool = False
     """Allow webhook targets on private and loopback addresses."""

@@ -142,6 +142,9 @@ class Farm(Protocol):
         ...
 
     def asset_file(self, asset_id: str) -> Served: ...
+    def asset_frame(self, asset_id: str, index: int, max_side_px: int = 720) -> bytes:
+        """Frame `index` (of a shorter video, its last) as uploaded, scaled to fit; JPEG bytes. Raises BadMedia."""
+        ...
 
     # -- jobs
     def submit(

@@ -21,6 +21,7 @@ from workers.jobs import Limits
 from workers.life import Life
 from workers.model import Asset, Event, Job, JobRequest, Json, Submitted, TaskView
 from workers.orders import asset_key
+from workers.originals import Originals
 from workers.pool import Pool
 from workers.preview import Previews
 from workers.recent import Recent
@@ -53,6 +54,7 @@ class Studio:
         self._pool = pool
         self._dispatcher = None if pool is None else self._make_dispatcher(pool)
         self._previews = Previews(self._blobs)
+        self._originals = Originals(self._blobs)
         self._pictures: Recent[bytes] = Recent(_PICTURES_KEPT)
 
     def _make_dispatcher(self, pool: Pool) -> Dispatcher:
@@ -85,6 +87,7 @@ class Studio:
         if self._dispatcher is not None:
             self._dispatcher.stop()
         self._previews.close()
+        self._originals.close()
         self._store.close()
 
     # -- assets
@@ -126,6 +129,15 @@ class Studio:
 
     def asset_file(self, asset_id: str) -> Served:
         return served_asset(self.asset(asset_id))
+
+    def asset_frame(self, asset_id: str, index: int, max_side_px: int = 720) -> bytes:
+        asset = self.asset(asset_id)
+        try:
+            return self._pictures.get(
+                (asset_id, index, max_side_px), lambda: self._originals.jpeg(asset, index, max_side_px)
+            )
+        except KeyError:
+            raise NotFound("The asset has been deleted.", field="asset_id", value=asset_id) from None
 
     # -- jobs
 

@@ -53,6 +53,9 @@ class Service:
     farm: Farm
     streams: Streams
     previews: threading.BoundedSemaphore
+    """Paintings of one frame that may be made at once."""
+    frames: threading.BoundedSemaphore
+    """Frames of assets that may be decoded at once."""
     webhook_secrets: WebhookSecrets
     registry: CollectorRegistry
     """Of this app's metrics."""

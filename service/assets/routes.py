@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
+from typing import Annotated
 
-from fastapi import APIRouter, Request, Response
+from fastapi import APIRouter, Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from service.access.depends import Parts, Reader, Service, Submitter
@@ -13,13 +14,17 @@ from service.access.keys import Principal
 from service.assets.adopt import adopt, check_room, disk_faults
 from service.assets.multipart import FileReceiver
 from service.bodies import chunks
-from service.schemas import AssetId, Cursor, Download, Limit, Listing, binary
+from service.errors import Busy, retry_after
+from service.schemas import AssetId, Cursor, Download, Limit, Listing, Responses, binary
 from service.serving import serve
 from workers.errors import NotFound
 from workers.model import Asset
 
 router = APIRouter(prefix="/v1/assets", tags=["assets"])
 
+FRAME_WAIT_S = 3.0
+"""How long a request for a frame waits for its turn."""
+JPEG: Responses = {200: binary("image/jpeg", "The frame")[200]}
 FORM_BYTES = 64 * 1024
 """What a form may add to its file."""
 FORM = {
@@ -93,6 +98,25 @@ def get_content(
     """The bytes, whole or a range."""
     visible(parts, caller, asset_id)
     return serve(parts.farm, parts.farm.asset_file(asset_id), request, download)
+
+
+@router.get("/{asset_id}/frame", response_class=Response, responses=JPEG)
+def get_frame(
+    asset_id: AssetId,
+    parts: Parts,
+    caller: Reader,
+    index: Annotated[int, Query(ge=0, le=10_000_000, description="Which frame, from 0; beyond the end: the last.")] = 0,
+    max_side_px: Annotated[int, Query(ge=16, le=2048, description="Its longer side at most; never enlarged.")] = 720,
+) -> Response:
+    """One frame as uploaded, decoded here: for videos that a browser cannot play. 503 while too many are asked for."""
+    visible(parts, caller, asset_id)
+    if not parts.frames.acquire(timeout=FRAME_WAIT_S):
+        raise Busy("Too many frames are being decoded.", headers=retry_after(1), remedy="Ask again in a second.")
+    try:
+        jpeg = parts.farm.asset_frame(asset_id, index, max_side_px)
+    finally:
+        parts.frames.release()
+    return Response(jpeg, media_type="image/jpeg", headers={"Cache-Control": "private, max-age=3600"})
 
 
 @router.delete("/{asset_id}", status_code=204)

@@ -30,19 +30,27 @@ SLOW_MS = 60_000
 KEY = "a-key-for-this-test-only"
 
 
-@pytest.fixture(scope="module")
-def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Twelve frames, 96x64 px: a disc that crosses a field."""
-    path = tmp_path_factory.mktemp("page") / "disc & field.mp4"
+def make_clip(
+    path: Path, codec: str = "libx264", size: tuple[int, int] = (WIDTH, HEIGHT), frames: int = FRAMES
+) -> Path:
+    """A disc that crosses a field."""
+    width, height = size
     with av.open(str(path), "w") as out:
-        stream = out.add_stream("libx264", rate=FPS)
-        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
-        for index in range(FRAMES):
-            frame = np.full((HEIGHT, WIDTH, 3), (90, 140, 70), np.uint8)
-            cv2.circle(frame, (20 + 4 * index, 32), 14, (220, 170, 40), -1)
+        stream = out.add_stream(codec, rate=FPS)
+        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+        for index in range(frames):
+            frame = np.full((height, width, 3), (90, 140, 70), np.uint8)
+            at = (width * (5 + index) // (frames + 10), height // 2)
+            cv2.circle(frame, at, height * 14 // 64, (220, 170, 40), -1)
             out.mux(stream.encode(av.VideoFrame.from_ndarray(frame, format="rgb24")))
         out.mux(stream.encode(None))
     return path
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Twelve frames, 96x64 px."""
+    return make_clip(tmp_path_factory.mktemp("page") / "disc & field.mp4")
 
 
 def free_port() -> int:
@@ -205,6 +213,54 @@ def test_both_films_stay_in_step(watched: Watched, service: str, clip: Path) -> 
     page.get_by_role("slider", name="Position").fill("0.5")
     until(lambda: abs(now(page, "before") - 0.5) < 0.05)
     assert now(page) == pytest.approx(0.5, abs=0.05)
+    watched.check()
+
+
+def test_an_original_that_the_browser_cannot_play_is_still_compared(
+    watched: Watched, service: str, tmp_path: Path
+) -> None:
+    page = watched.page
+    enter_studio(page, service, make_clip(tmp_path / "old.avi", "mpeg4"))
+    sketch = page.locator(".wipe-before img")
+    expect(sketch).to_be_visible()
+    before = sketch.get_attribute("src")
+    page.get_by_role("slider", name="Frame to preview").fill("9")
+    until(lambda: sketch.get_attribute("src") != before)
+    submit(page)
+    until(lambda: now(page) > 0.2)
+    page.get_by_role("button", name="Pause").click()
+    page.get_by_role("slider", name="Position").fill("0")
+    until(lambda: disc_at(page) < 0.45)
+    page.get_by_role("slider", name="Position").fill("0.9")
+    until(lambda: disc_at(page) > 0.55)
+    expect(page.get_by_role("slider", name="Compare original and painted")).to_be_visible()
+    watched.check()
+
+
+def disc_at(page: Page) -> float:
+    """Where the disc is in the original that is shown beside the painting: 0 left, 1 right."""
+    picture = page.locator(".wipe-before img")
+    data = picture.evaluate(
+        """async image => { await image.decode(); const c = document.createElement('canvas');
+        c.width = image.naturalWidth; c.height = image.naturalHeight; c.getContext('2d').drawImage(image, 0, 0);
+        return Array.from(c.getContext('2d').getImageData(0, c.height / 2, c.width, 1).data); }"""
+    )
+    red = np.array(data).reshape(-1, 4)[:, 0]
+    return float(np.flatnonzero(red > 160).mean() / len(red))
+
+
+def test_a_running_job_shows_its_newest_frame(watched: Watched, service: str, tmp_path: Path) -> None:
+    page, seen = watched.page, []
+    page.on("response", lambda answer: seen.append(answer.status) if "/files/preview" in answer.url else None)
+    large = make_clip(tmp_path / "large.mp4", size=(1280, 720), frames=60)
+    asset = httpx.post(f"{service}/v1/assets", files={"file": ("large.mp4", large.read_bytes())}).json()["id"]
+    job = httpx.post(f"{service}/v1/jobs", json={"method": "abstraction", "inputs": {"video": asset}}).json()["id"]
+    page.goto(f"{service}/#/jobs/{job}")
+    expect(page.get_by_role("img", name="The newest finished frame")).to_be_visible(timeout=SLOW_MS)
+    steps = httpx.get(f"{service}/v1/jobs/{job}").json()["steps"]
+    assert steps[2]["counts"]["succeeded"] == 0, "the run that it comes from is not over"
+    expect(page.locator(".player")).to_be_visible(timeout=SLOW_MS)
+    assert set(seen) == {200}
     watched.check()
 
 

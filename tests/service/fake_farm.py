@@ -161,6 +161,11 @@ class FakeFarm:
         asset = self.asset(asset_id)
         return Served(asset_id, asset.size_bytes, asset.media_type, asset.filename, asset.sha256)
 
+    def asset_frame(self, asset_id: str, index: int, max_side_px: int = 720) -> bytes:
+        self.asset(asset_id)
+        self.preview_gate.wait(10)
+        return cv2.imencode(".jpg", np.full((18, 32, 3), min(index, 255), np.uint8))[1].tobytes()
+
     def submit(
         self,
         request: JobRequest,

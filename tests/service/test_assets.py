@@ -5,6 +5,9 @@ from __future__ import annotations
 import hashlib
 from typing import Any
 
+import cv2
+import numpy as np
+import pytest
 from fastapi.testclient import TestClient
 
 from service.settings import Settings
@@ -45,3 +48,25 @@ def test_an_asset_in_use_cannot_go(client: TestClient, farm: FakeFarm, asset: st
     farm.finish(job)
     assert client.delete(f"/v1/assets/{asset}").status_code == 204
     assert client.get(f"/v1/assets/{asset}").status_code == 404
+
+
+def test_a_frame_is_a_picture(client: TestClient, asset: str) -> None:
+    answer = client.get(f"/v1/assets/{asset}/frame?index=70&max_side_px=64")
+    assert (answer.status_code, answer.headers["content-type"]) == (200, "image/jpeg")
+    assert abs(int(cv2.imdecode(np.frombuffer(answer.content, np.uint8), cv2.IMREAD_GRAYSCALE)[0, 0]) - 70) < 3
+    assert client.get("/v1/assets/ast_none/frame").json()["code"] == "not-found"
+    wrong = client.get(f"/v1/assets/{asset}/frame?index=-1")
+    assert (wrong.status_code, wrong.json()["field"]) == (422, "index")
+
+
+def test_frames_are_decoded_a_few_at_once(
+    client: TestClient, farm: FakeFarm, asset: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("service.assets.routes.FRAME_WAIT_S", 0.05)
+    slots = client.app.state.service.frames  # type: ignore[attr-defined]
+    while slots.acquire(blocking=False):
+        pass
+    busy = client.get(f"/v1/assets/{asset}/frame")
+    assert (busy.status_code, busy.json()["code"], busy.headers["retry-after"]) == (503, "busy", "1")
+    slots.release()
+    assert client.get(f"/v1/assets/{asset}/frame").status_code == 200

@@ -81,6 +81,16 @@ def test_a_preview(http: httpx.Client, clip: str) -> None:
     assert max(cv2.imdecode(np.frombuffer(answer.content, np.uint8), cv2.IMREAD_COLOR).shape) == 64
 
 
+def test_a_frame_of_the_original(http: httpx.Client, clip: str) -> None:
+    first, last, beyond = (
+        http.get(f"/v1/assets/{clip}/frame", params={"index": n, "max_side_px": 48}) for n in (0, 23, 900)
+    )
+    assert cv2.imdecode(np.frombuffer(first.content, np.uint8), cv2.IMREAD_COLOR).shape == (32, 48, 3)
+    assert first.content != last.content == beyond.content
+    text = http.post("/v1/assets", files={"file": ("a.json", b"{}")}).json()["id"]
+    assert http.get(f"/v1/assets/{text}/frame").status_code == 422
+
+
 def test_the_thumbnail_is_a_real_render(http: httpx.Client) -> None:
     answer = http.get(http.get("/v1/methods/abstraction").json()["thumbnail"])
     assert answer.headers["content-type"] == "image/jpeg"

@@ -90,6 +90,7 @@ export function token() {
 
 export const paths = {
   content: (assetId) => url`/v1/assets/${assetId}/content`,
+  frame: (assetId, index, side) => url`/v1/assets/${assetId}/frame?index=${index}&max_side_px=${side}`,
   result: (jobId) => url`/v1/jobs/${jobId}/result`,
   file: (jobId, name) => url`/v1/jobs/${jobId}/files/${name}`,
   events: (jobId) => url`/v1/jobs/${jobId}/events`,

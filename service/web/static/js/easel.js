@@ -2,8 +2,9 @@
 
 import * as api from "./api.js";
 import { h, icon } from "./dom.js";
+import { createStills } from "./stills.js";
 
-const PREVIEW_MS = 1500;
+const PREVIEW_MS = 1000;
 
 /** @returns {{element, update(job), close()}} */
 export function createEasel(id) {
@@ -14,6 +15,7 @@ export function createEasel(id) {
   let busy = false;
   let last = 0;
   let sketched = false;
+  let still = null;
 
   sketch.addEventListener("loadedmetadata", () => shape(sketch.videoWidth / sketch.videoHeight));
   const shape = (ratio) => frame.style.setProperty("--ratio", String(ratio || 16 / 9));
@@ -22,6 +24,15 @@ export function createEasel(id) {
     sketched = true;
     const url = await api.mediaUrl(api.paths.content(assetId)).catch(() => "");
     if (url && picture.hidden) sketch.src = url;
+    sketch.addEventListener("error", () => sketch.hasAttribute("src") && trace(assetId), { once: true });
+  }
+
+  /** The browser cannot play the original: a frame of it, decoded by the service. */
+  function trace(assetId) {
+    still = createStills(assetId, { class: "picture sketch", alt: "", "aria-hidden": "true" });
+    still.element.addEventListener("load", () => picture.hidden && shape(still.element.naturalWidth / still.element.naturalHeight));
+    sketch.replaceWith(still.element);
+    if (picture.hidden) still.show(0);
   }
 
   async function update(job) {
@@ -41,10 +52,12 @@ export function createEasel(id) {
     shape(picture.naturalWidth / picture.naturalHeight);
     picture.hidden = false;
     sketch.hidden = blank.hidden = true;
+    if (still) still.element.hidden = true;
     if (old) URL.revokeObjectURL(old);
   }
 
   function close() {
+    still?.close();
     for (const url of [picture.src, sketch.src]) if (url.startsWith("blob:")) URL.revokeObjectURL(url);
     sketch.removeAttribute("src");
     sketch.load();

@@ -1,7 +1,8 @@
-/** Two films in step, one over the other: the result leads, the original follows. */
+/** Two films in step, one over the other: the result leads, the original follows, frame by frame if it cannot play. */
 
 import { h, iconButton, relabel } from "./dom.js";
 import { clock } from "./format.js";
+import { createStills } from "./stills.js";
 import { createWipe } from "./wipe.js";
 
 const SEEK_BEYOND_S = 0.2;
@@ -9,31 +10,38 @@ const NUDGE_BEYOND_S = 0.02;
 const calm = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
 
 /**
- * @param {{before: string, after: string, poster?: string, ratio: number}} films addresses, and width / height
+ * @param {{asset: object, before: string, after: string, poster?: string}} films the original, and addresses: `before` is
+ *     empty where the browser cannot play it
  * @returns {{element, close()}}
  */
-export function createPlayer({ before, after, poster, ratio }) {
+export function createPlayer({ asset, before, after, poster }) {
   const follower = film(before, { muted: true, tabindex: "-1", "aria-hidden": "true" });
   const leader = film(after, { poster, muted: true, "aria-label": "The painted film" });
   const wipe = createWipe({ before: follower, after: leader });
   const frame = h("div", { class: "frame" }, wipe.element);
   const element = h("div", { class: "player", role: "group", "aria-label": "Player" }, frame, controls(leader, wipe, () => element));
-  const close = keepInStep(leader, follower);
-  frame.style.setProperty("--ratio", String(ratio));
-  follower.addEventListener("error", () => {
-    element.classList.add("no-original");
-    wipe.alone("after");
-  });
+  const steps = [keepInStep(leader, follower)];
+  frame.style.setProperty("--ratio", String(asset.info.width / asset.info.height));
+  const unplayable = () => {
+    if (steps.length > 1 || !leader.hasAttribute("src")) return;
+    const stills = createStills(asset.id, { alt: "", "aria-hidden": "true" });
+    follower.replaceWith(stills.element);
+    stills.onfail(() => (element.classList.add("no-original"), wipe.alone("after")));
+    steps.push(followByFrame(leader, stills, asset.info.fps || 25));
+  };
+  follower.addEventListener("error", unplayable);
+  follower.addEventListener("loadedmetadata", () => follower.videoWidth || unplayable());
+  if (!before) unplayable();
   element.addEventListener("keydown", (event) => {
     if (event.key !== " " || event.target.closest("button, input")) return;
     event.preventDefault();
     toggle(leader);
   });
   if (!calm()) leader.play().catch(() => {});
-  return { element, close };
+  return { element, close: () => steps.forEach((close) => close()) };
 }
 
-const film = (src, props) => h("video", { src, class: "picture", playsinline: "", preload: "auto", loop: true, ...props });
+const film = (src, props) => h("video", { ...(src && { src }), class: "picture", playsinline: "", preload: "auto", loop: true, ...props });
 const toggle = (video) => (video.paused ? video.play().catch(() => {}) : video.pause());
 
 /** Let the follower do what the leader does; small drift is nudged away, large drift is a seek. */
@@ -65,6 +73,23 @@ function keepInStep(leader, follower) {
       video.load();
     }
   };
+}
+
+/** Show the original's frame of the moment; while the film plays, as many as the service can decode. */
+function followByFrame(leader, stills, fps) {
+  let pending = 0;
+  const show = () => stills.show(leader.currentTime * fps + 0.01);
+  const tick = () => {
+    show();
+    pending = requestAnimationFrame(tick);
+  };
+  const stop = () => cancelAnimationFrame(pending);
+  leader.addEventListener("play", () => (stop(), tick()));
+  leader.addEventListener("pause", stop);
+  leader.addEventListener("seeked", show);
+  if (leader.paused) show();
+  else tick();
+  return () => (stop(), stills.close());
 }
 
 function controls(leader, wipe, player) {

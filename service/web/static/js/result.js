@@ -5,6 +5,7 @@ import { h, icon } from "./dom.js";
 import { artefactTitle } from "./format.js";
 import { notify } from "./notices.js";
 import { createPlayer } from "./player.js";
+import { mayPlay } from "./stills.js";
 
 const NOT_FILES = ["result", "poster", "preview"];
 
@@ -19,10 +20,10 @@ export function createResult(job) {
 
 async function play(job, element, life) {
   const video = await api.asset(job.request.inputs.video);
-  const addresses = [api.paths.content(video.id), api.paths.result(job.id), api.paths.file(job.id, "poster")];
-  const [before, after, poster] = await Promise.all(addresses.map((path) => api.mediaUrl(path)));
+  const addresses = [mayPlay(video) && api.paths.content(video.id), api.paths.result(job.id), job.results.includes("poster") && api.paths.file(job.id, "poster")];
+  const [before, after, poster] = await Promise.all(addresses.map((path) => path && api.mediaUrl(path)));
   if (life.closed) return;
-  const player = createPlayer({ before, after, poster: job.results.includes("poster") ? poster : null, ratio: video.info.width / video.info.height });
+  const player = createPlayer({ asset: video, before, after, poster: poster || null });
   life.close = player.close;
   element.append(player.element);
 }
