@@ -41,7 +41,7 @@ class ImportanceParams:
     motion: float = 0.4
     half_life_frames: float = 6.0
     """Frames after which what was seen counts half; 0 = no smoothing."""
-    detect_every_frames: int = 24
+    detect_every_frames: int = 36
     """Frames between two searches of the whole frame for faces, 1 or more; known faces are looked after more often."""
     smallest_face: float = 0.1
     """Smallest face, as a fraction of the frame's shorter side, 0..1."""

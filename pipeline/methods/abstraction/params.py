@@ -118,8 +118,8 @@ class AbstractionParams(Params):
     # -- lines
     lines: Literal["dog", "flow", "off"] = _choice(
         "dog", "Lines",
-        "dog = difference of Gaussians; flow = smoothed along the edge direction: longer, calmer lines, and 10 to 20 ms "
-        "a frame more.", "Lines",
+        "dog = difference of Gaussians; flow = smoothed along the edge direction: longer, calmer lines, and 10 to 20 "
+        "ms a frame more.", "Lines",
     )  # fmt: skip
     line_width: float = _number(
         2.6, 0.5, 10, "Line width", "Standard deviation of the narrower Gaussian.", "per mille of the height",
