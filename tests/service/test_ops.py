@@ -140,5 +140,5 @@ def test_every_code_of_the_tree_has_a_row() -> None:
     def codes(kind: type[ImpastoError]) -> set[str]:
         return {kind.code}.union(*(codes(below) for below in kind.__subclasses__()))
 
-    client_side = {"service-unreachable", "not-allowed", "job-failed"}
+    client_side = {"service-unreachable", "not-allowed", "job-failed", "interrupted"}
     assert codes(ImpastoError) - client_side <= set(TABLE)
