@@ -20,8 +20,8 @@ from pipeline.methods.base import Method, Params
 
 log = logging.getLogger(__name__)
 
-SIZE = (96, 64)
-"""(width, height) of the practice frames, px."""
+SIZE = (352, 288)
+"""(width, height) of the practice frames, px: large enough that no filter, scaled to the frame, is left out."""
 FRAMES = 4
 
 _practised = threading.Event()
