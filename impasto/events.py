@@ -26,7 +26,7 @@ class ServerEvent:
     data: Any
 
 
-class NotAStream(Exception):  # noqa: N818
+class NotAStream(Exception):
     """The answer is no event stream: a proxy stands between, or the service does not offer one."""
 
 

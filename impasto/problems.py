@@ -32,15 +32,15 @@ if TYPE_CHECKING:
     import httpx
 
 
-class ServiceUnreachable(ImpastoError):  # noqa: N818
+class ServiceUnreachable(ImpastoError):
     code = "service-unreachable"
 
 
-class NotAllowed(ImpastoError):  # noqa: N818
+class NotAllowed(ImpastoError):
     code = "not-allowed"
 
 
-class JobFailed(ImpastoError):  # noqa: N818
+class JobFailed(ImpastoError):
     """A job that ended as failed or cancelled. `job` is the last word on it, `log` what its failed tasks wrote."""
 
     code = "job-failed"

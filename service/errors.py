@@ -50,7 +50,7 @@ class RequestError(ImpastoError):
         self.headers = dict(headers or {})
 
 
-class BadRequest(RequestError):  # noqa: N818
+class BadRequest(RequestError):
     code = "bad-request"
 
 
@@ -58,59 +58,59 @@ class BadJson(BadRequest):
     code = "bad-json"
 
 
-class Unauthorized(RequestError):  # noqa: N818
+class Unauthorized(RequestError):
     code = "unauthorized"
 
 
-class Forbidden(RequestError):  # noqa: N818
+class Forbidden(RequestError):
     code = "forbidden"
 
 
-class MethodNotAllowed(RequestError):  # noqa: N818
+class MethodNotAllowed(RequestError):
     code = "method-not-allowed"
 
 
-class RequestTimeout(RequestError):  # noqa: N818
+class RequestTimeout(RequestError):
     code = "request-timeout"
 
 
-class OffsetMismatch(RequestError):  # noqa: N818
+class OffsetMismatch(RequestError):
     code = "offset-mismatch"
 
 
-class Gone(RequestError):  # noqa: N818
+class Gone(RequestError):
     code = "gone"
 
 
-class WrongVersion(RequestError):  # noqa: N818
+class WrongVersion(RequestError):
     code = "wrong-version"
 
 
-class BodyTooLarge(RequestError):  # noqa: N818
+class BodyTooLarge(RequestError):
     code = "body-too-large"
 
 
-class UnsupportedMediaType(RequestError):  # noqa: N818
+class UnsupportedMediaType(RequestError):
     code = "unsupported-media-type"
 
 
-class RangeNotSatisfiable(RequestError):  # noqa: N818
+class RangeNotSatisfiable(RequestError):
     code = "range-not-satisfiable"
 
 
-class Locked(RequestError):  # noqa: N818
+class Locked(RequestError):
     code = "locked"
 
 
-class ChecksumMismatch(RequestError):  # noqa: N818
+class ChecksumMismatch(RequestError):
     code = "checksum-mismatch"
 
 
-class RateLimited(RequestError):  # noqa: N818
+class RateLimited(RequestError):
     code = "rate-limited"
 
 
-class Busy(RequestError):  # noqa: N818
+class Busy(RequestError):
     code = "busy"
 
 

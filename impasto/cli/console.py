@@ -20,7 +20,7 @@ out = Console(highlight=False, soft_wrap=True)
 err = Console(stderr=True, highlight=False, soft_wrap=True)
 
 
-class Interrupted(ImpastoError):  # noqa: N818
+class Interrupted(ImpastoError):
     """Ctrl-C, with work that can be taken up again."""
 
     code = "interrupted"

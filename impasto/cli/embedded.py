@@ -18,9 +18,8 @@ from workers.model import Job, JobRequest, TaskView
 @contextmanager
 def opened(home: Path, workers: int) -> Iterator[Farm]:
     """A farm at `home` with `workers` local workers, started; stopped at the end, whatever happens."""
-    from workers.studio import open_farm
-
     from workers.settings import FarmSettings
+    from workers.studio import open_farm
 
     farm = open_farm(FarmSettings(home=home, pool="local", workers=workers))
     farm.start()
