@@ -32,7 +32,7 @@ bench: install ## speed, as ratios measured in one run
 	$(BIN)/python -m benchmarks
 
 gallery: install ## docs/gallery from real renders of the media folder: make gallery MEDIA=...
-	$(BIN)/python docs/make_gallery.py $(MEDIA)
+	$(BIN)/python -m docs.make_gallery $(MEDIA)
 
 clean: ## forget the environment and every cache
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

@@ -1,0 +1,290 @@
+"""The pictures of docs/abstraction.md, from real intermediate results, and its table of parameters from the schema.
+
+python -m docs.make_abstraction_figures [MEDIA] [--only NAME ...]    NAME: a parameter, pipeline, svg or table
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from docs.parameters import rewrite
+from docs.pictures import CLIPS, DOCS, MEDIA, OURS, Clip, colours_of, frames, grid, render, save, session_for
+from pipeline.flow import estimate
+from pipeline.frames import Flow, Frame, Labels, Plane
+from pipeline.methods.abstraction import AbstractionParams, AbstractionSession
+from pipeline.segmentation.propagation import propagate, smooth_labels
+from pipeline.vector.svg import to_svg
+
+FOLDER = DOCS / "abstraction"
+HEIGHT = 360
+WARM_UP, WATCHED = 14, 10
+"""Frames before the one that is shown, and frames over which change is averaged."""
+LOUDER = 40
+"""Change is shown this much stronger, dark on white."""
+STILL_LEVELS = 3.0
+"""A pixel of the video that changes less than this a frame, around it, stands still."""
+MOVES = (214, 226, 240)
+Settings: TypeAlias = tuple[tuple[str, Any], ...]
+
+
+@dataclass(frozen=True)
+class Strip:
+    """A parameter's effect: the same frame at three values, the middle one the default."""
+
+    clip: str
+    frame: int
+    values: tuple[Any, ...]
+    """Beside the default, in ascending order; where the default is an end, its neighbours follow it."""
+    words: str
+    show: Literal["picture", "change", "flow"] = "picture"
+    """The picture itself, how much it changes from frame to frame where the video stands still, or the motion found."""
+    painting: str = ""
+    zoom: tuple[float, float, float] = (0, 0, 1)
+    """Left, top, side: the part that is shown, in shares of the frame."""
+
+
+CUT = Clip("Cut", "cut", OURS)
+BIRD = ("bunny", 450)
+BROOK = ("bunny", 310)
+MEADOW = ("bunny", 225)
+CHANGE = "how much each still pixel changes from frame to frame (darker = more; mean in 8-bit levels; blue = moves)"
+
+STRIPS: Mapping[str, Strip] = {
+    "growing_limit": Strip(*BIRD, (9, 45), "more shades, or a poster."),
+    "core_tolerance": Strip(*BIRD, (0.2, 1.5), "how many bands the sky breaks into."),
+    "smallest_region": Strip(*BROOK, (0, 3), "blossoms and pebbles, or only the large forms."),
+    "merge_similar": Strip(*BIRD, (0, 20), "whether shades of one thing stay apart."),
+    "edge_threshold": Strip(*BROOK, (25, 700), "low keeps blades of grass apart, high lets colour alone decide."),
+    "boundary_smoothing": Strip(*BROOK, (0, 16), "the pixels' outline, or a soft brush.", zoom=(0.4, 0.45, 0.5)),
+    "temporal": Strip("coffee", 40, ("off",), f"{CHANGE}.", show="change"),
+    "flow": Strip("harbour", 60, ("dis-medium", "tvl1"), "the motion they find: direction as hue.", show="flow"),
+    "flow_error_limit": Strip(
+        "harbour", 60, (3, 40), "too high, and the sail leaves its colour behind in the sky.", zoom=(0.2, 0.25, 0.5)
+    ),
+    "steadiness": Strip("coffee", 40, (0, 0.95), f"{CHANGE}.", show="change"),
+    "stillness": Strip("coffee", 40, (0, 10), f"{CHANGE}.", show="change"),
+    "boundary_margin": Strip("coffee", 40, (0, 40), f"{CHANGE}.", show="change"),
+    "paint_memory": Strip("coffee", 40, (0, 0.95), f"{CHANGE}.", show="change"),
+    "colour_half_life": Strip("flower", 14, (0, 30), f"{CHANGE}; here the exposure drifts.", show="change"),
+    "cut_sensitivity": Strip("cut", 48, (0, 3), "the first frame after a hard cut: nothing of the old shot is left."),
+    "face_importance": Strip("portrait", 30, (0, 0.5), "none, half and full: eyes and mouth.", zoom=(0.25, 0.05, 0.5)),
+    "saliency_importance": Strip("flower", 140, (0, 1), "finer regions where the eye goes."),
+    "motion_importance": Strip("coffee", 40, (0, 1), "finer regions on what moves.", zoom=(0.1, 0, 0.6)),
+    "importance_half_life": Strip("coffee", 40, (0, 40), f"{CHANGE}.", show="change"),
+    "lines": Strip(*BIRD, ("flow", "off"), "plain, along the edges, none.", zoom=(0.3, 0.1, 0.5)),
+    "line_width": Strip(*BIRD, (1.2, 6), "a fine pen, or a brush.", zoom=(0.2, 0.1, 0.6)),
+    "line_threshold": Strip(*BROOK, (0.3, 4), "every fold, or only strong contours."),
+    "line_sharpness": Strip(*BIRD, (0.15, 6), "pencil, or hard ink.", zoom=(0.2, 0.1, 0.6)),
+    "line_opacity": Strip(*BIRD, (0.35, 1), "from a hint to full black.", zoom=(0.2, 0.1, 0.6)),
+    "line_length": Strip(*MEADOW, (0, 200), "dashes and specks, or long strokes only.", zoom=(0.35, 0.2, 0.6)),
+    "mean_shift_steps": Strip(*MEADOW, (0, 12), "towards the hues of *The Great Wave*.", painting="great_wave"),
+    "hue_neighbourhood": Strip(*MEADOW, (8, 150), "the nearest peak, or the largest.", painting="great_wave"),
+    "keep_brightness": Strip(
+        *MEADOW, (0, 1), "with *The Starry Night*: its darkness, or the video's light.", painting="starry_night"
+    ),
+    "vividness": Strip("blackswan", 16, (0.4, 2), "washed out, or a poster's colours."),
+}  # fmt: skip
+
+
+def main() -> None:
+    """Draw what the command line asks for."""
+    parser = argparse.ArgumentParser(description="Draw the figures of docs/abstraction.md.")
+    parser.add_argument("media", nargs="?", type=Path, default=MEDIA, help="the folder that has MANIFEST.md")
+    parser.add_argument("--only", nargs="+", default=["pipeline", "svg", *STRIPS, "table"])
+    chosen = parser.parse_args()
+    for name in chosen.only:
+        draw(name, chosen.media)
+
+
+def draw(name: str, media: Path) -> None:
+    """One figure."""
+    if name == "table":
+        rewrite(captions())
+    elif name == "pipeline":
+        print(save(pipeline(media), FOLDER / "pipeline.jpg", limit=150_000))
+    elif name == "svg":
+        draw_svg(media)
+    else:
+        print(save(strip(name, media), FOLDER / f"{name}.jpg", limit=45_000))
+
+
+def captions() -> dict[str, str]:
+    """What each parameter's picture shows."""
+    return {
+        name: f"{', '.join(str(value) for value in _values(name))}: {shown.words}" for name, shown in STRIPS.items()
+    }
+
+
+def _values(name: str) -> tuple[Any, ...]:
+    """The values shown: low, default, high, or the default first where there is no order."""
+    default = AbstractionParams.model_fields[name].default
+    others = STRIPS[name].values
+    if isinstance(default, str):
+        return (default, *others)
+    return tuple(sorted((round_(default), *others)))
+
+
+# -- strips
+
+
+def strip(name: str, media: Path) -> Frame:
+    """The effect of the parameter `name`."""
+    shown = STRIPS[name]
+    default = AbstractionParams.model_fields[name].default
+    tiles, names = [], []
+    for value in _values(name):
+        params = () if value in (default, round_(default)) else ((name, value),)
+        tile, note = _tile(shown, media, params)
+        tiles.append(tile)
+        names.append(f"{value}{note}")
+    return grid(tiles, 3, names)
+
+
+def round_(value: Any) -> Any:
+    """A default as it is shown."""
+    return round(value, 2) if isinstance(value, float) else value
+
+
+def _tile(shown: Strip, media: Path, params: Settings) -> tuple[Frame, str]:
+    if shown.show == "flow":
+        return _motion(shown, media, params), ""
+    pairs = _pairs(shown.clip, shown.frame, shown.painting, media, params)
+    if shown.show == "picture":
+        return _zoomed(pairs[-1][1], shown.zoom), ""
+    picture, mean = show_change(*zip(*pairs, strict=True))
+    return picture, f"   (mean {mean:.2f})"
+
+
+def _motion(shown: Strip, media: Path, params: Settings) -> Frame:
+    before, now = frames(CLIPS[shown.clip], media, shown.frame - 1, shown.frame + 1, HEIGHT)
+    return show_flow(estimate(before, now, AbstractionParams(**dict(params)).flow))
+
+
+def show_change(originals: Sequence[Frame], cartoons: Sequence[Frame]) -> tuple[Frame, float]:
+    """What changes from frame to frame, dark on white, and its mean (8-bit levels), where the originals stand still.
+
+    Where they move, the picture is blue.
+    """
+    change, motion = _change(cartoons), cv2.blur(_change(originals), (9, 9))
+    still = motion < STILL_LEVELS
+    dark = np.clip(255 - LOUDER * change, 0, 255).astype(np.uint8)
+    picture = np.where(still[..., None], dark[..., None], np.array(MOVES, np.uint8))
+    return np.asarray(picture, np.uint8), float(change[still].mean()) if still.any() else 0.0
+
+
+def _change(pictures: Sequence[Frame]) -> NDArray[Any]:
+    return np.asarray(np.mean([cv2.absdiff(a, b).max(axis=-1) for a, b in itertools.pairwise(pictures)], axis=0))
+
+
+@lru_cache(maxsize=8)
+def _pairs(name: str, frame: int, scheme: str, media: Path, params: Settings) -> list[tuple[Frame, Frame]]:
+    """(original, cartoon) of the last `WATCHED` frames up to `frame`."""
+    clip = CUT if name == "cut" else CLIPS[name]
+    source = frames(clip, media, max(0, frame - WARM_UP), frame + 1, HEIGHT)
+    return list(render(source, dict(params), colours_of(media, scheme) if scheme else None))[-WATCHED:]
+
+
+def _zoomed(picture: Frame, part: tuple[float, float, float]) -> Frame:
+    left, top, side = part
+    height, width = picture.shape[:2]
+    y, x = round(top * height), round(left * width)
+    return picture[y : y + round(side * height), x : x + round(side * width)]
+
+
+# -- pipeline
+
+
+def pipeline(media: Path) -> Frame:
+    """Every stage's result for one frame, as the method itself makes them."""
+    *before, frame = frames(CLIPS["bunny"], media, 390, 411, 540)
+    session = session_for(frame, {})
+    for earlier in before:
+        session.step(earlier)
+    known = session.hand.segmenter.last
+    percept = session.eye.step(frame)
+    if known is None or percept.flow is None or percept.residual is None or percept.ink is None:
+        raise RuntimeError("The figure needs a frame with a past.")
+    limit = session.hand.params.flow_error_limit
+    remainder = session.hand.segmenter.remainder
+    carried = smooth_labels(propagate(known.labels, percept.flow, remainder, percept.residual, limit)[0])
+    sketch = session.hand.step(percept)
+    painting = session.brush.step(sketch)
+    tiles = {
+        "1 the frame": frame,
+        "2 optical flow": show_flow(percept.flow),
+        "3 settled with its past": cv2.cvtColor(percept.lab, cv2.COLOR_LAB2RGB),
+        "4 importance": show_plane(percept.importance),
+        "5 edges, by importance": 255 - np.dstack([percept.edges] * 3),
+        "6 labels carried (red: none)": show_labels(carried, known.ids),
+        "7 labels completed": show_labels(sketch.regions.labels, sketch.regions.ids),
+        "8 region colours": sketch.colours[sketch.regions.labels],
+        "9 boundaries rounded": sketch.colours[painting.labels],
+        "10 lines": 255 - np.dstack([percept.ink] * 3),
+        "11 the picture": painting.frame,
+        "12 in the Great Wave's colours": _in_colours(media, [*before, frame]),
+    }
+    size = (frame.shape[1], frame.shape[0])
+    return grid([_at(tile, size) for tile in tiles.values()], 3, list(tiles))
+
+
+def _at(tile: NDArray[Any], size: tuple[int, int]) -> Frame:
+    return np.asarray(cv2.resize(tile, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def _in_colours(media: Path, source: list[Frame]) -> Frame:
+    return [cartoon for _, cartoon in render(source, {}, colours_of(media, "great_wave"))][-1]
+
+
+def show_flow(flow: Flow) -> Frame:
+    """Direction as hue, speed as saturation, white = still."""
+    speed = np.hypot(flow[..., 0], flow[..., 1])
+    hue = np.degrees(np.arctan2(flow[..., 1], flow[..., 0])) % 360 / 2
+    saturation = 255 * np.clip(speed / max(1e-6, float(np.percentile(speed, 99))), 0, 1)
+    hsv = np.dstack([hue, saturation, np.full_like(hue, 255)]).astype(np.uint8)
+    return np.asarray(cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB), np.uint8)
+
+
+def show_plane(plane: Plane) -> Frame:
+    """0 = black, 1 = white."""
+    return np.dstack([(255 * plane).astype(np.uint8)] * 3)
+
+
+def show_labels(labels: Labels, ids: NDArray[np.int64]) -> Frame:
+    """Every region in a colour of its own, which its lasting id decides; unlabelled pixels red."""
+    hue = ids * 67 % 180
+    value = 150 + ids * 31 % 90
+    hsv = np.stack([hue, np.full_like(hue, 90), value], axis=-1).astype(np.uint8)
+    colours = cv2.cvtColor(hsv[None], cv2.COLOR_HSV2RGB)[0]
+    colours[0] = (230, 20, 20)
+    return np.asarray(colours[labels], np.uint8)
+
+
+# -- vectors
+
+
+def draw_svg(media: Path) -> None:
+    """Two frames as SVG: the same region has the same id in both."""
+    session: AbstractionSession | None = None
+    for index, frame in enumerate(frames(CLIPS["harbour"], media, 40, 61, 270)):
+        session = session or session_for(frame, {"smallest_region": 1.0})
+        painting = session.brush.step(session.hand.step(session.eye.step(frame)))
+        if index in (0, 20):
+            page = to_svg(painting.labels, painting.colours, ids=painting.regions.ids, tolerance_px=0.7)
+            path = FOLDER / f"harbour_{40 + index:05d}.svg"
+            path.parent.mkdir(exist_ok=True)
+            path.write_bytes(page)
+            print(path, len(page), "bytes")
+
+
+if __name__ == "__main__":
+    main()

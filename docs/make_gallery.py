@@ -1,0 +1,229 @@
+"""The gallery: real renders of the media folder, as docs/gallery/*.jpg, docs/gallery.md and the README's picture.
+
+    python -m docs.make_gallery [MEDIA] [--only NAME ...]   draws what is committed
+    python -m docs.make_gallery [MEDIA] --all FOLDER        draws a sheet of every clip into FOLDER, for your eyes only
+
+Committed are only clips whose licence in the media folder's MANIFEST.md clearly allows it (`Clip.credit`), and none
+that shows a face.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from docs.pictures import (
+    CLIPS,
+    DOCS,
+    LIMIT_BYTES,
+    MEDIA,
+    PAINTINGS,
+    colours_of,
+    frames,
+    grid,
+    length,
+    painting,
+    render,
+    save,
+    shrink,
+)
+from pipeline.colour.scheme import ColourStats
+from pipeline.frames import Frame
+from pipeline.methods.abstraction import Abstraction
+
+GALLERY = DOCS / "gallery"
+SCHEME_CLIPS = ("meadow", "harbour", "bird")
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A stretch of a clip, and the frames of it worth showing. It starts early, so that regions have settled."""
+
+    clip: str
+    picks: tuple[int, ...]
+    words: str = ""
+    params: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def start(self) -> int:
+        return max(0, self.picks[0] - 24)
+
+
+SCENES: Mapping[str, Scene] = {
+    "bird": Scene("bunny", (410, 465), "The sky stays one blue while the bird turns its head."),
+    "brook": Scene("bunny", (310, 350), "Grass, water and stones become flat shapes; blossoms stay."),
+    "meadow": Scene("bunny", (150, 225), "A slow pan: regions move with the hills."),
+    "burrow": Scene("bunny", (575, 640), "A dark wood and a bright lawn, and lettering that stays sharp."),
+    "coffee": Scene("coffee", (32, 104), "A still camera: the wall stands, only the pouring moves."),
+    "blackswan": Scene("blackswan", (8, 19), "Ripples turn into a few tones of water."),
+    "flower": Scene("flower", (75, 140), "A time-lapse: hours between the two."),
+    "cockatoo": Scene("cockatoo", (40, 62), "It comes close; exposure and colours drift with it."),
+    "harbour": Scene("harbour", (16, 60), "Several boats, gulls behind a tree, a pan."),
+    "portrait": Scene("portrait", (14, 40), "A face keeps its eyes and mouth: finer regions there."),
+}
+
+HERO = {"bird": (450, 0.46), "brook": (310, 0.5), "coffee": (104, 0.45), "blackswan": (19, 0.42)}
+"""Scene -> its frame, and where the line cuts it, share of the width."""
+
+PRESETS = ("bird", "harbour")
+PICTURES = [*SCENES, *(f"presets_{name}" for name in PRESETS), *(f"colours_{name}" for name in PAINTINGS), "hero"]
+
+
+def main() -> None:
+    """Draw what the command line asks for."""
+    parser = argparse.ArgumentParser(description="Draw the gallery.")
+    parser.add_argument("media", nargs="?", type=Path, default=MEDIA, help="the folder that has MANIFEST.md")
+    parser.add_argument("--all", type=Path, metavar="FOLDER", help="a sheet of every clip into FOLDER instead")
+    parser.add_argument("--only", nargs="+", default=PICTURES, metavar="NAME", help=", ".join(PICTURES))
+    chosen = parser.parse_args()
+    if not (chosen.media / "MANIFEST.md").is_file():
+        parser.error(f"{chosen.media} has no MANIFEST.md: name the media folder, for example ../shared/media.")
+    if chosen.all:
+        draw_all(chosen.media, chosen.all)
+    else:
+        draw_gallery(chosen.media, chosen.only)
+
+
+def draw_all(media: Path, folder: Path) -> None:
+    """A sheet of six moments of every clip, whoever may see it."""
+    for name, clip in CLIPS.items():
+        count = length(clip, media)
+        picks = [round((i + 0.5) * count / 6) for i in range(6)]
+        pairs = [pair for i, pair in enumerate(render(frames(clip, media), {})) if i in picks]
+        print(save(grid(_interleaved(pairs, 3), 3), folder / f"{name}.jpg", limit=1 << 20))
+
+
+def draw_gallery(media: Path, only: Sequence[str]) -> None:
+    """The committed pictures whose names are in `only`, and the page that shows all of them."""
+    for name in only:
+        folder, limit = (DOCS / "images", 260_000) if name == "hero" else (GALLERY, LIMIT_BYTES)
+        print(save(_picture(name, media), folder / f"{name}.jpg", limit))
+    (DOCS / "gallery.md").write_text(page())
+
+
+def _picture(name: str, media: Path) -> Frame:
+    kind, _, rest = name.partition("_")
+    if name == "hero":
+        return hero(media)
+    if kind == "presets":
+        return presets(SCENES[rest], media)
+    if kind == "colours":
+        return recoloured(rest, media)
+    return grid(list(itertools.chain(*_moments(SCENES[name], media, SCENES[name].picks))), 2)
+
+
+def _moments(
+    scene: Scene, media: Path, picks: Sequence[int], params: Mapping[str, Any] | None = None,
+    scheme: ColourStats | None = None, height: int = 540,
+) -> list[tuple[Frame, Frame]]:  # fmt: skip
+    """(original, cartoon) at each of the picks."""
+    source = frames(CLIPS[scene.clip], media, scene.start, picks[-1] + 1, height)
+    pairs = render(source, scene.params if params is None else params, scheme)
+    return [pair for number, pair in enumerate(pairs, scene.start) if number in picks]
+
+
+def _interleaved(pairs: Sequence[tuple[Frame, Frame]], columns: int) -> list[Frame]:
+    """A row of originals over a row of their cartoons."""
+    rows = [pairs[i : i + columns] for i in range(0, len(pairs), columns)]
+    return [pair[side] for row in rows for side in (0, 1) for pair in row]
+
+
+def presets(scene: Scene, media: Path) -> Frame:
+    """One frame as it is and with every example of the method."""
+    pick = scene.picks[:1]
+    ((original, _),) = _moments(scene, media, pick, height=360)
+    tiles, names = [original], ["original"]
+    for example in Abstraction.examples:
+        tiles += [cartoon for _, cartoon in _moments(scene, media, pick, example.params, height=360)]
+        names.append(example.title)
+    return grid(tiles, 3, names)
+
+
+def recoloured(name: str, media: Path) -> Frame:
+    """A painting, and clips in its colours."""
+    scheme = colours_of(media, name)
+    tiles = [_cropped(painting(media, name))]
+    for clip in SCHEME_CLIPS:
+        pairs = _moments(SCENES[clip], media, SCENES[clip].picks[:1], {}, scheme, height=360)
+        tiles += [cartoon for _, cartoon in pairs]
+    return grid(tiles, 2)
+
+
+def _cropped(picture: Frame, shape: float = 16 / 9) -> Frame:
+    """The middle of a picture, at the shape of the clips beside it."""
+    height, width = picture.shape[:2]
+    h, w = min(height, round(width / shape)), min(width, round(height * shape))
+    y, x = (height - h) // 3, (width - w) // 2
+    return picture[y : y + h, x : x + w]
+
+
+def hero(media: Path) -> Frame:
+    """Four frames, each cut by a slanting line: left as it was, right as it is painted."""
+    panels = []
+    for name, (pick, share) in HERO.items():
+        ((original, cartoon),) = _moments(SCENES[name], media, [pick], height=720)
+        panels.append(_split(shrink(_cropped(original), 720), shrink(_cropped(cartoon), 720), share))
+    return grid(panels, 2, width=1444)
+
+
+def _split(left: Frame, right: Frame, share: float, slant: float = 0.22) -> Frame:
+    """`left` up to `share` of the width, `right` beyond, with a white line between."""
+    height, width = left.shape[:2]
+    ys, xs = np.mgrid[:height, :width]
+    beyond = xs - width * (share + slant * (0.5 - ys / height))
+    out = np.where(beyond[..., None] > 0, right, left)
+    out[np.abs(beyond) < 2] = 255
+    return np.asarray(cv2.GaussianBlur(out, (0, 0), 0.3), np.uint8)
+
+
+def page() -> str:
+    """docs/gallery.md."""
+    return "\n".join([*_head(), *_clips(), *_presets(), *_colours(), ""])
+
+
+def _head() -> Iterator[str]:
+    yield "# Gallery"
+    yield ""
+    yield "Real renders, original on the left. Drawn by `make gallery MEDIA=../shared/media`; every parameter is at its"
+    yield "default unless a caption says otherwise. What each parameter does: [abstraction.md](abstraction.md)."
+
+
+def _clips() -> Iterator[str]:
+    for name, scene in SCENES.items():
+        clip = CLIPS[scene.clip]
+        title = clip.title if clip.title.lower() == name else f"{clip.title}: {name}"
+        yield from ("", f"## {title}", "", f"![{title}: original and cartoon](gallery/{name}.jpg)", "")
+        yield f"{scene.words} Frames {' and '.join(str(pick) for pick in scene.picks)}.  "
+        yield f"<sub>{clip.credit}</sub>"
+
+
+def _presets() -> Iterator[str]:
+    yield from ("", "## Ready-made looks", "")
+    for example in Abstraction.examples:
+        values = " ".join(f"--param {key}={value}" for key, value in example.params.items())
+        yield f"- **{example.title}**: `{values}`"
+    for name in PRESETS:
+        yield from ("", f"![The {name} in every ready-made look](gallery/presets_{name}.jpg)", "")
+        yield f"<sub>{CLIPS[SCENES[name].clip].credit}</sub>"
+
+
+def _colours() -> Iterator[str]:
+    yield from ("", "## Colours learnt from a painting", "")
+    yield "`--input reference=painting.jpg`. Hues move to the painting's nearest peak, saturation and brightness to its"
+    yield "own; whites and greys stay what they are."
+    thanks = " ".join(dict.fromkeys(CLIPS[SCENES[clip].clip].credit for clip in SCHEME_CLIPS))
+    for name, (title, painter) in PAINTINGS.items():
+        yield from ("", f"![{title}, and three clips in its colours](gallery/colours_{name}.jpg)", "")
+        yield f"*{title}*, {painter}, and three clips in its colours.  "
+        yield f"<sub>The painting is in the public domain. {thanks}</sub>"
+
+
+if __name__ == "__main__":
+    main()
