@@ -46,8 +46,8 @@ class Strip:
     values: tuple[Any, ...]
     """Beside the default, in ascending order; where the default is an end, its neighbours follow it."""
     words: str
-    show: Literal["picture", "change", "flow"] = "picture"
-    """The picture itself, how much it changes from frame to frame where the video stands still, or the motion found."""
+    show: Literal["picture", "change", "flow", "importance"] = "picture"
+    """The picture, how much it changes from frame to frame where the video stands still, the motion found, or I(p)."""
     painting: str = ""
     zoom: tuple[float, float, float] = (0, 0, 1)
     """Left, top, side: the part that is shown, in shares of the frame."""
@@ -69,18 +69,18 @@ STRIPS: Mapping[str, Strip] = {
     "temporal": Strip("coffee", 40, ("off",), f"{CHANGE}.", show="change"),
     "flow": Strip("harbour", 60, ("dis-medium", "tvl1"), "the motion they find: direction as hue.", show="flow"),
     "flow_error_limit": Strip(
-        "harbour", 60, (3, 40), "too high, and the sail leaves its colour behind in the sky.", zoom=(0.2, 0.25, 0.5)
+        "bunny", 410, (2, 60), "how far a label trusts the motion; too far, and it stays behind.", zoom=(0.3, 0, 0.5)
     ),
-    "steadiness": Strip("coffee", 40, (0, 0.95), f"{CHANGE}.", show="change"),
-    "stillness": Strip("coffee", 40, (0, 10), f"{CHANGE}.", show="change"),
+    "steadiness": Strip(*BIRD, (0, 0.95), f"{CHANGE}. A webcam gains more.", show="change"),
+    "stillness": Strip(*BIRD, (0, 10), f"{CHANGE}.", show="change"),
     "boundary_margin": Strip("coffee", 40, (0, 40), f"{CHANGE}.", show="change"),
-    "paint_memory": Strip("coffee", 40, (0, 0.95), f"{CHANGE}.", show="change"),
+    "paint_memory": Strip(*BIRD, (0, 0.95), f"{CHANGE}.", show="change"),
     "colour_half_life": Strip("flower", 14, (0, 30), f"{CHANGE}; here the exposure drifts.", show="change"),
-    "cut_sensitivity": Strip("cut", 48, (0, 3), "the first frame after a hard cut: nothing of the old shot is left."),
+    "cut_sensitivity": Strip("cut", 48, (0, 3), "the first frame after a cut. At 0 what happens to fit lives on."),
     "face_importance": Strip("portrait", 30, (0, 0.5), "none, half and full: eyes and mouth.", zoom=(0.25, 0.05, 0.5)),
     "saliency_importance": Strip("flower", 140, (0, 1), "finer regions where the eye goes."),
-    "motion_importance": Strip("coffee", 40, (0, 1), "finer regions on what moves.", zoom=(0.1, 0, 0.6)),
-    "importance_half_life": Strip("coffee", 40, (0, 40), f"{CHANGE}.", show="change"),
+    "motion_importance": Strip("coffee", 40, (0, 1), "the importance map: the pouring arm.", show="importance"),
+    "importance_half_life": Strip("bunny", 410, (0, 40), "the importance map: now, or of late.", show="importance"),
     "lines": Strip(*BIRD, ("flow", "off"), "plain, along the edges, none.", zoom=(0.3, 0.1, 0.5)),
     "line_width": Strip(*BIRD, (1.2, 6), "a fine pen, or a brush.", zoom=(0.2, 0.1, 0.6)),
     "line_threshold": Strip(*BROOK, (0.3, 4), "every fold, or only strong contours."),
@@ -158,6 +158,8 @@ def round_(value: Any) -> Any:
 def _tile(shown: Strip, media: Path, params: Settings) -> tuple[Frame, str]:
     if shown.show == "flow":
         return _motion(shown, media, params), ""
+    if shown.show == "importance":
+        return _importance(shown, media, params), ""
     pairs = _pairs(shown.clip, shown.frame, shown.painting, media, params)
     if shown.show == "picture":
         return _zoomed(pairs[-1][1], shown.zoom), ""
@@ -168,6 +170,13 @@ def _tile(shown: Strip, media: Path, params: Settings) -> tuple[Frame, str]:
 def _motion(shown: Strip, media: Path, params: Settings) -> Frame:
     before, now = frames(CLIPS[shown.clip], media, shown.frame - 1, shown.frame + 1, HEIGHT)
     return show_flow(estimate(before, now, AbstractionParams(**dict(params)).flow))
+
+
+def _importance(shown: Strip, media: Path, params: Settings) -> Frame:
+    source = list(frames(CLIPS[shown.clip], media, shown.frame - WARM_UP, shown.frame + 1, HEIGHT))
+    session = session_for(source[0], dict(params))
+    seen = [session.eye.step(frame).importance for frame in source]
+    return _at(show_plane(seen[-1]), (source[0].shape[1], source[0].shape[0]))
 
 
 def show_change(originals: Sequence[Frame], cartoons: Sequence[Frame]) -> tuple[Frame, float]:

@@ -51,7 +51,7 @@ def _pictures(properties: Mapping[str, Mapping[str, Any]], captions: Mapping[str
     for name, about in properties.items():
         yield f"**{about['title']}**, `{name}`: {captions[name]}"
         yield ""
-        yield f"![{about['title']}: low, default, high](abstraction/{name}.jpg)"
+        yield f"![What {about['title'].lower()} does](abstraction/{name}.jpg)"
         yield ""
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -88,8 +87,8 @@ PAINTINGS: Mapping[str, tuple[str, str]] = {
 def frames(clip: Clip, media: Path, start: int = 0, stop: int | None = None, height: int = 540) -> Iterator[Frame]:
     """Frames [start, stop) of a clip, at most `height` px high."""
     if clip.path in scenes():
-        made = (np.ascontiguousarray(shot.image) for shot in scene(clip.path, size=(height * 16 // 9, height)))
-        yield from islice(made, start, stop)
+        shot = scene(clip.path, size=(height * 16 // 9, height))
+        yield from (shot.image(index) for index in range(start, shot.frames if stop is None else stop))
         return
     with VideoReader(media / clip.path) as reader:
         for frame in reader.read(start, reader.frames if stop is None else min(stop, reader.frames)):
