@@ -20,8 +20,9 @@ from benchmarks.clips import clip
 from pipeline.frames import Frame
 from pipeline.methods.abstraction import AbstractionParams, AbstractionSession
 from pipeline.methods.abstraction.session import Relay
+from workers.render import prepare_process
 
-BLOCK = 24
+BLOCK = 48
 THEIRS = 3
 SIZES = ((352, 288), (640, 480), (1280, 720))
 
@@ -59,10 +60,10 @@ def theirs(frames: list[Frame], threads: int) -> float:
     return elapsed / len(frames)
 
 
-def measure(size: tuple[int, int], blocks: int = 4) -> dict[str, object]:
+def measure(size: tuple[int, int], blocks: int = 3) -> dict[str, object]:
     """One row: medians over `blocks` turns after a first one that warms both up."""
     threads = cv2.getNumberOfCPUs()
-    cv2.setNumThreads(1)
+    prepare_process()
     frames = clip(size, BLOCK * (blocks + 1))
     watch = Stopwatch()
     session = AbstractionSession(AbstractionParams(), size, clock=watch)

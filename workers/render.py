@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import sys
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
@@ -31,12 +32,17 @@ from workers.warmup import warm_up_process
 _LOG = logging.getLogger(__name__)
 
 
+TURN_S = 0.0005
+
+
 def prepare_process() -> None:
     """What every process that renders needs first.
 
-    One OpenCV thread: some of its results (DIS flow) depend on how many there are; parallel work is ours to spread.
+    One OpenCV thread: parallel work is ours to spread. Short turns at the interpreter: a method's threads come back to
+    it after every kernel, and a kernel of a small frame takes a tenth of Python's default turn.
     """
     cv2.setNumThreads(1)
+    sys.setswitchinterval(TURN_S)
     logging.getLogger("pipeline").setLevel(logging.INFO)
     _LOG.setLevel(logging.INFO)
 

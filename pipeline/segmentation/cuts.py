@@ -34,8 +34,11 @@ def is_cut(before: Plane, now: Plane, sensitivity: float = 1.0) -> bool:
 
 
 def steadiness(before: Plane, now: Plane) -> float:
-    """0..1: 1 when the light is steady, towards 0 in a fade: exp(-(drift / 0.8)^2), drift = mean change in CIELAB."""
-    shift = (now - before).mean(axis=(0, 1)) * np.array([100 / 255, 1, 1], np.float32)
+    """0..1: 1 when the light is steady, towards 0 in a fade: exp(-(drift / 0.8)^2), drift = median change in CIELAB.
+
+    The median, since a fade changes every place alike, and a pan or somebody who comes in does not.
+    """
+    shift = np.median(now - before, axis=(0, 1)) * np.array([100 / 255, 1, 1], np.float32)
     return float(np.exp(-((shift * shift).sum() / 0.8**2)))
 
 

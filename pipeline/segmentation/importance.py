@@ -37,7 +37,7 @@ class ImportanceParams:
     """Weights in 0..1 (0 switches a cue off and saves its time), times in frames."""
 
     face: float = 1.0
-    saliency: float = 0.3
+    saliency: float = 0.4
     motion: float = 0.4
     half_life_frames: float = 6.0
     """Frames after which what was seen counts half; 0 = no smoothing."""
@@ -45,7 +45,7 @@ class ImportanceParams:
     """Frames between two searches of the whole frame for faces, 1 or more; known faces are looked after more often."""
     smallest_face: float = 0.1
     """Smallest face, as a fraction of the frame's shorter side, 0..1."""
-    full_motion: float = 0.006
+    full_motion: float = 0.002
     """Motion against the camera, in frame diagonals a frame, that counts about two thirds."""
 
 

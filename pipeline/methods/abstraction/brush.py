@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pipeline.colour.paint import flat, overlay
 from pipeline.frames import Frame
+from pipeline.lines.coherent import Ink
 from pipeline.methods.abstraction.eye import Percept
 from pipeline.methods.abstraction.hand import Sketch
 from pipeline.methods.abstraction.params import AbstractionParams
@@ -33,6 +34,8 @@ class Painting:
     """int32 (h, w): the labels as drawn, boundaries smoothed."""
     colours: NDArray[np.uint8]
     """(n + 1, 3) RGB."""
+    ink: Ink | None
+    """The line layer; None = no lines."""
 
 
 class Brush:
@@ -51,7 +54,7 @@ class Brush:
             if percept.ink is not None:
                 overlay(picture, percept.ink, INK, self.params.line_opacity)
             self.picture = self._fade(picture, percept)
-        return Painting(self.picture, regions, labels, sketch.colours)
+        return Painting(self.picture, regions, labels, sketch.colours, percept.ink)
 
     def _fade(self, picture: Frame, percept: Percept) -> Frame:
         """Where the source agrees with its past, let paint fade over from the last frame rather than jump."""

@@ -104,7 +104,7 @@ class AbstractionParams(Params):
         1.0, 0, 1, "Faces", "Importance of faces, which get finer regions and lines.", "ratio", "Importance"
     )
     saliency_importance: float = _number(
-        0.3, 0, 1, "Salient things", "Importance of what stands out in a frame (spectral residual).", "ratio",
+        0.4, 0, 1, "Salient things", "Importance of what stands out in a frame (spectral residual).", "ratio",
         "Importance",
     )  # fmt: skip
     motion_importance: float = _number(

@@ -5,7 +5,9 @@ from __future__ import annotations
 import io
 import zipfile
 
-from pipeline.methods.abstraction.brush import Painting
+import numpy as np
+
+from pipeline.methods.abstraction.brush import INK, Painting
 from pipeline.vector.svg import to_svg
 
 _EPOCH = (1980, 1, 1, 0, 0, 0)
@@ -20,7 +22,8 @@ class SvgBook:
         self._zip = zipfile.ZipFile(self._bytes, "w", zipfile.ZIP_DEFLATED, compresslevel=6)
 
     def add(self, index: int, painting: Painting) -> None:
-        page = to_svg(painting.labels, painting.colours, ids=painting.regions.ids)
+        ink = None if painting.ink is None else painting.ink.astype(np.float32) / 255
+        page = to_svg(painting.labels, painting.colours, ids=painting.regions.ids, ink=ink, ink_colour=INK)
         self._zip.writestr(zipfile.ZipInfo(f"{index:05d}.svg", _EPOCH), page)
 
     def close(self) -> bytes:
