@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import logging
-import sys
 import shutil
+import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

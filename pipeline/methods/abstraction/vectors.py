@@ -22,7 +22,7 @@ class SvgBook:
         self._zip = zipfile.ZipFile(self._bytes, "w", zipfile.ZIP_DEFLATED, compresslevel=6)
 
     def add(self, index: int, painting: Painting) -> None:
-        ink = None if painting.ink is None else painting.ink.astype(np.float32) / 255
+        ink = None if painting.ink is None else painting.ink.astype(np.float32) / np.float32(255)
         page = to_svg(painting.labels, painting.colours, ids=painting.regions.ids, ink=ink, ink_colour=INK)
         self._zip.writestr(zipfile.ZipInfo(f"{index:05d}.svg", _EPOCH), page)
 
