@@ -54,51 +54,14 @@ def _grow(
     pixels: NDArray[np.int32], anything: bool,
 ) -> None:  # fmt: skip
     height, width = labels.shape
-    capacity = 4 * pixels.size
-    rows = np.empty(capacity, np.int16)
-    columns = np.empty(capacity, np.int16)
-    to = np.empty(capacity, np.int32)
-    following = np.empty(capacity, np.int32)
+    entries = np.empty((4 * pixels.size, 4), np.int32)  # y, x, label, next in its bucket
     head = np.full(_BINS, -1, np.int32)
     tail = np.full(_BINS, -1, np.int32)
     used = 0
-    lowest = _BINS
     step_y = (-1, 0, 0, 1)
     step_x = (0, -1, 1, 0)
-    for k in range(pixels.size + 1):
-        if k == pixels.size:  # every border pixel is queued: now take them, best first
-            while lowest < _BINS:
-                entry = head[lowest]
-                if entry < 0:
-                    lowest += 1
-                    continue
-                head[lowest] = following[entry]
-                y, x, label = rows[entry], columns[entry], to[entry]
-                if labels[y, x] != 0:
-                    continue
-                labels[y, x] = label
-                move(sums, lab, limit, y, x, 0, label)
-                for n in range(4):
-                    j, i = y + step_y[n], x + step_x[n]
-                    if j < 0 or i < 0 or j >= height or i >= width or labels[j, i] != 0:
-                        continue
-                    if blocked[j, i] and not anything:
-                        continue
-                    error = colour_difference(lab, j, i, means, label)
-                    if error > limit[j, i] and not anything:
-                        continue
-                    b = min(_BINS - 1, int(error * _BINS_PER_UNIT))
-                    rows[used], columns[used], to[used], following[used] = j, i, label, -1
-                    if head[b] < 0:
-                        head[b] = used
-                    else:
-                        following[tail[b]] = used
-                    tail[b] = used
-                    used += 1
-                    lowest = min(lowest, b)
-            break
-        y, x = np.uint32(pixels[k]) // np.uint32(width), np.uint32(pixels[k]) % np.uint32(width)
-        y, x = np.int64(y), np.int64(x)
+    for k in range(pixels.size):
+        y, x = pixels[k] // width, pixels[k] % width
         if blocked[y, x] and not anything:
             continue
         best, label = np.float32(1e9), 0
@@ -109,14 +72,44 @@ def _grow(
             error = colour_difference(lab, y, x, means, labels[j, i])
             if error < best:
                 best, label = error, labels[j, i]
-        if label == 0 or (best > limit[y, x] and not anything):
+        if label != 0 and (best <= limit[y, x] or anything):
+            _queue(entries, head, tail, used, best, y, x, label)
+            used += 1
+    lowest = 0
+    while lowest < _BINS:
+        entry = head[lowest]
+        if entry < 0:
+            lowest += 1
             continue
-        b = min(_BINS - 1, int(best * _BINS_PER_UNIT))
-        rows[used], columns[used], to[used], following[used] = y, x, label, -1
-        if head[b] < 0:
-            head[b] = used
-        else:
-            following[tail[b]] = used
-        tail[b] = used
-        used += 1
-        lowest = min(lowest, b)
+        head[lowest] = entries[entry, 3]
+        y, x, label = entries[entry, 0], entries[entry, 1], entries[entry, 2]
+        if labels[y, x] != 0:
+            continue
+        labels[y, x] = label
+        move(sums, lab, limit, y, x, 0, label)
+        for n in range(4):
+            j, i = y + step_y[n], x + step_x[n]
+            if j < 0 or i < 0 or j >= height or i >= width or labels[j, i] != 0:
+                continue
+            if blocked[j, i] and not anything:
+                continue
+            error = colour_difference(lab, j, i, means, label)
+            if error <= limit[j, i] or anything:
+                lowest = min(lowest, _queue(entries, head, tail, used, error, j, i, label))
+                used += 1
+
+
+@kernel
+def _queue(
+    entries: NDArray[np.int32], head: NDArray[np.int32], tail: NDArray[np.int32], used: int, error: np.float32,
+    y: int, x: int, label: int,
+) -> int:  # fmt: skip
+    """Put entry number `used` at the end of its bucket; returns the bucket."""
+    bucket = min(_BINS - 1, int(error * _BINS_PER_UNIT))
+    entries[used, 0], entries[used, 1], entries[used, 2], entries[used, 3] = y, x, label, -1
+    if head[bucket] < 0:
+        head[bucket] = used
+    else:
+        entries[tail[bucket], 3] = used
+    tail[bucket] = used
+    return bucket
