@@ -164,12 +164,12 @@ def merge_table(
     for y in range(height):
         for x in range(width):
             own = labels[y, x]
-            for n in range(2):
-                j, i = y + n, x + 1 - n
-                if j >= height or i >= width or labels[j, i] == own:
-                    continue
-                other = labels[j, i]
-                if not mergeable[own] and not mergeable[other]:
+            right = labels[y, x + 1] if x + 1 < width else own
+            below = labels[y + 1, x] if y + 1 < height else own
+            if right == own and below == own:
+                continue
+            for other in (right, below):
+                if other == own or not (mergeable[own] or mergeable[other]):
                     continue
                 dl = (means[own, 0] - means[other, 0]) * np.float32(100.0 / 255.0)
                 da = means[own, 1] - means[other, 1]
