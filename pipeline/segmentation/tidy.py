@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -202,13 +204,21 @@ def round_boundaries(labels: Labels, radius_px: float) -> Labels:
     every other pixel of every other row; the frame's border repeats outwards (zhang2011online, section 3).
     """
     reach = int(radius_px)
+    ys, xs = _samples(radius_px)
+    padded = cv2.copyMakeBorder(labels, reach, reach, reach, reach, cv2.BORDER_REPLICATE)
+    out = labels.copy()
+    _majority(np.asarray(padded, np.int32), ys, xs, reach, out)
+    return out
+
+
+@lru_cache(maxsize=8)
+def _samples(radius_px: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Offsets (ys, xs) of a disc."""
+    reach = int(radius_px)
     stride = 1 if reach < 3 else 2
     ys, xs = np.mgrid[-reach : reach + 1, -reach : reach + 1]
     inside = (xs**2 + ys**2 <= radius_px**2) & (xs % stride == 0) & (ys % stride == 0)
-    padded = cv2.copyMakeBorder(labels, reach, reach, reach, reach, cv2.BORDER_REPLICATE)
-    out = labels.copy()
-    _majority(np.asarray(padded, np.int32), ys[inside], xs[inside], reach, out)
-    return out
+    return ys[inside].astype(np.int64), xs[inside].astype(np.int64)
 
 
 @kernel

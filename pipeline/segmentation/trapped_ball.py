@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +51,7 @@ def fill(
     return _roll_large(labels, free, radius_px, first_label)
 
 
+@lru_cache(maxsize=8)
 def _disc(radius_px: int) -> NDArray[np.int64]:
     """Offsets (dy, dx) of the pixels of a ball."""
     ys, xs = np.mgrid[-radius_px : radius_px + 1, -radius_px : radius_px + 1]
