@@ -167,9 +167,35 @@ class Step:
 
 
 class Session(Protocol):
-    """A causal method at work on a stream: one frame in, one frame out. Not thread-safe."""
+    """A causal method at work on a stream: one frame in, one frame out.
+
+    `step(frame)` is `paint(look(frame))`. The two halves have memories of their own: `look` of a frame may run on one
+    thread while `paint` of an earlier one runs on another, as long as each sees every frame, in order.
+    """
 
     def step(self, frame: Frame) -> Frame: ...
+
+    def look(self, frame: Frame) -> Any:
+        """The first half: what is to be known of the incoming frame. Hand the result to `paint`."""
+        ...
+
+    def paint(self, seen: Any) -> Frame:
+        """The second half: the outgoing frame."""
+        ...
+
+    def follow(
+        self, params: Any, size: tuple[int, int], references: Mapping[str, Iterator[Frame]] | None = None
+    ) -> Session:
+        """A session that goes on from here with other parameters or frames of another size, without a jump.
+
+        Args:
+            params: the method's Params.
+            size: (width, height) of the frames to come, px.
+            references: as for `Method.stream`; None keeps those in use.
+
+        Call it when every frame looked at has been painted; this session is not to be used any more.
+        """
+        ...
 
 
 @dataclass(frozen=True)

@@ -61,13 +61,13 @@ class ImportanceTracker:
         self._params = params
         self._size = size
         self._small = _fit(size, DETECTION_SIDE_PX)
-        self._map = _fit(size, MAP_SIDE_PX)
+        self.map_size = _fit(size, MAP_SIDE_PX)
         self._gain = np.float32(
             1.0 - 0.5 ** (CUES_EVERY_FRAMES / params.half_life_frames) if params.half_life_frames > 0 else 1.0
         )
         self._faces = FaceTracker(size, params.detect_every_frames, params.half_life_frames, params.smallest_face)
         self._age = 0
-        self._cues: Plane = np.zeros(self._map[::-1], np.float32)
+        self._cues: Plane = np.zeros(self.map_size[::-1], np.float32)
         self._mask: Plane | None = None
 
     def step(
@@ -108,8 +108,8 @@ class ImportanceTracker:
         if cut:
             self._age = 0
         if mask is not None:
-            self._mask = _prepare_mask(mask, self._size, self._map)
-        moving = None if flow is None or self._age == 0 else _prepare_flow(flow, self._size, self._map)
+            self._mask = _prepare_mask(mask, self._size, self.map_size)
+        moving = None if flow is None or self._age == 0 else _prepare_flow(flow, self._size, self.map_size)
         importance = self._combine(image, moving)
         self._age += 1
         if self._mask is not None:
@@ -154,9 +154,9 @@ class ImportanceTracker:
     def _look(self, gray: NDArray[np.uint8], flow: Flow | None) -> Plane:
         """Saliency and motion of one frame, joined."""
         params = self._params
-        rest = np.ones(self._map[::-1], np.float32)
+        rest = np.ones(self.map_size[::-1], np.float32)
         if params.saliency > 0:
-            salient = cv2.resize(spectral_residual(gray), self._map, interpolation=cv2.INTER_LINEAR)
+            salient = cv2.resize(spectral_residual(gray), self.map_size, interpolation=cv2.INTER_LINEAR)
             rest *= 1 - np.float32(params.saliency) * salient
         if params.motion > 0 and flow is not None:
             rest *= 1 - np.float32(params.motion) * _motion(flow, params.full_motion * float(np.hypot(*self._size)))

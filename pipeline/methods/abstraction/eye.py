@@ -124,8 +124,14 @@ class Eye:
         self.importance.restore(part(state, "importance"))
         if self.inker:
             self.inker.restore(part(state, "inker"))
-        if self.tone:
-            self.tone.restore(part(state, "tone"))
+        if self.tone and (tone := part(state, "tone")):
+            self.tone.restore(tone)
+
+    @property
+    def coarse(self) -> dict[str, tuple[int, int]]:
+        """(width, height) of what is remembered coarser than the frame, by its name in a session's state."""
+        sizes = {"eye.importance.cues": self.importance.map_size, "eye.importance.mask": self.importance.map_size}
+        return sizes | ({"eye.inker.ink": self.inker.small} if self.inker else {})
 
 
 def _importance(params: AbstractionParams) -> ImportanceParams:

@@ -19,9 +19,10 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from pipeline.colour.scheme import ColourStats
+from pipeline.colour.scheme import ColourStats, learn
 from pipeline.frames import Frame, Plane
 from pipeline.methods.abstraction.brush import Brush, Painting
+from pipeline.methods.abstraction.carry import carry
 from pipeline.methods.abstraction.eye import Eye, Percept
 from pipeline.methods.abstraction.hand import Hand
 from pipeline.methods.abstraction.params import AbstractionParams
@@ -52,7 +53,27 @@ class AbstractionSession:
 
     def step(self, frame: Frame, mask: Plane | None = None) -> Frame:
         """The next frame of the stream, stylised. `mask`: the user's importance from this frame on, 0..1, or None."""
-        return self.brush.step(self.hand.step(self.eye.step(frame, mask))).frame
+        return self.paint(self.look(frame, mask))
+
+    def look(self, frame: Frame, mask: Plane | None = None) -> Percept:
+        """The eye's half of a step; may run a frame ahead of `paint`, on another thread."""
+        return self.eye.step(frame, mask)
+
+    def paint(self, seen: Percept) -> Frame:
+        """The hand's and the brush's half."""
+        return self.brush.step(self.hand.step(seen)).frame
+
+    def follow(
+        self, params: AbstractionParams, size: tuple[int, int],
+        references: Mapping[str, Iterator[Frame]] | None = None,
+    ) -> AbstractionSession:  # fmt: skip
+        """A session that goes on from here, see `pipeline.methods.base.Session`: regions keep ids, places, colours."""
+        reference = self.hand.palette.reference
+        if references is not None:
+            reference = learn(references["reference"]) if "reference" in references else None
+        after = AbstractionSession(params, size, reference, clock=self.eye.clock)
+        after.restore(carry(self.state(), size, after.eye.coarse))
+        return after
 
     def state(self) -> State:
         """All it remembers, as arrays by name; a session restored from it goes on with the same bytes."""

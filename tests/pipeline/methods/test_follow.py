@@ -1,0 +1,110 @@
+"""A session that goes on with other parameters or at another size: the picture must not jump."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+import pipeline.scenes
+from pipeline.frames import Frame
+from pipeline.methods.abstraction import Abstraction, AbstractionParams, AbstractionSession
+
+SIZE, HALF = (192, 128), (96, 64)
+
+
+def scene(count: int) -> list[Frame]:
+    made = pipeline.scenes.scene("portrait", SIZE, frames=count)
+    return [made.image(index) for index in range(count)]
+
+
+def small(frame: Frame, size: tuple[int, int] = HALF) -> Frame:
+    return np.asarray(cv2.resize(frame, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def apart(a: Frame, b: Frame) -> float:
+    return float(np.abs(a.astype(np.int16) - b).mean())
+
+
+def run(session: AbstractionSession, frames: list[Frame]) -> list[Frame]:
+    return [session.step(frame) for frame in frames]
+
+
+def test_the_same_parameters_and_size_change_nothing() -> None:
+    frames = scene(6)
+    plain = run(AbstractionSession(AbstractionParams(), SIZE), frames)
+    session = AbstractionSession(AbstractionParams(), SIZE)
+    first = run(session, frames[:3])
+    rest = run(session.follow(AbstractionParams(), SIZE), frames[3:])
+    assert all(np.array_equal(a, b) for a, b in zip(plain, first + rest, strict=True))
+
+
+def test_looking_ahead_and_painting_after_is_stepping() -> None:
+    frames = scene(4)
+    plain = run(AbstractionSession(AbstractionParams(), SIZE), frames)
+    session = AbstractionSession(AbstractionParams(), SIZE)
+    seen = [session.look(frame) for frame in frames]
+    assert all(np.array_equal(a, session.paint(b)) for a, b in zip(plain, seen, strict=True))
+
+
+@pytest.mark.parametrize(("before", "after"), [(SIZE, HALF), (HALF, SIZE)])
+def test_a_change_of_size_keeps_regions_and_colours(before: tuple[int, int], after: tuple[int, int]) -> None:
+    frames = scene(6)
+    session = AbstractionSession(AbstractionParams(), before)
+    last = run(session, [small(f, before) for f in frames[:5]])[-1]
+    ids = set(_ids(session))
+    turned = session.follow(AbstractionParams(), after)
+    painted = turned.step(small(frames[5], after))
+    afresh = AbstractionSession(AbstractionParams(), after).step(small(frames[5], after))
+    assert painted.shape == (after[1], after[0], 3)
+    assert apart(small(painted), small(last)) < 0.75 * apart(small(afresh), small(last))
+    assert len(ids & set(_ids(turned))) > len(ids) / 2
+
+
+def _ids(session: AbstractionSession) -> list[int]:
+    state = session.state()
+    return [int(i) for i in np.unique(state["hand.segmenter.ids"][state["hand.segmenter.labels"]])]
+
+
+@pytest.mark.parametrize(
+    "params",
+    [{"lines": "off"}, {"lines": "flow"}, {"line_width": 6.0}, {"growing_limit": 30}, {"flow": "tvl1"},
+     {"face_importance": 0.0}, {"temporal": "off"}],
+)  # fmt: skip
+def test_any_parameter_may_change(params: dict[str, Any]) -> None:
+    frames = scene(4)
+    session = AbstractionSession(AbstractionParams(), SIZE)
+    run(session, frames[:2])
+    there = session.follow(AbstractionParams(**params), SIZE)
+    there.step(frames[2])
+    back = there.follow(AbstractionParams(), HALF)
+    assert back.step(small(frames[3])).shape == (HALF[1], HALF[0], 3)
+
+
+def test_a_reference_comes_and_goes() -> None:
+    frames = scene(5)
+    green = np.full((8, 8, 3), (20, 160, 60), np.uint8)
+    session = AbstractionSession(AbstractionParams(), SIZE)
+    run(session, frames[:2])
+    coloured = session.follow(AbstractionParams(), SIZE, {"reference": iter([green])})
+    assert coloured.hand.palette.reference is not None
+    coloured.step(frames[2])
+    kept = coloured.follow(AbstractionParams(lines="off"), SIZE)
+    assert kept.hand.palette.reference is coloured.hand.palette.reference
+    kept.step(frames[3])
+    plain = kept.follow(AbstractionParams(), SIZE, {})
+    assert plain.hand.palette.reference is None
+    plain.step(frames[4])
+
+
+def test_before_the_first_frame_there_is_nothing_to_carry() -> None:
+    session = AbstractionSession(AbstractionParams(), SIZE).follow(AbstractionParams(lines="off"), HALF)
+    assert session.step(small(scene(1)[0])).shape == (HALF[1], HALF[0], 3)
+
+
+def test_the_registered_method_follows() -> None:
+    session = Abstraction().stream(AbstractionParams(), SIZE, 0, {})
+    session.paint(session.look(scene(1)[0]))
+    assert isinstance(session.follow(AbstractionParams(), HALF), AbstractionSession)
