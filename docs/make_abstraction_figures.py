@@ -22,6 +22,7 @@ from docs.pictures import CLIPS, DOCS, MEDIA, OURS, Clip, colours_of, frames, gr
 from pipeline.flow import estimate
 from pipeline.frames import Flow, Frame, Labels, Plane
 from pipeline.methods.abstraction import AbstractionParams, AbstractionSession
+from pipeline.segmentation.edges import edges
 from pipeline.segmentation.propagation import propagate, smooth_labels
 from pipeline.vector.svg import to_svg
 
@@ -221,6 +222,7 @@ def pipeline(media: Path) -> Frame:
         session.step(earlier)
     known = session.hand.segmenter.last
     percept = session.eye.step(frame)
+    outline = edges(percept.gray, percept.importance, session.hand.params.edge_threshold)
     if known is None or percept.flow is None or percept.residual is None or percept.ink is None:
         raise RuntimeError("The figure needs a frame with a past.")
     limit = session.hand.params.flow_error_limit
@@ -233,7 +235,7 @@ def pipeline(media: Path) -> Frame:
         "2 optical flow": show_flow(percept.flow),
         "3 settled with its past": cv2.cvtColor(percept.lab, cv2.COLOR_LAB2RGB),
         "4 importance": show_plane(percept.importance),
-        "5 edges, by importance": 255 - np.dstack([percept.edges] * 3),
+        "5 edges, by importance": 255 - np.dstack([outline] * 3),
         "6 labels carried (red: none)": show_labels(carried, known.ids),
         "7 labels completed": show_labels(sketch.regions.labels, sketch.regions.ids),
         "8 region colours": sketch.colours[sketch.regions.labels],

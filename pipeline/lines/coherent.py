@@ -47,26 +47,31 @@ def keep_strokes(
     """
     count, found = cv2.connectedComponents((ink > weak).view(np.uint8), connectivity=8, ltype=cv2.CV_32S)
     parts = np.asarray(found, np.int32)
-    strokes = np.zeros((count, 8), np.int32)
-    strokes[:, [LEFT, TOP]] = 1 << 30
     if past is None:
         past = Past(np.zeros_like(ink), np.zeros((1, 1, 2), np.float32), 0)
-    _survey(parts, ink, importance, past.ink, past.flow, past.shrink, strokes)
-    known = strokes[:, KNOWN] * 4 > strokes[:, AREA]
-    extent = np.maximum(strokes[:, RIGHT] - strokes[:, LEFT], strokes[:, BOTTOM] - strokes[:, TOP]) + 1
-    matters = strokes[:, WEIGHT] / 255
-    keep = (strokes[:, PEAK] > strong) | known
-    keep &= extent >= shortest_px * np.where(known, 1 / 3, 1) * (1 - 0.75 * matters)
-    keep[0] = False
-    return _pick(parts, keep)
+    strokes = _survey(parts, count, ink, importance, past.ink, past.flow, past.shrink)
+    return _pick(parts, _worth(strokes, strong, shortest_px))
+
+
+@kernel
+def _worth(strokes: NDArray[np.int32], strong: int, shortest_px: float) -> NDArray[np.bool_]:
+    keep = np.zeros(strokes.shape[0], np.bool_)
+    for part in range(1, keep.size):
+        row = strokes[part]
+        known = row[KNOWN] * 4 > row[AREA]
+        extent = max(row[RIGHT] - row[LEFT], row[BOTTOM] - row[TOP]) + 1
+        shortest = shortest_px * (1 / 3 if known else 1.0) * (1 - 0.75 * (row[WEIGHT] / 255))
+        keep[part] = (row[PEAK] > strong or known) and extent >= shortest
+    return keep
 
 
 @kernel
 def _survey(
-    parts: NDArray[np.int32], ink: Ink, importance: Plane, before: Ink, flow: Flow, shrink: int,
-    strokes: NDArray[np.int32],
-) -> None:  # fmt: skip
-    """Fill the table of strokes: bounding box, strongest ink, largest importance, pixels, pixels known before."""
+    parts: NDArray[np.int32], count: int, ink: Ink, importance: Plane, before: Ink, flow: Flow, shrink: int
+) -> NDArray[np.int32]:  # fmt: skip
+    """The table of strokes: bounding box, strongest ink, largest importance, pixels, pixels known before."""
+    strokes = np.zeros((count, 8), np.int32)
+    strokes[:, LEFT] = strokes[:, TOP] = 1 << 30
     height, width = ink.shape
     for y in range(height):
         for x in range(width):
@@ -86,6 +91,7 @@ def _survey(
                 i = min(max(x - int(np.rint(dx / shrink)), 0), width - 1)
                 j = min(max(y - int(np.rint(dy / shrink)), 0), height - 1)
                 row[7] += before[j, i] > DRAWN
+    return strokes
 
 
 @kernel

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from pipeline.errors import DeviceError
 from pipeline.frames import Flow, Plane
+from pipeline.segmentation.motion import median_motion
 
 Tracks = NDArray[np.float64]
 """One face a row: eased box (cx, cy, width, height), latest box, strength 0..1, frames unseen, detections. Px of the
@@ -96,9 +97,9 @@ class FaceTracker:
         for track in self.tracks:
             centre, quarter = track[0:2] * scale, track[2:4] * scale / 4
             (x0, y0), (x1, y1) = np.maximum(centre - quarter, 0).astype(int), np.ceil(centre + quarter).astype(int)
-            inside = flow[y0 : y1 + 1, x0 : x1 + 1].reshape(-1, 2)
+            inside = flow[y0 : y1 + 1, x0 : x1 + 1]
             if inside.size:
-                shift = np.median(inside, axis=0)
+                shift = median_motion(inside)
                 track[0:2] += shift
                 track[4:6] += shift
 

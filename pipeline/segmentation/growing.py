@@ -14,13 +14,20 @@ _BINS = 1400
 _BINS_PER_UNIT = 4.0
 
 
-def unlabelled(labels: Labels, among: NDArray[np.int32] | None = None) -> NDArray[np.int32]:
-    """Flat indices of the pixels without a label, in raster order; only those of `among`, if given."""
-    if among is None:
-        return np.flatnonzero(labels.ravel() == 0).astype(np.int32)
-    return np.asarray(among[labels.ravel()[among] == 0], np.int32)
+@kernel
+def unlabelled(labels: Labels) -> NDArray[np.int32]:
+    """Flat indices, int32, of the pixels without a label, in raster order."""
+    height, width = labels.shape
+    found = np.empty(labels.size, np.int32)
+    count = 0
+    for y in range(height):
+        for x in range(width):
+            found[count] = y * width + x  # the next one overwrites it unless it counts
+            count += labels[y, x] == 0
+    return found[:count]
 
 
+@kernel
 def grow(
     labels: Labels, lab: Lab8, blocked: NDArray[np.uint8], limit: NDArray[np.uint8], sums: Sums,
     pixels: NDArray[np.int32], anything: bool = False,
@@ -41,11 +48,22 @@ def grow(
 
     The priority queue is a bucket queue of quarter units, first in first out within a bucket: deterministic.
     """
-    pixels = unlabelled(labels, pixels)
     if not pixels.size:
         return pixels
     _grow(labels, lab, blocked, limit, means_of(sums), sums, pixels, anything)
-    return unlabelled(labels, pixels)
+    return _left(labels, pixels)
+
+
+@kernel
+def _left(labels: Labels, pixels: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Those of `pixels` that have no label."""
+    width = labels.shape[1]
+    left = np.empty(pixels.size, np.int32)
+    count = 0
+    for k in range(pixels.size):
+        left[count] = pixels[k]
+        count += labels[pixels[k] // width, pixels[k] % width] == 0
+    return left[:count]
 
 
 @kernel
@@ -62,7 +80,7 @@ def _grow(
     step_x = (0, -1, 1, 0)
     for k in range(pixels.size):
         y, x = pixels[k] // width, pixels[k] % width
-        if blocked[y, x] and not anything:
+        if labels[y, x] != 0 or (blocked[y, x] and not anything):
             continue
         best, label = np.float32(1e9), 0
         for n in range(4):  # only the best of a pixel's neighbours can ever win it

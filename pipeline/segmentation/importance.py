@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from pipeline.errors import BadFrame
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.segmentation.faces import FaceTracker
+from pipeline.segmentation.motion import median_motion
 from pipeline.segmentation.saliency import spectral_residual
 
 DETECTION_SIDE_PX = 320
@@ -165,7 +166,7 @@ class ImportanceTracker:
 
 def _motion(flow: Flow, full_px: float) -> Plane:
     """How far each place moves against the median of all (the camera), squeezed to [0, 1)."""
-    dominant = np.median(flow[::2, ::2].reshape(-1, 2), axis=0).astype(np.float32)
+    dominant = median_motion(flow[::2, ::2])
     x, y = flow[..., 0] - dominant[0], flow[..., 1] - dominant[1]
     speed = cv2.GaussianBlur(np.sqrt(x * x + y * y), (0, 0), 2.0)
     # a quarter of the scale is left out: a hand-held camera's parallax and the flow's own errors

@@ -18,6 +18,8 @@ from pipeline.segmentation.regions import Lab8
 
 WayBack: TypeAlias = tuple[NDArray[np.int16], NDArray[np.uint16]]
 """Fixed-point maps for `cv2.remap`: (h, w, 2) whole pixels, (h, w) fractions."""
+Planes: TypeAlias = tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8]]
+"""The planes of a picture, flat."""
 RESIDUAL_STEPS = 4
 """A residual counts quarters of a CIELAB unit."""
 FAR = 255
@@ -27,8 +29,12 @@ MOVING = 0.6
 FADE_TOLERANCE = 10.0
 """CIELAB units of residual at which the previous paint's weight has fallen to 1/e."""
 
-_ROOTS = np.minimum(np.sqrt(np.arange(65025)), 254).astype(np.uint8)
-"""Whole square roots of 0..65024."""
+
+def median_motion(flow: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The median of vectors (..., 2), px, by x and by y; of an even number, the upper of the two in the middle."""
+    rows = flow.reshape(-1, 2)
+    middle = len(rows) // 2
+    return np.asarray(np.partition(rows, middle, axis=0)[middle], np.float32)
 
 
 def hold_still(flow: Flow, previous_gray: NDArray[np.uint8], gray: NDArray[np.uint8], tolerance: float) -> Flow:
@@ -92,9 +98,19 @@ def settle(
         quarter units (255 = 63.75 or more, or no counterpart).
     """
     past = bring(settled, back)
+    here, there = _planes(lab), _planes(past)  # by plane, these loops vectorise
     residual = np.empty(lab.shape[:2], np.uint8)
-    _settle(lab, past, flow, _weights(memory, tolerance), _weights(memory * MOVING, tolerance), _ROOTS, residual)
+    weights = np.empty(lab.shape[:2], np.int16)
+    _difference(here, there, residual.ravel())
+    _weigh(flow, _weights(memory, tolerance), _weights(memory * MOVING, tolerance), residual, weights)
+    _mix(here, there, weights.ravel())
+    cv2.merge([plane.reshape(residual.shape) for plane in there], past)
     return past, residual
+
+
+def _planes(picture: NDArray[np.uint8]) -> Planes:
+    one, two, three = (np.asarray(plane, np.uint8).ravel() for plane in cv2.split(picture))
+    return one, two, three
 
 
 def fade(
@@ -126,28 +142,42 @@ def _weights(memory: float, tolerance: float) -> NDArray[np.int32]:
 
 
 @kernel
-def _settle(
-    lab: Lab8, past: Lab8, flow: Flow, still: NDArray[np.int32], moving: NDArray[np.int32], roots: NDArray[np.uint8],
-    residual: NDArray[np.uint8],
+def _difference(now: Planes, past: Planes, residual: NDArray[np.uint8]) -> None:
+    """CIELAB difference in quarter units, 254 at most."""
+    for k in range(residual.size):
+        dl = np.int32(past[0][k]) - np.int32(now[0][k])
+        da = np.int32(past[1][k]) - np.int32(now[1][k])
+        db = np.int32(past[2][k]) - np.int32(now[2][k])
+        # In sixteenths of a squared unit: L is scaled by 255/100, hence its square by 630/256/16.
+        square = min(np.int32(65024), ((630 * dl * dl) >> 8) + 16 * (da * da + db * db))
+        residual[k] = np.uint8(np.sqrt(np.float32(square)))
+
+
+@kernel
+def _weigh(
+    flow: Flow, still: NDArray[np.int32], moving: NDArray[np.int32], residual: NDArray[np.uint8],
+    weights: NDArray[np.int16],
 ) -> None:  # fmt: skip
-    """Overwrites `past` with the settled frame."""
+    """The weight of the past; `residual` becomes `FAR` where there is none."""
     height, width = residual.shape
     for y in range(height):
         for x in range(width):
             dx, dy = flow[y, x, 0], flow[y, x, 1]
-            light, a, b = np.int32(lab[y, x, 0]), np.int32(lab[y, x, 1]), np.int32(lab[y, x, 2])
-            dl, da, db = past[y, x, 0] - light, past[y, x, 1] - a, past[y, x, 2] - b
-            # In sixteenths of a squared unit: L is scaled by 255/100, hence its square by 630/256/16.
-            far = roots[min(65024, ((630 * dl * dl) >> 8) + 16 * (da * da + db * db))]
-            weight = still[far]
+            weight = still[residual[y, x]]
             if dx != 0.0 or dy != 0.0:
-                weight = moving[far]
+                weight = moving[residual[y, x]]
                 if x < dx or y < dy or x - dx > width - 1 or y - dy > height - 1:
-                    far, weight = np.uint8(255), np.int32(0)
-            residual[y, x] = far
-            past[y, x, 0] = np.uint8(light + ((weight * dl + 128) >> 8))
-            past[y, x, 1] = np.uint8(a + ((weight * da + 128) >> 8))
-            past[y, x, 2] = np.uint8(b + ((weight * db + 128) >> 8))
+                    residual[y, x], weight = np.uint8(255), np.int32(0)
+            weights[y, x] = weight
+
+
+@kernel
+def _mix(now: Planes, past: Planes, weights: NDArray[np.int16]) -> None:
+    """Overwrites `past` with the average."""
+    for plane in range(3):
+        a, b = now[plane], past[plane]
+        for k in range(weights.size):
+            b[k] = np.uint8(a[k] + ((np.int32(weights[k]) * (np.int32(b[k]) - np.int32(a[k])) + 128) >> 8))
 
 
 @kernel

@@ -13,6 +13,7 @@ REMAINDER_UNIT = 64
 """Steps a pixel in a carried remainder (int8, so at most 2 px)."""
 
 
+@kernel
 def propagate(
     labels: Labels,
     flow: Flow,
@@ -39,9 +40,9 @@ def propagate(
     """
     out = np.zeros_like(labels)
     carried = np.zeros_like(remainder)
-    limit = int(min(error_limit * RESIDUAL_STEPS, FAR - 1))
+    limit = int(min(error_limit * RESIDUAL_STEPS, FAR - 1.0))
     _propagate(labels, flow, remainder, residual, limit, np.float32(shared_decay), out, carried)
-    return np.maximum(out, 0, out=out), carried
+    return np.maximum(out, np.int32(0)), carried
 
 
 @kernel
@@ -49,33 +50,45 @@ def _propagate(
     labels: Labels, flow: Flow, remainder: NDArray[np.int8], residual: NDArray[np.uint8],
     limit: int, decay: np.float32, out: Labels, carried: NDArray[np.int8],
 ) -> None:  # fmt: skip
-    height, width = labels.shape
-    unit = np.float32(64.0)
-    for y in range(height):
-        for x in range(width):
-            dx, dy = flow[y, x, 0], flow[y, x, 1]
-            label = labels[y, x]
-            tx, ty = x, y
-            rx = ry = np.float32(0.0)
-            if dx != 0.0 or dy != 0.0:
-                fx = dx + remainder[y, x, 0] * decay / unit
-                fy = dy + remainder[y, x, 1] * decay / unit
-                ix, iy = np.floor(fx + np.float32(0.5)), np.floor(fy + np.float32(0.5))
-                tx, ty = x + int(ix), y + int(iy)
-                if tx < 0 or ty < 0 or tx >= width or ty >= height:
-                    continue
-                rx, ry = (fx - ix) * unit, (fy - iy) * unit
-            if residual[ty, tx] > limit:
+    """Flat, unsigned indices and one store for both remainders: this is the loop that touches memory at random."""
+    height, width = np.uint64(labels.shape[0]), np.uint64(labels.shape[1])
+    there, known = out.reshape(out.size), residual.reshape(residual.size)
+    pairs = carried.reshape(carried.size).view(np.int16)
+    steps = np.empty(2 * labels.shape[1], np.int32)
+    for y in range(labels.shape[0]):
+        moves = flow[y].reshape(steps.size)
+        _whole_steps(moves, remainder[y].reshape(steps.size), decay, steps)
+        for x in range(labels.shape[1]):
+            across, down = steps[2 * x], steps[2 * x + 1]
+            if moves[2 * x] == 0.0 and moves[2 * x + 1] == 0.0:
+                across, down = np.int32(0), np.int32(0)
+            tx, ty = np.uint64(np.int64(x) + (across >> 8)), np.uint64(np.int64(y) + (down >> 8))
+            if tx >= width or ty >= height:  # negative ones are huge
                 continue
-            there = out[ty, tx]
-            if there == 0:
-                out[ty, tx] = label
-                carried[ty, tx, 0] = np.int8(rx)
-                carried[ty, tx, 1] = np.int8(ry)
-            elif there != label:
-                out[ty, tx] = -1  # two labels met: no third one may settle here
+            target = ty * width + tx
+            if known[target] > limit:
+                continue
+            if there[target] == 0:
+                there[target] = labels[y, x]
+                pairs[target] = np.int16((across & 255) | ((down & 255) << 8))
+            elif there[target] != labels[y, x]:
+                there[target] = -1  # two labels met: no third one may settle here
 
 
+@kernel
+def _whole_steps(
+    moves: NDArray[np.float32], remainder: NDArray[np.int8], decay: np.float32, steps: NDArray[np.int32]
+) -> None:  # fmt: skip
+    """Rounded motion in px << 8, and in the low byte what rounding leaves over, 1/64 px. This loop vectorises."""
+    for k in range(steps.size):
+        move = moves[k] + np.float32(remainder[k]) * decay * np.float32(1 / REMAINDER_UNIT)
+        nearest = move + np.float32(0.5)
+        whole = np.int32(nearest)
+        whole -= np.int32(np.float32(whole) > nearest)  # towards minus infinity
+        steps[k] = (whole << 8) | (np.int32((move - np.float32(whole)) * np.float32(REMAINDER_UNIT)) & 255)
+
+
+@kernel
 def smooth_labels(labels: Labels) -> Labels:
     """The morphological filter: where 5 or more of the 8 neighbours agree on a label other than the pixel's own,
 

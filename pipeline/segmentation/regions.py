@@ -19,18 +19,12 @@ AREA = 3
 LIMIT = 4
 
 
+@kernel
 def measure(labels: Labels, lab: Lab8, limit: NDArray[np.uint8], count: int) -> Sums:
     """The sums of regions 0..count in one pass."""
     sums = np.zeros((count + 1, 5), np.int64)
-    _measure(labels, lab, limit, sums)
-    return sums
-
-
-@kernel
-def _measure(labels: Labels, lab: Lab8, limit: NDArray[np.uint8], sums: Sums) -> None:
-    """Adds up runs of one label before it touches the table: a row of a region costs one update."""
     height, width = labels.shape
-    for y in range(height):
+    for y in range(height):  # runs of one label are added up before they touch the table
         run = labels[y, 0]
         light = a = b = n = m = np.int64(0)
         for x in range(width):
@@ -52,11 +46,18 @@ def _measure(labels: Labels, lab: Lab8, limit: NDArray[np.uint8], sums: Sums) ->
         sums[run, 2] += b
         sums[run, 3] += n
         sums[run, 4] += m
+    return sums
 
 
+@kernel
 def means_of(sums: Sums) -> Means:
     """Mean colours; an empty region is black."""
-    return (sums[:, :3] / np.maximum(sums[:, AREA], 1)[:, None]).astype(np.float32)
+    means = np.empty((sums.shape[0], 3), np.float32)
+    for label in range(sums.shape[0]):
+        area = max(sums[label, AREA], 1)
+        for c in range(3):
+            means[label, c] = sums[label, c] / area
+    return means
 
 
 @kernel
@@ -80,36 +81,61 @@ def colour_difference(lab: Lab8, y: int | np.int64, x: int | np.int64, means: Me
     return np.float32(np.sqrt(dl * dl + da * da + db * db))
 
 
+@kernel
+def merge(sums: Sums, table: NDArray[np.int32]) -> tuple[Sums, NDArray[np.int32], NDArray[np.int32]]:
+    """What is known of regions after each has become part of `table[label]`, without gaps in the labels.
+
+    Returns: the sums; int32, the final label of each label; int32, the label that each final one had before.
+    """
+    count = sums.shape[0]
+    merged = np.zeros_like(sums)
+    for label in range(count):
+        for c in range(sums.shape[1]):
+            merged[table[label], c] += sums[label, c]
+    names = np.zeros(count, np.int32)
+    old = np.zeros(count, np.int32)
+    used = 1
+    for label in range(1, count):
+        if merged[label, AREA] > 0:
+            merged[used] = merged[label]
+            names[label], old[used] = used, label
+            used += 1
+    return merged[:used], names, old[:used]
+
+
+NOTHING_CARRIED: Labels = np.zeros((1, 1), np.int32)
+"""For `rename`, after a cut."""
+
+
+@kernel
 def rename(
-    labels: Labels, names: NDArray[np.int32], carried: Labels | None, kept: NDArray[np.int32], count: int
+    labels: Labels, names: NDArray[np.int32], carried: Labels, kept: NDArray[np.int32], count: int
 ) -> NDArray[np.int32]:  # fmt: skip
     """labels = names[labels], in place; and how much of each region was carried here from the previous frame.
 
     Args:
         labels: int32 (h, w).
         names: int32, final label by label.
-        carried: int32 (h, w), labels as they arrived, or None: nothing did.
+        carried: int32 (h, w), labels as they arrived, or `NOTHING_CARRIED`.
         kept: int32, final label by carried label; 0 = that region is gone.
         count: final labels are 0..count.
 
     Returns: int32 (count + 1,): pixels of each region that carried its label already.
     """
     arrived = np.zeros(count + 1, np.int32)
-    if carried is None:
-        carried = np.zeros((1, 1), np.int32)
-    _rename(labels, names, carried, kept, arrived)
-    return arrived
-
-
-@kernel
-def _rename(
-    labels: Labels, names: NDArray[np.int32], carried: Labels, kept: NDArray[np.int32], arrived: NDArray[np.int32]
-) -> None:  # fmt: skip
     height, width = labels.shape
     known = carried.shape == labels.shape
     for y in range(height):
-        for x in range(width):
-            name = names[labels[y, x]]
+        before, came = np.int32(-1), np.int32(-1)
+        name, stayed, run = np.int32(0), False, np.int32(0)
+        for x in range(width):  # runs of one label and one origin, as in `measure`
+            origin = carried[y, x] if known else np.int32(0)
+            if labels[y, x] != before or origin != came:
+                arrived[name] += run
+                before, came, run = labels[y, x], origin, np.int32(0)
+                name = names[before]
+                stayed = came != 0 and kept[came] == name
             labels[y, x] = name
-            if known and carried[y, x] and kept[carried[y, x]] == name:
-                arrived[name] += 1
+            run += stayed
+        arrived[name] += run
+    return arrived

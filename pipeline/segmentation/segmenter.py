@@ -12,14 +12,12 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Labels, Plane
 from pipeline.segmentation.growing import grow, unlabelled
-from pipeline.segmentation.propagation import propagate, smooth_labels
-from pipeline.segmentation.regions import AREA, LIMIT, Lab8, Means, Sums, means_of, measure, rename
-from pipeline.segmentation.tidy import adopt, correct, merge_table
-from pipeline.segmentation.trapped_ball import fill, radii
+from pipeline.segmentation.passes import CORE_ROLLS, WORTH_A_ROLL, carry_over, fill_up, name_regions, with_room
+from pipeline.segmentation.regions import AREA, NOTHING_CARRIED, Lab8, Means, Sums, means_of, measure
+from pipeline.segmentation.tidy import adopt
+from pipeline.segmentation.trapped_ball import TAPPED_UP_TO_PX, fill, radii
 
-CORE_ROLLS = 4
-WORTH_A_ROLL = 0.001
-"""Share of the frame that must have come free for the same ball to roll again."""
+NO_AREAS = np.zeros(1, np.int32)
 
 
 @dataclass(frozen=True)
@@ -93,20 +91,18 @@ class Segmenter:
         limit = self._limit(importance)
         known = self.last
         if known is None or flow is None or residual is None:
-            labels, carried = np.zeros(self.shape, np.int32), None
+            labels, carried = np.zeros(self.shape, np.int32), NOTHING_CARRIED
             sums = measure(labels, lab, limit, 0)
         else:
-            carried, self.remainder = propagate(
-                known.labels, flow, self.remainder, residual, self.params.flow_error_limit
-            )
-            labels = smooth_labels(carried)
-            sums = measure(labels, lab, limit, len(known.ids) - 1)
-            slack = self.params.core_slack if fading else self.params.misfit_slack
-            labels = correct(labels, lab, limit, sums, self.params.boundary_margin, slack)
+            carried, self.remainder, labels, sums = carry_over(
+                known.labels, lab, limit, flow, self.remainder, residual, len(known.ids) - 1,
+                self.params.flow_error_limit, self.params.boundary_margin,
+                self.params.core_slack if fading else self.params.misfit_slack,
+            )  # fmt: skip
         left = int(sums[0, AREA])
         if left:
             sums = self._complete(labels, lab, edges, limit, sums, grow_first=not fading)
-        return self._finish(labels, carried, lab, limit, sums, left)
+        return self._finish(labels, carried, sums, left)
 
     def _limit(self, importance: Plane) -> NDArray[np.uint8]:
         """20 (1.2 - I(p)), uint8 (h, w), CIELAB units."""
@@ -122,22 +118,25 @@ class Segmenter:
         pixels = unlabelled(labels)
         if len(sums) > 1 and grow_first:
             pixels = grow(labels, lab, edges, limit, sums, pixels)
-        for radius in radii(int(np.count_nonzero(edges.ravel()[pixels] == 0))):
+        rolling = radii(int(np.count_nonzero(edges.ravel()[pixels] == 0)))
+        for radius in (r for r in rolling if r > TAPPED_UP_TO_PX):
             known = len(sums)
-            sums = self._fill(labels, lab, edges, limit, sums, pixels, radius)
+            sums = self._roll_large(labels, lab, edges, limit, sums, pixels, radius)
             if len(sums) > known:
                 pixels = grow(labels, lab, edges, limit, sums, pixels)
+        small = next(r for r in rolling if r <= TAPPED_UP_TO_PX)
+        sums, pixels = fill_up(labels, lab, edges, limit, sums, pixels, small, self.params.core_slack)
         if not sums[1:, AREA].any():  # nothing but edges: one new region
             labels[:] = len(sums)
             return measure(labels, lab, limit, len(sums))
-        grow(labels, lab, edges, limit, sums, pixels, anything=True)
+        grow(labels, lab, edges, limit, sums, pixels, True)
         return sums
 
-    def _fill(
+    def _roll_large(
         self, labels: Labels, lab: Lab8, edges: NDArray[np.uint8], limit: NDArray[np.uint8], sums: Sums,
         pixels: NDArray[np.int32], radius: int,
     ) -> Sums:  # fmt: skip
-        """Roll one ball, and again where it found more than one colour.
+        """Roll one ball, and again where it found more than one colour; smaller ones roll in `fill_up`.
 
         Departure: a ball alone makes one region of a sky from zenith to horizon, and growing then takes in all that is
         within 20 units of its mean. What is further than `core_slack` of that from a new region's mean is set free
@@ -148,42 +147,23 @@ class Segmenter:
             if not made:
                 break
             born_from = len(sums)
-            sums = np.concatenate([sums, np.zeros((made, 5), np.int64)])
-            freed = adopt(labels, lab, limit, sums, pixels, born_from, self.params.core_slack)
-            if freed < WORTH_A_ROLL * labels.size:
+            sums = with_room(sums, made)
+            if adopt(labels, lab, limit, sums, pixels, born_from, self.params.core_slack) < WORTH_A_ROLL * labels.size:
                 break
         return sums
 
     def _finish(
-        self, labels: Labels, carried: Labels | None, lab: Lab8, limit: NDArray[np.uint8], sums: Sums, residual: int
+        self, labels: Labels, carried: Labels, sums: Sums, residual: int
     ) -> Segmentation:  # fmt: skip
         """Merge specks and look-alikes, name regions, and say how each relates to the previous frame."""
         known = self.last
-        born_from = len(known.ids) if known is not None else 1
-        table = merge_table(
-            labels, means_of(sums), sums[:, AREA].copy(), self._smallest(sums), born_from,
-            np.float32(self.params.merge_similar),
+        sums, previous, alpha = name_regions(
+            labels, carried, sums, 1 if known is None else len(known.ids), NO_AREAS if known is None else known.areas,
+            self.params.growing_limit, self.params.smallest_region * labels.size, self.params.merge_similar,
         )  # fmt: skip
-        merged = np.zeros_like(sums)
-        np.add.at(merged, table, sums)
-        alive = np.flatnonzero(merged[:, AREA] > 0)
-        dense = np.zeros(len(sums), np.int32)
-        dense[alive] = np.arange(1, len(alive) + 1, dtype=np.int32)
-        arrived = rename(labels, dense[table], carried, dense, len(alive))
-        old = np.concatenate([[0], alive]).astype(np.int32)
-        sums = merged[old]
         areas = sums[:, AREA].astype(np.int32)
-        previous = np.where(old < born_from, old, 0).astype(np.int32)
-        ids = self._ids(previous)
-        alpha = self._alpha(arrived, previous, areas)
-        self.last = Segmentation(labels, ids, areas, means_of(sums), previous, alpha, residual)
+        self.last = Segmentation(labels, self._ids(previous), areas, means_of(sums), previous, alpha, residual)
         return self.last
-
-    def _smallest(self, sums: Sums) -> NDArray[np.int32]:
-        """Per region, the area in px below which it is a speck: less where it matters more."""
-        limit = sums[:, LIMIT] / np.maximum(sums[:, AREA], 1) / self.params.growing_limit
-        base = self.params.smallest_region * self.shape[0] * self.shape[1]
-        return np.maximum(4, base * np.clip(limit - 0.2, 0.2, 1.0)).astype(np.int32)
 
     def _ids(self, previous: NDArray[np.int32]) -> NDArray[np.int64]:
         ids = np.zeros(len(previous), np.int64)
@@ -193,15 +173,6 @@ class Segmenter:
         ids[new] = self.next_id + np.arange(len(new))
         self.next_id += len(new)
         return ids
-
-    def _alpha(
-        self, arrived: NDArray[np.int32], previous: NDArray[np.int32], areas: NDArray[np.int32]
-    ) -> NDArray[np.float32]:  # fmt: skip
-        if self.last is None:
-            return np.zeros(len(previous), np.float32)
-        before = self.last.areas[previous].astype(np.float64)
-        alpha = arrived / np.sqrt(np.maximum(before * areas, 1))
-        return np.where(previous > 0, np.minimum(alpha, 1), 0).astype(np.float32)
 
     def state(self) -> dict[str, NDArray[Any]]:
         """All it remembers, for `restore`: a restored segmenter goes on with the same bytes."""

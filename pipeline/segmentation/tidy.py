@@ -16,6 +16,7 @@ NOISE = 5.0
 """CIELAB units a pixel may always be from its region's mean: a camera's noise and a JPEG's blocks."""
 
 
+@kernel
 def correct(
     labels: Labels, lab: Lab8, limit: NDArray[np.uint8], sums: Sums, margin: float, slack: float
 ) -> Labels:  # fmt: skip
@@ -43,16 +44,19 @@ def _correct(
     step_y = (-1, 0, 0, 1)
     step_x = (0, -1, 1, 0)
     for y in range(height):
+        before = np.int32(-1)
+        light = a = b = np.float32(0)
         for x in range(width):
             own = labels[y, x]
             if own == 0:
                 continue
+            if own != before:
+                before, light, a, b = own, means[own, 0], means[own, 1], means[own, 2]
             # Within the margin nobody can fit better by more than the margin.
             misfit = max(limit[y, x] * slack, np.float32(NOISE))
             least = min(margin, misfit)
-            dl = (lab[y, x, 0] - means[own, 0]) * np.float32(100.0 / 255.0)
-            da = lab[y, x, 1] - means[own, 1]
-            db = lab[y, x, 2] - means[own, 2]
+            dl = (lab[y, x, 0] - light) * np.float32(100.0 / 255.0)
+            da, db = lab[y, x, 1] - a, lab[y, x, 2] - b
             square = dl * dl + da * da + db * db
             if square <= least * least:
                 continue
@@ -75,6 +79,7 @@ def _correct(
                 move(sums, lab, limit, y, x, own, to)
 
 
+@kernel
 def adopt(
     labels: Labels, lab: Lab8, limit: NDArray[np.uint8], sums: Sums, pixels: NDArray[np.int32], born_from: int,
     slack: float,
@@ -89,7 +94,7 @@ def adopt(
     _enter(labels, lab, limit, sums, pixels, born_from)
     means = means_of(sums)
     _stand_in(labels, lab, limit, means, pixels, born_from, np.float32(slack))
-    return int(_release(labels, lab, limit, means, sums, pixels, born_from, np.float32(slack)))
+    return _release(labels, lab, limit, means, sums, pixels, born_from, np.float32(slack))
 
 
 @kernel
@@ -163,14 +168,17 @@ def merge_table(
     for label in range(count):
         mergeable[label] = label >= newborn or areas[label] < smallest[label]
     height, width = labels.shape
+    edge = np.empty(width, np.uint8)
     for y in range(height):
+        row, low = labels[y], labels[min(y + 1, height - 1)]
+        for x in range(width - 1):  # this vectorises
+            edge[x] = (row[x] != row[x + 1]) | (row[x] != low[x])
+        edge[width - 1] = row[width - 1] != low[width - 1]
         for x in range(width):
-            own = labels[y, x]
-            right = labels[y, x + 1] if x + 1 < width else own
-            below = labels[y + 1, x] if y + 1 < height else own
-            if right == own and below == own:
+            if not edge[x]:
                 continue
-            for other in (right, below):
+            own = row[x]
+            for other in (row[min(x + 1, width - 1)], low[x]):
                 if other == own or not (mergeable[own] or mergeable[other]):
                     continue
                 dl = (means[own, 0] - means[other, 0]) * np.float32(100.0 / 255.0)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +10,8 @@ from pipeline.frames import Labels
 from pipeline.segmentation.jit import kernel
 
 SMALLEST_RADIUS_PX = 1
-_TAPPED_UP_TO_PX = 4
+TAPPED_UP_TO_PX = 4
+"""Above this radius, distance transforms are faster than trying every disc."""
 
 
 def radii(unlabelled_px: int) -> list[int]:
@@ -44,27 +43,35 @@ def fill(
     in an edge narrower than the ball lets nothing through. The frame's border is no obstacle. Centres that touch
     (4-neighbours) are one region; where discs of two regions overlap, the first in raster order has the pixel.
     """
-    free = ((labels == 0) & (blocked == 0)).view(np.uint8)
-    if radius_px <= _TAPPED_UP_TO_PX:
-        inside = _disc(radius_px)
-        return int(_roll(labels, free, pixels, inside, first_label))
-    return _roll_large(labels, free, radius_px, first_label)
-
-
-@lru_cache(maxsize=8)
-def _disc(radius_px: int) -> NDArray[np.int64]:
-    """Offsets (dy, dx) of the pixels of a ball."""
-    ys, xs = np.mgrid[-radius_px : radius_px + 1, -radius_px : radius_px + 1]
-    inside = xs**2 + ys**2 <= radius_px**2 + radius_px // 2
-    return np.stack([ys[inside], xs[inside]], axis=1).astype(np.int64)
+    if radius_px <= TAPPED_UP_TO_PX:
+        return fill_small(labels, blocked, pixels, radius_px, first_label)
+    return _fill_large(labels, ((labels == 0) & (blocked == 0)).view(np.uint8), radius_px, first_label)
 
 
 @kernel
-def _roll(
-    labels: Labels, free: NDArray[np.uint8], pixels: NDArray[np.int32], disc: NDArray[np.int64], first_label: int
+def _disc(radius_px: int) -> NDArray[np.int64]:
+    """Offsets (dy, dx) of the pixels of a ball."""
+    disc = np.empty(((2 * radius_px + 1) ** 2, 2), np.int64)
+    count = 0
+    for dy in range(-radius_px, radius_px + 1):
+        for dx in range(-radius_px, radius_px + 1):
+            if dx * dx + dy * dy <= radius_px * radius_px + radius_px // 2:
+                disc[count, 0], disc[count, 1] = dy, dx
+                count += 1
+    return disc[:count]
+
+
+@kernel
+def fill_small(
+    labels: Labels, blocked: NDArray[np.uint8], pixels: NDArray[np.int32], radius_px: int, first_label: int
 ) -> int:  # fmt: skip
-    """A small ball: its disc is tried at every free pixel. `free` is used up: 3 = a centre of a known region."""
+    """`fill` for a small ball: its disc is tried at every free pixel."""
+    disc = _disc(radius_px)
     height, width = labels.shape
+    free = np.zeros(labels.shape, np.uint8)  # 1 = free, 2 = a centre, 3 = a centre of a known region
+    for k in range(pixels.size):
+        y, x = pixels[k] // width, pixels[k] % width
+        free[y, x] = labels[y, x] == 0 and blocked[y, x] == 0
     for k in range(pixels.size):
         y, x = pixels[k] // width, pixels[k] % width
         if not free[y, x]:
@@ -103,7 +110,7 @@ def _roll(
     return made
 
 
-def _roll_large(labels: Labels, free: NDArray[np.uint8], radius_px: int, first_label: int) -> int:
+def _fill_large(labels: Labels, free: NDArray[np.uint8], radius_px: int, first_label: int) -> int:
     """A large ball: distance transforms say where its centre may be, and which core covers a pixel."""
     centres = np.asarray(cv2.distanceTransform(free, cv2.DIST_L2, 5) > radius_px, np.uint8)
     count, cores = cv2.connectedComponents(centres, connectivity=4, ltype=cv2.CV_32S)

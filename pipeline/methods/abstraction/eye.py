@@ -19,7 +19,6 @@ from pipeline.methods.abstraction.inker import Inker
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.state import Clock, State, flatten, part
 from pipeline.segmentation.cuts import is_cut, steadiness, thumbnail
-from pipeline.segmentation.edges import edges
 from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker
 from pipeline.segmentation.motion import WayBack, hold_still, settle, way_back
 from pipeline.segmentation.regions import Lab8
@@ -32,8 +31,10 @@ SETTLE_TOLERANCE = 6.0
 class Percept:
     """What the eye hands on."""
 
-    lab: NDArray[np.uint8]
-    edges: NDArray[np.uint8]
+    lab: Lab8
+    """Settled."""
+    gray: NDArray[np.uint8]
+    """Its lightness, uint8 (h, w)."""
     importance: Plane
     """float32, coarser than the frame."""
     flow: Flow | None
@@ -73,14 +74,12 @@ class Eye:
         calm = np.asarray(cv2.extractChannel(settled, 0), np.uint8)
         with self.clock("importance"):
             importance = self.importance.step_coarse(gray, flow, fresh, mask)
-        with self.clock("edges"):
-            outline = edges(calm, importance, self.params.edge_threshold)
         with self.clock("lines"):
             ink = self.inker.step(calm, importance, flow) if self.inker else None
         with self.clock("colour"):
             tone = self.tone.step(measure_tone(frame), fresh) if self.tone else None
         self.gray, self.settled = gray, settled
-        return Percept(settled, outline, importance, flow, back, residual, ink, tone, self.shot, self.calm)
+        return Percept(settled, calm, importance, flow, back, residual, ink, tone, self.shot, self.calm)
 
     def _begins_shot(self, frame: Frame) -> bool:
         """The first frame, a hard cut, or any frame at all when every frame stands on its own."""

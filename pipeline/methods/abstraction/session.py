@@ -2,8 +2,8 @@
 
 A session has three parts, each with a memory of its own, each seeing every frame in turn:
 
-    eye     flow, settled frame, Lab, importance, edges, ink
-    hand    segmentation, region colours
+    eye     flow, settled frame, Lab, importance, ink
+    hand    edges, segmentation, region colours
     brush   boundaries, paint, overlay
 
 A part needs of another only what that one hands on for the same frame, so that they may work on different frames at

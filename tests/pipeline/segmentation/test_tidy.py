@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Labels
 from pipeline.segmentation.growing import unlabelled
-from pipeline.segmentation.regions import AREA, LIMIT, Lab8, Sums, means_of, measure, rename
+from pipeline.segmentation.regions import AREA, LIMIT, NOTHING_CARRIED, Lab8, Sums, means_of, measure, rename
 from pipeline.segmentation.tidy import adopt, correct, merge_table, round_boundaries
 
 Bytes = NDArray[np.uint8]
@@ -56,7 +56,7 @@ def test_renaming_counts_what_was_carried_into_its_own_region() -> None:
     names, kept = np.array([0, 2, 1, 1], np.int32), np.array([0, 2, 1], np.int32)
     np.testing.assert_array_equal(rename(labels, names, carried, kept, 2), [0, 1, 1])
     np.testing.assert_array_equal(labels, [[2, 2, 1, 1, 1]])
-    assert not rename(labels, np.arange(3, dtype=np.int32), None, kept, 2).any()
+    assert not rename(labels, np.arange(3, dtype=np.int32), NOTHING_CARRIED, kept, 2).any()
 
 
 # -- correction
@@ -120,7 +120,7 @@ def test_a_new_region_frees_what_does_not_fit_it_and_old_ones_keep_theirs() -> N
     sums = np.concatenate([measure(labels, lab, limits, 1), np.zeros((1, 5), np.int64)])
     pixels = unlabelled(labels)
     labels[0, :5] = 2
-    assert adopt(labels, lab, limits, sums, pixels, 2, slack=1.0) == 1
+    assert adopt(labels, lab, limits, sums, pixels, 2, 1.0) == 1
     np.testing.assert_array_equal(labels, [[2, 2, 2, 2, 0, 1, 1, 1, 1, 1]])
     np.testing.assert_array_equal(sums, measure(labels, lab, limits, 2))
 
