@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +24,11 @@ from service.jobs.events import router as events
 from service.jobs.files import router as files
 from service.jobs.routes import router as jobs
 from service.jobs.tasks import router as tasks
+from service.live.routes import router as live
+from service.live.sessions import Sessions
 from service.methods.routes import router as methods
 from service.ops.keys import router as keys
-from service.ops.metrics import FarmMetrics, HttpMetrics
+from service.ops.metrics import FarmMetrics, HttpMetrics, LiveMetrics
 from service.ops.routes import router as ops
 from service.pages import router as pages
 from service.previews.routes import router as previews
@@ -35,7 +39,7 @@ from service.webhooks.secrets import WebhookSecrets
 from workers.farm import Farm
 
 WEB = Path(__file__).parent / "web"
-ROUTERS = (methods, assets, uploads, jobs, tasks, events, files, webhooks, previews, keys, ops, pages)
+ROUTERS = (methods, assets, uploads, jobs, tasks, events, files, webhooks, previews, live, keys, ops, pages)
 
 
 def create_app(settings: Settings, farm: Farm) -> FastAPI:
@@ -48,9 +52,10 @@ def create_app(settings: Settings, farm: Farm) -> FastAPI:
         docs_url=None,
         redoc_url=None,
         generate_unique_id_function=lambda route: route.name,
-        lifespan=lambda _app: background(service),
+        lifespan=_life,
     )
     app.state.service = service
+    app.state.live = _sessions(service)
     errors.install(app)
     for router in ROUTERS:
         app.include_router(router, responses=errors.PROBLEM_RESPONSES)
@@ -58,6 +63,21 @@ def create_app(settings: Settings, farm: Farm) -> FastAPI:
     _add_middleware(app, service)
     _describe(app)
     return app
+
+
+@asynccontextmanager
+async def _life(app: FastAPI) -> AsyncIterator[None]:
+    async with background(app.state.service):
+        try:
+            yield
+        finally:
+            await app.state.live.close()
+
+
+def _sessions(service: Service) -> Sessions:
+    farm_live = service.farm.live
+    metrics = LiveMetrics(service.registry, lambda: farm_live.sessions)
+    return Sessions(farm_live, metrics, service.settings.live_resume_s)
 
 
 def _parts(settings: Settings, farm: Farm) -> Service:

@@ -6,8 +6,8 @@ ImpastoError
     │   └── BadJson 400         ├── RequestTimeout 408       ├── Locked 423
     ├── Unauthorized 401        ├── OffsetMismatch 409       ├── RateLimited 429
     ├── Forbidden 403           ├── WrongVersion 412         ├── ChecksumMismatch 460
-    ├── Gone 410                ├── UnsupportedMediaType 415 └── Busy 503
-    └── BodyTooLarge 413
+    ├── Gone 410                ├── UnsupportedMediaType 415 ├── Busy 503
+    └── BodyTooLarge 413                                     └── BadMessage 400 (live)
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from starlette.responses import JSONResponse, Response
 
 from pipeline.errors import BadParameter, ImpastoError
 from workers.errors import NotFound
+from workers.live.seats import NoSeat
 
 log = logging.getLogger(__name__)
 
@@ -56,6 +57,12 @@ class BadRequest(RequestError):
 
 class BadJson(BadRequest):
     code = "bad-json"
+
+
+class BadMessage(RequestError):
+    """A message of a live session cannot be understood."""
+
+    code = "bad-message"
 
 
 class Unauthorized(RequestError):
@@ -117,17 +124,23 @@ class Busy(RequestError):
 TABLE: dict[str, tuple[int, str]] = {
     "bad-request": (400, "The request cannot be understood"),
     "bad-json": (400, "The body is not JSON"),
+    "bad-message": (400, "The message cannot be understood"),
     "unauthorized": (401, "A key is needed"),
     "forbidden": (403, "Not allowed"),
     "not-found": (404, "There is no such thing"),
     "method-not-allowed": (405, "This address does not do that"),
     "request-timeout": (408, "The request took too long to arrive"),
+    "hello-timeout": (408, "The first message did not come"),
+    "idle": (408, "No frames came"),
+    "slow-reader": (408, "Answers were not read"),
+    "taken-over": (409, "Another connection has taken the session up"),
     "conflict": (409, "Not possible in this state"),
     "cancelled": (409, "It was cancelled"),
     "offset-mismatch": (409, "The upload stands elsewhere"),
     "gone": (410, "It is no longer there"),
     "wrong-version": (412, "Another protocol version is spoken here"),
     "body-too-large": (413, "The body is too large"),
+    "too-large": (413, "The message is too large"),
     "media-too-large": (413, "The media are too large"),
     "unsupported-media-type": (415, "This type of body is not taken here"),
     "range-not-satisfiable": (416, "The range lies outside the file"),
@@ -146,6 +159,8 @@ TABLE: dict[str, tuple[int, str]] = {
     "bad-plan": (500, "The method planned what cannot be run"),
     "bad-emission": (500, "The method made frames that it had not announced"),
     "busy": (503, "Busy"),
+    "going-away": (503, "The service stops"),
+    "worker-lost": (503, "The worker died"),
     "device-error": (503, "No compute device works"),
     "storage-unavailable": (503, "Storage cannot be reached"),
     "storage-full": (507, "Storage is full"),
@@ -202,6 +217,8 @@ def respond(error: ImpastoError, instance: str) -> Response:
 
 def _headers(error: ImpastoError, status: int) -> dict[str, str]:
     own = dict(error.headers) if isinstance(error, RequestError) else {}
+    if isinstance(error, NoSeat):
+        own |= retry_after(error.retry_after_s)
     if status == HTTPStatus.UNAUTHORIZED:
         own.setdefault("WWW-Authenticate", "Bearer")
     if status in (429, 503):

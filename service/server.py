@@ -15,11 +15,16 @@ from fastapi import FastAPI
 from pipeline.errors import BadParameter
 from service.app import create_app
 from service.settings import Settings
+from service.sockets import LiveSocket
 from workers.farm import Farm
 from workers.studio import open_farm
 
 GRACE_S = 10
 """Answers under way may take this long when the service stops; event streams end at once."""
+
+UNSENT_BYTES = 256 << 10
+"""What the kernel takes of an answer before it is sent. Live frames for a slow reader wait where newer ones can replace
+them, not in a buffer of megabytes."""
 
 
 def serve(settings: Settings, on_ready: Callable[[str], None] = lambda url: None) -> None:
@@ -54,6 +59,11 @@ def make_server(app: FastAPI, settings: Settings, on_ready: Callable[[str], None
         lifespan="on",
         server_header=False,
         timeout_graceful_shutdown=GRACE_S,
+        ws=LiveSocket,
+        ws_max_size=2 * max(settings.live_frame_bytes, settings.max_json_bytes),
+        ws_ping_interval=settings.live_ping_s,
+        ws_ping_timeout=settings.live_ping_s,
+        ws_per_message_deflate=False,
     )
     return _Server(config, app, on_ready)
 
@@ -70,6 +80,7 @@ class _Server(uvicorn.Server):
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         self._app.state.service.closing.set()  # before the wait for open answers: streams are among them
+        await self._app.state.live.close()
         await super().shutdown(sockets)
 
 
@@ -77,6 +88,8 @@ def _bind(host: str, port: int) -> socket.socket:
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     listener = socket.socket(family)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    if hasattr(socket, "TCP_NOTSENT_LOWAT"):  # connections inherit it
+        listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, UNSENT_BYTES)
     try:
         listener.bind((host, port))
     except OSError:

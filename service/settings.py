@@ -56,6 +56,17 @@ class Settings(BaseSettings, FarmSettings):
     frame_slots: int = Field(default=4, ge=1)
     """Single frames of assets decoded at once; more wait a moment, then are told to come back."""
 
+    live_hello_s: float = Field(default=10.0, gt=0)
+    """A live connection says hello within this time."""
+    live_idle_s: float = Field(default=60.0, gt=0)
+    """A live session without a frame for this long ends."""
+    live_resume_s: float = Field(default=10.0, ge=0)
+    """A live session waits this long for a client that was lost."""
+    live_slow_s: float = Field(default=90.0, gt=0)
+    """A live client that reads nothing for this long is closed."""
+    live_ping_s: float = Field(default=20.0, gt=0)
+    """WebSocket clients are pinged this often; one that is silent for as long after it is lost."""
+
     webhook_private: bool = False
     """Allow webhook targets on private and loopback addresses."""
     webhook_timeout_s: float = Field(default=10.0, gt=0)

@@ -9,9 +9,12 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from workers.model import Asset, Event, Job, JobRequest, Json, Submitted, TaskView
+
+if TYPE_CHECKING:  # it needs the store, whose records are described here
+    from workers.live.live import Live
 
 
 @dataclass(frozen=True)
@@ -121,6 +124,11 @@ class Farm(Protocol):
 
     @property
     def webhooks(self) -> Webhooks: ...
+
+    @property
+    def live(self) -> Live:
+        """Live sessions."""
+        ...
 
     # -- life
     def start(self) -> None: ...

@@ -3,6 +3,7 @@ passed down; nothing here reads the environment."""
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Literal
 
@@ -49,6 +50,16 @@ class FarmSettings(BaseModel):
     """An attempt whose dispatcher (on another machine) is silent for this long is given to another."""
     stall_s: float = Field(default=900.0, gt=0)
     """An attempt that reports nothing for this long counts as lost."""
+    live_sessions: int = Field(default_factory=lambda: os.cpu_count() or 1, ge=0, le=1024)
+    """Live sessions at once: the next one is told that it is busy. 0: none."""
+    live_spares: int = Field(default=1, ge=0, le=16)
+    """Warm workers beyond those in use (Ray), so that a session begins, and goes on after a death, at once."""
+    live_max_side_px: int = Field(default=1920, ge=64, le=8192)
+    """Longest side of a live frame."""
+    live_max_fps: float = Field(default=120.0, gt=0, le=240)
+    live_frame_bytes: int = Field(default=12 << 20, ge=4096)
+    """Of one live frame's payload: room for 1920x1920 in raw RGB."""
+
     events_kept: int = Field(default=5000, ge=10)
     """Newest events kept per job."""
 

@@ -19,6 +19,10 @@ from workers.errors import Conflict, NotFound
 from workers.farm import Farm, Keys, Page, Served, Webhooks
 from workers.jobs import Limits
 from workers.life import Life
+from workers.live.live import Live
+from workers.live.local_seats import LocalSeats
+from workers.live.painter import LivePainter
+from workers.live.seats import Seats
 from workers.model import Asset, Event, Job, JobRequest, Json, Submitted, TaskView
 from workers.orders import asset_key
 from workers.originals import Originals
@@ -40,12 +44,13 @@ class Studio:
     Args:
         settings: where things are kept, and limits.
         pool: what runs attempts; None accepts and shows only.
+        seats: where live sessions are painted; None: on threads of this process.
 
     Raises:
         StorageError: the database or the folder of blobs cannot be used.
     """
 
-    def __init__(self, settings: FarmSettings, pool: Pool | None) -> None:
+    def __init__(self, settings: FarmSettings, pool: Pool | None, seats: Seats | None = None) -> None:
         limits = Limits(settings.attempts, settings.interruptions)
         policy = Policy(limits, settings.retry_delay_s, settings.events_kept)
         self._settings = settings
@@ -56,6 +61,7 @@ class Studio:
         self._previews = Previews(self._blobs)
         self._originals = Originals(self._blobs)
         self._pictures: Recent[bytes] = Recent(_PICTURES_KEPT)
+        self._live = Live(seats or LocalSeats(lambda: LivePainter(self._blobs)), settings)
 
     def _make_dispatcher(self, pool: Pool) -> Dispatcher:
         return Dispatcher(self._store, pool, self._settings, self._blobs.check_room, self._tidy)
@@ -67,6 +73,10 @@ class Studio:
     @property
     def webhooks(self) -> Webhooks:
         return self._store.webhooks
+
+    @property
+    def live(self) -> Live:
+        return self._live
 
     # -- life
 
@@ -82,8 +92,10 @@ class Studio:
         except BaseException:
             life.end()
             raise
+        self._live.start()
 
     def stop(self) -> None:
+        self._live.stop()
         if self._dispatcher is not None:
             self._dispatcher.stop()
         self._previews.close()
@@ -280,13 +292,13 @@ def open_farm(settings: FarmSettings) -> Farm:
     Raises:
         StorageError: the database or the blobs cannot be used.
     """
-    return Studio(settings, _pool(settings))
+    blobs = DiskBlobs(settings.blobs_at, settings.reserve_bytes)
+    return Studio(settings, _pool(settings, blobs))
 
 
-def _pool(settings: FarmSettings) -> Pool | None:
+def _pool(settings: FarmSettings, blobs: DiskBlobs) -> Pool | None:
     if settings.pool == "none":
         return None
-    blobs = DiskBlobs(settings.blobs_at, settings.reserve_bytes)
     if settings.pool == "ray":
         from workers.ray_pool import RayPool
 

@@ -19,6 +19,9 @@ from workers.farm import Keys
 GUARDED = ("/v1/", "/metrics")
 """What needs a key where keys are needed. Pages, health and the API's description hold no one's data."""
 
+KEY_PROTOCOL = "impasto.key."
+"""What a WebSocket subprotocol begins with that is a key."""
+
 
 class Gate:
     """Sets `request.state.principal`, or answers with 401, 403 or 429."""
@@ -27,7 +30,7 @@ class Gate:
         self._app, self._settings, self._keys, self._rates = app, settings, keys, rates
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http":
+        if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
         try:
@@ -39,7 +42,7 @@ class Gate:
 
     async def _admit(self, scope: Scope) -> Principal | None:
         headers = Headers(scope=scope)
-        secret = _bearer(headers)
+        secret = _bearer(headers) or _offered(scope)
         if secret is None and self._settings.open:
             self._check_local(headers, scope["scheme"])
         if not scope["path"].startswith(GUARDED):
@@ -87,6 +90,7 @@ class Gate:
                 remedy="Use http://127.0.0.1, add the name to IMPASTO_ALLOWED_HOSTS, or use an API key.",
             )
         origin = headers.get("origin")
+        scheme = {"ws": "http", "wss": "https"}.get(scheme, scheme)
         if origin is not None and origin.lower() != f"{scheme}://{host}".lower():
             raise Forbidden(
                 "Pages of other origins may not use this service.",
@@ -106,6 +110,13 @@ class Gate:
 def _bearer(headers: Headers) -> str | None:
     kind, _, secret = headers.get("authorization", "").partition(" ")
     return (secret.strip() or None) if kind.lower() == "bearer" else None
+
+
+def _offered(scope: Scope) -> str | None:
+    """The key that a browser puts among a WebSocket's subprotocols, where it can set no headers."""
+    names = scope.get("subprotocols", ()) if scope["type"] == "websocket" else ()
+    keys = (name.removeprefix(KEY_PROTOCOL) for name in names if name.startswith(KEY_PROTOCOL))
+    return next(keys, None) or None
 
 
 def _address(scope: Scope) -> str:

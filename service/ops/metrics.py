@@ -16,6 +16,7 @@ from workers.farm import Farm
 log = logging.getLogger(__name__)
 
 LATENCY_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30, 120)
+LIVE_LATENCY_S = (0.005, 0.01, 0.0167, 0.025, 0.0333, 0.05, 0.0667, 0.1, 0.2, 0.5, 1, 5)
 VERBS = frozenset({"GET", "HEAD", "POST", "PATCH", "PUT", "DELETE", "OPTIONS"})
 MAX_LABELS = 50
 """Values of one label at most: more are not shown."""
@@ -40,6 +41,22 @@ class HttpMetrics:
         verb = verb if verb in VERBS else "other"
         self.requests.labels(verb, route, str(status)).inc()
         self.seconds.labels(verb, route).observe(seconds)
+
+
+class LiveMetrics:
+    """What live sessions have done in this process."""
+
+    def __init__(self, registry: CollectorRegistry, sessions: Callable[[], float]) -> None:
+        Gauge("impasto_live_sessions", "Live sessions now.", registry=registry).set_function(sessions)
+        frames = Counter("impasto_live_frames", "Frames of live sessions.", ("outcome",), registry=registry)
+        self.received, self.painted, self.dropped = (frames.labels(o) for o in ("received", "painted", "dropped"))
+        self.lost = Counter("impasto_live_workers_lost", "Workers that died under a live session.", registry=registry)
+        self.latency = Histogram(
+            "impasto_live_latency_seconds",
+            "From a live frame fully received to its answer sent.",
+            buckets=LIVE_LATENCY_S,
+            registry=registry,
+        )
 
 
 class FarmMetrics(Collector):

@@ -20,7 +20,10 @@ from pipeline.methods import parse_params
 from workers.errors import Conflict, IdempotencyMismatch, NotFound
 from workers.farm import ApiKey, Delivery, Page, Served
 from workers.ids import new_id
+from workers.live.live import Live
+from workers.live.seats import NoSeat, Seat
 from workers.model import Asset, Event, Fault, Job, JobRequest, RunState, Submitted, TaskState, TaskView
+from workers.settings import FarmSettings
 
 MAGIC = b"CLIP"
 """What bytes begin with that this farm takes for a video."""
@@ -84,10 +87,23 @@ class FakeWebhooks:
         return [delivery for delivery in self.outbox.values() if delivery.job_id == job_id]
 
 
+class _NoSeats:
+    """Live sessions are tested with a real farm: nothing is painted here."""
+
+    kind = "none"
+
+    def start(self) -> None: ...
+    def stop(self) -> None: ...
+
+    async def take(self) -> Seat:
+        raise NoSeat("Nothing is painted here.")
+
+
 class FakeFarm:
     def __init__(self, events_kept: int = 1000) -> None:
         self.keys = FakeKeys(self)
         self.webhooks = FakeWebhooks()
+        self.live = Live(_NoSeats(), FarmSettings(live_sessions=2))
         self.all_assets: dict[tuple[str, str], Asset] = {}
         """(id, owner) -> as that owner holds it"""
         self.all_jobs: dict[str, Job] = {}

@@ -1,0 +1,61 @@
+"""How a connection ends: close codes, and the errors they stand for."""
+
+from __future__ import annotations
+
+import logging
+
+from pipeline.errors import BadFrame, BadInput, ImpastoError
+from workers.errors import NotFound
+from workers.live.seats import NoSeat
+
+log = logging.getLogger(__name__)
+
+NORMAL, GOING_AWAY, INTERNAL, BUSY = 1000, 1001, 1011, 1013
+_CODES = {
+    "going-away": GOING_AWAY,
+    "bad-message": 4400,
+    "hello-timeout": 4408,
+    "taken-over": 4409,
+    "idle": 4410,
+    "too-large": 4413,
+    "rate-limited": 4429,
+    "slow-reader": 4430,
+}
+BAD_MESSAGE, NOT_FOUND, BAD_FRAME = 4400, 4404, 4415
+
+
+class Ending(ImpastoError):
+    """A connection ends, and not because the client said goodbye. `code` is also the close reason."""
+
+    def __init__(self, code: str, message: str, **parts: object) -> None:
+        super().__init__(message, **parts)  # type: ignore[arg-type]
+        self.code = code
+
+
+class Lost(Exception):
+    """The client is gone without a word."""
+
+
+class Left(Exception):
+    """The client has closed the connection."""
+
+
+def close_code(error: ImpastoError) -> int:
+    """The WebSocket close code of an error."""
+    if error.code in _CODES:
+        return _CODES[error.code]
+    if isinstance(error, NoSeat):
+        return BUSY
+    if isinstance(error, NotFound):
+        return NOT_FOUND
+    if isinstance(error, BadFrame):
+        return BAD_FRAME
+    return BAD_MESSAGE if isinstance(error, BadInput) else INTERNAL
+
+
+def shown(error: BaseException) -> ImpastoError:
+    """What is told of an error: our faults only that they are ours."""
+    if isinstance(error, ImpastoError) and close_code(error) != INTERNAL:
+        return error
+    log.error("a live session failed", exc_info=error)
+    return ImpastoError("The service failed at this session.", remedy="Connect again.")

@@ -1,0 +1,51 @@
+"""The header of a frame, both ways: 32 bytes, big-endian, then the payload."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+
+from service.errors import BadMessage
+
+VERSION = 1
+_HEADER = struct.Struct(">BBHHHIIQQ")
+HEADER_BYTES = _HEADER.size
+_KEY = 1
+_MOST_US = (1 << 32) - 1
+
+
+@dataclass(frozen=True)
+class Header:
+    key: bool
+    width: int
+    height: int
+    sequence: int
+    timestamp: int
+    latency_us: int = 0
+    """To the service 0; from it: from the frame fully received to its answer sent."""
+
+
+def unpack(message: bytes) -> tuple[Header, bytes]:
+    """A binary message taken apart. Raises BadMessage."""
+    if len(message) <= HEADER_BYTES:
+        raise _bad("A frame is a header of 32 bytes and a payload.", "frame", f"{len(message)} bytes")
+    version, flags, width, height, zero, sequence, latency, timestamp, zeros = _HEADER.unpack_from(message)
+    if version != VERSION:
+        raise _bad(f"Frames have version {VERSION}.", "frame.version", version)
+    if flags & ~_KEY or zero or latency or zeros:
+        raise _bad("Unused bits and fields of a frame's header are 0.", "frame.flags", f"{flags:#04x}")
+    return Header(bool(flags & _KEY), width, height, sequence, timestamp), message[HEADER_BYTES:]
+
+
+def pack(header: Header, payload: bytes) -> bytes:
+    """A binary message."""
+    latency_us = min(header.latency_us, _MOST_US)
+    flags = _KEY if header.key else 0
+    head = _HEADER.pack(
+        VERSION, flags, header.width, header.height, 0, header.sequence, latency_us, header.timestamp, 0
+    )
+    return head + payload
+
+
+def _bad(message: str, field: str, value: object) -> BadMessage:
+    return BadMessage(message, field=field, value=value, remedy="See docs/live.md, Frames.")

@@ -1,0 +1,41 @@
+"""Before the WebSocket is accepted: what can be refused with an ordinary HTTP answer."""
+
+from __future__ import annotations
+
+from typing import cast
+
+from starlette.websockets import WebSocket
+
+from service.access.gate import KEY_PROTOCOL
+from service.access.keys import Principal, Scope
+from service.errors import BadRequest, Forbidden
+
+PROTOCOL = "impasto.live.1"
+
+
+def caller(socket: WebSocket) -> Principal:
+    """Who asks, if they may. Raises Forbidden."""
+    principal = cast(Principal, socket.scope["state"]["principal"])
+    if principal.may(Scope.SUBMIT):
+        return principal
+    raise Forbidden(
+        f"This key may not do that: it lacks the scope {Scope.SUBMIT.value!r}.",
+        field="Authorization",
+        value=", ".join(sorted(principal.scopes)),
+        remedy=f"Use a key with the scope {Scope.SUBMIT.value!r}.",
+    )
+
+
+def subprotocol(socket: WebSocket) -> str | None:
+    """The protocol to agree on; None if the client offers none. Raises BadRequest: it speaks others only."""
+    offered = [name for name in socket.scope.get("subprotocols", ()) if not name.startswith(KEY_PROTOCOL)]
+    if PROTOCOL in offered:
+        return PROTOCOL
+    if not offered:
+        return None
+    raise BadRequest(
+        "This protocol is not spoken here.",
+        field="Sec-WebSocket-Protocol",
+        value=", ".join(offered),
+        remedy=f"Offer {PROTOCOL}.",
+    )

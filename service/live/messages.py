@@ -1,0 +1,175 @@
+"""Every JSON message of docs/live.md, as a model."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+from pipeline.errors import BadParameter, ImpastoError
+from service.bodies import strict_json
+from service.errors import BadJson, BadMessage, Problem
+
+VERSION = 1
+MAX_SEED = 2**63 - 1
+Codecs = Annotated[list[str], Field(min_length=1, max_length=16)]
+
+
+class _In(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+class Hello(_In):
+    """The client's first message."""
+
+    type: Literal["hello"]
+    method: str = "abstraction"
+    params: dict[str, Any] = {}
+    inputs: dict[str, str] = {}
+    """Asset ids by input name."""
+    seed: int = Field(default=0, ge=0, le=MAX_SEED)
+    width: int
+    height: int
+    fps: float = 30.0
+    send: Codecs = ["jpeg"]
+    receive: Codecs = ["jpeg"]
+    quality: int = Field(default=85, ge=1, le=100)
+    adaptive: bool = True
+
+
+class ParamsIn(_In):
+    type: Literal["params"]
+    params: dict[str, Any] = {}
+    inputs: dict[str, str | None] = {}
+
+
+class KeyframeIn(_In):
+    type: Literal["keyframe"]
+
+
+class ByeIn(_In):
+    type: Literal["bye"]
+
+
+Incoming = Hello | ParamsIn | KeyframeIn | ByeIn
+_INCOMING: TypeAdapter[Incoming] = TypeAdapter(Annotated[Incoming, Field(discriminator="type")])
+
+
+class Sending(BaseModel):
+    """How the client is to send frames."""
+
+    codec: str
+    format: str | None = None
+
+
+class Receiving(Sending):
+    """How the client gets frames."""
+
+    webcodecs: str | None = None
+    """The codec string for a browser's VideoDecoder."""
+
+
+class Ready(BaseModel):
+    type: Literal["ready"] = "ready"
+    version: int = VERSION
+    session: str
+    resumed: bool
+    method: str
+    params: dict[str, Any]
+    send: Sending
+    receive: Receiving
+    width: int
+    height: int
+    fps: float
+    deadline_ms: float
+
+
+class ParamsOut(BaseModel):
+    type: Literal["params"] = "params"
+    params: dict[str, Any]
+    inputs: dict[str, str]
+
+
+class Stats(BaseModel):
+    """Figures of the last second, or of the session."""
+
+    type: Literal["stats"] = "stats"
+    received: int
+    painted: int
+    dropped: int
+    fps: float
+    width: int
+    height: int
+    scale: float
+    latency_ms: dict[str, float]
+    stages_ms: dict[str, float]
+
+
+class Resolution(BaseModel):
+    type: Literal["resolution"] = "resolution"
+    width: int
+    height: int
+    scale: float
+    reason: str
+
+
+class ReplacedOut(BaseModel):
+    type: Literal["replaced"] = "replaced"
+    reason: str
+
+
+class KeyframeOut(BaseModel):
+    type: Literal["keyframe"] = "keyframe"
+    reason: str
+
+
+class ErrorOut(BaseModel):
+    type: Literal["error"] = "error"
+    fatal: bool
+    problem: Problem
+    retry_after_s: float | None = None
+
+
+class ByeOut(BaseModel):
+    type: Literal["bye"] = "bye"
+    stats: Stats
+
+
+Outgoing = Ready | ParamsOut | Stats | Resolution | ReplacedOut | KeyframeOut | ErrorOut | ByeOut
+
+
+def parse(text: str) -> Incoming:
+    """A text message of the client.
+
+    Raises:
+        BadMessage: it is no JSON object, or of no known type.
+        BadParameter: a field of it is wrong.
+    """
+    try:
+        data = strict_json(text.encode())
+    except (BadJson, UnicodeEncodeError):
+        raise BadMessage(
+            "A text message is JSON.", field="message", value=text[:80], remedy="See docs/live.md for the messages."
+        ) from None
+    try:
+        return _INCOMING.validate_python(data)
+    except ValidationError as error:
+        raise _fault(error) from None
+
+
+def _fault(error: ValidationError) -> ImpastoError:
+    first = error.errors()[0]
+    if not first["loc"]:
+        kinds = "hello, params, keyframe, bye"
+        return BadMessage(
+            "There is no such message.", field="type", value=first["input"], remedy=f"Its type is one of: {kinds}."
+        )
+    kind, *names = (str(part) for part in first["loc"])
+    field = ".".join(names) or kind
+    if first["type"] == "missing":
+        return BadParameter(f"{field} is missing.", field=field, remedy=f"Give {field} in {kind!r}.")
+    if first["type"] == "extra_forbidden":
+        return BadParameter(f"There is no field {field} in {kind!r}.", field=field, remedy="Leave it out.")
+    return BadParameter(
+        f"{field} is not what it should be.", field=field, value=first["input"], remedy=f"{first['msg']}."
+    )

@@ -1,0 +1,427 @@
+"""One WebSocket connection of a live session: what comes in, what goes out, and when it is over.
+
+    reader     messages and frames as they come; offers frames to the stream, never waits for it
+    sender     answers and notices of the stream, as the client takes them
+    changer    changes of parameters, one after another
+    ticker     figures, once a second
+
+The first of them to end ends the connection; the rest are cancelled.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections import deque
+from collections.abc import Coroutine, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+from starlette.concurrency import run_in_threadpool
+from starlette.websockets import WebSocket
+
+from pipeline.errors import BadFrame, BadInput, BadParameter, ImpastoError
+from pipeline.frames import MIN_SIDE_PX
+from pipeline.methods import methods
+from service.access.depends import Service
+from service.access.keys import Principal
+from service.assets.routes import visible
+from service.errors import BadMessage, problem
+from service.live.closing import INTERNAL, NORMAL, Ending, Left, Lost, close_code, shown
+from service.live.frames import HEADER_BYTES, Header, pack, unpack
+from service.live.messages import (
+    ByeIn,
+    ByeOut,
+    ErrorOut,
+    Hello,
+    KeyframeIn,
+    KeyframeOut,
+    Outgoing,
+    ParamsIn,
+    ParamsOut,
+    Ready,
+    Receiving,
+    ReplacedOut,
+    Resolution,
+    Sending,
+    Stats,
+    parse,
+)
+from service.live.sessions import LiveSession, Sessions
+from service.sockets import ABORT
+from workers.errors import NotFound
+from workers.live.codecs import BUILT_ON, webcodecs_name
+from workers.live.model import Packet, Wire
+from workers.live.seats import NoSeat
+from workers.live.stream import Answer, Item, NeedsKey, Replaced, Resized, Stream
+from workers.model import Asset
+
+MAX_FRAMES_PER_S = 240
+MAX_CHANGES_WAITING = 64
+CLOSE_WITHIN_S = 2.0
+_FORMATS = {"h264": "annexb"}
+
+
+@dataclass(frozen=True)
+class _Changed:
+    """Parameters and references as they are to be."""
+
+    params: dict[str, Any]
+    inputs: dict[str, str]
+    """Asset ids."""
+    keys: Mapping[str, str]
+    """Blob keys."""
+
+
+class Connection:
+    """
+    Args:
+        socket: accepted.
+        parts: of the service.
+        sessions: where the session lives on when this connection is lost.
+    """
+
+    def __init__(self, socket: WebSocket, parts: Service, sessions: Sessions, principal: Principal) -> None:
+        self._socket, self._parts, self._sessions, self._principal = socket, parts, sessions, principal
+        self._settings = parts.settings
+        self._told: asyncio.Future[Ending] = asyncio.get_running_loop().create_future()
+        self._over, self._closed = asyncio.Event(), asyncio.Event()
+        self._changes: asyncio.Queue[ParamsIn] = asyncio.Queue(MAX_CHANGES_WAITING)
+        self._arrivals: deque[float] = deque(maxlen=MAX_FRAMES_PER_S)
+        self._sequence = -1
+
+    async def stop(self, ending: Ending) -> None:
+        if not self._told.done():
+            self._told.set_result(ending)
+        await self._over.wait()
+
+    async def wait_closed(self) -> None:
+        await self._closed.wait()
+
+    def abandon(self, session: LiveSession) -> None:
+        """The client went before it was accepted."""
+        self._let_go(session, keep=True)
+        self._closed.set()
+
+    async def run(self, session: LiveSession) -> None:
+        """Serve until it is over; close the WebSocket; leave or end the session."""
+        try:
+            await self._race(self._serve(session), self._be_told())
+        except (Lost, Left) as left:
+            self._let_go(session, keep=isinstance(left, Lost))
+        except Exception as error:
+            self._let_go(session, keep=isinstance(error, Ending) and error.code == "taken-over")
+            await self._say_why(error)
+        else:
+            self._let_go(session, keep=False)
+            await self._close(NORMAL, "bye")
+        finally:
+            self._let_go(session, keep=False)
+            self._closed.set()
+
+    def _let_go(self, session: LiveSession, keep: bool) -> None:
+        if self._over.is_set():
+            return
+        self._over.set()
+        if keep:
+            self._sessions.leave(session, self)
+        elif session.connection is self:
+            self._sessions.end(session)
+
+    async def _be_told(self) -> None:
+        raise await asyncio.shield(self._told)
+
+    async def _serve(self, session: LiveSession) -> None:
+        hello = await self._first()
+        stream, resumed = await self._begin(session, hello)
+        await self._say(self._ready(session, stream, hello, resumed))
+        await self._race(
+            self._read(stream), self._send(stream), self._change(session, stream), self._tick(session, stream)
+        )
+        await self._race(stream.finish(), self._send(stream), self._until_gone())
+        self._sessions.count(session)
+        await self._say(ByeOut(stats=Stats(**stream.figures())))
+
+    @staticmethod
+    async def _race(*works: Coroutine[Any, Any, None]) -> None:
+        """Until the first is done; the others are cancelled, and what the first raises is raised."""
+        tasks = [asyncio.create_task(work) for work in works]
+        try:
+            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+        for task in done:
+            task.result()
+
+    # -- opening
+
+    async def _first(self) -> Hello:
+        try:
+            async with asyncio.timeout(self._settings.live_hello_s):
+                message = await self._receive()
+        except TimeoutError:
+            raise Ending(
+                "hello-timeout", f"No hello within {self._settings.live_hello_s:g} s.", remedy="Send it first."
+            ) from None
+        said = parse(message) if isinstance(message, str) else None
+        if not isinstance(said, Hello):
+            raise BadMessage("The first message is hello.", field="type", remedy="Send hello, then frames.")
+        return said
+
+    async def _begin(self, session: LiveSession, hello: Hello) -> tuple[Stream, bool]:
+        if hello.method not in methods():
+            remedy = f"Use one of: {', '.join(self._sessions.live.methods())}."
+            raise NotFound("There is no such method.", field="method", value=hello.method, remedy=remedy)
+        live = self._sessions.live
+        wire = Wire(
+            _chosen("send", hello.send, live.receives), _chosen("receive", hello.receive, live.sends),
+            hello.quality, hello.fps,
+        )  # fmt: skip
+        assets = await self._assets(hello.inputs)
+        order = live.order(hello.method, hello.params, assets, hello.seed, (hello.width, hello.height), wire)
+        before = session.stream
+        session.inputs = dict(hello.inputs)
+        if before is not None and (before.order.method, before.order.seed) == (order.method, order.seed):
+            await before.attach(wire, order.size, hello.adaptive)
+            if (before.order.params, before.order.inputs) != (order.params, order.inputs):
+                await before.change(order.params, order.inputs)
+            return before, True
+        if before is not None:
+            session.stream = None
+            await before.aclose()
+        stream = live.stream(order, hello.adaptive)
+        await stream.open()
+        session.stream, session.counted = stream, (0, 0, 0)
+        return stream, False
+
+    async def _assets(self, inputs: Mapping[str, str]) -> dict[str, Asset]:
+        def found() -> dict[str, Asset]:
+            return {
+                name: visible(self._parts, self._principal, asset_id, f"inputs.{name}")
+                for name, asset_id in inputs.items()
+            }
+
+        return await run_in_threadpool(found)
+
+    def _ready(self, session: LiveSession, stream: Stream, hello: Hello, resumed: bool) -> Ready:
+        order = stream.order
+        send, receive = order.wire.send, order.wire.receive
+        name = webcodecs_name(receive, (hello.width, hello.height), hello.fps)
+        return Ready(
+            session=session.id, resumed=resumed, method=order.method, params=dict(order.params),
+            send=Sending(codec=send, format=_FORMATS.get(send)),
+            receive=Receiving(codec=receive, format=_FORMATS.get(receive), webcodecs=name),
+            width=hello.width, height=hello.height, fps=hello.fps, deadline_ms=round(1000 / hello.fps, 1),
+        )  # fmt: skip
+
+    # -- reading
+
+    async def _receive(self) -> str | bytes:
+        message = await self._socket.receive()
+        if message["type"] == "websocket.disconnect":
+            raise Lost if message.get("code") == 1006 else Left
+        data: str | bytes | None = message.get("bytes")
+        if data is None:
+            data = str(message.get("text", ""))
+        most = self._sessions.live.limits.frame_bytes + HEADER_BYTES
+        most = most if isinstance(data, bytes) else self._settings.max_json_bytes
+        if len(data) > most:
+            raise Ending(
+                "too-large", "The message is too large.", field="message", value=f"{len(data)} bytes",
+                remedy=f"At most {most} bytes.",
+            )  # fmt: skip
+        return data
+
+    async def _read(self, stream: Stream) -> None:
+        """Until the client says bye."""
+        deadline = asyncio.get_running_loop().time() + self._settings.live_idle_s
+        while True:
+            try:
+                async with asyncio.timeout_at(deadline):
+                    message = await self._receive()
+            except TimeoutError:
+                raise Ending(
+                    "idle", f"No frame for {self._settings.live_idle_s:g} s.", remedy="Connect again."
+                ) from None
+            if isinstance(message, bytes):
+                stream.offer(self._packet(message, stream))
+                deadline = asyncio.get_running_loop().time() + self._settings.live_idle_s
+            elif await self._obey(message, stream):
+                return
+
+    def _packet(self, message: bytes, stream: Stream) -> Packet:
+        now = time.perf_counter()
+        self._check_rate(now)
+        header, payload = unpack(message)
+        if header.sequence <= self._sequence:
+            raise BadMessage(
+                "Sequence numbers rise.", field="frame.sequence", value=header.sequence,
+                remedy=f"The one before was {self._sequence}.",
+            )  # fmt: skip
+        self._sequence = header.sequence
+        self._check_size(header)
+        key = header.key or stream.order.wire.send not in BUILT_ON
+        return Packet(header.sequence, header.timestamp, (header.width, header.height), key, payload, now)
+
+    def _check_rate(self, now: float) -> None:
+        if len(self._arrivals) == MAX_FRAMES_PER_S and now - self._arrivals[0] < 1.0:
+            raise Ending("rate-limited", f"More than {MAX_FRAMES_PER_S} frames in a second.", remedy="Send fewer.")
+        self._arrivals.append(now)
+
+    def _check_size(self, header: Header) -> None:
+        most, value = self._sessions.live.limits.side_px, f"{header.width}x{header.height}"
+        if max(header.width, header.height) > most:
+            raise Ending(
+                "too-large",
+                "The picture is too large.",
+                field="frame",
+                value=value,
+                remedy=f"At most {most} px a side.",
+            )
+        if min(header.width, header.height) < MIN_SIDE_PX:
+            raise BadFrame(
+                "The picture is too small.", field="frame", value=value, remedy=f"At least {MIN_SIDE_PX} px a side."
+            )
+
+    async def _obey(self, text: str, stream: Stream) -> bool:
+        """A message while it runs. True: bye."""
+        try:
+            said = parse(text)
+        except BadParameter as error:
+            await self._refuse(error)
+            return False
+        if isinstance(said, Hello):
+            raise BadMessage("hello is said once.", field="type", value="hello", remedy="Send params to change them.")
+        if isinstance(said, KeyframeIn):
+            stream.want_key()
+        elif isinstance(said, ParamsIn):
+            self._queue(said)
+        return isinstance(said, ByeIn)
+
+    def _queue(self, change: ParamsIn) -> None:
+        try:
+            self._changes.put_nowait(change)
+        except asyncio.QueueFull:
+            raise Ending("rate-limited", "Too many changes wait.", remedy="Send fewer.") from None
+
+    async def _until_gone(self) -> None:
+        """After bye: nothing more is taken."""
+        while True:
+            await self._receive()
+
+    # -- changes
+
+    async def _change(self, session: LiveSession, stream: Stream) -> None:
+        """Changes that come close together (a slider on the move) are made at once, and answered once."""
+        while True:
+            asked = [await self._changes.get()]
+            while not self._changes.empty():
+                asked.append(self._changes.get_nowait())
+            await self._apply(asked, session, stream)
+
+    async def _apply(self, asked: list[ParamsIn], session: LiveSession, stream: Stream) -> None:
+        merged = _Changed(dict(stream.order.params), dict(session.inputs), stream.order.inputs)
+        sound = False
+        for change in asked:
+            try:
+                merged = await self._merged(merged, change, stream.order.method)
+                sound = True
+            except (BadInput, NotFound) as error:
+                await self._refuse(error)
+        if not sound:
+            return
+        try:
+            await stream.change(merged.params, merged.keys)
+        except (BadInput, NotFound) as error:
+            await self._refuse(error)
+            return
+        session.inputs = merged.inputs
+        await self._say(ParamsOut(params=merged.params, inputs=merged.inputs))
+
+    async def _merged(self, now: _Changed, change: ParamsIn, method: str) -> _Changed:
+        """Raises BadParameter, NotFound."""
+        live = self._sessions.live
+        params = live.params(method, {**now.params, **change.params})
+        inputs = {n: asset for n, asset in {**now.inputs, **change.inputs}.items() if asset is not None}
+        return _Changed(params, inputs, live.inputs(method, await self._assets(inputs)) if change.inputs else now.keys)
+
+    async def _refuse(self, error: ImpastoError) -> None:
+        await self._say(ErrorOut(fatal=False, problem=problem(error, self._socket.url.path)))
+
+    # -- sending
+
+    async def _send(self, stream: Stream) -> None:
+        while (item := await stream.next()) is not None:
+            if isinstance(item, Answer):
+                await self._answer(item, stream)
+            else:
+                await self._say(self._notice(item))
+
+    async def _answer(self, answer: Answer, stream: Stream) -> None:
+        packet, painted = answer.packet, answer.painted
+        latency_s = time.perf_counter() - packet.at_s
+        header = Header(painted.key, *painted.size, packet.sequence, packet.timestamp, round(latency_s * 1e6))
+        await self._within(self._socket.send_bytes(pack(header, painted.data)))
+        latency_s = time.perf_counter() - packet.at_s
+        stream.sent(answer, latency_s)
+        self._sessions.metrics.latency.observe(latency_s)
+
+    def _notice(self, item: Item) -> Outgoing:
+        if isinstance(item, Resized):
+            return Resolution(width=item.size[0], height=item.size[1], scale=item.scale, reason=item.reason)
+        if isinstance(item, Replaced):
+            self._sessions.metrics.lost.inc()
+            return ReplacedOut(reason=item.reason)
+        assert isinstance(item, NeedsKey)
+        return KeyframeOut(reason=item.reason)
+
+    async def _tick(self, session: LiveSession, stream: Stream) -> None:
+        while True:
+            await asyncio.sleep(1.0)
+            self._sessions.count(session)
+            await self._say(Stats(**stream.second()))
+
+    async def _say(self, message: Outgoing) -> None:
+        await self._within(self._socket.send_text(message.model_dump_json(exclude_none=True)))
+
+    async def _within(self, sending: Coroutine[Any, Any, None]) -> None:
+        """Send. Raises Ending: the client does not read."""
+        slow_s = self._settings.live_slow_s
+        try:
+            async with asyncio.timeout(slow_s):
+                await sending
+        except TimeoutError:
+            raise Ending("slow-reader", f"Answers were not read for {slow_s:g} s.", remedy="Connect again.") from None
+
+    # -- the end
+
+    async def _say_why(self, failure: Exception) -> None:
+        """The error, if the connection can still carry it, and the close."""
+        error = shown(failure)
+        wait_s = error.retry_after_s if isinstance(error, NoSeat) else None
+        message = ErrorOut(fatal=True, problem=problem(error, self._socket.url.path), retry_after_s=wait_s)
+        with suppress(Exception):
+            async with asyncio.timeout(CLOSE_WITHIN_S):
+                await self._socket.send_text(message.model_dump_json(exclude_none=True))
+        await self._close(close_code(error), error.code if close_code(error) != INTERNAL else "internal-error")
+
+    async def _close(self, code: int, reason: str) -> None:
+        try:
+            async with asyncio.timeout(CLOSE_WITHIN_S):
+                await self._socket.close(code, reason)
+        except Exception:
+            self._socket.scope.get("extensions", {}).get(ABORT, {}).get("call", lambda: None)()
+
+
+def _chosen(field: str, asked: list[str], there: tuple[str, ...]) -> str:
+    """The first of the client's codecs that the service has."""
+    for codec in asked:
+        if codec in there:
+            return codec
+    raise BadParameter(
+        f"None of these codecs is known: {field}.", field=field, value=", ".join(asked),
+        remedy=f"Use some of: {', '.join(there)}.",
+    )  # fmt: skip

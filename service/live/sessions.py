@@ -1,0 +1,138 @@
+"""The live sessions of this process: who holds which, and which wait for a lost client to come back.
+
+A session outlives its connection for `resume_s`: with its stream's memory, its worker and its place.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Mapping
+from typing import Protocol
+
+from service.access.keys import Principal
+from service.live.closing import Ending
+from service.ops.metrics import LiveMetrics
+from workers.ids import new_id
+from workers.live.live import Live, Place
+from workers.live.stream import Stream
+from workers.model import Json
+
+log = logging.getLogger(__name__)
+
+
+class Connected(Protocol):
+    """A connection, as sessions see it."""
+
+    async def stop(self, ending: Ending) -> None:
+        """End it. Returns when it has let go of its session."""
+        ...
+
+    async def wait_closed(self) -> None:
+        """Until its WebSocket is closed."""
+        ...
+
+
+class LiveSession:
+    """A place, the stream that works in it, and what both are told about."""
+
+    def __init__(self, place: Place, owner: str) -> None:
+        self.id = new_id("liv_")
+        self.owner = owner
+        self.place = place
+        self.stream: Stream | None = None
+        self.inputs: Mapping[str, str] = {}
+        """Asset ids by input name."""
+        self.connection: Connected | None = None
+        self.expiry: asyncio.TimerHandle | None = None
+        self.counted = (0, 0, 0)
+        """Frames received, painted and dropped that metrics know of."""
+
+
+class Sessions:
+    """For the service's loop only, but for `count`.
+
+    Args:
+        live: the farm's.
+        resume_s: how long a session waits for its client.
+    """
+
+    def __init__(self, live: Live, metrics: LiveMetrics, resume_s: float) -> None:
+        self.live, self.metrics = live, metrics
+        self._resume_s = resume_s
+        self._sessions: dict[str, LiveSession] = {}
+        self._closing = False
+        self._ends: set[asyncio.Task[None]] = set()
+
+    async def claim(self, session_id: str | None, principal: Principal, connection: Connected) -> LiveSession:
+        """The session of that id if this caller has one, taken from whoever holds it; else a new one.
+
+        Raises NoSeat.
+        """
+        known = self._sessions.get(session_id or "")
+        if known is None or known.owner != principal.owner:
+            known = LiveSession(self.live.place(), principal.owner)
+            self._sessions[known.id] = known
+        before, known.connection = known.connection, connection
+        if known.expiry is not None:
+            known.expiry.cancel()
+            known.expiry = None
+        if before is not None:
+            await before.stop(Ending("taken-over", "Another connection has taken this session up."))
+        return known
+
+    def leave(self, session: LiveSession, connection: Connected) -> None:
+        """The connection was lost: the session waits for another. Nothing, if another has it already."""
+        if session.connection is not connection or session.id not in self._sessions:
+            return
+        session.connection = None
+        self.count(session)
+        if session.stream is None or self._closing:
+            self.end(session)
+            return
+        session.stream.detach()
+        session.expiry = asyncio.get_running_loop().call_later(self._resume_s, self.end, session)
+
+    def end(self, session: LiveSession) -> None:
+        """Forget it; its worker is given back in the background, then its place is free."""
+        if self._sessions.pop(session.id, None) is None:
+            return
+        task = asyncio.create_task(self._end(session))
+        self._ends.add(task)
+        task.add_done_callback(self._ends.discard)
+
+    async def _end(self, session: LiveSession) -> None:
+        try:
+            if session.stream is not None:
+                self.count(session)
+                await session.stream.aclose()
+        except Exception:
+            log.exception("a live session did not end cleanly")
+        finally:
+            session.place.release()
+
+    async def close(self) -> None:
+        """The service stops: every connection is told, every session ends."""
+        self._closing = True
+        ending = Ending("going-away", "The service stops.", remedy="Connect again in a moment.")
+        held = [s.connection for s in self._sessions.values() if s.connection is not None]
+        await asyncio.gather(*(connection.stop(ending) for connection in held))
+        await asyncio.gather(*(connection.wait_closed() for connection in held))
+        for session in tuple(self._sessions.values()):
+            self.end(session)
+        await asyncio.gather(*self._ends, return_exceptions=True)
+
+    def count(self, session: LiveSession) -> None:
+        """Let metrics know what the session's stream has done since the last time."""
+        if session.stream is None:
+            return
+        now = _counts(session.stream.figures())
+        for counter, after, before in zip(
+            (self.metrics.received, self.metrics.painted, self.metrics.dropped), now, session.counted, strict=True
+        ):
+            counter.inc(after - before)
+        session.counted = now
+
+
+def _counts(figures: Json) -> tuple[int, int, int]:
+    return figures["received"], figures["painted"], figures["dropped"]

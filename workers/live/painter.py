@@ -1,0 +1,206 @@
+"""`LivePainter`: the work of one session, wherever it runs. No loop, no Ray: called from two threads.
+
+    look thread    open, look, change, close      decode, scale, `session.look`
+    paint thread   paint                          `session.paint`, encode
+
+What `look` has seen is handed to `paint` inside the process, so that no picture travels. For every `look` there is one
+`paint`, in the same order; what goes wrong in either is raised by `paint`.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from queue import Queue
+from typing import Any
+
+import cv2
+import numpy as np
+
+from pipeline.errors import BadInput, BadParameter, ImpastoError
+from pipeline.frames import Frame
+from pipeline.methods import method, parse_params
+from pipeline.methods.base import Method, Session
+from workers.blobs.base import Blobs
+from workers.decoders import Decoders
+from workers.errors import NotFound
+from workers.live.codecs import Decoder, Encoder, decoder, encoder
+from workers.live.model import LiveOrder, Painted, Size, Work
+from workers.model import Json
+from workers.render import prepare_process
+from workers.warmup import warm_up_process
+
+MAX_REFERENCE_FRAMES = 600
+"""A reference is learned from while the client waits."""
+_AHEAD = 2
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What the look thread hands on."""
+
+    session: Session
+    seen: Any
+    key: bool
+    stages_s: dict[str, float]
+
+
+class LivePainter:
+    """
+    Args:
+        blobs: where references are.
+        find: finds a method by name (the registry; a test may bring its own).
+    """
+
+    def __init__(self, blobs: Blobs, find: Callable[[str], Method] = method) -> None:
+        prepare_process()
+        self._find = find
+        self._decoders = Decoders(blobs)
+        self._handed: Queue[_Seen | Exception] = Queue(_AHEAD)
+        self._news = threading.Condition()
+        self._ahead = 0
+        """Frames looked at and not yet painted."""
+        self._order: LiveOrder | None = None
+        self._session: Session | None = None
+        self._decoder: Decoder | None = None
+        self._encoder: tuple[Size, Encoder] | None = None
+        self._size: Size = (0, 0)
+
+    def warm_up(self) -> None:
+        """Load what methods need before their first frame, once a process. Never raises."""
+        warm_up_process()
+
+    def open(self, order: LiveOrder) -> None:
+        """Begin a stream; of a stream that is open, go on with it for another connection.
+
+        Raises: BadParameter, BadMedia, BadInput (method, parameters, a reference), NotFound (a reference is gone).
+        """
+        before = self._order
+        if before is None or (before.method, before.seed) != (order.method, order.seed):
+            self._session, self._size = self._begin(order), order.size
+        elif (before.params, before.inputs) != (order.params, order.inputs):
+            self.change(order.params, order.inputs)
+        self._order = order
+        self._decoder, self._encoder = decoder(order.wire.send, order.max_side_px), None
+
+    def _begin(self, order: LiveOrder) -> Session:
+        chosen = self._find(order.method)
+        params = parse_params(chosen, order.params)
+        session = chosen.stream(params, order.size, order.seed, self._references(order.inputs))
+        if session is None:
+            raise BadParameter("This method cannot run live.", field="method", value=order.method)
+        return session
+
+    def look(self, work: Work) -> None:
+        """The first half of a frame: up to what `session.look` makes of it."""
+        seen: _Seen | Exception
+        try:
+            seen = self._look(work)
+        except Exception as error:
+            seen = error
+        with self._news:
+            self._ahead += 1
+        self._handed.put(seen)
+
+    def paint(self) -> Painted:
+        """The second half of the oldest frame that was looked at; waits for it.
+
+        Raises: BadFrame (a payload is not a frame), or whatever the method raises.
+        """
+        seen = self._handed.get()
+        try:
+            if isinstance(seen, Exception):
+                raise seen
+            return self._paint(seen)
+        finally:
+            with self._news:
+                self._ahead -= 1
+                self._news.notify_all()
+
+    def change(self, params: Mapping[str, Json], inputs: Mapping[str, str]) -> None:
+        """Go on with these parameters (all of them) and references, from the next frame on; or raise, as `open`, and
+        change nothing."""
+        assert self._order is not None and self._session is not None
+        chosen = self._find(self._order.method)
+        references = None if inputs == self._order.inputs else self._references(inputs)
+        self._wait_until_painted()
+        self._session = self._session.follow(parse_params(chosen, params), self._size, references)
+        self._order = replace(self._order, params=dict(params), inputs=dict(inputs))
+
+    def close(self) -> None:
+        """Forget the stream. The painter may be opened again."""
+        self._wait_until_painted()
+        self._order = self._session = self._decoder = self._encoder = None
+
+    # -- the look thread
+
+    def _look(self, work: Work) -> _Seen:
+        began = time.perf_counter()
+        frame = self._decode(work)
+        decoded = time.perf_counter()
+        session = self._session_for((frame.shape[1], frame.shape[0]))
+        seen = session.look(frame)
+        looked = time.perf_counter()
+        return _Seen(session, seen, work.key, {"decode": decoded - began, "look": looked - decoded})
+
+    def _decode(self, work: Work) -> Frame:
+        assert self._decoder is not None
+        for payload in work.payloads[:-1]:
+            self._decoder.decode(payload, work.size)
+        frame = self._decoder.decode(work.payloads[-1], work.size)
+        if work.work_size == work.size:
+            return frame
+        smaller = work.work_size[0] < work.size[0]
+        how = cv2.INTER_AREA if smaller else cv2.INTER_LINEAR
+        return np.asarray(cv2.resize(frame, work.work_size, interpolation=how), np.uint8)
+
+    def _session_for(self, size: Size) -> Session:
+        assert self._order is not None and self._session is not None
+        if size != self._size:
+            self._wait_until_painted()
+            params = parse_params(self._find(self._order.method), self._order.params)
+            self._session = self._session.follow(params, size, None)
+            self._size = size
+        return self._session
+
+    def _wait_until_painted(self) -> None:
+        with self._news:
+            self._news.wait_for(lambda: self._ahead == 0)
+
+    def _references(self, inputs: Mapping[str, str]) -> dict[str, Iterator[Frame]]:
+        return {name: self._frames(name, key) for name, key in inputs.items()}
+
+    def _frames(self, name: str, key: str) -> Iterator[Frame]:
+        field = f"inputs.{name}"
+        try:
+            with self._decoders.reader(key) as reader:
+                if reader.frames > MAX_REFERENCE_FRAMES:
+                    raise BadInput(
+                        f"A live reference has at most {MAX_REFERENCE_FRAMES} frames.",
+                        field=field, value=reader.frames, remedy="Use a picture or a shorter video.",
+                    )  # fmt: skip
+                yield from reader.read()
+        except KeyError:
+            raise NotFound("The asset has been deleted.", field=field) from None
+        except ImpastoError as error:
+            error.field = error.field if error.field == field else field
+            raise
+
+    # -- the paint thread
+
+    def _paint(self, seen: _Seen) -> Painted:
+        began = time.perf_counter()
+        frame = seen.session.paint(seen.seen)
+        painted = time.perf_counter()
+        data, size, key = self._encoder_for((frame.shape[1], frame.shape[0])).encode(frame, seen.key)
+        encoded = time.perf_counter()
+        stages = seen.stages_s | {"paint": painted - began, "encode": encoded - painted}
+        return Painted(data, size, key, stages)
+
+    def _encoder_for(self, size: Size) -> Encoder:
+        assert self._order is not None
+        if self._encoder is None or self._encoder[0] != size:
+            self._encoder = (size, encoder(self._order.wire, size))
+        return self._encoder[1]

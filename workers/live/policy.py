@@ -1,0 +1,146 @@
+"""Which frame next: the newest wins. Pure: told what happens, says what to do.
+
+    arrive ──► waiting (one; with video codecs also what it is built on) ──► look ──► paint ──► unsent ──► sent
+                  │ another arrives
+                  ▼
+               dropped
+
+A frame may begin when no finished answer waits unsent, and at most one other frame is in work, which is past its
+`look`. So the look of a frame may overlap the painting of the one before it, and nothing ever queues.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+
+from workers.live.model import Packet
+
+MAX_BUILT_ON = 60
+"""Dropped frames kept because a later one is built on them."""
+MAX_BUILT_ON_BYTES = 8 << 20
+
+
+@dataclass(frozen=True)
+class Start:
+    """Begin with `packets[-1]`; the others are decoded only."""
+
+    packets: tuple[Packet, ...]
+
+    @property
+    def frame(self) -> Packet:
+        return self.packets[-1]
+
+
+@dataclass
+class Policy:
+    """
+    Args:
+        built_on: frames are built on earlier ones (a video codec), so that none can be left out in decoding.
+    """
+
+    built_on: bool = False
+    received: int = 0
+    dropped: int = 0
+    held: bool = False
+    """Nothing begins: the session is about to change."""
+    _waiting: list[Packet] = field(default_factory=list)
+    _looking: Packet | None = None
+    _painting: deque[Packet] = field(default_factory=deque)
+    unsent: int = 0
+    """Finished answers that are not on their way yet."""
+    _needs_key: bool = True
+    _asked: bool = False
+
+    @property
+    def working(self) -> int:
+        """Frames in work."""
+        return len(self._painting) + (self._looking is not None)
+
+    @property
+    def pending(self) -> int:
+        """Frames received and neither painted nor dropped."""
+        return self.working + bool(self._waiting)
+
+    @property
+    def idle(self) -> bool:
+        """Whether every frame that came is answered or dropped."""
+        return not self.pending and not self.unsent
+
+    def arrive(self, packet: Packet) -> bool:
+        """A frame came. True: ask the client for a key frame, since nothing can be made of what it sends."""
+        self.received += 1
+        if not self.built_on or packet.key:
+            self._drop_waiting()
+            self._waiting, self._needs_key, self._asked = [packet], False, False
+            return False
+        if self._needs_key:
+            self.dropped += 1
+            return self._ask()
+        self.dropped += bool(self._waiting)
+        self._waiting.append(packet)
+        return self._give_up() if self._overfull() else False
+
+    def _overfull(self) -> bool:
+        return len(self._waiting) > MAX_BUILT_ON or sum(len(p.data) for p in self._waiting) > MAX_BUILT_ON_BYTES
+
+    def _give_up(self) -> bool:
+        self._drop_waiting()
+        self._needs_key = True
+        return self._ask()
+
+    def _drop_waiting(self) -> None:
+        self.dropped += bool(self._waiting)
+        self._waiting = []
+
+    def _ask(self) -> bool:
+        """Once, until a key frame has come."""
+        asked, self._asked = self._asked, True
+        return not asked
+
+    def start(self) -> Start | None:
+        """The frame to begin now, which is then being looked at; None: none yet."""
+        if self.held or not self._waiting or self.unsent or self._looking or len(self._painting) > 1:
+            return None
+        begun = Start(tuple(self._waiting))
+        self._waiting.clear()
+        self._looking = begun.frame
+        return begun
+
+    def looked(self, begun: Start) -> None:
+        """The first half of a frame is done. Nothing, if the frame has been lost or finished meanwhile."""
+        if self._looking is begun.frame:
+            self._painting.append(begun.frame)
+            self._looking = None
+
+    def painted(self) -> None:
+        """The oldest frame in work is finished; its answer waits to be sent."""
+        if self._painting:
+            self._painting.popleft()
+        else:  # the word that it was looked at comes later
+            self._looking = None
+        self.unsent += 1
+
+    def sent(self) -> None:
+        """An answer is on its way."""
+        self.unsent = max(0, self.unsent - 1)
+
+    def lost(self) -> bool:
+        """The worker died with all that it had in work. True: ask the client for a key frame."""
+        self.dropped += self.working
+        self._looking = None
+        self._painting.clear()
+        return self.restart()
+
+    def restart(self) -> bool:
+        """Decoding begins anew. What waits goes on only if it begins with a key frame; True: ask for one."""
+        if not self.built_on or (self._waiting and self._waiting[0].key):
+            return False
+        return self._give_up()
+
+    def leave(self) -> None:
+        """The client is gone: nothing waits any more and nothing will be sent."""
+        self._drop_waiting()
+        self.dropped += self.unsent
+        self.unsent = 0
+        self._needs_key, self._asked = True, False

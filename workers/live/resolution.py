@@ -1,0 +1,158 @@
+"""At which size to work: it falls rather than the delay growing. Pure: told the time.
+
+Down, when the work of a frame does not fit one period of the client's rate: at once when two frames in a row took more
+than two periods, else when half a second of frames took, at the median, more than one. Cost is taken to grow with the
+pixels, so a step may skip rungs.
+
+Up by one rung, when the next size up is expected to fit well for some seconds; after a step up that did not hold, twice
+as many seconds.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from statistics import median
+from typing import Literal
+
+from workers.live.model import Size
+
+Reason = Literal["slow", "room"]
+
+SCALES = (1.0, 0.75, 0.5, 0.375, 0.25)
+"""Rungs of the ladder: factors of both sides."""
+LOOK_BACK_S = 0.5
+HOLDS = 0.8
+"""A smaller size is chosen so that a frame is expected to take this part of a period."""
+FITS = 0.7
+"""A larger size is tried when a frame is expected to take at most this part of a period there."""
+PATIENCE_S, MOST_PATIENCE_S = 3.0, 60.0
+FAILED_WITHIN_S = 5.0
+MIN_SIDE_PX = 16
+_LATE_PERIODS = 2.0
+_RATE_WINDOW_S = 1.0
+MOST_KEPT = 512
+
+
+def scaled(size: Size, scale: float) -> Size:
+    """`size` at a rung; even sides below full size, which all codecs take."""
+    if scale >= 1.0:
+        return size
+    width, height = (max(MIN_SIDE_PX, 2 * round(side * scale / 2)) for side in size)
+    return width, height
+
+
+class Pace:
+    """The client's real rate, from when its frames came."""
+
+    def __init__(self, most_fps: float) -> None:
+        self._most = most_fps
+        self._times: deque[float] = deque(maxlen=256)
+
+    def arrived(self, now_s: float) -> None:
+        self._times.append(now_s)
+        while self._times[0] < now_s - _RATE_WINDOW_S:
+            self._times.popleft()
+
+    @property
+    def period_s(self) -> float:
+        """Seconds from a frame to the next; never less than one over the rate that was announced."""
+        if len(self._times) < 3:
+            return 1.0 / self._most
+        spread = self._times[-1] - self._times[0]
+        return max(spread / (len(self._times) - 1), 1.0 / self._most)
+
+
+@dataclass(frozen=True)
+class _Seen:
+    at_s: float
+    latency_s: float
+    work_s: float
+    """Without the wait for its turn."""
+
+
+@dataclass
+class Ladder:
+    """
+    Args:
+        adaptive: False: full size, always.
+    """
+
+    adaptive: bool = True
+    rung: int = 0
+    _seen: deque[_Seen] = field(default_factory=lambda: deque(maxlen=MOST_KEPT))
+    _late: int = 0
+    _since_s: float | None = None
+    """When this rung was taken."""
+    _patience_s: float = PATIENCE_S
+    _rose_s: float | None = None
+
+    @property
+    def scale(self) -> float:
+        return SCALES[self.rung]
+
+    def painted(self, now_s: float, period_s: float, latency_s: float, work_s: float, rung: int) -> Reason | None:
+        """A frame that was begun at `rung` is finished. Says why if the rung has changed.
+
+        Args:
+            latency_s: from its arrival until it was painted.
+            work_s: seconds of its stages, one after the other.
+        """
+        if not self.adaptive or rung != self.rung:
+            return None
+        if self._since_s is None:
+            self._since_s = now_s
+            return None  # a first frame is no measure: it is segmented from nothing
+        self._keep(_Seen(now_s, latency_s, work_s))
+        self._late = self._late + 1 if latency_s > _LATE_PERIODS * period_s else 0
+        if self._slow(now_s, period_s):
+            return self._fall(now_s, period_s)
+        return self._rise(now_s) if self._room(now_s, period_s) else None
+
+    def restart(self) -> None:
+        """Another worker goes on: what was measured before says nothing of its first frames."""
+        self._measure_anew(None)
+
+    def _keep(self, seen: _Seen) -> None:
+        self._seen.append(seen)
+        while self._seen[0].at_s < seen.at_s - self._patience_s:
+            self._seen.popleft()
+
+    def _slow(self, now_s: float, period_s: float) -> bool:
+        if self.rung == len(SCALES) - 1:
+            return False
+        if self._late >= 2:
+            return True
+        assert self._since_s is not None
+        recent = [seen.latency_s for seen in self._seen if seen.at_s >= now_s - LOOK_BACK_S]
+        return now_s - self._since_s >= LOOK_BACK_S and median(recent) > period_s
+
+    def _room(self, now_s: float, period_s: float) -> bool:
+        if self.rung == 0 or self._since_s is None or now_s - self._since_s < self._patience_s:
+            return False
+        ratio = (SCALES[self.rung - 1] / self.scale) ** 2
+        usual = sorted(seen.work_s for seen in self._seen)[int(0.9 * (len(self._seen) - 1))]
+        return usual * ratio <= FITS * period_s
+
+    def _fall(self, now_s: float, period_s: float) -> Reason:
+        if self._rose_s is not None and now_s - self._rose_s < FAILED_WITHIN_S:
+            self._patience_s = min(2 * self._patience_s, MOST_PATIENCE_S)
+        work_s = median(seen.work_s for seen in list(self._seen)[-8:])
+        below = range(self.rung + 1, len(SCALES))
+        fitting = (r for r in below if work_s * (SCALES[r] / self.scale) ** 2 <= HOLDS * period_s)
+        self.rung = next(fitting, len(SCALES) - 1)
+        self._measure_anew(now_s)
+        return "slow"
+
+    def _rise(self, now_s: float) -> Reason:
+        if self._rose_s is not None and now_s - self._rose_s > self._patience_s + FAILED_WITHIN_S:
+            self._patience_s = max(PATIENCE_S, self._patience_s / 2)
+        self.rung -= 1
+        self._rose_s = now_s
+        self._measure_anew(now_s)
+        return "room"
+
+    def _measure_anew(self, since_s: float | None) -> None:
+        self._seen.clear()
+        self._late = 0
+        self._since_s = since_s

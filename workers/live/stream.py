@@ -1,0 +1,370 @@
+"""One session at work: frames in, answers out, on a seat that may die.
+
+The decisions are `Policy`'s and `Ladder`'s; here they are carried out. For one loop only.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections import deque
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, replace
+
+from workers.live.codecs import BUILT_ON
+from workers.live.figures import Figures
+from workers.live.model import LiveOrder, Packet, Painted, Size, Wire, Work
+from workers.live.policy import Policy, Start
+from workers.live.resolution import Ladder, Pace, scaled
+from workers.live.seats import NoSeat, Seat, SeatLost, Seats
+from workers.model import Json
+
+log = logging.getLogger(__name__)
+
+SEAT_WITHIN_S = 60.0
+"""A seat must be had in this time: on a machine that has never run them, kernels are compiled first."""
+LEAVE_WITHIN_S = 10.0
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A painted frame, to be sent."""
+
+    packet: Packet
+    painted: Painted
+    waited_s: float
+    """From its arrival until its work began."""
+
+
+@dataclass(frozen=True)
+class Resized:
+    """Answers have another size from now on."""
+
+    size: Size
+    scale: float
+    reason: str
+    """"slow", "room" or "input"."""
+
+
+@dataclass(frozen=True)
+class Replaced:
+    """The worker died; another goes on."""
+
+    reason: str
+
+
+@dataclass(frozen=True)
+class NeedsKey:
+    """The client is to send a key frame."""
+
+    reason: str
+
+
+Item = Answer | Resized | Replaced | NeedsKey
+
+
+class Stream:
+    """
+    Args:
+        seats: where to take a seat from, and another when it dies.
+        order: what to paint; its size is that of the frames to come.
+        adaptive: whether a smaller size may be worked at.
+        clock: seconds; `Packet.at_s` is of the same clock.
+    """
+
+    def __init__(
+        self, seats: Seats, order: LiveOrder, adaptive: bool = True, clock: Callable[[], float] = time.perf_counter
+    ) -> None:
+        self.order = order
+        self._seats, self._clock = seats, clock
+        self._policy = Policy(built_on=order.wire.send in BUILT_ON)
+        self._ladder, self._pace = Ladder(adaptive), Pace(order.wire.fps)
+        self._seat: Seat | None = None
+        self._input_size = self._shown_size = order.size
+        self._why_resized = "input"
+        self._key_wanted = False
+        self._items: deque[Item] = deque()
+        self._moved = asyncio.Event()
+        """Set at every change of state."""
+        self._held_by: set[str] = set()
+        self._changing = asyncio.Lock()
+        self._mending: asyncio.Task[None] | None = None
+        self._newest: asyncio.Task[None] | None = None
+        """Of the frame begun last."""
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._failure: Exception | None = None
+        self.total, self._second = Figures(clock()), Figures(clock())
+        self._counted = (0, 0)
+        """Received and dropped at the last full second."""
+
+    # -- life
+
+    async def open(self) -> None:
+        """Take a seat and begin. Raises NoSeat, or what `LivePainter.open` raises."""
+        self._seat = await self._take()
+
+    async def aclose(self) -> None:
+        """Stop, and give the seat back. What is in work is finished first, for nobody."""
+        self._hold("closed")
+        self._wake()
+        if self._mending is not None:
+            self._mending.cancel()
+        if self._tasks:
+            await asyncio.wait(self._tasks, timeout=LEAVE_WITHIN_S)
+        if self._seat is not None:
+            seat, self._seat = self._seat, None
+            await seat.leave()
+
+    def detach(self) -> None:
+        """The connection is gone: what waits is dropped, what is in work is painted for nobody."""
+        self._hold("away")
+        self._items.clear()
+        self._policy.leave()
+        self._wake()
+
+    async def attach(self, wire: Wire, size: Size, adaptive: bool) -> None:
+        """Go on for another connection: its codecs, its frames. Raises as `open`."""
+        self._hold("away")
+        order = replace(self.order, wire=wire)
+        await self._on_seat(lambda seat: seat.open(order), order)
+        self._policy.built_on = wire.send in BUILT_ON
+        self._policy.leave()
+        self._items.clear()
+        self._ladder.adaptive, self._pace, self._input_size = adaptive, Pace(wire.fps), size
+        self._free("away")
+
+    # -- frames
+
+    @property
+    def size(self) -> Size:
+        """To work at, for frames as they come now."""
+        return scaled(self._input_size, self._ladder.scale)
+
+    @property
+    def period_s(self) -> float:
+        """The deadline of a frame."""
+        return self._pace.period_s
+
+    def offer(self, packet: Packet) -> None:
+        """A frame has come."""
+        self._pace.arrived(packet.at_s)
+        if self._policy.arrive(packet):
+            self._put(NeedsKey("earlier frames are lost"))
+        self._pump()
+
+    def want_key(self) -> None:
+        """The next answer shall be a key frame."""
+        self._key_wanted = True
+
+    async def next(self) -> Item | None:
+        """What to send next; None once closed. Raises what ended the stream. After an `Answer` is sent, call `sent`."""
+        await self._until(lambda: bool(self._items) or "closed" in self._held_by)
+        return self._items.popleft() if self._items else None
+
+    def sent(self, answer: Answer, latency_s: float) -> None:
+        """The answer is on its way, `latency_s` after its frame came."""
+        stages = {"wait": answer.waited_s, **answer.painted.stages_s}
+        for figures in (self.total, self._second):
+            figures.answered(latency_s, stages)
+        self._policy.sent()
+        self._wake()
+        self._pump()
+
+    async def finish(self) -> None:
+        """Wait until every frame that came is answered or dropped."""
+        await self._until(lambda: self._policy.idle)
+
+    def figures(self) -> Json:
+        """Of the whole session."""
+        self.total.received, self.total.dropped = self._policy.received, self._policy.dropped
+        return self.total.as_json(self._clock()) | self._shown()
+
+    def second(self) -> Json:
+        """Figures since the last call."""
+        received, dropped = self._counted
+        self._counted = (self._policy.received, self._policy.dropped)
+        self._second.received, self._second.dropped = self._counted[0] - received, self._counted[1] - dropped
+        now = self._clock()
+        said, self._second = self._second.as_json(now), Figures(now)
+        return said | self._shown()
+
+    def _shown(self) -> Json:
+        width, height = self.size
+        return {"width": width, "height": height, "scale": self._ladder.scale}
+
+    # -- changes
+
+    async def change(self, params: Mapping[str, Json], inputs: Mapping[str, str]) -> None:
+        """Go on with these parameters (all of them) and references (blob keys), or raise and change nothing."""
+        await self._on_seat(lambda seat: seat.change(params, inputs), replace(self.order, params=params, inputs=inputs))
+
+    async def _on_seat(self, call: Callable[[Seat], Awaitable[None]], order: LiveOrder) -> None:
+        """Do something on the seat while nothing is in work; from then on `order` is in force. A seat that dies of it
+        is replaced by one that begins with the order as it was, and it is tried there."""
+        async with self._quiet():
+            try:
+                await call(self._here())
+            except SeatLost as error:
+                self._lose(self._here(), str(error))
+                await self._until(lambda: self._mending is None)
+                await call(self._here())
+            self.order = order
+
+    @asynccontextmanager
+    async def _quiet(self) -> AsyncIterator[None]:
+        """Nothing is in work and nothing begins."""
+        async with self._changing:
+            self._hold("change")
+            try:
+                await self._until(lambda: not self._policy.working and self._mending is None)
+                yield
+            finally:
+                self._free("change")
+
+    # -- work
+
+    def _pump(self) -> None:
+        if (start := self._policy.start()) is not None:
+            self._newest = self._spawn(self._paint(start, self._work(start), self._newest))
+
+    def _work(self, start: Start) -> Work:
+        if start.frame.size != self._input_size:
+            self._input_size, self._why_resized = start.frame.size, "input"
+            self._ladder.restart()
+        key, self._key_wanted = self._key_wanted, False
+        return Work(tuple(packet.data for packet in start.packets), start.frame.size, self.size, key)
+
+    async def _paint(self, start: Start, work: Work, before: asyncio.Task[None] | None) -> None:
+        """A frame, from its look to its answer, which waits for the one `before`: answers keep the order of frames."""
+        began, rung, seat = self._clock(), self._ladder.rung, self._here()
+        looking, painting = asyncio.ensure_future(seat.look(work)), asyncio.ensure_future(seat.paint())
+        looking.add_done_callback(lambda done: self._looked(done, start))
+        try:
+            painted = await painting
+            if before is not None:
+                await asyncio.wait([before])
+        except SeatLost as error:
+            self._lose(seat, str(error))
+        except Exception as error:
+            self._fail(error)
+        else:
+            if seat is not self._seat:
+                return  # counted as lost with its seat
+            self._finished(Answer(start.frame, painted, began - start.frame.at_s), work.work_size, rung)
+
+    def _looked(self, done: asyncio.Future[None], start: Start) -> None:
+        if done.cancelled() or done.exception() is not None:
+            return  # its painting says so too
+        self._policy.looked(start)
+        self._pump()
+
+    def _finished(self, answer: Answer, size: Size, rung: int) -> None:
+        self._policy.painted()
+        self._measure(answer, rung)
+        if "away" in self._held_by:
+            self._policy.leave()
+        else:
+            self._show(size)
+            self._put(answer)
+        self._wake()
+
+    def _measure(self, answer: Answer, rung: int) -> None:
+        now, work_s = self._clock(), sum(answer.painted.stages_s.values())
+        why = self._ladder.painted(now, self.period_s, now - answer.packet.at_s, work_s, rung)
+        self._why_resized = why or self._why_resized
+
+    def _show(self, size: Size) -> None:
+        """Say that answers have another size, before the first that has."""
+        if size != self._shown_size:
+            self._shown_size = size
+            self._put(Resized(size, self._ladder.scale, self._why_resized))
+
+    # -- death and failure
+
+    def _here(self) -> Seat:
+        assert self._seat is not None, "the stream is open"
+        return self._seat
+
+    async def _take(self) -> Seat:
+        async def one() -> Seat:
+            while True:
+                seat = await self._seats.take()
+                try:
+                    await seat.open(self.order)
+                    return seat
+                except SeatLost:
+                    log.warning("a live worker died before its first frame")
+                except BaseException:
+                    await seat.leave()
+                    raise
+
+        try:
+            return await asyncio.wait_for(one(), SEAT_WITHIN_S)
+        except TimeoutError:
+            raise NoSeat("No live worker got ready in time.", remedy="Try again in a minute.") from None
+
+    def _lose(self, seat: Seat, reason: str) -> None:
+        """The seat has died: forget what it had in work, take another. Told by everything that it had in work."""
+        if seat is not self._seat or "closed" in self._held_by:
+            return
+        self._seat = None
+        log.warning("a live worker has died: %s", reason)
+        self._hold("mending")
+        if self._policy.lost():
+            self._put(NeedsKey("the worker died"))
+        self._ladder.restart()
+        self._mending = self._spawn(self._mend(seat, reason))
+        self._wake()
+
+    async def _mend(self, lost: Seat, reason: str) -> None:
+        try:
+            self._seat = await self._take()
+            self._key_wanted = True
+            self._put(Replaced(reason))
+        except Exception as error:
+            self._fail(error)
+        finally:
+            self._mending = None
+            self._free("mending")
+            await lost.leave()
+
+    def _fail(self, error: Exception) -> None:
+        self._failure = self._failure or error
+        self._hold("failed")
+        self._wake()
+
+    # -- small things
+
+    def _put(self, item: Item) -> None:
+        self._items.append(item)
+        self._wake()
+
+    def _hold(self, why: str) -> None:
+        self._held_by.add(why)
+        self._policy.held = True
+
+    def _free(self, why: str) -> None:
+        self._held_by.discard(why)
+        self._policy.held = bool(self._held_by)
+        self._wake()
+        self._pump()
+
+    def _wake(self) -> None:
+        self._moved.set()
+
+    async def _until(self, true: Callable[[], bool]) -> None:
+        """Wait for it; raise what has ended the stream."""
+        while not true():
+            if self._failure is not None:
+                raise self._failure
+            self._moved.clear()
+            await self._moved.wait()
+
+    def _spawn(self, work: Awaitable[None]) -> asyncio.Task[None]:
+        task = asyncio.ensure_future(work)
+        assert isinstance(task, asyncio.Task)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        return task
