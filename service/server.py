@@ -22,10 +22,6 @@ from workers.studio import open_farm
 GRACE_S = 10
 """Answers under way may take this long when the service stops; event streams end at once."""
 
-UNSENT_BYTES = 256 << 10
-"""What the kernel takes of an answer before it is sent. Live frames for a slow reader wait where newer ones can replace
-them, not in a buffer of megabytes."""
-
 
 def serve(settings: Settings, on_ready: Callable[[str], None] = lambda url: None) -> None:
     """Open the farm, serve until SIGINT or SIGTERM, stop in order. Call it on the main thread.
@@ -86,10 +82,8 @@ class _Server(uvicorn.Server):
 
 def _bind(host: str, port: int) -> socket.socket:
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    listener = socket.socket(family)
+    listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)  # named, so that asyncio sends at once
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    if hasattr(socket, "TCP_NOTSENT_LOWAT"):  # connections inherit it
-        listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, UNSENT_BYTES)
     try:
         listener.bind((host, port))
     except OSError:

@@ -6,6 +6,8 @@ ping waits behind a frame. Here a client counts as lost only if nothing at all h
 
 from __future__ import annotations
 
+import socket
+from asyncio import BaseTransport
 from typing import cast
 
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
@@ -13,12 +15,22 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 ABORT = "impasto.abort"
 """ASGI extension: {"call": drops the connection and what was to be sent}."""
 LOST = 1006
+UNSENT_BYTES = 256 << 10
+"""What the kernel takes before it is sent: frames for a slow reader wait where newer ones can replace them, not in a
+buffer of megabytes."""
 
 
 class LiveSocket(WebSocketsSansIOProtocol):
     """uvicorn's protocol, with an end for clients that are gone."""
 
     heard_at = 0.0
+
+    def connection_made(self, transport: BaseTransport) -> None:
+        super().connection_made(transport)
+        if (connection := transport.get_extra_info("socket")) is not None:
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            if hasattr(socket, "TCP_NOTSENT_LOWAT"):
+                connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, UNSENT_BYTES)
 
     def data_received(self, data: bytes) -> None:
         self.heard_at = self.loop.time()
