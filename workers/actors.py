@@ -1,22 +1,28 @@
-"""The Ray actors, a line or two a method: everything they do is done by plain classes. With `ray_pool`, the only files
-that import Ray."""
+"""The Ray actors, a line or two a method: everything they do is done by plain classes. With `ray_pool` and
+`ray_seats`, the only files that import Ray."""
 
 from __future__ import annotations
 
+import contextlib
 import os
 import socket
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, cast
 
 import ray
 
+from workers.live.local_seats import Painter
+from workers.live.model import LiveOrder, Painted, Work
 from workers.local_pool import Runner
-from workers.model import TaskOrder, TaskOutcome
+from workers.model import Json, TaskOrder, TaskOutcome
 from workers.watch import Watch
 
 CONTROL = "control"
+LOOK, PAINT = "look", "paint"
+LOWEST = 19
+"""Nice."""
 
 
 class _RenderActor:
@@ -46,6 +52,64 @@ class _RenderActor:
         self._watch.cancel(attempt_id)
 
 
+class _LiveActor:
+    """A `LivePainter`, whose two halves are called on threads of their own. Calls of one group keep their order.
+
+    Args:
+        make_painter: pickled, so that what it needs is imported by `warm_up`.
+    """
+
+    def __init__(self, make_painter: bytes) -> None:
+        self._make_painter = make_painter
+        self._painter: Painter | None = None
+
+    @ray.method(concurrency_group=LOOK)
+    def warm_up(self) -> int:
+        """Returns its process id, once a first frame costs what others do.
+
+        It gets ready behind those who are at work: seconds of imports and practice would cost a session its frames.
+        """
+        thread = threading.Thread(target=self._get_ready, name="impasto-warm-up")
+        thread.start()
+        thread.join()
+        return os.getpid()
+
+    def _get_ready(self) -> None:
+        with contextlib.suppress(OSError):  # of this thread alone, on Linux; elsewhere it may not be possible
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), LOWEST)
+        painter = cast(Painter, ray.cloudpickle.loads(self._make_painter)())
+        painter.warm_up()
+        self._painter = painter
+
+    @property
+    def _here(self) -> Painter:
+        assert self._painter is not None, "warmed up first"
+        return self._painter
+
+    @ray.method(concurrency_group=LOOK)
+    def open(self, order: LiveOrder) -> None:
+        self._here.open(order)
+
+    @ray.method(concurrency_group=LOOK)
+    def look(self, work: Work) -> None:
+        self._here.look(work)
+
+    @ray.method(concurrency_group=PAINT)
+    def paint(self) -> Painted:
+        return self._here.paint()
+
+    @ray.method(concurrency_group=LOOK)
+    def change(self, params: Mapping[str, Json], inputs: Mapping[str, str]) -> None:
+        self._here.change(params, inputs)
+
+    @ray.method(concurrency_group=LOOK)
+    def close(self) -> None:
+        self._here.close()
+
+
 RenderActor: Any = cast(Any, ray.remote)(max_restarts=0, max_task_retries=0, concurrency_groups={CONTROL: 1})(
     _RenderActor
 )
+LiveActor: Any = cast(Any, ray.remote)(
+    num_cpus=0, max_restarts=0, max_task_retries=0, concurrency_groups={LOOK: 1, PAINT: 1}
+)(_LiveActor)

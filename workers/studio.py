@@ -293,7 +293,7 @@ def open_farm(settings: FarmSettings) -> Farm:
         StorageError: the database or the blobs cannot be used.
     """
     blobs = DiskBlobs(settings.blobs_at, settings.reserve_bytes)
-    return Studio(settings, _pool(settings, blobs))
+    return Studio(settings, _pool(settings, blobs), _seats(settings, blobs))
 
 
 def _pool(settings: FarmSettings, blobs: DiskBlobs) -> Pool | None:
@@ -307,6 +307,15 @@ def _pool(settings: FarmSettings, blobs: DiskBlobs) -> Pool | None:
     from workers.render import Renderer
 
     return LocalPool(lambda: Renderer(blobs, settings.scratch), settings.workers)
+
+
+def _seats(settings: FarmSettings, blobs: DiskBlobs) -> Seats | None:
+    """With Ray, live sessions have processes of their own."""
+    if settings.pool != "ray":
+        return None
+    from workers.ray_seats import RaySeats
+
+    return RaySeats(blobs, settings.live_spares)
 
 
 def _sha256(path: Path) -> str:

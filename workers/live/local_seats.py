@@ -35,6 +35,7 @@ class LocalSeat:
         self._paint = ThreadPoolExecutor(1, thread_name_prefix="impasto-live-paint")
 
     def open(self, order: LiveOrder) -> Awaitable[None]:
+        self._here(self._look, self._painter.warm_up)  # waits where the pool's practice is not done yet
         return self._here(self._look, self._painter.open, order)
 
     def look(self, work: Work) -> Awaitable[None]:
@@ -58,8 +59,7 @@ class LocalSeat:
 
 
 class LocalSeats:
-    """As many as are asked for; how many sessions there may be is not decided here. The pool's threads of the same
-    process have practised for them."""
+    """As many as are asked for; how many sessions there may be is not decided here."""
 
     kind = "local"
 

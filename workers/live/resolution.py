@@ -1,11 +1,13 @@
 """At which size to work: it falls rather than the delay growing. Pure: told the time.
 
 Down, when the work of a frame does not fit one period of the client's rate: at once when two frames in a row took more
-than two periods, else when half a second of frames took, at the median, more than one. Cost is taken to grow with the
-pixels, so a step may skip rungs.
+than two periods, else when half a second of frames took, at the median, more than one. A step may skip rungs.
 
 Up by one rung, when the next size up is expected to fit well for some seconds; after a step up that did not hold, twice
 as many seconds.
+
+Cost is taken to grow with the side of a frame. Measured, 352x288 to 640x480, it grows with the pixels to the power of
+0.5 to 0.7; a step down that did not suffice is followed by another.
 """
 
 from __future__ import annotations
@@ -21,10 +23,13 @@ Reason = Literal["slow", "room"]
 
 SCALES = (1.0, 0.75, 0.5, 0.375, 0.25)
 """Rungs of the ladder: factors of both sides."""
+SETTLE_S = 0.3
+"""The first frames of a stream are no measure: pictures are segmented from nothing, memory is touched for the first
+time."""
 LOOK_BACK_S = 0.5
-HOLDS = 0.8
+HOLDS = 0.85
 """A smaller size is chosen so that a frame is expected to take this part of a period."""
-FITS = 0.7
+FITS = 0.85
 """A larger size is tried when a frame is expected to take at most this part of a period there."""
 PATIENCE_S, MOST_PATIENCE_S = 3.0, 60.0
 FAILED_WITHIN_S = 5.0
@@ -101,8 +106,9 @@ class Ladder:
         if not self.adaptive or rung != self.rung:
             return None
         if self._since_s is None:
-            self._since_s = now_s
-            return None  # a first frame is no measure: it is segmented from nothing
+            self._since_s = now_s + SETTLE_S
+        if now_s < self._since_s:
+            return None
         self._keep(_Seen(now_s, latency_s, work_s))
         self._late = self._late + 1 if latency_s > _LATE_PERIODS * period_s else 0
         if self._slow(now_s, period_s):
@@ -130,7 +136,7 @@ class Ladder:
     def _room(self, now_s: float, period_s: float) -> bool:
         if self.rung == 0 or self._since_s is None or now_s - self._since_s < self._patience_s:
             return False
-        ratio = (SCALES[self.rung - 1] / self.scale) ** 2
+        ratio = SCALES[self.rung - 1] / self.scale
         usual = sorted(seen.work_s for seen in self._seen)[int(0.9 * (len(self._seen) - 1))]
         return usual * ratio <= FITS * period_s
 
@@ -139,7 +145,7 @@ class Ladder:
             self._patience_s = min(2 * self._patience_s, MOST_PATIENCE_S)
         work_s = median(seen.work_s for seen in list(self._seen)[-8:])
         below = range(self.rung + 1, len(SCALES))
-        fitting = (r for r in below if work_s * (SCALES[r] / self.scale) ** 2 <= HOLDS * period_s)
+        fitting = (r for r in below if work_s * SCALES[r] / self.scale <= HOLDS * period_s)
         self.rung = next(fitting, len(SCALES) - 1)
         self._measure_anew(now_s)
         return "slow"
