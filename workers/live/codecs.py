@@ -2,7 +2,7 @@
 
 Still codecs (JPEG, WebP, raw) know nothing of other frames. Video codecs (H.264, VP8) are set up so that nothing waits:
 no reordering, no look-ahead, one thread. Colour is converted as in `pipeline.video`: BT.709 from 720 lines up, BT.601
-below, tagged where the codec has tags.
+below, with tags; VP8 is always BT.601.
 """
 
 from __future__ import annotations
@@ -159,12 +159,12 @@ class _VideoDecoder:
 class _VideoEncoder:
     def __init__(self, wire: Wire, size: Size) -> None:
         self._size = (size[0] + size[0] % 2, size[1] + size[1] % 2)
-        self._lines = size[1]
+        self._matrix = customary_matrix(size[1]) if wire.receive == "h264" else Colorspace.ITU601  # VP8 knows no other
         name, options = _h264(wire) if wire.receive == "h264" else _vp8(wire)
         context = Codec(name, "w").create()
         assert isinstance(context, VideoCodecContext)
         context.options = options | {"g": str(max(1, round(KEY_EVERY_S * wire.fps)))}
-        _describe(context, self._size, wire.fps, self._lines)
+        _describe(context, self._size, wire.fps, self._matrix)
         self._context, self._next = context, 0
 
     def encode(self, frame: Frame, key: bool) -> tuple[bytes, Size, bool]:
@@ -172,7 +172,7 @@ class _VideoEncoder:
         if right or bottom:
             frame = np.asarray(cv2.copyMakeBorder(frame, 0, bottom, 0, right, cv2.BORDER_REPLICATE), np.uint8)
         picture = av.VideoFrame.from_ndarray(frame, format="rgb24").reformat(
-            format="yuv420p", dst_colorspace=customary_matrix(self._lines), src_color_range=ColorRange.JPEG,
+            format="yuv420p", dst_colorspace=self._matrix, src_color_range=ColorRange.JPEG,
             dst_color_range=ColorRange.MPEG, interpolation=Interpolation.BILINEAR, threads=1,
         )  # fmt: skip
         picture.pts, picture.time_base = self._next, self._context.time_base
@@ -190,24 +190,18 @@ def _h264(wire: Wire) -> tuple[str, dict[str, str]]:
 
 
 def _vp8(wire: Wire) -> tuple[str, dict[str, str]]:
-    worst = str(round(63 - 0.5 * wire.quality))
-    speed = {
-        "deadline": "realtime",
-        "cpu-used": "8",
-        "lag-in-frames": "0",
-        "auto-alt-ref": "0",
-        "noise-sensitivity": "0",
-    }
-    return "libvpx", speed | {"b": "20000000", "crf": worst, "qmin": "2", "qmax": "63"}
+    quantizer = round(58 - 0.5 * wire.quality)
+    speed = {"deadline": "realtime", "cpu-used": "8", "lag-in-frames": "0", "auto-alt-ref": "0"}
+    return "libvpx", speed | {"b": "50000000", "qmin": str(quantizer), "qmax": str(min(63, quantizer + 6))}
 
 
-def _describe(context: VideoCodecContext, size: Size, fps: float, lines: int) -> None:
+def _describe(context: VideoCodecContext, size: Size, fps: float, matrix: Colorspace) -> None:
     context.width, context.height = size
     context.pix_fmt = "yuv420p"
     rate = max(Fraction(fps).limit_denominator(1001), Fraction(1, 1001))
     context.framerate, context.time_base = rate, 1 / rate
     context.thread_count = 1
-    hd = customary_matrix(lines) == Colorspace.ITU709
+    hd = matrix == Colorspace.ITU709
     context.color_range = ColorRange.MPEG
     context.colorspace = Colorspace.ITU709 if hd else _BT601_TAG
     context.color_primaries = ColorPrimaries.BT709 if hd else ColorPrimaries.SMPTE170M

@@ -3,8 +3,8 @@
 Down, when the work of a frame does not fit one period of the client's rate: at once when two frames in a row took more
 than two periods, else when half a second of frames took, at the median, more than one. A step may skip rungs.
 
-Up by one rung, when the next size up is expected to fit well for some seconds; after a step up that did not hold, twice
-as many seconds.
+Up by one rung, when the next size up is expected to fit well for some seconds; twice as many for each time that this
+size was tried and did not hold.
 
 Cost is taken to grow with the side of a frame. Measured, 352x288 to 640x480, it grows with the pixels to the power of
 0.5 to 0.7; a step down that did not suffice is followed by another.
@@ -33,6 +33,9 @@ FITS = 0.85
 """A larger size is tried when a frame is expected to take at most this part of a period there."""
 PATIENCE_S, MOST_PATIENCE_S = 3.0, 60.0
 FAILED_WITHIN_S = 5.0
+"""A step up that is taken back this soon has failed."""
+HELD_S = 30.0
+"""A step up that lasts this long makes up for those that failed."""
 MIN_SIDE_PX = 16
 _LATE_PERIODS = 2.0
 _RATE_WINDOW_S = 1.0
@@ -89,7 +92,8 @@ class Ladder:
     _late: int = 0
     _since_s: float | None = None
     """When this rung was taken."""
-    _patience_s: float = PATIENCE_S
+    _fails: list[int] = field(default_factory=lambda: [0] * len(SCALES))
+    """Failed steps up, by the rung that was tried."""
     _rose_s: float | None = None
 
     @property
@@ -121,7 +125,7 @@ class Ladder:
 
     def _keep(self, seen: _Seen) -> None:
         self._seen.append(seen)
-        while self._seen[0].at_s < seen.at_s - self._patience_s:
+        while self._seen[0].at_s < seen.at_s - PATIENCE_S:
             self._seen.popleft()
 
     def _slow(self, now_s: float, period_s: float) -> bool:
@@ -131,28 +135,34 @@ class Ladder:
             return True
         assert self._since_s is not None
         recent = [seen.latency_s for seen in self._seen if seen.at_s >= now_s - LOOK_BACK_S]
-        return now_s - self._since_s >= LOOK_BACK_S and median(recent) > period_s
+        return now_s - self._since_s >= LOOK_BACK_S and len(recent) > 1 and median(recent) > period_s
 
     def _room(self, now_s: float, period_s: float) -> bool:
-        if self.rung == 0 or self._since_s is None or now_s - self._since_s < self._patience_s:
+        if self.rung == 0 or self._since_s is None:
             return False
-        ratio = SCALES[self.rung - 1] / self.scale
-        usual = sorted(seen.work_s for seen in self._seen)[int(0.9 * (len(self._seen) - 1))]
-        return usual * ratio <= FITS * period_s
+        patience_s = min(PATIENCE_S * 2 ** self._fails[self.rung - 1], MOST_PATIENCE_S)
+        if now_s - self._since_s < patience_s:
+            return False
+        usual_s = sorted(seen.work_s for seen in self._seen)[int(0.9 * (len(self._seen) - 1))]
+        return usual_s * SCALES[self.rung - 1] / self.scale <= FITS * period_s
 
     def _fall(self, now_s: float, period_s: float) -> Reason:
-        if self._rose_s is not None and now_s - self._rose_s < FAILED_WITHIN_S:
-            self._patience_s = min(2 * self._patience_s, MOST_PATIENCE_S)
-        work_s = median(seen.work_s for seen in list(self._seen)[-8:])
-        below = range(self.rung + 1, len(SCALES))
-        fitting = (r for r in below if work_s * SCALES[r] / self.scale <= HOLDS * period_s)
-        self.rung = next(fitting, len(SCALES) - 1)
+        held_s = HELD_S if self._rose_s is None else now_s - self._rose_s
+        self._fails[self.rung] += held_s < FAILED_WITHIN_S
+        self.rung = self.rung + 1 if held_s < FAILED_WITHIN_S else self._fitting(period_s)
+        self._rose_s = None
         self._measure_anew(now_s)
         return "slow"
 
+    def _fitting(self, period_s: float) -> int:
+        """The first rung below that is expected to hold."""
+        work_s = median(seen.work_s for seen in list(self._seen)[-8:])
+        below = range(self.rung + 1, len(SCALES))
+        return next((r for r in below if work_s * SCALES[r] / self.scale <= HOLDS * period_s), len(SCALES) - 1)
+
     def _rise(self, now_s: float) -> Reason:
-        if self._rose_s is not None and now_s - self._rose_s > self._patience_s + FAILED_WITHIN_S:
-            self._patience_s = max(PATIENCE_S, self._patience_s / 2)
+        if self._rose_s is not None and now_s - self._rose_s > HELD_S:
+            self._fails = [0] * len(SCALES)
         self.rung -= 1
         self._rose_s = now_s
         self._measure_anew(now_s)

@@ -1,0 +1,130 @@
+"""The size to work at, on timelines: a client at a steady rate, a machine whose frames cost what we say."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from workers.live.resolution import PATIENCE_S, SCALES, Ladder, Pace, scaled
+
+FPS = 30.0
+
+
+def drive(ladder: Ladder, seconds: float, cost_s: Callable[[float, float], float], start_s: float = 0.0) -> list[tuple]:
+    """Frames at FPS whose work costs `cost_s(scale, now)`; one that comes while another is at work waits or is dropped.
+
+    Gives (time, scale, latency) of those that were painted.
+    """
+    free_at, seen = 0.0, []
+    for number in range(int(seconds * FPS)):
+        came = start_s + number / FPS
+        begins = max(came, free_at)
+        if begins > came + 1 / FPS:
+            continue  # a newer one took its place
+        rung, work = ladder.rung, cost_s(ladder.scale, came)
+        free_at = begins + work
+        seen.append((came, ladder.scale, free_at - came))
+        ladder.painted(free_at, 1 / FPS, free_at - came, work, rung)
+    return seen
+
+
+def by_side(full_s: float) -> Callable[[float, float], float]:
+    return lambda scale, now: full_s * scale
+
+
+def test_a_machine_with_time_stays_at_full_size() -> None:
+    ladder = Ladder()
+    assert {scale for _, scale, _ in drive(ladder, 20, by_side(0.025))} == {1.0}
+
+
+def test_an_overloaded_machine_steps_down_within_a_second_and_stays_below_two_periods() -> None:
+    ladder = Ladder()
+    seen = drive(ladder, 10, by_side(0.1))
+    later = [latency for came, _, latency in seen if came > 1.0]
+    assert max(later) <= 2 / FPS
+    assert ladder.scale <= 0.375
+
+
+def test_without_adaptive_the_size_stays() -> None:
+    ladder = Ladder(adaptive=False)
+    drive(ladder, 5, by_side(0.2))
+    assert ladder.scale == 1.0
+
+
+def test_slow_first_frames_are_no_reason() -> None:
+    ladder = Ladder()
+    drive(ladder, 5, lambda scale, now: 0.12 if now < 0.2 else 0.02)
+    assert ladder.scale == 1.0
+
+
+def test_a_single_slow_frame_is_no_reason() -> None:
+    ladder = Ladder()
+    drive(ladder, 10, lambda scale, now: 0.06 if round(now * FPS) % 60 == 59 else 0.02)
+    assert ladder.scale == 1.0
+
+
+def test_it_rises_again_when_the_load_is_gone() -> None:
+    ladder = Ladder()
+    drive(ladder, 3, by_side(0.08))
+    assert ladder.scale < 1
+    drive(ladder, 4 * PATIENCE_S, by_side(0.02), start_s=3)
+    assert ladder.scale == 1.0
+
+
+def test_steps_up_that_fail_become_rare() -> None:
+    """At full size it costs far more than the smaller size lets expect."""
+    ladder = Ladder()
+    seen = drive(ladder, 240, lambda scale, now: 0.06 if scale == 1 else 0.018)
+    tries = [came for (came, scale, _), (_, before, _) in zip(seen[1:], seen, strict=False) if scale > before]
+    waits = [b - a for a, b in pairwise(tries)]
+    assert 3 <= len(tries) <= 10
+    assert waits[-1] > 4 * waits[0]
+
+
+def test_says_why() -> None:
+    ladder = Ladder()
+    ladder.painted(0.0, 1 / FPS, 0.1, 0.1, 0)
+    said = [ladder.painted(1.0 + i / FPS, 1 / FPS, 0.1, 0.1, ladder.rung) for i in range(2)]
+    assert said == [None, "slow"]
+    began = 2.0
+    said = [ladder.painted(began + i / FPS, 1 / FPS, 0.004, 0.004, ladder.rung) for i in range(int(5 * FPS))]
+    assert "room" in said
+
+
+def test_what_was_begun_at_another_size_does_not_count() -> None:
+    ladder = Ladder(rung=2)
+    for i in range(100):
+        ladder.painted(i / FPS, 1 / FPS, 1.0, 1.0, 0)
+    assert ladder.rung == 2
+
+
+@given(st.floats(0.001, 0.5), st.floats(0.3, 2.0))
+def test_whatever_it_costs_the_delay_falls_or_there_is_no_smaller_size(full_s: float, power: float) -> None:
+    ladder = Ladder()
+    seen = drive(ladder, 8, lambda scale, now: full_s * scale**power)
+    tail = [latency for came, _, latency in seen if came > 6]
+    assert ladder.rung == len(SCALES) - 1 or max(tail) <= 2 / FPS
+
+
+@pytest.mark.parametrize("scale", SCALES)
+def test_sizes_below_full_are_even(scale: float) -> None:
+    for size in ((640, 480), (641, 359), (17, 16), (1280, 720)):
+        width, height = scaled(size, scale)
+        assert (width, height) == size if scale == 1 else width % 2 == height % 2 == 0
+        assert min(width, height) >= 16
+
+
+def test_the_pace_is_the_clients_real_one_but_no_faster_than_announced() -> None:
+    def period(fps: float, count: int = 90) -> float:
+        pace = Pace(30)
+        for i in range(count):
+            pace.arrived(i / fps)
+        return pace.period_s
+
+    assert period(15) == pytest.approx(1 / 15)
+    assert period(90) == pytest.approx(1 / 30)
+    assert period(15, count=1) == pytest.approx(1 / 30)
