@@ -22,7 +22,6 @@ from docs.pictures import CLIPS, DOCS, MEDIA, OURS, Clip, colours_of, frames, gr
 from pipeline.flow import estimate
 from pipeline.frames import Flow, Frame, Labels, Plane
 from pipeline.methods.abstraction import AbstractionParams, AbstractionSession
-from pipeline.segmentation.edges import edges
 from pipeline.segmentation.propagation import propagate, smooth_labels
 from pipeline.vector.svg import to_svg
 
@@ -176,7 +175,7 @@ def _motion(shown: Strip, media: Path, params: Settings) -> Frame:
 def _importance(shown: Strip, media: Path, params: Settings) -> Frame:
     source = list(frames(CLIPS[shown.clip], media, shown.frame - WARM_UP, shown.frame + 1, HEIGHT))
     session = session_for(source[0], dict(params))
-    seen = [session.eye.step(frame).importance for frame in source]
+    seen = [session.eye.step(frame).importance.result() for frame in source]
     return _at(show_plane(seen[-1]), (source[0].shape[1], source[0].shape[0]))
 
 
@@ -222,25 +221,26 @@ def pipeline(media: Path) -> Frame:
         session.step(earlier)
     known = session.hand.segmenter.last
     percept = session.eye.step(frame)
-    outline = edges(percept.gray, percept.importance, session.hand.params.edge_threshold)
     if known is None or percept.flow is None or percept.residual is None or percept.ink is None:
         raise RuntimeError("The figure needs a frame with a past.")
     limit = session.hand.params.flow_error_limit
     remainder = session.hand.segmenter.remainder
     carried = smooth_labels(propagate(known.labels, percept.flow, remainder, percept.residual, limit)[0])
+    session.brush.expect(percept)
+    session.brush.expect(percept)
     sketch = session.hand.step(percept)
     painting = session.brush.step(sketch)
     tiles = {
         "1 the frame": frame,
         "2 optical flow": show_flow(percept.flow),
         "3 settled with its past": cv2.cvtColor(percept.lab, cv2.COLOR_LAB2RGB),
-        "4 importance": show_plane(percept.importance),
-        "5 edges, by importance": 255 - np.dstack([outline] * 3),
+        "4 importance": show_plane(percept.importance.result()),
+        "5 edges, by importance": 255 - np.dstack([percept.edges.result()] * 3),
         "6 labels carried (red: none)": show_labels(carried, known.ids),
         "7 labels completed": show_labels(sketch.regions.labels, sketch.regions.ids),
         "8 region colours": sketch.colours[sketch.regions.labels],
         "9 boundaries rounded": sketch.colours[painting.labels],
-        "10 lines": 255 - np.dstack([percept.ink] * 3),
+        "10 lines": 255 - np.dstack([percept.ink.result()] * 3),
         "11 the picture": painting.frame,
         "12 in the Great Wave's colours": _in_colours(media, [*before, frame]),
     }
@@ -288,7 +288,7 @@ def draw_svg(media: Path) -> None:
     session: AbstractionSession | None = None
     for index, frame in enumerate(frames(CLIPS["harbour"], media, 40, 61, 270)):
         session = session or session_for(frame, {"smallest_region": 1.0})
-        painting = session.brush.step(session.hand.step(session.eye.step(frame)))
+        painting = session.finish(session.look(frame))
         if index in (0, 20):
             page = to_svg(painting.labels, painting.colours, ids=painting.regions.ids, tolerance_px=0.7)
             path = FOLDER / f"harbour_{40 + index:05d}.svg"

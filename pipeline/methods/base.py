@@ -15,6 +15,7 @@ task saves on its bench and a later task loads. Finished frames are *emitted*; t
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal, Protocol
@@ -181,6 +182,15 @@ class Session(Protocol):
 
     def paint(self, seen: Any) -> Frame:
         """The second half: the outgoing frame."""
+        ...
+
+    def hurry(self, helper: Executor) -> None:
+        """From now on, let parts of a frame that need not wait for each other run on `helper` as well: a frame is done
+        sooner, for more work in all; its bytes stay the same.
+
+        Args:
+            helper: an executor of one thread. It must outlive the session.
+        """
         ...
 
     def follow(

@@ -1,23 +1,24 @@
 """Faces found now and then (viola2001rapid) and followed in between, as soft bumps over whole heads.
 
 A detector that runs on every frame costs more than all the rest of a method, and its boxes tremble and drop out. So it
-searches the whole frame now and then, and twice as often the surroundings of the faces it knows. Between, a face
+searches the whole frame now and then, spread over the next few frames, and in between the surroundings of the faces it
+knows. Between, a face
 moves with the median flow inside it, its box eases towards the latest detection, and its strength rises and falls
 slowly. The more often a face has been met, the longer it is kept without being met again.
 """
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
-import cv2
 import numpy as np
-from cv2.data import haarcascades
 from numpy.typing import NDArray
 
-from pipeline.errors import DeviceError
 from pipeline.frames import Flow, Plane
 from pipeline.segmentation.motion import median_motion
+from pipeline.segmentation.search import SLICES, Boxes, FaceFinder, join, slices
 
 Tracks = NDArray[np.float64]
 """One face a row: eased box (cx, cy, width, height), latest box, strength 0..1, frames unseen, detections. Px of the
@@ -29,12 +30,24 @@ _NEARBY_SEARCHES = 2
 """Searches around known faces for each search of the whole frame."""
 _MIN_PATIENCE, _MAX_PATIENCE = 1.0, 2.0
 """How long a face is kept after its first and after many detections, in intervals between whole searches."""
-_SCALE_FACTOR, _MIN_NEIGHBOURS = 1.2, 3
+_SCALE_FACTOR = 1.2
 _FINE_SCALE_FACTOR = 1.08
 _HALF_WIDTH, _HALF_HEIGHT, _RAISE = 0.55, 0.75, 0.1
 """The head around a detected face, in sides of its box, which ends at brows and chin."""
 _FADE = 1.5
 """The bump is 1 in the head's ellipse and 0 outside the ellipse this many times larger."""
+
+
+@dataclass
+class _Search:
+    """A search of the whole picture under way."""
+
+    gray: NDArray[np.uint8]
+    hits: NDArray[np.int32] = field(default_factory=lambda: np.empty((0, 4), np.int32))
+    done: int = 0
+    """Slices."""
+    flows: list[Flow] = field(default_factory=list)
+    """What has moved since, frame by frame."""
 
 
 class FaceTracker:
@@ -52,7 +65,8 @@ class FaceTracker:
         self._every = every_frames
         self._gain = 1.0 - 0.5 ** (1.0 / half_life_frames) if half_life_frames > 0 else 1.0
         self._smallest = smallest
-        self._cascade: cv2.CascadeClassifier | None = None
+        self._finder = FaceFinder()
+        self._search: _Search | None = None
         self.tracks: Tracks = np.empty((0, _COLUMNS))
 
     def looks(self, age: int) -> bool:
@@ -68,15 +82,62 @@ class FaceTracker:
             age: 0 forgets every face.
         """
         if age == 0:
-            self.tracks = np.empty((0, _COLUMNS))
-        if flow is not None:
-            self._move(flow)
+            self.tracks, self._search = np.empty((0, _COLUMNS)), None
+        elif flow is not None:
+            self._move(self.tracks, flow)
+            if self._search:
+                self._search.flows.append(flow)
         self.tracks[:, _UNSEEN] += 1
+        if self._search and self._search.done == SLICES:
+            self._meet_found(self._search)
         if gray is not None and age % self._every == 0:
-            self._meet(self._search(gray), newcomers=True, fresh=age == 0)
-        elif gray is not None and age % max(1, self._every // _NEARBY_SEARCHES) == 0:
+            self._begin(gray, at_once=age == 0 or self._every <= SLICES, fresh=age == 0)
+        elif gray is not None and not self._search and age % max(1, self._every // _NEARBY_SEARCHES) == 0:
             self._meet(self._search_nearby(gray), newcomers=False)
         self._ease()
+
+    def _begin(self, gray: NDArray[np.uint8], at_once: bool, fresh: bool) -> None:
+        self._search = _Search(gray)
+        while at_once and self._search.done < SLICES:
+            self.search_on()
+        if at_once:
+            self._meet_found(self._search, fresh)
+
+    def search_on(self) -> None:
+        """The next slice of the search under way, if there is one. Call it once after every `step`, or not at all."""
+        search = self._search
+        if search is None or search.done == SLICES:
+            return
+        least = max(20, round(self._smallest * min(search.gray.shape)))
+        sizes = slices(_SCALE_FACTOR, least, min(search.gray.shape))[search.done]
+        search.hits = np.vstack([search.hits, self._finder.hits(search.gray, _SCALE_FACTOR, *sizes)])
+        search.done += 1
+
+    def _meet_found(self, search: _Search, fresh: bool = False) -> None:
+        """Who was found is met where they have moved since."""
+        boxes = join(search.hits) / self._scale(search.gray)
+        for flow in search.flows:
+            self._move(boxes, flow)
+        self._meet(boxes, newcomers=True, fresh=fresh)
+        self._search = None
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """All that the next step depends on."""
+        state: dict[str, NDArray[Any]] = {"faces": self.tracks.copy()}
+        if self._search:
+            search = self._search
+            state |= {"search.gray": search.gray, "search.hits": search.hits, "search.done": np.array(search.done)}
+            if search.flows:
+                state["search.flows"] = np.stack(search.flows)
+        return state
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Go on, to the bit, from where `state` was taken."""
+        self.tracks = np.array(state["faces"], np.float64)
+        self._search = None
+        if "search.gray" in state:
+            gray, hits = np.asarray(state["search.gray"], np.uint8), np.asarray(state["search.hits"], np.int32)
+            self._search = _Search(gray, hits, int(state["search.done"]), list(state.get("search.flows", ())))
 
     def bump(self, shape: tuple[int, int]) -> Plane:
         """Strength of the nearest head, float32 `shape` over the frame, in [0, 1]."""
@@ -92,50 +153,35 @@ class FaceTracker:
             np.maximum(plane, strength * ramp * ramp * (3 - 2 * ramp), out=plane)
         return plane
 
-    def _move(self, flow: Flow) -> None:
+    def _move(self, rows: NDArray[np.float64], flow: Flow) -> None:
+        """Move boxes, or whole tracks, by the median flow of their middle half; in place."""
         scale = np.array([flow.shape[1] / self._size[0], flow.shape[0] / self._size[1]])
-        for track in self.tracks:
-            centre, quarter = track[0:2] * scale, track[2:4] * scale / 4
+        for row in rows:
+            centre, quarter = row[0:2] * scale, row[2:4] * scale / 4
             (x0, y0), (x1, y1) = np.maximum(centre - quarter, 0).astype(int), np.ceil(centre + quarter).astype(int)
             inside = flow[y0 : y1 + 1, x0 : x1 + 1]
             if inside.size:
                 shift = median_motion(inside)
-                track[0:2] += shift
-                track[4:6] += shift
+                row[0:2] += shift
+                if len(row) == _COLUMNS:
+                    row[4:6] += shift
 
-    def _search(self, gray: NDArray[np.uint8]) -> NDArray[np.float64]:
-        """Boxes (cx, cy, width, height) in px of the frame, in an order that depends on the picture alone."""
-        least = max(20, round(self._smallest * min(gray.shape)))
-        return self._detect(gray, _SCALE_FACTOR, least, min(gray.shape)) / self._scale(gray)
-
-    def _search_nearby(self, gray: NDArray[np.uint8]) -> NDArray[np.float64]:
-        """The same around every known face: twice its size, about its size, in finer steps."""
+    def _search_nearby(self, gray: NDArray[np.uint8]) -> Boxes:
+        """Boxes, px of the frame, around every known face: in twice its size, of about its size, in finer steps."""
         found = [np.empty((0, 4))]
         for cx, cy, width, height in self.tracks[:, _GOAL] * self._scale(gray):
             x, y = max(0, int(cx - width)), max(0, int(cy - height))
             window = gray[y : int(cy + height) + 1, x : int(cx + width) + 1]
             if min(window.shape) > 20:
-                boxes = self._detect(window, _FINE_SCALE_FACTOR, max(20, int(width * 0.75)), int(width * 1.35))
+                boxes = self._finder.find(window, _FINE_SCALE_FACTOR, max(20, int(width * 0.75)), int(width * 1.35))
                 boxes[:, :2] += x, y
                 found.append(boxes / self._scale(gray))
         return np.vstack(found)
 
-    def _detect(self, gray: NDArray[np.uint8], factor: float, least: int, most: int) -> NDArray[np.float64]:
-        if self._cascade is None:
-            self._cascade = _load_cascade()
-        # Per thread: a cascade else opens the system's OpenCL loader, which then hides the runtimes we set up.
-        cv2.ocl.setUseOpenCL(False)
-        found = self._cascade.detectMultiScale(
-            gray, factor, _MIN_NEIGHBOURS, minSize=(least, least), maxSize=(most, most)
-        )
-        boxes = np.array(sorted(tuple(int(v) for v in box) for box in found), np.float64).reshape(-1, 4)
-        boxes[:, :2] += boxes[:, 2:] / 2
-        return boxes
-
     def _scale(self, gray: NDArray[np.uint8]) -> NDArray[np.float64]:
         return np.tile([gray.shape[1] / self._size[0], gray.shape[0] / self._size[1]], 2)
 
-    def _meet(self, boxes: NDArray[np.float64], newcomers: bool, fresh: bool = False) -> None:
+    def _meet(self, boxes: Boxes, newcomers: bool, fresh: bool = False) -> None:
         """Give every detection to the nearest face that no other has taken, else to a new one if those may come."""
         free = np.ones(len(self.tracks), bool)
         new = []
@@ -163,16 +209,3 @@ class FaceTracker:
         tracks[:, _STRENGTH] += self._gain * (held - tracks[:, _STRENGTH])
         inside = ((tracks[:, 4:6] >= 0) & (tracks[:, 4:6] < self._size)).all(axis=1)
         self.tracks = tracks[(held | (tracks[:, _STRENGTH] > 0.02)) & inside]
-
-
-def _load_cascade() -> cv2.CascadeClassifier:
-    path = Path(haarcascades) / "haarcascade_frontalface_alt2.xml"
-    cascade = cv2.CascadeClassifier(str(path))
-    if cascade.empty():
-        raise DeviceError(
-            "OpenCV's face cascade cannot be read.",
-            field="opencv",
-            value=path,
-            remedy="Install opencv-contrib-python-headless 4.x.",
-        )
-    return cascade

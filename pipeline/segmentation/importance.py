@@ -92,9 +92,9 @@ class ImportanceTracker:
         Raises:
             BadFrame: a wrong shape, dtype or range.
         """
-        stretched = np.asarray(
-            cv2.resize(self.step_coarse(image, flow, cut, mask), self._size, interpolation=cv2.INTER_LINEAR), np.float32
-        )
+        coarse = self.step_coarse(image, flow, cut, mask)
+        self.search_on()
+        stretched = np.asarray(cv2.resize(coarse, self._size, interpolation=cv2.INTER_LINEAR), np.float32)
         return np.clip(stretched, 0, 1, out=stretched)
 
     def step_coarse(
@@ -104,7 +104,7 @@ class ImportanceTracker:
         cut: bool = False,
         mask: Plane | Mask | None = None,
     ) -> Plane:
-        """The same before it is stretched to the frame: `MAP_SIDE_PX` on its longer side."""
+        """The same before it is stretched to the frame, `MAP_SIDE_PX` on its longer side, and without `search_on`."""
         _check_shape(image, self._size, "image")
         if cut:
             self._age = 0
@@ -117,19 +117,24 @@ class ImportanceTracker:
             importance = importance * (1 - self._mask[..., 1]) + self._mask[..., 0]
         return np.clip(importance, 0, 1)
 
+    def search_on(self) -> None:
+        """A share of the search for faces, for the frames to come. Call it after every step, when there is time."""
+        if self._params.face > 0:
+            self._faces.search_on()
+
     def state(self) -> dict[str, NDArray[Any]]:
         """All that the next step depends on."""
         return {
             "age": np.array(self._age, np.int64),
-            "faces": self._faces.tracks.copy(),
             "cues": self._cues.copy(),
             "mask": np.empty(0, np.float32) if self._mask is None else self._mask.copy(),
+            **self._faces.state(),
         }
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Go on, to the bit, from where `state` was taken (same params and size)."""
         self._age = int(state["age"])
-        self._faces.tracks = np.array(state["faces"], np.float64)
+        self._faces.restore(state)
         self._cues = np.array(state["cues"], np.float32)
         mask = np.array(state["mask"], np.float32)
         self._mask = mask if mask.size else None

@@ -113,21 +113,19 @@ def _planes(picture: NDArray[np.uint8]) -> Planes:
     return one, two, three
 
 
-def fade(
-    picture: Frame, before: Frame, back: WayBack, residual: NDArray[np.uint8], memory: float
-) -> Frame:  # fmt: skip
-    """Blend an output with the previous output moved along the flow, weight `memory` where the SOURCE agrees with
+def fade(picture: Frame, past: Frame, residual: NDArray[np.uint8], memory: float) -> Frame:
+    """Blend an output with the previous one, weight `memory` where the SOURCE agrees with
 
     its past (within about `FADE_TOLERANCE` CIELAB units): where nothing happened, paint must not jump; it fades over.
 
     Args:
-        picture, before: uint8 (h, w, 3), this and the previous output.
-        back, residual: of the source, as in `settle`.
+        picture: uint8 (h, w, 3), this output.
+        past: the previous one, moved here (`bring`); overwritten.
+        residual: of the source, as in `settle`.
         memory: 0..0.95.
 
-    Returns: uint8 (h, w, 3).
+    Returns: uint8 (h, w, 3), `past`.
     """
-    past = bring(before, back)
     _fade(picture, past, residual, _weights(memory, FADE_TOLERANCE))
     return past
 

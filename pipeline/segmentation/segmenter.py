@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.aside import Later
 from pipeline.frames import Flow, Labels, Plane
 from pipeline.segmentation.growing import grow, unlabelled
 from pipeline.segmentation.passes import CORE_ROLLS, WORTH_A_ROLL, carry_over, fill_up, name_regions, with_room
@@ -72,7 +73,7 @@ class Segmenter:
         self.next_id = first_id
 
     def step(
-        self, lab: Lab8, edges: NDArray[np.uint8], importance: Plane, flow: Flow | None,
+        self, lab: Lab8, edges: Later[NDArray[np.uint8]], importance: Plane, flow: Flow | None,
         residual: NDArray[np.uint8] | None,
         fading: bool = False,
     ) -> Segmentation:  # fmt: skip
@@ -80,7 +81,7 @@ class Segmenter:
 
         Args:
             lab: uint8 (h, w, 3).
-            edges: uint8 (h, w), non-zero on edges.
+            edges: uint8 (h, w), non-zero on edges; waited for only when regions have been carried over.
             importance: float32, any size, 0..1.
             flow: previous to current frame, or None for the first frame.
             residual: uint8 (h, w), CIELAB difference of every pixel to its past, quarter units; with `flow`.
@@ -101,7 +102,7 @@ class Segmenter:
             )  # fmt: skip
         left = int(sums[0, AREA])
         if left:
-            sums = self._complete(labels, lab, edges, limit, sums, grow_first=not fading)
+            sums = self._complete(labels, lab, edges.result(), limit, sums, grow_first=not fading)
         return self._finish(labels, carried, sums, left)
 
     def _limit(self, importance: Plane) -> NDArray[np.uint8]:

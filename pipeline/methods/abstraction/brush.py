@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.aside import Aside, Later
 from pipeline.colour.paint import flat, overlay
 from pipeline.frames import Frame
 from pipeline.lines.coherent import Ink
@@ -16,7 +17,7 @@ from pipeline.methods.abstraction.eye import Percept
 from pipeline.methods.abstraction.hand import Sketch
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.state import Clock, State
-from pipeline.segmentation.motion import fade
+from pipeline.segmentation.motion import WayBack, bring, fade
 from pipeline.segmentation.segmenter import Segmentation
 from pipeline.segmentation.tidy import round_boundaries
 
@@ -41,26 +42,39 @@ class Painting:
 class Brush:
     """Smooths boundaries, fills regions, lays ink over them; remembers the last frame's paint."""
 
-    def __init__(self, params: AbstractionParams, size: tuple[int, int], clock: Clock) -> None:
-        self.params, self.clock = params, clock
+    def __init__(self, params: AbstractionParams, size: tuple[int, int], clock: Clock, aside: Aside) -> None:
+        self.params, self.clock, self.aside = params, clock, aside
         self.round_px = params.boundary_smoothing / 1000 * size[1]
         self.picture: Frame | None = None
+        self._past: Later[Frame] | None = None
+
+    def expect(self, percept: Percept) -> None:
+        """Begin with what needs no regions: the last frame's paint is moved to where it is now."""
+        self._past = None
+        if percept.back is not None and self.picture is not None and self.params.paint_memory:
+            self._past = self.aside(self._bring, self.picture, percept.back)
+
+    def _bring(self, picture: Frame, back: WayBack) -> Frame:
+        with self.clock("paint"):
+            return bring(picture, back)
 
     def step(self, sketch: Sketch) -> Painting:
+        """After `expect` of the same frame."""
         percept, regions = sketch.percept, sketch.regions
         with self.clock("paint"):
             labels = round_boundaries(regions.labels, self.round_px) if self.round_px >= 1 else regions.labels
             picture = flat(labels, sketch.colours)
-            if percept.ink is not None:
-                overlay(picture, percept.ink, INK, self.params.line_opacity)
+            ink = None if percept.ink is None else percept.ink.result()
+            if ink is not None:
+                overlay(picture, ink, INK, self.params.line_opacity)
             self.picture = self._fade(picture, percept)
-        return Painting(self.picture, regions, labels, sketch.colours, percept.ink)
+        return Painting(self.picture, regions, labels, sketch.colours, ink)
 
     def _fade(self, picture: Frame, percept: Percept) -> Frame:
         """Where the source agrees with its past, let paint fade over from the last frame rather than jump."""
-        if percept.back is None or percept.residual is None or self.picture is None or not self.params.paint_memory:
+        if self._past is None or percept.residual is None:
             return picture
-        return fade(picture, self.picture, percept.back, percept.residual, self.params.paint_memory * percept.calm)
+        return fade(picture, self._past.result(), percept.residual, self.params.paint_memory * percept.calm)
 
     def state(self) -> State:
         return {} if self.picture is None else {"picture": self.picture}

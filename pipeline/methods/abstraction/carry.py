@@ -17,6 +17,7 @@ FACES = "eye.importance.faces"
 FACE_COLUMNS = 8
 """A face's box and its goal, (x, y, width, height) px each; what follows has no size."""
 COARSE = ("eye.importance.cues", "eye.importance.mask", "eye.inker.ink")
+SEARCH = "eye.importance.search."
 TENSORS = "eye.inker.tensors"
 
 
@@ -29,8 +30,8 @@ def carry(state: Mapping[str, NDArray[Any]], size: tuple[int, int], coarse: Mapp
         coarse: (width, height) of the planes that are coarser than the frame (`COARSE`), by name.
 
     Region ids and colours stay with their labels. A region that is too small to be seen at the new size has no pixel
-    any more and ends as any other that is covered up. Motion remainders, less than a pixel, and the memory of
-    `lines=flow` start anew.
+    any more and ends as any other that is covered up. Motion remainders, less than a pixel, the memory of
+    `lines=flow` and a search for faces start anew.
     """
     moved = dict(state)
     for name in COARSE:
@@ -41,6 +42,7 @@ def carry(state: Mapping[str, NDArray[Any]], size: tuple[int, int], coarse: Mapp
     before = _size(state)
     if before is None or before == size:
         return moved
+    moved = {name: array for name, array in moved.items() if not name.startswith(SEARCH)}
     for name in PICTURES:
         if name in moved:
             moved[name] = _resample(moved[name], size)

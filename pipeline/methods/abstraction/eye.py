@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.aside import Aside, Later, Now
 from pipeline.colour.scheme import Tone, ToneTracker
 from pipeline.colour.scheme import measure as measure_tone
 from pipeline.flow import estimate
@@ -19,6 +20,7 @@ from pipeline.methods.abstraction.inker import Inker
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.state import Clock, State, flatten, part
 from pipeline.segmentation.cuts import is_cut, steadiness, thumbnail
+from pipeline.segmentation.edges import edges
 from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker
 from pipeline.segmentation.motion import WayBack, hold_still, settle, way_back
 from pipeline.segmentation.regions import Lab8
@@ -33,15 +35,14 @@ class Percept:
 
     lab: Lab8
     """Settled."""
-    gray: NDArray[np.uint8]
-    """Its lightness, uint8 (h, w)."""
-    importance: Plane
+    edges: Later[NDArray[np.uint8]]
+    importance: Later[Plane]
     """float32, coarser than the frame."""
     flow: Flow | None
     """None for the first frame of a shot."""
     back: WayBack | None
     residual: NDArray[np.uint8] | None
-    ink: Ink | None
+    ink: Later[Ink] | None
     tone: Tone | None
     shot: int
     calm: float
@@ -51,8 +52,10 @@ class Percept:
 class Eye:
     """Everything that looks at the incoming frame."""
 
-    def __init__(self, params: AbstractionParams, size: tuple[int, int], tone: bool, shot: int, clock: Clock) -> None:
-        self.params, self.size, self.clock, self.shot = params, size, clock, shot
+    def __init__(
+        self, params: AbstractionParams, size: tuple[int, int], tone: bool, shot: int, clock: Clock, aside: Aside
+    ) -> None:  # fmt: skip
+        self.params, self.size, self.clock, self.shot, self.aside = params, size, clock, shot, aside
         self.importance = ImportanceTracker(_importance(params), size)
         self.inker = Inker(params, size) if params.lines != "off" else None
         self.tone = ToneTracker() if tone else None
@@ -60,26 +63,51 @@ class Eye:
         self.settled: Lab8 | None = None
         self.thumbnail: Plane | None = None
         self.calm = 1.0
+        self._searching: Later[None] = Now(None)
         self.smooth_px = 0.6 + 0.4 * size[1] / 360
-        self.smooth_box = (2 * round(1.5 * self.smooth_px) + 1,) * 2
 
     def step(self, frame: Frame, mask: Plane | None = None) -> Percept:
+        """Importance, edges and ink, which nothing waits for at once, are made aside."""
         frame = same_size(frame, self.size)
-        fresh = self._begins_shot(frame)
-        with self.clock("lab"):
-            smooth = cv2.GaussianBlur(frame, (0, 0), self.smooth_px)
-            lab = np.asarray(cv2.cvtColor(smooth, cv2.COLOR_RGB2LAB), np.uint8)
-            gray = np.asarray(cv2.extractChannel(lab, 0), np.uint8)
-        flow, back, settled, residual = self._follow(lab, gray, fresh)
+        begins = self.aside(self._begins_shot, frame)
+        lab, gray = self._smooth(frame)
+        fresh = begins.result()
+        flow = self._flow(gray, fresh)
+        importance = self.aside(self._importance, self._searching, gray, flow, fresh, mask)
+        back, settled, residual = self._settle(lab, flow)
         calm = np.asarray(cv2.extractChannel(settled, 0), np.uint8)
-        with self.clock("importance"):
-            importance = self.importance.step_coarse(gray, flow, fresh, mask)
-        with self.clock("lines"):
-            ink = self.inker.step(calm, importance, flow) if self.inker else None
+        outline = self.aside(self._edges, calm, importance)
+        ink = self.aside(self._ink, self.inker, calm, importance, flow) if self.inker else None
+        self._searching = self.aside(self._search_faces)
         with self.clock("colour"):
             tone = self.tone.step(measure_tone(frame), fresh) if self.tone else None
         self.gray, self.settled = gray, settled
-        return Percept(settled, calm, importance, flow, back, residual, ink, tone, self.shot, self.calm)
+        return Percept(settled, outline, importance, flow, back, residual, ink, tone, self.shot, self.calm)
+
+    def _smooth(self, frame: Frame) -> tuple[Lab8, NDArray[np.uint8]]:
+        with self.clock("lab"):
+            smooth = cv2.GaussianBlur(frame, (0, 0), self.smooth_px)
+            lab = np.asarray(cv2.cvtColor(smooth, cv2.COLOR_RGB2LAB), np.uint8)
+            return lab, np.asarray(cv2.extractChannel(lab, 0), np.uint8)
+
+    def _importance(
+        self, searched: Later[None], gray: NDArray[np.uint8], flow: Flow | None, fresh: bool, mask: Plane | None
+    ) -> Plane:  # fmt: skip
+        searched.result()  # long done; here to raise what went wrong
+        with self.clock("importance"):
+            return self.importance.step_coarse(gray, flow, fresh, mask)
+
+    def _search_faces(self) -> None:
+        with self.clock("importance"):
+            self.importance.search_on()
+
+    def _edges(self, gray: NDArray[np.uint8], importance: Later[Plane]) -> NDArray[np.uint8]:
+        with self.clock("edges"):
+            return edges(gray, importance.result(), self.params.edge_threshold)
+
+    def _ink(self, inker: Inker, gray: NDArray[np.uint8], importance: Later[Plane], flow: Flow | None) -> Ink:
+        with self.clock("lines"):
+            return inker.step(gray, importance.result(), flow)
 
     def _begins_shot(self, frame: Frame) -> bool:
         """The first frame, a hard cut, or any frame at all when every frame stands on its own."""
@@ -91,22 +119,27 @@ class Eye:
         self.shot += cut
         return cut or self.params.temporal == "off"
 
-    def _follow(
-        self, lab: Lab8, gray: NDArray[np.uint8], fresh: bool
-    ) -> tuple[Flow | None, WayBack | None, Lab8, NDArray[np.uint8] | None]:  # fmt: skip
-        if fresh or self.gray is None or self.settled is None:
-            return None, None, lab, None
+    def _flow(self, gray: NDArray[np.uint8], fresh: bool) -> Flow | None:
+        if fresh or self.gray is None:
+            return None
         with self.clock("flow"):
             flow = estimate(self.gray, gray, self.params.flow)
-            hold_still(flow, self.gray, gray, self.params.stillness)
+            return hold_still(flow, self.gray, gray, self.params.stillness)
+
+    def _settle(
+        self, lab: Lab8, flow: Flow | None
+    ) -> tuple[WayBack | None, Lab8, NDArray[np.uint8] | None]:  # fmt: skip
+        if flow is None or self.settled is None:
+            return None, lab, None
         with self.clock("settle"):
             back = way_back(flow)
             settled, residual = settle(
                 lab, self.settled, flow, back, self.params.steadiness * self.calm, SETTLE_TOLERANCE
             )
-        return flow, back, settled, residual
+        return back, settled, residual
 
     def state(self) -> State:
+        self._searching.result()
         parts: dict[str, Mapping[str, NDArray[Any]]] = {"importance": self.importance.state()}
         if self.inker:
             parts["inker"] = self.inker.state()

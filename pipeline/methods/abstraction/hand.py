@@ -14,7 +14,6 @@ from pipeline.methods.abstraction.eye import Percept
 from pipeline.methods.abstraction.palette import Palette
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.state import Clock, State, flatten, part
-from pipeline.segmentation.edges import edges
 from pipeline.segmentation.segmenter import Segmentation, Segmenter, SegmenterParams
 
 IDS_A_SHOT = 1_000_000_000
@@ -47,14 +46,13 @@ class Hand:
         self.shot = -1
 
     def step(self, percept: Percept) -> Sketch:
-        with self.clock("edges"):
-            outline = edges(percept.gray, percept.importance, self.params.edge_threshold)
+        importance = percept.importance.result()
         with self.clock("segment"):
             if percept.flow is None:
                 self._begin(percept.shot)
             fading = percept.calm < FADING
             regions = self.segmenter.step(
-                percept.lab, outline, percept.importance, percept.flow, percept.residual, fading
+                percept.lab, percept.edges, importance, percept.flow, percept.residual, fading
             )
         with self.clock("colour"):
             colours = self.palette.step(regions, percept.tone, percept.calm)

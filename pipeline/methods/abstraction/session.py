@@ -2,8 +2,8 @@
 
 A session has three parts, each with a memory of its own, each seeing every frame in turn:
 
-    eye     flow, settled frame, Lab, importance, ink
-    hand    edges, segmentation, region colours
+    eye     flow, settled frame, Lab, importance, edges, ink
+    hand    segmentation, region colours
     brush   boundaries, paint, overlay
 
 A part needs of another only what that one hands on for the same frame, so that they may work on different frames at
@@ -14,11 +14,12 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from typing import Any
 
 from numpy.typing import NDArray
 
+from pipeline.aside import Aside
 from pipeline.colour.scheme import ColourStats, learn
 from pipeline.frames import Frame, Plane
 from pipeline.methods.abstraction.brush import Brush, Painting
@@ -47,9 +48,10 @@ class AbstractionSession:
         self, params: AbstractionParams, size: tuple[int, int], reference: ColourStats | None = None, shot: int = 0,
         clock: Clock = no_clock,
     ) -> None:  # fmt: skip
-        self.eye = Eye(params, size, reference is not None, shot, clock)
+        self.aside = Aside()
+        self.eye = Eye(params, size, reference is not None, shot, clock, self.aside)
         self.hand = Hand(params, size, reference, clock)
-        self.brush = Brush(params, size, clock)
+        self.brush = Brush(params, size, clock, self.aside)
 
     def step(self, frame: Frame, mask: Plane | None = None) -> Frame:
         """The next frame of the stream, stylised. `mask`: the user's importance from this frame on, 0..1, or None."""
@@ -61,7 +63,16 @@ class AbstractionSession:
 
     def paint(self, seen: Percept) -> Frame:
         """The hand's and the brush's half."""
-        return self.brush.step(self.hand.step(seen)).frame
+        return self.finish(seen).frame
+
+    def finish(self, seen: Percept) -> Painting:
+        """`paint`, with what the frame is made from."""
+        self.brush.expect(seen)
+        return self.brush.step(self.hand.step(seen))
+
+    def hurry(self, helper: Executor) -> None:
+        """Let what can wait be done aside by `helper`, which has one thread: see `pipeline.methods.base.Session`."""
+        self.aside.helper = helper
 
     def follow(
         self, params: AbstractionParams, size: tuple[int, int],
@@ -72,6 +83,7 @@ class AbstractionSession:
         if references is not None:
             reference = learn(references["reference"]) if "reference" in references else None
         after = AbstractionSession(params, size, reference, clock=self.eye.clock)
+        after.aside.helper = self.aside.helper
         after.restore(carry(self.state(), size, after.eye.coarse))
         return after
 
@@ -119,4 +131,4 @@ class Relay:
             yield self._paint(waiting.popleft())
 
     def _paint(self, seen: Future[Percept]) -> Painting:
-        return self.session.brush.step(self.session.hand.step(seen.result()))
+        return self.session.finish(seen.result())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import cv2
@@ -47,6 +48,19 @@ def test_looking_ahead_and_painting_after_is_stepping() -> None:
     session = AbstractionSession(AbstractionParams(), SIZE)
     seen = [session.look(frame) for frame in frames]
     assert all(np.array_equal(a, session.paint(b)) for a, b in zip(plain, seen, strict=True))
+
+
+def test_help_changes_no_bit_however_the_halves_overlap() -> None:
+    frames = scene(12)
+    plain = run(AbstractionSession(AbstractionParams(), SIZE), frames)
+    session = AbstractionSession(AbstractionParams(), SIZE)
+    with ThreadPoolExecutor(1) as helper, ThreadPoolExecutor(1) as eye:
+        session.hurry(helper)
+        seen = [eye.submit(session.look, frame) for frame in frames[:8]]
+        painted = [session.paint(later.result()) for later in seen]
+        session = session.follow(AbstractionParams(), SIZE)
+        painted += run(session, frames[8:])
+    assert all(np.array_equal(a, b) for a, b in zip(plain, painted, strict=True))
 
 
 @pytest.mark.parametrize(("before", "after"), [(SIZE, HALF), (HALF, SIZE)])

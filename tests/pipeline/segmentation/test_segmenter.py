@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from numpy.typing import NDArray
 
+from pipeline.aside import Now
 from pipeline.frames import Flow
 from pipeline.scenes import SceneFrame, scene
 from pipeline.segmentation.edges import edges
@@ -51,7 +52,7 @@ class Stream:
         else:
             residual = settle(lab, self.before, way, way_back(way), 0.0, 6.0)[1]
         self.before = lab
-        return check(self.segmenter.step(lab, wall, self.importance, way, residual), lab)
+        return check(self.segmenter.step(lab, Now(wall), self.importance, way, residual), lab)
 
 
 def check(made: Segmentation, lab: Lab8) -> Segmentation:
@@ -238,7 +239,7 @@ def test_what_fades_in_gets_regions_of_its_own() -> None:
         flow = np.zeros((*SHAPE, 2), np.float32)
         residual = np.zeros(SHAPE, np.uint8)
         edge = np.zeros(SHAPE, np.uint8)
-        made = check(stream.segmenter.step(lab, edge, stream.importance, flow, residual, fading=True), lab)
+        made = check(stream.segmenter.step(lab, Now(edge), stream.importance, flow, residual, fading=True), lab)
     np.testing.assert_array_equal(made.labels == made.labels[24, 32], full[..., 1] == 170)
 
 

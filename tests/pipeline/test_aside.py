@@ -1,0 +1,37 @@
+"""Work done aside: at once without a helper, in turn with one."""
+
+from __future__ import annotations
+
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from pipeline.aside import Aside
+
+
+def test_without_a_helper_it_is_done_at_once_by_the_caller() -> None:
+    asked = []
+    later = Aside()(lambda x: asked.append(threading.current_thread()) or x + 1, 1)
+    assert asked == [threading.current_thread()]
+    assert later.result() == 2
+
+
+def test_a_helper_works_in_order_and_apart() -> None:
+    aside, seen, gate = Aside(), [], threading.Event()
+    with ThreadPoolExecutor(1) as aside.helper:
+        aside(gate.wait, 5)
+        laters = [aside(lambda n: seen.append(n) or threading.current_thread(), n) for n in range(5)]
+        assert seen == []
+        gate.set()
+        assert {later.result() for later in laters} != {threading.current_thread()}
+    assert seen == [0, 1, 2, 3, 4]
+
+
+def test_what_went_wrong_is_told_to_who_asks() -> None:
+    aside = Aside()
+    with ThreadPoolExecutor(1) as aside.helper, pytest.raises(ZeroDivisionError):
+        aside(lambda: 1 / 0).result()
+    aside.helper = None
+    with pytest.raises(ZeroDivisionError):
+        aside(lambda: 1 / 0)
