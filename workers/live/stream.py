@@ -219,6 +219,8 @@ class Stream:
             self._hold("change")
             try:
                 await self._until(lambda: not self._policy.working and self._mending is None)
+                if self._failure is not None:
+                    raise self._failure
                 yield
             finally:
                 self._free("change")

@@ -1,0 +1,181 @@
+"""Toys for live tests: a causal method without pictures to speak of, and seats that do as they are told."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import time
+from collections.abc import Awaitable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import cv2
+import numpy as np
+from pydantic import Field
+
+from pipeline.errors import BadFrame, BadInput
+from pipeline.frames import Frame
+from pipeline.methods.base import Example, InputSpec, Params, Step
+from workers.live.model import LiveOrder, Painted, Work
+from workers.live.seats import NoSeat, SeatLost
+
+
+class EchoParams(Params):
+    add: int = Field(default=0, ge=0, le=255)
+    """Added to every pixel."""
+    look_s: float = Field(default=0.0, ge=0)
+    paint_s: float = Field(default=0.0, ge=0)
+    per_pixel_s: float = Field(default=0.0, ge=0)
+    """Of the painting, besides."""
+    fault: str = ""
+    """"look", "paint": raise there; "die": kill the process at the third frame."""
+
+
+class EchoSession:
+    """Gives frames back with `add` added, and their number in the stream as the blue of the top left pixel."""
+
+    def __init__(self, params: EchoParams, size: tuple[int, int], green: int = 0, seen: int = 0) -> None:
+        self.params, self.size, self.green, self.seen = params, size, green, seen
+
+    def step(self, frame: Frame) -> Frame:
+        return self.paint(self.look(frame))
+
+    def look(self, frame: Frame) -> Any:
+        assert (frame.shape[1], frame.shape[0]) == self.size
+        time.sleep(self.params.look_s)
+        self.seen += 1
+        if self.params.fault == "look":
+            raise RuntimeError("the cat sat on the lens")
+        if self.params.fault == "die" and self.seen == 3:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return frame, self.seen
+
+    def paint(self, seen: Any) -> Frame:
+        frame, number = seen
+        time.sleep(self.params.paint_s + self.params.per_pixel_s * frame.shape[0] * frame.shape[1])
+        if self.params.fault == "paint":
+            raise RuntimeError("the cat sat on the easel")
+        made = np.asarray(cv2.add(frame, np.full_like(frame, self.params.add)), np.uint8)
+        made[0, 0] = (self.params.add, self.green, number % 256)
+        return made
+
+    def follow(
+        self, params: Any, size: tuple[int, int], references: Mapping[str, Iterator[Frame]] | None = None
+    ) -> EchoSession:
+        green = self.green if references is None else _green(references)
+        return EchoSession(params, size, green, self.seen)
+
+
+def _green(references: Mapping[str, Iterator[Frame]]) -> int:
+    for frame in references.get("reference", iter(())):
+        if frame[0, 0, 0] > 200 and frame[0, 0, 1] < 50:
+            raise BadInput("Too red.", field="reference")
+        return int(frame[0, 0, 1])
+    return 0
+
+
+class Echo:
+    name: ClassVar[str] = "echo"
+    title: ClassVar[str] = "Echo"
+    summary: ClassVar[str] = "Gives frames back."
+    paper: ClassVar[str] = "nobody"
+    Params: ClassVar[type[Params]] = EchoParams
+    inputs: ClassVar[tuple[InputSpec, ...]] = (
+        InputSpec("video", "video", True, "Video", "A video."),
+        InputSpec("reference", "image-or-video", False, "Reference", "Its green."),
+        InputSpec("numbers", "json", False, "Numbers", "Not for live."),
+    )
+    steps: ClassVar[tuple[Step, ...]] = ()
+    artefacts: ClassVar[tuple[str, ...]] = ()
+    examples: ClassVar[tuple[Example, ...]] = ()
+
+    def stream(
+        self, params: Any, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]
+    ) -> EchoSession:
+        return EchoSession(params, size, _green(references))
+
+
+@dataclass
+class ToySeat:
+    """A seat of the test's own loop: work takes as long as the test says, and it dies when told."""
+
+    seats: ToySeats
+    opened: LiveOrder | None = None
+    alive: bool = True
+    left: bool = False
+    changes: int = 0
+
+    def __post_init__(self) -> None:
+        self._looked: asyncio.Queue[Work | Exception] = asyncio.Queue()
+        self.death = asyncio.Event()
+        self.seen: list[Work] = []
+
+    def open(self, order: LiveOrder) -> Awaitable[None]:
+        return asyncio.ensure_future(self._open(order))
+
+    async def _open(self, order: LiveOrder) -> None:
+        await self._live(0.0)
+        self.opened = order
+
+    def look(self, work: Work) -> Awaitable[None]:
+        return asyncio.ensure_future(self._look(work))
+
+    async def _look(self, work: Work) -> None:
+        self.seen.append(work)
+        await self._live(self.seats.look_s)
+        self._looked.put_nowait(BadFrame("No frame.") if work.payloads[-1] == b"bad" else work)
+
+    def paint(self) -> Awaitable[Painted]:
+        return asyncio.ensure_future(self._paint())
+
+    async def _paint(self) -> Painted:
+        death = asyncio.ensure_future(self.death.wait())
+        got = asyncio.ensure_future(self._looked.get())
+        await asyncio.wait({death, got}, return_when=asyncio.FIRST_COMPLETED)
+        await self._live(self.seats.paint_s)
+        work = got.result()
+        if isinstance(work, Exception):
+            raise work
+        return Painted(
+            work.payloads[-1], work.work_size, work.key, {"look": self.seats.look_s, "paint": self.seats.paint_s}
+        )
+
+    def change(self, params: Mapping[str, Any], inputs: Mapping[str, str]) -> Awaitable[None]:
+        return asyncio.ensure_future(self._change(params))
+
+    async def _change(self, params: Mapping[str, Any]) -> None:
+        await self._live(0.0)
+        if params.get("add") == 13:
+            raise BadInput("Unlucky.")
+        self.changes += 1
+
+    async def leave(self) -> None:
+        self.left = True
+
+    async def _live(self, seconds: float) -> None:
+        with suppress(TimeoutError):
+            await asyncio.wait_for(self.death.wait(), seconds) if seconds else await asyncio.sleep(0)
+        if self.death.is_set():
+            raise SeatLost("The process has died.")
+
+    def die(self) -> None:
+        self.death.set()
+
+
+class ToySeats:
+    kind = "toy"
+
+    def __init__(self, look_s: float = 0.0, paint_s: float = 0.0, most: int = 100) -> None:
+        self.look_s, self.paint_s, self.most = look_s, paint_s, most
+        self.made: list[ToySeat] = []
+
+    def start(self) -> None: ...
+    def stop(self) -> None: ...
+
+    async def take(self) -> ToySeat:
+        if len(self.made) >= self.most:
+            raise NoSeat("None is left.")
+        self.made.append(ToySeat(self))
+        return self.made[-1]

@@ -1,0 +1,155 @@
+"""Seats on a real Ray cluster: frames, errors of our own, a kill in the middle of the stream, warm spares."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import time
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipeline.errors import BadFrame, BadParameter
+from tests.workers.conftest import until
+from tests.workers.live_toys import Echo
+from workers.blobs.disk import DiskBlobs
+from workers.live.model import LiveOrder, Packet, Wire, Work
+from workers.live.painter import LivePainter
+from workers.live.stream import Answer, Replaced, Stream
+from workers.settings import FarmSettings
+
+pytestmark = pytest.mark.real("ray")
+
+SIZE = (128, 96)
+ORDER = LiveOrder("echo", {}, 0, {}, SIZE, Wire("raw", "raw"))
+FRAME = np.full((96, 128, 3), 50, np.uint8).tobytes()
+
+
+class Quick(LivePainter):
+    """Has practised before it began, and says where it is."""
+
+    def __init__(self, blobs: DiskBlobs, pids: Path) -> None:
+        super().__init__(blobs, lambda name: Echo())  # type: ignore[arg-type, return-value]
+        self._pids = pids
+
+    def warm_up(self) -> None:
+        (self._pids / str(os.getpid())).touch()
+
+    def open(self, order: LiveOrder) -> None:
+        super().open(order)
+        (self._pids / "at-work").write_text(str(os.getpid()))
+
+
+@pytest.fixture(scope="module")
+def pids(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("pids")
+
+
+@pytest.fixture(scope="module")
+def seats(tmp_path_factory: pytest.TempPathFactory, pids: Path) -> Iterator[Any]:
+    import ray
+
+    from workers.ray_pool import _connect
+    from workers.ray_seats import RaySeats
+
+    home = tmp_path_factory.mktemp("ray")
+    _connect(FarmSettings(home=home, pool="ray", workers=1))
+    made = RaySeats(DiskBlobs(home), 1, partial(Quick, DiskBlobs(home), pids))
+    made.start()
+    until(lambda: len(list(pids.glob("[0-9]*"))) == 1, 30)
+    yield made
+    made.stop()
+    ray.shutdown()
+
+
+def test_a_seat_paints_and_our_errors_stay_ours(seats: Any) -> None:
+    async def run() -> None:
+        seat = await seats.take()
+        await seat.open(ORDER)
+        for number in range(1, 4):
+            looked, painted = seat.look(Work((FRAME,), SIZE, SIZE)), seat.paint()
+            await looked
+            assert (await painted).data[2] == number
+        await seat.look(Work((b"short",), SIZE, SIZE))
+        with pytest.raises(BadFrame) as told:
+            await seat.paint()
+        assert told.value.field == "payload"
+        with pytest.raises(BadParameter):
+            await seat.change({"add": 999}, {})
+        await seat.leave()
+
+    asyncio.run(asyncio.wait_for(run(), 30))
+
+
+def test_kill_9_in_the_middle_of_a_stream_costs_less_than_a_second(seats: Any, pids: Path) -> None:
+    async def run() -> None:
+        stream = Stream(seats, ORDER)
+        await stream.open()
+        until_spare = asyncio.to_thread(until, lambda: len(list(pids.glob("[0-9]*"))) >= 2, 30)
+        await until_spare
+        got: list[tuple[float, Any]] = []
+        reading = asyncio.create_task(_read(stream, got))
+        await _send(stream, 20)
+        victim = int((pids / "at-work").read_text())
+        os.kill(victim, signal.SIGKILL)
+        killed = time.perf_counter()
+        await _send(stream, 60, first=20)
+        reading.cancel()
+        await stream.aclose()
+        after = [at for at, item in got if isinstance(item, Answer) and item.packet.at_s > killed]
+        assert any(isinstance(item, Replaced) for _, item in got)
+        assert after[0] - killed < 1.0
+        assert int((pids / "at-work").read_text()) != victim
+
+    asyncio.run(asyncio.wait_for(run(), 60))
+
+
+async def _read(stream: Stream, got: list[tuple[float, Any]]) -> None:
+    while (item := await stream.next()) is not None:
+        got.append((time.perf_counter(), item))
+        if isinstance(item, Answer):
+            stream.sent(item, 0.0)
+
+
+async def _send(stream: Stream, count: int, first: int = 0) -> None:
+    for number in range(first, first + count):
+        stream.offer(Packet(number, 0, SIZE, True, FRAME, time.perf_counter()))
+        await asyncio.sleep(1 / 40)
+
+
+def test_a_seat_that_is_given_back_is_used_again(seats: Any, pids: Path) -> None:
+    async def one() -> str:
+        seat = await seats.take()
+        await seat.open(ORDER)
+        where = (pids / "at-work").read_text()
+        await seat.leave()
+        return where
+
+    async def run() -> None:
+        assert await one() == await one()
+
+    asyncio.run(asyncio.wait_for(run(), 60))
+
+
+def test_frames_that_go_through_the_object_store_leave_nothing_there(seats: Any) -> None:
+    """Raw 640x480 is 0.9 MB each way: 120 of them would fill the store of 100 MB twice."""
+    size = (640, 480)
+    payload = bytes(640 * 480 * 3)
+
+    async def run() -> None:
+        seat = await seats.take()
+        await seat.open(LiveOrder("echo", {}, 0, {}, size, Wire("raw", "raw")))
+        for _ in range(120):
+            looked, painted = seat.look(Work((payload,), size, size)), seat.paint()
+            await looked
+            await painted
+        await seat.leave()
+
+    began = time.perf_counter()
+    asyncio.run(asyncio.wait_for(run(), 60))
+    assert time.perf_counter() - began < 20

@@ -1,0 +1,254 @@
+"""A session over seats that do as they are told: order, drops, back-pressure, changes, deaths."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from functools import wraps
+from typing import Any
+
+import pytest
+
+from pipeline.errors import BadFrame, BadInput
+from tests.workers.live_toys import ToySeats
+from workers.live.model import LiveOrder, Packet, Wire
+from workers.live.seats import NoSeat
+from workers.live.stream import Answer, NeedsKey, Replaced, Resized, Stream
+
+SIZE = (64, 64)
+
+
+def looped(test: Callable[..., Awaitable[None]]) -> Callable[..., None]:
+    @wraps(test)
+    def run() -> None:
+        asyncio.run(asyncio.wait_for(test(), 20))
+
+    return run
+
+
+def order(send: str = "jpeg", fps: float = 30) -> LiveOrder:
+    return LiveOrder("echo", {}, 0, {}, SIZE, Wire(send, "jpeg", fps=fps))
+
+
+def packet(number: int, key: bool = True, size: tuple[int, int] = SIZE, data: bytes = b"x") -> Packet:
+    return Packet(number, 1000 + number, size, key, data, time.perf_counter())
+
+
+@asynccontextmanager
+async def opened(seats: ToySeats, chosen: LiveOrder | None = None) -> AsyncIterator[Stream]:
+    stream = Stream(seats, chosen or order())
+    await stream.open()
+    yield stream
+    await stream.aclose()
+
+
+async def take(stream: Stream) -> Any:
+    """The next item; an answer counts as sent at once."""
+    item = await asyncio.wait_for(stream.next(), 5)
+    if isinstance(item, Answer):
+        stream.sent(item, 0.01)
+    return item
+
+
+@looped
+async def test_answers_come_in_order_with_their_numbers_and_times() -> None:
+    async with opened(ToySeats(look_s=0.002, paint_s=0.002)) as stream:
+        got = []
+        for number in range(8):
+            stream.offer(packet(number))
+            got.append((await take(stream)).packet)
+        assert [(p.sequence, p.timestamp) for p in got] == [(n, 1000 + n) for n in range(8)]
+        assert stream.figures()["dropped"] == 0
+
+
+@looped
+async def test_a_fast_client_gets_the_newest() -> None:
+    seats = ToySeats(look_s=0.01, paint_s=0.01)
+    async with opened(seats) as stream:
+        got: list[int] = []
+
+        async def read() -> None:
+            while True:
+                got.append((await take(stream)).packet.sequence)
+
+        reading = asyncio.create_task(read())
+        for number in range(100):
+            stream.offer(packet(number))
+            await asyncio.sleep(0.002)
+        await stream.finish()
+        await asyncio.sleep(0)
+        reading.cancel()
+        assert got == sorted(got)
+        assert got[-1] == 99
+        assert 10 <= len(got) <= 40
+        figures = stream.figures()
+        assert figures["received"] == 100 == figures["painted"] + figures["dropped"]
+
+
+@looped
+async def test_nothing_begins_while_an_answer_waits_unsent() -> None:
+    seats = ToySeats()
+    async with opened(seats) as stream:
+        for number in range(50):
+            stream.offer(packet(number))
+            await asyncio.sleep(0.001)
+        assert len(seats.made[0].seen) <= 3
+        while (await take(stream)).packet.sequence != 49:
+            pass
+
+
+@looped
+async def test_a_change_is_between_frames() -> None:
+    seats = ToySeats(look_s=0.005, paint_s=0.005)
+    async with opened(seats) as stream:
+        stream.offer(packet(1))
+        await stream.change({"add": 2}, {})
+        assert stream.order.params == {"add": 2}
+        assert (await take(stream)).packet.sequence == 1
+        with pytest.raises(BadInput):
+            await stream.change({"add": 13}, {})
+        assert stream.order.params == {"add": 2}
+        stream.offer(packet(2))
+        assert (await take(stream)).packet.sequence == 2
+
+
+@looped
+async def test_a_death_is_made_good_by_another_seat() -> None:
+    seats = ToySeats(look_s=0.02, paint_s=0.02)
+    async with opened(seats) as stream:
+        await stream.change({"add": 4}, {})
+        stream.offer(packet(1))
+        await asyncio.sleep(0.03)
+        stream.offer(packet(2))
+        await asyncio.sleep(0.001)
+        seats.made[0].die()
+        stream.offer(packet(3))
+        assert isinstance(await take(stream), Replaced)
+        assert (await take(stream)).packet.sequence == 3
+        assert seats.made[0].left
+        assert seats.made[1].opened is not None
+        assert seats.made[1].opened.params == {"add": 4}
+        assert seats.made[1].seen[0].key
+        figures = stream.figures()
+        assert (figures["received"], figures["painted"], figures["dropped"]) == (3, 1, 2)
+
+
+@looped
+async def test_a_death_under_a_video_codec_asks_for_a_key_frame() -> None:
+    seats = ToySeats(look_s=0.01)
+    async with opened(seats, order("h264")) as stream:
+        stream.offer(packet(1))
+        await asyncio.sleep(0.001)
+        seats.made[0].die()
+        assert isinstance(await take(stream), NeedsKey)
+        assert isinstance(await take(stream), Replaced)
+        stream.offer(packet(2, key=False))
+        stream.offer(packet(3))
+        assert (await take(stream)).packet.sequence == 3
+
+
+@looped
+async def test_a_death_during_a_change() -> None:
+    seats = ToySeats()
+    async with opened(seats) as stream:
+        seats.made[0].die()
+        await stream.change({"add": 7}, {})
+        assert seats.made[1].changes == 1
+        assert stream.order.params == {"add": 7}
+
+
+@looped
+async def test_no_seat_for_a_dead_one_ends_the_stream() -> None:
+    seats = ToySeats(look_s=0.01, most=1)
+    async with opened(seats) as stream:
+        stream.offer(packet(1))
+        await asyncio.sleep(0.001)
+        seats.made[0].die()
+        with pytest.raises(NoSeat):
+            await take(stream)
+        with pytest.raises(NoSeat):
+            await stream.change({}, {})
+
+
+@looped
+async def test_a_bad_frame_ends_the_stream() -> None:
+    async with opened(ToySeats()) as stream:
+        stream.offer(packet(1))
+        stream.offer(packet(2, data=b"bad"))
+        with pytest.raises(BadFrame):
+            while True:
+                await take(stream)
+
+
+@looped
+async def test_overload_lowers_the_size_and_says_so_before_the_first_such_answer() -> None:
+    seats = ToySeats(look_s=0.03, paint_s=0.03)
+    async with opened(seats, order(fps=100)) as stream:
+
+        async def send() -> None:
+            for number in range(400):
+                stream.offer(packet(number))
+                await asyncio.sleep(0.01)
+
+        sending = asyncio.create_task(send())
+        while not isinstance(item := await take(stream), Resized):
+            pass
+        sending.cancel()
+        assert (item.reason, item.scale) == ("slow", 0.25)
+        assert (await take(stream)).painted.size == item.size == (16, 16)
+
+
+@looped
+async def test_frames_of_another_size_change_the_size() -> None:
+    async with opened(ToySeats()) as stream:
+        stream.offer(packet(1))
+        await take(stream)
+        stream.offer(packet(2, size=(128, 96)))
+        item = await take(stream)
+        assert (item.size, item.reason) == ((128, 96), "input")
+        assert (await take(stream)).painted.size == (128, 96)
+
+
+@looped
+async def test_another_connection_goes_on() -> None:
+    seats = ToySeats(look_s=0.005)
+    async with opened(seats) as stream:
+        for number in range(3):
+            stream.offer(packet(number))
+        await asyncio.sleep(0.02)
+        stream.detach()
+        stream.offer(packet(5))
+        await asyncio.sleep(0.02)
+        await stream.attach(Wire("jpeg", "webp"), SIZE, adaptive=True)
+        stream.offer(packet(0))
+        answer = await take(stream)
+        assert answer.packet.sequence == 0
+        assert seats.made[0].opened is not None
+        assert seats.made[0].opened.wire.receive == "webp"
+        figures = stream.figures()
+        assert figures["received"] == figures["painted"] + figures["dropped"] == 5
+
+
+@looped
+async def test_closing_gives_the_seat_back_and_wakes_who_waits() -> None:
+    seats = ToySeats(look_s=0.01, paint_s=0.01)
+    async with opened(seats) as stream:
+        waiting = asyncio.create_task(stream.next())
+        stream.offer(packet(1))
+        await asyncio.sleep(0.001)
+        await stream.aclose()
+        assert seats.made[0].left
+        assert isinstance(await waiting, Answer | None)
+
+
+@looped
+async def test_a_second_says_what_happened_in_it() -> None:
+    async with opened(ToySeats()) as stream:
+        stream.offer(packet(1))
+        await take(stream)
+        first, second = stream.second(), stream.second()
+        assert (first["received"], first["painted"], first["width"], first["scale"]) == (1, 1, 64, 1.0)
+        assert (second["received"], second["painted"]) == (0, 0)
+        assert set(first["stages_ms"]) == {"wait", "look", "paint"}
