@@ -10,6 +10,7 @@ import socket
 from asyncio import BaseTransport
 from typing import cast
 
+from uvicorn._types import ASGISendEvent
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 ABORT = "impasto.abort"
@@ -40,6 +41,11 @@ class LiveSocket(WebSocketsSansIOProtocol):
         if self.handshake_complete and self.conn.close_rcvd is None and not self.close_sent:
             self.queue.put_nowait({"type": "websocket.disconnect", "code": LOST, "reason": ""})
         super().connection_lost(exc)
+
+    async def send(self, message: ASGISendEvent) -> None:
+        await super().send(message)
+        if self.initial_response is not None and self.close_sent:
+            self.handshake_complete = True  # refused in order: nothing to complain of at the end
 
     def keepalive_timeout(self) -> None:
         if self.heard_at <= self.ping_sent_at:

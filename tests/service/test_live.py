@@ -1,0 +1,399 @@
+"""Live sessions over real WebSockets to a real server: what docs/live.md promises, one after the other."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import contextmanager
+from functools import wraps
+from pathlib import Path
+from typing import Any
+
+import cv2
+import httpx
+import numpy as np
+import pytest
+from websockets.exceptions import InvalidStatus
+
+from pipeline.methods.base import Method
+from pipeline.video.stills import encode_png
+from service.settings import Settings
+from tests.service.live import running
+from tests.service.live_client import LiveClient, jpeg, live
+from tests.service.toy_method import Toy
+from tests.workers.live_toys import Echo
+from workers.farm import Farm
+from workers.studio import Studio
+
+SIZE = (96, 64)
+PICTURE = np.full((64, 96, 3), (90, 120, 60), np.uint8)
+FRAME = jpeg(PICTURE)
+
+
+def looped(test: Callable[..., Awaitable[None]]) -> Callable[..., None]:
+    @wraps(test)
+    def run(*args: Any, **named: Any) -> None:
+        asyncio.run(asyncio.wait_for(test(*args, **named), 30))  # type: ignore[arg-type]
+
+    return run
+
+
+@pytest.fixture(autouse=True)
+def echo(monkeypatch: pytest.MonkeyPatch) -> None:
+    found: dict[str, Method] = {"echo": Echo(), "toy": Toy()}  # type: ignore[dict-item]
+    for place in ("pipeline.methods", "workers.live.live", "service.live.session"):
+        monkeypatch.setattr(f"{place}.methods", lambda: found)
+
+
+@contextmanager
+def served(home: Path, **more: Any) -> Iterator[tuple[str, Farm]]:
+    settings = Settings(home=home, pool="none", **{"live_sessions": 2, "live_resume_s": 0.5, **more})
+    farm = Studio(settings, None)
+    farm.start()
+    with running(settings, farm) as url:
+        yield url, farm
+    farm.stop()
+
+
+@pytest.fixture
+def url(home: Path) -> Iterator[str]:
+    with served(home) as (address, _):
+        yield address
+
+
+def hello(client: LiveClient, **fields: Any) -> Awaitable[dict[str, Any]]:
+    return client.hello(method="echo", **fields)
+
+
+def shown(payload: bytes) -> Any:
+    return cv2.imdecode(np.frombuffer(payload, np.uint8), cv2.IMREAD_COLOR_RGB)
+
+
+# -- the way of a session
+
+
+@looped
+async def test_a_session_from_hello_to_bye(url: str) -> None:
+    async with live(url, subprotocols=["impasto.live.1"]) as client:
+        assert client.socket.subprotocol == "impasto.live.1"
+        ready = await hello(client, fps=25, params={"add": 20})
+        assert ready["session"].startswith("liv_")
+        assert (ready["version"], ready["resumed"], ready["deadline_ms"]) == (1, False, 40.0)
+        assert ready["params"]["add"] == 20
+        assert ready["params"]["look_s"] == 0.0
+        assert (ready["send"], ready["receive"]) == ({"codec": "jpeg"}, {"codec": "jpeg"})
+        for number in range(1, 4):
+            await client.send(FRAME, timestamp=10**15 + number)
+            answer = await client.answer()
+            assert (answer.sequence, answer.timestamp, answer.size, answer.key) == (number, 10**15 + number, SIZE, True)
+            assert 0 < answer.latency_us < 10**6
+            assert abs(shown(answer.payload)[32, 48].astype(int) - (110, 140, 80)).max() < 8
+        await client.say({"type": "bye"})
+        stats = (await client.message("bye"))["stats"]
+        assert (stats["received"], stats["painted"], stats["dropped"]) == (3, 3, 0)
+        assert await client.closed() == (1000, "bye")
+    assert free(url) == 2
+
+
+def free(url: str, timeout_s: float = 5.0, want: int = 2) -> int:
+    """Places free, once it is as many as wanted."""
+    deadline = time.monotonic() + timeout_s
+    while (found := httpx.get(f"{url}/v1/live").json()["free"]) != want and time.monotonic() < deadline:
+        time.sleep(0.02)
+    return int(found)
+
+
+def test_what_there_is(url: str) -> None:
+    said = httpx.get(f"{url}/v1/live").json()
+    assert said["methods"] == ["echo"], "the toy is not causal"
+    assert (said["version"], said["capacity"], said["sessions"], said["free"]) == (1, 2, 0, 2)
+    assert {"h264", "vp8", "jpeg", "webp", "raw"} == set(said["receives"]) == set(said["sends"])
+    assert said["limits"] == {"width": 1920, "height": 1920, "fps": 120.0, "frame_bytes": 12 << 20}
+
+
+@pytest.mark.parametrize(("send", "receive"), [("h264", "vp8"), ("vp8", "h264"), ("raw", "webp"), ("webp", "raw")])
+def test_codecs(url: str, send: str, receive: str) -> None:
+    from workers.live.codecs import decoder, encoder
+    from workers.live.model import Wire
+
+    @looped
+    async def run() -> None:
+        there, back = encoder(Wire("jpeg", send), SIZE), decoder(receive, 1920)
+        async with live(url) as client:
+            ready = await hello(client, send=["cat", send], receive=[receive, "jpeg"])
+            assert (ready["send"]["codec"], ready["receive"]["codec"]) == (send, receive)
+            assert ready["receive"].get("webcodecs") == {"h264": "avc1.42E01F", "vp8": "vp8"}.get(receive)
+            for _ in range(3):
+                payload, _, key = there.encode(PICTURE, False)
+                await client.send(payload, key=key)
+                answer = await client.answer()
+                assert np.abs(back.decode(answer.payload, SIZE)[32, 48].astype(int) - PICTURE[0, 0]).max() < 10
+            await client.say({"type": "keyframe"})
+            await asyncio.sleep(0.05)
+            await client.send(there.encode(PICTURE, False)[0], key=False)
+            assert (await client.answer()).key
+
+    run()
+
+
+@looped
+async def test_statistics_once_a_second(url: str) -> None:
+    async with live(url) as client:
+        await hello(client, params={"paint_s": 0.005})
+        await client.send(FRAME)
+        stats = await client.message("stats")
+        assert (stats["received"], stats["painted"], stats["dropped"], stats["scale"]) == (1, 1, 0, 1.0)
+        assert set(stats["stages_ms"]) == {"wait", "decode", "look", "paint", "encode"}
+        assert stats["stages_ms"]["paint"] >= 5
+        assert stats["latency_ms"]["p50"] >= 5
+
+
+@looped
+async def test_the_newest_wins(url: str) -> None:
+    async with live(url) as client:
+        await hello(client, params={"paint_s": 0.05}, adaptive=False)
+        for _ in range(30):
+            await client.send(FRAME)
+            await asyncio.sleep(0.005)
+        await client.say({"type": "bye"})
+        stats = (await client.message("bye"))["stats"]
+        assert (stats["received"], stats["received"] - stats["painted"]) == (30, stats["dropped"])
+        numbers = [answer.sequence for answer in client.answers]
+        assert numbers == sorted(numbers)
+        assert numbers[-1] == 30
+        assert 3 <= len(numbers) <= 10
+
+
+@looped
+async def test_the_resolution_falls_rather_than_the_delay_growing(url: str) -> None:
+    size = (320, 240)
+    frame = jpeg(np.full((240, 320, 3), 100, np.uint8))
+    async with live(url) as client:
+        await hello(client, width=320, height=240, fps=40, params={"per_pixel_s": 1e-6})  # 77 ms at full size
+        for _ in range(100):
+            await client.send(frame, size)
+            await asyncio.sleep(1 / 40)
+        await client.say({"type": "bye"})
+        await client.message("bye")
+        late = [answer for answer in client.answers if answer.sequence > 60]
+        assert late[-1].size[0] <= 160
+        assert np.median([answer.latency_us for answer in late]) < 50_000
+
+
+# -- changes
+
+
+@looped
+async def test_parameters_change_in_the_stream(url: str) -> None:
+    async with live(url) as client:
+        await hello(client, params={"paint_s": 0.001}, receive=["raw"], send=["raw"])
+        await client.send(PICTURE.tobytes())
+        assert (await client.answer()).payload[:3] == bytes((0, 0, 1))
+        await client.say({"type": "params", "params": {"add": 7}})
+        told = await client.message("params")
+        assert (told["params"]["add"], told["params"]["paint_s"], told["inputs"]) == (7, 0.001, {})
+        await client.send(PICTURE.tobytes())
+        assert (await client.answer()).payload[:3] == bytes((7, 0, 2)), "the stream went on"
+
+
+@looped
+async def test_a_bad_change_changes_nothing(url: str) -> None:
+    async with live(url) as client:
+        await hello(client, params={"add": 3}, receive=["raw"], send=["raw"])
+        for bad, code, field in (
+            ({"params": {"add": 900}}, "bad-parameter", "params.add"),
+            ({"params": {"cat": 1}}, "bad-parameter", "params.cat"),
+            ({"params": 3}, "bad-parameter", "params"),
+            ({"inputs": {"reference": "ast_gone"}}, "not-found", "inputs.reference"),
+            ({"inputs": {"video": "ast_gone"}}, "not-found", "inputs.video"),
+        ):
+            await client.say({"type": "params", **bad})
+            told = await client.message("error")
+            assert not told["fatal"]
+            assert (told["problem"]["code"], told["problem"]["field"]) == (code, field)
+            assert told["problem"]["remedy"]
+        await client.send(PICTURE.tobytes())
+        assert (await client.answer()).payload[0] == 3
+
+
+@looped
+async def test_a_slider_on_the_move_is_answered_and_ends_where_it_stands(url: str) -> None:
+    async with live(url) as client:
+        await hello(client, send=["raw"], receive=["raw"])
+        for add in range(1, 41):
+            await client.say({"type": "params", "params": {"add": add}})
+        while (await client.message("params"))["params"]["add"] != 40:
+            pass
+        await client.send(PICTURE.tobytes())
+        assert (await client.answer()).payload[0] == 40
+
+
+def upload(url: str, data: bytes, name: str) -> str:
+    return str(httpx.post(f"{url}/v1/assets", files={"file": (name, data)}).raise_for_status().json()["id"])
+
+
+@looped
+async def test_a_reference_comes_and_goes(url: str) -> None:
+    green, red = [
+        await asyncio.to_thread(upload, url, encode_png(np.full((32, 32, 3), colour, np.uint8)), "a.png")
+        for colour in ((0, 99, 0), (255, 0, 0))
+    ]
+    numbers = await asyncio.to_thread(upload, url, b'{"a": 1}', "a.json")
+    async with live(url) as client:
+        await hello(client, inputs={"reference": green}, send=["raw"], receive=["raw"])
+        await client.send(PICTURE.tobytes())
+        assert (await client.answer()).payload[1] == 99
+        for bad in ({"reference": red}, {"reference": numbers}, {"numbers": numbers}):
+            await client.say({"type": "params", "inputs": bad})
+            assert (await client.message("error"))["problem"]["status"] == 422
+        await client.say({"type": "params", "inputs": {"reference": None}})
+        assert (await client.message("params"))["inputs"] == {}
+        await client.send(PICTURE.tobytes())
+        assert (await client.answer()).payload[1:3] == bytes((0, 2))
+
+
+@looped
+async def test_frames_of_another_size_go_on(url: str) -> None:
+    async with live(url) as client:
+        await hello(client, send=["raw"], receive=["raw"])
+        await client.send(PICTURE.tobytes())
+        await client.answer()
+        await client.send(bytes(64 * 48 * 3), (64, 48))
+        answer = await client.answer()
+        assert (answer.size, answer.payload[2]) == ((64, 48), 2)
+        told = next(m for m in client.messages if m["type"] == "resolution")
+        assert (told["width"], told["height"], told["reason"]) == (64, 48, "input")
+
+
+# -- coming back
+
+
+@looped
+async def test_a_lost_client_takes_its_session_up_again(url: str) -> None:
+    async with live(url) as client:
+        session = (await hello(client, params={"add": 5}, send=["raw"], receive=["raw"]))["session"]
+        await client.send(PICTURE.tobytes())
+        await client.answer()
+        client.socket.transport.abort()
+    async with live(url, f"?session={session}") as client:
+        ready = await hello(client, params={"add": 6}, send=["raw"], receive=["raw"])
+        assert (ready["session"], ready["resumed"], ready["params"]["add"]) == (session, True, 6)
+        await client.send(PICTURE.tobytes())
+        assert (await client.answer()).payload[:3] == bytes((6, 0, 2))
+    async with live(url, "?session=liv_unknown") as client:
+        assert not (await hello(client))["resumed"]
+
+
+@looped
+async def test_a_session_that_nobody_takes_up_is_over(url: str) -> None:
+    async with live(url) as client:
+        session = (await hello(client))["session"]
+        client.socket.transport.abort()
+    assert await asyncio.to_thread(free, url, 0.2, 1) == 1, "it waits"
+    assert await asyncio.to_thread(free, url) == 2
+    async with live(url, f"?session={session}") as client:
+        assert not (await hello(client))["resumed"]
+
+
+@looped
+async def test_another_connection_takes_over(url: str) -> None:
+    async with live(url) as first:
+        session = (await hello(first, params={"paint_s": 0.05}))["session"]
+        await first.send(FRAME)
+        async with live(url, f"?session={session}") as second:
+            assert (await hello(second, params={"paint_s": 0.05}))["resumed"]
+            assert await first.closed() == (4409, "taken-over")
+            assert first.messages[-1]["problem"]["code"] == "taken-over"
+            await second.send(FRAME)
+            await second.answer()
+    assert await asyncio.to_thread(free, url) == 2
+
+
+@looped
+async def test_a_client_that_closes_leaves_at_once(url: str) -> None:
+    async with live(url) as client:
+        await hello(client)
+    assert await asyncio.to_thread(free, url, 0.4) == 2
+
+
+# -- room and keys
+
+
+@looped
+async def test_one_more_than_there_is_room_for_is_refused_at_once(url: str) -> None:
+    async with live(url) as one, live(url) as two:
+        await hello(one)
+        await hello(two)
+        began = time.monotonic()
+        with pytest.raises(InvalidStatus) as told:
+            async with live(url):
+                pass
+        assert time.monotonic() - began < 1
+        answer = told.value.response
+        assert answer.status_code == 503
+        assert int(answer.headers["Retry-After"]) >= 1
+        assert answer.headers["Content-Type"] == "application/problem+json"
+        assert b'"busy"' in (answer.body or b"")
+        description = await asyncio.to_thread(httpx.get, f"{url}/v1/live")
+        assert (description.json()["free"], "Retry-After" in description.headers) == (0, True)
+        await one.send(FRAME)
+        await one.answer()
+
+
+@looped
+async def test_keys_and_protocols(home: Path) -> None:
+    with served(home, auth="required") as (url, farm):
+        _, secret = farm.keys.create("a", ["submit"])
+        _, reader = farm.keys.create("b", ["read"])
+        for more, status in (
+            ({}, 401),
+            ({"additional_headers": {"Authorization": "Bearer nonsense"}}, 401),
+            ({"additional_headers": {"Authorization": f"Bearer {reader}"}}, 403),
+            ({"subprotocols": ["impasto.live.9", f"impasto.key.{secret}"]}, 400),
+        ):
+            with pytest.raises(InvalidStatus) as told:
+                async with live(url, **more):
+                    pass
+            assert told.value.response.status_code == status
+        async with live(url, additional_headers={"Authorization": f"Bearer {secret}"}) as client:
+            await hello(client)
+        async with live(url, subprotocols=["impasto.live.1", f"impasto.key.{secret}"]) as client:
+            assert client.socket.subprotocol == "impasto.live.1"
+            session = (await hello(client))["session"]
+            _, other = farm.keys.create("c", ["submit"])
+            headers = {"Authorization": f"Bearer {other}"}
+            async with live(url, f"?session={session}", additional_headers=headers) as thief:
+                assert not (await hello(thief))["resumed"]
+            await client.send(FRAME)
+            await client.answer()
+
+
+@looped
+async def test_pages_of_other_origins_are_kept_out(url: str) -> None:
+    port = url.rsplit(":", 1)[1]
+    rebound = {"host": "127.0.0.1", "port": int(port)}
+    for address, more in ((url, {"origin": "http://evil.example"}), ("http://evil.example", rebound)):
+        with pytest.raises(InvalidStatus) as told:
+            async with live(address, **more):
+                pass
+        assert told.value.response.status_code == 403
+    async with live(url, origin=f"http://127.0.0.1:{port}") as client:
+        await hello(client)
+
+
+def test_metrics(url: str) -> None:
+    @looped
+    async def run() -> None:
+        async with live(url) as client:
+            await hello(client)
+            await client.send(FRAME)
+            await client.answer()
+            lines = (await asyncio.to_thread(httpx.get, f"{url}/metrics")).text.splitlines()
+            assert "impasto_live_sessions 1.0" in lines
+
+    run()
+    free(url)
+    lines = httpx.get(f"{url}/metrics").text.splitlines()
+    for line in ("sessions 0.0", "latency_seconds_count 1.0", 'frames_total{outcome="painted"} 1.0'):
+        assert f"impasto_live_{line}" in lines
