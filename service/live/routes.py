@@ -11,9 +11,9 @@ from starlette.websockets import WebSocket
 from pipeline.errors import ImpastoError
 from service.access.depends import Parts, Service, Submitter
 from service.errors import Busy, respond, retry_after
+from service.live.connection import Connection
 from service.live.handshake import caller, subprotocol
 from service.live.messages import VERSION
-from service.live.session import Connection
 from service.live.sessions import LiveSession, Sessions
 from workers.live.live import RETRY_AFTER_S
 

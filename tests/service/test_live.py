@@ -42,7 +42,7 @@ def looped(test: Callable[..., Awaitable[None]]) -> Callable[..., None]:
 @pytest.fixture(autouse=True)
 def echo(monkeypatch: pytest.MonkeyPatch) -> None:
     found: dict[str, Method] = {"echo": Echo(), "toy": Toy()}  # type: ignore[dict-item]
-    for place in ("pipeline.methods", "workers.live.live", "service.live.session"):
+    for place in ("pipeline.methods", "workers.live.live", "service.live.connection"):
         monkeypatch.setattr(f"{place}.methods", lambda: found)
 
 

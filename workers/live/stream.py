@@ -298,6 +298,7 @@ class Stream:
                     return seat
                 except SeatLost:
                     log.warning("a live worker died before its first frame")
+                    await seat.leave()
                 except BaseException:
                     await seat.leave()
                     raise

@@ -2,7 +2,7 @@
 
     reader     messages and frames as they come; offers frames to the stream, never waits for it
     sender     answers and notices of the stream, as the client takes them
-    changer    changes of parameters, one after another
+    changes    of parameters, one after another
     ticker     figures, once a second
 
 The first of them to end ends the connection; the rest are cancelled.
@@ -14,32 +14,29 @@ import asyncio
 import time
 from collections import deque
 from collections.abc import Coroutine, Mapping
-from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any
 
 from starlette.concurrency import run_in_threadpool
 from starlette.websockets import WebSocket
 
-from pipeline.errors import BadFrame, BadInput, BadParameter, ImpastoError
+from pipeline.errors import BadFrame, BadParameter
 from pipeline.frames import MIN_SIDE_PX
 from pipeline.methods import methods
 from service.access.depends import Service
 from service.access.keys import Principal
 from service.assets.routes import visible
-from service.errors import BadMessage, problem
-from service.live.closing import INTERNAL, NORMAL, Ending, Left, Lost, close_code, shown
+from service.errors import BadMessage
+from service.live.changes import Changes
+from service.live.closing import NORMAL, Ending, Left, Lost
 from service.live.frames import HEADER_BYTES, Header, pack, unpack
 from service.live.messages import (
     ByeIn,
     ByeOut,
-    ErrorOut,
     Hello,
     KeyframeIn,
     KeyframeOut,
     Outgoing,
     ParamsIn,
-    ParamsOut,
     Ready,
     Receiving,
     ReplacedOut,
@@ -49,29 +46,15 @@ from service.live.messages import (
     parse,
 )
 from service.live.sessions import LiveSession, Sessions
-from service.sockets import ABORT
+from service.live.voice import Voice
 from workers.errors import NotFound
 from workers.live.codecs import BUILT_ON, webcodecs_name
 from workers.live.model import Packet, Wire
-from workers.live.seats import NoSeat
 from workers.live.stream import Answer, Item, NeedsKey, Replaced, Resized, Stream
 from workers.model import Asset
 
 MAX_FRAMES_PER_S = 240
-MAX_CHANGES_WAITING = 64
-CLOSE_WITHIN_S = 2.0
 _FORMATS = {"h264": "annexb"}
-
-
-@dataclass(frozen=True)
-class _Changed:
-    """Parameters and references as they are to be."""
-
-    params: dict[str, Any]
-    inputs: dict[str, str]
-    """Asset ids."""
-    keys: Mapping[str, str]
-    """Blob keys."""
 
 
 class Connection:
@@ -87,7 +70,8 @@ class Connection:
         self._settings = parts.settings
         self._told: asyncio.Future[Ending] = asyncio.get_running_loop().create_future()
         self._over, self._closed = asyncio.Event(), asyncio.Event()
-        self._changes: asyncio.Queue[ParamsIn] = asyncio.Queue(MAX_CHANGES_WAITING)
+        self._voice = Voice(socket, parts.settings.live_slow_s)
+        self._changes = Changes(sessions.live, self._voice, self._assets)
         self._arrivals: deque[float] = deque(maxlen=MAX_FRAMES_PER_S)
         self._sequence = -1
 
@@ -112,10 +96,10 @@ class Connection:
             self._let_go(session, keep=isinstance(left, Lost))
         except Exception as error:
             self._let_go(session, keep=isinstance(error, Ending) and error.code == "taken-over")
-            await self._say_why(error)
+            await self._voice.fail(error)
         else:
             self._let_go(session, keep=False)
-            await self._close(NORMAL, "bye")
+            await self._voice.close(NORMAL, "bye")
         finally:
             self._let_go(session, keep=False)
             self._closed.set()
@@ -135,13 +119,15 @@ class Connection:
     async def _serve(self, session: LiveSession) -> None:
         hello = await self._first()
         stream, resumed = await self._begin(session, hello)
-        await self._say(self._ready(session, stream, hello, resumed))
-        await self._race(
-            self._read(stream), self._send(stream), self._change(session, stream), self._tick(session, stream)
-        )
-        await self._race(stream.finish(), self._send(stream), self._until_gone())
+        await self._voice.say(self._ready(session, stream, hello, resumed))
+        await self._race(self._converse(session, stream), self._send(stream))
         self._sessions.count(session)
-        await self._say(ByeOut(stats=Stats(**stream.figures())))
+        await self._voice.say(ByeOut(stats=Stats(**stream.figures())))
+
+    async def _converse(self, session: LiveSession, stream: Stream) -> None:
+        """Until the client has said bye and has had its last answer."""
+        await self._race(self._read(stream), self._changes.run(session, stream), self._tick(session, stream))
+        await self._race(stream.finish(), self._until_gone())
 
     @staticmethod
     async def _race(*works: Coroutine[Any, Any, None]) -> None:
@@ -291,65 +277,20 @@ class Connection:
         try:
             said = parse(text)
         except BadParameter as error:
-            await self._refuse(error)
+            await self._voice.refuse(error)
             return False
         if isinstance(said, Hello):
             raise BadMessage("hello is said once.", field="type", value="hello", remedy="Send params to change them.")
         if isinstance(said, KeyframeIn):
             stream.want_key()
         elif isinstance(said, ParamsIn):
-            self._queue(said)
+            self._changes.ask(said)
         return isinstance(said, ByeIn)
-
-    def _queue(self, change: ParamsIn) -> None:
-        try:
-            self._changes.put_nowait(change)
-        except asyncio.QueueFull:
-            raise Ending("rate-limited", "Too many changes wait.", remedy="Send fewer.") from None
 
     async def _until_gone(self) -> None:
         """After bye: nothing more is taken."""
         while True:
             await self._receive()
-
-    # -- changes
-
-    async def _change(self, session: LiveSession, stream: Stream) -> None:
-        """Changes that come close together (a slider on the move) are made at once, and answered once."""
-        while True:
-            asked = [await self._changes.get()]
-            while not self._changes.empty():
-                asked.append(self._changes.get_nowait())
-            await self._apply(asked, session, stream)
-
-    async def _apply(self, asked: list[ParamsIn], session: LiveSession, stream: Stream) -> None:
-        merged = _Changed(dict(stream.order.params), dict(session.inputs), stream.order.inputs)
-        sound = False
-        for change in asked:
-            try:
-                merged = await self._merged(merged, change, stream.order.method)
-                sound = True
-            except (BadInput, NotFound) as error:
-                await self._refuse(error)
-        if not sound:
-            return
-        try:
-            await stream.change(merged.params, merged.keys)
-        except (BadInput, NotFound) as error:
-            await self._refuse(error)
-            return
-        session.inputs = merged.inputs
-        await self._say(ParamsOut(params=merged.params, inputs=merged.inputs))
-
-    async def _merged(self, now: _Changed, change: ParamsIn, method: str) -> _Changed:
-        """Raises BadParameter, NotFound."""
-        live = self._sessions.live
-        params = live.params(method, {**now.params, **change.params})
-        inputs = {n: asset for n, asset in {**now.inputs, **change.inputs}.items() if asset is not None}
-        return _Changed(params, inputs, live.inputs(method, await self._assets(inputs)) if change.inputs else now.keys)
-
-    async def _refuse(self, error: ImpastoError) -> None:
-        await self._say(ErrorOut(fatal=False, problem=problem(error, self._socket.url.path)))
 
     # -- sending
 
@@ -358,13 +299,13 @@ class Connection:
             if isinstance(item, Answer):
                 await self._answer(item, stream)
             else:
-                await self._say(self._notice(item))
+                await self._voice.say(self._notice(item))
 
     async def _answer(self, answer: Answer, stream: Stream) -> None:
         packet, painted = answer.packet, answer.painted
         latency_s = time.perf_counter() - packet.at_s
         header = Header(painted.key, *painted.size, packet.sequence, packet.timestamp, round(latency_s * 1e6))
-        await self._within(self._socket.send_bytes(pack(header, painted.data)))
+        await self._voice.show(pack(header, painted.data))
         latency_s = time.perf_counter() - packet.at_s
         stream.sent(answer, latency_s)
         self._sessions.metrics.latency.observe(latency_s)
@@ -382,38 +323,7 @@ class Connection:
         while True:
             await asyncio.sleep(1.0)
             self._sessions.count(session)
-            await self._say(Stats(**stream.second()))
-
-    async def _say(self, message: Outgoing) -> None:
-        await self._within(self._socket.send_text(message.model_dump_json(exclude_none=True)))
-
-    async def _within(self, sending: Coroutine[Any, Any, None]) -> None:
-        """Send. Raises Ending: the client does not read."""
-        slow_s = self._settings.live_slow_s
-        try:
-            async with asyncio.timeout(slow_s):
-                await sending
-        except TimeoutError:
-            raise Ending("slow-reader", f"Answers were not read for {slow_s:g} s.", remedy="Connect again.") from None
-
-    # -- the end
-
-    async def _say_why(self, failure: Exception) -> None:
-        """The error, if the connection can still carry it, and the close."""
-        error = shown(failure)
-        wait_s = error.retry_after_s if isinstance(error, NoSeat) else None
-        message = ErrorOut(fatal=True, problem=problem(error, self._socket.url.path), retry_after_s=wait_s)
-        with suppress(Exception):
-            async with asyncio.timeout(CLOSE_WITHIN_S):
-                await self._socket.send_text(message.model_dump_json(exclude_none=True))
-        await self._close(close_code(error), error.code if close_code(error) != INTERNAL else "internal-error")
-
-    async def _close(self, code: int, reason: str) -> None:
-        try:
-            async with asyncio.timeout(CLOSE_WITHIN_S):
-                await self._socket.close(code, reason)
-        except Exception:
-            self._socket.scope.get("extensions", {}).get(ABORT, {}).get("call", lambda: None)()
+            await self._voice.say(Stats(**stream.second()))
 
 
 def _chosen(field: str, asked: list[str], there: tuple[str, ...]) -> str:

@@ -1,0 +1,85 @@
+"""Changes of parameters and references while a session runs, one after another."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pipeline.errors import BadInput
+from service.live.closing import Ending
+from service.live.messages import ParamsIn, ParamsOut
+from service.live.sessions import LiveSession
+from service.live.voice import Voice
+from workers.errors import NotFound
+from workers.live.live import Live
+from workers.live.stream import Stream
+from workers.model import Asset
+
+MAX_WAITING = 64
+
+Find = Callable[[Mapping[str, str]], Awaitable[dict[str, Asset]]]
+"""Assets by input name, as the caller may see them. Raises NotFound."""
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """Parameters and references as they are to be."""
+
+    params: dict[str, Any]
+    inputs: dict[str, str]
+    """Asset ids."""
+    keys: Mapping[str, str]
+    """Blob keys."""
+
+
+class Changes:
+    """
+    Args:
+        find: the assets of the one who asks.
+    """
+
+    def __init__(self, live: Live, voice: Voice, find: Find) -> None:
+        self._live, self._voice, self._find = live, voice, find
+        self._asked: asyncio.Queue[ParamsIn] = asyncio.Queue(MAX_WAITING)
+
+    def ask(self, change: ParamsIn) -> None:
+        """Never waits. Raises Ending: far too many."""
+        try:
+            self._asked.put_nowait(change)
+        except asyncio.QueueFull:
+            raise Ending("rate-limited", "Too many changes wait.", remedy="Send fewer.") from None
+
+    async def run(self, session: LiveSession, stream: Stream) -> None:
+        """For ever. Changes that come close together (a slider on the move) are made at once, and answered once."""
+        while True:
+            asked = [await self._asked.get()]
+            while not self._asked.empty():
+                asked.append(self._asked.get_nowait())
+            await self._make(asked, session, stream)
+
+    async def _make(self, asked: list[ParamsIn], session: LiveSession, stream: Stream) -> None:
+        before = wanted = _Wanted(dict(stream.order.params), dict(session.inputs), stream.order.inputs)
+        try:
+            for change in asked:
+                wanted = await self._with(change, wanted, stream.order.method)
+            if wanted is not before:
+                await stream.change(wanted.params, wanted.keys)
+        except (BadInput, NotFound) as error:
+            await self._voice.refuse(error)
+            return
+        if wanted is not before:
+            session.inputs = wanted.inputs
+            await self._voice.say(ParamsOut(params=wanted.params, inputs=wanted.inputs))
+
+    async def _with(self, change: ParamsIn, now: _Wanted, method: str) -> _Wanted:
+        """As it is now if the change is wrong, which is then said."""
+        try:
+            params = self._live.params(method, {**now.params, **change.params})
+            inputs = {n: asset for n, asset in {**now.inputs, **change.inputs}.items() if asset is not None}
+            keys = self._live.inputs(method, await self._find(inputs)) if change.inputs else now.keys
+        except (BadInput, NotFound) as error:
+            await self._voice.refuse(error)
+            return now
+        return _Wanted(params, inputs, keys)
