@@ -16,6 +16,8 @@ PAGE_CSP = (
     "base-uri 'none'; form-action 'self'; frame-ancestors 'none'"
 )
 """Nothing from elsewhere, no inline script or style. Blobs: thumbnails and a local file before its upload."""
+PERMISSIONS = "camera=(self), display-capture=(self), fullscreen=(self), microphone=(), geolocation=(), payment=(), usb=()"
+"""What pages may ask the browser for: the live page needs a camera or a screen, and nothing hears anyone."""
 TUS = "/v1/uploads"
 
 
@@ -57,6 +59,7 @@ def _add(headers: MutableHeaders, path: str) -> None:
     if path.startswith(TUS):
         headers["Tus-Resumable"] = VERSION
     headers.setdefault("Content-Security-Policy", PAGE_CSP)
+    headers.setdefault("Permissions-Policy", PERMISSIONS)
     headers.setdefault("Cache-Control", "no-store" if path.startswith("/v1/") else "no-cache")
 
 

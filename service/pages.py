@@ -1,4 +1,4 @@
-"""The pages: the studio at /, and the API's description at /docs, drawn from /openapi.json."""
+"""The pages: the studio at /, live at /live, and the API's description at /docs, drawn from /openapi.json."""
 
 from __future__ import annotations
 
@@ -15,6 +15,11 @@ router = APIRouter(include_in_schema=False)
 @router.get("/")
 def index() -> FileResponse:
     return FileResponse(HERE / "web" / "index.html")
+
+
+@router.get("/live")
+def live() -> FileResponse:
+    return FileResponse(HERE / "web" / "live.html")
 
 
 @router.get("/docs")
