@@ -57,6 +57,8 @@ class RaySeat:
             self._give_back(self._actor, True)
 
 
+OPENCV_THREADS = 2
+"""In a live actor, whose process is its own: a frame shall be done soon, where a batch shall cost little."""
 LEAVE_WITHIN_S = 5.0
 """An actor that does not let go of its stream in this time is killed."""
 
@@ -83,7 +85,9 @@ class RaySeats:
 
     def __init__(self, blobs: Blobs, spares: int, make_painter: Callable[[], Painter] | None = None) -> None:
         self._spares = spares
-        self._make_painter: bytes = cast(Any, ray.cloudpickle).dumps(make_painter or partial(LivePainter, blobs))
+        self._make_painter: bytes = cast(Any, ray.cloudpickle).dumps(
+            make_painter or partial(LivePainter, blobs, threads=OPENCV_THREADS)
+        )
         self._lock = threading.Lock()
         self._idle: list[tuple[Any, Any]] = []
         """(actor, reference that is there once it is warm), the warmest first."""

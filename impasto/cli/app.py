@@ -16,6 +16,7 @@ from impasto.cli import (
     get,
     jobs,
     keys,
+    live,
     methods,
     render,
     retry,
@@ -40,6 +41,7 @@ app = typer.Typer(
 
 HERE, AWAY, AROUND = "On this machine", "At a service", "Looking around"
 app.command(epilog=render.EPILOG, rich_help_panel=HERE)(render.render)
+app.command(epilog=live.EPILOG, rich_help_panel=HERE)(live.live)
 app.command(epilog=serve.EPILOG, rich_help_panel=HERE)(serve.serve)
 app.command(epilog=scene.EPILOG, rich_help_panel=HERE)(scene.scene)
 app.add_typer(keys.app, name="keys", rich_help_panel=HERE)

@@ -7,6 +7,7 @@ import os
 import signal
 import time
 from collections.abc import Awaitable, Iterator, Mapping
+from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -60,6 +61,9 @@ class EchoSession:
         made = np.asarray(cv2.add(frame, np.full_like(frame, self.params.add)), np.uint8)
         made[0, 0] = (self.params.add, self.green, number % 256)
         return made
+
+    def hurry(self, helper: Executor) -> None:
+        """It has nothing to do aside."""
 
     def follow(
         self, params: Any, size: tuple[int, int], references: Mapping[str, Iterator[Frame]] | None = None

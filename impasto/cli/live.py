@@ -1,0 +1,213 @@
+"""`impasto live`: a stream from a file, a camera or the network, stylised as it comes."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from impasto.cli import values
+from impasto.cli.console import emit, err, out, say
+from impasto.cli.options import (
+    WHAT,
+    WHERE,
+    JsonFlag,
+    KeyOption,
+    MethodOption,
+    ParamOption,
+    QualityOption,
+    QuietFlag,
+    SeedOption,
+    ServerOption,
+)
+from pipeline.errors import BadInput
+
+if TYPE_CHECKING:
+    from impasto.client import Client
+    from impasto.live.client import LiveClient
+    from impasto.live.run import Stream
+    from impasto.live.sources import Source
+
+EPILOG = """[bold]Examples[/bold]
+
+impasto live --input camera --output window
+
+impasto live --input clip.mp4 --output cartoon.mp4 --param lines=off
+
+impasto live --input rtsp://camera.local/stream --output rtmp://studio.example/live/key --input reference=wave.jpg
+
+impasto live --input clip.mp4 --loop 0 --duration 60 --output none --json
+
+Frames go out at the input's own pace; when the service cannot keep up, it drops some rather than fall behind, and
+works at a lower resolution. Without --server a service on this machine is used, or one is started for the occasion.
+Ctrl-C ends the stream; what has been written is whole.
+"""
+
+_NAMED = re.compile(r"[a-z_]+=")
+_CODECS = ("jpeg", "webp", "h264", "vp8", "raw")
+
+Inputs = Annotated[
+    list[str],
+    typer.Option(
+        "--input", "-i", metavar="SOURCE | NAME=PATH", rich_help_panel=WHAT,
+        help="A video file, camera, camera:1, or an address (rtsp://...); and another input of the method by its name.",
+    ),
+]  # fmt: skip
+Output = Annotated[
+    str,
+    typer.Option("--output", "-o", metavar="OUT", help="A .mp4 or .webm file, DIR/ (PNGs), rtmp://..., window, none."),
+]
+
+
+def live(
+    inputs: Inputs,
+    output: Output = "window",
+    method: MethodOption = "abstraction",
+    param: ParamOption = None,
+    seed: SeedOption = 0,
+    size: Annotated[str, typer.Option(metavar="WxH", help="Scale the input.", rich_help_panel=WHAT)] = "",
+    fps: Annotated[float | None, typer.Option(min=1, max=240, help="Of the input.", rich_help_panel=WHAT)] = None,
+    loop: Annotated[int, typer.Option(min=0, help="Play a file so often; 0: for ever.", rich_help_panel=WHAT)] = 1,
+    duration: Annotated[float | None, typer.Option(metavar="S", min=0.1, help="Stop after so many seconds.")] = None,
+    codec: Annotated[str, typer.Option(help=f"Both ways: {', '.join(_CODECS)}.", rich_help_panel=WHERE)] = "jpeg",
+    fixed: Annotated[bool, typer.Option("--fixed", help="Never work at a lower resolution.")] = False,
+    quality: QualityOption = 20,
+    server: ServerOption = None,
+    api_key: KeyOption = None,
+    quiet: QuietFlag = False,
+    as_json: JsonFlag = False,
+) -> None:
+    """Stylise a stream as it comes, through a live session of a service."""
+    from impasto.client import Client
+    from impasto.live.service import service
+    from impasto.live.sinks import open_sink
+    from impasto.live.sources import open_source
+    from impasto.settings import CommandSettings, load
+
+    source_name, named = _split(inputs)
+    params, given = values.params(param or []), _size(size)
+    _check_codec(codec)
+    settings = load(CommandSettings, server=server, api_key=api_key)
+    key = settings.api_key.get_secret_value()
+    with _closing(open_source(source_name, loop, given, fps)) as source:
+        sink = open_sink(output, source, quality)
+        with service(settings.server, say) as address:
+            with Client(address, key) as client:
+                assets = _upload(client, named)
+            options = {
+                "size": source.size, "fps": min(max(source.fps, 1.0), 240.0), "method": method, "params": params,
+                "inputs": assets, "seed": seed, "send": (codec,), "receive": (codec,), "adaptive": not fixed,
+            }  # fmt: skip
+            summary = _stream(address, key, options, source, sink, duration or float("inf"), quiet)
+    _tell(summary, as_json)
+
+
+def _stream(
+    address: str, key: str, options: dict[str, Any], source: Source, sink: Any, duration_s: float, quiet: bool
+) -> dict[str, Any]:  # fmt: skip
+    from impasto.live.client import LiveClient
+    from impasto.live.run import Stream
+
+    with _status(quiet) as show, LiveClient(address, key, show, **options) as client:
+        stream = Stream(client, source, sink, duration_s)
+        where = stream.run()
+        stream.tally.late += source.skipped
+        return _summary(stream, client, where)
+
+
+def _summary(stream: Stream, client: LiveClient, where: str) -> dict[str, Any]:
+    work = client.stats or client.ready
+    return stream.tally.as_json() | {
+        "width": stream.source.size[0], "height": stream.source.size[1],
+        "work_width": work["width"], "work_height": work["height"],
+        "codec": client.ready["receive"]["codec"], "session": client.ready["session"], "output": where,
+    }  # fmt: skip
+
+
+def _tell(summary: dict[str, Any], as_json: bool) -> None:
+    if as_json:
+        emit(summary)
+        return
+    if summary["output"] not in ("none", "window", ""):
+        out.print(summary["output"], markup=False)
+    latency = summary["server_latency_ms"]
+    say(
+        f"{summary['painted']} of {summary['frames']} frames, {summary['fps']:.1f} frames/s, "
+        f"server {latency['p50']:.0f} ms (p99 {latency['p99']:.0f} ms)"
+    )
+
+
+@contextmanager
+def _closing(source: Source) -> Iterator[Source]:
+    try:
+        yield source
+    finally:
+        source.close()
+
+
+@contextmanager
+def _status(quiet: bool) -> Iterator[Any]:
+    """A line on a terminal, once a second; elsewhere only what the service has to say."""
+    if quiet:
+        yield lambda message: None
+    elif not err.is_terminal:
+        yield _say_changes
+    else:
+        with err.status("Connecting...") as line:
+            yield lambda message: line.update(_line(message)) if message["type"] == "stats" else _say_changes(message)
+
+
+def _line(stats: Mapping[str, Any]) -> str:
+    latency = stats["latency_ms"]
+    return (
+        f"{stats['fps']:.0f} frames/s at {stats['width']}x{stats['height']}, "
+        f"server {latency['p50']:.0f} ms (p99 {latency['p99']:.0f} ms), {stats['dropped']} dropped"
+    )
+
+
+def _say_changes(message: Mapping[str, Any]) -> None:
+    if message["type"] == "resolution":
+        say(f"Works at {message['width']}x{message['height']} now ({message['reason']}).")
+    elif message["type"] == "replaced":
+        say("The worker died and another goes on.")
+    elif message["type"] == "error":
+        say(f"error: {message['problem'].get('detail')}")
+
+
+def _split(options: list[str]) -> tuple[str, dict[str, Path]]:
+    """The source, and the method's other inputs by name."""
+    named = [option for option in options if _NAMED.match(option)]
+    sources = [option for option in options if option not in named]
+    if len(sources) != 1:
+        raise BadInput(
+            "One source is expected.", field="--input", value=", ".join(sources) or "none",
+            remedy="Give one of: a video file, camera, camera:1, rtsp://...; others as NAME=PATH.",
+        )  # fmt: skip
+    return sources[0], values.inputs(named)
+
+
+def _size(text: str) -> tuple[int, int] | None:
+    if not text:
+        return None
+    found = re.fullmatch(r"(\d{2,5})x(\d{2,5})", text)
+    if not found:
+        raise BadInput("A size is WIDTHxHEIGHT.", field="--size", value=text, remedy="Write --size 640x480.")
+    return int(found[1]), int(found[2])
+
+
+def _check_codec(codec: str) -> None:
+    if codec not in _CODECS:
+        raise BadInput("There is no such codec.", field="--codec", value=codec, remedy=f"Use {', '.join(_CODECS)}.")
+
+
+def _upload(client: Client, paths: Mapping[str, Path]) -> dict[str, str]:
+    from impasto.cli.materials import gather
+
+    with tempfile.TemporaryDirectory(prefix="impasto-") as scratch:
+        files = {name: gather(f"--input {name}", path, Path(scratch)).path for name, path in paths.items()}
+        return {name: str(client.upload(file)["id"]) for name, file in files.items()}

@@ -1,0 +1,322 @@
+"""`LiveClient`: frames to a service and back, from any program.
+
+    with LiveClient("http://127.0.0.1:8420", size=(640, 480), fps=30) as live:
+        for frame in frames:
+            live.send(frame)
+            for answer in live.answers(wait_s=0):
+                show(live.picture(answer))
+
+Frames go out on the caller's thread, answers come in on one of the client's own. A lost connection is taken up again;
+frames sent meanwhile are dropped, as the service drops those it has no time for.
+"""
+
+from __future__ import annotations
+
+import json
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import TracebackType
+from typing import Any, Self
+
+import httpx
+from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketException
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Subprotocol
+
+from impasto import DEFAULT_SERVER
+from impasto.live.wire import SUBPROTOCOL, Answer, pack, unpack
+from impasto.problems import BY_CODE, ServiceUnreachable, error_of
+from pipeline.errors import ImpastoError
+from pipeline.frames import Frame
+from workers.live.codecs import Decoder, Encoder, decoder, encoder
+from workers.live.model import Wire
+
+Json = dict[str, Any]
+MAX_MESSAGE_BYTES = 128 << 20
+MAX_SIDE_PX = 16384
+ANSWERS_KEPT = 120
+"""Answers waiting for the caller. When there are more, the service is not read from, and drops frames."""
+PATIENCE_S = 10.0
+"""How long a lost connection is tried again: as long as the service keeps the session."""
+_RETRIED = frozenset({1001, 1006, 1011, 1012})
+"""Close codes after which connecting again may help."""
+
+
+class LiveEnded(ImpastoError):
+    """The service has ended the session; `code` is the close reason."""
+
+    code = "live-ended"
+
+
+@dataclass(frozen=True)
+class LiveOptions:
+    """What `hello` says, see docs/live.md."""
+
+    size: tuple[int, int]
+    fps: float = 30.0
+    method: str = "abstraction"
+    params: Mapping[str, Any] = field(default_factory=dict)
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    """Asset id by input name."""
+    seed: int = 0
+    send: Sequence[str] = ("jpeg",)
+    receive: Sequence[str] = ("jpeg",)
+    quality: int = 85
+    adaptive: bool = True
+
+    def hello(self) -> Json:
+        return {
+            "type": "hello", "method": self.method, "params": dict(self.params), "inputs": dict(self.inputs),
+            "seed": self.seed, "width": self.size[0], "height": self.size[1], "fps": self.fps, "send": [*self.send],
+            "receive": [*self.receive], "quality": self.quality, "adaptive": self.adaptive,
+        }  # fmt: skip
+
+
+class LiveClient:
+    """One live session. A context manager. `send` and `answers` may be called from two threads.
+
+    Args:
+        server: address without `/v1`.
+        api_key: empty where the service is open (loopback).
+        on_message: called with each JSON message of the service, on the client's thread.
+        timeout_s: seconds to connect, and for the answer to `hello` (a reference may have to be learned).
+        options: fields of `LiveOptions`: `size` at least.
+
+    Raises: ServiceUnreachable, NotAllowed, and what the service refuses with (`busy`: its remedy says when to return).
+    """
+
+    def __init__(
+        self, server: str = DEFAULT_SERVER, api_key: str = "", on_message: Callable[[Json], None] = lambda said: None,
+        timeout_s: float = 60.0, **options: Any,
+    ) -> None:  # fmt: skip
+        self.options = LiveOptions(**options)
+        self.ready: Json = {}
+        """The service's answer to `hello`."""
+        self.stats: Json = {}
+        """The newest statistics; after `close`, those of the whole session."""
+        self.unsent = 0
+        """Frames that were not sent because there was no connection."""
+        self._server, self._key, self._timeout_s = server.rstrip("/"), api_key, timeout_s
+        self._tell = on_message
+        self._answers: queue.Queue[Answer | ImpastoError | None] = queue.Queue(ANSWERS_KEPT)
+        self._socket: ClientConnection | None = None
+        self._encoder: tuple[tuple[int, int], Encoder] | None = None
+        self._decoder: Decoder | None = None
+        self._sequence, self._want_key = 0, True
+        self._leaving, self._over = False, threading.Event()
+        self._reader = threading.Thread(target=self._read, name="impasto-live", daemon=True)
+
+    # -- life
+
+    def __enter__(self) -> Self:
+        self._connect()
+        self._reader.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close(patience_s=5.0 if kind is None else 1.0)
+
+    def close(self, patience_s: float = 5.0) -> Json:
+        """Say goodbye, wait for the figures of the whole session and return them. Answers still to come are kept."""
+        self._leaving = True
+        if self._socket is not None and not self._over.is_set():
+            self._say({"type": "bye"})
+            self._over.wait(patience_s)
+            self._socket.close()
+        return self.stats
+
+    def _connect(self) -> None:
+        query = f"?session={self.ready['session']}" if self.ready else ""
+        address = "ws" + self._server.removeprefix("http") + "/v1/live" + query
+        headers = {"Authorization": f"Bearer {self._key}"} if self._key else {}
+        try:
+            socket = connect(
+                address, subprotocols=[Subprotocol(SUBPROTOCOL)], additional_headers=headers, compression=None,
+                max_size=MAX_MESSAGE_BYTES, open_timeout=min(10.0, self._timeout_s), max_queue=8, proxy=None,
+            )  # fmt: skip
+        except InvalidStatus as refused:
+            response = refused.response
+            raise error_of(httpx.Response(response.status_code, content=bytes(response.body or b""))) from None
+        except (OSError, WebSocketException, TimeoutError) as error:
+            raise ServiceUnreachable(
+                f"No answer: {error or type(error).__name__}.", field="server", value=self._server,
+                remedy="Start one with `impasto serve`, or give its address with --server.",
+            ) from error  # fmt: skip
+        self._greet(socket)
+
+    def _greet(self, socket: ClientConnection) -> None:
+        try:
+            socket.send(json.dumps(self.options.hello()))
+            answer = json.loads(socket.recv(timeout=self._timeout_s))
+            if answer["type"] == "error":
+                raise _problem(answer)
+        except (ConnectionClosed, TimeoutError, ImpastoError) as error:
+            socket.close()
+            raise error if isinstance(error, ImpastoError) else _ended(socket) from error
+        self.ready, self._socket = answer, socket
+        self._encoder, self._want_key = None, True
+        self._decoder = decoder(answer["receive"]["codec"], MAX_SIDE_PX)
+        self._tell(answer)
+
+    # -- frames
+
+    @property
+    def next_sequence(self) -> int:
+        """The number that the next frame will have."""
+        return self._sequence + 1
+
+    def send(self, frame: Frame, timestamp: int | None = None) -> int:
+        """Encode a frame (uint8 (h, w, 3) RGB) as agreed and send it; its sequence number.
+
+        `timestamp` comes back with the answer; None: microseconds of `time.monotonic`.
+        """
+        size = (frame.shape[1], frame.shape[0])
+        if self._encoder is None or self._encoder[0] != size:
+            codec = str(self.ready["send"]["codec"])
+            self._encoder = (size, encoder(_wire(codec, self.options), size))
+        want_key, self._want_key = self._want_key, False
+        payload, _coded, key = self._encoder[1].encode(frame, want_key)
+        return self.send_payload(payload, size, key, timestamp)
+
+    def send_payload(
+        self, payload: bytes, size: tuple[int, int], key: bool = True, timestamp: int | None = None
+    ) -> int:
+        """Send a frame that is encoded already."""
+        stamp = now_us() if timestamp is None else timestamp
+        self._sequence += 1
+        try:
+            assert self._socket is not None
+            self._socket.send(pack(payload, size, key, self._sequence, stamp))
+        except ConnectionClosed:
+            self.unsent += 1
+        return self._sequence
+
+    def answers(self, wait_s: float | None = None) -> Iterator[Answer]:
+        """Answers as they come, to the end of the session; with `wait_s`, those that are there or come within it.
+
+        Raises: LiveEnded, or what the service ended the session with.
+        """
+        while True:
+            try:
+                item = self._answers.get(timeout=wait_s) if wait_s != 0 else self._answers.get_nowait()
+            except queue.Empty:
+                return
+            if item is None or isinstance(item, ImpastoError):
+                self._answers.put(item)  # for whoever asks again
+                if item is None:
+                    return
+                raise item
+            yield item
+            wait_s = 0 if wait_s is not None else None
+
+    def picture(self, answer: Answer) -> Frame:
+        """The frame of an answer, uint8 (h, w, 3) RGB. With a video codec: every answer, in order."""
+        assert self._decoder is not None
+        return self._decoder.decode(answer.payload, answer.size)
+
+    # -- messages
+
+    def change(self, params: Mapping[str, Any] | None = None, inputs: Mapping[str, str | None] | None = None) -> None:
+        """Change parameters or references from the next frame on; the service answers to `on_message`."""
+        self.options = replace(
+            self.options, params={**self.options.params, **(params or {})},
+            inputs={k: v for k, v in {**self.options.inputs, **(inputs or {})}.items() if v is not None},
+        )  # fmt: skip
+        self._say({"type": "params", "params": dict(params or {}), "inputs": dict(inputs or {})})
+
+    def _say(self, message: Json) -> None:
+        try:
+            if self._socket is not None:
+                self._socket.send(json.dumps(message))
+        except ConnectionClosed:
+            return  # the reader knows, and what is in force goes out with the next hello
+
+    # -- the client's thread
+
+    def _read(self) -> None:
+        end: ImpastoError | None = None
+        try:
+            while True:
+                assert self._socket is not None
+                if self._take(self._socket):
+                    break
+                self._again()
+        except ImpastoError as error:
+            end = error
+        finally:
+            self._over.set()
+            self._answers.put(end)
+
+    def _take(self, socket: ClientConnection) -> bool:
+        """Everything the connection brings; True when the session is over, False when it was lost."""
+        fatal: ImpastoError | None = None
+        try:
+            for message in socket:
+                if isinstance(message, bytes):
+                    self._answers.put(unpack(message))
+                else:
+                    fatal = self._hear(json.loads(message)) or fatal
+        except ConnectionClosed:
+            pass  # the code says how
+        if self._leaving or socket.close_code == 1000:
+            return True
+        if socket.close_code in _RETRIED:
+            return False
+        raise fatal or _ended(socket)
+
+    def _hear(self, message: Json) -> ImpastoError | None:
+        if message["type"] in ("stats", "bye"):
+            self.stats = message.get("stats", message)
+            if message["type"] == "bye":
+                self._over.set()
+        elif message["type"] == "keyframe":
+            self._want_key = True
+        self._tell(message)
+        return _problem(message) if message["type"] == "error" and message.get("fatal") else None
+
+    def _again(self) -> None:
+        """Take the session up again. Raises what stands in the way when patience is at its end."""
+        deadline, wait_s = time.monotonic() + PATIENCE_S, 0.1
+        while True:
+            try:
+                return self._connect()
+            except ImpastoError as error:
+                hopeless = not isinstance(error, ServiceUnreachable) and error.code != "busy"
+                if hopeless or self._leaving or time.monotonic() + wait_s > deadline:
+                    raise
+            time.sleep(wait_s)
+            wait_s = min(2 * wait_s, 1.0)
+
+
+def now_us() -> int:
+    """Microseconds of this process's monotonic clock: what `LiveClient.send` stamps frames with."""
+    return time.monotonic_ns() // 1000
+
+
+def _wire(codec: str, options: LiveOptions) -> Wire:
+    """An encoder's orders for the way out."""
+    return Wire(send=codec, receive=codec, quality=options.quality, fps=options.fps)
+
+
+def _problem(message: Json) -> ImpastoError:
+    problem = message["problem"]
+    kind = BY_CODE.get(problem.get("code", ""), LiveEnded)
+    error = kind(
+        problem.get("detail") or "The service ended the session.", field=problem.get("field") or "",
+        value=problem.get("value"), remedy=problem.get("remedy") or "",
+    )  # fmt: skip
+    error.code = problem.get("code") or error.code
+    return error
+
+
+def _ended(socket: ClientConnection) -> LiveEnded:
+    code, reason = socket.close_code, socket.close_reason or "no reason"
+    return LiveEnded(
+        f"The service ended the session ({code}, {reason}).",
+        field="live",
+        value=code,
+        remedy="See docs/live.md, Closing.",
+    )

@@ -1,0 +1,67 @@
+"""The service that a live stream goes to: the one that was named, one on this machine, or one for the occasion."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import httpx
+
+from impasto import DEFAULT_SERVER
+from impasto.problems import ServiceUnreachable
+
+START_S = 60.0
+
+
+@contextmanager
+def service(named: str, say: Callable[[str], None]) -> Iterator[str]:
+    """The address of a service.
+
+    Args:
+        named: an address; if it is the default one and nobody answers there, a service is started, on a free port and
+            with an empty home, and stopped at the end.
+        say: told when that happens.
+
+    Raises: ServiceUnreachable (it does not start).
+    """
+    if named != DEFAULT_SERVER or _answers(named):
+        yield named
+        return
+    say("No service answers on this machine; one is started for as long as this runs (`impasto serve` keeps one).")
+    with tempfile.TemporaryDirectory(prefix="impasto-") as home, _started(home) as address:
+        yield address
+
+
+def _answers(address: str) -> bool:
+    try:
+        return httpx.get(f"{address}/healthz", timeout=2.0).is_success
+    except httpx.TransportError:
+        return False
+
+
+@contextmanager
+def _started(home: str) -> Iterator[str]:
+    command = [sys.executable, "-m", "impasto", "serve", "--host", "127.0.0.1", "--port", "0", "--home", home]
+    # A session of its own: Ctrl-C is for the stream, which ends in order first.
+    child = subprocess.Popen(  # noqa: S603  (our own command)
+        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, start_new_session=True
+    )
+    try:
+        assert child.stdout is not None
+        address = child.stdout.readline().strip()
+        if not address:
+            raise ServiceUnreachable(
+                "A service could not be started.", field="server", value=child.wait(START_S),
+                remedy="Run `impasto serve` to see why, or name one with --server.",
+            )  # fmt: skip
+        yield address
+    finally:
+        child.terminate()
+        try:
+            child.wait(15)
+        except subprocess.TimeoutExpired:
+            child.kill()
+            child.wait()

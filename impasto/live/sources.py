@@ -1,0 +1,207 @@
+"""Where frames come from: a file at its own pace, a camera, a network stream."""
+
+from __future__ import annotations
+
+import itertools
+import queue
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from fractions import Fraction
+from pathlib import Path
+from typing import Protocol
+
+import av
+import cv2
+import numpy as np
+from av.container import InputContainer
+
+from pipeline.errors import BadInput, ImpastoError
+from pipeline.frames import Frame
+from pipeline.video.geometry import geometry_of, to_frame
+from pipeline.video.reader import VideoReader
+
+Size = tuple[int, int]
+Timed = tuple[float, Frame]
+"""When a frame is shown, seconds from the first, and the frame."""
+NETWORK = ("rtsp://", "rtsps://", "rtmp://", "http://", "https://", "udp://", "srt://", "tcp://")
+OPEN_S = 10
+_CAMERA_FORMATS = {"linux": "v4l2", "darwin": "avfoundation", "win32": "dshow"}
+
+
+class Source(Protocol):
+    """Frames of one size."""
+
+    size: Size
+    """(width, height), px."""
+    fps: float
+    """Nominal."""
+    paced: bool
+    """Whether frames come at their times by themselves; others are to be waited for."""
+    sound: Path | None
+    """A file whose sound goes with the frames."""
+    skipped: int
+    """Frames that came and were not taken in time."""
+
+    def __iter__(self) -> Iterator[Timed]: ...
+
+    def close(self) -> None: ...
+
+
+def open_source(text: str, loops: int, size: Size | None, fps: float | None) -> Source:
+    """A source by its name: a path, `camera`, `camera:N`, or an address.
+
+    Args:
+        loops: how often a file is played, 0 = for ever.
+        size: scale frames to it, (width, height) px; None: as they come.
+        fps: rate to ask a camera for, or to play a file at.
+
+    Raises: BadInput (no such file, camera or stream), UnreadableMedia, NoVideoStream.
+    """
+    source: Source
+    if text == "camera" or text.startswith("camera:"):
+        source = _camera(text, size, fps)
+    elif text.startswith(NETWORK):
+        source = StreamSource(text, None, {}, fps, "Check the address, and that the sender is on.")
+    else:
+        source = FileSource(Path(text).expanduser(), loops, fps)
+    return source if size is None or source.size == size else Scaled(source, size)
+
+
+class FileSource:
+    """A video file; frame times are its own, or `fps` apart."""
+
+    paced = False
+    skipped = 0
+
+    def __init__(self, path: Path, loops: int, fps: float | None) -> None:
+        if not path.exists():
+            raise BadInput(
+                "There is no such file.", field="--input", value=path,
+                remedy="Give a video file, camera, camera:1, or an address such as rtsp://host/stream.",
+            )  # fmt: skip
+        self._reader, self._loops = VideoReader(path), loops
+        self.size, self.fps = self._reader.size, fps or self._reader.fps
+        self.sound = path if loops == 1 and fps is None and path.is_file() else None
+        index = self._reader.index
+        ticks = [*(int(t) for t in index.pts), index.end]
+        self._times = [float((t - ticks[0]) * index.time_base) for t in ticks]
+        if fps:
+            self._times = [n / fps for n in range(len(ticks))]
+
+    def __iter__(self) -> Iterator[Timed]:
+        for loop in itertools.count() if self._loops == 0 else range(self._loops):
+            for number, frame in enumerate(self._reader.read()):
+                yield loop * self._times[-1] + self._times[min(number, len(self._times) - 2)], frame
+
+    def close(self) -> None:
+        self._reader.close()
+
+
+class StreamSource:
+    """A camera or a network stream, read on a thread of its own: only the newest frame waits."""
+
+    paced = True
+    sound: Path | None = None
+
+    def __init__(self, name: str, kind: str | None, options: dict[str, str], fps: float | None, remedy: str) -> None:
+        self._name, self._remedy = name, remedy
+        self._container = self._open(kind, options)
+        stream = self._container.streams.video[0]
+        stream.thread_type = "NONE"  # threads hold frames back
+        self._pictures = self._container.decode(stream)
+        first = self._first()
+        self._geometry = geometry_of(first, stream.codec_context.sample_aspect_ratio)
+        self.size = self._geometry.size
+        self.fps = fps or float(stream.average_rate or 30)
+        self.skipped = 0
+        self._newest: queue.Queue[Timed | None] = queue.Queue(1)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._read, args=(first,), name="impasto-source", daemon=True)
+        self._thread.start()
+
+    def _open(self, kind: str | None, options: dict[str, str]) -> InputContainer:
+        try:
+            container = av.open(self._name, format=kind, options=options, timeout=(OPEN_S, OPEN_S))
+        except (av.FFmpegError, OSError, ValueError) as error:
+            raise self._failed(str(error)) from None
+        if not container.streams.video:
+            container.close()
+            raise self._failed("it has no video")
+        return container
+
+    def _first(self) -> av.VideoFrame:
+        try:
+            return next(iter(self._pictures))
+        except (av.FFmpegError, StopIteration, OSError) as error:
+            self._container.close()
+            raise self._failed(str(error) or "it sends no frames") from None
+
+    def _failed(self, why: str) -> BadInput:
+        return BadInput(f"It cannot be opened: {why}.", field="--input", value=self._name, remedy=self._remedy)
+
+    def _read(self, first: av.VideoFrame) -> None:
+        began = time.monotonic()
+        try:
+            for picture in itertools.chain([first], self._pictures):
+                if self._stop.is_set():
+                    break
+                self._offer((time.monotonic() - began, to_frame(picture, self._geometry)))
+        except (av.FFmpegError, OSError, ImpastoError):
+            pass  # the stream has ended; what was sent is finished
+        finally:
+            self._newest.put(None)
+
+    def _offer(self, timed: Timed) -> None:
+        try:
+            self._newest.get_nowait()
+            self.skipped += 1
+        except queue.Empty:
+            pass
+        self._newest.put(timed)
+
+    def __iter__(self) -> Iterator[Timed]:
+        while (timed := self._newest.get()) is not None:
+            yield timed
+
+    def close(self) -> None:
+        self._stop.set()
+        while self._thread.is_alive():
+            try:
+                self._newest.get(timeout=0.1)
+            except queue.Empty:
+                self._thread.join(0.1)
+                if not self._thread.is_alive() or not self._container.streams:
+                    break
+        self._container.close()
+
+
+class Scaled:
+    """Another source's frames at a size of one's own."""
+
+    def __init__(self, source: Source, size: Size) -> None:
+        self._source, self.size, self.skipped = source, size, 0
+        self.fps, self.paced, self.sound = source.fps, source.paced, source.sound
+
+    def __iter__(self) -> Iterator[Timed]:
+        for when, frame in self._source:
+            self.skipped = self._source.skipped
+            how = cv2.INTER_AREA if frame.shape[1] > self.size[0] else cv2.INTER_LINEAR
+            yield when, np.asarray(cv2.resize(frame, self.size, interpolation=how), np.uint8)
+
+    def close(self) -> None:
+        self._source.close()
+
+
+def _camera(text: str, size: Size | None, fps: float | None) -> StreamSource:
+    _, _, number = text.partition(":")
+    if number and not number.isdigit():
+        raise BadInput("A camera has a number.", field="--input", value=text, remedy="Write camera, or camera:1.")
+    kind = _CAMERA_FORMATS.get(sys.platform, "v4l2")
+    name = f"/dev/video{number or 0}" if kind == "v4l2" else (number or "0")
+    options = {"framerate": str(Fraction(fps or 30).limit_denominator(1001))}
+    if size:
+        options["video_size"] = f"{size[0]}x{size[1]}"
+    remedy = "Plug a camera in, choose another with camera:N, or use a video file."
+    return StreamSource(name, kind, options, fps, remedy)
