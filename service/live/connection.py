@@ -50,6 +50,7 @@ from service.live.voice import Voice
 from workers.errors import NotFound
 from workers.live.codecs import BUILT_ON, webcodecs_name
 from workers.live.model import Packet, Wire
+from workers.live.resolution import deadline_s
 from workers.live.stream import Answer, Item, NeedsKey, Replaced, Resized, Stream
 from workers.model import Asset
 
@@ -200,7 +201,8 @@ class Connection:
             session=session.id, resumed=resumed, method=order.method, params=dict(order.params),
             send=Sending(codec=send, format=_FORMATS.get(send)),
             receive=Receiving(codec=receive, format=_FORMATS.get(receive), webcodecs=name),
-            width=hello.width, height=hello.height, fps=hello.fps, deadline_ms=round(1000 / hello.fps, 1),
+            width=hello.width, height=hello.height, fps=hello.fps,
+            deadline_ms=round(1000 * deadline_s(1 / hello.fps), 1),
         )  # fmt: skip
 
     # -- reading

@@ -9,27 +9,35 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from workers.live.resolution import PATIENCE_S, SCALES, Ladder, Pace, scaled
+from workers.live.resolution import PATIENCE_S, SCALES, Cost, Ladder, Pace, deadline_s, scaled
 
 FPS = 30.0
 
 
-def drive(ladder: Ladder, seconds: float, cost_s: Callable[[float, float], float], start_s: float = 0.0) -> list[tuple]:
-    """Frames at FPS whose work costs `cost_s(scale, now)`; one that comes while another is at work waits or is dropped.
+def drive(
+    ladder: Ladder, seconds: float, cost_s: Callable[[float, float], float], start_s: float = 0.0, fps: float = FPS
+) -> list[tuple[float, float, float]]:
+    """Frames at `fps` whose work costs `cost_s(scale, now)`, half of it for each half; they overlap as `Policy` says.
 
     Gives (time, scale, latency) of those that were painted.
     """
-    free_at, seen = 0.0, []
-    for number in range(int(seconds * FPS)):
-        came = start_s + number / FPS
-        begins = max(came, free_at)
-        if begins > came + 1 / FPS:
+    eye, hand, seen = 0.0, 0.0, []
+    for number in range(int(seconds * fps)):
+        came = start_s + number / fps
+        begins = max(came, eye)
+        if begins > came + 1 / fps:
             continue  # a newer one took its place
-        rung, work = ladder.rung, cost_s(ladder.scale, came)
-        free_at = begins + work
-        seen.append((came, ladder.scale, free_at - came))
-        ladder.painted(free_at, 1 / FPS, free_at - came, work, rung)
+        rung, half = ladder.rung, cost_s(ladder.scale, came) / 2
+        eye = begins + half
+        hand = max(eye, hand) + half
+        eye = max(eye, hand - half)
+        seen.append((came, ladder.scale, hand - came))
+        ladder.painted(hand, 1 / fps, hand - came, halves(2 * half), rung)
     return seen
+
+
+def halves(whole_s: float) -> Cost:
+    return Cost(0.0, whole_s / 2, whole_s / 2)
 
 
 def by_side(full_s: float) -> Callable[[float, float], float]:
@@ -39,6 +47,23 @@ def by_side(full_s: float) -> Callable[[float, float], float]:
 def test_a_machine_with_time_stays_at_full_size() -> None:
     ladder = Ladder()
     assert {scale for _, scale, _ in drive(ladder, 20, by_side(0.025))} == {1.0}
+
+
+def test_at_60_fps_the_halves_may_overlap_for_two_periods() -> None:
+    ladder = Ladder()
+    drive(ladder, 10, by_side(0.026), fps=60)
+    assert ladder.scale == 1.0
+    drive(ladder, 3, by_side(0.040), start_s=10, fps=60)
+    assert ladder.scale < 1.0, "a half takes more than a period"
+
+
+def test_the_deadline() -> None:
+    assert [round(1000 * deadline_s(1 / fps), 1) for fps in (15, 30, 60, 120)] == [66.7, 33.3, 33.3, 16.7]
+
+
+def test_decoding_does_not_get_cheaper_at_a_smaller_size() -> None:
+    assert Cost(0.01, 0.02, 0.03).at(0.5) == Cost(0.01, 0.01, 0.015)
+    assert Cost.of({"decode": 1, "look": 2, "paint": 3, "encode": 4}) == Cost(1, 2, 7)
 
 
 def test_an_overloaded_machine_steps_down_within_a_second_and_stays_below_two_periods() -> None:
@@ -87,18 +112,18 @@ def test_steps_up_that_fail_become_rare() -> None:
 
 def test_says_why() -> None:
     ladder = Ladder()
-    ladder.painted(0.0, 1 / FPS, 0.1, 0.1, 0)
-    said = [ladder.painted(1.0 + i / FPS, 1 / FPS, 0.1, 0.1, ladder.rung) for i in range(2)]
+    ladder.painted(0.0, 1 / FPS, 0.1, halves(0.1), 0)
+    said = [ladder.painted(1.0 + i / FPS, 1 / FPS, 0.1, halves(0.1), ladder.rung) for i in range(2)]
     assert said == [None, "slow"]
     began = 2.0
-    said = [ladder.painted(began + i / FPS, 1 / FPS, 0.004, 0.004, ladder.rung) for i in range(int(5 * FPS))]
+    said = [ladder.painted(began + i / FPS, 1 / FPS, 0.004, halves(0.004), ladder.rung) for i in range(int(5 * FPS))]
     assert "room" in said
 
 
 def test_what_was_begun_at_another_size_does_not_count() -> None:
     ladder = Ladder(rung=2)
     for i in range(100):
-        ladder.painted(i / FPS, 1 / FPS, 1.0, 1.0, 0)
+        ladder.painted(i / FPS, 1 / FPS, 1.0, halves(1.0), 0)
     assert ladder.rung == 2
 
 

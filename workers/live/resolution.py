@@ -1,18 +1,20 @@
 """At which size to work: it falls rather than the delay growing. Pure: told the time.
 
-Down, when the work of a frame does not fit one period of the client's rate: at once when two frames in a row took more
-than two periods, else when half a second of frames took, at the median, more than one. A step may skip rungs.
+Down, when frames miss their deadline or one of the two halves of the work takes more than a period, so that frames are
+dropped: at once when two frames in a row took more than two periods, else when half a second of frames did so at the
+median. A step may skip rungs.
 
 Up by one rung, when the next size up is expected to fit well for some seconds; twice as many for each time that this
 size was tried and did not hold.
 
-Cost is taken to grow with the side of a frame. Measured, 352x288 to 640x480, it grows with the pixels to the power of
-0.5 to 0.7; a step down that did not suffice is followed by another.
+Cost, but for decoding, is taken to grow with the side of a frame. Measured, 352x288 to 640x480, it grows with the
+pixels to the power of 0.5 to 0.7; a step down that did not suffice is followed by another.
 """
 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from statistics import median
 from typing import Literal
@@ -26,11 +28,11 @@ SCALES = (1.0, 0.75, 0.5, 0.375, 0.25)
 SETTLE_S = 0.3
 """The first frames of a stream are no measure: pictures are segmented from nothing, memory is touched for the first
 time."""
+NOTICED_S = 1 / 30
+"""A delay below this is worth no pixels."""
 LOOK_BACK_S = 0.5
-HOLDS = 0.85
-"""A smaller size is chosen so that a frame is expected to take this part of a period."""
-FITS = 0.85
-"""A larger size is tried when a frame is expected to take at most this part of a period there."""
+MARGIN = 0.85
+"""A size is chosen so that frames are expected to take this part of what they may."""
 PATIENCE_S, MOST_PATIENCE_S = 3.0, 60.0
 FAILED_WITHIN_S = 5.0
 """A step up that is taken back this soon has failed."""
@@ -40,6 +42,11 @@ MIN_SIDE_PX = 16
 _LATE_PERIODS = 2.0
 _RATE_WINDOW_S = 1.0
 MOST_KEPT = 512
+
+
+def deadline_s(period_s: float) -> float:
+    """How long a frame may take: one period, or a thirtieth of a second where that is at most two."""
+    return min(2 * period_s, max(period_s, NOTICED_S))
 
 
 def scaled(size: Size, scale: float) -> Size:
@@ -72,11 +79,41 @@ class Pace:
 
 
 @dataclass(frozen=True)
+class Cost:
+    """Seconds of a frame's work."""
+
+    decode_s: float
+    look_s: float
+    paint_s: float
+    """With encoding."""
+
+    @classmethod
+    def of(cls, stages_s: Mapping[str, float]) -> Cost:
+        stage = stages_s.get
+        return cls(stage("decode", 0.0), stage("look", 0.0), stage("paint", 0.0) + stage("encode", 0.0))
+
+    @property
+    def half_s(self) -> float:
+        """The longer of the two halves, which bounds the rate."""
+        return max(self.decode_s + self.look_s, self.paint_s)
+
+    @property
+    def whole_s(self) -> float:
+        return self.decode_s + self.look_s + self.paint_s
+
+    def at(self, factor: float) -> Cost:
+        """Expected when the sides of the size worked at change by `factor`."""
+        return Cost(self.decode_s, self.look_s * factor, self.paint_s * factor)
+
+    def fits(self, period_s: float, margin: float = MARGIN) -> bool:
+        return self.half_s <= margin * period_s and self.whole_s <= margin * deadline_s(period_s)
+
+
+@dataclass(frozen=True)
 class _Seen:
     at_s: float
     latency_s: float
-    work_s: float
-    """Without the wait for its turn."""
+    cost: Cost
 
 
 @dataclass
@@ -100,12 +137,12 @@ class Ladder:
     def scale(self) -> float:
         return SCALES[self.rung]
 
-    def painted(self, now_s: float, period_s: float, latency_s: float, work_s: float, rung: int) -> Reason | None:
+    def painted(self, now_s: float, period_s: float, latency_s: float, cost: Cost, rung: int) -> Reason | None:
         """A frame that was begun at `rung` is finished. Says why if the rung has changed.
 
         Args:
+            period_s: of the client's frames.
             latency_s: from its arrival until it was painted.
-            work_s: seconds of its stages, one after the other.
         """
         if not self.adaptive or rung != self.rung:
             return None
@@ -113,7 +150,7 @@ class Ladder:
             self._since_s = now_s + SETTLE_S
         if now_s < self._since_s:
             return None
-        self._keep(_Seen(now_s, latency_s, work_s))
+        self._keep(_Seen(now_s, latency_s, cost))
         self._late = self._late + 1 if latency_s > _LATE_PERIODS * period_s else 0
         if self._slow(now_s, period_s):
             return self._fall(now_s, period_s)
@@ -134,8 +171,11 @@ class Ladder:
         if self._late >= 2:
             return True
         assert self._since_s is not None
-        recent = [seen.latency_s for seen in self._seen if seen.at_s >= now_s - LOOK_BACK_S]
-        return now_s - self._since_s >= LOOK_BACK_S and len(recent) > 1 and median(recent) > period_s
+        recent = [seen for seen in self._seen if seen.at_s >= now_s - LOOK_BACK_S]
+        if now_s - self._since_s < LOOK_BACK_S or len(recent) < 2:
+            return False
+        late = median(seen.latency_s for seen in recent) > deadline_s(period_s)
+        return late or median(seen.cost.half_s for seen in recent) > period_s
 
     def _room(self, now_s: float, period_s: float) -> bool:
         if self.rung == 0 or self._since_s is None:
@@ -143,8 +183,12 @@ class Ladder:
         patience_s = min(PATIENCE_S * 2 ** self._fails[self.rung - 1], MOST_PATIENCE_S)
         if now_s - self._since_s < patience_s:
             return False
-        usual_s = sorted(seen.work_s for seen in self._seen)[int(0.9 * (len(self._seen) - 1))]
-        return usual_s * SCALES[self.rung - 1] / self.scale <= FITS * period_s
+        return self._usual(0.75).at(SCALES[self.rung - 1] / self.scale).fits(period_s)
+
+    def _usual(self, part: float) -> Cost:
+        """What `part` of the frames do not exceed."""
+        costs = sorted((seen.cost for seen in self._seen), key=lambda cost: cost.whole_s)
+        return costs[int(part * (len(costs) - 1))]
 
     def _fall(self, now_s: float, period_s: float) -> Reason:
         held_s = HELD_S if self._rose_s is None else now_s - self._rose_s
@@ -156,9 +200,9 @@ class Ladder:
 
     def _fitting(self, period_s: float) -> int:
         """The first rung below that is expected to hold."""
-        work_s = median(seen.work_s for seen in list(self._seen)[-8:])
+        usual = self._usual(0.5)
         below = range(self.rung + 1, len(SCALES))
-        return next((r for r in below if work_s * SCALES[r] / self.scale <= HOLDS * period_s), len(SCALES) - 1)
+        return next((r for r in below if usual.at(SCALES[r] / self.scale).fits(period_s)), len(SCALES) - 1)
 
     def _rise(self, now_s: float) -> Reason:
         if self._rose_s is not None and now_s - self._rose_s > HELD_S:

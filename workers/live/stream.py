@@ -17,7 +17,7 @@ from workers.live.codecs import BUILT_ON
 from workers.live.figures import Figures
 from workers.live.model import LiveOrder, Packet, Painted, Size, Wire, Work
 from workers.live.policy import Policy, Start
-from workers.live.resolution import Ladder, Pace, scaled
+from workers.live.resolution import Cost, Ladder, Pace, scaled
 from workers.live.seats import NoSeat, Seat, SeatLost, Seats
 from workers.model import Json
 
@@ -141,11 +141,6 @@ class Stream:
     def size(self) -> Size:
         """To work at, for frames as they come now."""
         return scaled(self._input_size, self._ladder.scale)
-
-    @property
-    def period_s(self) -> float:
-        """The deadline of a frame."""
-        return self._pace.period_s
 
     def offer(self, packet: Packet) -> None:
         """A frame has come."""
@@ -273,8 +268,8 @@ class Stream:
         self._wake()
 
     def _measure(self, answer: Answer, rung: int) -> None:
-        now, work_s = self._clock(), sum(answer.painted.stages_s.values())
-        why = self._ladder.painted(now, self.period_s, now - answer.packet.at_s, work_s, rung)
+        now, cost = self._clock(), Cost.of(answer.painted.stages_s)
+        why = self._ladder.painted(now, self._pace.period_s, now - answer.packet.at_s, cost, rung)
         self._why_resized = why or self._why_resized
 
     def _show(self, size: Size) -> None:
