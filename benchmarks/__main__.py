@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from benchmarks import abstraction, flow, kill9, memory, workers
+from benchmarks import abstraction, flow, kill9, live, memory, workers
 
 ALL = {
     "abstraction": abstraction.main,
@@ -12,6 +12,7 @@ ALL = {
     "workers": workers.main,
     "memory": memory.main,
     "kill9": kill9.main,
+    "live": live.main,
 }
 
 

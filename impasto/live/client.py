@@ -5,6 +5,9 @@
             live.send(frame)
             for answer in live.answers(wait_s=0):
                 show(live.picture(answer))
+        live.close()
+        for answer in live.answers():  # those that were still on their way
+            show(live.picture(answer))
 
 Frames go out on the caller's thread, answers come in on one of the client's own. A lost connection is taken up again;
 frames sent meanwhile are dropped, as the service drops those it has no time for.
@@ -30,9 +33,10 @@ from impasto import DEFAULT_SERVER
 from impasto.live.wire import SUBPROTOCOL, Answer, pack, unpack
 from impasto.problems import BY_CODE, ServiceUnreachable, error_of
 from pipeline.errors import ImpastoError
-from pipeline.frames import Frame
+from pipeline.frames import Frame, check_frame
 from workers.live.codecs import Decoder, Encoder, decoder, encoder
 from workers.live.model import Wire
+from workers.live.seats import NoSeat
 
 Json = dict[str, Any]
 MAX_MESSAGE_BYTES = 128 << 20
@@ -41,6 +45,8 @@ ANSWERS_KEPT = 120
 """Answers waiting for the caller. When there are more, the service is not read from, and drops frames."""
 PATIENCE_S = 10.0
 """How long a lost connection is tried again: as long as the service keeps the session."""
+FRUITLESS = 3
+"""Connections in a row that may break before they bring an answer."""
 _RETRIED = frozenset({1001, 1006, 1011, 1012})
 """Close codes after which connecting again may help."""
 
@@ -85,7 +91,8 @@ class LiveClient:
         timeout_s: seconds to connect, and for the answer to `hello` (a reference may have to be learned).
         options: fields of `LiveOptions`: `size` at least.
 
-    Raises: ServiceUnreachable, NotAllowed, and what the service refuses with (`busy`: its remedy says when to return).
+    Raises: ServiceUnreachable, NotAllowed, NoSeat (busy: come back after its `retry_after_s`), and whatever else the
+    service refuses with.
     """
 
     def __init__(
@@ -99,6 +106,8 @@ class LiveClient:
         """The newest statistics; after `close`, those of the whole session."""
         self.unsent = 0
         """Frames that were not sent because there was no connection."""
+        self.ended = False
+        """Whether `answers` has come to the end of the session."""
         self._server, self._key, self._timeout_s = server.rstrip("/"), api_key, timeout_s
         self._tell = on_message
         self._answers: queue.Queue[Answer | ImpastoError | None] = queue.Queue(ANSWERS_KEPT)
@@ -106,6 +115,9 @@ class LiveClient:
         self._encoder: tuple[tuple[int, int], Encoder] | None = None
         self._decoder: Decoder | None = None
         self._sequence, self._want_key = 0, True
+        self._sending = threading.Lock()
+        """No frame is begun for one connection and sent on the next: with a video codec it would make no sense there."""
+        self._fruitless = 0
         self._leaving, self._over = False, threading.Event()
         self._reader = threading.Thread(target=self._read, name="impasto-live", daemon=True)
 
@@ -136,10 +148,9 @@ class LiveClient:
             socket = connect(
                 address, subprotocols=[Subprotocol(SUBPROTOCOL)], additional_headers=headers, compression=None,
                 max_size=MAX_MESSAGE_BYTES, open_timeout=min(10.0, self._timeout_s), max_queue=8, proxy=None,
-            )  # fmt: skip
+            ).__enter__()  # fmt: skip
         except InvalidStatus as refused:
-            response = refused.response
-            raise error_of(httpx.Response(response.status_code, content=bytes(response.body or b""))) from None
+            raise _refusal(refused) from None
         except (OSError, WebSocketException, TimeoutError) as error:
             raise ServiceUnreachable(
                 f"No answer: {error or type(error).__name__}.", field="server", value=self._server,
@@ -156,8 +167,9 @@ class LiveClient:
         except (ConnectionClosed, TimeoutError, ImpastoError) as error:
             socket.close()
             raise error if isinstance(error, ImpastoError) else _ended(socket) from error
-        self.ready, self._socket = answer, socket
-        self._encoder, self._want_key = None, True
+        with self._sending:
+            self.ready, self._socket = answer, socket
+            self._encoder, self._want_key = None, True
         self._decoder = decoder(answer["receive"]["codec"], MAX_SIDE_PX)
         self._tell(answer)
 
@@ -171,24 +183,33 @@ class LiveClient:
     def send(self, frame: Frame, timestamp: int | None = None) -> int:
         """Encode a frame (uint8 (h, w, 3) RGB) as agreed and send it; its sequence number.
 
-        `timestamp` comes back with the answer; None: microseconds of `time.monotonic`.
+        `timestamp` comes back with the answer; None: microseconds of `time.monotonic`. Raises BadFrame.
         """
+        frame, stamp = check_frame(frame), now_us() if timestamp is None else timestamp
+        with self._sending:
+            payload, size, key = self._encoded(frame)
+            return self._send(payload, size, key, stamp)
+
+    def send_payload(
+        self, payload: bytes, size: tuple[int, int], key: bool = True, timestamp: int | None = None
+    ) -> int:
+        """Send a frame that is encoded already."""
+        with self._sending:
+            return self._send(payload, size, key, now_us() if timestamp is None else timestamp)
+
+    def _encoded(self, frame: Frame) -> tuple[bytes, tuple[int, int], bool]:
         size = (frame.shape[1], frame.shape[0])
         if self._encoder is None or self._encoder[0] != size:
             codec = str(self.ready["send"]["codec"])
             self._encoder = (size, encoder(_wire(codec, self.options), size))
         want_key, self._want_key = self._want_key, False
         payload, _coded, key = self._encoder[1].encode(frame, want_key)
-        return self.send_payload(payload, size, key, timestamp)
+        return payload, size, key
 
-    def send_payload(
-        self, payload: bytes, size: tuple[int, int], key: bool = True, timestamp: int | None = None
-    ) -> int:
-        """Send a frame that is encoded already."""
-        stamp = now_us() if timestamp is None else timestamp
+    def _send(self, payload: bytes, size: tuple[int, int], key: bool, stamp: int) -> int:
         self._sequence += 1
         try:
-            assert self._socket is not None
+            assert self._socket is not None, "frames are sent within `with`"
             self._socket.send(pack(payload, size, key, self._sequence, stamp))
         except ConnectionClosed:
             self.unsent += 1
@@ -205,6 +226,7 @@ class LiveClient:
             except queue.Empty:
                 return
             if item is None or isinstance(item, ImpastoError):
+                self.ended = True
                 self._answers.put(item)  # for whoever asks again
                 if item is None:
                     return
@@ -257,13 +279,15 @@ class LiveClient:
             for message in socket:
                 if isinstance(message, bytes):
                     self._answers.put(unpack(message))
+                    self._fruitless = 0
                 else:
                     fatal = self._hear(json.loads(message)) or fatal
         except ConnectionClosed:
             pass  # the code says how
         if self._leaving or socket.close_code == 1000:
             return True
-        if socket.close_code in _RETRIED:
+        self._fruitless += 1
+        if socket.close_code in _RETRIED and self._fruitless < FRUITLESS:
             return False
         raise fatal or _ended(socket)
 
@@ -284,7 +308,7 @@ class LiveClient:
             try:
                 return self._connect()
             except ImpastoError as error:
-                hopeless = not isinstance(error, ServiceUnreachable) and error.code != "busy"
+                hopeless = not isinstance(error, ServiceUnreachable | NoSeat)
                 if hopeless or self._leaving or time.monotonic() + wait_s > deadline:
                     raise
             time.sleep(wait_s)
@@ -303,6 +327,8 @@ def _wire(codec: str, options: LiveOptions) -> Wire:
 
 def _problem(message: Json) -> ImpastoError:
     problem = message["problem"]
+    if problem.get("code") == NoSeat.code:
+        return _busy(problem.get("detail"), message.get("retry_after_s"))
     kind = BY_CODE.get(problem.get("code", ""), LiveEnded)
     error = kind(
         problem.get("detail") or "The service ended the session.", field=problem.get("field") or "",
@@ -310,6 +336,21 @@ def _problem(message: Json) -> ImpastoError:
     )  # fmt: skip
     error.code = problem.get("code") or error.code
     return error
+
+
+def _refusal(refused: InvalidStatus) -> ImpastoError:
+    """What the service answered instead of opening the WebSocket."""
+    response = refused.response
+    error = error_of(httpx.Response(response.status_code, content=bytes(response.body or b"")))
+    if error.code == NoSeat.code:
+        return _busy(error.message, response.headers.get("Retry-After"))
+    return error
+
+
+def _busy(said: str | None, retry_after_s: str | float | None) -> NoSeat:
+    wait_s = float(retry_after_s or 5.0)
+    remedy = f"Try again in {wait_s:g} s, end another session, or let it take more: IMPASTO_LIVE_SESSIONS."
+    return NoSeat(said or "The service is busy.", retry_after_s=wait_s, field="server", remedy=remedy)
 
 
 def _ended(socket: ClientConnection) -> LiveEnded:

@@ -1,0 +1,213 @@
+"""What does a live session hold? A real service with Ray actors, real WebSocket clients on loopback.
+
+    python -m benchmarks live                                     each size for 20 s
+    python -m benchmarks.live --seconds 600 --size 640x480@30     an acceptance run
+    python -m benchmarks.live --overload                          a client that sends at 3 times the capacity
+    python -m benchmarks.live --sessions 2                        two sessions at once, and a third that is refused
+    python -m benchmarks.live --kill                              kill -9 of the worker in mid-stream
+
+The client is light: frames are encoded as JPEG beforehand, answers are counted by their headers.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+import cv2
+import psutil
+
+from benchmarks.clips import clip
+from impasto.live.client import LiveClient, now_us
+from pipeline.errors import ImpastoError
+from workers.live.figures import Histogram
+
+SIZES = (((352, 288), 60.0), ((640, 480), 30.0), ((1280, 720), 30.0))
+CLIP_FRAMES = 150
+SETTLE_S = 3.0
+"""Not counted: a stream's first frames are segmented from nothing."""
+MIB = 1 << 20
+
+Rate = tuple[tuple[int, int], float]
+
+
+@dataclass
+class Run:
+    """One client's figures."""
+
+    size: tuple[int, int]
+    fps: float
+    sent: int = 0
+    painted: int = 0
+    server: Histogram = field(default_factory=Histogram)
+    round_trip: Histogram = field(default_factory=Histogram)
+    counted: int = 0
+    """Sent after the start was over."""
+    work: tuple[int, int] = (0, 0)
+    gap_s: float = 0.0
+    """Longest time between answers."""
+    steps: list[str] = field(default_factory=list)
+    stats: dict[str, object] = field(default_factory=dict)
+
+    def row(self, seconds: float) -> str:
+        lost = 100 * max(0, self.counted - self.painted) / max(1, self.counted)
+        parts = "  ".join(
+            "/".join(f"{h.percentile(p) * 1e3:.1f}" for p in (50, 95, 99)) for h in (self.server, self.round_trip)
+        )
+        return (
+            f"{self.size[0]}x{self.size[1]}@{self.fps:.0f}  sent {self.counted}  painted {self.painted}  "
+            f"dropped {lost:.2f} %  {self.painted / seconds:.1f} frames/s  server/round trip ms p50/95/99 {parts}  "
+            f"work {self.work[0]}x{self.work[1]} {' '.join(self.steps)}  longest gap {self.gap_s * 1e3:.0f} ms"
+        )
+
+
+def pictures(size: tuple[int, int]) -> list[bytes]:
+    """A clip as JPEGs."""
+    frames = clip(size, CLIP_FRAMES)
+    made = [cv2.imencode(".jpg", cv2.cvtColor(f, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 85])[1] for f in frames]
+    return [data.tobytes() for data in made]
+
+
+def stream(address: str, rate: Rate, payloads: list[bytes], seconds: float, factor: float = 1.0) -> Run:
+    """Send at `factor` times the rate for so long; what came of it."""
+    size, fps = rate
+    run = Run(size, fps)
+
+    def hear(message: dict[str, object]) -> None:
+        if message["type"] == "resolution":
+            run.steps.append(f"{message['width']}({message['reason']})")
+
+    with LiveClient(address, on_message=hear, size=size, fps=fps * factor) as client:
+        begin = time.monotonic()
+        counter = threading.Thread(target=_count, args=(client, run, begin + SETTLE_S))
+        counter.start()
+        while (now := time.monotonic()) < begin + SETTLE_S + seconds:
+            due = begin + run.sent / (fps * factor)
+            if due > now:
+                time.sleep(due - now)
+            client.send_payload(payloads[run.sent % len(payloads)], size)
+            run.sent += 1
+            run.counted += time.monotonic() >= begin + SETTLE_S
+        run.stats = client.close()
+        counter.join()
+    return run
+
+
+def _count(client: LiveClient, run: Run, from_s: float) -> None:
+    last = None
+    for answer in client.answers():
+        now = time.monotonic()
+        run.work = answer.size
+        if answer.timestamp / 1e6 < from_s:
+            continue
+        run.painted += 1
+        run.gap_s = max(run.gap_s, now - last) if last else 0.0
+        last = now
+        run.server.add(answer.latency_us / 1e6)
+        run.round_trip.add((now_us() - answer.timestamp) / 1e6)
+
+
+@contextmanager
+def service(farm: str) -> Iterator[tuple[str, psutil.Process]]:
+    """A service of its own: its address and process."""
+    with tempfile.TemporaryDirectory() as home:
+        command = [sys.executable, "-m", "impasto", "serve", "--port", "0", "--home", home, "--farm", farm]
+        child = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        try:
+            assert child.stdout is not None
+            address = child.stdout.readline().strip()
+            time.sleep(20)  # live workers get ready behind those at work; measure them ready
+            yield address, psutil.Process(child.pid)
+        finally:
+            child.terminate()
+            child.wait(30)
+
+
+def live_workers(parent: psutil.Process) -> list[psutil.Process]:
+    """The processes that paint, the busiest first."""
+    found = []
+    for process in parent.children(recursive=True):
+        with contextlib.suppress(psutil.Error):
+            if "LiveActor" in " ".join(process.cmdline()):
+                found.append((sum(process.cpu_times()[:2]), process))
+    return [process for _, process in sorted(found, key=lambda pair: -pair[0])]
+
+
+def memory(parent: psutil.Process) -> str:
+    """RSS of the service and of its busiest live worker."""
+    workers = live_workers(parent)
+    painter = f"{workers[0].memory_info().rss / MIB:.0f}" if workers else "-"
+    return f"service {parent.memory_info().rss / MIB:.0f} MiB, live worker {painter} MiB"
+
+
+def hold(address: str, parent: psutil.Process, rate: Rate, seconds: float, factor: float) -> None:
+    """One client for a while, and memory a tenth of the way and at the end."""
+    notes: list[str] = []
+    early = threading.Timer(SETTLE_S + seconds / 10, lambda: notes.append(memory(parent)))
+    late = threading.Timer(SETTLE_S + seconds - 1, lambda: notes.append(memory(parent)))
+    early.start(), late.start()
+    run = stream(address, rate, pictures(rate[0]), seconds, factor)
+    print(run.row(seconds), flush=True)
+    print(f"    stages, mean ms: {run.stats.get('stages_ms')}")
+    print(f"    memory: {' -> '.join(notes)}", flush=True)
+
+
+def together(address: str, rate: Rate, seconds: float, count: int) -> None:
+    """Several sessions at once; one more than the service takes is to be refused."""
+    payloads, runs = pictures(rate[0]), []
+    threads = [
+        threading.Thread(target=lambda: runs.append(stream(address, rate, payloads, seconds))) for _ in range(count)
+    ]
+    for thread in threads:
+        thread.start()
+    time.sleep(SETTLE_S)
+    began = time.monotonic()
+    try:
+        with LiveClient(address, size=rate[0]):
+            print("    one more session was taken")
+    except ImpastoError as error:
+        print(f"    one more: {error.code} after {(time.monotonic() - began) * 1e3:.0f} ms: {error.remedy}")
+    for thread in threads:
+        thread.join()
+    for run in runs:
+        print(run.row(seconds), flush=True)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Print a row a run."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.live")
+    parser.add_argument("--seconds", type=float, default=20)
+    parser.add_argument("--size", help="WIDTHxHEIGHT@FPS; else three of them")
+    parser.add_argument("--farm", default="ray", choices=("ray", "local"))
+    parser.add_argument("--overload", action="store_true")
+    parser.add_argument("--sessions", type=int, default=1)
+    parser.add_argument("--kill", action="store_true")
+    options = parser.parse_args(arguments or [])
+    with service(options.farm) as (address, parent):
+        for rate in _rates(options.size):
+            if options.kill:
+                threading.Timer(SETTLE_S + options.seconds / 2, lambda: live_workers(parent)[0].kill()).start()
+            if options.sessions > 1:
+                together(address, rate, options.seconds, options.sessions)
+            else:
+                hold(address, parent, rate, options.seconds, 3.0 if options.overload else 1.0)
+
+
+def _rates(text: str | None) -> tuple[Rate, ...]:
+    if not text:
+        return SIZES
+    size, _, fps = text.partition("@")
+    width, _, height = size.partition("x")
+    return (((int(width), int(height)), float(fps or 30)),)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
