@@ -49,7 +49,7 @@ from service.live.sessions import LiveSession, Sessions
 from service.live.voice import Voice
 from workers.errors import NotFound
 from workers.live.codecs import BUILT_ON, webcodecs_name
-from workers.live.model import Packet, Wire
+from workers.live.model import LiveOrder, Packet, Wire
 from workers.live.resolution import deadline_s
 from workers.live.stream import Answer, Item, NeedsKey, Replaced, Resized, Stream
 from workers.model import Asset
@@ -119,8 +119,9 @@ class Connection:
 
     async def _serve(self, session: LiveSession) -> None:
         hello = await self._first()
-        stream, resumed = await self._begin(session, hello)
-        await self._voice.say(self._ready(session, stream, hello, resumed))
+        await self._race(self._begin(session, hello), self._nothing())
+        stream = session.stream
+        assert stream is not None, "it has begun"
         await self._race(self._converse(session, stream), self._send(stream))
         self._sessions.count(session)
         await self._voice.say(ByeOut(stats=Stats(**stream.figures())))
@@ -158,31 +159,38 @@ class Connection:
             raise BadMessage("The first message is hello.", field="type", remedy="Send hello, then frames.")
         return said
 
-    async def _begin(self, session: LiveSession, hello: Hello) -> tuple[Stream, bool]:
-        if hello.method not in methods():
-            remedy = f"Use one of: {', '.join(self._sessions.live.methods())}."
-            raise NotFound("There is no such method.", field="method", value=hello.method, remedy=remedy)
-        live = self._sessions.live
-        wire = Wire(
-            _chosen("send", hello.send, live.receives), _chosen("receive", hello.receive, live.sends),
-            hello.quality, hello.fps,
-        )  # fmt: skip
-        assets = await self._assets(hello.inputs)
-        order = live.order(hello.method, hello.params, assets, hello.seed, (hello.width, hello.height), wire)
-        before = session.stream
+    async def _begin(self, session: LiveSession, hello: Hello) -> None:
+        """Open the session's stream, or go on with it, and say so."""
+        order = await self._order(hello)
         session.inputs = dict(hello.inputs)
-        if before is not None and (before.order.method, before.order.seed) == (order.method, order.seed):
-            await before.attach(wire, order.size, hello.adaptive)
+        before = session.stream
+        resumed = before is not None and (before.order.method, before.order.seed) == (order.method, order.seed)
+        if before is not None and resumed:
+            await before.attach(order.wire, order.size, hello.adaptive)
             if (before.order.params, before.order.inputs) != (order.params, order.inputs):
                 await before.change(order.params, order.inputs)
-            return before, True
-        if before is not None:
-            session.stream = None
+        else:
+            await self._open(session, order, hello.adaptive)
+        await self._voice.say(self._ready(session, hello, order, resumed))
+
+    async def _order(self, hello: Hello) -> LiveOrder:
+        """Raises NotFound, BadParameter."""
+        live = self._sessions.live
+        if hello.method not in methods():
+            remedy = f"Use one of: {', '.join(live.methods())}."
+            raise NotFound("There is no such method.", field="method", value=hello.method, remedy=remedy)
+        send = _chosen("send", hello.send, live.receives)
+        wire = Wire(send, _chosen("receive", hello.receive, live.sends), hello.quality, hello.fps)
+        assets = await self._assets(hello.inputs)
+        return live.order(hello.method, hello.params, assets, hello.seed, (hello.width, hello.height), wire)
+
+    async def _open(self, session: LiveSession, order: LiveOrder, adaptive: bool) -> None:
+        if session.stream is not None:
+            before, session.stream = session.stream, None
             await before.aclose()
-        stream = live.stream(order, hello.adaptive)
+        stream = self._sessions.live.stream(order, adaptive)
         await stream.open()
         session.stream, session.counted = stream, (0, 0, 0)
-        return stream, False
 
     async def _assets(self, inputs: Mapping[str, str]) -> dict[str, Asset]:
         def found() -> dict[str, Asset]:
@@ -193,8 +201,8 @@ class Connection:
 
         return await run_in_threadpool(found)
 
-    def _ready(self, session: LiveSession, stream: Stream, hello: Hello, resumed: bool) -> Ready:
-        order = stream.order
+    @staticmethod
+    def _ready(session: LiveSession, hello: Hello, order: LiveOrder, resumed: bool) -> Ready:
         send, receive = order.wire.send, order.wire.receive
         name = webcodecs_name(receive, (hello.width, hello.height), hello.fps)
         return Ready(
@@ -288,6 +296,11 @@ class Connection:
         elif isinstance(said, ParamsIn):
             self._changes.ask(said)
         return isinstance(said, ByeIn)
+
+    async def _nothing(self) -> None:
+        """Until the client is gone: it waits for `ready`. Raises BadMessage: it does not."""
+        await self._receive()
+        raise BadMessage("Nothing is taken before ready.", field="message", remedy="Wait for ready, then send frames.")
 
     async def _until_gone(self) -> None:
         """After bye: nothing more is taken."""

@@ -7,16 +7,17 @@ from collections.abc import Coroutine
 from contextlib import suppress
 from typing import Any
 
-from starlette.websockets import WebSocket
+from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from pipeline.errors import ImpastoError
 from service.errors import problem
-from service.live.closing import Ending, close_code, shown
+from service.live.closing import Ending, Lost, close_code, shown
 from service.live.messages import ErrorOut, Outgoing
 from service.sockets import ABORT
 from workers.live.seats import NoSeat
 
 CLOSE_WITHIN_S = 2.0
+GONE_WITHIN_S = 1.0
 
 
 class Voice:
@@ -65,6 +66,9 @@ class Voice:
         try:
             async with asyncio.timeout(self._slow_s):
                 await sending
+        except WebSocketDisconnect:
+            await asyncio.sleep(GONE_WITHIN_S)  # who reads knows how it went, and ends this
+            raise Lost from None
         except TimeoutError:
             raise Ending(
                 "slow-reader", f"Answers were not read for {self._slow_s:g} s.", remedy="Connect again."

@@ -117,6 +117,23 @@ async def test_no_hello(home: Path) -> None:
 
 
 @looped
+async def test_a_client_that_does_not_wait_for_ready(url: str) -> None:
+    async with live(url) as client:
+        await client.say(FIRST | {"params": {"open_s": 0.3}})
+        await client.socket.send(pack(1, SIZE, FRAME))
+        assert (await ended(client))[:2] == (4400, "bad-message")
+    assert await asyncio.to_thread(free, url) == 2
+
+
+@looped
+async def test_a_client_that_leaves_before_ready(url: str) -> None:
+    async with live(url) as client:
+        await client.say(FIRST | {"params": {"open_s": 0.3}})
+        await asyncio.sleep(0.05)
+    assert await asyncio.to_thread(free, url) == 2
+
+
+@looped
 async def test_no_frames(home: Path) -> None:
     with served(home, live_idle_s=0.3) as (url, _):
         async with live(url) as client:

@@ -30,6 +30,7 @@ class EchoParams(Params):
     paint_s: float = Field(default=0.0, ge=0)
     per_pixel_s: float = Field(default=0.0, ge=0)
     """Of the painting, besides."""
+    open_s: float = Field(default=0.0, ge=0)
     fault: str = ""
     """"look", "paint": raise there; "die": kill the process at the third frame."""
 
@@ -98,6 +99,7 @@ class Echo:
     def stream(
         self, params: Any, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]
     ) -> EchoSession:
+        time.sleep(params.open_s)
         return EchoSession(params, size, _green(references))
 
 
