@@ -16,7 +16,9 @@ PAGE_CSP = (
     "base-uri 'none'; form-action 'self'; frame-ancestors 'none'"
 )
 """Nothing from elsewhere, no inline script or style. Blobs: thumbnails and a local file before its upload."""
-PERMISSIONS = "camera=(self), display-capture=(self), fullscreen=(self), microphone=(), geolocation=(), payment=(), usb=()"
+PERMISSIONS = (
+    "camera=(self), display-capture=(self), fullscreen=(self), microphone=(), geolocation=(), payment=(), usb=()"
+)
 """What pages may ask the browser for: the live page needs a camera or a screen, and nothing hears anyone."""
 TUS = "/v1/uploads"
 

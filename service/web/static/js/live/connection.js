@@ -71,14 +71,19 @@ export function createConnection({ hello, onready, onmessage, onframe, onstate, 
     const ours = (listener) => (event) => mine === socket && listener(event);
     fatal = null;
     mine.addEventListener("open", ours(() => mine.send(JSON.stringify(first))));
-    mine.addEventListener("message", ours(({ data }) => (typeof data === "string" ? hear(JSON.parse(data)) : onframe(data))));
+    mine.addEventListener("message", ours(({ data }) => (typeof data === "string" ? hear(JSON.parse(data)) : see(data))));
     mine.addEventListener("close", ours((event) => ended(event.code)));
+  }
+
+  /** Only an answer proves that all is well again. */
+  function see(data) {
+    tries = 0;
+    onframe(data);
   }
 
   function hear(message) {
     if (message.type === "ready") {
       session = message.session;
-      tries = 0;
       live = true;
       onstate({ name: "live" });
       onready(message);

@@ -5,7 +5,6 @@ import { encoderConfig } from "./codecs.js";
 /** A picture that is still being encoded when the next comes means that this machine is behind. */
 const MOST_AT_ONCE = 2;
 const JPEG_QUALITY = 0.88;
-const KEY_EVERY_MS = 4000;
 
 /**
  * @param {string} codec "h264", "vp8" or "jpeg"
@@ -19,7 +18,6 @@ export const createEncoder = (codec, shape, told) => (codec === "jpeg" ? stills(
 function video(codec, shape, { onpayload, onfault }) {
   const { width, height } = shape;
   let key = true;
-  let lastKey = 0;
   const encoder = new VideoEncoder({ output, error: onfault });
   encoder.configure(encoderConfig(codec, shape));
 
@@ -34,10 +32,8 @@ function video(codec, shape, { onpayload, onfault }) {
       return encoder.encodeQueueSize >= MOST_AT_ONCE;
     },
     encode(frame) {
-      const keyFrame = key || performance.now() - lastKey > KEY_EVERY_MS;
-      if (keyFrame) lastKey = performance.now();
+      encoder.encode(frame, { keyFrame: key });
       key = false;
-      encoder.encode(frame, { keyFrame });
     },
     wantKey: () => (key = true),
     close: () => encoder.state === "closed" || encoder.close(),

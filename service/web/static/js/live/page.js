@@ -25,7 +25,7 @@ export function createLivePage({ method, draft }) {
   const status = createStatus();
   const meters = createMeters();
   const screen = createScreen(() => recorder.stop());
-  const recorder = createRecorder(screen.canvas, { onpiece: (...parts) => transport.recorded(...parts), onsaved: saved, onfault: notify });
+  const recorder = createRecorder(screen.canvas, { ontick: (...parts) => transport.recorded(...parts), onsaved: (name) => announce(`Saved as ${name}.`), onended: () => (transport.recording = false), onfault: notify });
   const settings = createSettings(method, draft, { onsource: changeSource, onframes: changeFrames, onpaint: changePaint, onwire: settled(() => stream?.renew()) });
   const invitation = createInvitation(settings.source.kinds, begin);
   const transport = createTransport({ screen, stage: () => stage, onrecord: record, onflip: () => settings.source.next() });
@@ -40,7 +40,8 @@ export function createLivePage({ method, draft }) {
 
   function begin(kind) {
     settings.source.kind = kind;
-    start();
+    if (kind === "file") settings.source.pick();
+    else start();
   }
 
   async function start() {
@@ -82,6 +83,7 @@ export function createLivePage({ method, draft }) {
 
   function halt(problem) {
     letGo();
+    settings.problem(problem);
     invitation.complain(problem, start);
     show("failed");
     announce([problem.title, problem.message].filter(Boolean).join(": "));
@@ -132,7 +134,8 @@ export function createLivePage({ method, draft }) {
   // -- what the user changes
 
   function changeSource() {
-    if (running() || settings.source.file) start();
+    const { kind, file } = settings.source;
+    if (running() || (kind === "file" && file)) start();
     else show(status.name);
   }
 
@@ -158,11 +161,6 @@ export function createLivePage({ method, draft }) {
     if (recorder.recording) return recorder.stop();
     recorder.start();
     transport.recording = true;
-  }
-
-  function saved(name) {
-    transport.recording = false;
-    announce(`Saved as ${name}.`);
   }
 
   // -- the look of it

@@ -6,16 +6,17 @@ import { Problem } from "../api.js";
 const TYPES = ["video/mp4;codecs=avc1.42E01F", "video/mp4;codecs=avc1.4D0028", "video/webm;codecs=vp9", "video/webm;codecs=vp8", "video/webm"];
 const BITS_PER_S = 8_000_000;
 const PIECE_MS = 1000;
+const TICK_MS = 500;
 
 /** Whether this browser can record at all. */
 export const canRecord = () => Boolean(globalThis.MediaRecorder && HTMLCanvasElement.prototype.captureStream);
 
 /**
  * @param {HTMLCanvasElement} canvas
- * @param {{onpiece(seconds, bytes), onsaved(name), onfault(problem)}} told
+ * @param {{ontick(seconds, bytes), onended(), onsaved(name), onfault(problem)}} told
  * @returns {{recording: boolean, start(), stop()}} `stop` saves what there is
  */
-export function createRecorder(canvas, { onpiece, onsaved, onfault }) {
+export function createRecorder(canvas, { ontick, onended, onsaved, onfault }) {
   let recorder = null;
 
   function start() {
@@ -23,15 +24,17 @@ export function createRecorder(canvas, { onpiece, onsaved, onfault }) {
     const stream = canvas.captureStream();
     const pieces = [];
     const began = performance.now();
-    const mine = (recorder = new MediaRecorder(stream, { mimeType, videoBitsPerSecond: BITS_PER_S }));
-    mine.addEventListener("dataavailable", ({ data }) => {
-      if (data.size) pieces.push(data);
-      onpiece((performance.now() - began) / 1000, pieces.reduce((sum, piece) => sum + piece.size, 0));
-    });
+    recorder = new MediaRecorder(stream, { mimeType, videoBitsPerSecond: BITS_PER_S });
+    const mine = recorder;
+    const tick = () => ontick((performance.now() - began) / 1000, pieces.reduce((sum, piece) => sum + piece.size, 0));
+    const ticking = setInterval(tick, TICK_MS);
+    mine.addEventListener("dataavailable", ({ data }) => data.size && pieces.push(data));
     mine.addEventListener("error", ({ error }) => onfault(broken(error)));
     mine.addEventListener("stop", () => {
       stream.getTracks().forEach((track) => track.stop());
-      if (recorder === mine) recorder = null;
+      clearInterval(ticking);
+      recorder = null;
+      onended();
       finish(new Blob(pieces, { type: mine.mimeType }));
     });
     mine.start(PIECE_MS);

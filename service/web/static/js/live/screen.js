@@ -19,7 +19,7 @@ export function createScreen(onresize) {
     if (after.canvas.width === width && after.canvas.height === height) return;
     onresize();
     element.style.setProperty("--ratio", String(width / height));
-    for (const { canvas } of [before, after]) Object.assign(canvas, { width, height });
+    for (const each of [before, after]) each.resize(width, height);
   }
 
   const screen = {
@@ -71,6 +71,13 @@ function sheet(label) {
   return {
     canvas,
     draw: (picture) => context.drawImage(picture, 0, 0, canvas.width, canvas.height),
+    /** Keeps what it shows: nothing flashes when a phone is turned. */
+    resize(width, height) {
+      const shown = Object.assign(document.createElement("canvas"), { width, height });
+      shown.getContext("2d").drawImage(canvas, 0, 0, width, height);
+      Object.assign(canvas, { width, height });
+      context.drawImage(shown, 0, 0);
+    },
     clear: () => context.clearRect(0, 0, canvas.width, canvas.height),
   };
 }

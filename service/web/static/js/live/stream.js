@@ -75,8 +75,8 @@ export function createStream({ screen, figures, settings, told }) {
     fitEncoder();
     const timeUs = (lastUs = Math.max(lastUs + 1, Math.round(timeMs * 1000)));
     const frame = grab(size, timeUs);
-    encoder.encode(frame, timeUs);
     hold(timeUs, frame);
+    attempt(() => encoder.encode(frame, timeUs), encoderFault);
   }
 
   /** Whether a frame sent now would only wait, here or on the way. */
@@ -125,7 +125,7 @@ export function createStream({ screen, figures, settings, told }) {
   function onframe(buffer) {
     const header = unpack(buffer);
     answered = Math.max(answered, header.sequence);
-    decoder?.decode({ ...header, bytes: buffer.byteLength });
+    attempt(() => decoder?.decode({ ...header, bytes: buffer.byteLength }), decoderFault);
   }
 
   function onpicture(picture, { timeUs, serverMs, bytes }) {
@@ -198,6 +198,15 @@ export function createStream({ screen, figures, settings, told }) {
       return connection.close();
     },
   };
+}
+
+/** A codec that has just failed throws before it has said so. */
+function attempt(act, onfault) {
+  try {
+    act();
+  } catch (error) {
+    onfault(error);
+  }
 }
 
 /** Call at once, then at most every `ms`, and always once more after the last call. */

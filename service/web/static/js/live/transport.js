@@ -22,7 +22,7 @@ export function createTransport({ screen, stage, onrecord, onflip }) {
       record.setAttribute("aria-pressed", String(on));
       label.textContent = on ? "Stop recording" : "Record";
     },
-    recorded: (seconds, size) => (label.textContent = `Stop · ${clock(seconds).slice(0, -2)} · ${bytes(size)}`),
+    recorded: (seconds, size) => (label.textContent = `Stop · ${clock(seconds).slice(0, -2)}${size ? ` · ${bytes(size)}` : ""}`),
     set several(yes) {
       flip.hidden = !yes;
     },

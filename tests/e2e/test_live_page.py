@@ -1,0 +1,449 @@
+"""The live page in Chromium, its camera a file, against the whole service: its own process, a key, one place."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import shutil
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import av
+import cv2
+import httpx
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from playwright.sync_api import Browser, Page, WebSocket, expect, sync_playwright
+from websockets.sync.client import connect
+
+from pipeline.scenes import scene
+from tests.e2e.test_page import CHROMIUM_ARGS, KEY, Watched, open_page, serve
+
+pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(180)]
+
+SIZE, FPS, FRAMES = (320, 240), 15, 30
+SLOW_MS = 30_000
+"""The first frame may wait for other processes of a busy machine."""
+USE_THE_KEY = f"sessionStorage.setItem('impasto.key', '{KEY}')"
+HELD: dict[str, str] = {"Authorization": f"Bearer {KEY}"}
+
+
+def make_camera(path: Path) -> Path:
+    """Two seconds of a face that turns and blinks, as Chromium's fake camera wants it."""
+    picture = scene("portrait", SIZE, FRAMES, FPS)
+    with av.open(str(path), "w", format="yuv4mpegpipe") as out:
+        stream = out.add_stream("wrapped_avframe", rate=FPS)
+        stream.width, stream.height, stream.pix_fmt = *SIZE, "yuv420p"
+        for index in range(FRAMES):
+            frame = av.VideoFrame.from_ndarray(picture.image(index), format="rgb24")
+            out.mux(stream.encode(frame.reformat(format="yuv420p")))
+        out.mux(stream.encode(None))
+    return path
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    camera = make_camera(tmp_path_factory.mktemp("camera") / "camera.y4m")
+    fake = [
+        "--use-fake-ui-for-media-stream",
+        "--use-fake-device-for-media-stream",
+        f"--use-file-for-fake-video-capture={camera}",
+    ]
+    with sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=CHROMIUM_ARGS + fake)
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """With one place for a session, and none for callers without a key."""
+    home = tmp_path_factory.mktemp("live") / "home"
+    yield from serve(home, AUTH="required", ADMIN_KEY=KEY, LIVE_SESSIONS="1")
+
+
+class Talk:
+    """What was said over the page's WebSockets."""
+
+    def __init__(self, page: Page) -> None:
+        self.sockets = self.frames = 0
+        self.sent: list[dict[str, Any]] = []
+        self.heard: list[dict[str, Any]] = []
+        page.on("websocket", self._listen)
+
+    def _listen(self, socket: WebSocket) -> None:
+        self.sockets += 1
+        socket.on("framesent", self._send)
+        socket.on("framereceived", self._hear)
+
+    def _send(self, data: str | bytes) -> None:
+        if isinstance(data, str):
+            self.sent.append(json.loads(data))
+        else:
+            self.frames += 1
+
+    def _hear(self, data: str | bytes) -> None:
+        if isinstance(data, str):
+            self.heard.append(json.loads(data))
+
+    def last(self, kind: str) -> dict[str, Any]:
+        """The newest message of the service of that type; empty if there was none."""
+        return next((message for message in reversed(self.heard) if message["type"] == kind), {})
+
+
+@contextmanager
+def visit(browser: Browser, address: str, script: str = "", **options: Any) -> Iterator[tuple[Watched, Talk]]:
+    """The live page, before anything has been started."""
+    watched = open_page(browser, **options)
+    watched.page.add_init_script(USE_THE_KEY + ";" + script)
+    talk = Talk(watched.page)
+    watched.page.goto(f"{address}/live")
+    try:
+        yield watched, talk
+    finally:
+        watched.page.context.close()
+        wait_for_room(address)
+
+
+def room(service: str) -> int:
+    return int(httpx.get(f"{service}/v1/live", headers=HELD).json()["free"])
+
+
+def wait_for_room(service: str) -> None:
+    deadline = time.monotonic() + 15
+    while not room(service):
+        assert time.monotonic() < deadline, "the place is never free again"
+        time.sleep(0.05)
+
+
+def start(page: Page) -> None:
+    page.get_by_role("button", name="Use the camera").click()
+    wait_live(page)
+
+
+def wait_live(page: Page) -> None:
+    expect(page.locator(".live-pill")).to_have_attribute("data-state", "live", timeout=SLOW_MS)
+
+
+def choose_codec(page: Page, title: str) -> None:
+    page.locator("summary", has_text="Connection").click()
+    page.get_by_label("Codec", exact=True).select_option(label=title)
+
+
+def picture(page: Page, side: str) -> NDArray[np.uint8]:
+    """What the canvas "before" or "after" shows: (height, width, 3)."""
+    return pictures(page, side)[0]
+
+
+def pictures(page: Page, *sides: str) -> list[NDArray[np.uint8]]:
+    """What canvases show at one instant."""
+    urls = page.evaluate(
+        """sides => sides.map(side => { const shown = document.querySelector(`.wipe-${side} canvas`);
+        const copy = Object.assign(document.createElement('canvas'), { width: shown.width, height: shown.height });
+        copy.getContext('2d', { willReadFrequently: true }).drawImage(shown, 0, 0);
+        return copy.toDataURL('image/png'); })""",
+        list(sides),
+    )
+    return [decoded(base64.b64decode(url.partition(",")[2])) for url in urls]
+
+
+def decoded(png: bytes) -> NDArray[np.uint8]:
+    image = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR_RGB)
+    assert image is not None
+    return np.asarray(image, np.uint8)
+
+
+def until(page: Page, holds: Callable[[], bool], seconds: float = SLOW_MS / 1000) -> None:
+    """Wait until `holds()`; the page's events are heard meanwhile."""
+    deadline = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < deadline, "it never came true"
+        page.wait_for_timeout(50)
+
+
+def moves(page: Page) -> None:
+    """The painting changes from frame to frame."""
+    before = picture(page, "after")
+    until(page, lambda: bool((picture(page, "after") != before).any()))
+
+
+def grain(image: NDArray[np.uint8]) -> float:
+    """How much a pixel differs from its neighbours, away from edges: of flat paint little."""
+    grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(float)
+    return float(np.median(np.abs(cv2.Laplacian(grey, cv2.CV_64F))))
+
+
+def saturation(image: NDArray[np.uint8]) -> float:
+    return float(cv2.cvtColor(image, cv2.COLOR_RGB2HSV)[..., 1].mean())
+
+
+def number(page: Page, title: str) -> float:
+    text = page.locator(".live-tile", has_text=title).locator(".live-number").inner_text()
+    return float(text) if re.fullmatch(r"[\d.]+", text) else 0.0
+
+
+@pytest.mark.parametrize(("codec", "title"), [("h264", "H.264"), ("vp8", "VP8"), ("jpeg", "JPEG")])
+def test_the_camera_comes_back_painted(browser: Browser, service: str, codec: str, title: str) -> None:
+    with visit(browser, service) as (watched, talk):
+        page = watched.page
+        choose_codec(page, title)
+        start(page)
+        assert talk.last("ready")["send"]["codec"] == talk.last("ready")["receive"]["codec"] == codec
+        before, after = pictures(page, "before", "after")
+        assert before.shape == after.shape == (SIZE[1], SIZE[0], 3)
+        assert grain(after) < 0.6 * grain(before)
+        assert 2 < np.abs(before.astype(int) - after).mean() < 40, "another picture, but of the same thing"
+        moves(page)
+        until(page, lambda: number(page, "Rate") > 3)
+        assert 0 < number(page, "Service") <= number(page, "Delay") < 3000
+        watched.check()
+
+
+def test_everything_changes_in_mid_stream(browser: Browser, service: str, tmp_path: Path) -> None:
+    with visit(browser, service) as (watched, talk):
+        page = watched.page
+        start(page)
+        plain = saturation(picture(page, "after"))
+        page.locator("summary", has_text="Colour").last.click()
+        page.get_by_label("Vividness").last.fill("2")
+        until(page, lambda: talk.last("params").get("params", {}).get("vividness") == 2)
+        until(page, lambda: saturation(picture(page, "after")) > 1.3 * plain)
+        assert "vividness" in page.url
+        page.get_by_role("button", name="Soft shapes, no lines").click()
+        until(page, lambda: talk.last("params")["params"]["lines"] == "off")
+        assert talk.last("params")["params"]["vividness"] == 1, "a preset takes the other changes back"
+
+        cv2.imwrite(str(tmp_path / "green.png"), np.full((48, 64, 3), (40, 160, 30), np.uint8))
+        page.locator(".slot input[type=file]").set_input_files(tmp_path / "green.png")
+        until(page, lambda: talk.last("params")["inputs"].get("reference", "").startswith("ast_"))
+        page.get_by_role("button", name="Remove Colour reference").click()
+        until(page, lambda: talk.last("params")["inputs"] == {})
+        assert talk.sockets == 1
+        assert talk.last("error") == {}
+        watched.check()
+
+
+def test_views_and_the_divider(browser: Browser, service: str) -> None:
+    with visit(browser, service) as (watched, _):
+        page = watched.page
+        start(page)
+        handle = page.get_by_role("slider", name="Compare original and painted")
+        handle.focus()
+        page.keyboard.press("ArrowRight")
+        expect(handle).to_have_attribute("aria-valuenow", "52")
+        page.get_by_role("button", name="Side by side").click()
+        left, right = (page.locator(f".wipe-{side}").bounding_box() for side in ("before", "after"))
+        assert left is not None and right is not None
+        assert left["x"] + left["width"] <= right["x"] + 1
+        page.get_by_role("button", name="Painted", exact=True).click()
+        expect(handle).to_be_hidden()
+        watched.check()
+
+
+def test_a_recording_is_a_film_and_stop_lets_the_camera_go(browser: Browser, service: str) -> None:
+    with visit(browser, service) as (watched, talk):
+        page = watched.page
+        start(page)
+        page.get_by_role("button", name="Record").click()
+        expect(page.locator(".live-record")).to_contain_text("Stop · 0:01")
+        with page.expect_download() as download:
+            page.locator(".live-record").click()
+        assert re.fullmatch(r"impasto-[\d.-]+\.(webm|mp4)", download.value.suggested_filename)
+        with av.open(str(download.value.path())) as film:
+            frames = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
+        assert len(frames) > 5
+        assert frames[0].shape == (SIZE[1], SIZE[0], 3)
+        assert len({frame.tobytes() for frame in frames}) > 5
+
+        page.get_by_role("button", name="Stop", exact=True).click()
+        expect(page.locator("video.live-source")).to_have_count(0)
+        expect(page.locator(".submit-note")).to_contain_text("frames were painted")
+        assert talk.last("bye")["stats"]["painted"] > 5
+        wait_for_room(service)
+        watched.check()
+
+
+def test_a_phone_shows_the_picture_first_and_has_room_for_fingers(browser: Browser, service: str) -> None:
+    phone = {"viewport": {"width": 390, "height": 844}, "is_mobile": True, "has_touch": True}
+    with visit(browser, service, **phone) as (watched, _):
+        page = watched.page
+        start(page)
+        page.evaluate("document.querySelectorAll('details').forEach(each => each.open = true)")
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390
+        frame, panel = (page.locator(name).bounding_box() for name in (".live-frame", ".live .panel"))
+        assert frame is not None and panel is not None
+        assert frame["y"] + frame["height"] < panel["y"]
+        assert small_targets(page) == []
+        page.get_by_role("button", name="Compare").click()
+        expect(page.get_by_role("slider", name="Compare original and painted")).to_be_visible()
+        watched.check()
+
+
+def small_targets(page: Page) -> list[str]:
+    """Controls that a finger would miss: less than 44 px high."""
+    found: list[str] = page.evaluate(
+        """() => [...document.querySelectorAll('.live :is(button, select, summary, .segment, .drop, input)')]
+        .filter(each => each.checkVisibility() && !each.closest('.segment, .drop, .live-frame, .field-inline'))
+        .concat([...document.querySelectorAll('.live :is(.segment, .drop)')].filter(each => each.checkVisibility()))
+        .filter(each => each.getBoundingClientRect().height < 43.5)
+        .map(each => each.outerHTML.slice(0, 90))"""
+    )
+    return found
+
+
+def test_who_comes_too_many_waits_for_a_place(browser: Browser, service: str) -> None:
+    with visit(browser, service) as (_, _), visit(browser, service) as (watched, talk):
+        first = browser.contexts[0].pages[0]
+        start(first)
+        page = watched.page
+        page.get_by_role("button", name="Use the camera").click()
+        expect(page.get_by_role("status").filter(has_text="All places are taken")).to_be_visible()
+        expect(page.locator(".stage-status")).to_contain_text(re.compile(r"again in \d s"))
+        assert talk.sockets == 0
+        first.get_by_role("button", name="Stop", exact=True).click()
+        wait_live(page)
+
+
+class Cable:
+    """A way to the service that can be cut: TCP, byte for byte."""
+
+    def __init__(self, port: int) -> None:
+        self._port = port
+        self._ends: list[socket.socket] = []
+        self._door = socket.create_server(("127.0.0.1", 0))
+        self.address = f"http://127.0.0.1:{self._door.getsockname()[1]}"
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def _listen(self) -> None:
+        with suppress(OSError):
+            while True:
+                near, _ = self._door.accept()
+                far = socket.create_connection(("127.0.0.1", self._port))
+                self._ends += [near, far]
+                for source, sink in ((near, far), (far, near)):
+                    threading.Thread(target=self._pass, args=(source, sink), daemon=True).start()
+
+    @staticmethod
+    def _pass(source: socket.socket, sink: socket.socket) -> None:
+        with suppress(OSError), closing(source), closing(sink):
+            while data := source.recv(65536):
+                sink.sendall(data)
+
+    def cut(self) -> None:
+        """Every connection that there is; new ones are let through."""
+        for end in self._ends:
+            with suppress(OSError):
+                end.shutdown(socket.SHUT_RDWR)
+        self._ends.clear()
+
+    def close(self) -> None:
+        self.cut()
+        self._door.close()
+
+
+def test_a_lost_connection_is_taken_up_again(browser: Browser, service: str) -> None:
+    with closing(Cable(httpx.URL(service).port or 0)) as cable, visit(browser, cable.address) as (watched, talk):
+        page = watched.page
+        start(page)
+        session = talk.last("ready")["session"]
+        cable.cut()
+        until(page, lambda: talk.last("ready").get("resumed", False), 10)
+        assert talk.last("ready")["session"] == session
+        wait_live(page)
+        moves(page)
+
+
+def test_a_session_that_goes_on_elsewhere(browser: Browser, service: str) -> None:
+    with visit(browser, service) as (watched, talk):
+        page = watched.page
+        start(page)
+        address = f"{service.replace('http', 'ws')}/v1/live?session={talk.last('ready')['session']}"
+        with connect(address, additional_headers=HELD):
+            expect(page.get_by_role("alert")).to_contain_text("It goes on elsewhere")
+        expect(page.locator("video.live-source")).to_have_count(0)
+
+
+BREAK = "VideoEncoder.prototype.encode = () => { throw new DOMException('No more.', 'EncodingError') }"
+
+
+def test_stills_where_the_video_encoder_fails(browser: Browser, service: str) -> None:
+    with visit(browser, service, BREAK) as (watched, talk):
+        start(watched.page)
+        chosen = [message["send"]["codec"] for message in talk.heard if message["type"] == "ready"]
+        assert chosen[-1] == "jpeg" != chosen[0]
+        assert talk.last("ready")["resumed"]
+        watched.check()
+
+
+SEEN = "hidden => { Object.defineProperty(document, 'hidden', { get: () => hidden, configurable: true });"
+TELL = "document.dispatchEvent(new Event('visibilitychange')); }"
+
+
+def test_nothing_is_sent_while_nobody_looks(browser: Browser, service: str) -> None:
+    with visit(browser, service) as (watched, talk):
+        page = watched.page
+        start(page)
+        page.evaluate(SEEN + TELL, True)
+        expect(page.get_by_role("status").filter(has_text="Paused")).to_be_visible()
+        page.wait_for_timeout(100)
+        before = talk.frames
+        page.wait_for_timeout(400)
+        assert talk.frames == before
+        page.evaluate(SEEN + TELL, False)
+        wait_live(page)
+        until(page, lambda: talk.frames > before)
+        watched.check()
+
+
+REFUSE = """
+navigator.mediaDevices.getUserMedia = () => Promise.reject(new DOMException('No.', 'NotAllowedError'))"""
+
+
+def test_without_a_camera_a_video_does(browser: Browser, service: str, tmp_path: Path) -> None:
+    with visit(browser, service, REFUSE) as (watched, talk):
+        page = watched.page
+        page.get_by_role("button", name="Use the camera").click()
+        problem = page.get_by_role("alert")
+        expect(problem).to_contain_text("The camera was not allowed")
+        expect(problem.locator(".remedy")).to_contain_text("Allow it")
+        with page.expect_file_chooser() as chooser:
+            problem.get_by_role("button", name="Play a video").click()
+        chooser.value.set_files(make_film(tmp_path / "film.webm"))
+        wait_live(page)
+        assert (talk.sent[0]["width"], talk.sent[0]["height"]) == SIZE
+        expect(page.locator(".film-title p")).to_contain_text("film.webm")
+        watched.check()
+
+
+def make_film(path: Path) -> Path:
+    film = scene("harbour", SIZE, FRAMES, FPS)
+    with av.open(str(path), "w") as out:
+        stream = out.add_stream("libvpx", rate=FPS, options={"deadline": "realtime", "cpu-used": "8"})
+        stream.width, stream.height, stream.pix_fmt = *SIZE, "yuv420p"
+        for index in range(FRAMES):
+            out.mux(stream.encode(av.VideoFrame.from_ndarray(film.image(index), format="rgb24")))
+        out.mux(stream.encode(None))
+    return path
+
+
+INSECURE = """
+Object.defineProperty(window, 'isSecureContext', { value: false });
+Object.defineProperty(navigator, 'mediaDevices', { value: undefined })"""
+
+
+def test_an_insecure_address_is_explained(browser: Browser, service: str) -> None:
+    with visit(browser, service, INSECURE) as (watched, _):
+        page = watched.page
+        expect(page.locator(".live-card")).to_contain_text("Browsers give cameras to secure pages only")
+        expect(page.locator(".live-card").get_by_role("button")).to_have_text(["Play a video"])
+        page.locator(".segment", has_text="Camera").click()
+        page.get_by_role("button", name="Start the camera").click()
+        expect(page.get_by_role("alert").locator(".remedy")).to_contain_text("HTTPS")
+        watched.check()
