@@ -41,6 +41,9 @@ function captured(about, now) {
   return at <= now && now - at < PLAUSIBLE_MS ? at : now;
 }
 
+/** Whether an encoder may take the frame as it is: upright, with square pixels. */
+const plain = ({ rotation, flip, visibleRect }, width, height) => !rotation && !flip && visibleRect.width === width && visibleRect.height === height;
+
 /**
  * Makes pictures of a video's present frame, scaled.
  * @returns {function({width, height}, number): VideoFrame|HTMLCanvasElement} the caller closes a VideoFrame
@@ -49,8 +52,9 @@ export function createGrabber(video) {
   const canvas = document.createElement("canvas");
   const context = canvas.getContext("2d", { alpha: false });
   return ({ width, height }, timestamp) => {
-    const whole = video.videoWidth === width && video.videoHeight === height;
-    if (whole && globalThis.VideoFrame) return new VideoFrame(video, { timestamp });
+    const frame = globalThis.VideoFrame && video.videoWidth === width && video.videoHeight === height ? new VideoFrame(video, { timestamp }) : null;
+    if (frame && plain(frame, width, height)) return frame;
+    frame?.close();
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
     context.drawImage(video, 0, 0, width, height);
     return globalThis.VideoFrame ? new VideoFrame(canvas, { timestamp }) : canvas;

@@ -172,10 +172,13 @@ function farewell(socket) {
 const unreachable = () =>
   new Problem({ code: "offline", title: "The connection is lost", detail: "The service does not answer any more.", remedy: "Check that it is running and that you are connected; then try again." });
 
+const TOO_LARGE = ["The picture is too large", "The service does not take frames of this size.", "Choose a smaller size."];
+
 const SAID = {
+  1009: TOO_LARGE,
   4404: ["Something is missing", "The service does not have what this session asks for.", "Remove the colour reference and drop it again."],
   4409: ["It goes on elsewhere", "Another page or program has taken this session up.", "Start again to have one of your own."],
-  4413: ["The picture is too large", "The service does not take frames of this size.", "Choose a smaller size."],
+  4413: TOO_LARGE,
   4415: ["The frames were not understood", "The service could not decode what this browser sent.", "Choose another codec under Connection."],
   4429: ["Too much at once", "The service got more frames or changes than it allows.", "Choose a lower rate, then start again."],
 };

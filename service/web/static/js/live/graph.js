@@ -4,7 +4,7 @@ import { h } from "../dom.js";
 import { KEPT_S } from "./figures.js";
 
 const PAD = { left: 46, right: 40, top: 10, bottom: 18 };
-const ROUND = [50, 100, 200, 300, 500, 1000, 2000, 5000, 10_000];
+const ROUND = [50, 100, 150, 200, 300, 500, 1000, 2000, 5000, 10_000];
 
 /** @returns {{element, draw(history: object[], targetFps: number)}} */
 export function createGraph() {

@@ -10,12 +10,16 @@ export function createInvitation(kinds, onchoose) {
   const content = h("div", { class: "live-card" });
   const element = h("div", { class: "live-invitation" }, content);
 
-  const way = (kind, first) => h("button", { type: "button", class: `button ${first ? "primary" : ""}`, onclick: () => onchoose(kind) }, icon(WAYS[kind][0]), WAYS[kind][1]);
+  function way(kind, i) {
+    const [sign, text] = WAYS[kind];
+    return h("button", { type: "button", class: `button ${i === 0 ? "primary" : ""}`, onclick: () => onchoose(kind) }, icon(sign), text);
+  }
 
   function invite() {
     const ordered = window.isSecureContext ? kinds : ["file"];
     const lead = window.isSecureContext ? "Step in front of the camera and see yourself painted, as you move." : insecure();
-    fill(content, h("h2", {}, "Your world, painted live"), h("p", {}, lead), h("div", { class: "live-ways" }, ordered.map((kind, i) => way(kind, i === 0))), h("p", { class: "drop-hint" }, "or drop a video here. Frames go to this service only, and nothing is kept."));
+    const promise = "or drop a video here. Frames go to this service only, and nothing is kept.";
+    fill(content, h("h2", {}, "Your world, painted live"), h("p", {}, lead), h("div", { class: "live-ways" }, ordered.map(way)), h("p", { class: "drop-hint" }, promise));
     element.hidden = false;
   }
 

@@ -24,7 +24,12 @@ export function createMeters() {
 
   function pairs() {
     const { codecs, stages = {}, up, down, scale } = seen;
-    const rows = [["Codecs", codecs], ["Network", up !== undefined && `${bits(up)} Mbit/s up, ${bits(down)} Mbit/s down`], ["Scale", scale && `${Math.round(scale * 100)} %`], ...Object.entries(stages).map(([name, value]) => [STAGES[name] ?? name, `${value.toFixed(1)} ms`])];
+    const rows = [
+      ["Codecs", codecs],
+      ["Network", up !== undefined && `${bits(up)} Mbit/s up, ${bits(down)} Mbit/s down`],
+      ["Scale", scale && `${Math.round(scale * 100)} %`],
+      ...Object.entries(stages).map(([name, value]) => [STAGES[name] ?? name, `${value.toFixed(1)} ms`]),
+    ];
     details.replaceChildren(...rows.filter(([, value]) => value).map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value))));
   }
 

@@ -70,7 +70,10 @@ function sheet(label) {
   const context = canvas.getContext("2d", { alpha: false });
   return {
     canvas,
-    draw: (picture) => context.drawImage(picture, 0, 0, canvas.width, canvas.height),
+    draw(picture) {
+      context.imageSmoothingQuality = "high"; // the service may paint at a smaller size; resizing a canvas forgets this
+      context.drawImage(picture, 0, 0, canvas.width, canvas.height);
+    },
     /** Keeps what it shows: nothing flashes when a phone is turned. */
     resize(width, height) {
       const shown = Object.assign(document.createElement("canvas"), { width, height });
