@@ -46,13 +46,15 @@ const plain = ({ rotation, flip, visibleRect }, width, height) => !rotation && !
 
 /**
  * Makes pictures of a video's present frame, scaled.
+ * @param {boolean} direct pass on the source's own frames where they fit; else all are drawn anew, in plain RGB
  * @returns {function({width, height}, number): VideoFrame|HTMLCanvasElement} the caller closes a VideoFrame
  */
-export function createGrabber(video) {
+export function createGrabber(video, direct = true) {
   const canvas = document.createElement("canvas");
   const context = canvas.getContext("2d", { alpha: false });
   return ({ width, height }, timestamp) => {
-    const frame = globalThis.VideoFrame && video.videoWidth === width && video.videoHeight === height ? new VideoFrame(video, { timestamp }) : null;
+    const whole = direct && globalThis.VideoFrame && video.videoWidth === width && video.videoHeight === height;
+    const frame = whole ? new VideoFrame(video, { timestamp }) : null;
     if (frame && plain(frame, width, height)) return frame;
     frame?.close();
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });

@@ -59,6 +59,7 @@ export function createConnection({ hello, onready, onmessage, onframe, onstate, 
       if (mine === turn) connect(first);
     } catch (problem) {
       if (mine !== turn) return;
+      if (!(problem instanceof Problem)) console.error(problem);
       if (problem.code === "offline" || problem.status >= 500 || problem.status === 429) lost();
       else fail(problem);
     }

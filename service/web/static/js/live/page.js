@@ -25,13 +25,18 @@ export function createLivePage({ method, draft }) {
   const status = createStatus();
   const meters = createMeters();
   const screen = createScreen(() => recorder.stop());
-  const recorder = createRecorder(screen.canvas, { ontick: (...parts) => transport.recorded(...parts), onsaved: (name) => announce(`Saved as ${name}.`), onended: () => (transport.recording = false), onfault: notify });
+  const recorder = createRecorder(screen.canvas, {
+    ontick: (...parts) => transport.recorded(...parts),
+    onended: () => (transport.recording = false),
+    onsaved: (name) => announce(`Saved as ${name}.`),
+    onfault: notify,
+  });
   const settings = createSettings(method, draft, { onsource: changeSource, onframes: changeFrames, onpaint: changePaint, onwire: settled(() => stream?.renew()) });
   const invitation = createInvitation(settings.source.kinds, begin);
   const transport = createTransport({ screen, stage: () => stage, onrecord: record, onflip: () => settings.source.next() });
   const [about, note] = [h("p", {}), h("p", { class: "submit-note" })];
   const button = h("button", { type: "button", class: "button primary submit", onclick: () => (running() ? stop() : start()) });
-  let [source, stream, figures] = [null, null, null];
+  let [source, stream, figures, connection] = [null, null, null, null];
   let [turn, ticking, rate] = [0, 0, 0];
 
   // -- from source to stream
@@ -65,7 +70,7 @@ export function createLivePage({ method, draft }) {
     source = opened;
     transport.mirrored = source.selfie;
     settings.source.refresh(source).then(() => (transport.several = settings.source.several));
-    if (stream) return stream.attach(source), show(screen.painted ? "live" : "starting");
+    if (stream) return stream.attach(source), onstate(connection);
     figures = createFigures();
     stream = createStream({ screen, figures, settings: settings.values, told: { onstate, onready, onmessage, onpicture } });
     ticking = setInterval(tick, 1000);
@@ -86,7 +91,6 @@ export function createLivePage({ method, draft }) {
     settings.problem(problem);
     invitation.complain(problem, start);
     show("failed");
-    announce([problem.title, problem.message].filter(Boolean).join(": "));
   }
 
   function letGo() {
@@ -103,6 +107,7 @@ export function createLivePage({ method, draft }) {
   // -- what the stream tells
 
   function onstate(state) {
+    connection = state;
     if (state.name === "failed") halt(state.problem);
     else if (state.name === "waiting") show(state.why, state.until);
     else if (state.name !== "closed") show(state.name === "live" ? "starting" : state.name);
@@ -170,7 +175,7 @@ export function createLivePage({ method, draft }) {
     frame.setAttribute("aria-busy", String(status.waiting));
     button.textContent = running() ? "Stop" : START[settings.source.kind];
     button.classList.toggle("primary", !running());
-    transport.running(name === "live");
+    transport.running(name === "live" || recorder.recording);
     if (running()) return;
     note.textContent = "";
     about.textContent = "A camera, a screen or a video, painted as it runs.";

@@ -141,15 +141,15 @@ export function createStream({ screen, figures, settings, told }) {
     told.onmessage(message);
   }
 
-  // -- faults of coding: once more with a key frame, then stills
+  // -- faults of coding: once more with a key frame (and plain pictures: some cameras have odd ones), then stills
 
   const askKey = () => connection.say({ type: "keyframe" });
 
   function encoderFault(error) {
     encoder?.close();
     encoder = null;
-    if (again(error)) return;
-    connection.renew();
+    if (again(error)) grab = createGrabber(source.video, false);
+    else connection.renew();
   }
 
   function decoderFault(error) {
@@ -183,7 +183,12 @@ export function createStream({ screen, figures, settings, told }) {
   return {
     open: connection.open,
     change,
-    renew: connection.renew,
+    /** Agree anew on rate and codecs; one that has failed may be tried again. */
+    renew() {
+      stillsOnly = false;
+      faults = 0;
+      connection.renew();
+    },
     /** Take frames from this source from now on. */
     attach(next) {
       watcher?.close();
