@@ -1,0 +1,119 @@
+"""Coarse grids that know the weights and the given pixels: operator-dependent interpolation (dendy1982black).
+
+A pixel between two coarse ones takes their mean, weighted by its couplings towards either side; one amid four takes
+what its own equation says of its eight neighbours. So no value crosses a weak edge or a given pixel, on any grid, and
+the coarse matrix, P' A P, follows.
+"""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.segmentation.jit import kernel
+
+Doubles: TypeAlias = NDArray[Any]
+
+
+@kernel
+def interpolation_weights(stencil: Doubles, weights: Doubles) -> None:
+    """Fill `weights` (4, h + 2, w + 2), zeros before: between two pixels >= 0, and at most 1 together."""
+    centre, east, south, south_east, south_west = stencil
+    height, width = centre.shape
+    for i in range(1, height - 1):
+        for j in range(1, width - 1):
+            if i % 2 == 1 and j % 2 == 1:
+                weights[0, i, j] = 1.0 if centre[i, j] > 0 else 0.0
+            elif i % 2 == 1:
+                one = max(0.0, east[i, j - 1] + south_east[i - 1, j - 1] + south_west[i, j])
+                other = max(0.0, east[i, j] + south_west[i - 1, j + 1] + south_east[i, j])
+                whole = max(one + other, centre[i, j] - south[i - 1, j] - south[i, j])
+                if whole > 0:
+                    weights[0, i, j], weights[1, i, j] = one / whole, other / whole
+            elif j % 2 == 1:
+                one = max(0.0, south[i - 1, j] + south_east[i - 1, j - 1] + south_west[i - 1, j + 1])
+                other = max(0.0, south[i, j] + south_east[i, j] + south_west[i, j])
+                whole = max(one + other, centre[i, j] - east[i, j - 1] - east[i, j])
+                if whole > 0:
+                    weights[0, i, j], weights[2, i, j] = one / whole, other / whole
+    for i in range(2, height - 1, 2):
+        for j in range(2, width - 1, 2):
+            if centre[i, j] > 0:
+                _amid_four(stencil, weights, i, j)
+
+
+@kernel
+def _amid_four(stencil: Doubles, weights: Doubles, i: int, j: int) -> None:
+    centre, east, south, south_east, south_west = stencil
+    up, down, left, right = south[i - 1, j], south[i, j], east[i, j - 1], east[i, j]
+    scale = 1.0 / centre[i, j]
+    nw = south_east[i - 1, j - 1] + up * weights[0, i - 1, j] + left * weights[0, i, j - 1]
+    ne = south_west[i - 1, j + 1] + up * weights[1, i - 1, j] + right * weights[0, i, j + 1]
+    sw = south_west[i, j] + down * weights[0, i + 1, j] + left * weights[2, i, j - 1]
+    se = south_east[i, j] + down * weights[1, i + 1, j] + right * weights[2, i, j + 1]
+    weights[0, i, j], weights[1, i, j] = nw * scale, ne * scale
+    weights[2, i, j], weights[3, i, j] = sw * scale, se * scale
+
+
+@kernel
+def coarse_stencil(stencil: Doubles, weights: Doubles, out: Doubles) -> None:
+    """Add P' A P to `out` (5, h' + 2, w' + 2), zeros before: pixel by pixel, row of A by row of A."""
+    _, height, width = stencil.shape
+    row = np.zeros((3, 3))
+    for i in range(1, height - 1):
+        for j in range(1, width - 1):
+            if stencil[0, i, j] > 0:
+                row[:] = 0.0
+                _row_times_weights(stencil, weights, i, j, row)
+                _add_outer(weights, i, j, row, out)
+
+
+@kernel
+def _row_times_weights(stencil: Doubles, weights: Doubles, i: int, j: int, row: Doubles) -> None:
+    """The row of A P, on the at most 3 x 3 coarse pixels from (i // 2, j // 2) on that it reaches."""
+    for di in range(-1, 2):
+        for dj in range(-1, 2):
+            a = _entry(stencil, i, j, di, dj)
+            if a != 0.0:
+                y, x = i + di, j + dj
+                top, below = (y + 1) // 2 - i // 2, y // 2 + 1 - i // 2
+                left, beyond = (x + 1) // 2 - j // 2, x // 2 + 1 - j // 2
+                row[top, left] += a * weights[0, y, x]
+                if beyond > left:
+                    row[top, beyond] += a * weights[1, y, x]
+                if below > top:
+                    row[below, left] += a * weights[2, y, x]
+                    if beyond > left:
+                        row[below, beyond] += a * weights[3, y, x]
+
+
+@kernel
+def _entry(stencil: Doubles, i: int, j: int, di: int, dj: int) -> float:
+    if di == 0:
+        value: float = stencil[0, i, j] if dj == 0 else -stencil[1, i, j + min(dj, 0)]
+    else:
+        plane = 2 if dj == 0 else 3 if di == dj else 4
+        value = -stencil[plane, i, j] if di > 0 else -stencil[plane, i - 1, j + dj]
+    return value
+
+
+@kernel
+def _add_outer(weights: Doubles, i: int, j: int, row: Doubles, out: Doubles) -> None:
+    """Its outer product with the pixel's weights, each pair of coarse pixels once."""
+    for corner in range(4):
+        weight = weights[corner, i, j]
+        if weight != 0.0:
+            y = i // 2 + 1 if corner >= 2 else (i + 1) // 2
+            x = j // 2 + 1 if corner % 2 == 1 else (j + 1) // 2
+            at_y, at_x = y - i // 2, x - j // 2
+            out[0, y, x] += weight * row[at_y, at_x]
+            if at_x < 2:
+                out[1, y, x] -= weight * row[at_y, at_x + 1]
+            if at_y < 2:
+                out[2, y, x] -= weight * row[at_y + 1, at_x]
+                if at_x < 2:
+                    out[3, y, x] -= weight * row[at_y + 1, at_x + 1]
+                if at_x > 0:
+                    out[4, y, x] -= weight * row[at_y + 1, at_x - 1]

@@ -1,0 +1,154 @@
+"""The matrix of a pixel grid, level by level, and what a V-cycle does with it: sweep, residual, restrict, interpolate.
+
+Every array has a rim of one pixel that stays zero, so that no loop asks where the picture ends. A stencil is symmetric
+and holds each coupling once: planes `CENTRE`, `EAST`, `SOUTH`, `SOUTH_EAST`, `SOUTH_WEST`, the couplings with positive
+sign. A pixel that is given has a row of zeros and an inverse of zero: nothing reaches it and nothing leaves it.
+
+Pixel (y, x), counted from the rim, is on the coarse grid where both are odd. An array of interpolation weights has a
+plane per corner of the coarse cell that a pixel lies in: `NW`, `NE`, `SW`, `SE`; what has fewer corners uses the first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.segmentation.jit import kernel
+from pipeline.solvers.coarsen import coarse_stencil, interpolation_weights
+
+Doubles: TypeAlias = NDArray[Any]
+"""float64 throughout: near the end of a solution, residuals are small differences of large numbers."""
+
+
+@dataclass(frozen=True)
+class Level:
+    """One grid: its stencil (5, h + 2, w + 2), the inverse of the diagonal, the weights from the next coarser grid."""
+
+    stencil: Doubles
+    inverse: Doubles
+    weights: Doubles
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.inverse.shape[0], self.inverse.shape[1]
+
+
+def build_levels(stencil: Doubles) -> list[Level]:
+    """Grids from the finest, of which this is the stencil, to a single pixel; sizes are halved, odd ones upwards."""
+    levels = []
+    while True:
+        height, width = stencil.shape[1] - 2, stencil.shape[2] - 2
+        weights = np.zeros((4, height + 2, width + 2))
+        levels.append(Level(stencil, _inverse(stencil[0]), weights))
+        if height == width == 1:
+            return levels
+        interpolation_weights(stencil, weights)
+        coarse = np.zeros((5, (height + 1) // 2 + 2, (width + 1) // 2 + 2))
+        coarse_stencil(stencil, weights, coarse)
+        stencil = coarse
+
+
+def _inverse(diagonal: Doubles) -> Doubles:
+    known = diagonal > 0
+    return np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=known)
+
+
+def v_cycle(levels: list[Level], right: Doubles) -> Doubles:
+    """An approximate solution for this right-hand side: one V(1, 1)-cycle from zero, a symmetric operation."""
+    level = levels[0]
+    x = np.zeros(level.shape)
+    if len(levels) == 1:
+        return np.asarray(level.inverse * right)
+    sweep(level.stencil, level.inverse, right, x, 0)
+    coarse = np.zeros(levels[1].shape)
+    restrict(level.stencil, level.weights, right, x, coarse)
+    interpolate(level.weights, v_cycle(levels[1:], coarse), x)
+    sweep(level.stencil, level.inverse, right, x, 1)
+    return x
+
+
+@kernel
+def sweep(stencil: Doubles, inverse: Doubles, right: Doubles, x: Doubles, backward: int) -> None:
+    """Gauss-Seidel in four colours, each of which touches only the others; `backward` takes them in reverse order."""
+    _centre, east, south, south_east, south_west = stencil
+    height, width = x.shape
+    for turn in range(4):
+        colour = 3 - turn if backward else turn
+        bottom = colour % 2
+        side = bottom if colour < 2 else 1 - bottom  # red ones first, then black ones: 0, 3, 1, 2 row by row
+        for i in range(1 + bottom, height - 1, 2):
+            for j in range(1 + side, width - 1, 2):
+                total = right[i, j] + east[i, j] * x[i, j + 1] + east[i, j - 1] * x[i, j - 1]
+                total += south[i, j] * x[i + 1, j] + south[i - 1, j] * x[i - 1, j]
+                total += south_east[i, j] * x[i + 1, j + 1] + south_east[i - 1, j - 1] * x[i - 1, j - 1]
+                total += south_west[i, j] * x[i + 1, j - 1] + south_west[i - 1, j + 1] * x[i - 1, j + 1]
+                x[i, j] = inverse[i, j] * total
+
+
+@kernel
+def restrict(stencil: Doubles, weights: Doubles, right: Doubles, x: Doubles, coarse: Doubles) -> None:
+    """The residual, gathered on the coarse grid by the transpose of the interpolation."""
+    centre, east, south, south_east, south_west = stencil
+    height, width = x.shape
+    row = np.zeros(width)
+    for i in range(1, height - 1):
+        for j in range(1, width - 1):
+            total = right[i, j] + east[i, j] * x[i, j + 1] + east[i, j - 1] * x[i, j - 1]
+            total += south[i, j] * x[i + 1, j] + south[i - 1, j] * x[i - 1, j]
+            total += south_east[i, j] * x[i + 1, j + 1] + south_east[i - 1, j - 1] * x[i - 1, j - 1]
+            total += south_west[i, j] * x[i + 1, j - 1] + south_west[i - 1, j + 1] * x[i - 1, j + 1]
+            row[j] = total - centre[i, j] * x[i, j]
+        top, below = (i + 1) // 2, i // 2 + 1
+        for j in range(1, width - 1):
+            left, beyond = (j + 1) // 2, j // 2 + 1
+            coarse[top, left] += weights[0, i, j] * row[j]
+            if beyond > left:
+                coarse[top, beyond] += weights[1, i, j] * row[j]
+            if below > top:
+                coarse[below, left] += weights[2, i, j] * row[j]
+                if beyond > left:
+                    coarse[below, beyond] += weights[3, i, j] * row[j]
+
+
+@kernel
+def interpolate(weights: Doubles, coarse: Doubles, x: Doubles) -> None:
+    """Add the coarse grid's correction."""
+    height, width = x.shape
+    for i in range(1, height - 1):
+        top, below = (i + 1) // 2, i // 2 + 1
+        for j in range(1, width - 1):
+            left, beyond = (j + 1) // 2, j // 2 + 1
+            upper = weights[0, i, j] * coarse[top, left] + weights[1, i, j] * coarse[top, beyond]
+            lower = weights[2, i, j] * coarse[below, left] + weights[3, i, j] * coarse[below, beyond]
+            x[i, j] += upper + lower
+
+
+@kernel
+def multiply(stencil: Doubles, x: Doubles, out: Doubles) -> float:
+    """`out` = A x; returns x . A x."""
+    centre, east, south, south_east, south_west = stencil
+    height, width = x.shape
+    result = 0.0
+    for i in range(1, height - 1):
+        for j in range(1, width - 1):
+            near = east[i, j] * x[i, j + 1] + east[i, j - 1] * x[i, j - 1]
+            near += south[i, j] * x[i + 1, j] + south[i - 1, j] * x[i - 1, j]
+            near += south_east[i, j] * x[i + 1, j + 1] + south_east[i - 1, j - 1] * x[i - 1, j - 1]
+            near += south_west[i, j] * x[i + 1, j - 1] + south_west[i - 1, j + 1] * x[i - 1, j + 1]
+            out[i, j] = centre[i, j] * x[i, j] - near
+            result += x[i, j] * out[i, j]
+    return result
+
+
+@kernel
+def dot(a: Doubles, b: Doubles) -> float:
+    """Summed row by row, always in the same order, which a threaded library does not promise."""
+    height, width = a.shape
+    result = 0.0
+    for i in range(1, height - 1):
+        for j in range(1, width - 1):
+            result += a[i, j] * b[i, j]
+    return result

@@ -1,0 +1,254 @@
+"""Laplace's equation on the pixel grid, weighted, with given pixels and absorbing terms: set up once, solve often.
+
+    sum over the four neighbours j of w_ij (x_i - x_j)  +  a_i x_i  =  b_i        where x_i is not given
+
+Beyond the border there is nothing: no weight, as by a mirror. Conjugate gradients, preconditioned by a V-cycle, need
+about one V-cycle a decimal digit, whatever the size, the shape of the given regions and the weights.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import BadParameter
+from pipeline.frames import Mask
+from pipeline.solvers.anchors import adrift
+from pipeline.solvers.grid import Doubles, build_levels, dot, multiply, v_cycle
+
+TOLERANCE = 1e-6
+"""Residual at which a solution is done, as a part of the one that x = 0 leaves: below what float32 shows."""
+
+MAX_CYCLES = 40
+"""V-cycles after which a solution is taken as it is; twelve do for any layout of regions with even weights."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What a solver has found, and how well.
+
+    Attributes:
+        x: float32 (h, w) or (labels, h, w), as the values were given.
+        residuals: for each label, the norm of the residual before the first V-cycle and after each, as a part of the
+            one that x = 0 leaves.
+    """
+
+    x: NDArray[np.float32]
+    residuals: tuple[tuple[float, ...], ...]
+
+    @property
+    def cycles(self) -> int:
+        """V-cycles of the label that took most."""
+        return max((len(history) - 1 for history in self.residuals), default=0)
+
+    @property
+    def residual(self) -> float:
+        """The last residual of the label that has the largest."""
+        return max((history[-1] for history in self.residuals), default=0.0)
+
+
+class Multigrid:
+    """The matrix, ready to solve for any right-hand side; safe to share between threads.
+
+    Attributes:
+        adrift: bool (h, w): pixels that no given value and no absorbing term reaches. Their equations have no unique
+            solution; they take a fallback.
+    """
+
+    def __init__(
+        self, fixed: Mask, *, right: NDArray[Any] | None = None, down: NDArray[Any] | None = None,
+        absorb: NDArray[Any] | None = None,
+    ) -> None:  # fmt: skip
+        """Build all coarse grids: time and memory linear in the pixels.
+
+        Args:
+            fixed: bool (h, w), h and w >= 1: pixels whose value is given with each right-hand side.
+            right: (h, w - 1), weights >= 0 of the edges between horizontal neighbours; None = 1 everywhere.
+            down: (h - 1, w), between vertical ones.
+            absorb: (h, w), the terms a >= 0; None = 0 everywhere.
+
+        Raises:
+            BadParameter: a wrong shape, or a weight that is negative or no number.
+
+        Source: coarse grids of dendy1982black; V-cycles as a preconditioner, trottenberg2001multigrid, section 7.8.
+        """
+        height, width = _mask(fixed).shape
+        self.fixed = fixed.astype(bool)
+        self._right = _weights(right, (height, width - 1), "right", 1.0)
+        self._down = _weights(down, (height - 1, width), "down", 1.0)
+        self._absorb = _weights(absorb, (height, width), "absorb", 0.0)
+        self.adrift = adrift(self.fixed | (self._absorb > 0), self._right, self._down)
+        self._levels = build_levels(_stencil(self.fixed | self.adrift, self._right, self._down, self._absorb))
+
+    def solve(
+        self, values: NDArray[Any], *, source: NDArray[Any] | None = None, start: NDArray[Any] | None = None,
+        fallback: float = 0.0, tolerance: float = TOLERANCE, max_cycles: int = MAX_CYCLES,
+    ) -> Solution:  # fmt: skip
+        """Solve for one right-hand side, or for many, each by itself and with the same bytes as alone.
+
+        Without sources at pixels that do not absorb, a solution never leaves the range of the given values and of
+        b / a: what rounding and the tolerance add is cut off.
+
+        Args:
+            values: (h, w) or (labels, h, w): what is given, read where `fixed`; finite there.
+            source: the terms b, of the shape of `values` or (h, w); None = 0.
+            start: a first guess of the shape of `values` or (h, w), as the frame before; None = 0.
+            fallback: what pixels adrift become.
+            tolerance: in (0, 1): the part of the residual of x = 0 to reduce it to.
+            max_cycles: >= 0; then the solution is taken as it is, and its residual tells.
+
+        Raises:
+            BadParameter: an array has a wrong shape or is not finite where it is read; a number is out of its range.
+        """
+        _check_effort(tolerance, max_cycles)
+        given = self._batch(values, "values")
+        labels = len(given)
+        shape = np.shape(values)
+        sources = np.zeros(given.shape) if source is None else self._batch(source, "source", labels)
+        starts = np.zeros(given.shape) if start is None else self._batch(start, "start", labels)
+        solved = [
+            self._one(*arrays, fallback, tolerance, max_cycles) for arrays in zip(given, sources, starts, strict=True)
+        ]
+        x = np.array([found for found, _ in solved], np.float32).reshape(shape)
+        return Solution(x, tuple(history for _, history in solved))
+
+    def _batch(self, array: NDArray[Any], field: str, labels: int | None = None) -> Doubles:
+        given = np.asarray(array, np.float64)
+        if given.shape[-2:] != self.fixed.shape or given.ndim not in (2, 3):
+            raise BadParameter(
+                "It has a value per pixel, of one label or of several.", field=field, value=given.shape,
+                remedy=f"Use the shape {self.fixed.shape} or (labels, {self.fixed.shape[0]}, {self.fixed.shape[1]}).",
+            )  # fmt: skip
+        given = given.reshape(-1, *self.fixed.shape)
+        read = given[:, self.fixed] if field == "values" else given
+        if not np.isfinite(read).all():
+            raise BadParameter("It is a number at every pixel.", field=field, value="NaN or infinity")
+        if labels is None or len(given) == labels:
+            return given
+        if len(given) != 1:
+            raise BadParameter("There is one for each label.", field=field, value=len(given), remedy=f"Give {labels}.")
+        return np.broadcast_to(given, (labels, *self.fixed.shape))
+
+    def _one(
+        self, values: Doubles, source: Doubles, start: Doubles, fallback: float, tolerance: float, max_cycles: int
+    ) -> tuple[Doubles, tuple[float, ...]]:
+        still = self.fixed | self.adrift
+        known = np.where(self.fixed, values, 0.0)
+        pull = np.where(still, 0.0, source + _from_given(known, self._right, self._down))
+        x, history = _conjugate(
+            self._levels, _rimmed(pull), _rimmed(np.where(still, 0.0, start)), tolerance, max_cycles
+        )
+        found = np.where(self.adrift, fallback, np.where(self.fixed, values, x[1:-1, 1:-1]))
+        return self._within(found, known, np.where(still, 0.0, source)), history
+
+    def _within(self, x: Doubles, known: Doubles, source: Doubles) -> Doubles:
+        """The maximum principle, exactly."""
+        absorbing = ~self.fixed & (self._absorb > 0)
+        if np.any(source[~absorbing]):
+            return x
+        ends = np.concatenate([known[self.fixed], source[absorbing] / self._absorb[absorbing]])
+        if not len(ends):
+            return x
+        return np.where(self.adrift, x, x.clip(ends.min(), ends.max()))
+
+
+def solve_laplace(
+    values: NDArray[Any], fixed: Mask, *, right: NDArray[Any] | None = None, down: NDArray[Any] | None = None,
+    absorb: NDArray[Any] | None = None, source: NDArray[Any] | None = None, start: NDArray[Any] | None = None,
+    fallback: float = 0.0, tolerance: float = TOLERANCE, max_cycles: int = MAX_CYCLES,
+) -> Solution:  # fmt: skip
+    """Spread what is given over the rest of the picture: `Multigrid` and one `solve`, see there.
+
+    With nothing but `values` and `fixed`, equation 1 of kagaya2011video: every free pixel is the mean of its
+    neighbours.
+    """
+    matrix = Multigrid(fixed, right=right, down=down, absorb=absorb)
+    return matrix.solve(
+        values, source=source, start=start, fallback=fallback, tolerance=tolerance, max_cycles=max_cycles
+    )
+
+
+def _conjugate(
+    levels: list[Any], right: Doubles, x: Doubles, tolerance: float, max_cycles: int
+) -> tuple[Doubles, tuple[float, ...]]:
+    """Conjugate gradients; norms as parts of that of `right`."""
+    stencil = levels[0].stencil
+    whole = float(np.sqrt(dot(right, right)))
+    if whole == 0.0:
+        return np.zeros_like(right), (0.0,)
+    image = np.zeros_like(right)
+    multiply(stencil, x, image)
+    residual = right - image
+    history = [float(np.sqrt(dot(residual, residual))) / whole]
+    way, old = np.zeros_like(right), 0.0
+    while history[-1] > tolerance and len(history) <= max_cycles:
+        better = v_cycle(levels, residual)
+        new = dot(residual, better)
+        way = better + way * (new / old if old else 0.0)
+        step = new / multiply(stencil, way, image)
+        x += step * way
+        residual -= step * image
+        old = new
+        history.append(float(np.sqrt(dot(residual, residual))) / whole)
+    return x, tuple(history)
+
+
+def _stencil(still: Mask, right: Doubles, down: Doubles, absorb: Doubles) -> Doubles:
+    """The matrix among the pixels that are neither given nor adrift; what is given only adds to the diagonal."""
+    height, width = still.shape
+    out = np.zeros((5, height + 2, width + 2))
+    centre, east, south = (plane[1:-1, 1:-1] for plane in out[:3])
+    centre += absorb
+    centre[:, :-1] += right
+    centre[:, 1:] += right
+    centre[:-1] += down
+    centre[1:] += down
+    centre[still] = 0.0
+    east[:, :-1] = np.where(still[:, :-1] | still[:, 1:], 0.0, right)
+    south[:-1] = np.where(still[:-1] | still[1:], 0.0, down)
+    return out
+
+
+def _from_given(known: Doubles, right: Doubles, down: Doubles) -> Doubles:
+    pull = np.zeros_like(known)
+    pull[:, :-1] += right * known[:, 1:]
+    pull[:, 1:] += right * known[:, :-1]
+    pull[:-1] += down * known[1:]
+    pull[1:] += down * known[:-1]
+    return pull
+
+
+def _rimmed(plane: Doubles) -> Doubles:
+    return np.pad(plane, 1)
+
+
+def _mask(fixed: Mask) -> Mask:
+    if fixed.ndim != 2 or fixed.size == 0 or fixed.dtype != np.bool_:
+        raise BadParameter(
+            "It says of each pixel whether its value is given.", field="fixed", value=f"{fixed.dtype} {fixed.shape}",
+            remedy="Use a bool array (height, width).",
+        )  # fmt: skip
+    return fixed
+
+
+def _check_effort(tolerance: float, max_cycles: int) -> None:
+    if not 0 < tolerance < 1:
+        raise BadParameter("It is between 0 and 1.", field="tolerance", value=tolerance, remedy="Use 1e-6.")
+    if max_cycles < 1:
+        raise BadParameter("It takes at least one.", field="max_cycles", value=max_cycles, remedy="Use 40.")
+
+
+def _weights(given: NDArray[Any] | None, shape: tuple[int, int], field: str, default: float) -> Doubles:
+    if given is None:
+        return np.full(shape, default)
+    weights = np.asarray(given, np.float64)
+    if weights.shape != shape:
+        raise BadParameter("It has a weight per edge, or per pixel.", field=field, value=weights.shape,
+                           remedy=f"Use the shape {shape}.")  # fmt: skip
+    if not (np.isfinite(weights).all() and (weights >= 0).all()):
+        raise BadParameter("Weights are finite and not negative.", field=field, value=weights.min(),
+                           remedy="Use 0 where nothing is to pass.")  # fmt: skip
+    return weights
