@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+import signal
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -41,7 +43,7 @@ impasto live --input clip.mp4 --output cartoon.mp4 --param lines=off
 
 impasto live --input rtsp://camera.local/stream --output rtmp://studio.example/live/key --input reference=wave.jpg
 
-impasto live --input clip.mp4 --loop 0 --duration 60 --output none --json
+impasto live --input clip.mp4 --loop forever --duration 60 --output none --json
 
 Frames go out at the input's own pace; when the service cannot keep up, it drops some rather than fall behind, and
 works at a lower resolution. Without --server a service on this machine is used, or one is started for the occasion.
@@ -72,7 +74,7 @@ def live(
     seed: SeedOption = 0,
     size: Annotated[str, typer.Option(metavar="WxH", help="Scale the input.", rich_help_panel=WHAT)] = "",
     fps: Annotated[float | None, typer.Option(min=1, max=240, help="Of the input.", rich_help_panel=WHAT)] = None,
-    loop: Annotated[int, typer.Option(min=0, help="Play a file so often; 0: for ever.", rich_help_panel=WHAT)] = 1,
+    loop: Annotated[str, typer.Option(metavar="N|forever", help="Play a file so often.", rich_help_panel=WHAT)] = "1",
     duration: Annotated[float | None, typer.Option(metavar="S", min=0.1, help="Stop after so many seconds.")] = None,
     codec: Annotated[str, typer.Option(help=f"Both ways: {', '.join(_CODECS)}.", rich_help_panel=WHERE)] = "jpeg",
     fixed: Annotated[bool, typer.Option("--fixed", help="Never work at a lower resolution.")] = False,
@@ -90,17 +92,17 @@ def live(
     from impasto.settings import CommandSettings, load
 
     source_name, named = _split(inputs)
-    params, given = values.params(param or []), _size(size)
+    params, given, loops = values.params(param or []), _size(size), _loops(loop)
     _check_codec(codec)
     settings = load(CommandSettings, server=server, api_key=api_key)
     key = settings.api_key.get_secret_value()
-    with _closing(open_source(source_name, loop, given, fps)) as source:
+    with _closing(open_source(source_name, loops, given, fps)) as source:
         sink = open_sink(output, source, quality)
         with service(settings.server, say) as address:
             with Client(address, key) as client:
                 assets = _upload(client, named)
             options = {
-                "size": source.size, "fps": min(max(source.fps, 1.0), 240.0), "method": method, "params": params,
+                "size": source.size, "fps": max(source.fps, 1.0), "method": method, "params": params,
                 "inputs": assets, "seed": seed, "send": (codec,), "receive": (codec,), "adaptive": not fixed,
             }  # fmt: skip
             summary = _stream(address, key, options, source, sink, duration or float("inf"), quiet)
@@ -115,9 +117,30 @@ def _stream(
 
     with _status(quiet) as show, LiveClient(address, key, show, **options) as client:
         stream = Stream(client, source, sink, duration_s)
-        where = stream.run()
-        stream.tally.late += source.skipped
+        with _until_told(stream):
+            where = stream.run()
         return _summary(stream, client, where)
+
+
+@contextmanager
+def _until_told(stream: Stream) -> Iterator[None]:
+    """Ctrl-C (or SIGTERM) ends the stream in order; a second one, at once."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+
+    def restore() -> None:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+    def end(_number: int, _frame: FrameType | None) -> None:
+        restore()
+        stream.stop()
+
+    for number in before:
+        signal.signal(number, end)
+    try:
+        yield
+    finally:
+        restore()
 
 
 def _summary(stream: Stream, client: LiveClient, where: str) -> dict[str, Any]:
@@ -198,6 +221,15 @@ def _size(text: str) -> tuple[int, int] | None:
     if not found:
         raise BadInput("A size is WIDTHxHEIGHT.", field="--size", value=text, remedy="Write --size 640x480.")
     return int(found[1]), int(found[2])
+
+
+def _loops(text: str) -> int:
+    """How often, 0 = for ever."""
+    if text == "forever":
+        return 0
+    if not text.isdecimal():
+        raise BadInput("A file is played so many times.", field="--loop", value=text, remedy="Write 3, or forever.")
+    return int(text)
 
 
 def _check_codec(codec: str) -> None:

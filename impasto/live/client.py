@@ -45,6 +45,7 @@ ANSWERS_KEPT = 120
 """Answers waiting for the caller. When there are more, the service is not read from, and drops frames."""
 PATIENCE_S = 10.0
 """How long a lost connection is tried again: as long as the service keeps the session."""
+CLOSE_S = 2.0
 FRUITLESS = 3
 """Connections in a row that may break before they bring an answer."""
 _RETRIED = frozenset({1001, 1006, 1011, 1012})
@@ -116,7 +117,7 @@ class LiveClient:
         self._decoder: Decoder | None = None
         self._sequence, self._want_key = 0, True
         self._sending = threading.Lock()
-        """No frame is begun for one connection and sent on the next: with a video codec it would make no sense there."""
+        """No frame is encoded for one connection and sent on the next, where a video codec would not know it."""
         self._fruitless = 0
         self._leaving, self._over = False, threading.Event()
         self._reader = threading.Thread(target=self._read, name="impasto-live", daemon=True)
@@ -147,7 +148,8 @@ class LiveClient:
         try:
             socket = connect(
                 address, subprotocols=[Subprotocol(SUBPROTOCOL)], additional_headers=headers, compression=None,
-                max_size=MAX_MESSAGE_BYTES, open_timeout=min(10.0, self._timeout_s), max_queue=8, proxy=None,
+                max_size=MAX_MESSAGE_BYTES, open_timeout=min(10.0, self._timeout_s), close_timeout=CLOSE_S,
+                max_queue=8, proxy=None,
             ).__enter__()  # fmt: skip
         except InvalidStatus as refused:
             raise _refusal(refused) from None

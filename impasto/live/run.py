@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import OrderedDict
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,13 +13,14 @@ from impasto.live.client import LiveClient, now_us
 from impasto.live.sinks import Sink
 from impasto.live.sources import Source
 from impasto.live.wire import Answer
-from pipeline.errors import ImpastoError
 from pipeline.frames import Frame
 from workers.live.figures import PERCENTILES, Histogram
 
 Json = dict[str, Any]
-REMEMBERED = 240
+REMEMBERED = 120
 """Frames on their way whose times are kept."""
+ATTEND_S = 0.1
+"""The sink is attended to at least this often, also when no answers come."""
 
 
 @dataclass
@@ -32,8 +33,12 @@ class Tally:
     painted: int = 0
     server: Histogram = field(default_factory=Histogram)
     round_trip: Histogram = field(default_factory=Histogram)
-    began_s: float = field(default_factory=time.monotonic)
+    began_s: float = 0.0
     ended_s: float = 0.0
+
+    def went(self) -> None:
+        self.began_s = self.began_s or time.monotonic()
+        self.sent += 1
 
     def came(self, answer: Answer) -> None:
         self.painted += 1
@@ -56,7 +61,7 @@ class Tally:
 
 
 class Stream:
-    """One stream. `run` ends with the source, after `duration_s`, when the sink has enough, or at Ctrl-C."""
+    """One stream. `run` ends with the source, after `duration_s`, when the sink has enough, or when told to `stop`."""
 
     def __init__(
         self, client: LiveClient, source: Source, sink: Sink, duration_s: float = float("inf"),
@@ -66,49 +71,56 @@ class Stream:
         self.tally = Tally()
         self._duration_s, self._clock = duration_s, clock
         self._stop = threading.Event()
-        self._on_the_way: OrderedDict[int, tuple[float, Frame]] = OrderedDict()
+        self._on_the_way: deque[tuple[int, float, Frame | None]] = deque(maxlen=REMEMBERED)
         self._lock = threading.Lock()
         self._end_s = 0.0
-        self._failure: ImpastoError | None = None
+        self._failure: Exception | None = None
         self._sender = threading.Thread(target=self._send_all, name="impasto-sender", daemon=True)
 
+    def stop(self) -> None:
+        """Send no more; what is on its way still comes. From any thread, or a signal handler."""
+        self._stop.set()
+        self.source.stop()
+
     def run(self) -> str:
-        """Stream to the end, also to one by Ctrl-C; where the answers are. Raises what went wrong, after finishing."""
+        """Stream to the end; where the answers are. What went wrong is raised after the sink is finished."""
         self._sender.start()
         try:
-            for answer in self.client.answers():
-                if not self._take(answer):
-                    break
-        except KeyboardInterrupt:
-            self._leave()
+            while not self.client.ended:
+                for answer in self.client.answers(wait_s=ATTEND_S):
+                    self._take(answer)
+                    self._attend()
+                self._attend()
         finally:
-            self._stop.set()
+            self.stop()
             self._sender.join()
             where = self.sink.finish(self._end_s)
         if self._failure:
             raise self._failure
+        self.tally.late += self.source.skipped
         return where
 
-    def _leave(self) -> None:
-        """What is on its way still comes."""
-        self._stop.set()
-        self._sender.join()
-        for answer in self.client.answers(wait_s=1.0):
-            self._take(answer)
+    def _attend(self) -> None:
+        if not self.sink.attend():
+            self.stop()
 
-    def _take(self, answer: Answer) -> bool:
+    def _take(self, answer: Answer) -> None:
         self.tally.came(answer)
         picture = self.client.picture(answer)
         with self._lock:
-            when, original = self._on_the_way.pop(answer.sequence, (None, None))
-        return when is None or self.sink.put(when, picture, original)
+            while self._on_the_way and self._on_the_way[0][0] < answer.sequence:
+                self._on_the_way.popleft()  # dropped: answers come in order
+            known = self._on_the_way and self._on_the_way[0][0] == answer.sequence
+            _, when, original = self._on_the_way.popleft() if known else (0, None, None)
+        if when is not None:
+            self.sink.put(when, picture, original)
 
     # -- the sender's thread
 
     def _send_all(self) -> None:
         try:
             self._pace()
-        except ImpastoError as error:
+        except Exception as error:
             self._failure = error
         finally:
             self.client.close()
@@ -133,11 +145,9 @@ class Stream:
 
     def _send(self, when: float, frame: Frame) -> None:
         with self._lock:
-            self._on_the_way[self.client.next_sequence] = (when, frame)
-            if len(self._on_the_way) > REMEMBERED:
-                self._on_the_way.popitem(last=False)
+            self._on_the_way.append((self.client.next_sequence, when, frame if self.sink.beside else None))
         self.client.send(frame)
-        self.tally.sent += 1
+        self.tally.went()
 
 
 def _percentiles(histogram: Histogram) -> dict[str, float]:

@@ -8,6 +8,8 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import Protocol
@@ -27,7 +29,27 @@ Timed = tuple[float, Frame]
 """When a frame is shown, seconds from the first, and the frame."""
 NETWORK = ("rtsp://", "rtsps://", "rtmp://", "http://", "https://", "udp://", "srt://", "tcp://")
 OPEN_S = 10
+"""How long a camera or a sender may be silent."""
+LEAVE_S = 2
 _CAMERA_FORMATS = {"linux": "v4l2", "darwin": "avfoundation", "win32": "dshow"}
+
+
+class SourceLost(ImpastoError):
+    """A camera or a network stream that has stopped, and not in order."""
+
+    code = "source-lost"
+
+
+@dataclass(frozen=True)
+class Sound:
+    """What goes with the pictures."""
+
+    path: Path
+    """A media file, which may have no sound."""
+    first_s: Fraction
+    """Its time of the first picture, seconds."""
+    length_s: float
+    """From there to the end of the last."""
 
 
 class Source(Protocol):
@@ -39,14 +61,21 @@ class Source(Protocol):
     """Nominal."""
     paced: bool
     """Whether frames come at their times by themselves; others are to be waited for."""
-    sound: Path | None
-    """A file whose sound goes with the frames."""
+    sound: Sound | None
     skipped: int
     """Frames that came and were not taken in time."""
 
-    def __iter__(self) -> Iterator[Timed]: ...
+    def __iter__(self) -> Iterator[Timed]:
+        """Raises SourceLost, UnreadableMedia."""
+        ...
 
-    def close(self) -> None: ...
+    def stop(self) -> None:
+        """No more frames soon; from any thread."""
+        ...
+
+    def close(self) -> None:
+        """When nobody takes frames any more."""
+        ...
 
 
 def open_source(text: str, loops: int, size: Size | None, fps: float | None) -> Source:
@@ -83,10 +112,11 @@ class FileSource:
             )  # fmt: skip
         self._reader, self._loops = VideoReader(path), loops
         self.size, self.fps = self._reader.size, fps or self._reader.fps
-        self.sound = path if loops == 1 and fps is None and path.is_file() else None
         index = self._reader.index
         ticks = [*(int(t) for t in index.pts), index.end]
         self._times = [float((t - ticks[0]) * index.time_base) for t in ticks]
+        with_sound = loops == 1 and fps is None and path.is_file()
+        self.sound = Sound(path, ticks[0] * index.time_base, self._times[-1]) if with_sound else None
         if fps:
             self._times = [n / fps for n in range(len(ticks))]
 
@@ -94,6 +124,9 @@ class FileSource:
         for loop in itertools.count() if self._loops == 0 else range(self._loops):
             for number, frame in enumerate(self._reader.read()):
                 yield loop * self._times[-1] + self._times[min(number, len(self._times) - 2)], frame
+
+    def stop(self) -> None:
+        """Frames are never long in coming."""
 
     def close(self) -> None:
         self._reader.close()
@@ -103,7 +136,7 @@ class StreamSource:
     """A camera or a network stream, read on a thread of its own: only the newest frame waits."""
 
     paced = True
-    sound: Path | None = None
+    sound: Sound | None = None
 
     def __init__(self, name: str, kind: str | None, options: dict[str, str], fps: float | None, remedy: str) -> None:
         self._name, self._remedy = name, remedy
@@ -118,6 +151,7 @@ class StreamSource:
         self.skipped = 0
         self._newest: queue.Queue[Timed | None] = queue.Queue(1)
         self._stop = threading.Event()
+        self._lost = ""
         self._thread = threading.Thread(target=self._read, args=(first,), name="impasto-source", daemon=True)
         self._thread.start()
 
@@ -148,8 +182,8 @@ class StreamSource:
                 if self._stop.is_set():
                     break
                 self._offer((time.monotonic() - began, to_frame(picture, self._geometry)))
-        except (av.FFmpegError, OSError, ImpastoError):
-            pass  # the stream has ended; what was sent is finished
+        except (av.FFmpegError, OSError, ImpastoError) as error:
+            self._lost = str(error)
         finally:
             self._newest.put(None)
 
@@ -162,19 +196,29 @@ class StreamSource:
         self._newest.put(timed)
 
     def __iter__(self) -> Iterator[Timed]:
-        while (timed := self._newest.get()) is not None:
-            yield timed
+        while not self._stop.is_set():
+            with suppress(queue.Empty):
+                timed = self._newest.get(timeout=0.1)
+                if timed is None:
+                    break
+                yield timed
+        if self._lost and not self._stop.is_set():
+            raise SourceLost(
+                f"It has stopped: {self._lost}.", field="--input", value=self._name,
+                remedy="What came until then is whole. Check the source, then start again.",
+            )  # fmt: skip
+
+    def stop(self) -> None:
+        self._stop.set()
 
     def close(self) -> None:
         self._stop.set()
-        while self._thread.is_alive():
-            try:
-                self._newest.get(timeout=0.1)
-            except queue.Empty:
-                self._thread.join(0.1)
-                if not self._thread.is_alive() or not self._container.streams:
-                    break
-        self._container.close()
+        deadline = time.monotonic() + LEAVE_S
+        while self._thread.is_alive() and time.monotonic() < deadline:
+            with suppress(queue.Empty):
+                self._newest.get(timeout=0.1)  # it may wait for room
+        if not self._thread.is_alive():  # else it waits for a sender that is silent, and ends with the process
+            self._container.close()
 
 
 class Scaled:
@@ -189,6 +233,9 @@ class Scaled:
             self.skipped = self._source.skipped
             how = cv2.INTER_AREA if frame.shape[1] > self.size[0] else cv2.INTER_LINEAR
             yield when, np.asarray(cv2.resize(frame, self.size, interpolation=how), np.uint8)
+
+    def stop(self) -> None:
+        self._source.stop()
 
     def close(self) -> None:
         self._source.close()

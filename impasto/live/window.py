@@ -7,6 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from impasto.live.sinks import Sink
 from impasto.live.sources import Size
 from pipeline.errors import BadInput
 from pipeline.frames import Frame
@@ -14,8 +15,10 @@ from pipeline.frames import Frame
 HELP = "q or Esc quits, f fills the screen, s shows the original beside, space freezes"
 
 
-class Window:
-    """Keys are in `HELP`. One thread makes it, feeds it and finishes it."""
+class Window(Sink):
+    """Keys are in `HELP`."""
+
+    beside = True
 
     def __init__(self, size: Size) -> None:
         self._game = _pygame()
@@ -30,12 +33,14 @@ class Window:
         self._game.display.set_caption(f"Impasto live: {HELP}")
         self._beside = self._frozen = False
 
-    def put(self, when_s: float, frame: Frame, original: Frame | None) -> bool:
+    def put(self, when_s: float, frame: Frame, original: Frame | None) -> None:
+        if not self._frozen:
+            self._show(self._picture(frame, original))
+
+    def attend(self) -> bool:
         for event in self._game.event.get():
             if event.type == self._game.QUIT or (event.type == self._game.KEYDOWN and not self._press(event.key)):
                 return False
-        if not self._frozen:
-            self._show(self._picture(frame, original))
         return True
 
     def _press(self, key: int) -> bool:

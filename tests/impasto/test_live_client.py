@@ -1,148 +1,293 @@
-"""`LiveClient` against a real server: frames both ways, changes, refusals, a connection that is lost."""
+"""`LiveClient` against the real service: frames there and back, changes, refusals, lost connections."""
 
 from __future__ import annotations
 
+import socket
+import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
-from impasto.live.client import LiveClient
-from impasto.live.wire import Answer, pack, unpack
-from impasto.problems import ServiceUnreachable
-from pipeline.errors import BadFrame, BadParameter, ImpastoError
+from impasto import LiveClient
+from impasto.live.client import LiveEnded, LiveOptions, now_us
+from impasto.live.wire import HEADER_BYTES, pack, unpack
+from impasto.problems import NotAllowed, ServiceUnreachable
+from pipeline.errors import BadFrame, BadParameter
 from pipeline.frames import Frame
-from pipeline.methods.base import Method
-from service.live import frames
-from service.settings import Settings
-from tests.service.live import running
-from tests.workers.live_toys import Echo
-from workers.studio import Studio
+from service.live import frames as service_side
+from service.live.messages import Hello
+from tests.impasto.live_service import only_echo, served, until
+from workers.errors import NotFound
+from workers.live.seats import NoSeat
 
 SIZE = (96, 64)
-PICTURE: Frame = np.full((64, 96, 3), (90, 120, 60), np.uint8)
+PICTURE = np.full((64, 96, 3), (90, 120, 60), np.uint8)
 
 
-@contextmanager
-def served(home: Path, monkeypatch: pytest.MonkeyPatch, **more: Any) -> Iterator[str]:
-    found: dict[str, Method] = {"echo": Echo()}  # type: ignore[dict-item]
-    for place in ("pipeline.methods", "workers.live.live", "service.live.connection"):
-        monkeypatch.setattr(f"{place}.methods", lambda: found)
-    settings = Settings(home=home, pool="none", **{"live_sessions": 1, "live_resume_s": 5.0, **more})
-    farm = Studio(settings, None)
-    farm.start()
-    with running(settings, farm) as url:
-        yield url
-    farm.stop()
+@pytest.fixture(autouse=True)
+def echo(monkeypatch: pytest.MonkeyPatch) -> None:
+    only_echo(monkeypatch)
 
 
 @pytest.fixture
-def url(home: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    with served(home, monkeypatch) as address:
+def url(home: Path) -> Iterator[str]:
+    with served(home) as (address, _):
         yield address
 
 
-def echo(url: str, **more: Any) -> LiveClient:
-    return LiveClient(url, **{"size": SIZE, "method": "echo", "send": ["raw"], "receive": ["raw"], **more})
+def client(url: str, **options: Any) -> LiveClient:
+    return LiveClient(url, **{"size": SIZE, "method": "echo", "fps": 60, **options})
 
 
-def until(true: Callable[[], object], patience_s: float = 10.0) -> None:
-    end = time.monotonic() + patience_s
-    while not true():
-        assert time.monotonic() < end
-        time.sleep(0.01)
+def one(live: LiveClient, frame: Frame = PICTURE) -> Frame:
+    """Send a frame and wait for its picture."""
+    sent = live.send(frame)
+    for answer in live.answers(wait_s=5):
+        assert answer.sequence == sent
+        return live.picture(answer)
+    raise AssertionError("no answer came")
 
 
-def one(client: LiveClient, frame: Frame = PICTURE) -> tuple[Answer, Frame]:
-    """Send a frame and take its answer."""
-    client.send(frame)
-    for answer in client.answers(wait_s=5):
-        return answer, client.picture(answer)
-    raise AssertionError("no answer")
+# -- the wire
 
 
-def test_a_header_means_the_same_at_both_ends() -> None:
-    header, payload = frames.unpack(pack(b"xyz", (640, 480), True, 7, 2**40))
-    assert header == frames.Header(True, 640, 480, 7, 2**40) and payload == b"xyz"
-    answer = unpack(frames.pack(frames.Header(False, 320, 240, 9, 11, latency_us=1500), b"abc"))
-    assert answer == Answer(9, 11, (320, 240), False, 1500, b"abc")
+def test_the_service_reads_what_the_client_packs_and_the_other_way_round() -> None:
+    header, payload = service_side.unpack(pack(b"picture", (640, 360), True, 0xDEADBEEF, (1 << 63) + 5))
+    assert (header.width, header.height, header.key, bytes(payload)) == (640, 360, True, b"picture")
+    assert (header.sequence, header.timestamp, header.latency_us) == (0xDEADBEEF, (1 << 63) + 5, 0)
+    answer = unpack(service_side.pack(service_side.Header(False, 320, 180, 7, 1 << 40, 20_500), b"painting"))
+    assert (answer.size, answer.key, answer.sequence, answer.timestamp) == ((320, 180), False, 7, 1 << 40)
+    assert (answer.latency_us, answer.payload) == (20_500, b"painting")
 
 
-@pytest.mark.parametrize("message", [b"", b"\x01", b"\x02" + bytes(40)])
-def test_a_frame_of_another_version_is_refused(message: bytes) -> None:
+@pytest.mark.parametrize("message", [b"", b"\x01" * HEADER_BYTES, b"\x02" + b"\0" * 40])
+def test_a_frame_of_another_version_says_so(message: bytes) -> None:
     with pytest.raises(BadFrame, match="version"):
         unpack(message)
 
 
-def test_frames_come_back_painted_in_order_with_their_times(url: str) -> None:
-    with echo(url, params={"add": 20}) as client:
-        for number in range(1, 4):
-            answer, picture = one(client)
-            assert (answer.sequence, answer.size) == (number, SIZE)
-            assert picture[30, 30].tolist() == [110, 140, 80]
-            assert 0 < answer.latency_us < 5e6
-        figures = client.close()
-    assert (figures["received"], figures["painted"], figures["dropped"]) == (3, 3, 0)
-    assert list(client.answers()) == []
+def test_hello_is_what_the_service_understands() -> None:
+    options = LiveOptions((640, 480), params={"lines": "dog"}, inputs={"reference": "ast_1"}, send=("h264", "jpeg"))
+    hello = Hello.model_validate(options.hello())
+    assert (hello.width, hello.height, hello.send, hello.adaptive) == (640, 480, ["h264", "jpeg"], True)
 
 
-@pytest.mark.parametrize("codec", ["jpeg", "webp", "h264", "vp8"])
-def test_every_codec_brings_the_picture(url: str, codec: str) -> None:
-    with echo(url, send=[codec], receive=[codec], params={"add": 20}) as client:
-        pictures = [one(client)[1] for _ in range(3)]
-    assert client.ready["receive"]["codec"] == codec
-    for picture in pictures:
-        assert np.abs(picture[20:, 20:].astype(int) - (110, 140, 80)).mean() < 6
+# -- the way of a session
 
 
-def test_a_change_is_told_and_in_force(url: str) -> None:
+@pytest.mark.parametrize("codec", ["raw", "jpeg", "webp", "h264", "vp8"])
+def test_a_frame_comes_back_painted_in_every_codec(url: str, codec: str) -> None:
+    with client(url, send=(codec,), receive=(codec,), quality=95, params={"add": 20}) as live:
+        assert live.ready["receive"]["codec"] == codec
+        for _ in range(3):  # video codecs build on the frames before
+            painted = one(live)
+            assert painted.shape == PICTURE.shape
+            assert np.abs(painted[8:].astype(int) - (PICTURE[8:].astype(int) + 20)).mean() < 4
+
+
+def test_answers_bear_the_time_they_were_sent_at_and_what_the_service_took(url: str) -> None:
+    with client(url) as live:
+        began = now_us()
+        live.send(PICTURE)
+        (answer,) = live.answers(wait_s=5)
+        assert began <= answer.timestamp <= now_us()
+        assert 0 < answer.latency_us < now_us() - answer.timestamp
+        live.send(PICTURE, timestamp=42)
+        assert next(iter(live.answers(wait_s=5))).timestamp == 42
+
+
+def test_close_brings_the_figures_and_the_answers_still_to_come(url: str) -> None:
+    with client(url, params={"paint_s": 0.1}) as live:
+        sent = live.send(PICTURE)
+        stats = live.close()
+        assert [answer.sequence for answer in live.answers()] == [sent]
+        assert live.ended
+    assert (stats["received"], stats["painted"]) == (1, 1)
+
+
+def test_answers_do_not_wait_when_asked_not_to(url: str) -> None:
+    with client(url) as live:
+        began = time.monotonic()
+        assert list(live.answers(wait_s=0)) == []
+        assert time.monotonic() - began < 0.5
+
+
+def test_parameters_change_while_it_runs(url: str) -> None:
     heard: list[dict[str, Any]] = []
-    with echo(url, on_message=heard.append) as client:
-        one(client)
-        client.change({"add": 50})
-        until(lambda: any(message["type"] == "params" for message in heard))
-        assert one(client)[1][30, 30].tolist() == [140, 170, 110]
-        client.change({"add": "much"})
-        until(lambda: any(message["type"] == "error" for message in heard))
-    problem = next(message["problem"] for message in heard if message["type"] == "error")
-    assert problem["field"] == "params.add" or problem["field"] == "add"
+    with LiveClient(url, on_message=heard.append, size=SIZE, method="echo", send=("raw",), receive=("raw",)) as live:
+        assert one(live)[8, 8, 0] == 90
+        live.change({"add": 50})
+        until(lambda: "params" in [said["type"] for said in heard])
+        assert one(live)[8, 8, 0] == 140
+        live.change({"add": 9000})  # refused, and the stream goes on
+        assert one(live)[8, 8, 0] == 140
+    assert live.options.params == {"add": 9000}
+    assert "error" in [said["type"] for said in heard]
 
 
-def test_a_full_service_is_busy_and_says_when_to_return(url: str) -> None:
-    with echo(url), pytest.raises(ImpastoError) as refused:
-        echo(url).__enter__()
-    assert refused.value.code == "busy" and refused.value.remedy
+def test_a_frame_of_another_size_goes_on_at_that_size(url: str) -> None:
+    with client(url, send=("h264",), receive=("h264",)) as live:
+        assert one(live).shape == (64, 96, 3)
+        assert one(live, np.asarray(cv2.resize(PICTURE, (48, 32)), np.uint8)).shape == (32, 48, 3)
 
 
-def test_what_is_wrong_with_hello_is_raised_as_it_is(url: str) -> None:
-    with pytest.raises(BadParameter) as wrong:
-        echo(url, params={"colour": "red"}).__enter__()
-    assert "colour" in wrong.value.field
+def test_what_is_no_frame_is_named_before_it_is_sent(url: str) -> None:
+    with client(url) as live, pytest.raises(BadFrame, match="uint8"):
+        live.send(PICTURE.astype(np.float32))  # type: ignore[arg-type]
 
 
-def test_nobody_there_is_unreachable() -> None:
-    with pytest.raises(ServiceUnreachable, match="impasto serve"):
-        echo("http://127.0.0.1:9").__enter__()
+# -- refusals
 
 
-def test_a_lost_connection_is_taken_up_again(url: str) -> None:
-    with echo(url, params={"add": 20}) as client:
-        one(client)
-        session = client.ready["session"]
-        client._socket.socket.shutdown(2)  # type: ignore[union-attr]
-        until(lambda: client.ready["resumed"])
-        assert client.ready["session"] == session
-        assert one(client)[1][30, 30].tolist() == [110, 140, 80]
+def test_no_service_is_an_error_with_a_remedy() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+    with pytest.raises(ServiceUnreachable, match="impasto serve"), client(f"http://127.0.0.1:{port}"):
+        pass
 
 
-def test_a_key_is_sent_as_over_http(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with served(home, monkeypatch, auth="required", admin_key="open sesame") as url:
-        with pytest.raises(ImpastoError) as refused:
-            echo(url).__enter__()
-        assert refused.value.code == "unauthorized"
-        with echo(url, api_key="open sesame") as client:
-            one(client)
+def test_a_full_service_says_when_to_come_back(home: Path) -> None:
+    with served(home, live_sessions=1) as (url, _), client(url):
+        began = time.monotonic()
+        with pytest.raises(NoSeat, match="Try again in 5 s") as caught, client(url):
+            pass
+    assert time.monotonic() - began < 2
+    assert (caught.value.code, caught.value.retry_after_s) == ("busy", 5.0)
+
+
+def test_a_key_is_needed_where_one_is(home: Path) -> None:
+    secret = "x" * 32
+    with served(home, auth="required", admin_key=secret) as (url, _):
+        with pytest.raises(NotAllowed), client(url):
+            pass
+        with client(url, api_key=secret) as live:
+            assert one(live).shape == PICTURE.shape
+
+
+@pytest.mark.parametrize(
+    ("options", "kind", "field"),
+    [
+        ({"method": "nothing"}, NotFound, "method"),
+        ({"params": {"add": -1}}, BadParameter, "params.add"),
+        ({"inputs": {"reference": "ast_0"}}, NotFound, "inputs.reference"),
+        ({"receive": ("gif",)}, BadParameter, "receive"),
+        ({"size": (64, 100_000)}, BadParameter, "height"),
+    ],
+)
+def test_a_bad_hello_is_the_error_that_the_service_names(
+    url: str, options: dict[str, Any], kind: type[Exception], field: str
+) -> None:
+    with pytest.raises(kind) as caught, client(url, **options):
+        pass
+    assert caught.value.field == field  # type: ignore[attr-defined]
+
+
+def test_a_broken_payload_ends_the_session_with_its_reason(url: str) -> None:
+    with client(url) as live:
+        live.send_payload(b"not a picture", SIZE)
+        with pytest.raises(BadFrame, match="jpeg"):
+            list(live.answers(wait_s=5))
+        with pytest.raises(BadFrame):  # whoever asks again is told again
+            list(live.answers())
+
+
+# -- lost connections
+
+
+class Relay:
+    """A wire between client and service that can be cut."""
+
+    def __init__(self, url: str) -> None:
+        self._target = ("127.0.0.1", int(url.rpartition(":")[2]))
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.url = f"http://127.0.0.1:{self._listener.getsockname()[1]}"
+        self._ends: list[socket.socket] = []
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def _accept(self) -> None:
+        while True:
+            try:
+                here, _ = self._listener.accept()
+            except OSError:
+                return
+            there = socket.create_connection(self._target)
+            self._ends += [here, there]
+            for one_end, other in ((here, there), (there, here)):
+                threading.Thread(target=self._pump, args=(one_end, other), daemon=True).start()
+
+    def _pump(self, source: socket.socket, sink: socket.socket) -> None:
+        try:
+            while data := source.recv(1 << 16):
+                sink.sendall(data)
+            sink.shutdown(socket.SHUT_WR)
+        except OSError:
+            pass  # cut
+
+    def cut(self) -> None:
+        ends, self._ends = self._ends, []
+        for end in ends:
+            with suppress(OSError):  # one end may have gone already
+                end.shutdown(socket.SHUT_RDWR)
+            end.close()
+
+    def close(self) -> None:
+        with suppress(OSError):  # closed before
+            self._listener.shutdown(socket.SHUT_RDWR)  # wakes the thread that accepts
+        self._listener.close()
+        self.cut()
+
+
+@pytest.fixture
+def relay(url: str) -> Iterator[Relay]:
+    relay = Relay(url)
+    yield relay
+    relay.close()
+
+
+@pytest.mark.parametrize("codec", ["raw", "h264"])
+def test_a_lost_connection_is_taken_up_again_with_the_sessions_memory(relay: Relay, codec: str) -> None:
+    with client(relay.url, send=(codec,), receive=(codec,)) as live:
+        one(live), one(live)
+        session = live.ready["session"]
+        relay.cut()
+        until(lambda: live.ready["resumed"])
+        assert (live.ready["session"], live.ready["resumed"]) == (session, True)
+        painted = one(live)
+        if codec == "raw":
+            assert painted[0, 0, 2] == 3  # the third frame of one stream
+        stats = live.close()
+    assert stats["painted"] == 3
+
+
+def test_frames_sent_while_nobody_is_there_are_counted_and_lost(relay: Relay) -> None:
+    with client(relay.url) as live:
+        one(live)
+        relay.cut()
+        until(lambda: live.send(PICTURE) and live.unsent)
+        until(lambda: live.ready["resumed"])
+    assert live.unsent
+
+
+def test_a_service_that_is_gone_for_good_ends_the_stream(relay: Relay, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("impasto.live.client.PATIENCE_S", 0.3)
+    with client(relay.url) as live:
+        one(live)
+        relay.close()
+        with pytest.raises(ServiceUnreachable):
+            list(live.answers())
+
+
+def test_a_session_that_fails_again_and_again_is_given_up(url: str) -> None:
+    with client(url, params={"fault": "paint"}) as live:
+        feeding = threading.Thread(target=lambda: [(live.send(PICTURE), time.sleep(0.02)) for _ in range(150)])
+        feeding.start()
+        with pytest.raises(LiveEnded) as caught:
+            list(live.answers(wait_s=10))
+        feeding.join()
+    assert caught.value.code == "internal-error"
