@@ -56,18 +56,31 @@ def _inverse(diagonal: Doubles) -> Doubles:
     return np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=known)
 
 
-def v_cycle(levels: list[Level], right: Doubles) -> Doubles:
-    """An approximate solution for this right-hand side: one V(1, 1)-cycle from zero, a symmetric operation."""
-    level = levels[0]
-    x = np.zeros(level.shape)
+@dataclass(frozen=True)
+class Room:
+    """Where a V-cycle works on one grid; rims stay zero."""
+
+    right: Doubles
+    x: Doubles
+
+
+def rooms(levels: list[Level]) -> list[Room]:
+    """One for each grid; a thread that solves has its own."""
+    return [Room(np.zeros(level.shape), np.zeros(level.shape)) for level in levels]
+
+
+def v_cycle(levels: list[Level], work: list[Room]) -> None:
+    """From `right` of the finest room an approximate solution `x`: one V(1, 1)-cycle from 0, a symmetric operation."""
+    level, here = levels[0], work[0]
+    here.x.fill(0.0)
+    sweep(level.stencil, level.inverse, here.right, here.x, 0)
     if len(levels) == 1:
-        return np.asarray(level.inverse * right)
-    sweep(level.stencil, level.inverse, right, x, 0)
-    coarse = np.zeros(levels[1].shape)
-    restrict(level.stencil, level.weights, right, x, coarse)
-    interpolate(level.weights, v_cycle(levels[1:], coarse), x)
-    sweep(level.stencil, level.inverse, right, x, 1)
-    return x
+        return
+    work[1].right.fill(0.0)
+    restrict(level.stencil, level.weights, here.right, here.x, work[1].right)
+    v_cycle(levels[1:], work[1:])
+    interpolate(level.weights, work[1].x, here.x)
+    sweep(level.stencil, level.inverse, here.right, here.x, 1)
 
 
 @kernel
@@ -152,3 +165,25 @@ def dot(a: Doubles, b: Doubles) -> float:
         for j in range(1, width - 1):
             result += a[i, j] * b[i, j]
     return result
+
+
+@kernel
+def advance(x: Doubles, residual: Doubles, way: Doubles, image: Doubles, step: float) -> float:
+    """A step of conjugate gradients along `way`, of which `image` is the product with A; returns |residual|^2."""
+    height, width = x.shape
+    result = 0.0
+    for i in range(1, height - 1):
+        for j in range(1, width - 1):
+            x[i, j] += step * way[i, j]
+            residual[i, j] -= step * image[i, j]
+            result += residual[i, j] * residual[i, j]
+    return result
+
+
+@kernel
+def conjugate(way: Doubles, better: Doubles, part: float) -> None:
+    """The next way: the better one, made conjugate to the last."""
+    height, width = way.shape
+    for i in range(1, height - 1):
+        for j in range(1, width - 1):
+            way[i, j] = better[i, j] + part * way[i, j]

@@ -8,6 +8,7 @@ about one V-cycle a decimal digit, whatever the size, the shape of the given reg
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from pipeline.errors import BadParameter
 from pipeline.frames import Mask
 from pipeline.solvers.anchors import adrift
-from pipeline.solvers.grid import Doubles, build_levels, dot, multiply, v_cycle
+from pipeline.solvers.grid import Doubles, Level, advance, build_levels, conjugate, dot, multiply, rooms, v_cycle
 
 TOLERANCE = 1e-6
 """Residual at which a solution is done, as a part of the one that x = 0 leaves: below what float32 shows."""
@@ -138,9 +139,8 @@ class Multigrid:
         still = self.fixed | self.adrift
         known = np.where(self.fixed, values, 0.0)
         pull = np.where(still, 0.0, source + _from_given(known, self._right, self._down))
-        x, history = _conjugate(
-            self._levels, _rimmed(pull), _rimmed(np.where(still, 0.0, start)), tolerance, max_cycles
-        )
+        first = _rimmed(np.where(still, 0.0, start))
+        x, history = _iterate(self._levels, _rimmed(pull), first, tolerance, max_cycles)
         found = np.where(self.adrift, fallback, np.where(self.fixed, values, x[1:-1, 1:-1]))
         return self._within(found, known, np.where(still, 0.0, source)), history
 
@@ -171,28 +171,26 @@ def solve_laplace(
     )
 
 
-def _conjugate(
-    levels: list[Any], right: Doubles, x: Doubles, tolerance: float, max_cycles: int
+def _iterate(
+    levels: list[Level], right: Doubles, x: Doubles, tolerance: float, max_cycles: int
 ) -> tuple[Doubles, tuple[float, ...]]:
-    """Conjugate gradients; norms as parts of that of `right`."""
-    stencil = levels[0].stencil
-    whole = float(np.sqrt(dot(right, right)))
+    """Conjugate gradients, from `x` on and in place; norms as parts of that of `right`."""
+    stencil, work = levels[0].stencil, rooms(levels)
+    whole = math.sqrt(dot(right, right))
     if whole == 0.0:
         return np.zeros_like(right), (0.0,)
-    image = np.zeros_like(right)
+    image, way, old = np.zeros_like(right), np.zeros_like(right), math.inf
     multiply(stencil, x, image)
-    residual = right - image
-    history = [float(np.sqrt(dot(residual, residual))) / whole]
-    way, old = np.zeros_like(right), 0.0
+    residual = work[0].right
+    np.subtract(right, image, out=residual)
+    history = [math.sqrt(dot(residual, residual)) / whole]
     while history[-1] > tolerance and len(history) <= max_cycles:
-        better = v_cycle(levels, residual)
-        new = dot(residual, better)
-        way = better + way * (new / old if old else 0.0)
+        v_cycle(levels, work)
+        new = dot(residual, work[0].x)
+        conjugate(way, work[0].x, new / old)
         step = new / multiply(stencil, way, image)
-        x += step * way
-        residual -= step * image
+        history.append(math.sqrt(advance(x, residual, way, image, step)) / whole)
         old = new
-        history.append(float(np.sqrt(dot(residual, residual))) / whole)
     return x, tuple(history)
 
 
