@@ -44,3 +44,16 @@ class Aside:
         if self.helper is None:
             return Now(function(*args, **kwargs))
         return self.helper.submit(function, *args, **kwargs)
+
+    def rows(self, work: Callable[[int, int], None], height: int) -> None:
+        """`work(first, last)` over all rows of a picture; with a helper, it takes the upper half."""
+        if self.helper is None:
+            work(0, height)
+            return
+        upper = self.helper.submit(work, 0, height // 2)
+        work(height // 2, height)
+        upper.result()
+
+
+ALONE = Aside()
+"""Nobody helps."""

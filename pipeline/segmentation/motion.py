@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.aside import ALONE, Aside
 from pipeline.frames import Flow, Frame
 from pipeline.segmentation.jit import kernel
 from pipeline.segmentation.regions import Lab8
@@ -113,7 +114,9 @@ def _planes(picture: NDArray[np.uint8]) -> Planes:
     return one, two, three
 
 
-def fade(picture: Frame, past: Frame, residual: NDArray[np.uint8], memory: float) -> Frame:
+def fade(
+    picture: Frame, past: Frame, residual: NDArray[np.uint8], memory: float, aside: Aside = ALONE
+) -> Frame:  # fmt: skip
     """Blend an output with the previous one, weight `memory` where the SOURCE agrees with
 
     its past (within about `FADE_TOLERANCE` CIELAB units): where nothing happened, paint must not jump; it fades over.
@@ -126,7 +129,10 @@ def fade(picture: Frame, past: Frame, residual: NDArray[np.uint8], memory: float
 
     Returns: uint8 (h, w, 3), `past`.
     """
-    _fade(picture, past, residual, _weights(memory, FADE_TOLERANCE))
+    weights = _weights(memory, FADE_TOLERANCE)
+    aside.rows(
+        lambda first, last: _fade(picture[first:last], past[first:last], residual[first:last], weights), len(picture)
+    )
     return past
 
 

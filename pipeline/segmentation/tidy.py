@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.aside import ALONE, Aside
 from pipeline.frames import Labels
 from pipeline.segmentation.jit import kernel
 from pipeline.segmentation.regions import Lab8, Means, Sums, colour_difference, means_of, move
@@ -205,7 +206,7 @@ def _goes_before(one: int, two: int, areas: NDArray[np.int64]) -> bool:
     return areas[one] < areas[two] or (areas[one] == areas[two] and one > two)
 
 
-def round_boundaries(labels: Labels, radius_px: float) -> Labels:
+def round_boundaries(labels: Labels, radius_px: float, aside: Aside = ALONE) -> Labels:
     """Low-pass filtered boundaries without gaps: each pixel takes the majority label of the disc around it.
 
     A pixel keeps its label if half of the disc agrees with it, and in ties. Discs of 3 px and more are sampled at
@@ -215,7 +216,8 @@ def round_boundaries(labels: Labels, radius_px: float) -> Labels:
     ys, xs = _samples(radius_px)
     padded = cv2.copyMakeBorder(labels, reach, reach, reach, reach, cv2.BORDER_REPLICATE)
     out = labels.copy()
-    _majority(np.asarray(padded, np.int32), ys, xs, reach, out)
+    around = np.asarray(padded, np.int32)
+    aside.rows(lambda first, last: _majority(around, ys, xs, reach, out, first, last), len(out))
     return out
 
 
@@ -230,13 +232,15 @@ def _samples(radius_px: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 @kernel
-def _majority(padded: Labels, ys: NDArray[np.int64], xs: NDArray[np.int64], reach: int, out: Labels) -> None:
-    height, width = out.shape
+def _majority(
+    padded: Labels, ys: NDArray[np.int64], xs: NDArray[np.int64], reach: int, out: Labels, first: int, last: int
+) -> None:  # fmt: skip
+    width = out.shape[1]
     total = ys.size
     mine = np.empty(width, np.int32)
     seen = np.empty(total, np.int32)
     votes = np.empty(total, np.int32)
-    for y in range(height):
+    for y in range(first, last):
         own_row = padded[y + reach, reach : reach + width]
         mine[:] = 0
         for n in range(total):  # whole rows at a time: this loop is the filter's cost, and it vectorises

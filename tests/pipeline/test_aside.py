@@ -35,3 +35,18 @@ def test_what_went_wrong_is_told_to_who_asks() -> None:
     aside.helper = None
     with pytest.raises(ZeroDivisionError):
         aside(lambda: 1 / 0)
+
+
+def test_rows_are_all_done_once_and_the_helper_takes_the_upper_half() -> None:
+    aside, done = Aside(), []
+
+    def work(first: int, last: int) -> None:
+        done.append((first, last, threading.current_thread().name))
+
+    aside.rows(work, 7)
+    assert done == [(0, 7, threading.current_thread().name)]
+    done.clear()
+    with ThreadPoolExecutor(1, thread_name_prefix="helper") as aside.helper:
+        aside.rows(work, 7)
+    assert sorted((first, last) for first, last, _ in done) == [(0, 3), (3, 7)]
+    assert next(name for first, _, name in done if first == 0).startswith("helper")

@@ -60,13 +60,13 @@ class Brush:
 
     def step(self, sketch: Sketch) -> Painting:
         """After `expect` of the same frame."""
-        percept, regions = sketch.percept, sketch.regions
+        percept, regions, aside = sketch.percept, sketch.regions, self.aside
         with self.clock("paint"):
-            labels = round_boundaries(regions.labels, self.round_px) if self.round_px >= 1 else regions.labels
-            picture = flat(labels, sketch.colours)
+            labels = round_boundaries(regions.labels, self.round_px, aside) if self.round_px >= 1 else regions.labels
+            picture = flat(labels, sketch.colours, aside=aside)
             ink = None if percept.ink is None else percept.ink.result()
             if ink is not None:
-                overlay(picture, ink, INK, self.params.line_opacity)
+                overlay(picture, ink, INK, self.params.line_opacity, aside)
             self.picture = self._fade(picture, percept)
         return Painting(self.picture, regions, labels, sketch.colours, ink)
 
@@ -74,7 +74,7 @@ class Brush:
         """Where the source agrees with its past, let paint fade over from the last frame rather than jump."""
         if self._past is None or percept.residual is None:
             return picture
-        return fade(picture, self._past.result(), percept.residual, self.params.paint_memory * percept.calm)
+        return fade(picture, self._past.result(), percept.residual, self.params.paint_memory * percept.calm, self.aside)
 
     def state(self) -> State:
         return {} if self.picture is None else {"picture": self.picture}

@@ -63,7 +63,8 @@ class Eye:
         self.settled: Lab8 | None = None
         self.thumbnail: Plane | None = None
         self.calm = 1.0
-        self._searching: Later[None] = Now(None)
+        self._resting: Later[None] = Now(None)
+        self._search_due = False
         self.smooth_px = 0.6 + 0.4 * size[1] / 360
 
     def step(self, frame: Frame, mask: Plane | None = None) -> Percept:
@@ -73,12 +74,13 @@ class Eye:
         lab, gray = self._smooth(frame)
         fresh = begins.result()
         flow = self._flow(gray, fresh)
-        importance = self.aside(self._importance, self._searching, gray, flow, fresh, mask)
+        importance = self.aside(self._importance, gray, flow, fresh, mask)
         back, settled, residual = self._settle(lab, flow)
         calm = np.asarray(cv2.extractChannel(settled, 0), np.uint8)
         outline = self.aside(self._edges, calm, importance)
         ink = self.aside(self._ink, self.inker, calm, importance, flow) if self.inker else None
-        self._searching = self.aside(self._search_faces)
+        if self.aside.helper is None:
+            self.rest()
         with self.clock("colour"):
             tone = self.tone.step(measure_tone(frame), fresh) if self.tone else None
         self.gray, self.settled = gray, settled
@@ -91,15 +93,23 @@ class Eye:
             return lab, np.asarray(cv2.extractChannel(lab, 0), np.uint8)
 
     def _importance(
-        self, searched: Later[None], gray: NDArray[np.uint8], flow: Flow | None, fresh: bool, mask: Plane | None
+        self, gray: NDArray[np.uint8], flow: Flow | None, fresh: bool, mask: Plane | None
     ) -> Plane:  # fmt: skip
-        searched.result()  # long done; here to raise what went wrong
+        self._search_faces()  # of the frame before, if there was no time for it yet
         with self.clock("importance"):
-            return self.importance.step_coarse(gray, flow, fresh, mask)
+            importance = self.importance.step_coarse(gray, flow, fresh, mask)
+        self._search_due = True  # set and cleared by the helper alone: once from frame to frame, however they overlap
+        return importance
+
+    def rest(self) -> None:
+        """When a frame is finished, or at its end if nobody helps: what only the frames to come will ask for."""
+        self._resting = self.aside(self._search_faces)
 
     def _search_faces(self) -> None:
-        with self.clock("importance"):
-            self.importance.search_on()
+        if self._search_due:
+            self._search_due = False
+            with self.clock("importance"):
+                self.importance.search_on()
 
     def _edges(self, gray: NDArray[np.uint8], importance: Later[Plane]) -> NDArray[np.uint8]:
         with self.clock("edges"):
@@ -139,7 +149,8 @@ class Eye:
         return back, settled, residual
 
     def state(self) -> State:
-        self._searching.result()
+        self._resting.result()
+        self._search_faces()
         parts: dict[str, Mapping[str, NDArray[Any]]] = {"importance": self.importance.state()}
         if self.inker:
             parts["inker"] = self.inker.state()

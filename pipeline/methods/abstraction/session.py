@@ -68,7 +68,10 @@ class AbstractionSession:
     def finish(self, seen: Percept) -> Painting:
         """`paint`, with what the frame is made from."""
         self.brush.expect(seen)
-        return self.brush.step(self.hand.step(seen))
+        painting = self.brush.step(self.hand.step(seen))
+        if self.aside.helper is not None:
+            self.eye.rest()
+        return painting
 
     def hurry(self, helper: Executor) -> None:
         """Let what can wait be done aside by `helper`, which has one thread: see `pipeline.methods.base.Session`."""
