@@ -20,6 +20,8 @@ from workers.model import Json, TaskOrder, TaskOutcome
 from workers.watch import Watch
 
 CONTROL = "control"
+RENDER_NICENESS = 10
+"""Live sessions and the service's answers go before renders."""
 LOOK, PAINT = "look", "paint"
 LOWEST = 19
 """Nice."""
@@ -29,6 +31,7 @@ class _RenderActor:
     """Runs one order at a time; answers in between, from a thread of its own, how far it is."""
 
     def __init__(self, make_runner: Callable[[], Runner]) -> None:
+        os.nice(RENDER_NICENESS)
         self._watch = Watch()
         self._runner = make_runner()
         warm_up = partial(self._runner.warm_up, lambda: False)

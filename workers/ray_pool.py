@@ -206,10 +206,18 @@ class RayPool:
             return next((worker for worker in self._workers if worker.attempt_id == attempt_id), None)
 
 
+_LOCAL = {
+    "object_store_memory": _OBJECT_STORE_BYTES,
+    # Ray's workers are nicer than all else by default. Here those that render are (see `actors`), and a live session
+    # has a deadline.
+    "_system_config": {"worker_niceness": 0},
+}
+
+
 def _connect(settings: FarmSettings) -> None:
     """`ray.init`, without losing the process's own SIGTERM handler to it."""
     local = settings.ray_address == "local"
-    own: dict[str, Any] = {"num_cpus": settings.workers, "object_store_memory": _OBJECT_STORE_BYTES} if local else {}
+    own: dict[str, Any] = _LOCAL | {"num_cpus": settings.workers} if local else {}
     handler = signal.getsignal(signal.SIGTERM)
     try:
         ray.init(
