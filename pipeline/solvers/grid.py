@@ -2,7 +2,7 @@
 
 Every array has a rim of one pixel that stays zero, so that no loop asks where the picture ends. A stencil is symmetric
 and holds each coupling once: planes `CENTRE`, `EAST`, `SOUTH`, `SOUTH_EAST`, `SOUTH_WEST`, the couplings with positive
-sign. A pixel that is given has a row of zeros and an inverse of zero: nothing reaches it and nothing leaves it.
+sign. A pixel that is given has a row of zeros: nothing reaches it and nothing leaves it.
 
 Pixel (y, x), counted from the rim, is on the coarse grid where both are odd. An array of interpolation weights has a
 plane per corner of the coarse cell that a pixel lies in: `NW`, `NE`, `SW`, `SE`; what has fewer corners uses the first.
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from pipeline.segmentation.jit import kernel
 from pipeline.solvers.coarsen import coarse_stencil, interpolation_weights
+from pipeline.solvers.lines import factor_lines, sweep
 
 Doubles: TypeAlias = NDArray[Any]
 """float64 throughout: near the end of a solution, residuals are small differences of large numbers."""
@@ -25,15 +26,15 @@ Doubles: TypeAlias = NDArray[Any]
 
 @dataclass(frozen=True)
 class Level:
-    """One grid: its stencil (5, h + 2, w + 2), the inverse of the diagonal, the weights from the next coarser grid."""
+    """One grid: its stencil (5, h + 2, w + 2), the factors of its lines, the weights from the next coarser grid."""
 
     stencil: Doubles
-    inverse: Doubles
+    lines: Doubles
     weights: Doubles
 
     @property
     def shape(self) -> tuple[int, int]:
-        return self.inverse.shape[0], self.inverse.shape[1]
+        return self.stencil.shape[1], self.stencil.shape[2]
 
 
 def build_levels(stencil: Doubles) -> list[Level]:
@@ -42,18 +43,13 @@ def build_levels(stencil: Doubles) -> list[Level]:
     while True:
         height, width = stencil.shape[1] - 2, stencil.shape[2] - 2
         weights = np.zeros((4, height + 2, width + 2))
-        levels.append(Level(stencil, _inverse(stencil[0]), weights))
+        levels.append(Level(stencil, factor_lines(stencil), weights))
         if height == width == 1:
             return levels
         interpolation_weights(stencil, weights)
         coarse = np.zeros((5, (height + 1) // 2 + 2, (width + 1) // 2 + 2))
         coarse_stencil(stencil, weights, coarse)
         stencil = coarse
-
-
-def _inverse(diagonal: Doubles) -> Doubles:
-    known = diagonal > 0
-    return np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=known)
 
 
 @dataclass(frozen=True)
@@ -73,32 +69,14 @@ def v_cycle(levels: list[Level], work: list[Room]) -> None:
     """From `right` of the finest room an approximate solution `x`: one V(1, 1)-cycle from 0, a symmetric operation."""
     level, here = levels[0], work[0]
     here.x.fill(0.0)
-    sweep(level.stencil, level.inverse, here.right, here.x, 0)
+    sweep(level.stencil, level.lines, here.right, here.x, 0)
     if len(levels) == 1:
         return
     work[1].right.fill(0.0)
     restrict(level.stencil, level.weights, here.right, here.x, work[1].right)
     v_cycle(levels[1:], work[1:])
     interpolate(level.weights, work[1].x, here.x)
-    sweep(level.stencil, level.inverse, here.right, here.x, 1)
-
-
-@kernel
-def sweep(stencil: Doubles, inverse: Doubles, right: Doubles, x: Doubles, backward: int) -> None:
-    """Gauss-Seidel in four colours, each of which touches only the others; `backward` takes them in reverse order."""
-    _centre, east, south, south_east, south_west = stencil
-    height, width = x.shape
-    for turn in range(4):
-        colour = 3 - turn if backward else turn
-        bottom = colour % 2
-        side = bottom if colour < 2 else 1 - bottom  # red ones first, then black ones: 0, 3, 1, 2 row by row
-        for i in range(1 + bottom, height - 1, 2):
-            for j in range(1 + side, width - 1, 2):
-                total = right[i, j] + east[i, j] * x[i, j + 1] + east[i, j - 1] * x[i, j - 1]
-                total += south[i, j] * x[i + 1, j] + south[i - 1, j] * x[i - 1, j]
-                total += south_east[i, j] * x[i + 1, j + 1] + south_east[i - 1, j - 1] * x[i - 1, j - 1]
-                total += south_west[i, j] * x[i + 1, j - 1] + south_west[i - 1, j + 1] * x[i - 1, j + 1]
-                x[i, j] = inverse[i, j] * total
+    sweep(level.stencil, level.lines, here.right, here.x, 1)
 
 
 @kernel

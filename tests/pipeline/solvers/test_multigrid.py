@@ -106,7 +106,7 @@ def test_twelve_cycles_take_six_digits(shape: tuple[int, int], count: int) -> No
         found = solve_laplace(*blobs(shape, count, seed))
         assert found.residual <= 1e-6
         assert found.cycles <= 12
-        assert list(found.residuals[0]) == sorted(found.residuals[0], reverse=True) or found.cycles <= 9
+        assert list(found.residuals[0]) == sorted(found.residuals[0], reverse=True)
 
 
 @pytest.mark.parametrize("pattern", ["pixel", "checks", "stripes", "salt", "maze"])
@@ -124,13 +124,18 @@ def test_twelve_cycles_do_for_awkward_regions(pattern: str) -> None:
     assert solve_laplace(values, fixed).cycles <= 12
 
 
-def test_a_picture_s_ragged_edges_as_weights() -> None:
+@pytest.mark.parametrize(("part", "most"), [(0.5, 12), (0.05, 20)])
+def test_a_random_walk_with_ragged_borders(part: float, most: int) -> None:
+    """Objects that move differently, noisy flow, links to other frames at a part of the pixels."""
     shape = (125, 187)
-    colours, _ = blobs(shape, 30, seed=8)
-    right = np.exp(-9 * np.abs(np.diff(colours, axis=1)))
-    down = np.exp(-9 * np.abs(np.diff(colours, axis=0)))
+    rng = np.random.default_rng(8)
+    motion = 8 * blobs(shape, 30, seed=8)[0] + rng.normal(0, 0.15, shape)
+    right, down = (np.exp(-np.abs(np.diff(motion, axis=axis))) for axis in (1, 0))
+    links = (rng.random(shape) < part) * rng.random(shape)
     values, fixed = blobs(shape, 5, seed=9)
-    assert solve_laplace(values, fixed, right=right, down=down).cycles <= 36
+    found = solve_laplace(values, fixed, right=right, down=down, absorb=links, source=links)
+    assert found.residual <= 1e-6
+    assert found.cycles <= most
 
 
 def test_the_residual_is_what_it_says() -> None:
@@ -233,10 +238,10 @@ def test_work_is_linear_in_pixels() -> None:
     """Pixels of all grids together, and the cycles, say what it costs."""
     for side in (33, 130, 517):
         stencil = np.zeros((5, side + 2, side + 2))
-        work = sum(level.inverse.size for level in build_levels(stencil)) / side**2
+        work = sum(level.shape[0] * level.shape[1] for level in build_levels(stencil)) / side**2
         assert work < 1.34 + 12 / math.sqrt(side)
     cycles = [solve_laplace(*blobs((side, side), 4, seed=2)).cycles for side in (33, 130, 517)]
-    assert max(cycles) <= 9
+    assert max(cycles) <= 6
 
 
 def test_the_same_bytes_again_and_from_elsewhere_in_memory() -> None:
