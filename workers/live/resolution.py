@@ -1,8 +1,8 @@
 """At which size to work: it falls rather than the delay growing. Pure: told the time.
 
-Down, when frames miss their deadline or one of the two halves of the work takes more than a period, so that frames are
-dropped: at once when two frames in a row took more than two periods, else when half a second of frames did so at the
-median. A step may skip rungs.
+Down, when frames miss their deadline: at once when two in a row took more than two periods, else when of those of two
+seconds more than two, and more than one in twenty, were late. Or when one of the two halves of the work takes more than a
+period, at the median of half a second, so that frames are dropped. A step may skip rungs.
 
 Up by one rung, when the next size up is expected to fit well for some seconds; twice as many for each time that this
 size was tried and did not hold.
@@ -31,9 +31,11 @@ time."""
 NOTICED_S = 1 / 30
 """A delay below this is worth no pixels."""
 LOOK_BACK_S = 0.5
+LATE_WINDOW_S, LATE_AT_MOST, LATE_SHARE = 2.0, 2, 0.05
+"""So that one in a hundred frames is late in the long run, tries of larger sizes included."""
 MARGIN = 0.85
 """A size is chosen so that frames are expected to take this part of what they may."""
-PATIENCE_S, MOST_PATIENCE_S = 3.0, 60.0
+PATIENCE_S, MOST_PATIENCE_S = 3.0, 120.0
 FAILED_WITHIN_S = 5.0
 """A step up that is taken back this soon has failed."""
 HELD_S = 30.0
@@ -168,14 +170,19 @@ class Ladder:
     def _slow(self, now_s: float, period_s: float) -> bool:
         if self.rung == len(SCALES) - 1:
             return False
-        if self._late >= 2:
+        if self._late >= 2 or self._often_late(now_s, period_s):
             return True
         assert self._since_s is not None
         recent = [seen for seen in self._seen if seen.at_s >= now_s - LOOK_BACK_S]
         if now_s - self._since_s < LOOK_BACK_S or len(recent) < 2:
             return False
-        late = median(seen.latency_s for seen in recent) > deadline_s(period_s)
-        return late or median(seen.cost.half_s for seen in recent) > period_s
+        return median(seen.cost.half_s for seen in recent) > period_s
+
+    def _often_late(self, now_s: float, period_s: float) -> bool:
+        """More than a few frames, and of many more than one in twenty, missed the deadline."""
+        recent = [seen for seen in self._seen if seen.at_s >= now_s - LATE_WINDOW_S]
+        late = sum(seen.latency_s > deadline_s(period_s) for seen in recent)
+        return late > max(LATE_AT_MOST, LATE_SHARE * len(recent))
 
     def _room(self, now_s: float, period_s: float) -> bool:
         if self.rung == 0 or self._since_s is None:
