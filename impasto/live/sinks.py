@@ -1,27 +1,17 @@
-"""Where answers go: a video file (`film`), numbered frames, a network stream, a window (`window`)."""
+"""Where answers go: a video file (`film`), numbered frames, a network stream (`broadcast`), a window (`window`)."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from fractions import Fraction
 
-import av
 import cv2
 import numpy as np
-from av.container import OutputContainer
-from av.video.stream import VideoStream
 
 from impasto.cli.delivery import Target, forget, swap, target
 from impasto.live.sources import Size, Source
-from pipeline.errors import BadInput, ImpastoError
+from pipeline.errors import BadInput
 from pipeline.frames import Frame
 from pipeline.video.stills import encode_png
-
-
-class OutputLost(ImpastoError):
-    """What took the stream takes no more."""
-
-    code = "output-lost"
 
 
 class Sink(ABC):
@@ -55,6 +45,8 @@ def open_sink(text: str, source: Source, quality: int) -> Sink:
 
         return Window(source.size)
     if "://" in text:
+        from impasto.live.broadcast import Broadcast
+
         return Broadcast(text, source.size, source.fps)
     where = target(text)
     if where.kind == "still" or where.path.suffix == ".zip":
@@ -96,58 +88,6 @@ class Frames(Sink):
             return ""
         swap(self._part, self._where.path)
         return str(self._where.path)
-
-
-class Broadcast(Sink):
-    """A live stream to a server (RTMP, RTSP, or whatever else FFmpeg takes MPEG-TS for)."""
-
-    def __init__(self, address: str, size: Size, fps: float) -> None:
-        self._address, self._size = address, (size[0] - size[0] % 2, size[1] - size[1] % 2)
-        kind = "flv" if address.startswith("rtmp") else "rtsp" if address.startswith("rtsp") else "mpegts"
-        try:
-            self._file: OutputContainer = av.open(address, "w", format=kind, timeout=10)
-            self._stream = _h264(self._file, self._size, fps)
-            self._file.start_encoding()
-        except (av.FFmpegError, OSError, ValueError) as error:
-            raise BadInput(
-                f"It cannot be streamed to: {error}.", field="--output", value=address,
-                remedy="Check the address, and that the server takes a stream there.",
-            ) from None  # fmt: skip
-        self._last, self._lost = -1, False
-
-    def put(self, when_s: float, frame: Frame, original: Frame | None) -> None:
-        at = round(when_s * 1000)
-        if at > self._last:
-            picture = av.VideoFrame.from_ndarray(at_size(frame, self._size), format="rgb24")
-            picture.pts, picture.time_base, self._last = at, Fraction(1, 1000), at
-            self._send(picture)
-
-    def _send(self, picture: av.VideoFrame | None) -> None:
-        try:
-            self._file.mux(self._stream.encode(picture))
-        except (av.FFmpegError, OSError) as error:
-            self._lost = True
-            raise OutputLost(
-                f"The server takes no more: {error}.", field="--output", value=self._address,
-                remedy="Check the server, then start again.",
-            ) from None  # fmt: skip
-
-    def finish(self, end_s: float) -> str:
-        if not self._lost:
-            self._send(None)
-            self._file.close()
-        return self._address
-
-
-def _h264(file: OutputContainer, size: Size, fps: float) -> VideoStream:
-    """A stream that nothing is held back in."""
-    rate = Fraction(fps).limit_denominator(1001)
-    stream = file.add_stream("libx264", rate=rate, options={"preset": "veryfast", "tune": "zerolatency"})
-    assert isinstance(stream, VideoStream)
-    stream.width, stream.height, stream.pix_fmt = *size, "yuv420p"
-    stream.codec_context.time_base = Fraction(1, 1000)
-    stream.codec_context.gop_size = max(1, round(2 * fps))
-    return stream
 
 
 def at_size(frame: Frame, size: Size) -> Frame:

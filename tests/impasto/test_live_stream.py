@@ -9,24 +9,29 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import av
+import cv2
 import httpx
 import numpy as np
+import psutil
 import pytest
 
+from impasto import LiveClient
 from impasto.cli.app import run as command
+from impasto.live.broadcast import OutputLost
 from impasto.live.run import Stream
-from impasto.live.sinks import OutputLost, Sink, open_sink
+from impasto.live.sinks import Sink, open_sink
 from impasto.live.sources import FileSource, SourceLost, open_source
 from impasto.live.wire import Answer
 from pipeline.errors import BadInput
 from pipeline.frames import Frame
 from pipeline.video.reader import VideoReader
+from pipeline.video.stills import encode_png
 from tests.conftest import TINY_FRAMES, TINY_HEIGHT, TINY_WIDTH
 from tests.impasto.live_service import only_echo, served, until
 
@@ -472,8 +477,8 @@ def test_a_broadcast_is_a_stream_that_a_player_can_read_at_once(tmp_path: Path) 
     assert levels == pytest.approx([0, 10, 20, 40, 50, 60, 70, 80, 90], abs=4)
 
 
-def test_a_server_that_takes_no_more_ends_the_stream(monkeypatch: pytest.MonkeyPatch) -> None:
-    source = Reel([n / 100 for n in range(300)], fps=100)
+def test_a_server_that_takes_no_more_ends_the_stream() -> None:
+    source = Reel([n / 100 for n in range(600)], fps=100)
     with socket.create_server(("127.0.0.1", 0)) as listener:
         address = f"tcp://127.0.0.1:{listener.getsockname()[1]}"
         sink = open_sink(address, source, 20)
@@ -483,6 +488,54 @@ def test_a_server_that_takes_no_more_ends_the_stream(monkeypatch: pytest.MonkeyP
         with pytest.raises(OutputLost) as lost:
             stream(Mirror(), source, sink).run()
     assert lost.value.field == "--output"
+
+
+def test_a_silent_server_holds_nobody_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("impasto.live.broadcast.SILENT_S", 1)
+    source = Reel([n / 50 for n in range(25)], fps=50)
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        address = f"rtmp://127.0.0.1:{listener.getsockname()[1]}/live/key"
+        began = time.monotonic()
+        with suppress(OutputLost):  # or it ends first
+            stream(Mirror(), source, open_sink(address, source, 20)).run()
+    assert time.monotonic() - began < 5
+
+
+PLAYER = """
+import sys, av
+with av.open(sys.argv[1], options={"listen": "1"}, timeout=20) as file:
+    count = 0
+    try:
+        for frame in file.decode(video=0):
+            count += 1
+            print(frame.width, frame.height, float(frame.pts * frame.time_base), flush=True)
+    except OSError:
+        pass  # the sender went
+"""
+
+
+@contextmanager
+def rtmp_server() -> Iterator[tuple[str, Callable[[], str]]]:
+    """The address of a server for one sender, and what its player has seen in the end."""
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        address = f"rtmp://127.0.0.1:{free.getsockname()[1]}/live/key"
+    child = subprocess.Popen([sys.executable, "-c", PLAYER, address], stdout=subprocess.PIPE, text=True)
+    try:
+        until(lambda: psutil.Process(child.pid).net_connections())
+        yield address, lambda: child.communicate(timeout=20)[0]
+    finally:
+        child.kill()
+        child.wait()
+
+
+def test_rtmp_reaches_a_player(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("impasto.live.broadcast._knock", lambda address: None)  # FFmpeg's server takes one guest only
+    source = Reel([n / 25 for n in range(25)], fps=25)
+    with rtmp_server() as (address, seen):
+        assert stream(Mirror(drops=(3,)), source, open_sink(address, source, 20)).run() == address
+        frames = [line.split() for line in seen().splitlines()]
+    assert {(width, height) for width, height, _ in frames} == {("32", "16")}
+    assert [float(when) for *_, when in frames] == pytest.approx([n / 25 for n in range(25) if n != 3], abs=0.002)
 
 
 # -- the command, with a service of its own
@@ -515,21 +568,70 @@ def test_a_clip_goes_through_a_service_started_for_it_and_keeps_its_sound(
         assert len(list(file.decode(video=0))) == summary["painted"]
 
 
-def test_ctrl_c_ends_in_order(tiny_clip: Path, tmp_path: Path, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def painted(url: str) -> float:
+    """Frames that live sessions have painted."""
+    lines = httpx.get(f"{url}/metrics").text.splitlines()
+    return sum(
+        float(line.split()[-1]) for line in lines if line.startswith('impasto_live_frames_total{outcome="painted"')
+    )
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_ends_in_order(
+    tiny_clip: Path, tmp_path: Path, home: Path, monkeypatch: pytest.MonkeyPatch, number: signal.Signals
+) -> None:
     out = tmp_path / "out.mp4"
     only_echo(monkeypatch)
     with served(home) as (url, _):
         words = live("--input", tiny_clip, "--loop", "forever", "--output", out, "--server", url, "--method", "echo")
         child = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         try:
-            until(lambda: httpx.get(f"{url}/v1/live").json()["sessions"], 60)
-            time.sleep(1)
-            child.send_signal(signal.SIGINT)
+            until(lambda: painted(url), 60)
+            child.send_signal(number)
             said, _ = child.communicate(timeout=60)
         finally:
             child.kill()
     summary = json.loads(said.splitlines()[-1])
     assert child.returncode == 0, said
     assert summary["painted"] > 0
+    assert [path.name for path in tmp_path.iterdir() if "out" in path.name] == ["out.mp4"]
     with VideoReader(out) as reader:
         assert reader.frames == summary["painted"]
+
+
+@pytest.fixture
+def url(home: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """Of a service for one session, whose method is "echo"."""
+    only_echo(monkeypatch)
+    with served(home, live_sessions=1) as (address, _):
+        yield address
+
+
+def test_a_reference_is_named_as_for_render(
+    url: str, tiny_clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    green = tmp_path / "green.png"
+    green.write_bytes(encode_png(np.full((32, 32, 3), (10, 77, 10), np.uint8)))
+    words = ["--input", str(tiny_clip), "--input", f"reference={green}", "--param", "add=5", "--codec", "raw"]
+    frames = tmp_path / "frames"
+    status = command(["live", *words, "--method", "echo", "--server", url, "--output", f"{frames}/", "--json"])
+    said = capsys.readouterr()
+    assert status == 0, said
+    summary = json.loads(said.out.splitlines()[-1])
+    assert (summary["output"], summary["codec"]) == (str(frames), "raw")
+    painted = cv2.imread(str(frames / "0000.png"))
+    assert painted[0, 0, 1:].tolist() == [77, 5]  # "echo" writes there what it was given
+    assert len(list(frames.iterdir())) == summary["painted"]
+
+
+def test_a_full_service_is_said_and_leaves_what_was_there(
+    url: str, tiny_clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out.mp4"
+    out.write_bytes(b"earlier")
+    with LiveClient(url, size=SIZE, method="echo"):
+        words = ["live", "--input", str(tiny_clip), "--output", str(out), "--method", "echo", "--server", url, "--json"]
+        assert command(words) == 1
+    error = json.loads(capsys.readouterr().out.splitlines()[-1])["error"]
+    assert (error["code"], "Try again in 5 s" in error["remedy"]) == ("busy", True)
+    assert out.read_bytes() == b"earlier"

@@ -1,0 +1,106 @@
+"""A stream to a server on the network: RTMP, RTSP, or MPEG-TS over whatever else FFmpeg speaks."""
+
+from __future__ import annotations
+
+import socket
+from fractions import Fraction
+from urllib.parse import urlsplit
+
+import av
+from av.codec.context import Flags
+from av.container import OutputContainer
+from av.video.stream import VideoStream
+
+from impasto.live.sinks import Sink, at_size
+from impasto.live.sources import Size
+from pipeline.errors import BadInput, ImpastoError
+from pipeline.frames import Frame
+
+TICKS = 1000
+"""Of a second: what FLV counts in."""
+SILENT_S = 10
+"""How long the server may take nothing."""
+_FORMATS = {"rtmp": "flv", "rtmps": "flv", "rtsp": "rtsp"}
+_PORTS = {"rtmp": 1935, "rtmps": 443, "rtsp": 554}
+_ON_TCP = frozenset({*_PORTS, "tcp", "http", "https"})
+
+
+class OutputLost(ImpastoError):
+    """What took the stream takes no more."""
+
+    code = "output-lost"
+
+
+class Broadcast(Sink):
+    """FFmpeg's fifo muxer writes on a thread of its own: a server that is slow costs packets, and never holds us up.
+    (Without it a server that is silent stops the whole process, since PyAV connects with the interpreter locked.)
+
+    Raises: BadInput (nobody takes connections there); `put`, OutputLost.
+    """
+
+    def __init__(self, address: str, size: Size, fps: float) -> None:
+        self._address, self._size = address, (size[0] - size[0] % 2, size[1] - size[1] % 2)
+        kind = _FORMATS.get(urlsplit(address).scheme, "mpegts")
+        try:
+            _knock(address)
+            self._file = _fifo(address, kind)
+            self._stream = _h264(self._file, self._size, fps, headers_apart=kind != "mpegts")
+            self._file.start_encoding()
+        except (av.FFmpegError, OSError, ValueError) as error:
+            raise BadInput(
+                f"It cannot be streamed to: {error}.", field="--output", value=address,
+                remedy="Check the address, and that the server takes a stream there.",
+            ) from None  # fmt: skip
+        self._last, self._lost = -1, False
+
+    def put(self, when_s: float, frame: Frame, original: Frame | None) -> None:
+        at = round(when_s * TICKS)
+        if at > self._last:
+            picture = av.VideoFrame.from_ndarray(at_size(frame, self._size), format="rgb24")
+            picture.pts, picture.time_base, self._last = at, Fraction(1, TICKS), at
+            self._send(picture)
+
+    def _send(self, picture: av.VideoFrame | None) -> None:
+        try:
+            self._file.mux(self._stream.encode(picture))
+        except (av.FFmpegError, OSError) as error:
+            self._lost = True
+            raise OutputLost(
+                f"The server takes no more: {error}.", field="--output", value=self._address,
+                remedy="Check the server, and that the address is one it takes a stream at; then start again.",
+            ) from None  # fmt: skip
+
+    def finish(self, end_s: float) -> str:
+        if not self._lost:
+            self._send(None)
+            self._file.close()
+        return self._address
+
+
+def _knock(address: str) -> None:
+    """Find out now whether somebody listens. Raises OSError, ValueError."""
+    parts = urlsplit(address)
+    if parts.scheme in _ON_TCP and parts.hostname:
+        port = parts.port or _PORTS.get(parts.scheme, 443 if parts.scheme == "https" else 80)
+        if parts.scheme != "tcp":  # a plain listener would take the knock for the stream
+            socket.create_connection((parts.hostname, port), SILENT_S).close()
+
+
+def _fifo(address: str, kind: str) -> OutputContainer:
+    options = {
+        "fifo_format": kind, "format_opts": f"rw_timeout={SILENT_S * 1_000_000}", "drop_pkts_on_overflow": "1",
+    }  # fmt: skip
+    return av.open(address, "w", format="fifo", options=options)
+
+
+def _h264(file: OutputContainer, size: Size, fps: float, headers_apart: bool) -> VideoStream:
+    """A stream that holds nothing back."""
+    rate = Fraction(fps).limit_denominator(1001)
+    stream = file.add_stream("libx264", rate=rate, options={"preset": "veryfast", "tune": "zerolatency"})
+    assert isinstance(stream, VideoStream)
+    stream.width, stream.height, stream.pix_fmt = *size, "yuv420p"
+    stream.codec_context.time_base = Fraction(1, TICKS)
+    stream.codec_context.gop_size = max(1, round(2 * fps))
+    if headers_apart:
+        stream.codec_context.flags |= Flags.global_header
+    return stream
