@@ -52,6 +52,10 @@ class Solution:
         return max((history[-1] for history in self.residuals), default=0.0)
 
 
+FAINTEST = 1e-9
+"""Part of the largest edge's weight up to which a weight is rounding beside it."""
+
+
 class Multigrid:
     """The matrix, ready to solve for any right-hand side; safe to share between threads.
 
@@ -66,6 +70,8 @@ class Multigrid:
     ) -> None:  # fmt: skip
         """Build all coarse grids: time and memory linear in the pixels.
 
+        An edge with less than `FAINTEST` of the largest weight passes nothing, and a term as small reaches nothing.
+
         Args:
             fixed: bool (h, w), h and w >= 1: pixels whose value is given with each right-hand side.
             right: (h, w - 1), weights >= 0 of the edges between horizontal neighbours; None = 1 everywhere.
@@ -79,10 +85,11 @@ class Multigrid:
         """
         height, width = _mask(fixed).shape
         self.fixed = fixed.astype(bool)
-        self._right = _weights(right, (height, width - 1), "right", 1.0)
-        self._down = _weights(down, (height - 1, width), "down", 1.0)
+        edges = _weights(right, (height, width - 1), "right", 1.0), _weights(down, (height - 1, width), "down", 1.0)
+        least = FAINTEST * max(weights.max(initial=0.0) for weights in edges)
+        self._right, self._down = (np.where(weights > least, weights, 0.0) for weights in edges)
         self._absorb = _weights(absorb, (height, width), "absorb", 0.0)
-        self.adrift = adrift(self.fixed | (self._absorb > 0), self._right, self._down)
+        self.adrift = adrift(self.fixed | (self._absorb > least), self._right, self._down)
         stencil = _stencil(self.fixed | self.adrift, self._right, self._down, self._absorb)
         self._levels = build_levels(stencil)
 
@@ -148,7 +155,7 @@ class Multigrid:
 
     def _within(self, x: Doubles, known: Doubles, source: Doubles) -> Doubles:
         """The maximum principle, exactly."""
-        absorbing = ~self.fixed & (self._absorb > 0)
+        absorbing = ~self.fixed & ~self.adrift & (self._absorb > 0)
         if np.any(source[~absorbing]):
             return x
         ends = np.concatenate([known[self.fixed], source[absorbing] / self._absorb[absorbing]])
@@ -190,8 +197,10 @@ def _iterate(
         v_cycle(levels, work)
         new = dot(residual, work[0].x)
         conjugate(way, work[0].x, new / old)
-        step = new / multiply(stencil, way, image)
-        history.append(math.sqrt(advance(x, residual, way, image, step)) / whole)
+        energy = multiply(stencil, way, image)
+        if not (new > 0 and energy > 0):  # nothing but rounding is left
+            break
+        history.append(math.sqrt(advance(x, residual, way, image, new / energy)) / whole)
         old = new
     return x, tuple(history)
 

@@ -271,3 +271,31 @@ def test_what_is_wrong_is_named(change: dict[str, object], field: str) -> None:
     with pytest.raises(BadParameter) as caught:
         solve_laplace(**arguments)  # type: ignore[arg-type]
     assert caught.value.field == field
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_no_weights_make_it_fail(seed: int) -> None:
+    """Barriers, weights over fifty decades, faint links: finite, and within what is given."""
+    rng = np.random.default_rng(seed)
+    shape = tuple(rng.integers(1, 30, 2))
+
+    def weights(height: int, width: int) -> Numbers:
+        any_one = rng.random((height, width))
+        kinds = [
+            (any_one < 0.5) * 1.0,
+            np.exp(-40 * any_one),
+            10 ** (50 * any_one - 30),
+            np.where(any_one < 0.3, 0, 1e-38),
+        ]
+        return np.asarray(kinds[rng.integers(len(kinds))])
+
+    fixed = rng.random(shape) < rng.choice([0, 0.01, 0.1, 0.5])
+    absorb = np.where(rng.random(shape) < 0.1, 10 ** rng.uniform(-12, 3, shape), 0)
+    values = rng.uniform(-1, 1, shape)
+    matrix = Multigrid(
+        fixed, right=weights(shape[0], shape[1] - 1), down=weights(shape[0] - 1, shape[1]), absorb=absorb
+    )
+    found = matrix.solve(values, source=absorb * values, fallback=0.5)
+    assert np.abs(found.x).max() <= 1 + 1e-6
+    assert found.residual <= 1e-4
+    assert (found.x[matrix.adrift] == 0.5).all()
