@@ -1,4 +1,4 @@
-"""A stream to a server on the network: RTMP, RTSP, or MPEG-TS over whatever else FFmpeg speaks."""
+"""A stream to a server on the network: FLV over RTMP, MPEG-TS over TCP and UDP."""
 
 from __future__ import annotations
 
@@ -20,9 +20,8 @@ TICKS = 1000
 """Of a second: what FLV counts in."""
 SILENT_S = 10
 """How long the server may take nothing."""
-_FORMATS = {"rtmp": "flv", "rtmps": "flv", "rtsp": "rtsp"}
-_PORTS = {"rtmp": 1935, "rtmps": 443, "rtsp": 554}
-_ON_TCP = frozenset({*_PORTS, "tcp", "http", "https"})
+_FORMATS = {"rtmp": "flv", "rtmps": "flv", "tcp": "mpegts", "udp": "mpegts"}
+_PORTS = {"rtmp": 1935, "rtmps": 443}
 
 
 class OutputLost(ImpastoError):
@@ -35,12 +34,12 @@ class Broadcast(Sink):
     """FFmpeg's fifo muxer writes on a thread of its own: a server that is slow costs packets, and never holds us up.
     (Without it a server that is silent stops the whole process, since PyAV connects with the interpreter locked.)
 
-    Raises: BadInput (nobody takes connections there); `put`, OutputLost.
+    Raises: BadInput (another scheme, nobody takes connections there); `put`, OutputLost.
     """
 
     def __init__(self, address: str, size: Size, fps: float) -> None:
         self._address, self._size = address, (size[0] - size[0] % 2, size[1] - size[1] % 2)
-        kind = _FORMATS.get(urlsplit(address).scheme, "mpegts")
+        kind = _format(address)
         try:
             _knock(address)
             self._file = _fifo(address, kind)
@@ -77,13 +76,19 @@ class Broadcast(Sink):
         return self._address
 
 
+def _format(address: str) -> str:
+    scheme = address.partition("://")[0]
+    if scheme not in _FORMATS:
+        remedy = f"Use an address that begins with one of: {', '.join(f'{name}://' for name in _FORMATS)}."
+        raise BadInput("Nothing can be streamed to that.", field="--output", value=address, remedy=remedy)
+    return _FORMATS[scheme]
+
+
 def _knock(address: str) -> None:
-    """Find out now whether somebody listens. Raises OSError, ValueError."""
+    """Find out now whether an RTMP server is there. Raises OSError, ValueError."""
     parts = urlsplit(address)
-    if parts.scheme in _ON_TCP and parts.hostname:
-        port = parts.port or _PORTS.get(parts.scheme, 443 if parts.scheme == "https" else 80)
-        if parts.scheme != "tcp":  # a plain listener would take the knock for the stream
-            socket.create_connection((parts.hostname, port), SILENT_S).close()
+    if parts.scheme in _PORTS and parts.hostname:
+        socket.create_connection((parts.hostname, parts.port or _PORTS[parts.scheme]), SILENT_S).close()
 
 
 def _fifo(address: str, kind: str) -> OutputContainer:

@@ -27,7 +27,7 @@ from pipeline.video.reader import VideoReader
 Size = tuple[int, int]
 Timed = tuple[float, Frame]
 """When a frame is shown, seconds from the first, and the frame."""
-NETWORK = ("rtsp://", "rtsps://", "rtmp://", "http://", "https://", "udp://", "srt://", "tcp://")
+NETWORK = ("rtsp://", "rtsps://", "rtmp://", "http://", "https://", "udp://", "tcp://")
 OPEN_S = 10
 """How long a camera or a sender may be silent."""
 LEAVE_S = 2

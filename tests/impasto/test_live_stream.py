@@ -411,7 +411,9 @@ def test_a_sender_that_fails_is_not_an_end_in_order(transport_stream: Path, monk
      (["--input", "CLIP", "--size", "big"], "--size"), (["--input", "CLIP", "--codec", "av1"], "--codec"),
      (["--input", "CLIP", "--loop", "often"], "--loop"), (["--input", "CLIP", "--output", "x.zip"], "--output"),
      (["--input", "CLIP", "--output", "x.gif"], "--output"), (["--input", "CLIP", "--output", "x.png"], "--output"),
-     (["--input", "CLIP", "--output", "rtmp://127.0.0.1:9/x"], "--output")],
+     (["--input", "CLIP", "--output", "rtmp://127.0.0.1:9/x"], "--output"),
+     (["--input", "CLIP", "--output", "rtmp://127.0.0.1:x/x"], "--output"),
+     (["--input", "CLIP", "--output", "gopher://127.0.0.1/x"], "--output")],
 )  # fmt: skip
 def test_bad_words_are_refused_before_anything_starts(
     words: list[str], field: str, tiny_clip: Path, capsys: pytest.CaptureFixture[str]
