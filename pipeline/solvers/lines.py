@@ -20,6 +20,10 @@ LOST = 1e-14
 """Part of a diagonal below which a pivot is rounding: a line that hangs on nothing else."""
 
 
+TINY = 1e-150
+"""Taken as 0: far from what is given, values die out along a line, and the smallest numbers are the slowest."""
+
+
 def factor_lines(stencil: Doubles) -> Doubles:
     """For rows, then for columns: the coupling to the next pixel over the pivot, and 1 / pivot, (4, h + 2, w + 2)."""
     out = np.zeros((4, *stencil.shape[1:]))
@@ -59,9 +63,11 @@ def _rows(stencil: Doubles, factors: Doubles, right: Doubles, x: Doubles, first:
             total = right[i, j] + south[i, j] * x[i + 1, j] + south[i - 1, j] * x[i - 1, j]
             total += south_east[i, j] * x[i + 1, j + 1] + south_east[i - 1, j - 1] * x[i - 1, j - 1]
             total += south_west[i, j] * x[i + 1, j - 1] + south_west[i - 1, j + 1] * x[i - 1, j + 1]
-            x[i, j] = (total + east[i, j - 1] * x[i, j - 1]) * factors[1, i, j]
+            value = (total + east[i, j - 1] * x[i, j - 1]) * factors[1, i, j]
+            x[i, j] = value if abs(value) > TINY else 0.0
         for j in range(width - 2, 0, -1):
-            x[i, j] += factors[0, i, j] * x[i, j + 1]
+            value = x[i, j] + factors[0, i, j] * x[i, j + 1]
+            x[i, j] = value if abs(value) > TINY else 0.0
 
 
 @kernel
@@ -73,7 +79,9 @@ def _columns(stencil: Doubles, factors: Doubles, right: Doubles, x: Doubles, fir
             total = right[i, j] + east[i, j] * x[i, j + 1] + east[i, j - 1] * x[i, j - 1]
             total += south_east[i, j] * x[i + 1, j + 1] + south_east[i - 1, j - 1] * x[i - 1, j - 1]
             total += south_west[i, j] * x[i + 1, j - 1] + south_west[i - 1, j + 1] * x[i - 1, j + 1]
-            x[i, j] = (total + south[i - 1, j] * x[i - 1, j]) * factors[3, i, j]
+            value = (total + south[i - 1, j] * x[i - 1, j]) * factors[3, i, j]
+            x[i, j] = value if abs(value) > TINY else 0.0
     for i in range(height - 2, 0, -1):
         for j in range(first, width - 1, 2):
-            x[i, j] += factors[2, i, j] * x[i + 1, j]
+            value = x[i, j] + factors[2, i, j] * x[i + 1, j]
+            x[i, j] = value if abs(value) > TINY else 0.0

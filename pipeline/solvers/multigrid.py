@@ -133,8 +133,8 @@ class Multigrid:
                 remedy=f"Use the shape {self.fixed.shape} or (labels, {self.fixed.shape[0]}, {self.fixed.shape[1]}).",
             )  # fmt: skip
         given = given.reshape(-1, *self.fixed.shape)
-        read = given[:, self.fixed] if field == "values" else given
-        if not np.isfinite(read).all():
+        read = self.fixed if field == "values" else True
+        if not np.isfinite(given).all(where=read):
             raise BadParameter("It is a number at every pixel.", field=field, value="NaN or infinity")
         if labels is None or len(given) == labels:
             return given
@@ -155,13 +155,15 @@ class Multigrid:
 
     def _within(self, x: Doubles, known: Doubles, source: Doubles) -> Doubles:
         """The maximum principle, exactly."""
-        absorbing = ~self.fixed & ~self.adrift & (self._absorb > 0)
-        if np.any(source[~absorbing]):
+        absorbing = self._absorb > 0
+        if np.any(source, where=~absorbing):
             return x
-        ends = np.concatenate([known[self.fixed], source[absorbing] / self._absorb[absorbing]])
-        if not len(ends):
-            return x
-        return np.where(self.adrift, x, x.clip(ends.min(), ends.max()))
+        told = np.divide(source, self._absorb, out=known, where=absorbing & ~self.fixed)
+        anchored = self.fixed | absorbing & ~self.adrift
+        low, high = (
+            end(told, where=anchored, initial=worst) for end, worst in ((np.min, math.inf), (np.max, -math.inf))
+        )
+        return np.where(self.adrift, x, x.clip(low, high)) if low <= high else x
 
 
 def solve_laplace(
