@@ -7,6 +7,7 @@ the counter which stroke asks. So a stroke draws the same numbers whoever paints
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,9 @@ from pipeline.segmentation.jit import kernel
 
 Ids = NDArray[np.uint64]
 """A name per stroke, `uint64` (n,); equal names draw equal numbers."""
+
+Word: TypeAlias = int | np.uint64
+"""A 32 bit word: any integer in, `uint64` out."""
 
 _LOW = np.uint64(0xFFFFFFFF)
 _SHIFT = np.uint64(32)
@@ -34,7 +38,7 @@ class Purpose(IntEnum):
 
 
 @kernel
-def philox(c0: int, c1: int, c2: int, c3: int, k0: int, k1: int) -> tuple[int, int, int, int]:
+def philox(c0: Word, c1: Word, c2: Word, c3: Word, k0: Word, k1: Word) -> tuple[Word, Word, Word, Word]:
     """Four random 32 bit words for a counter of four words and a key of two. To be called in other kernels too.
 
     Source: salmon2011parallel, Philox 4x32 with ten rounds.
@@ -60,4 +64,4 @@ def _draws(ids: Ids, seed: int, purpose: int, out: NDArray[np.float32]) -> None:
     for i in range(len(ids)):
         words = philox(ids[i] & _LOW, ids[i] >> _SHIFT, 0, 0, seed, purpose)
         for k in range(4):
-            out[i, k] = np.float32((words[k] >> np.uint64(8)) * _UNIT)
+            out[i, k] = np.float32((np.uint64(words[k]) >> np.uint64(8)) * _UNIT)

@@ -99,22 +99,24 @@ def place(
     cell = 2.0 ** math.floor(math.log2(max(float(spacing.min()), float(spacing.max()) / 2**_LEVELS)))
     rows, columns = (math.ceil(side / cell) for side in shape[:2])
     xy, ids = np.empty((rows * columns, 2), np.float32), np.empty(rows * columns, np.uint64)
-    n = _place(spacing, cell, jitter, seed & 0xFFFFFFFF, layer, birth & 0xFFFFFF, rows, columns, xy, ids)
+    n = _place(
+        spacing, cell, jitter, (seed & 0xFFFFFFFF, int(Purpose.PLACE)), layer, birth & 0xFFFFFF, rows, columns, xy, ids
+    )
     return Seeds(xy[:n].copy(), ids[:n].copy())
 
 
 @kernel
 def _place(
-    spacing: Plane, cell: float, jitter: float, seed: int, layer: int, birth: int, rows: int, columns: int,
+    spacing: Plane, cell: float, jitter: float, key: tuple[int, int], layer: int, birth: int, rows: int, columns: int,
     xy: Points, ids: Ids,
 ) -> int:  # fmt: skip
     height, width = spacing.shape
     n = 0
     # The cell's size is in the counter, so a change of grid is a change of names; quarter pixels tell all sizes apart.
-    grid = np.uint64(layer & 0xFF) | (np.uint64(cell * 64.0) << np.uint64(8))
+    grid = (layer & 0xFF) | (int(cell * 64.0) << 8)
     for i in range(rows):
         for j in range(columns):
-            words = philox(j, i, grid, 0, seed, 1)
+            words = philox(j, i, grid, 0, key[0], key[1])
             x, y = (j + 0.5) * cell - 0.5, (i + 0.5) * cell - 0.5
             px, py = min(int(x + 0.5), width - 1), min(int(y + 0.5), height - 1)
             step = max(np.float64(spacing[py, px]), cell)

@@ -1,0 +1,132 @@
+"""Strokes over time: they go with the motion, keep their names, and come and go gently."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.frames import Flow, Frame
+from pipeline.strokes.brush import Brush, discs
+from pipeline.strokes.carry import Habits, Living, begin, carry, carry_points, present, tend
+from pipeline.strokes.seeds import Seeds, place
+from pipeline.strokes.trace import trace
+
+SIZE = (67, 91)
+GAP = 6.0
+
+
+def even(dx: float, dy: float) -> Flow:
+    return np.full((*SIZE, 2), [dx, dy], np.float32)
+
+
+def gray(level: int = 120) -> Frame:
+    return np.full((*SIZE, 3), level, np.uint8)
+
+
+def run(frames: int, flow: Flow, picture: Frame | None = None) -> list[Living]:
+    picture = gray() if picture is None else picture
+    states = [begin(place(SIZE, GAP), picture, GAP)]
+    for t in range(1, frames):
+        states.append(tend(carry(states[-1], flow), place(SIZE, GAP, birth=t), picture, GAP))
+    return states
+
+
+def test_strokes_follow_a_translation_and_keep_their_names() -> None:
+    states = run(8, even(1.3, -0.6))
+    first, last = (dict(zip(s.seeds.ids.tolist(), s.seeds.xy, strict=True)) for s in (states[0], states[-1]))
+    kept = set(first) & set(last)
+    inner = [i for i, (x, y) in first.items() if x < SIZE[1] - 12 and y > 8]
+    assert len(kept) >= 0.9 * len(inner)
+    for i in kept:
+        np.testing.assert_allclose(last[i] - first[i], [1.3 * 7, -0.6 * 7], atol=1e-3)
+
+
+def test_missing_paint_is_added_and_the_number_holds() -> None:
+    states = run(15, even(2.0, 0.0))
+    for state in states:
+        assert not state.leaving.any() or state.presence[state.leaving].max() < 1
+    full = len(states[0])
+    assert all(0.75 * full < (~s.leaving).sum() < 1.35 * full for s in states)
+    left = (states[-1].seeds.xy[:, 0] < 20).sum()
+    assert left > 0.6 * (states[0].seeds.xy[:, 0] < 20).sum()
+    assert len(np.unique(states[-1].seeds.ids)) == len(states[-1])
+
+
+def test_a_still_picture_settles() -> None:
+    states = run(12, even(0, 0))
+    assert states[-1].seeds.ids.tobytes() == states[-2].seeds.ids.tobytes()
+    np.testing.assert_array_equal(states[-1].presence, 1)
+
+
+def test_crowds_are_thinned_from_the_young() -> None:
+    y, x = np.indices(SIZE)
+    squeeze = np.dstack([(45 - x) * 0.1, (33 - y) * 0.1]).astype(np.float32)
+    states = run(12, squeeze)
+    near = np.hypot(*(states[-1].seeds.xy - [45, 33]).T) < 12
+    stay = near & ~states[-1].leaving
+    assert states[-1].leaving.any() or near.sum() < 40
+    apart = states[-1].seeds.xy[stay]
+    distance = np.hypot(*(apart[:, None] - apart[None]).transpose(2, 0, 1)) + 99 * np.eye(len(apart))
+    assert distance.min() >= Habits().crowd * GAP * 0.85
+
+
+def test_the_hidden_fade_and_are_gone() -> None:
+    state = begin(place(SIZE, GAP), gray(), GAP)
+    hidden = np.zeros(SIZE, np.bool_)
+    hidden[:, 40:] = True
+    names = set(state.seeds.ids[state.seeds.xy[:, 0] > 41].tolist())
+    presence = []
+    for t in range(1, 6):
+        state = tend(carry(state, even(0, 0), hidden if t == 1 else None), place(SIZE, GAP, birth=t), gray(), GAP)
+        mine = [p for i, p in zip(state.seeds.ids.tolist(), state.presence, strict=True) if i in names]
+        presence.append(max(mine, default=0.0))
+    assert presence[:4] == pytest.approx([0.75, 0.5, 0.25, 0]) and presence[4] == 0
+    assert (state.seeds.xy[:, 0] > 41).sum() > 0.6 * len(names)
+
+
+def test_colours_follow_slowly_and_a_jump_lifts_the_stroke() -> None:
+    state = begin(place(SIZE, GAP), gray(100), GAP)
+    eased = tend(state, place(SIZE, GAP, birth=1), gray(120), GAP, habits=Habits(follow=0.25))
+    np.testing.assert_allclose(eased.aims, 105)
+    jumped = tend(state, place(SIZE, GAP, birth=1), gray(250), GAP)
+    assert jumped.leaving[: len(state)].all() and (jumped.aims[: len(state)] == 100).all()
+    assert (jumped.aims[len(state) :] == 250).all() and len(jumped) > 1.6 * len(state)
+
+
+def test_the_unwanted_leave() -> None:
+    state = begin(place(SIZE, GAP), gray(), GAP)
+    wanted = np.arange(len(state)) % 2 == 0
+    after = tend(state, place(SIZE, GAP)[np.zeros(0, np.intp)], gray(), GAP, wanted=wanted)
+    np.testing.assert_array_equal(after.leaving, ~wanted)
+
+
+def test_presence_makes_strokes_fainter_and_narrower() -> None:
+    state = begin(place(SIZE, GAP), gray(), GAP)
+    strokes = discs(state.seeds, Brush(size_px=8, opacity=0.8), state.aims)
+    half = present(strokes, replace(state, presence=np.full(len(state), 0.5, np.float32)))
+    assert half.opacity.max() == pytest.approx(0.4) and half.radius_px.max() == pytest.approx(2.8)
+    np.testing.assert_array_equal(present(strokes, state).opacity, strokes.opacity)
+
+
+def test_whole_strokes_move_and_the_stretched_are_told() -> None:
+    field = np.full((*SIZE, 2), [1, 0], np.float32)
+    seeds = Seeds(np.array([[45, 20], [45, 50], [88, 33]], np.float32), np.arange(3, dtype=np.uint64))
+    strokes = trace(seeds, field, Brush(size_px=4, length_px=30), np.zeros((3, 3), np.float32))
+    moved, good = carry_points(strokes, even(2.5, 1.25))
+    assert good.tolist()[:2] == [True, True]
+    assert carry_points(strokes, even(30, 0))[1].tolist() == [True, True, False]
+    assert np.abs(moved.points[0] - strokes.points[0] - np.float32([2.5, 1.25])).max() < 1e-4
+    y, x = np.indices(SIZE)
+    pull = np.dstack([np.where(y > 35, (x - 45) * 0.9, 0), 0 * x]).astype(np.float32)
+    assert carry_points(strokes, pull)[1].tolist()[:2] == [True, False]
+
+
+def test_the_same_bytes_again() -> None:
+    flow = even(math.pi / 3, 0.4)
+    a, b = run(6, flow)[-1], run(6, flow)[-1]
+    for name in ("aims", "presence", "leaving"):
+        assert getattr(a, name).tobytes() == getattr(b, name).tobytes()
+    assert a.seeds.xy.tobytes() == b.seeds.xy.tobytes()
