@@ -5,6 +5,7 @@
     python -m benchmarks.live --overload                          a client that sends at 3 times the capacity
     python -m benchmarks.live --sessions 2                        two sessions at once, and a third that is refused
     python -m benchmarks.live --kill                              kill -9 of the worker in mid-stream
+    python -m benchmarks.live --server http://127.0.0.1:8420      a service that runs already: no memory, no kill
 
 The client is light: frames are encoded as JPEG beforehand, answers are counted by their headers.
 """
@@ -18,7 +19,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
@@ -32,6 +33,9 @@ from workers.live.figures import Histogram
 
 SIZES = (((352, 288), 60.0), ((640, 480), 30.0), ((1280, 720), 30.0))
 CLIP_FRAMES = 150
+MAX_FPS, MAX_PER_S = 120.0, 230.0
+"""A service's usual limits: what hello may say, and what may come (240) with room for jitter."""
+PROBE_S = 5.0
 SETTLE_S = 3.0
 """Not counted: a stream's first frames are segmented from nothing."""
 MIB = 1 << 20
@@ -76,21 +80,23 @@ def pictures(size: tuple[int, int]) -> list[bytes]:
     return [data.tobytes() for data in made]
 
 
-def stream(address: str, rate: Rate, payloads: list[bytes], seconds: float, factor: float = 1.0) -> Run:
-    """Send at `factor` times the rate for so long; what came of it."""
-    size, fps = rate
+def stream(
+    address: str, rate: Rate, payloads: list[bytes], seconds: float, per_s: float = 0.0, adaptive: bool = True
+) -> Run:
+    """Send at the rate, or `per_s` frames a second, for so long; what came of it."""
+    size, fps = rate[0], per_s or rate[1]
     run = Run(size, fps)
 
     def hear(message: dict[str, object]) -> None:
         if message["type"] == "resolution":
             run.steps.append(f"{message['width']}({message['reason']})")
 
-    with LiveClient(address, on_message=hear, size=size, fps=fps * factor) as client:
+    with LiveClient(address, on_message=hear, size=size, fps=min(fps, MAX_FPS), adaptive=adaptive) as client:
         begin = time.monotonic()
         counter = threading.Thread(target=_count, args=(client, run, begin + SETTLE_S))
         counter.start()
         while (now := time.monotonic()) < begin + SETTLE_S + seconds:
-            due = begin + run.sent / (fps * factor)
+            due = begin + run.sent / fps
             if due > now:
                 time.sleep(due - now)
             client.send_payload(payloads[run.sent % len(payloads)], size)
@@ -113,6 +119,14 @@ def _count(client: LiveClient, run: Run, from_s: float) -> None:
         last = now
         run.server.add(answer.latency_us / 1e6)
         run.round_trip.add((now_us() - answer.timestamp) / 1e6)
+
+
+def too_much(address: str, rate: Rate, payloads: list[bytes]) -> float:
+    """Three times what the service paints of these frames at full size, frames a second, as far as it is let in."""
+    painted = stream(address, rate, payloads, PROBE_S, MAX_PER_S, adaptive=False).painted / PROBE_S
+    sent = min(3 * painted, MAX_PER_S)
+    print(f"    capacity {painted:.1f} frames/s; {sent:.1f} are sent; two periods of the clip {2e3 / rate[1]:.1f} ms")
+    return sent
 
 
 @contextmanager
@@ -148,16 +162,26 @@ def memory(parent: psutil.Process) -> str:
     return f"service {parent.memory_info().rss / MIB:.0f} MiB, live worker {painter} MiB"
 
 
-def hold(address: str, parent: psutil.Process, rate: Rate, seconds: float, factor: float) -> None:
+def hold(address: str, parent: psutil.Process | None, rate: Rate, seconds: float, overload: bool, kill: bool) -> None:
     """One client for a while, and memory a tenth of the way and at the end."""
-    notes: list[str] = []
-    early = threading.Timer(SETTLE_S + seconds / 10, lambda: notes.append(memory(parent)))
-    late = threading.Timer(SETTLE_S + seconds - 1, lambda: notes.append(memory(parent)))
-    early.start(), late.start()
-    run = stream(address, rate, pictures(rate[0]), seconds, factor)
+    payloads, notes = pictures(rate[0]), []
+    per_s = too_much(address, rate, payloads) if overload else 0.0
+    if parent is not None:
+        _later(SETTLE_S + seconds / 10, lambda: notes.append(memory(parent)))
+        _later(SETTLE_S + seconds - 1, lambda: notes.append(memory(parent)))
+        if kill:
+            _later(SETTLE_S + seconds / 2, lambda: live_workers(parent)[0].kill())
+    run = stream(address, rate, payloads, seconds, per_s)
     print(run.row(seconds), flush=True)
     print(f"    stages, mean ms: {run.stats.get('stages_ms')}")
-    print(f"    memory: {' -> '.join(notes)}", flush=True)
+    if notes:
+        print(f"    memory: {' -> '.join(notes)}", flush=True)
+
+
+def _later(seconds: float, act: Callable[[], object]) -> None:
+    timer = threading.Timer(seconds, act)
+    timer.daemon = True
+    timer.start()
 
 
 def together(address: str, rate: Rate, seconds: float, count: int) -> None:
@@ -187,18 +211,24 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--seconds", type=float, default=20)
     parser.add_argument("--size", help="WIDTHxHEIGHT@FPS; else three of them")
     parser.add_argument("--farm", default="ray", choices=("ray", "local"))
+    parser.add_argument("--server", help="else one is started")
     parser.add_argument("--overload", action="store_true")
     parser.add_argument("--sessions", type=int, default=1)
     parser.add_argument("--kill", action="store_true")
     options = parser.parse_args(arguments or [])
+    if options.server:
+        _all(options, options.server, None)
+        return
     with service(options.farm) as (address, parent):
-        for rate in _rates(options.size):
-            if options.kill:
-                threading.Timer(SETTLE_S + options.seconds / 2, lambda: live_workers(parent)[0].kill()).start()
-            if options.sessions > 1:
-                together(address, rate, options.seconds, options.sessions)
-            else:
-                hold(address, parent, rate, options.seconds, 3.0 if options.overload else 1.0)
+        _all(options, address, parent)
+
+
+def _all(options: argparse.Namespace, address: str, parent: psutil.Process | None) -> None:
+    for rate in _rates(options.size):
+        if options.sessions > 1:
+            together(address, rate, options.seconds, options.sessions)
+        else:
+            hold(address, parent, rate, options.seconds, options.overload, options.kill)
 
 
 def _rates(text: str | None) -> tuple[Rate, ...]:
