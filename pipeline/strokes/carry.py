@@ -140,9 +140,9 @@ def _join(old: Living, new: Living) -> Living:
     )
 
 
-def present(strokes: Strokes, living: Living) -> Strokes:
-    """The living's strokes as far as they are there: narrower and more transparent while they come and go."""
-    ease = living.presence * living.presence * (3 - 2 * living.presence)
+def present(strokes: Strokes, presence: NDArray[np.float32]) -> Strokes:
+    """Strokes as far as they are there, float32 (n,) in 0..1: narrower and fainter while they come and go."""
+    ease = presence * presence * (3 - 2 * presence)
     return replace(
         strokes,
         opacity=strokes.opacity * ease,

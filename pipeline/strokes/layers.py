@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pipeline.frames import Frame, Plane
 from pipeline.segmentation.jit import kernel
 from pipeline.strokes.brush import Brush, Canvas, Direction, blank, colours_at, discs
+from pipeline.strokes.carry import present
 from pipeline.strokes.raster import Touch, paint
 from pipeline.strokes.seeds import Field, Points, Seeds, as_plane, place, sample
 from pipeline.strokes.sweep import sweep
@@ -170,13 +171,16 @@ def paint_still(
 def paint_layer(
     canvas: Canvas, seeds: Seeds, reference: Frame, field: Direction, brush: Brush, recipe: Recipe, index: int,
     renderer: Renderer = "explicit", touch: Touch | None = None, seed: int = 0, threads: int = 1,
-    aims: NDArray[np.float32] | None = None,
+    aims: NDArray[np.float32] | None = None, presence: NDArray[np.float32] | None = None,
 ) -> None:  # fmt: skip
-    """Paint one layer's seeds on the canvas, in place; `aims` (n, 3) are their colours, else the reference's."""
+    """Paint one layer's seeds on the canvas, in place; `aims` (n, 3) are their colours, else the reference's.
+
+    `presence` (n,), 0..1, is how far each is there, of strokes that live on (see `carry`); None = wholly."""
     edge = recipe.edge * 0.8**index
     aims = colours_at(seeds, reference) if aims is None else aims
+    presence = np.ones(len(seeds), np.float32) if presence is None else presence
     if renderer == "implicit":
-        starts = discs(seeds, brush, aims, seed)
+        starts = present(discs(seeds, brush, aims, seed), presence)
         sweep(
             canvas, starts, field, brush.length_px, seed=seed, touch=touch, guide=reference, tolerance=edge,
             threads=threads,
@@ -184,4 +188,4 @@ def paint_layer(
         return
     under = canvas if index else None
     strokes = trace(seeds, field, brush, aims, reference=reference, canvas=under, edge=edge, seed=seed)
-    paint(canvas, strokes, seed=seed, touch=touch, guide=reference, tolerance=edge)
+    paint(canvas, present(strokes, presence), seed=seed, touch=touch, guide=reference, tolerance=edge)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -106,9 +105,9 @@ def test_the_unwanted_leave() -> None:
 def test_presence_makes_strokes_fainter_and_narrower() -> None:
     state = begin(place(SIZE, GAP), gray(), GAP)
     strokes = discs(state.seeds, Brush(size_px=8, opacity=0.8), state.aims)
-    half = present(strokes, replace(state, presence=np.full(len(state), 0.5, np.float32)))
+    half = present(strokes, np.full(len(state), 0.5, np.float32))
     assert half.opacity.max() == pytest.approx(0.4) and half.radius_px.max() == pytest.approx(2.8)
-    np.testing.assert_array_equal(present(strokes, state).opacity, strokes.opacity)
+    np.testing.assert_array_equal(present(strokes, state.presence).opacity, strokes.opacity)
 
 
 def test_whole_strokes_move_and_the_stretched_are_told() -> None:
