@@ -159,8 +159,7 @@ def _sweep(
     first: Ranks, way: NDArray[np.float32], lengths: Plane, step: np.float32, points: NDArray[np.float32],
     radius: NDArray[np.float32], colours: NDArray[np.float32], aims: NDArray[np.float32],
     opacity: NDArray[np.float32], relief: NDArray[np.float32], grain: NDArray[np.float32], order: NDArray[np.intp],
-    offset: NDArray[np.int32],
-    hairs: Tile, guide: Frame, guided: bool, limit: np.float32, streaks: np.float32,
+    offset: NDArray[np.int32], hairs: Tile, guide: Frame, guided: bool, limit: np.float32, streaks: np.float32,
     near: NDArray[np.bool_], canvas: Canvas, out: Ranks, top: int, bottom: int,
 ) -> None:  # fmt: skip
     height, width = first.shape
@@ -169,8 +168,9 @@ def _sweep(
         for x in range(width):
             if not near[y // BLOCK_PX, x // BLOCK_PX]:
                 continue
-            best, found = len(order), -1
+            best, second = OPEN, OPEN
             t, s, nearby = _ZERO, _ZERO, _ZERO
+            second_t, second_s = _ZERO, _ZERO
             steps = int(lengths[y, x] * _HALF / step)
             start_x, start_y = way[y, x, 0], way[y, x, 1]
             still = start_x == _ZERO and start_y == _ZERO
@@ -187,10 +187,10 @@ def _sweep(
                     if ix < 0 or iy < 0 or ix >= width or iy >= height:
                         break
                     rank = first[iy, ix]
-                    if rank <= best and rank < OPEN:
+                    if rank <= second and rank < OPEN:
                         k = order[rank]
                         allowed = True
-                        if guided and rank < best:
+                        if guided and rank != best and rank != second:
                             er = np.float32(guide[y, x, 0]) - aims[k, 0]
                             eg = np.float32(guide[y, x, 1]) - aims[k, 1]
                             eb = np.float32(guide[y, x, 2]) - aims[k, 2]
@@ -201,10 +201,17 @@ def _sweep(
                             if steps == 0 or still:
                                 aside = np.sqrt(ox * ox + oy * oy)
                             ahead = ox * dx + oy * dy
-                            # Of one stroke's places on the way, the one beside its seed tells best where in it this is.
-                            if abs(aside) < radius[k] + _HALF and (rank < best or abs(ahead) < nearby):
-                                best, found, t, nearby = rank, k, aside, abs(ahead)
-                                s = sign * (ahead - step * np.float32(i))
+                            if abs(aside) < radius[k] + _HALF:
+                                along = sign * (ahead - step * np.float32(i))
+                                if rank < best:
+                                    second, second_t, second_s = best, t, s
+                                    best, t, s, nearby = rank, aside, along, abs(ahead)
+                                elif rank == best:
+                                    # Of its places on the way, the one beside its seed tells best where in it this is.
+                                    if abs(ahead) < nearby:
+                                        t, s, nearby = aside, along, abs(ahead)
+                                elif rank < second:
+                                    second, second_t, second_s = rank, aside, along
                     nx, ny = way[iy, ix, 0], way[iy, ix, 1]
                     dot = nx * dx + ny * dy
                     if dot == _ZERO:
@@ -215,20 +222,37 @@ def _sweep(
                     step_x = step * (_ONE_HALF * nx - _HALF * dx)
                     step_y = step * (_ONE_HALF * ny - _HALF * dy)
                     dx, dy = nx, ny
-            if found < 0:
+            if best == OPEN:
                 continue
-            k = found
+            k = order[best]
             out[y, x] = k
-            r = radius[k]
-            a = opacity[k] * min(max(r + _HALF - abs(t), _ZERO), _ONE)
-            t = min(max(t / r, -_ONE), _ONE)
-            g = grain[k]
-            shade, ridge = _ZERO, _ONE - t * t * t * t
-            if g > _ZERO:
-                trace = hair(hairs, s, t, r, offset[k] & 63, offset[k] >> 6)
-                shade = g * streaks * (trace - _HALF)
-                ridge *= _ONE - g * (_ONE - trace)
-            for c in range(3):
-                canvas[y, x, c] += a * (colours[k, c] + shade - canvas[y, x, c])
-                canvas[y, x, 4 + c] += a * (aims[k, c] - canvas[y, x, 4 + c])
-            canvas[y, x, 3] += a * (relief[k] * ridge - canvas[y, x, 3])
+            if second < OPEN and radius[k] + _HALF - abs(t) < _ONE:
+                # At a stroke's very edge the next one shows, so that edges between strokes are smooth as well.
+                _lay(
+                    canvas, y, x, order[second], second_s, second_t, colours, aims, opacity, relief, grain, radius,
+                    offset, hairs, streaks,
+                )  # fmt: skip
+            _lay(
+                canvas, y, x, k, s, t, colours, aims, opacity, relief, grain, radius, offset, hairs, streaks,
+            )  # fmt: skip
+
+
+@kernel
+def _lay(
+    canvas: Canvas, y: int, x: int, k: int, s: np.float32, t: np.float32, colours: NDArray[np.float32],
+    aims: NDArray[np.float32], opacity: NDArray[np.float32], relief: NDArray[np.float32], grain: NDArray[np.float32],
+    radius: NDArray[np.float32], offset: NDArray[np.int32], hairs: Tile, streaks: np.float32,
+) -> None:  # fmt: skip
+    """Lay stroke `k` over the pixel, which is `s` along and `t` px across it."""
+    r, g = radius[k], grain[k]
+    a = opacity[k] * min(max(r + _HALF - abs(t), _ZERO), _ONE)
+    t = min(max(t / r, -_ONE), _ONE)
+    shade, ridge = _ZERO, _ONE - t * t * t * t
+    if g > _ZERO:
+        trace = hair(hairs, s, t, r, offset[k] & 63, offset[k] >> 6)
+        shade = g * streaks * (trace - _HALF)
+        ridge *= _ONE - g * (_ONE - trace)
+    for c in range(3):
+        canvas[y, x, c] += a * (colours[k, c] + shade - canvas[y, x, c])
+        canvas[y, x, 4 + c] += a * (aims[k, c] - canvas[y, x, 4 + c])
+    canvas[y, x, 3] += a * (relief[k] * ridge - canvas[y, x, 3])
