@@ -1,8 +1,8 @@
 """At which size to work: it falls rather than the delay growing. Pure: told the time.
 
 Down, when frames miss their deadline: at once when two in a row took more than two periods, else when of those of two
-seconds more than two, and more than one in twenty, were late. Or when one of the two halves of the work takes more than a
-period, at the median of half a second, so that frames are dropped. A step may skip rungs.
+seconds more than two, and more than one in twenty, were late. Or when one of the two halves of the work takes more than
+a period, at the median of half a second, so that frames are dropped. A step may skip rungs.
 
 Up by one rung, when the next size up is expected to fit well for some seconds; twice as many for each time that this
 size was tried and did not hold.
