@@ -10,7 +10,6 @@ relief. Where the paper's strokes are stamps one step apart, these have straight
 
 from __future__ import annotations
 
-import math
 from concurrent.futures import ThreadPoolExecutor
 
 import cv2
@@ -23,7 +22,7 @@ from pipeline.strokes.bristles import Tile, hair, tile
 from pipeline.strokes.brush import Canvas, Direction, Strokes
 from pipeline.strokes.random import Purpose, draws
 from pipeline.strokes.raster import Touch
-from pipeline.strokes.seeds import Field, as_plane, nearest
+from pipeline.strokes.seeds import Field, as_plane
 from pipeline.strokes.trace import tangent
 
 Ranks = NDArray[np.int32]
@@ -32,12 +31,12 @@ Ranks = NDArray[np.int32]
 OPEN = np.iinfo(np.int32).max
 """Where no stroke is: greater than any rank."""
 
-_HALF, _ONE, _ZERO, _ONE_HALF = np.float32(0.5), np.float32(1.0), np.float32(0.0), np.float32(1.5)
+_HALF, _ONE, _ZERO = np.float32(0.5), np.float32(1.0), np.float32(0.0)
 
 _NO_GUIDE: Frame = np.zeros((1, 1, 3), np.uint8)
 
-BLOCK_PX = 16
-"""Blocks of this side that no stroke can reach are not walked."""
+_LONGEST = np.float32(1.15)
+"""A step of second order is at most by this factor longer than the nominal one: where directions turn by 37 degrees."""
 
 
 def colour_order(colours: NDArray[np.float32]) -> NDArray[np.intp]:
@@ -77,14 +76,14 @@ def sweep(
     _ways(field, way)
     step = np.float32(max(float(np.median(starts.radius_px)) * 1.1, 1.0))
     first = _stamp(starts, order, step, lengths, guide, guided, limit)
-    near = _reached(first, starts, lengths)
+    away = _distance(first)
 
     def band(top: int, bottom: int) -> None:
         _sweep(
             first, way, lengths, step, starts.points, starts.radius_px, starts.colours, starts.aims,
             starts.opacity, starts.relief_px, starts.grain, order, offset, hairs, guide, guided, limit,
             np.float32(touch.streaks),
-            near, canvas, out, top, bottom,
+            away, canvas, out, top, bottom,
         )  # fmt: skip
 
     edges = [shape[0] * i // threads for i in range(threads + 1)]
@@ -108,17 +107,13 @@ def _stamp(
     return first
 
 
-def _reached(first: Ranks, starts: Strokes, lengths: Plane) -> NDArray[np.bool_]:
-    """Which blocks of the picture a disc can come to, walking half a length: bool, a value a block."""
-    rows, columns = (-(-side // BLOCK_PX) for side in first.shape)
-    held = np.zeros((rows, columns), np.uint8)
-    x, y = nearest(starts.points[:, 0], first.shape)
-    held[y // BLOCK_PX, x // BLOCK_PX] = 1
-    reach = float(lengths.max()) / 2 + float(starts.radius_px.max()) * 2 + 2
-    blocks = math.ceil(reach / BLOCK_PX)
-    away = np.maximum(np.abs(np.arange(-blocks, blocks + 1)) - 1, 0) * BLOCK_PX
-    disc = (np.hypot(away[:, None], away) <= reach).astype(np.uint8)
-    return np.asarray(cv2.dilate(held, disc, borderType=cv2.BORDER_CONSTANT, borderValue=0), np.bool_)
+def _distance(first: Ranks) -> Plane:
+    """How far, at least, the next disc is from each pixel, px: walks that cannot come to one are not walked.
+
+    By OpenCV's 5 x 5 mask, which is right to 2 %, less 5 %.
+    """
+    away = cv2.distanceTransform((first == OPEN).astype(np.uint8), cv2.DIST_L2, 5)
+    return np.asarray(away * np.float32(0.95), np.float32)
 
 
 @kernel
@@ -160,13 +155,13 @@ def _sweep(
     radius: NDArray[np.float32], colours: NDArray[np.float32], aims: NDArray[np.float32],
     opacity: NDArray[np.float32], relief: NDArray[np.float32], grain: NDArray[np.float32], order: NDArray[np.intp],
     offset: NDArray[np.int32], hairs: Tile, guide: Frame, guided: bool, limit: np.float32, streaks: np.float32,
-    near: NDArray[np.bool_], canvas: Canvas, out: Ranks, top: int, bottom: int,
+    away: Plane, canvas: Canvas, out: Ranks, top: int, bottom: int,
 ) -> None:  # fmt: skip
     height, width = first.shape
     outer2 = limit * limit
     for y in range(top, bottom):
         for x in range(width):
-            if not near[y // BLOCK_PX, x // BLOCK_PX]:
+            if away[y, x] > lengths[y, x] * _HALF * _LONGEST + _ONE:
                 continue
             best, second = OPEN, OPEN
             t, s, nearby = _ZERO, _ZERO, _ZERO
@@ -185,6 +180,8 @@ def _sweep(
                     # Adding before the cut keeps it a floor: one pixel outside is -1, not 0.
                     ix, iy = int(px + np.float32(1.5)) - 1, int(py + np.float32(1.5)) - 1
                     if ix < 0 or iy < 0 or ix >= width or iy >= height:
+                        break
+                    if away[iy, ix] > np.float32(steps - i) * step * _LONGEST + _ONE:
                         break
                     rank = first[iy, ix]
                     if rank <= second and rank < OPEN:
@@ -218,9 +215,11 @@ def _sweep(
                         nx, ny = dx, dy
                     elif dot < _ZERO:
                         nx, ny = -nx, -ny
-                    # Adams-Bashforth's second order: as many look-ups as Euler's, and circles stay circles.
-                    step_x = step * (_ONE_HALF * nx - _HALF * dx)
-                    step_y = step * (_ONE_HALF * ny - _HALF * dy)
+                    step_x, step_y = step * nx, step * ny
+                    if abs(dot) > np.float32(0.8):
+                        # Adams-Bashforth's second order: as many look-ups as Euler's, and circles stay circles.
+                        step_x += _HALF * step * (nx - dx)
+                        step_y += _HALF * step * (ny - dy)
                     dx, dy = nx, ny
             if best == OPEN:
                 continue

@@ -10,7 +10,7 @@ import pytest
 from pipeline.strokes.brush import Brush, Canvas, Strokes, blank, discs
 from pipeline.strokes.raster import Touch
 from pipeline.strokes.seeds import Seeds, place
-from pipeline.strokes.sweep import BLOCK_PX, OPEN, colour_order, sweep
+from pipeline.strokes.sweep import OPEN, colour_order, sweep
 
 SIZE = (91, 111)
 PLAIN = Touch(streaks=0)
@@ -93,7 +93,7 @@ def test_strokes_keep_off_other_colours() -> None:
 
 
 @pytest.mark.parametrize("length", [0.0, 17.0, 60.0])
-def test_threads_and_skipped_blocks_change_no_byte(length: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_threads_and_skipped_walks_change_no_byte(length: float, monkeypatch: pytest.MonkeyPatch) -> None:
     seeds = place(SIZE, 9, seed=3)[np.arange(0, 60, 7)]
     brush = Brush(size_px=7, grain=0.7, relief_px=2, jitter=0.3)
     strokes = discs(seeds, brush, np.full((len(seeds), 3), 99, np.float32))
@@ -103,8 +103,7 @@ def test_threads_and_skipped_blocks_change_no_byte(length: float, monkeypatch: p
     whose = sweep(one, strokes, field, length)
     np.testing.assert_array_equal(whose, sweep(three, strokes, field, length, threads=3))
     assert one.tobytes() == three.tobytes()
-    everywhere = np.ones((-(-SIZE[0] // BLOCK_PX), -(-SIZE[1] // BLOCK_PX)), np.bool_)
-    monkeypatch.setattr("pipeline.strokes.sweep._reached", lambda *_: everywhere)
+    monkeypatch.setattr("pipeline.strokes.sweep._distance", lambda first: np.zeros(first.shape, np.float32))
     np.testing.assert_array_equal(whose, sweep(white(), strokes, field, length))
 
 
