@@ -428,7 +428,8 @@ def test_bad_words_are_refused_before_anything_starts(
 
 def test_a_window_shows_and_quits(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    pygame = pytest.importorskip("pygame")
+    import pygame
+
     window = open_sink("window", Reel([0.0]), 20)
     light, dark = np.full((16, 32, 3), 200, np.uint8), np.full((16, 32, 3), 20, np.uint8)
 
