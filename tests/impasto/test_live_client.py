@@ -265,7 +265,11 @@ def test_a_lost_connection_is_taken_up_again_with_the_sessions_memory(relay: Rel
     assert stats["painted"] == 3
 
 
-def test_frames_sent_while_nobody_is_there_are_counted_and_lost(relay: Relay) -> None:
+def test_frames_sent_while_nobody_is_there_are_counted_and_lost(
+    relay: Relay, monkeypatch: pytest.MonkeyPatch
+) -> None:  # fmt: skip
+    again = LiveClient._again
+    monkeypatch.setattr(LiveClient, "_again", lambda self, *args: (time.sleep(0.5), again(self, *args))[1])
     with client(relay.url) as live:
         one(live)
         relay.cut()

@@ -141,4 +141,5 @@ def test_every_code_of_the_tree_has_a_row() -> None:
         return {kind.code}.union(*(codes(below) for below in kind.__subclasses__()))
 
     client_side = {"service-unreachable", "not-allowed", "job-failed", "interrupted"}
+    client_side |= {"live-ended", "source-lost", "output-lost"}
     assert codes(ImpastoError) - client_side <= set(TABLE)
