@@ -5,6 +5,7 @@
     python -m benchmarks.live --overload                          a client that sends at 3 times the capacity
     python -m benchmarks.live --sessions 2                        two sessions at once, and a third that is refused
     python -m benchmarks.live --kill                              kill -9 of the worker in mid-stream
+    python -m benchmarks.live --rude                              beside clients that do not read, send garbage, vanish
     python -m benchmarks.live --server http://127.0.0.1:8420      a service that runs already: no memory, no kill
 
 The client is light: frames are encoded as JPEG beforehand, answers are counted by their headers.
@@ -14,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import json
 import subprocess
 import sys
 import tempfile
@@ -25,9 +27,13 @@ from dataclasses import dataclass, field
 
 import cv2
 import psutil
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Subprotocol
 
 from benchmarks.clips import clip
 from impasto.live.client import LiveClient, now_us
+from impasto.live.wire import SUBPROTOCOL, pack
 from pipeline.errors import ImpastoError
 from workers.live.figures import Histogram
 
@@ -38,6 +44,7 @@ MAX_FPS, MAX_PER_S = 120.0, 230.0
 PROBE_S = 5.0
 SETTLE_S = 3.0
 """Not counted: a stream's first frames are segmented from nothing."""
+UNREAD_S = 60.0
 MIB = 1 << 20
 
 Rate = tuple[tuple[int, int], float]
@@ -205,6 +212,63 @@ def together(address: str, rate: Rate, seconds: float, count: int) -> None:
         print(run.row(seconds), flush=True)
 
 
+def rude(address: str, rate: Rate) -> None:
+    """One session at its rate, and beside it, one after the other, three that behave badly."""
+    payloads, runs = pictures(rate[0]), []
+    good = threading.Thread(target=lambda: runs.append(stream(address, rate, payloads, UNREAD_S + 15)))
+    good.start()
+    time.sleep(SETTLE_S)
+    for name, act in (("does not read", _unread), ("sends garbage", _garbage), ("vanishes", _vanish)):
+        with _bare(address, rate) as socket:
+            print(f"    {name}: {act(socket, rate, payloads)}", flush=True)
+        time.sleep(1)
+    good.join()
+    print(runs[0].row(UNREAD_S + 15), flush=True)
+
+
+def _bare(address: str, rate: Rate) -> ClientConnection:
+    """A session without any manners of its own: nothing is read unless it is asked for."""
+    url = f"ws{address.removeprefix('http')}/v1/live"
+    socket = connect(url, subprotocols=[Subprotocol(SUBPROTOCOL)], max_queue=1, ping_interval=None)
+    size, fps = rate
+    socket.send(json.dumps({"type": "hello", "method": "abstraction", "width": size[0], "height": size[1], "fps": fps}))
+    socket.recv()
+    return socket
+
+
+def _unread(socket: ClientConnection, rate: Rate, payloads: list[bytes]) -> str:
+    _send(socket, rate, payloads, UNREAD_S)
+    waiting = 0
+    with contextlib.suppress(TimeoutError):
+        while True:
+            socket.recv(timeout=1)
+            waiting += 1
+    return f"{UNREAD_S * rate[1]:.0f} frames sent in {UNREAD_S:.0f} s, then {waiting} messages read; still connected"
+
+
+def _garbage(socket: ClientConnection, rate: Rate, payloads: list[bytes]) -> str:
+    _send(socket, rate, payloads, 1.0)
+    socket.send(b"\x07" * 1000)
+    try:
+        while True:
+            socket.recv(timeout=5)
+    except ConnectionClosed as closed:
+        return f"closed with {closed.rcvd.code} {closed.rcvd.reason}" if closed.rcvd else "closed without a word"
+
+
+def _vanish(socket: ClientConnection, rate: Rate, payloads: list[bytes]) -> str:
+    _send(socket, rate, payloads, 1.0)
+    socket.socket.close()
+    return "its socket is closed"
+
+
+def _send(socket: ClientConnection, rate: Rate, payloads: list[bytes], seconds: float) -> None:
+    begin = time.monotonic()
+    for sequence in range(1, round(seconds * rate[1]) + 1):
+        time.sleep(max(0.0, begin + sequence / rate[1] - time.monotonic()))
+        socket.send(pack(payloads[sequence % len(payloads)], rate[0], True, sequence, now_us()))
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Print a row a run."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.live")
@@ -215,6 +279,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--overload", action="store_true")
     parser.add_argument("--sessions", type=int, default=1)
     parser.add_argument("--kill", action="store_true")
+    parser.add_argument("--rude", action="store_true")
     options = parser.parse_args(arguments or [])
     if options.server:
         _all(options, options.server, None)
@@ -225,7 +290,9 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _all(options: argparse.Namespace, address: str, parent: psutil.Process | None) -> None:
     for rate in _rates(options.size):
-        if options.sessions > 1:
+        if options.rude:
+            rude(address, rate)
+        elif options.sessions > 1:
             together(address, rate, options.seconds, options.sessions)
         else:
             hold(address, parent, rate, options.seconds, options.overload, options.kill)

@@ -13,32 +13,51 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.segmentation.jit import kernel
+
 Colours = NDArray[np.float64]
 
 _RGB_TO_XYZ = np.array([[0.412453, 0.357580, 0.180423], [0.212671, 0.715160, 0.072169], [0.019334, 0.119193, 0.950227]])
 _WHITE = _RGB_TO_XYZ.sum(axis=1)
-_RGB_TO_RELATIVE = _RGB_TO_XYZ / _WHITE[:, None]
-_RELATIVE_TO_RGB = np.linalg.inv(_RGB_TO_RELATIVE)
-_DELTA = 6 / 29
+RGB_TO_RELATIVE = _RGB_TO_XYZ / _WHITE[:, None]
+_RELATIVE_TO_RGB = np.linalg.inv(RGB_TO_RELATIVE)
+DELTA = 6 / 29
+
+
+def srgb_to_linear(rgb: ArrayLike) -> Colours:
+    """Light of sRGB's encoded values, both 0..1."""
+    encoded = np.asarray(rgb, np.float64)
+    return np.asarray(np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4))
 
 
 def srgb_to_lab(rgb: ArrayLike) -> Colours:
     """CIELAB of sRGB colours in 0..1, shape (..., 3)."""
-    encoded = np.asarray(rgb, np.float64)
-    linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
-    relative = linear @ _RGB_TO_RELATIVE.T
-    f = np.where(relative > _DELTA**3, np.cbrt(relative), relative / (3 * _DELTA**2) + 4 / 29)
+    relative = srgb_to_linear(rgb) @ RGB_TO_RELATIVE.T
+    f = np.where(relative > DELTA**3, np.cbrt(relative), relative / (3 * DELTA**2) + 4 / 29)
     return np.stack([116 * f[..., 1] - 16, 500 * (f[..., 0] - f[..., 1]), 200 * (f[..., 1] - f[..., 2])], axis=-1)
 
 
 def lab_to_srgb(lab: ArrayLike) -> Colours:
     """sRGB in 0..1 of CIELAB colours (..., 3); colours outside the sRGB gamut are clipped."""
     values = np.asarray(lab, np.float64)
-    fy = (values[..., 0] + 16) / 116
-    f = np.stack([fy + values[..., 1] / 500, fy, fy - values[..., 2] / 200], axis=-1)
-    relative = np.where(f > _DELTA, f**3, 3 * _DELTA**2 * (f - 4 / 29))
-    linear = np.clip(relative @ _RELATIVE_TO_RGB.T, 0, 1)
-    return np.asarray(np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055))
+    out = np.empty(values.shape)
+    _lab_to_srgb(np.ascontiguousarray(values).reshape(-1, 3), _RELATIVE_TO_RGB, out.reshape(-1, 3))
+    return out
+
+
+@kernel
+def _lab_to_srgb(lab: Colours, relative_to_rgb: Colours, out: Colours) -> None:
+    relative = np.empty(3)
+    for k in range(lab.shape[0]):
+        f_y = (lab[k, 0] + 16) / 116
+        for c, f in enumerate((f_y + lab[k, 1] / 500, f_y, f_y - lab[k, 2] / 200)):
+            relative[c] = f * f * f if f > DELTA else 3 * DELTA * DELTA * (f - 4 / 29)
+        for c in range(3):
+            linear = 0.0
+            for d in range(3):
+                linear += relative_to_rgb[c, d] * relative[d]
+            linear = min(max(linear, 0.0), 1.0)
+            out[k, c] = 12.92 * linear if linear <= 0.0031308 else 1.055 * linear ** (1 / 2.4) - 0.055
 
 
 def srgb_to_hsv(rgb: ArrayLike) -> Colours:

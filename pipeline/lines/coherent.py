@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TypeAlias
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,6 +20,8 @@ Ink: TypeAlias = NDArray[np.uint8]
 """Opacity of ink, uint8 (h, w), 0..255."""
 LEFT, TOP, RIGHT, BOTTOM, PEAK, WEIGHT, AREA, KNOWN = range(8)
 """Columns of the table of strokes."""
+ROW, START, STOP, PART = range(4)
+"""Columns of the list of runs."""
 DRAWN = 76
 """Ink above this was seen as drawn."""
 
@@ -45,63 +46,102 @@ def keep_strokes(
     was drawn before, and is at least `shortest_px` pixels large: a third of that if it was drawn before, and a quarter
     where it matters most (an eye is short). `importance` is float32 (h, w).
     """
-    count, found = cv2.connectedComponents((ink > weak).view(np.uint8), connectivity=8, ltype=cv2.CV_32S)
-    parts = np.asarray(found, np.int32)
     if past is None:
         past = Past(np.zeros_like(ink), np.zeros((1, 1, 2), np.float32), 0)
-    strokes = _survey(parts, count, ink, importance, past.ink, past.flow, past.shrink)
-    return _pick(parts, _worth(strokes, strong, shortest_px))
+    out = np.zeros(ink.shape, np.uint8)
+    _keep(ink, past.ink, past.flow, past.shrink, importance, weak, strong, shortest_px, out)
+    return out
 
 
 @kernel
-def _worth(strokes: NDArray[np.int32], strong: int, shortest_px: float) -> NDArray[np.bool_]:
-    keep = np.zeros(strokes.shape[0], np.bool_)
-    for part in range(1, keep.size):
-        row = strokes[part]
-        known = row[KNOWN] * 4 > row[AREA]
-        extent = max(row[RIGHT] - row[LEFT], row[BOTTOM] - row[TOP]) + 1
-        shortest = shortest_px * (1 / 3 if known else 1.0) * (1 - 0.75 * (row[WEIGHT] / 255))
-        keep[part] = (row[PEAK] > strong or known) and extent >= shortest
-    return keep
+def _keep(
+    ink: Ink, before: Ink, flow: Flow, shrink: int, importance: Plane, weak: int, strong: int, shortest_px: float,
+    out: NDArray[np.uint8],
+) -> None:  # fmt: skip
+    runs = _runs(ink, weak)
+    strokes = np.zeros((runs.shape[0], 8), np.int32)
+    strokes[:, LEFT] = strokes[:, TOP] = 1 << 30
+    for k in range(runs.shape[0]):
+        runs[k, PART] = _root(runs, k)
+        _survey(runs[k], ink, before, flow, shrink, importance, strokes[runs[k, PART]])
+    for k in range(runs.shape[0]):
+        if _worth(strokes[runs[k, PART]], strong, shortest_px):
+            out[runs[k, ROW], runs[k, START] : runs[k, STOP]] = 255
+
+
+@kernel
+def _runs(ink: Ink, weak: int) -> NDArray[np.int32]:
+    """Runs of ink above `weak` in raster order; a run's `PART` is a run of the same stroke before it, or itself."""
+    height, width = ink.shape
+    runs = np.empty((height * (width + 1) // 2, 4), np.int32)
+    count = above = 0
+    for y in range(height):
+        row = ink[y]
+        first, x = count, 0
+        while x < width:
+            if row[x] <= weak:
+                x += 1
+                continue
+            start = x
+            while x < width and row[x] > weak:
+                x += 1
+            runs[count, ROW], runs[count, START], runs[count, STOP], runs[count, PART] = y, start, x, count
+            while above < first and runs[above, STOP] < start:  # further left than its corners touch
+                above += 1
+            k = above
+            while k < first and runs[k, START] <= x:
+                _join(runs, k, count)
+                k += 1
+            count += 1
+        above = first
+    return runs[:count]
+
+
+@kernel
+def _root(runs: NDArray[np.int32], k: int) -> int:
+    while runs[k, PART] != k:
+        runs[k, PART] = runs[runs[k, PART], PART]
+        k = runs[k, PART]
+    return k
+
+
+@kernel
+def _join(runs: NDArray[np.int32], one: int, two: int) -> None:
+    one, two = _root(runs, one), _root(runs, two)
+    runs[max(one, two), PART] = min(one, two)
 
 
 @kernel
 def _survey(
-    parts: NDArray[np.int32], count: int, ink: Ink, importance: Plane, before: Ink, flow: Flow, shrink: int
-) -> NDArray[np.int32]:  # fmt: skip
-    """The table of strokes: bounding box, strongest ink, largest importance, pixels, pixels known before."""
-    strokes = np.zeros((count, 8), np.int32)
-    strokes[:, LEFT] = strokes[:, TOP] = 1 << 30
+    run: NDArray[np.int32], ink: Ink, before: Ink, flow: Flow, shrink: int, importance: Plane,
+    stroke: NDArray[np.int32],
+) -> None:  # fmt: skip
+    """Add a run to its stroke: bounding box, strongest ink, largest importance, pixels, pixels known before."""
     height, width = ink.shape
-    for y in range(height):
-        for x in range(width):
-            part = parts[y, x]
-            if part == 0:
-                continue
-            row = strokes[part]
-            row[0] = min(row[0], x)
-            row[1] = min(row[1], y)
-            row[2] = max(row[2], x)
-            row[3] = max(row[3], y)
-            row[4] = max(row[4], ink[y, x])
-            row[5] = max(row[5], int(importance[y, x] * 255))
-            row[6] += 1
-            if shrink:
-                dx, dy = flow[y * shrink, x * shrink, 0], flow[y * shrink, x * shrink, 1]
-                i = min(max(x - int(np.rint(dx / shrink)), 0), width - 1)
-                j = min(max(y - int(np.rint(dy / shrink)), 0), height - 1)
-                row[7] += before[j, i] > DRAWN
-    return strokes
+    y, start, stop = run[ROW], run[START], run[STOP]
+    stroke[LEFT], stroke[RIGHT] = min(stroke[LEFT], start), max(stroke[RIGHT], stop - 1)
+    stroke[TOP], stroke[BOTTOM] = min(stroke[TOP], y), max(stroke[BOTTOM], y)
+    stroke[AREA] += stop - start
+    peak, weight, known = stroke[PEAK], np.float32(0), 0
+    for x in range(start, stop):
+        peak = max(peak, np.int32(ink[y, x]))
+        weight = max(weight, importance[y, x])
+        if shrink:
+            dx, dy = flow[y * shrink, x * shrink, 0], flow[y * shrink, x * shrink, 1]
+            i = min(max(x - int(np.rint(dx / shrink)), 0), width - 1)
+            j = min(max(y - int(np.rint(dy / shrink)), 0), height - 1)
+            known += before[j, i] > DRAWN
+    stroke[PEAK] = peak
+    stroke[WEIGHT] = max(stroke[WEIGHT], int(weight * 255))
+    stroke[KNOWN] += known
 
 
 @kernel
-def _pick(parts: NDArray[np.int32], keep: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    height, width = parts.shape
-    out = np.empty(parts.shape, np.uint8)
-    for y in range(height):
-        for x in range(width):
-            out[y, x] = 255 if keep[parts[y, x]] else 0
-    return out
+def _worth(stroke: NDArray[np.int32], strong: int, shortest_px: float) -> bool:
+    known = stroke[KNOWN] * 4 > stroke[AREA]
+    extent = max(stroke[RIGHT] - stroke[LEFT], stroke[BOTTOM] - stroke[TOP]) + 1
+    shortest = shortest_px * (1 / 3 if known else 1.0) * (1 - 0.75 * (stroke[WEIGHT] / 255))
+    return (stroke[PEAK] > strong or known) and extent >= shortest
 
 
 def follow(plane: Plane, flow: Flow) -> Plane:

@@ -44,8 +44,11 @@ def _soft_threshold(
     out: NDArray[np.uint8],
 ) -> None:  # fmt: skip
     height, width = response.shape
+    steps = np.empty(width, np.int32)
     for y in range(height):
-        for x in range(width):
+        for x in range(width):  # this vectorises
             least = threshold * (np.float32(1.25) - np.float32(0.75) * importance[y, x])
-            over = (response[y, x] - least) * sharpness
-            out[y, x] = table[min(1024, int(over * np.float32(256.0)))] if over > 0 else 0
+            over = (response[y, x] - least) * sharpness * np.float32(256.0)
+            steps[x] = np.int32(min(max(over, np.float32(0)), np.float32(1024)))
+        for x in range(width):
+            out[y, x] = table[steps[x]]

@@ -28,6 +28,16 @@ def unlabelled(labels: Labels) -> NDArray[np.int32]:
 
 
 @kernel
+def count_open(pixels: NDArray[np.int32], blocked: NDArray[np.uint8]) -> int:
+    """How many of `pixels` (flat indices) are not blocked."""
+    shut = blocked.reshape(blocked.size)
+    count = 0
+    for k in range(pixels.size):
+        count += shut[pixels[k]] == 0
+    return count
+
+
+@kernel
 def grow(
     labels: Labels, lab: Lab8, blocked: NDArray[np.uint8], limit: NDArray[np.uint8], sums: Sums,
     pixels: NDArray[np.int32], anything: bool = False,

@@ -25,7 +25,7 @@ from pipeline.segmentation.faces import FaceTracker
 from pipeline.segmentation.motion import median_motion
 from pipeline.segmentation.saliency import spectral_residual
 
-DETECTION_SIDE_PX = 320
+DETECTION_SIDE_PX = 256
 """Longer side of the picture that faces are looked for in."""
 MAP_SIDE_PX = 96
 """Longer side of the map itself before it is stretched to the frame; I(p) is smooth, so this loses nothing."""
@@ -42,7 +42,7 @@ class ImportanceParams:
     motion: float = 0.4
     half_life_frames: float = 6.0
     """Frames after which what was seen counts half; 0 = no smoothing."""
-    detect_every_frames: int = 36
+    detect_every_frames: int = 48
     """Frames between two searches of the whole frame for faces, 1 or more; known faces are looked after more often."""
     smallest_face: float = 0.1
     """Smallest face, as a fraction of the frame's shorter side, 0..1."""

@@ -13,14 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.aside import ALONE, Aside
+from pipeline.colour.lab8 import LabPlanes
 from pipeline.frames import Flow, Frame
 from pipeline.segmentation.jit import kernel
 from pipeline.segmentation.regions import Lab8
 
 WayBack: TypeAlias = tuple[NDArray[np.int16], NDArray[np.uint16]]
 """Fixed-point maps for `cv2.remap`: (h, w, 2) whole pixels, (h, w) fractions."""
-Planes: TypeAlias = tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8]]
-"""The planes of a picture, flat."""
 RESIDUAL_STEPS = 4
 """A residual counts quarters of a CIELAB unit."""
 FAR = 255
@@ -81,13 +80,13 @@ def bring(image: NDArray[np.uint8], back: WayBack) -> NDArray[np.uint8]:
 
 
 def settle(
-    lab: Lab8, settled: Lab8, flow: Flow, back: WayBack, memory: float, tolerance: float
-) -> tuple[Lab8, NDArray[np.uint8]]:  # fmt: skip
+    lab: LabPlanes, settled: Lab8, flow: Flow, back: WayBack, memory: float, tolerance: float
+) -> tuple[LabPlanes, NDArray[np.uint8]]:  # fmt: skip
     """Average a frame with the settled previous one along the motion, where the two agree.
 
     Args:
-        lab: current frame, uint8 (h, w, 3).
-        settled: result for the previous frame, same shape.
+        lab: current frame, uint8 (3, h, w).
+        settled: result for the previous frame, uint8 (h, w, 3).
         flow: previous to current frame, float32 (h, w, 2), px; taken at the target (flow varies slowly).
         back: of `flow`.
         memory: weight of the past where the two agree perfectly and stand still, 0..0.95; `MOVING` of that where
@@ -95,23 +94,19 @@ def settle(
         tolerance: CIELAB difference at which that weight has fallen to 1/e.
 
     Returns:
-        The settled frame, and the residual: uint8 (h, w), CIELAB difference to the bilinear sample of the past, in
-        quarter units (255 = 63.75 or more, or no counterpart).
+        The settled frame by planes, and the residual: uint8 (h, w), CIELAB difference to the bilinear sample of the
+        past, in quarter units (255 = 63.75 or more, or no counterpart).
     """
-    past = bring(settled, back)
-    here, there = _planes(lab), _planes(past)  # by plane, these loops vectorise
-    residual = np.empty(lab.shape[:2], np.uint8)
-    weights = np.empty(lab.shape[:2], np.int16)
-    _difference(here, there, residual.ravel())
+    size = lab[0].size
+    mixed = np.empty_like(lab)
+    cv2.split(bring(settled, back), list(mixed))
+    here, past = lab.reshape(3, size), mixed.reshape(3, size)  # by plane, these loops vectorise
+    residual = np.empty(lab.shape[1:], np.uint8)
+    weights = np.empty(lab.shape[1:], np.int16)
+    _difference(here, past, residual.ravel())
     _weigh(flow, _weights(memory, tolerance), _weights(memory * MOVING, tolerance), residual, weights)
-    _mix(here, there, weights.ravel())
-    cv2.merge([plane.reshape(residual.shape) for plane in there], past)
-    return past, residual
-
-
-def _planes(picture: NDArray[np.uint8]) -> Planes:
-    one, two, three = (np.asarray(plane, np.uint8).ravel() for plane in cv2.split(picture))
-    return one, two, three
+    _mix(here, past, weights.ravel())
+    return mixed, residual
 
 
 def fade(
@@ -146,12 +141,12 @@ def _weights(memory: float, tolerance: float) -> NDArray[np.int32]:
 
 
 @kernel
-def _difference(now: Planes, past: Planes, residual: NDArray[np.uint8]) -> None:
+def _difference(now: NDArray[np.uint8], past: NDArray[np.uint8], residual: NDArray[np.uint8]) -> None:
     """CIELAB difference in quarter units, 254 at most."""
     for k in range(residual.size):
-        dl = np.int32(past[0][k]) - np.int32(now[0][k])
-        da = np.int32(past[1][k]) - np.int32(now[1][k])
-        db = np.int32(past[2][k]) - np.int32(now[2][k])
+        dl = np.int32(past[0, k]) - np.int32(now[0, k])
+        da = np.int32(past[1, k]) - np.int32(now[1, k])
+        db = np.int32(past[2, k]) - np.int32(now[2, k])
         # In sixteenths of a squared unit: L is scaled by 255/100, hence its square by 630/256/16.
         square = min(np.int32(65024), ((630 * dl * dl) >> 8) + 16 * (da * da + db * db))
         residual[k] = np.uint8(np.sqrt(np.float32(square)))
@@ -176,7 +171,7 @@ def _weigh(
 
 
 @kernel
-def _mix(now: Planes, past: Planes, weights: NDArray[np.int16]) -> None:
+def _mix(now: NDArray[np.uint8], past: NDArray[np.uint8], weights: NDArray[np.int16]) -> None:
     """Overwrites `past` with the average."""
     for plane in range(3):
         a, b = now[plane], past[plane]
@@ -188,9 +183,10 @@ def _mix(now: Planes, past: Planes, weights: NDArray[np.int16]) -> None:
 def _fade(picture: Frame, past: Frame, residual: NDArray[np.uint8], weights: NDArray[np.int32]) -> None:
     """Overwrites `past` with the blend."""
     height, width = residual.shape
+    by_byte = np.empty(3 * width, np.int32)
     for y in range(height):
         for x in range(width):
-            weight = weights[residual[y, x]]
-            for c in range(3):
-                now = np.int32(picture[y, x, c])
-                past[y, x, c] = np.uint8(now + ((weight * (past[y, x, c] - now) + 128) >> 8))
+            by_byte[3 * x] = by_byte[3 * x + 1] = by_byte[3 * x + 2] = weights[residual[y, x]]
+        now, then = picture[y].reshape(by_byte.size), past[y].reshape(by_byte.size)
+        for k in range(by_byte.size):  # this vectorises
+            then[k] = np.uint8(now[k] + ((by_byte[k] * (np.int32(then[k]) - np.int32(now[k])) + 128) >> 8))

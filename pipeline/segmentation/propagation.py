@@ -9,6 +9,10 @@ from pipeline.frames import Flow, Labels
 from pipeline.segmentation.jit import kernel
 from pipeline.segmentation.motion import FAR, RESIDUAL_STEPS
 
+CLOSED = np.int32(-1)
+"""Here no label may settle."""
+AT_ONCE = 512
+"""Pixels that are voted on together."""
 REMAINDER_UNIT = 64
 """Steps a pixel in a carried remainder (int8, so at most 2 px)."""
 
@@ -38,21 +42,26 @@ def propagate(
     Departure: rounding alone never moves a pan of 0.4 px a frame; the fraction left over is carried with the label,
     and decays so that flow noise does not add up to a step.
     """
-    out = np.zeros_like(labels)
     carried = np.zeros_like(remainder)
     limit = int(min(error_limit * RESIDUAL_STEPS, FAR - 1.0))
-    _propagate(labels, flow, remainder, residual, limit, np.float32(shared_decay), out, carried)
+    out = np.empty_like(labels)
+    for y in range(labels.shape[0]):
+        for x in range(labels.shape[1]):
+            out[y, x] = CLOSED if residual[y, x] > limit else 0
+    _propagate(labels, flow, remainder, np.float32(shared_decay), out, carried)
     return np.maximum(out, np.int32(0)), carried
 
 
 @kernel
 def _propagate(
-    labels: Labels, flow: Flow, remainder: NDArray[np.int8], residual: NDArray[np.uint8],
-    limit: int, decay: np.float32, out: Labels, carried: NDArray[np.int8],
-) -> None:  # fmt: skip
-    """Flat, unsigned indices and one store for both remainders: this is the loop that touches memory at random."""
+    labels: Labels, flow: Flow, remainder: NDArray[np.int8], decay: np.float32, out: Labels, carried: NDArray[np.int8]
+) -> None:
+    """Flat, unsigned indices and one store for both remainders: this is the loop that touches memory at random.
+
+    `out`: 0 where a label may settle, else `CLOSED`.
+    """
     height, width = np.uint64(labels.shape[0]), np.uint64(labels.shape[1])
-    there, known = out.reshape(out.size), residual.reshape(residual.size)
+    there = out.reshape(out.size)
     pairs = carried.reshape(carried.size).view(np.int16)
     steps = np.empty(2 * labels.shape[1], np.int32)
     for y in range(labels.shape[0]):
@@ -66,13 +75,11 @@ def _propagate(
             if tx >= width or ty >= height:  # negative ones are huge
                 continue
             target = ty * width + tx
-            if known[target] > limit:
-                continue
             if there[target] == 0:
                 there[target] = labels[y, x]
                 pairs[target] = np.int16((across & 255) | ((down & 255) << 8))
             elif there[target] != labels[y, x]:
-                there[target] = -1  # two labels met: no third one may settle here
+                there[target] = CLOSED  # two labels met: no third one may settle here
 
 
 @kernel
@@ -104,34 +111,43 @@ def smooth_labels(labels: Labels) -> Labels:
 def _morphological(labels: Labels, out: Labels) -> None:
     height, width = labels.shape
     alike = np.empty(width, np.int32)
+    places = np.empty(AT_ONCE + width, np.int32)
+    few = 0
     for y in range(1, height - 1):
-        own_row = labels[y, 1 : width - 1]
-        alike[:] = 0
-        for n in range(9):  # whole rows at a time: this vectorises
-            row = labels[y - 1 + n // 3, n % 3 : n % 3 + width - 2]
-            for x in range(width - 2):
-                alike[x + 1] += np.int32(row[x] == own_row[x])
-        for x in range(1, width - 1):
-            if alike[x] > 4:  # itself and 4 neighbours: no other label can have 5
-                continue
-            own = labels[y, x]
-            # Boyer and Moore's vote finds the only label that can have 5 of 8.
-            leader, lead = own, 0
-            for j in range(y - 1, y + 2):
-                for i in range(x - 1, x + 2):
-                    if j == y and i == x:
-                        continue
-                    if lead == 0:
-                        leader, lead = labels[j, i], 1
-                    elif labels[j, i] == leader:
-                        lead += 1
-                    else:
-                        lead -= 1
-            if leader == own:
-                continue
-            votes = 0
-            for j in range(y - 1, y + 2):
-                for i in range(x - 1, x + 2):
-                    votes += labels[j, i] == leader
-            if votes >= 5:
-                out[y, x] = leader if own == 0 else 0
+        over, row, under = labels[y - 1], labels[y], labels[y + 1]
+        for x in range(width - 2):  # a whole row at a time: this vectorises
+            own = row[x + 1]
+            above = np.int32(over[x] == own) + np.int32(over[x + 1] == own) + np.int32(over[x + 2] == own)
+            below = np.int32(under[x] == own) + np.int32(under[x + 1] == own) + np.int32(under[x + 2] == own)
+            alike[x] = above + below + np.int32(row[x] == own) + np.int32(row[x + 2] == own)
+        for x in range(width - 2):
+            places[few] = y * width + x + 1
+            few += alike[x] <= 3  # else no other label can have 5
+        if few >= AT_ONCE or y == height - 2:
+            _outvote(labels, places[:few], out)
+            few = 0
+
+
+@kernel
+def _outvote(labels: Labels, places: NDArray[np.int32], out: Labels) -> None:
+    """Whoever has 5 of 8 is among any 4 of them. Neighbour by neighbour over all places: the counting vectorises."""
+    width = labels.shape[1]
+    there, made = labels.reshape(labels.size), out.reshape(out.size)
+    around = np.empty((8, places.size), np.int32)
+    for n in range(8):
+        m = n + (n > 3)
+        step = (m // 3 - 1) * width + m % 3 - 1
+        for k in range(places.size):
+            around[n, k] = there[places[k] + step]
+    a, b, c, d, e, f, g, h = around[0], around[1], around[2], around[3], around[4], around[5], around[6], around[7]
+    leader = np.full(places.size, np.int32(-1))
+    for candidate in range(4):
+        him = around[candidate]
+        for k in range(places.size):
+            half = np.int32(a[k] == him[k]) + np.int32(b[k] == him[k]) + np.int32(c[k] == him[k]) + np.int32(d[k] == him[k])
+            rest = np.int32(e[k] == him[k]) + np.int32(f[k] == him[k]) + np.int32(g[k] == him[k]) + np.int32(h[k] == him[k])
+            leader[k] = him[k] if half + rest >= 5 else leader[k]
+    for k in range(places.size):
+        own = there[places[k]]
+        if leader[k] >= 0 and leader[k] != own:
+            made[places[k]] = leader[k] if own == 0 else 0

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pipeline.aside import Later
 from pipeline.frames import Flow, Labels, Plane
-from pipeline.segmentation.growing import grow, unlabelled
+from pipeline.segmentation.growing import count_open, grow, unlabelled
 from pipeline.segmentation.passes import CORE_ROLLS, WORTH_A_ROLL, carry_over, fill_up, name_regions, with_room
 from pipeline.segmentation.regions import AREA, NOTHING_CARRIED, Lab8, Means, Sums, means_of, measure
 from pipeline.segmentation.tidy import adopt
@@ -119,7 +119,7 @@ class Segmenter:
         pixels = unlabelled(labels)
         if len(sums) > 1 and grow_first:
             pixels = grow(labels, lab, edges, limit, sums, pixels)
-        rolling = radii(int(np.count_nonzero(edges.ravel()[pixels] == 0)))
+        rolling = radii(count_open(pixels, edges))
         for radius in (r for r in rolling if r > TAPPED_UP_TO_PX):
             known = len(sums)
             sums = self._roll_large(labels, lab, edges, limit, sums, pixels, radius)
@@ -167,9 +167,7 @@ class Segmenter:
         return self.last
 
     def _ids(self, previous: NDArray[np.int32]) -> NDArray[np.int64]:
-        ids = np.zeros(len(previous), np.int64)
-        if self.last is not None:
-            ids = np.where(previous > 0, self.last.ids[previous], 0)
+        ids = np.zeros(len(previous), np.int64) if self.last is None else self.last.ids[previous]
         new = np.flatnonzero(previous == 0)[1:]
         ids[new] = self.next_id + np.arange(len(new))
         self.next_id += len(new)

@@ -13,6 +13,8 @@ from pipeline.frames import Labels
 from pipeline.segmentation.jit import kernel
 from pipeline.segmentation.regions import Lab8, Means, Sums, colour_difference, means_of, move
 
+AT_ONCE = 512
+"""Pixels that are voted on together."""
 NOISE = 5.0
 """CIELAB units a pixel may always be from its region's mean: a camera's noise and a JPEG's blocks."""
 
@@ -170,14 +172,17 @@ def merge_table(
         mergeable[label] = label >= newborn or areas[label] < smallest[label]
     height, width = labels.shape
     edge = np.empty(width, np.uint8)
+    places = np.empty(width, np.int32)
     for y in range(height):
         row, low = labels[y], labels[min(y + 1, height - 1)]
         for x in range(width - 1):  # this vectorises
             edge[x] = (row[x] != row[x + 1]) | (row[x] != low[x])
         edge[width - 1] = row[width - 1] != low[width - 1]
+        found = 0
         for x in range(width):
-            if not edge[x]:
-                continue
+            places[found] = x
+            found += edge[x]
+        for x in places[:found]:
             own = row[x]
             for other in (row[min(x + 1, width - 1)], low[x]):
                 if other == own or not (mergeable[own] or mergeable[other]):
@@ -238,30 +243,57 @@ def _majority(
     width = out.shape[1]
     total = ys.size
     mine = np.empty(width, np.int32)
-    seen = np.empty(total, np.int32)
-    votes = np.empty(total, np.int32)
+    places = np.empty(AT_ONCE + width, np.int32)
+    few = 0
     for y in range(first, last):
-        own_row = padded[y + reach, reach : reach + width]
-        mine[:] = 0
-        for n in range(total):  # whole rows at a time: this loop is the filter's cost, and it vectorises
-            row = padded[y + reach + ys[n], reach + xs[n] : reach + xs[n] + width]
+        own = padded[y + reach, reach : reach + width]
+        mine[:] = total % 2
+        for n in range(0, total - 1, 2):  # whole rows at a time: this vectorises; the middle one is always alike
+            at, to = n + (n >= total // 2), n + 1 + (n + 1 >= total // 2)
+            one = padded[y + reach + ys[at], reach + xs[at] : reach + xs[at] + width]
+            two = padded[y + reach + ys[to], reach + xs[to] : reach + xs[to] + width]
             for x in range(width):
-                mine[x] += np.int32(row[x] == own_row[x])
+                mine[x] += np.int32(one[x] == own[x]) + np.int32(two[x] == own[x])
         for x in range(width):
-            if 2 * mine[x] >= total:  # nobody can have more
-                continue
-            kinds = 0
-            for n in range(total):
-                label = padded[y + reach + ys[n], x + reach + xs[n]]
-                k = 0
-                while k < kinds and seen[k] != label:
-                    k += 1
-                if k == kinds:
-                    seen[k], votes[k] = label, 0
-                    kinds += 1
-                votes[k] += 1
-            label, most = own_row[x], mine[x]
-            for k in range(kinds):
-                if votes[k] > most:
-                    label, most = seen[k], votes[k]
-            out[y, x] = label
+            places[few] = y * width + x
+            few += 2 * mine[x] < total  # else nobody can have more
+        if few >= AT_ONCE or y == last - 1:
+            _elect(padded, ys, xs, reach, places[:few], out)
+            few = 0
+
+
+@kernel
+def _elect(
+    padded: Labels, ys: NDArray[np.int64], xs: NDArray[np.int64], reach: int, places: NDArray[np.int32], out: Labels
+) -> None:  # fmt: skip
+    """At each place the label with most votes; of equals the pixel's own, or else the first."""
+    total, count, width = ys.size, places.size, out.shape[1]
+    there, made = padded.reshape(padded.size), out.reshape(out.size)
+    around = np.empty((total, count), np.int32)
+    centres = np.empty(count, np.int32)
+    for k in range(count):
+        y = places[k] // width
+        centres[k] = (y + reach) * padded.shape[1] + places[k] - y * width + reach
+    for n in range(total):
+        step = ys[n] * padded.shape[1] + xs[n]
+        for k in range(count):
+            around[n, k] = there[centres[k] + step]
+    label = np.empty(count, np.int32)
+    most = np.zeros(count, np.int32)
+    for k in range(count):
+        label[k] = there[centres[k]]
+    for n in range(total):
+        for k in range(count):
+            most[k] += np.int32(around[n, k] == label[k])
+    votes = np.empty(count, np.int32)
+    for n in range(total):
+        votes[:] = 0
+        for m in range(total):  # over all places at a time: this vectorises
+            for k in range(count):
+                votes[k] += np.int32(around[n, k] == around[m, k])
+        for k in range(count):
+            better = votes[k] > most[k]
+            label[k] = around[n, k] if better else label[k]
+            most[k] = votes[k] if better else most[k]
+    for k in range(count):
+        made[places[k]] = label[k]

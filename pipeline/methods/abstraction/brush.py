@@ -50,9 +50,9 @@ class Brush:
 
     def expect(self, percept: Percept) -> None:
         """Begin with what needs no regions: the last frame's paint is moved to where it is now."""
-        self._past = None
-        if percept.back is not None and self.picture is not None and self.params.paint_memory:
-            self._past = self.aside(self._bring, self.picture, percept.back)
+        self._past, picture, back = None, self.picture, percept.back
+        if back is not None and picture is not None and self.params.paint_memory:
+            self._past = self.aside.offer(lambda: self._bring(picture, back))
 
     def _bring(self, picture: Frame, back: WayBack) -> Frame:
         with self.clock("paint"):

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.aside import Aside, Later, Now
+from pipeline.colour.lab8 import LabPlanes, rgb_to_lab8
 from pipeline.colour.scheme import Tone, ToneTracker
 from pipeline.colour.scheme import measure as measure_tone
 from pipeline.flow import estimate
@@ -65,18 +66,18 @@ class Eye:
         self.calm = 1.0
         self._resting: Later[None] = Now(None)
         self._search_due = False
-        self.smooth_px = 0.6 + 0.4 * size[1] / 360
+        self.smooth_side, self.smooth_px = _short_gaussian(0.6 + 0.4 * size[1] / 360)
 
     def step(self, frame: Frame, mask: Plane | None = None) -> Percept:
         """Importance, edges and ink, which nothing waits for at once, are made aside."""
         frame = same_size(frame, self.size)
-        begins = self.aside(self._begins_shot, frame)
-        lab, gray = self._smooth(frame)
-        fresh = begins.result()
+        planes = self._smooth(frame)
+        gray = planes[0]
+        fresh = self._begins_shot(frame)
         flow = self._flow(gray, fresh)
         importance = self.aside(self._importance, gray, flow, fresh, mask)
-        back, settled, residual = self._settle(lab, flow)
-        calm = np.asarray(cv2.extractChannel(settled, 0), np.uint8)
+        back, planes, residual = self._settle(planes, flow)
+        settled, calm = np.asarray(cv2.merge(list(planes)), np.uint8), planes[0]
         outline = self.aside(self._edges, calm, importance)
         ink = self.aside(self._ink, self.inker, calm, importance, flow) if self.inker else None
         if self.aside.helper is None:
@@ -86,11 +87,10 @@ class Eye:
         self.gray, self.settled = gray, settled
         return Percept(settled, outline, importance, flow, back, residual, ink, tone, self.shot, self.calm)
 
-    def _smooth(self, frame: Frame) -> tuple[Lab8, NDArray[np.uint8]]:
+    def _smooth(self, frame: Frame) -> LabPlanes:
         with self.clock("lab"):
-            smooth = cv2.GaussianBlur(frame, (0, 0), self.smooth_px)
-            lab = np.asarray(cv2.cvtColor(smooth, cv2.COLOR_RGB2LAB), np.uint8)
-            return lab, np.asarray(cv2.extractChannel(lab, 0), np.uint8)
+            smooth = cv2.GaussianBlur(frame, (self.smooth_side, self.smooth_side), self.smooth_px)
+            return rgb_to_lab8(np.asarray(smooth, np.uint8))
 
     def _importance(
         self, gray: NDArray[np.uint8], flow: Flow | None, fresh: bool, mask: Plane | None
@@ -137,8 +137,8 @@ class Eye:
             return hold_still(flow, self.gray, gray, self.params.stillness)
 
     def _settle(
-        self, lab: Lab8, flow: Flow | None
-    ) -> tuple[WayBack | None, Lab8, NDArray[np.uint8] | None]:  # fmt: skip
+        self, lab: LabPlanes, flow: Flow | None
+    ) -> tuple[WayBack | None, LabPlanes, NDArray[np.uint8] | None]:  # fmt: skip
         if flow is None or self.settled is None:
             return None, lab, None
         with self.clock("settle"):
@@ -175,6 +175,16 @@ class Eye:
         """(width, height) of what is remembered coarser than the frame, by its name in a session's state."""
         sizes = {"eye.importance.cues": self.importance.map_size, "eye.importance.mask": self.importance.map_size}
         return sizes | ({"eye.inker.ink": self.inker.small} if self.inker else {})
+
+
+def _short_gaussian(sigma_px: float) -> tuple[int, float]:
+    """(taps, standard deviation) of a Gaussian cut off at about two of them, yet as wide as `sigma_px`."""
+    reach = round(2 * sigma_px)
+    squares = np.arange(-reach, reach + 1) ** 2
+    wider = sigma_px * np.linspace(1, 1.5, 501)
+    weights = np.exp(-squares / (2 * wider[:, None] ** 2))
+    variance = (weights * squares).sum(axis=1) / weights.sum(axis=1)
+    return 2 * reach + 1, float(wider[np.abs(variance - sigma_px**2).argmin()])
 
 
 def _importance(params: AbstractionParams) -> ImportanceParams:

@@ -68,10 +68,14 @@ class AbstractionSession:
     def finish(self, seen: Percept) -> Painting:
         """`paint`, with what the frame is made from."""
         self.brush.expect(seen)
-        painting = self.brush.step(self.hand.step(seen))
+        painting = self.complete(seen)
         if self.aside.helper is not None:
             self.eye.rest()
         return painting
+
+    def complete(self, seen: Percept) -> Painting:
+        """What is left of `finish` when the brush expects the frame."""
+        return self.brush.step(self.hand.step(seen))
 
     def hurry(self, helper: Executor) -> None:
         """Let what can wait be done aside by `helper`, which has one thread: see `pipeline.methods.base.Session`."""
@@ -104,6 +108,7 @@ class Relay:
     """Runs a session's eye on a thread of its own, ahead of hand and brush on the caller's. A context manager.
 
     Two threads, not three: eye and the rest cost about the same, and every thread more fights for the interpreter.
+    When the eye is done sooner, it takes some of the brush's work.
     """
 
     def __init__(self, session: AbstractionSession) -> None:
@@ -111,9 +116,11 @@ class Relay:
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="eye")
 
     def __enter__(self) -> Relay:
+        self.session.brush.aside = Aside()
         return self
 
     def __exit__(self, *failure: object) -> None:
+        self.session.brush.aside = self.session.aside
         self._thread.shutdown(cancel_futures=True)
 
     def run(
@@ -127,11 +134,17 @@ class Relay:
         """
         waiting: deque[Future[Percept]] = deque()
         for number, frame in enumerate(frames, first):
+            seen = self._next(waiting) if len(waiting) == AHEAD else None
             waiting.append(self._thread.submit(self.session.eye.step, frame, masks.get(number) if masks else None))
-            if len(waiting) > AHEAD:
-                yield self._paint(waiting.popleft())
+            if seen:
+                yield self.session.complete(seen)
         while waiting:
-            yield self._paint(waiting.popleft())
+            yield self.session.complete(self._next(waiting))
 
-    def _paint(self, seen: Future[Percept]) -> Painting:
-        return self.session.finish(seen.result())
+    def _next(self, waiting: deque[Future[Percept]]) -> Percept:
+        """The next frame to be painted. If the eye is well ahead it first does what the brush begins with."""
+        ahead = len(waiting) > AHEAD // 2 and waiting[AHEAD // 2].done()
+        self.session.brush.aside.helper = self._thread if ahead else None
+        seen = waiting.popleft().result()
+        self.session.brush.expect(seen)
+        return seen

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from numpy.typing import NDArray
 
+from pipeline.colour.lab8 import LabPlanes
 from pipeline.frames import Flow
 from pipeline.segmentation.motion import FADE_TOLERANCE, FAR, MOVING, bring, fade, hold_still, settle, way_back
 from pipeline.segmentation.regions import Lab8
@@ -25,7 +26,12 @@ def noise(seed: int, low: int = 0, high: int = 256, shape: tuple[int, ...] = (*S
 
 
 def settled_from(lab: Lab8, past: Lab8, flow: Flow, memory: float, tolerance: float = 6.0) -> tuple[Lab8, Bytes]:
-    return settle(lab, past, flow, way_back(flow), memory, tolerance)
+    planes, residual = settle(planes_of(lab), past, flow, way_back(flow), memory, tolerance)
+    return np.stack(planes, axis=-1), residual
+
+
+def planes_of(lab: Lab8) -> LabPlanes:
+    return np.ascontiguousarray(lab.transpose(2, 0, 1))
 
 
 # -- standing still
