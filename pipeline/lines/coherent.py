@@ -141,7 +141,8 @@ def _worth(stroke: NDArray[np.int32], strong: int, shortest_px: float) -> bool:
     known = stroke[KNOWN] * 4 > stroke[AREA]
     extent = max(stroke[RIGHT] - stroke[LEFT], stroke[BOTTOM] - stroke[TOP]) + 1
     shortest = shortest_px * (1 / 3 if known else 1.0) * (1 - 0.75 * (stroke[WEIGHT] / 255))
-    return (stroke[PEAK] > strong or known) and extent >= shortest
+    strong_enough: bool = stroke[PEAK] > strong or known
+    return strong_enough and extent >= shortest
 
 
 def follow(plane: Plane, flow: Flow) -> Plane:

@@ -144,9 +144,10 @@ def _outvote(labels: Labels, places: NDArray[np.int32], out: Labels) -> None:
     for candidate in range(4):
         him = around[candidate]
         for k in range(places.size):
-            half = np.int32(a[k] == him[k]) + np.int32(b[k] == him[k]) + np.int32(c[k] == him[k]) + np.int32(d[k] == him[k])
-            rest = np.int32(e[k] == him[k]) + np.int32(f[k] == him[k]) + np.int32(g[k] == him[k]) + np.int32(h[k] == him[k])
-            leader[k] = him[k] if half + rest >= 5 else leader[k]
+            own = him[k]
+            above = np.int32(a[k] == own) + np.int32(b[k] == own) + np.int32(c[k] == own) + np.int32(d[k] == own)
+            below = np.int32(e[k] == own) + np.int32(f[k] == own) + np.int32(g[k] == own) + np.int32(h[k] == own)
+            leader[k] = own if above + below >= 5 else leader[k]
     for k in range(places.size):
         own = there[places[k]]
         if leader[k] >= 0 and leader[k] != own:

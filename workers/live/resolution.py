@@ -1,14 +1,15 @@
 """At which size to work: it falls rather than the delay growing. Pure: told the time.
 
 Down, when frames miss their deadline: at once when two in a row took more than two periods, else when of those of two
-seconds more than two, and more than one in twenty, were late. Or when one of the two halves of the work takes more than
-a period, at the median of half a second, so that frames are dropped. A step may skip rungs.
+seconds more than two, and more than one in twenty, were late, or of those of ten seconds more than one in a hundred. Or
+when one of the two halves of the work takes more than a period, at the median of half a second, so that frames are
+dropped. A step may skip rungs.
 
 Up by one rung, when the next size up is expected to fit well for some seconds; twice as many for each time that this
 size was tried and did not hold.
 
-Cost, but for decoding, is taken to grow with the side of a frame. Measured, 352x288 to 640x480, it grows with the
-pixels to the power of 0.5 to 0.7; a step down that did not suffice is followed by another.
+Cost, but for decoding, is taken to grow with the side of a frame to the power of 1.2. Measured, 352x288 to 640x480, it
+grows with the pixels to the power of 0.5 to 0.7; a step down that did not suffice is followed by another.
 """
 
 from __future__ import annotations
@@ -31,19 +32,21 @@ time."""
 NOTICED_S = 1 / 30
 """A delay below this is worth no pixels."""
 LOOK_BACK_S = 0.5
-LATE_WINDOW_S, LATE_AT_MOST, LATE_SHARE = 2.0, 2, 0.05
-"""So that one in a hundred frames is late in the long run, tries of larger sizes included."""
+LATE_WINDOWS = ((2.0, 2, 0.05), (10.0, 3, 0.01))
+"""(seconds, late frames, share of all): so that in the long run fewer than one in a hundred frames are late."""
 MARGIN = 0.85
 """A size is chosen so that frames are expected to take this part of what they may."""
 PATIENCE_S, MOST_PATIENCE_S = 3.0, 120.0
-FAILED_WITHIN_S = 5.0
+FAILED_WITHIN_S = 20.0
 """A step up that is taken back this soon has failed."""
-HELD_S = 30.0
+HELD_S = 60.0
 """A step up that lasts this long makes up for those that failed."""
 MIN_SIDE_PX = 16
 _LATE_PERIODS = 2.0
 _RATE_WINDOW_S = 1.0
-MOST_KEPT = 512
+_GROWTH = 1.2
+_KEPT_S = 10.0
+MOST_KEPT = 1200
 
 
 def deadline_s(period_s: float) -> float:
@@ -105,7 +108,8 @@ class Cost:
 
     def at(self, factor: float) -> Cost:
         """Expected when the sides of the size worked at change by `factor`."""
-        return Cost(self.decode_s, self.look_s * factor, self.paint_s * factor)
+        growth = factor**_GROWTH
+        return Cost(self.decode_s, self.look_s * growth, self.paint_s * growth)
 
     def fits(self, period_s: float, margin: float = MARGIN) -> bool:
         return self.half_s <= margin * period_s and self.whole_s <= margin * deadline_s(period_s)
@@ -164,7 +168,7 @@ class Ladder:
 
     def _keep(self, seen: _Seen) -> None:
         self._seen.append(seen)
-        while self._seen[0].at_s < seen.at_s - PATIENCE_S:
+        while self._seen[0].at_s < seen.at_s - _KEPT_S:
             self._seen.popleft()
 
     def _slow(self, now_s: float, period_s: float) -> bool:
@@ -179,10 +183,15 @@ class Ladder:
         return median(seen.cost.half_s for seen in recent) > period_s
 
     def _often_late(self, now_s: float, period_s: float) -> bool:
-        """More than a few frames, and of many more than one in twenty, missed the deadline."""
-        recent = [seen for seen in self._seen if seen.at_s >= now_s - LATE_WINDOW_S]
-        late = sum(seen.latency_s > deadline_s(period_s) for seen in recent)
-        return late > max(LATE_AT_MOST, LATE_SHARE * len(recent))
+        """More than a few frames, and more than a share of all, missed the deadline."""
+        if self._seen[-1].latency_s <= deadline_s(period_s):
+            return False
+        ages = [(now_s - seen.at_s, seen.latency_s > deadline_s(period_s)) for seen in self._seen]
+        for window_s, few, share in LATE_WINDOWS:
+            recent = [late for age_s, late in ages if age_s <= window_s]
+            if sum(recent) > max(few, share * len(recent)):
+                return True
+        return False
 
     def _room(self, now_s: float, period_s: float) -> bool:
         if self.rung == 0 or self._since_s is None:
@@ -190,24 +199,25 @@ class Ladder:
         patience_s = min(PATIENCE_S * 2 ** self._fails[self.rung - 1], MOST_PATIENCE_S)
         if now_s - self._since_s < patience_s:
             return False
-        return self._usual(0.75).at(SCALES[self.rung - 1] / self.scale).fits(period_s)
+        return self._usual(0.75, now_s).at(SCALES[self.rung - 1] / self.scale).fits(period_s)
 
-    def _usual(self, part: float) -> Cost:
-        """What `part` of the frames do not exceed."""
-        costs = sorted((seen.cost for seen in self._seen), key=lambda cost: cost.whole_s)
+    def _usual(self, part: float, now_s: float) -> Cost:
+        """What `part` of the latest frames do not exceed."""
+        latest = [seen.cost for seen in self._seen if seen.at_s >= now_s - PATIENCE_S]
+        costs = sorted(latest, key=lambda cost: cost.whole_s)
         return costs[int(part * (len(costs) - 1))]
 
     def _fall(self, now_s: float, period_s: float) -> Reason:
         held_s = HELD_S if self._rose_s is None else now_s - self._rose_s
         self._fails[self.rung] += held_s < FAILED_WITHIN_S
-        self.rung = self.rung + 1 if held_s < FAILED_WITHIN_S else self._fitting(period_s)
+        self.rung = self.rung + 1 if held_s < FAILED_WITHIN_S else self._fitting(now_s, period_s)
         self._rose_s = None
         self._measure_anew(now_s)
         return "slow"
 
-    def _fitting(self, period_s: float) -> int:
+    def _fitting(self, now_s: float, period_s: float) -> int:
         """The first rung below that is expected to hold."""
-        usual = self._usual(0.5)
+        usual = self._usual(0.5, now_s)
         below = range(self.rung + 1, len(SCALES))
         return next((r for r in below if usual.at(SCALES[r] / self.scale).fits(period_s)), len(SCALES) - 1)
 

@@ -50,7 +50,8 @@ class Stream:
         if self.before is None or way is None:
             way = None
         else:
-            residual = settle(np.ascontiguousarray(lab.transpose(2, 0, 1)), self.before, way, way_back(way), 0.0, 6.0)[1]
+            planes = np.ascontiguousarray(lab.transpose(2, 0, 1))
+            residual = settle(planes, self.before, way, way_back(way), 0.0, 6.0)[1]
         self.before = lab
         return check(self.segmenter.step(lab, Now(wall), self.importance, way, residual), lab)
 
