@@ -129,7 +129,9 @@ def start(page: Page) -> None:
 
 
 def wait_live(page: Page) -> None:
-    expect(page.locator(".live-pill")).to_have_attribute("data-state", "live", timeout=SLOW_MS)
+    pill = page.locator(".live-pill")
+    until(page, lambda: pill.get_attribute("data-state") in ("live", "failed"))
+    assert pill.get_attribute("data-state") == "live", page.locator(".live-stage, main").first.inner_text()
 
 
 def choose_codec(page: Page, title: str) -> None:
