@@ -3,15 +3,21 @@
 Numba's cache is not made for several processes at once: its index names a file before that is written, so that another
 process may load what an older version of the code has left there. Here one process at a time compiles or loads, under
 a lock that dies with it; what the first has compiled the others load.
+
+Nor does it see that a kernel calls one of another file that has changed: here what is cached is also stamped with the
+text of every file that the kernel's own imports from.
 """
 
 from __future__ import annotations
 
 import fcntl
+import hashlib
 import os
+import re
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -28,7 +34,42 @@ def kernel(function: F) -> F:
     compiled: Any = numba.njit(cache=True, nogil=True, fastmath=False, error_model="numpy")(function)
     if hasattr(compiled, "compile"):  # a plain function where compiling is switched off
         compiled.compile = _alone(compiled.compile, Path(compiled.stats.cache_path))
+        index = compiled._cache._cache_file
+        index._source_stamp = (index._source_stamp, stamp_of(Path(function.__code__.co_filename)))
     return cast(F, compiled)
+
+
+_ROOT = Path(__file__).parents[2]
+_IMPORT = re.compile(r"^from (pipeline[\w.]*) import", re.MULTILINE)
+
+
+@cache
+def stamp_of(file: Path) -> str:
+    """A digest of the file and, through its imports, of every file of the pipeline that it depends on."""
+    digest = hashlib.sha256()
+    for each in sorted(_reached(file)):
+        digest.update(_text(each))
+    return digest.hexdigest()
+
+
+def _reached(file: Path) -> set[Path]:
+    found, todo = {file}, [file]
+    while todo:
+        new = _imported(todo.pop()) - found
+        found |= new
+        todo += new
+    return found
+
+
+@cache
+def _imported(file: Path) -> frozenset[Path]:
+    named = (_ROOT / name.replace(".", "/") for name in _IMPORT.findall(_text(file).decode()))
+    return frozenset(path for name in named if (path := name.with_suffix(".py")).is_file())
+
+
+@cache
+def _text(file: Path) -> bytes:
+    return file.read_bytes()
 
 
 def _alone(compile_for: Callable[..., Any], cache: Path) -> Callable[..., Any]:

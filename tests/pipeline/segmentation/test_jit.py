@@ -8,6 +8,9 @@ import sys
 import threading
 from pathlib import Path
 
+import pytest
+
+from pipeline.segmentation import jit
 from pipeline.segmentation.jit import LOCK, kernel
 
 
@@ -47,3 +50,21 @@ def test_processes_that_begin_together_agree(tmp_path: Path) -> None:
     children = [subprocess.Popen(command, cwd=root, env=env, stdout=subprocess.PIPE, text=True) for _ in range(3)]
     assert {child.communicate(timeout=90)[0] for child in children} == {"8 9.0\n"}
     assert list(tmp_path.rglob("*.nbc"))
+
+
+def test_a_kernels_stamp_changes_with_what_it_calls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    texts = {"a": "from pipeline.b import f", "b": "from pipeline.c import g\nimport os", "c": "x = 1", "d": "y = 1"}
+    (tmp_path / "pipeline").mkdir()
+    for name, text in texts.items():
+        (tmp_path / "pipeline" / f"{name}.py").write_text(text)
+    monkeypatch.setattr(jit, "_ROOT", tmp_path)
+
+    def stamps() -> dict[str, str]:
+        for remembered in (jit.stamp_of, jit._imported, jit._text):
+            remembered.cache_clear()
+        return {name: jit.stamp_of(tmp_path / "pipeline" / f"{name}.py") for name in texts}
+
+    before = stamps()
+    (tmp_path / "pipeline" / "c.py").write_text("x = 2")
+    after = stamps()
+    assert {name for name in texts if before[name] != after[name]} == {"a", "b", "c"}
