@@ -226,14 +226,16 @@ def rude(address: str, rate: Rate) -> None:
     print(runs[0].row(UNREAD_S + 15), flush=True)
 
 
-def _bare(address: str, rate: Rate) -> ClientConnection:
+@contextmanager
+def _bare(address: str, rate: Rate) -> Iterator[ClientConnection]:
     """A session without any manners of its own: nothing is read unless it is asked for."""
+    (width, height), fps = rate
+    hello = {"type": "hello", "method": "abstraction", "width": width, "height": height, "fps": fps}
     url = f"ws{address.removeprefix('http')}/v1/live"
-    socket = connect(url, subprotocols=[Subprotocol(SUBPROTOCOL)], max_queue=1, ping_interval=None)
-    size, fps = rate
-    socket.send(json.dumps({"type": "hello", "method": "abstraction", "width": size[0], "height": size[1], "fps": fps}))
-    socket.recv()
-    return socket
+    with connect(url, subprotocols=[Subprotocol(SUBPROTOCOL)], max_queue=1, ping_interval=None) as socket:
+        socket.send(json.dumps(hello))
+        socket.recv()
+        yield socket
 
 
 def _unread(socket: ClientConnection, rate: Rate, payloads: list[bytes]) -> str:
