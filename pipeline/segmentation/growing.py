@@ -81,27 +81,33 @@ def _grow(
     labels: Labels, lab: Lab8, blocked: NDArray[np.uint8], limit: NDArray[np.uint8], means: Means, sums: Sums,
     pixels: NDArray[np.int32], anything: bool,
 ) -> None:  # fmt: skip
+    """By flat indices; a pixel that does not wait to be labelled is told by its label alone."""
     height, width = labels.shape
-    entries = np.empty((4 * pixels.size, 4), np.int32)  # y, x, label, next in its bucket
+    there, colours = labels.reshape(labels.size), lab.reshape(labels.size, 3)
+    shut, most = blocked.reshape(labels.size), limit.reshape(labels.size)
+    entries = np.empty((4 * pixels.size, 3), np.int32)  # pixel, label, next in its bucket
     head = np.full(_BINS, -1, np.int32)
     tail = np.full(_BINS, -1, np.int32)
     used = 0
-    step_y = (-1, 0, 0, 1)
-    step_x = (0, -1, 1, 0)
-    for k in range(pixels.size):
-        y, x = pixels[k] // width, pixels[k] % width
-        if labels[y, x] != 0 or (blocked[y, x] and not anything):
+    around = (-width, -1, 1, width)
+    last_row = labels.size - width
+    for at in pixels:
+        if there[at] != 0 or (shut[at] and not anything):
             continue
-        best, label = np.float32(1e9), 0
+        x = at % width
+        inside = (at >= width, x > 0, x < width - 1, at < last_row)
+        best, label = np.float32(1e9), np.int32(0)
         for n in range(4):  # only the best of a pixel's neighbours can ever win it
-            j, i = y + step_y[n], x + step_x[n]
-            if j < 0 or i < 0 or j >= height or i >= width or labels[j, i] == 0 or labels[j, i] == label:
+            if not inside[n]:
                 continue
-            error = colour_difference(lab, y, x, means, labels[j, i])
+            other = there[at + around[n]]
+            if other == 0 or other == label:
+                continue
+            error = _apart(colours, at, means, other)
             if error < best:
-                best, label = error, labels[j, i]
-        if label != 0 and (best <= limit[y, x] or anything):
-            _queue(entries, head, tail, used, best, y, x, label)
+                best, label = error, other
+        if label != 0 and (best <= most[at] or anything):
+            _queue(entries, head, tail, used, best, at, label)
             used += 1
     lowest = 0
     while lowest < _BINS:
@@ -109,35 +115,43 @@ def _grow(
         if entry < 0:
             lowest += 1
             continue
-        head[lowest] = entries[entry, 3]
-        y, x, label = entries[entry, 0], entries[entry, 1], entries[entry, 2]
-        if labels[y, x] != 0:
+        at, label, head[lowest] = entries[entry, 0], entries[entry, 1], entries[entry, 2]
+        if there[at] != 0:
             continue
-        labels[y, x] = label
+        there[at] = label
+        y, x = at // width, at % width
         move(sums, lab, limit, y, x, 0, label)
+        inside = (at >= width, x > 0, x < width - 1, at < last_row)
         for n in range(4):
-            j, i = y + step_y[n], x + step_x[n]
-            if j < 0 or i < 0 or j >= height or i >= width or labels[j, i] != 0:
+            to = at + around[n]
+            if not inside[n] or there[to] != 0 or (shut[to] and not anything):
                 continue
-            if blocked[j, i] and not anything:
-                continue
-            error = colour_difference(lab, j, i, means, label)
-            if error <= limit[j, i] or anything:
-                lowest = min(lowest, _queue(entries, head, tail, used, error, j, i, label))
+            error = _apart(colours, to, means, label)
+            if error <= most[to] or anything:
+                lowest = min(lowest, _queue(entries, head, tail, used, error, to, label))
                 used += 1
+
+
+@kernel
+def _apart(colours: NDArray[np.uint8], at: int, means: Means, label: int) -> np.float32:
+    """CIELAB distance of a pixel to a region's mean."""
+    dl = (colours[at, 0] - means[label, 0]) * np.float32(100.0 / 255.0)
+    da = colours[at, 1] - means[label, 1]
+    db = colours[at, 2] - means[label, 2]
+    return np.float32(np.sqrt(dl * dl + da * da + db * db))
 
 
 @kernel
 def _queue(
     entries: NDArray[np.int32], head: NDArray[np.int32], tail: NDArray[np.int32], used: int, error: np.float32,
-    y: int, x: int, label: int,
+    at: int, label: int,
 ) -> int:  # fmt: skip
     """Put entry number `used` at the end of its bucket; returns the bucket."""
     bucket = min(_BINS - 1, int(error * _BINS_PER_UNIT))
-    entries[used, 0], entries[used, 1], entries[used, 2], entries[used, 3] = y, x, label, -1
+    entries[used, 0], entries[used, 1], entries[used, 2] = at, label, -1
     if head[bucket] < 0:
         head[bucket] = used
     else:
-        entries[tail[bucket], 3] = used
+        entries[tail[bucket], 2] = used
     tail[bucket] = used
     return bucket
