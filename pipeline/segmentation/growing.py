@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Labels
 from pipeline.segmentation.jit import kernel
-from pipeline.segmentation.regions import Lab8, Means, Sums, colour_difference, means_of, move
+from pipeline.segmentation.regions import Lab8, Means, Sums, means_of, move
 
 NO_LIMIT = 255
 _BINS = 1400
@@ -82,7 +82,7 @@ def _grow(
     pixels: NDArray[np.int32], anything: bool,
 ) -> None:  # fmt: skip
     """By flat indices; a pixel that does not wait to be labelled is told by its label alone."""
-    height, width = labels.shape
+    width = labels.shape[1]
     there, colours = labels.reshape(labels.size), lab.reshape(labels.size, 3)
     shut, most = blocked.reshape(labels.size), limit.reshape(labels.size)
     entries = np.empty((4 * pixels.size, 3), np.int32)  # pixel, label, next in its bucket
