@@ -133,7 +133,7 @@ def _grow(
 
 
 @kernel
-def _apart(colours: NDArray[np.uint8], at: int, means: Means, label: int) -> np.float32:
+def _apart(colours: NDArray[np.uint8], at: int, means: Means, label: int | np.int32) -> np.float32:
     """CIELAB distance of a pixel to a region's mean."""
     dl = (colours[at, 0] - means[label, 0]) * np.float32(100.0 / 255.0)
     da = colours[at, 1] - means[label, 1]
@@ -144,7 +144,7 @@ def _apart(colours: NDArray[np.uint8], at: int, means: Means, label: int) -> np.
 @kernel
 def _queue(
     entries: NDArray[np.int32], head: NDArray[np.int32], tail: NDArray[np.int32], used: int, error: np.float32,
-    at: int, label: int,
+    at: int, label: int | np.int32,
 ) -> int:  # fmt: skip
     """Put entry number `used` at the end of its bucket; returns the bucket."""
     bucket = min(_BINS - 1, int(error * _BINS_PER_UNIT))
