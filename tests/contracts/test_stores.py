@@ -19,7 +19,10 @@ from workers.jobs import Limits
 from workers.model import Asset, Fault, JobRequest, TaskOutcome
 from workers.store import Accepted, Claim, Policy, Sign, Store, schema
 
-DATABASES: dict[str, Callable[[Path], str]] = {"sqlite": lambda folder: f"sqlite:///{folder / 'impasto.db'}"}
+DATABASES: dict[str, Callable[[pytest.FixtureRequest], str]] = {
+    "sqlite": lambda request: f"sqlite:///{request.getfixturevalue('tmp_path') / 'impasto.db'}",
+    "postgres": lambda request: request.getfixturevalue("postgres").fresh(),
+}
 STEPS = (("look", "Look"), ("draw", "Draw"), ("assemble", "Join"))
 
 
@@ -36,8 +39,8 @@ def clock() -> Clock:
 
 
 @pytest.fixture(params=DATABASES)
-def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
-    return DATABASES[request.param](tmp_path)
+def url(request: pytest.FixtureRequest) -> str:
+    return DATABASES[request.param](request)
 
 
 @pytest.fixture
