@@ -9,11 +9,13 @@ from __future__ import annotations
 import importlib.util
 import itertools
 import os
+import pwd
 import shutil
 import signal
 import subprocess
 import sys
 import tempfile
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -161,11 +163,14 @@ class Swift:
         self.client().create_bucket(Bucket=name)
         return name
 
+    @cached_property
+    def shared_bucket(self) -> str:
+        """One bucket that is there already."""
+        return self.bucket()
+
     def _log(self, kind: str) -> Path:
         return self.folder / f"{kind}.log"
 
 
 def _user() -> str:
-    import pwd
-
     return pwd.getpwuid(os.getuid()).pw_name
