@@ -20,7 +20,6 @@ from workers.blobs.disk import DiskBlobs
 from workers.blobs.keys import check_key
 
 
-
 def _disk(request: pytest.FixtureRequest, folder: Path) -> Blobs:
     return DiskBlobs(folder / "blobs")
 

@@ -146,6 +146,9 @@ class Swift:
         for kind in kinds or tuple(self._ports):
             end(self._processes[kind], how)
 
+    def runs(self, kind: str) -> bool:
+        return self._processes[kind].poll() is None
+
     def close(self) -> None:
         """Stop it for good, and forget its folder."""
         self.stop()

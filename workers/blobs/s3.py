@@ -181,9 +181,7 @@ class S3Blobs:
                 return None
             raise
 
-    def _pieces(
-        self, name: str, answer: dict[str, Any], start: int, stop: int | None, chunk: int
-    ) -> Iterator[bytes]:
+    def _pieces(self, name: str, answer: dict[str, Any], start: int, stop: int | None, chunk: int) -> Iterator[bytes]:
         end = start + answer["ContentLength"]
         at, resumes = start, 0
         while at < end:
