@@ -79,6 +79,11 @@ class FarmSettings(BaseModel):
     live_frame_bytes: int = Field(default=12 << 20, ge=4096)
     """Of one live frame's payload: room for 1920x1920 in raw RGB."""
 
+    owner_tasks: int | None = Field(default=None, ge=1)
+    """Tasks that one owner may have at work at once; a key may have its own bound. None: any."""
+    sweep_s: float = Field(default=6 * 3600.0, gt=0)
+    """Between two sweeps for blobs that nobody needs: those of jobs that died while they cleared up."""
+
     events_kept: int = Field(default=5000, ge=10)
     """Newest events kept per job."""
 

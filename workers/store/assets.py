@@ -76,6 +76,10 @@ class Assets(Base):
                 connection.execute(delete(table).where(table.c.id == asset_id))
             return left is None
 
+    def knows(self, asset_id: str) -> bool:
+        with self._db.read() as connection:
+            return _find(connection, asset_id) is not None
+
     def unless_known(self, asset_id: str, forget: Callable[[], None]) -> None:
         """Call `forget` if the asset is (still) unknown, while nobody can add it."""
         with self._db.write() as connection:
