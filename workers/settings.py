@@ -19,8 +19,8 @@ class FarmSettings(BaseModel):
 
     home: Path = Path(".impasto")
     """Folder of everything that has no place of its own: database, blobs, scratch files, locks."""
-    database_url: str = ""
-    """SQLAlchemy URL; empty: SQLite in `home`."""
+    database_url: str = Field(default="", repr=False)
+    """`postgresql://user:password@host/name`; empty: SQLite in `home`."""
     blob_root: Path | None = None
     """Folder of blobs; None: `home`/blobs."""
     blob_url: str = Field(default="", pattern=r"^$|^s3://[a-z0-9][a-z0-9.-]{1,61}[a-z0-9](/[A-Za-z0-9._/-]*)?$")

@@ -1,9 +1,9 @@
-"""What the store promises, whatever the database. Another database is one more line in `DATABASES`."""
+"""What the store promises, whatever the database."""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -13,16 +13,13 @@ from sqlalchemy import event, select
 
 from pipeline.errors import BadParameter, StorageError
 from pipeline.methods.base import Task
+from tests.contracts.databases import DATABASES
 from workers import jobs as machine
 from workers.errors import Conflict, NotFound
 from workers.jobs import Limits
 from workers.model import Asset, Fault, JobRequest, TaskOutcome
 from workers.store import Accepted, Claim, Policy, Sign, Store, schema
 
-DATABASES: dict[str, Callable[[pytest.FixtureRequest], str]] = {
-    "sqlite": lambda request: f"sqlite:///{request.getfixturevalue('tmp_path') / 'impasto.db'}",
-    "postgres": lambda request: request.getfixturevalue("postgres").fresh(),
-}
 STEPS = (("look", "Look"), ("draw", "Draw"), ("assemble", "Join"))
 
 
@@ -40,7 +37,7 @@ def clock() -> Clock:
 
 @pytest.fixture(params=DATABASES)
 def url(request: pytest.FixtureRequest) -> str:
-    return DATABASES[request.param](request)
+    return DATABASES[request.param](request, True)
 
 
 @pytest.fixture

@@ -20,8 +20,9 @@ from typing import Any
 
 from alembic import command
 from alembic.config import Config
-from sqlalchemy import Connection, Engine, create_engine, event, make_url, text
-from sqlalchemy.exc import DatabaseError, DataError, DBAPIError, InterfaceError, OperationalError
+from alembic.util.exc import CommandError
+from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url, text
+from sqlalchemy.exc import ArgumentError, DatabaseError, DataError, DBAPIError, InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 
 from pipeline.errors import BadParameter, StorageError, StorageFull
@@ -47,10 +48,11 @@ class Database:
     """One database. Thread-safe.
 
     Args:
-        url: SQLAlchemy URL, `sqlite:///path` or `postgresql+psycopg://...`. A missing SQLite file is made.
+        url: SQLAlchemy URL, `sqlite:///path` or `postgresql://...`. A missing SQLite file is made.
 
     Raises:
-        StorageError: it cannot be reached or is newer than this program.
+        StorageError: it cannot be reached, or is newer than this program.
+        BadParameter: the URL names no database that is known.
     """
 
     def __init__(self, url: str) -> None:
@@ -108,11 +110,15 @@ class Database:
                     connection.execute(text(f"SET LOCAL {setting} = 0"))
                 connection.execute(text("SELECT pg_advisory_xact_lock(482309)"))
             config.attributes["connection"] = connection
-            command.upgrade(config, "head")
+            try:
+                command.upgrade(config, "head")
+            except CommandError as error:  # it does not know the revision that the database is at
+                remedy = "Start the newer version again, or restore the backup from before the upgrade."
+                raise StorageError("The database belongs to a newer version of Impasto.", remedy=remedy) from error
 
 
 def _engine(url: str) -> Engine:
-    parsed = make_url(url)
+    parsed = _parse(url)
     if parsed.get_backend_name() != "sqlite":
         return create_engine(
             parsed, pool_pre_ping=True, pool_size=10, max_overflow=20, pool_timeout=10, connect_args=_POSTGRES
@@ -122,6 +128,19 @@ def _engine(url: str) -> Engine:
     event.listen(engine, "connect", _prepare_sqlite)
     event.listen(engine, "begin", _begin_sqlite)
     return engine
+
+
+def _parse(url: str) -> URL:
+    """The URL with its driver: people write postgresql:// or postgres://."""
+    known = {"postgres": "postgresql+psycopg", "postgresql": "postgresql+psycopg"}
+    try:
+        parsed = make_url(url)
+    except ArgumentError:
+        parsed = None
+    if parsed is None or parsed.get_backend_name() not in ("sqlite", "postgresql", "postgres"):
+        remedy = "Use sqlite:///path or postgresql://user:password@host/name."
+        raise BadParameter("The database's URL names none that is known.", field="database_url", remedy=remedy)
+    return parsed.set(drivername=known.get(parsed.drivername, parsed.drivername))
 
 
 def _make_folder(database: Path) -> None:

@@ -51,8 +51,8 @@ def _ready() -> None:
 
 
 def _index(name: str, columns: list[str], where: str, in_sqlite: str = "") -> None:
-    conditions = {"postgresql_where": sa.text(where), "sqlite_where": sa.text(in_sqlite or where)}
-    op.create_index(name, "jobs", columns, unique=False, **conditions)
+    sqlite_where = sa.text(in_sqlite or where)
+    op.create_index(name, "jobs", columns, unique=False, postgresql_where=sa.text(where), sqlite_where=sqlite_where)
 
 
 def downgrade() -> None:
