@@ -50,9 +50,7 @@ def serve(
     workers: Annotated[int | None, typer.Option(min=1, max=256, help="Tasks that run at once; else 1.")] = None,
     ray_address: Annotated[str | None, typer.Option(help="A Ray cluster's address; else one is started here.")] = None,
     database: DatabaseOption = None,
-    blobs: Annotated[
-        str | None, typer.Option(metavar="URL", help="s3://bucket/prefix; else a folder in the home.")
-    ] = None,
+    blobs: Annotated[str | None, typer.Option(metavar="URL", help="s3://bucket/prefix; else in the home.")] = None,
     s3_endpoint: Annotated[str | None, typer.Option(metavar="URL", help="An S3 server that is not Amazon's.")] = None,
     auth: Annotated[
         Auth | None, typer.Option(help="auto: keys are needed unless it listens on this machine only.")

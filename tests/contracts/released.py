@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 ASSET = "a" * 64
-_REQUEST = (
-    '{"method": "toy", "inputs": {"video": "ast_%s"}, "params": {}, "seed": 3,'
-    ' "output": {"format": "mp4", "quality": 20, "artefacts": []}, "priority": 5, "name": "cat", "labels": {},'
-    ' "webhook": ""}' % ASSET
-)
+_OUTPUT = '{"format": "mp4", "quality": 20, "artefacts": []}'
+_REQUEST = f"""{{"method": "toy", "inputs": {{"video": "ast_{ASSET}"}}, "params": {{}}, "seed": 3, "output": {_OUTPUT},
+    "priority": 5, "name": "cat", "labels": {{}}, "webhook": ""}}"""
 
 
 def _job(job_id: str, state: str, planned: str, doomed: str = "false") -> str:
-    return f"""INSERT INTO jobs (id, owner, method, state, priority, request, params, step, step_count, planned, doomed,
-        last_seq, digest, created_at, updated_at)
-        VALUES ('{job_id}', 'anna', 'toy', '{state}', 5, '{_REQUEST}', '{{}}', 0, 2, {planned}, {doomed}, 1, 'd', 1, 1)"""
+    return f"""INSERT INTO jobs (id, owner, method, state, priority, request, params, step, step_count, planned,
+        doomed, last_seq, digest, created_at, updated_at)
+        VALUES ('{job_id}', 'anna', 'toy', '{state}', 5, '{_REQUEST}', '{{}}', 0, 2, {planned},
+        {doomed}, 1, 'd', 1, 1)"""
 
 
 def _step(job_id: str, step: int, ready: int, running: int) -> str:
@@ -45,4 +44,4 @@ ROWS = (
         VALUES ('att_1', 'tsk_1', 'job_1', 1, 'dsp_old@host', 'w', 'running', 1, 30, '')""",
     """INSERT INTO events (job_id, seq, at, type, data) VALUES ('job_1', 1, 1, 'job.state', '{"state": "queued"}')""",
 )
-"""A job at work (one task runs, one is ready), one to be planned, one paused. As of revision 0001, and good for 0002."""
+"""A job at work (one task runs, one is ready), one to be planned, one paused. Of revision 0001, and good for 0002."""

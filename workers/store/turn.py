@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import CTE, Connection, RowMapping, ScalarSelect, Select, exists, func, or_, select, text, tuple_
+from sqlalchemy import CTE, Connection, RowMapping, ScalarSelect, Select, exists, func, or_, select, text
 
 from workers.model import TaskState
 from workers.store import schema
@@ -89,18 +89,22 @@ def _lanes() -> Select[Any]:
 
 
 def _heads() -> CTE:
-    first = select(_next_head(None).label("id")).cte("heads", recursive=True)
+    """Ids of the oldest job of every lane. A hop is one or two look-ups: SQLite seeks no pair of columns at once."""
+    first = select(_first("start").label("id")).cte("heads", recursive=True)
     at = schema.jobs.alias("at")
-    onwards = select(_next_head(at)).select_from(first.join(at, at.c.id == first.c.id))
-    return first.union_all(onwards)
+    later = func.coalesce(_first("sideways", at, same_priority=True), _first("upwards", at))
+    return first.union_all(select(later).select_from(first.join(at, at.c.id == first.c.id)))
 
 
-def _next_head(at: Any) -> ScalarSelect[Any]:
-    """The oldest job of the lane after the one where the job `at` stands; of the first lane if there is none."""
-    then = schema.jobs.alias("later" if at is not None else "start")
-    query = select(then.c.id).where(text(f"{then.name}.ready > 0"))
-    if at is not None:
-        query = query.where(tuple_(then.c.priority, then.c.owner) > tuple_(at.c.priority, at.c.owner)).correlate(at)
+def _first(name: str, at: Any = None, same_priority: bool = False) -> ScalarSelect[Any]:
+    """The oldest job of the next lane: of the priority of the job `at`, or of the next higher one; without `at`, of the
+    first lane there is."""
+    then = schema.jobs.alias(name)
+    query = select(then.c.id).where(text(f"{name}.ready > 0"))
+    if same_priority:
+        query = query.where(then.c.priority == at.c.priority, then.c.owner > at.c.owner).correlate(at)
+    elif at is not None:
+        query = query.where(then.c.priority > at.c.priority).correlate(at)
     return query.order_by(then.c.priority, then.c.owner, then.c.id).limit(1).scalar_subquery()
 
 
