@@ -222,7 +222,7 @@ def _name(url: str) -> str:
 def test_a_backup_of_sqlite_is_taken_while_it_works(
     open_studio: Callable[..., Studio], data: Path, tmp_path: Path, expected: list[bytes]
 ) -> None:
-    farm = open_studio(home=tmp_path / "old")
+    farm = open_studio(home=tmp_path / "old", lease_s=1)
     jobs = _submit(farm, data)
     until(lambda: farm.job(jobs[0]).counts["succeeded"] >= 2)
     new = tmp_path / "new"
