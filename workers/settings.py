@@ -40,6 +40,8 @@ class FarmSettings(BaseModel):
     """Send CRCs with bodies and check them; off for servers that do not know them."""
     s3_part_bytes: int = Field(default=16 << 20, ge=5 << 20, le=5 << 30)
     """Larger blobs are sent in parts of this size; a server takes 10,000 parts of a blob, some only 1,000."""
+    s3_direct: bool = False
+    """Send downloads on to S3 by signed URLs; clients must be able to reach the endpoint."""
     cache_root: Path | None = None
     """Folder for local copies of blobs in S3; None: `home`/copies."""
     cache_bytes: int = Field(default=20 << 30, ge=0)

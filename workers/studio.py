@@ -274,6 +274,12 @@ class Studio:
     def local(self, served: Served) -> AbstractContextManager[Path]:
         return self._blobs.local(served.key)
 
+    def direct_url(self, served: Served) -> str | None:
+        direct = self._blobs.direct
+        if direct is None or not self._settings.s3_direct:
+            return None
+        return direct.download_url(served.key, served.filename, served.media_type)
+
     def preview(self, request: JobRequest, frame: int, max_side_px: int = 640) -> bytes:
         assets = self._inputs(request)
         params = check_request(request, assets).params
