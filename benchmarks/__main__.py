@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from benchmarks import abstraction, flow, kill9, live, memory, workers
+from benchmarks import abstraction, dispatch, flow, kill9, live, memory, workers
 
 ALL = {
     "abstraction": abstraction.main,
@@ -13,6 +13,7 @@ ALL = {
     "memory": memory.main,
     "kill9": kill9.main,
     "live": live.main,
+    "dispatch": dispatch.main,
 }
 
 

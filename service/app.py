@@ -87,11 +87,16 @@ def _parts(settings: Settings, farm: Farm) -> Service:
         streams=Streams(settings.max_streams),
         previews=threading.BoundedSemaphore(settings.preview_slots),
         frames=threading.BoundedSemaphore(settings.frame_slots),
-        webhook_secrets=WebhookSecrets(settings.home / "webhook_secret"),
+        webhook_secrets=_secrets(settings),
         registry=CollectorRegistry(),
     )
     service.registry.register(FarmMetrics(farm))
     return service
+
+
+def _secrets(settings: Settings) -> WebhookSecrets:
+    given = settings.webhook_secret
+    return WebhookSecrets(settings.home / "webhook_secret", given.get_secret_value() if given else "")
 
 
 def _add_middleware(app: FastAPI, service: Service) -> None:

@@ -9,7 +9,7 @@ from urllib.parse import quote
 
 from starlette.datastructures import Headers
 from starlette.requests import Request
-from starlette.responses import Response, StreamingResponse
+from starlette.responses import RedirectResponse, Response, StreamingResponse
 
 from service.errors import RangeNotSatisfiable
 from workers.farm import Farm, Served
@@ -69,7 +69,9 @@ def disposition(filename: str, attachment: bool) -> str:
 
 
 def serve(farm: Farm, served: Served, request: Request, attachment: bool = False) -> Response:
-    """Answer a GET or HEAD for a file of the farm."""
+    """Answer a GET or HEAD for a file of the farm. A download may be sent on to where the bytes are."""
+    if attachment and request.method == "GET" and (url := farm.direct_url(served)):
+        return RedirectResponse(url, 307, {"Cache-Control": "private, no-store"})
     etag = '"' + served.etag.strip('"') + '"'
     headers = {
         "ETag": etag,

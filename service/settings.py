@@ -67,6 +67,8 @@ class Settings(BaseSettings, FarmSettings):
     live_ping_s: float = Field(default=20.0, gt=0)
     """WebSocket clients are pinged this often; one that is silent for as long after it is lost."""
 
+    webhook_secret: SecretStr | None = Field(default=None, min_length=32)
+    """What webhooks are signed from, the same for all processes of a service; None: a file in the home, made once."""
     webhook_private: bool = False
     """Allow webhook targets on private and loopback addresses."""
     webhook_timeout_s: float = Field(default=10.0, gt=0)

@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import av
 import cv2
@@ -14,6 +15,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from pydantic_settings import BaseSettings, SettingsConfigDict
+
+if TYPE_CHECKING:  # they are imported where they are needed: most tests have no server
+    from tests.real.postgres import Postgres
+    from tests.real.swift import Swift
 
 ROOT = Path(__file__).resolve().parent.parent
 MEDIA = ROOT.parent / "shared" / "media"
@@ -46,11 +51,25 @@ def _missing_ray() -> str:
     return "" if importlib.util.find_spec("ray") else "ray is not installed: pip install 'ray[default]'"
 
 
+def _missing_postgres() -> str:
+    from tests.real.postgres import missing
+
+    return missing()
+
+
+def _missing_s3() -> str:
+    from tests.real.swift import missing
+
+    return missing()
+
+
 PARTS: dict[str, Callable[[], str]] = {
     "chromium": _missing_chromium,
     "opencl": _missing_opencl,
     "media": _missing_media,
     "ray": _missing_ray,
+    "postgres": _missing_postgres,
+    "s3": _missing_s3,
 }
 MAY_BE_ABSENT = {"media"}
 """Test media are not ours to ship: another machine may lack them even where every part must be real."""
@@ -70,6 +89,30 @@ def _require(part: str) -> None:
     if TestSettings().require_real and part not in MAY_BE_ABSENT:
         pytest.fail(f"{part} is required (IMPASTO_REQUIRE_REAL=1): {reason}")
     pytest.skip(f"{part}: {reason}")
+
+
+@pytest.fixture(scope="session")
+def postgres() -> Iterator[Postgres]:
+    """One PostgreSQL for the whole session. A test that stops it starts it again."""
+    _require("postgres")
+    from tests.real.postgres import Postgres
+
+    server = Postgres()
+    server.start()
+    yield server
+    server.close()
+
+
+@pytest.fixture(scope="session")
+def s3() -> Iterator[Swift]:
+    """One S3 server for the whole session. A test that stops it starts it again."""
+    _require("s3")
+    from tests.real.swift import Swift
+
+    server = Swift()
+    server.start()
+    yield server
+    server.close()
 
 
 @pytest.fixture(scope="session", autouse=True)

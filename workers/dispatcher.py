@@ -59,7 +59,7 @@ class Dispatcher:
         pool: started and stopped by this.
         settings: capacity, leases, limits.
         has_room: raises StorageFull when nothing new should begin.
-        tidy: removes blobs that a job (its id) needs no more: it succeeded, or was deleted.
+        tidy: told of a job (its id) that succeeded or was deleted: blobs are needed no more. Quick.
     """
 
     def __init__(
@@ -120,6 +120,11 @@ class Dispatcher:
             raise StorageError(f"The dispatcher has been silent for {silent_s:.0f} s.", remedy="Restart the service.")
         if self.trouble:
             raise StorageError(self.trouble)
+
+    @property
+    def id(self) -> str:
+        """As the store knows it; empty unless it is started."""
+        return "" if self._life is None else self._life.id
 
     @property
     def running(self) -> int:
@@ -186,7 +191,12 @@ class Dispatcher:
 
     def _settle(self, attempt_id: str, flight: _Flight, outcome: TaskOutcome) -> None:
         """Bring an outcome into the store. The attempt leaves us only once that has worked."""
-        counted = self._commit(outcome, flight.worker)
+        try:
+            counted = self._commit(outcome, flight.worker)
+        except StorageError:
+            raise
+        except ImpastoError as error:  # what it brought back cannot be kept: a NaN, text that is none
+            counted = self._commit(failed_outcome(attempt_id, error), flight.worker)
         self._flights.pop(attempt_id, None)
         jobs = self._store.jobs
         over = jobs.succeeded(flight.job_id) if counted and flight.last_step else not jobs.exists(flight.job_id)
@@ -292,6 +302,7 @@ class Dispatcher:
             self._bring_in()
             for attempt_id in list(self._flights):
                 self._store.work.put_off(attempt_id, 0.0, "The service was stopped.")
+            self._store.work.retire(self.id)
         except StorageError as error:
             log.warning("could not give running attempts back; the next start does: %s", error)
         self._flights.clear()

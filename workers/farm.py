@@ -50,7 +50,8 @@ class ApiKey:
     scopes: frozenset[str]
     """Of SCOPES."""
     quotas: dict[str, int]
-    """Name -> bound, as the service understands it ("active_jobs", "asset_bytes", "requests_per_minute")."""
+    """Name -> bound, as the service understands it ("active_jobs", "asset_bytes", "requests_per_minute") and the
+    dispatcher ("running_tasks")."""
     created_at: float
     revoked_at: float | None = None
 
@@ -221,6 +222,9 @@ class Farm(Protocol):
 
     def read(self, served: Served, start: int = 0, stop: int | None = None) -> Iterator[bytes]: ...
     def local(self, served: Served) -> AbstractContextManager[Path]: ...
+    def direct_url(self, served: Served) -> str | None:
+        """A signed URL that gives the file past us, good for an hour; None unless the operator wants that."""
+        ...
 
     # -- one frame, now
     def preview(self, request: JobRequest, frame: int, max_side_px: int = 640) -> bytes:

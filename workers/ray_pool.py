@@ -19,7 +19,7 @@ from ray.exceptions import RayError
 
 from pipeline.errors import StorageError
 from workers.actors import RenderActor
-from workers.blobs.disk import DiskBlobs
+from workers.blobs.base import Blobs
 from workers.faults import failed_outcome
 from workers.local_pool import Listen, Runner
 from workers.model import TaskOrder, TaskOutcome
@@ -56,13 +56,11 @@ class RayPool:
     """`settings.workers` actors on the cluster at `settings.ray_address` ("local": one of its own, on this machine).
 
     Args:
-        blobs: pickled to the actors as it is; on several machines its folder must be shared by them.
+        blobs: pickled to the actors as it is; on several machines S3, or a folder that they share.
         make_runner: made once an actor; None: a Renderer over `blobs`.
     """
 
-    def __init__(
-        self, blobs: DiskBlobs, settings: FarmSettings, make_runner: Callable[[], Runner] | None = None
-    ) -> None:
+    def __init__(self, blobs: Blobs, settings: FarmSettings, make_runner: Callable[[], Runner] | None = None) -> None:
         self._settings = settings
         here = settings.ray_address == "local"
         self._make_runner = make_runner or partial(Renderer, blobs, settings.scratch if here else None)

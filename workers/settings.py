@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, SecretStr
 
 from pipeline.video.media import Limits
 
@@ -19,12 +19,33 @@ class FarmSettings(BaseModel):
 
     home: Path = Path(".impasto")
     """Folder of everything that has no place of its own: database, blobs, scratch files, locks."""
-    database_url: str = ""
-    """SQLAlchemy URL; empty: SQLite in `home`."""
+    database_url: str = Field(default="", repr=False)
+    """`postgresql://user:password@host/name`; empty: SQLite in `home`."""
     blob_root: Path | None = None
     """Folder of blobs; None: `home`/blobs."""
+    blob_url: str = Field(default="", pattern=r"^$|^s3://[a-z0-9][a-z0-9.-]{1,61}[a-z0-9](/[A-Za-z0-9._/-]*)?$")
+    """`s3://bucket/prefix`: blobs are there and not in a folder."""
     reserve_bytes: int = Field(default=256 << 20, ge=0)
-    """New work is refused while less than this is free on the disk of the blobs."""
+    """New work is refused while less than this is free on the disk of the blobs (with S3: of their local copies)."""
+
+    s3_endpoint_url: str = ""
+    """Of a server that is not Amazon's, such as `http://localhost:9000`."""
+    s3_region: str = ""
+    s3_access_key: SecretStr = SecretStr("")
+    """Empty: boto3 looks where it always does (AWS_ACCESS_KEY_ID, ~/.aws, the machine's role)."""
+    s3_secret_key: SecretStr = SecretStr("")
+    s3_addressing: Literal["auto", "path", "virtual"] = "auto"
+    """"path": the bucket's name is not a part of the host's name."""
+    s3_checksums: bool = True
+    """Send CRCs with bodies and check them; off for servers that do not know them."""
+    s3_part_bytes: int = Field(default=16 << 20, ge=5 << 20, le=5 << 30)
+    """Larger blobs are sent in parts of this size; a server takes 10,000 parts of a blob, some only 1,000."""
+    s3_direct: bool = False
+    """Send downloads on to S3 by signed URLs; clients must be able to reach the endpoint."""
+    cache_root: Path | None = None
+    """Folder for local copies of blobs in S3; None: `home`/copies."""
+    cache_bytes: int = Field(default=20 << 30, ge=0)
+    """Local copies that nobody uses are removed above this."""
 
     max_asset_bytes: int = Field(default=8 << 30, ge=1024)
     max_pixels: int = Field(default=50_000_000, ge=256)
@@ -60,6 +81,11 @@ class FarmSettings(BaseModel):
     live_frame_bytes: int = Field(default=12 << 20, ge=4096)
     """Of one live frame's payload: room for 1920x1920 in raw RGB."""
 
+    owner_tasks: int | None = Field(default=None, ge=1)
+    """Tasks that one owner may have at work at once; a key may have its own bound. None: any."""
+    sweep_s: float = Field(default=6 * 3600.0, gt=0)
+    """Between two sweeps for blobs that nobody needs: those of jobs that died while they cleared up."""
+
     events_kept: int = Field(default=5000, ge=10)
     """Newest events kept per job."""
 
@@ -86,3 +112,8 @@ class FarmSettings(BaseModel):
     @property
     def blobs_at(self) -> Path:
         return (self.blob_root or self.home / "blobs").absolute()
+
+    @property
+    def copies_at(self) -> Path:
+        """Folder for local copies of blobs that are in S3."""
+        return (self.cache_root or self.home / "copies").absolute()

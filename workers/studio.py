@@ -10,10 +10,12 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from pathlib import Path
 
-from pipeline.errors import ImpastoError
+from pipeline.errors import StorageError
 from pipeline.video.probe import probe_guarded
 from workers import jobs as machine
-from workers.blobs.disk import DiskBlobs
+from workers.blobs.base import Blobs
+from workers.blobs.opened import open_blobs
+from workers.checks import Checks
 from workers.dispatcher import Dispatcher
 from workers.errors import Conflict, NotFound
 from workers.farm import Farm, Keys, Page, Served, Webhooks
@@ -33,13 +35,14 @@ from workers.requests import check_request
 from workers.served import served_asset, served_file
 from workers.settings import FarmSettings
 from workers.store import Policy, Store
+from workers.tidy import Tidier
 
 _CHUNK = 1 << 20
 _PICTURES_KEPT = 128
 
 
 class Studio:
-    """Implements `Farm` over a store, blobs on disk and a pool.
+    """Implements `Farm` over a store, blobs and a pool.
 
     Args:
         settings: where things are kept, and limits.
@@ -52,19 +55,30 @@ class Studio:
 
     def __init__(self, settings: FarmSettings, pool: Pool | None, seats: Seats | None = None) -> None:
         limits = Limits(settings.attempts, settings.interruptions)
-        policy = Policy(limits, settings.retry_delay_s, settings.events_kept)
+        policy = Policy(limits, settings.retry_delay_s, settings.events_kept, settings.owner_tasks)
         self._settings = settings
         self._store = Store(settings.url, policy)
-        self._blobs = DiskBlobs(settings.blobs_at, settings.reserve_bytes)
+        self._blobs = open_blobs(settings)
         self._pool = pool
+        self._tidier = Tidier(self._store, self._blobs, settings.sweep_s, self._may_sweep)
         self._dispatcher = None if pool is None else self._make_dispatcher(pool)
         self._previews = Previews(self._blobs)
         self._originals = Originals(self._blobs)
         self._pictures: Recent[bytes] = Recent(_PICTURES_KEPT)
         self._live = Live(seats or LocalSeats(lambda: LivePainter(self._blobs)), settings)
+        self._checks = Checks(self._parts())
 
     def _make_dispatcher(self, pool: Pool) -> Dispatcher:
-        return Dispatcher(self._store, pool, self._settings, self._blobs.check_room, self._tidy)
+        return Dispatcher(self._store, pool, self._settings, self._blobs.check_room, self._tidier.later)
+
+    def _parts(self) -> dict[str, Callable[[], None]]:
+        parts = {"store": self._store.check, "blobs": self._blobs.check}
+        return parts if self._dispatcher is None else {**parts, "pool": self._dispatcher.check}
+
+    def _may_sweep(self) -> bool:
+        """Of all that share the store, the dispatcher that is alive the longest sweeps."""
+        mine = "" if self._dispatcher is None else self._dispatcher.id
+        return self._store.work.dispatchers()[:1] == [mine]
 
     @property
     def keys(self) -> Keys:
@@ -81,7 +95,6 @@ class Studio:
     # -- life
 
     def start(self) -> None:
-        self._blobs.sweep()
         if self._dispatcher is None:
             return
         life = Life(self._settings.home / "dispatchers")
@@ -92,12 +105,14 @@ class Studio:
         except BaseException:
             life.end()
             raise
+        self._tidier.start()
         self._live.start()
 
     def stop(self) -> None:
         self._live.stop()
         if self._dispatcher is not None:
             self._dispatcher.stop()
+        self._tidier.stop()
         self._previews.close()
         self._originals.close()
         self._store.close()
@@ -214,14 +229,10 @@ class Studio:
 
     def delete(self, job_id: str) -> None:
         self._store.jobs.remove(job_id)
-        self._tidy(job_id)
-
-    def _tidy(self, job_id: str) -> None:
-        """Delete what only the job's own tasks needed; all there is if the job is forgotten."""
-        kept = self._store.jobs.blob_keys(job_id)
-        for key in list(self._blobs.keys(f"jobs/{job_id}/")):
-            if key not in kept:
-                self._blobs.delete(key)
+        try:
+            self._tidier.job(job_id)
+        except StorageError:  # it is forgotten all the same; its blobs go once the store is back
+            self._tidier.later(job_id)
 
     def tasks(self, job_id: str, state: str | None = None, cursor: str | None = None, limit: int = 100) -> Page:
         return self._store.history.tasks(job_id, state, cursor, limit)
@@ -263,6 +274,12 @@ class Studio:
     def local(self, served: Served) -> AbstractContextManager[Path]:
         return self._blobs.local(served.key)
 
+    def direct_url(self, served: Served) -> str | None:
+        direct = self._blobs.direct
+        if direct is None or not self._settings.s3_direct:
+            return None
+        return direct.download_url(served.key, served.filename, served.media_type)
+
     def preview(self, request: JobRequest, frame: int, max_side_px: int = 640) -> bytes:
         assets = self._inputs(request)
         params = check_request(request, assets).params
@@ -272,10 +289,7 @@ class Studio:
     # -- operators
 
     def ready(self) -> dict[str, str]:
-        checks: dict[str, Callable[[], None]] = {"store": self._store.check, "blobs": self._blobs.check}
-        if self._dispatcher is not None:
-            checks["pool"] = self._dispatcher.check
-        return {part: _verdict(check) for part, check in checks.items()}
+        return self._checks.verdicts()
 
     def snapshot(self) -> Json:
         pool = {"kind": "none", "workers": 0, "busy": {}} if self._pool is None else self._pool.describe()
@@ -292,11 +306,11 @@ def open_farm(settings: FarmSettings) -> Farm:
     Raises:
         StorageError: the database or the blobs cannot be used.
     """
-    blobs = DiskBlobs(settings.blobs_at, settings.reserve_bytes)
+    blobs = open_blobs(settings)
     return Studio(settings, _pool(settings, blobs), _seats(settings, blobs))
 
 
-def _pool(settings: FarmSettings, blobs: DiskBlobs) -> Pool | None:
+def _pool(settings: FarmSettings, blobs: Blobs) -> Pool | None:
     if settings.pool == "none":
         return None
     if settings.pool == "ray":
@@ -309,7 +323,7 @@ def _pool(settings: FarmSettings, blobs: DiskBlobs) -> Pool | None:
     return LocalPool(lambda: Renderer(blobs, settings.scratch), settings.workers)
 
 
-def _seats(settings: FarmSettings, blobs: DiskBlobs) -> Seats | None:
+def _seats(settings: FarmSettings, blobs: Blobs) -> Seats | None:
     """With Ray, live sessions have processes of their own."""
     if settings.pool != "ray":
         return None
@@ -325,11 +339,3 @@ def _sha256(path: Path) -> str:
 
 def _have(job: Job) -> str:
     return f"There are: {', '.join(job.results)}." if job.results else "It has no files."
-
-
-def _verdict(check: Callable[[], None]) -> str:
-    try:
-        check()
-    except (ImpastoError, OSError) as error:
-        return str(error)
-    return "ok"

@@ -12,7 +12,7 @@ import typer
 from rich.table import Table
 
 from impasto.cli.console import emit, out, say
-from impasto.cli.options import HomeOption, JsonFlag, home_of
+from impasto.cli.options import DatabaseOption, HomeOption, JsonFlag, home_of
 
 if TYPE_CHECKING:
     from workers.farm import ApiKey, Keys
@@ -25,10 +25,11 @@ def create(
     name: Annotated[str, typer.Argument(help="Whose it is, for you to remember.")],
     scope: Annotated[list[str] | None, typer.Option(help="read, submit or admin; several are possible.")] = None,
     home: HomeOption = None,
+    database: DatabaseOption = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Make a key and show its secret, this once."""
-    with _keys(home) as keys:
+    with _keys(home, database) as keys:
         key, secret = keys.create(name, scope or ["read", "submit"])
     if as_json:
         emit(_row(key) | {"secret": secret})
@@ -38,9 +39,9 @@ def create(
 
 
 @app.command("list")
-def list_(home: HomeOption = None, as_json: JsonFlag = False) -> None:
+def list_(home: HomeOption = None, database: DatabaseOption = None, as_json: JsonFlag = False) -> None:
     """List every key, revoked ones too; secrets are not kept."""
-    with _keys(home) as keys:
+    with _keys(home, database) as keys:
         rows = [_row(key) for key in keys.list()]
     if as_json:
         emit(rows)
@@ -57,21 +58,23 @@ def list_(home: HomeOption = None, as_json: JsonFlag = False) -> None:
 def revoke(
     key_id: Annotated[str, typer.Argument(metavar="KEY", help="The key's id.")],
     home: HomeOption = None,
+    database: DatabaseOption = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Refuse a key from now on."""
-    with _keys(home) as keys:
+    with _keys(home, database) as keys:
         key = keys.revoke(key_id)
     emit(_row(key)) if as_json else say(f"{key.id} ({key.name}) is revoked.")
 
 
 @contextmanager
-def _keys(home: Path | None) -> Iterator[Keys]:
-    """The keys of the home, through a farm that runs nothing and so disturbs no service at work."""
-    from workers.settings import FarmSettings
+def _keys(home: Path | None, database: str | None) -> Iterator[Keys]:
+    """The keys of the home, or of its database, through a farm that runs nothing and so disturbs no service at work."""
+    from impasto.settings import load
+    from service.settings import Settings
     from workers.studio import open_farm
 
-    farm = open_farm(FarmSettings(home=home_of(home), pool="none"))
+    farm = open_farm(load(Settings, home=home_of(home), database_url=database, pool="none"))
     try:
         yield farm.keys
     finally:

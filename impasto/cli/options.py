@@ -29,6 +29,14 @@ HomeOption = Annotated[
     Path | None,
     typer.Option(help="Folder for all that is kept; else IMPASTO_HOME, else your data folder.", rich_help_panel=WHERE),
 ]
+DatabaseOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="URL",
+        help="postgresql://...; else IMPASTO_DATABASE_URL, else SQLite in the home.",
+        rich_help_panel=WHERE,
+    ),
+]
 ServerOption = Annotated[
     str | None,
     typer.Option(metavar="URL", help="The service; else IMPASTO_SERVER, else this machine.", rich_help_panel=WHERE),

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from impasto.cli.console import say
-from impasto.cli.options import HomeOption, home_of
+from impasto.cli.options import DatabaseOption, HomeOption, home_of
 
 EPILOG = """[bold]Examples[/bold]
 
@@ -20,7 +20,10 @@ impasto keys create alice && impasto serve --host 0.0.0.0
 
 impasto serve --farm ray --ray-address auto --workers 16
 
+impasto serve --database postgresql://impasto@db/impasto --blobs s3://films/impasto --s3-endpoint http://s3:9000
+
 Every setting can come from the environment as well: IMPASTO_PORT, IMPASTO_HOME, IMPASTO_MAX_ASSET_BYTES, ...
+Secrets should: IMPASTO_DATABASE_URL, IMPASTO_S3_ACCESS_KEY and IMPASTO_S3_SECRET_KEY, IMPASTO_ADMIN_KEY.
 """
 
 
@@ -46,7 +49,9 @@ def serve(
     farm: Annotated[FarmKind | None, typer.Option(help="Workers in this process, or on a Ray cluster.")] = None,
     workers: Annotated[int | None, typer.Option(min=1, max=256, help="Tasks that run at once; else 1.")] = None,
     ray_address: Annotated[str | None, typer.Option(help="A Ray cluster's address; else one is started here.")] = None,
-    database: Annotated[str | None, typer.Option(metavar="URL", help="Database; else SQLite in the home.")] = None,
+    database: DatabaseOption = None,
+    blobs: Annotated[str | None, typer.Option(metavar="URL", help="s3://bucket/prefix; else in the home.")] = None,
+    s3_endpoint: Annotated[str | None, typer.Option(metavar="URL", help="An S3 server that is not Amazon's.")] = None,
     auth: Annotated[
         Auth | None, typer.Option(help="auto: keys are needed unless it listens on this machine only.")
     ] = None,
@@ -69,6 +74,8 @@ def serve(
         workers=workers,
         ray_address=ray_address,
         database_url=database,
+        blob_url=blobs,
+        s3_endpoint_url=s3_endpoint,
         auth=auth and auth.value,
     )
     say(f"Impasto keeps everything in {settings.home}. Ctrl-C stops it.")

@@ -21,7 +21,7 @@ class Principal:
     """The key's id: the owner of what is made with it. "" when no key was needed."""
     scopes: frozenset[str]
     quotas: dict[str, int] = field(default_factory=dict)
-    """The key's own bounds, by name: "active_jobs", "asset_bytes", "requests_per_minute"."""
+    """The key's own bounds, by name: "active_jobs", "asset_bytes", "requests_per_minute", "running_tasks"."""
 
     def may(self, scope: Scope) -> bool:
         return scope in self.scopes or Scope.ADMIN in self.scopes

@@ -1,4 +1,4 @@
-"""Signing secrets: one for each owner, all derived from one file, none stored elsewhere."""
+"""Signing secrets: one for each owner, all derived from one file or setting, none stored elsewhere."""
 
 from __future__ import annotations
 
@@ -17,10 +17,12 @@ class WebhookSecrets:
 
     Args:
         path: file with the master secret; made with mode 0600 on first use.
+        given: the master secret, if it comes from elsewhere.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, given: str = "") -> None:
         self._path = path
+        self._given = given
 
     def of(self, owner: str) -> str:
         """The secret that signs what is sent for `owner`."""
@@ -28,6 +30,8 @@ class WebhookSecrets:
         return "whsec_" + base64.b64encode(digest).decode()
 
     def _master(self) -> bytes:
+        if self._given:
+            return self._given.encode()
         try:
             return self._path.read_bytes()
         except FileNotFoundError:

@@ -302,6 +302,9 @@ class FakeFarm:
         self.preview_gate.wait(10)
         return cv2.imencode(".png", np.zeros((18, 32, 3), np.uint8))[1].tobytes()
 
+    def direct_url(self, served: Served) -> str | None:
+        return None
+
     def ready(self) -> dict[str, str]:
         return self.parts
 

@@ -6,10 +6,42 @@ A blob appears whole or not at all (temporary name, then commit), and a committe
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import BinaryIO, Protocol
+
+
+class Direct(Protocol):
+    """Ways in and out of a store that lead past us: URLs that are signed, and good for a while.
+
+    A large upload is begun, its parts are put at URLs, and it is completed; until then there is no blob.
+    """
+
+    def download_url(self, key: str, filename: str, media_type: str, seconds: int = 3600) -> str:
+        """GET gives the blob, as a file of that name and type."""
+        ...
+
+    def upload_url(self, key: str, seconds: int = 3600) -> str:
+        """PUT makes the blob, whole."""
+        ...
+
+    def begin(self, key: str) -> str:
+        """Begin an upload in parts; its id."""
+        ...
+
+    def part_url(self, key: str, upload_id: str, number: int, seconds: int = 3600) -> str:
+        """PUT makes part `number`, from 1. All but the last are of one size, at least 5 MiB."""
+        ...
+
+    def complete(self, key: str, upload_id: str) -> None:
+        """Join the parts that are there, in order of their numbers. Raises BadInput if there are none, KeyError if
+        there is no such upload."""
+        ...
+
+    def abort(self, key: str, upload_id: str) -> None:
+        """Forget an upload and its parts; nothing happens if there is none."""
+        ...
 
 
 class Blobs(Protocol):
@@ -21,7 +53,11 @@ class Blobs(Protocol):
         ...
 
     def put_if_absent(self, key: str, data: bytes) -> bool:
-        """Store only if there is nothing under `key`; say whether this call stored it."""
+        """Store only if there is nothing under `key`; say whether this call stored it.
+
+        Of several calls at the same instant one wins on disk and on servers that decide it in one place (Amazon's).
+        Nothing in Impasto relies on that: who is first is decided in the database.
+        """
         ...
 
     def get(self, key: str) -> bytes:
@@ -42,8 +78,27 @@ class Blobs(Protocol):
 
     def delete(self, key: str) -> None: ...
 
-    def keys(self, prefix: str) -> Iterator[str]: ...
+    def delete_all(self, keys: Iterable[str]) -> None:
+        """Delete many, in as few requests as possible."""
+        ...
+
+    def keys(self, prefix: str) -> Iterator[str]:
+        """Keys that begin with `prefix`, in order."""
+        ...
 
     def check(self) -> None:
         """Raise StorageError if blobs cannot be written and read now (for readyz)."""
+        ...
+
+    def check_room(self, wanted_bytes: int = 0) -> None:
+        """Raise StorageFull unless there is room for `wanted_bytes` more. Cheap."""
+        ...
+
+    def sweep(self, older_than_s: float = 3600.0) -> int:
+        """Remove what writers that died have left unfinished, older than that; say how much. Younger may be in use."""
+        ...
+
+    @property
+    def direct(self) -> Direct | None:
+        """Ways past us, if the store has them."""
         ...

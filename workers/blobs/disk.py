@@ -6,24 +6,24 @@ root/~tmp/<random>           one being written; left behind only by a crash, swe
 
 from __future__ import annotations
 
-import errno
 import os
 import secrets
 import shutil
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-from pipeline.errors import StorageError, StorageFull
+from pipeline.errors import StorageFull
+from workers.blobs.base import Direct
+from workers.blobs.disk_errors import disk_errors
 from workers.blobs.keys import check_key
 
 _CHUNK = 1 << 20
 _TEMPORARY = "~tmp"
 """Not a possible key."""
-_FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 @dataclass(frozen=True)
@@ -40,12 +40,12 @@ class DiskBlobs:
 
     def put(self, key: str, data: bytes | BinaryIO | Path) -> None:
         place = self._place(key)
-        with _storage_errors(), self._written(data) as temporary:
+        with disk_errors(), self._written(data) as temporary:
             _in_folder(place, lambda: temporary.rename(place))
 
     def put_if_absent(self, key: str, data: bytes) -> bool:
         place = self._place(key)
-        with _storage_errors(), self._written(data) as temporary:
+        with disk_errors(), self._written(data) as temporary:
             try:
                 _in_folder(place, lambda: place.hardlink_to(temporary))  # unlike rename, fails if there is one
             except FileExistsError:
@@ -53,11 +53,11 @@ class DiskBlobs:
             return True
 
     def get(self, key: str) -> bytes:
-        with _missing(key), _storage_errors():
+        with _missing(key), disk_errors():
             return self._place(key).read_bytes()
 
     def read(self, key: str, start: int = 0, stop: int | None = None, chunk: int = _CHUNK) -> Iterator[bytes]:
-        with _missing(key), _storage_errors():
+        with _missing(key), disk_errors():
             file = self._place(key).open("rb")
         return _pieces(file, start, stop, chunk)
 
@@ -70,32 +70,31 @@ class DiskBlobs:
 
     def size(self, key: str) -> int | None:
         place = self._place(key)
-        with _storage_errors():
+        with disk_errors():
             return place.stat().st_size if place.is_file() else None
 
     def delete(self, key: str) -> None:
         place = self._place(key)
-        with _storage_errors():
+        with disk_errors():
             place.unlink(missing_ok=True)
         self._prune(place.parent)
 
+    def delete_all(self, keys: Iterable[str]) -> None:
+        for key in keys:
+            self.delete(key)
+
     def keys(self, prefix: str) -> Iterator[str]:
         folder = self.root / prefix.rpartition("/")[0]
-        for found, folders, names in os.walk(folder):
-            folders[:] = sorted(name for name in folders if name != _TEMPORARY)
-            for name in sorted(names):
-                key = (Path(found) / name).relative_to(self.root).as_posix()
-                if key.startswith(prefix):
-                    yield key
+        return (key for key in _walk(self.root, folder) if key.startswith(prefix))
 
     def check(self) -> None:
         """Raise StorageError if a blob cannot be written, StorageFull if less than the reserve is free."""
-        with _storage_errors(), self._written(b"impasto"):
+        with disk_errors(), self._written(b"impasto"):
             self.check_room()
 
     def check_room(self, wanted_bytes: int = 0) -> None:
         """Raise StorageFull unless `wanted_bytes` more leave the reserve free. Cheap."""
-        with _storage_errors():
+        with disk_errors():
             self.root.mkdir(parents=True, exist_ok=True)
             free = shutil.disk_usage(self.root).free
         if free < self.reserve_bytes + wanted_bytes:
@@ -113,6 +112,10 @@ class DiskBlobs:
         for file in stale:
             file.unlink(missing_ok=True)
         return len(stale)
+
+    @property
+    def direct(self) -> Direct | None:
+        return None
 
     def _place(self, key: str) -> Path:
         return self.root / check_key(key)
@@ -140,6 +143,19 @@ class DiskBlobs:
             except OSError:
                 return
             folder = folder.parent
+
+
+def _walk(root: Path, folder: Path) -> Iterator[str]:
+    """Keys of all blobs under `folder`, in the order of keys: "a/b" before "a0", as S3 has it."""
+    try:
+        found = [(f"{entry.name}/" if entry.is_dir() else entry.name, entry) for entry in os.scandir(folder)]
+    except (FileNotFoundError, NotADirectoryError):
+        return
+    for name, entry in sorted(found, key=lambda pair: pair[0]):
+        if name.endswith("/"):
+            yield from () if entry.name == _TEMPORARY else _walk(root, Path(entry.path))
+        else:
+            yield Path(entry.path).relative_to(root).as_posix()
 
 
 def _copy(data: bytes | BinaryIO | Path, file: BinaryIO) -> None:
@@ -190,15 +206,3 @@ def _missing(key: str) -> Iterator[None]:
         yield
     except FileNotFoundError:
         raise KeyError(key) from None
-
-
-@contextmanager
-def _storage_errors() -> Iterator[None]:
-    try:
-        yield
-    except (FileNotFoundError, FileExistsError):
-        raise
-    except OSError as error:
-        if error.errno in _FULL:
-            raise StorageFull("The disk of the blobs is full.", remedy="Free some space on it.") from error
-        raise StorageError(f"Blobs cannot be read or written: {error}.", remedy="Check the disk.") from error

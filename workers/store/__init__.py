@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import time
-
 from workers.store.assets import Assets
-from workers.store.base import Bell, Clock
+from workers.store.base import Clock
+from workers.store.bell import Bell
 from workers.store.book import Policy
 from workers.store.context import Context
 from workers.store.database import Database
@@ -25,15 +24,15 @@ class Store:
     Args:
         url: SQLAlchemy URL.
         policy: when to give up, how much history to keep.
-        now: the clock, s since the epoch.
+        now: the clock, s since the epoch; None: the database's, which all its users share.
 
     Raises:
         StorageError: the database cannot be reached.
     """
 
-    def __init__(self, url: str, policy: Policy | None = None, now: Clock = time.time) -> None:
+    def __init__(self, url: str, policy: Policy | None = None, now: Clock | None = None) -> None:
         self._db = Database(url)
-        shared = (self._db, Bell(), policy or Policy(), now)
+        shared = (self._db, Bell(), policy or Policy(), now or self._db.now)
         tally = Tally()
         self.assets = Assets(*shared)
         self.jobs = Jobs(*shared)

@@ -28,6 +28,7 @@ class Assets(Base):
             still_there: asked inside the transaction, so that a `delete` beside us cannot leave a row without bytes.
         """
         with self._db.write() as connection:
+            self._db.hold(connection, asset.id)
             if not still_there():
                 return None
             if _find(connection, asset.id) is None:
@@ -65,6 +66,7 @@ class Assets(Base):
         self.get(asset_id, owner)
         with self._db.write() as connection:
             table, owners = schema.assets, schema.asset_owners
+            self._db.hold(connection, asset_id)
             connection.execute(select(table.c.id).where(table.c.id == asset_id).with_for_update()).first()
             _refuse_if_used(connection, asset_id, owner)
             mine = () if owner is None else (owners.c.owner == owner,)
@@ -74,9 +76,14 @@ class Assets(Base):
                 connection.execute(delete(table).where(table.c.id == asset_id))
             return left is None
 
+    def knows(self, asset_id: str) -> bool:
+        with self._db.read() as connection:
+            return _find(connection, asset_id) is not None
+
     def unless_known(self, asset_id: str, forget: Callable[[], None]) -> None:
         """Call `forget` if the asset is (still) unknown, while nobody can add it."""
         with self._db.write() as connection:
+            self._db.hold(connection, asset_id)
             if _find(connection, asset_id) is None:
                 forget()
 

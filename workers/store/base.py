@@ -1,46 +1,22 @@
-"""What every part of the store shares: the database, the clock, the policy, and the bell that wakes who waits."""
+"""What every part of the store shares: the database, the clock, the policy, and the bell."""
 
 from __future__ import annotations
 
-import threading
-import time
-from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from workers.errors import NotFound
+from workers.store.bell import Bell
 from workers.store.book import JobBook, Policy
 from workers.store.database import Database
 
 Clock = Callable[[], float]
-_REMEMBERED = 4096
-
-
-class Bell:
-    """Rings when a job's history grows in this process: (job id, newest event)."""
-
-    def __init__(self) -> None:
-        self._changed = threading.Condition()
-        self._newest: OrderedDict[str, int] = OrderedDict()
-
-    def ring(self, job_id: str, seq: int) -> None:
-        with self._changed:
-            self._newest[job_id] = max(seq, self._newest.get(job_id, 0))
-            self._newest.move_to_end(job_id)
-            while len(self._newest) > _REMEMBERED:
-                self._newest.popitem(last=False)
-            self._changed.notify_all()
-
-    def wait(self, job_id: str, after: int, timeout_s: float) -> bool:
-        """Until the job is known to have an event with seq > `after`; False on time-out."""
-        with self._changed:
-            return self._changed.wait_for(lambda: self._newest.get(job_id, 0) > after, timeout_s)
 
 
 class Base:
     """A part of the store."""
 
-    def __init__(self, db: Database, bell: Bell, policy: Policy, now: Clock = time.time) -> None:
+    def __init__(self, db: Database, bell: Bell, policy: Policy, now: Clock) -> None:
         self._db = db
         self._bell = bell
         self._policy = policy

@@ -22,6 +22,8 @@ from workers.store.records import counts_of, fault_to_json
 _PRUNE_EVERY = 100
 RUNNING = "running"
 """The outcome of an attempt that has none yet."""
+LONGEST_WAIT_S = 300.0
+"""No task waits longer between attempts; one that seems to has been put off before the clock was set back."""
 ACTIVE = (RunState.QUEUED.value, RunState.RUNNING.value)
 """States of jobs that are planned and run."""
 
@@ -33,6 +35,8 @@ class Policy:
     limits: Limits = field(default_factory=Limits)
     retry_delay_s: float = 0.5
     events_kept: int = 5000
+    owner_tasks: int | None = None
+    """Tasks that an owner may have at work at once, unless the owner's key says otherwise; None: any."""
 
 
 class JobBook:
@@ -125,6 +129,8 @@ class JobBook:
         if counts != before.counts:
             self._write_counts(before.step, counts)
         self._set(state=after.run.value, step=after.step, planned=after.planned, doomed=after.doomed)
+        may_start = after.run.value in ACTIVE and after.planned and not after.doomed
+        self._set(ready=after.counts.ready if may_start else 0)
         if after.run is RunState.RUNNING and self.row["started_at"] is None:
             self._set(started_at=self.now)
         if after.run is not before.run:
@@ -159,7 +165,8 @@ class JobBook:
             case machine.FreeDependents():
                 self._free_dependents(_given(task)["id"])
             case machine.BackOff(failures):
-                self.delay(_given(task), self._policy.retry_delay_s * 2.0 ** (failures - 1))
+                wait_s = self._policy.retry_delay_s * 2.0 ** (failures - 1)
+                self.delay(_given(task), min(wait_s, LONGEST_WAIT_S))
             case machine.StopEverything():
                 self._stop_everything()
             case machine.StartAgain():

@@ -4,11 +4,15 @@ SQLite runs in WAL mode, so that readers never wait, with `synchronous=FULL`: a 
 because an accepted job must survive a power cut (NORMAL may lose the last commits). There are a few commits a second;
 the flush does not show. Its writers begin with BEGIN IMMEDIATE, one at a time, so that no transaction has to fail in
 the middle because another wrote first.
+
+PostgreSQL commits synchronously by default; leave it so. Connections that a broken network has cut are found out within
+half a minute, and nothing of ours waits for a lock, or runs, for ever.
 """
 
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
@@ -16,29 +20,45 @@ from typing import Any
 
 from alembic import command
 from alembic.config import Config
-from sqlalchemy import Connection, Engine, create_engine, event, make_url, text
-from sqlalchemy.exc import DatabaseError, DataError, DBAPIError, InterfaceError, OperationalError
+from alembic.util.exc import CommandError
+from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url, text
+from sqlalchemy.exc import ArgumentError, DatabaseError, DataError, DBAPIError, InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 
 from pipeline.errors import BadParameter, StorageError, StorageFull
+from workers.store.clock import ServerClock
 
 BUSY_TIMEOUT_S = 20
 _READ = "impasto_read"
+_POSTGRES = {
+    "application_name": "impasto",
+    "connect_timeout": 5,
+    "keepalives_idle": 10,
+    "keepalives_interval": 5,
+    "keepalives_count": 3,
+    "tcp_user_timeout": 25_000,
+    "options": "-c lock_timeout=20s -c statement_timeout=120s -c idle_in_transaction_session_timeout=120s",
+}
+"""What libpq is told."""
+_READ_ONLY = "25006"
+"""PostgreSQL's state after a fail-over: we talk to the one that only follows now."""
 
 
 class Database:
     """One database. Thread-safe.
 
     Args:
-        url: SQLAlchemy URL, `sqlite:///path` or `postgresql+psycopg://...`. A missing SQLite file is made.
+        url: SQLAlchemy URL, `sqlite:///path` or `postgresql://...`. A missing SQLite file is made.
 
     Raises:
-        StorageError: it cannot be reached or is newer than this program.
+        StorageError: it cannot be reached, or is newer than this program.
+        BadParameter: the URL names no database that is known.
     """
 
     def __init__(self, url: str) -> None:
         self._engine = _engine(url)
         self._one_writer = threading.RLock() if self.is_sqlite else nullcontext()
+        self._clock = None if self.is_sqlite else ServerClock()
         with _as_storage_error():
             self._migrate()
 
@@ -46,17 +66,32 @@ class Database:
     def is_sqlite(self) -> bool:
         return self._engine.dialect.name == "sqlite"
 
+    def now(self) -> float:
+        """Seconds since the epoch: the same for all who use this database."""
+        return time.time() if self._clock is None else self._clock()
+
     @contextmanager
     def read(self) -> Iterator[Connection]:
         """A snapshot to read from."""
         with _as_storage_error(), self._engine.connect().execution_options(**{_READ: True}) as connection:
+            self._look(connection)
             yield connection
 
     @contextmanager
     def write(self) -> Iterator[Connection]:
         """A transaction: committed at the end, rolled back by any exception."""
         with _as_storage_error(), self._one_writer, self._engine.begin() as connection:
+            self._look(connection)
             yield connection
+
+    def hold(self, connection: Connection, name: str) -> None:
+        """Let nobody else hold `name` until this write transaction ends: for what is not there to be locked yet."""
+        if not self.is_sqlite:  # there, nobody else writes
+            connection.execute(text("SELECT pg_advisory_xact_lock(hashtextextended(:name, 482309))"), {"name": name})
+
+    def _look(self, connection: Connection) -> None:
+        if self._clock is not None:
+            self._clock.look(connection)
 
     def check(self) -> None:
         """Raise StorageError if the database does not answer now."""
@@ -71,20 +106,41 @@ class Database:
         config.set_main_option("script_location", str(Path(__file__).parent / "migrations"))
         with self._one_writer, self._engine.begin() as connection:
             if not self.is_sqlite:  # two processes may start at once; SQLite's BEGIN IMMEDIATE has settled that
+                for setting in ("statement_timeout", "lock_timeout"):  # a large database takes its time
+                    connection.execute(text(f"SET LOCAL {setting} = 0"))
                 connection.execute(text("SELECT pg_advisory_xact_lock(482309)"))
             config.attributes["connection"] = connection
-            command.upgrade(config, "head")
+            try:
+                command.upgrade(config, "head")
+            except CommandError as error:  # it does not know the revision that the database is at
+                remedy = "Start the newer version again, or restore the backup from before the upgrade."
+                raise StorageError("The database belongs to a newer version of Impasto.", remedy=remedy) from error
 
 
 def _engine(url: str) -> Engine:
-    parsed = make_url(url)
+    parsed = _parse(url)
     if parsed.get_backend_name() != "sqlite":
-        return create_engine(parsed, pool_pre_ping=True, pool_size=10, max_overflow=20, pool_timeout=10)
+        return create_engine(
+            parsed, pool_pre_ping=True, pool_size=10, max_overflow=20, pool_timeout=10, connect_args=_POSTGRES
+        )
     _make_folder(Path(parsed.database or "."))
     engine = create_engine(parsed, connect_args={"timeout": BUSY_TIMEOUT_S}, pool_size=10, max_overflow=40)
     event.listen(engine, "connect", _prepare_sqlite)
     event.listen(engine, "begin", _begin_sqlite)
     return engine
+
+
+def _parse(url: str) -> URL:
+    """The URL with its driver: people write postgresql:// or postgres://."""
+    known = {"postgres": "postgresql+psycopg", "postgresql": "postgresql+psycopg"}
+    try:
+        parsed = make_url(url)
+    except ArgumentError:
+        parsed = None
+    if parsed is None or parsed.get_backend_name() not in ("sqlite", "postgresql", "postgres"):
+        remedy = "Use sqlite:///path or postgresql://user:password@host/name."
+        raise BadParameter("The database's URL names none that is known.", field="database_url", remedy=remedy)
+    return parsed.set(drivername=known.get(parsed.drivername, parsed.drivername))
 
 
 def _make_folder(database: Path) -> None:
@@ -122,6 +178,7 @@ def _as_storage_error() -> Iterator[None]:
         said = str(error.orig)
         if "disk is full" in said or "No space left" in said or "disk full" in said:
             raise StorageFull("The disk of the database is full.", remedy="Free some space on it.") from error
-        if type(error) in (OperationalError, InterfaceError, DatabaseError) or error.connection_invalidated:
+        away = type(error) in (OperationalError, InterfaceError, DatabaseError) or error.connection_invalidated
+        if away or getattr(error.orig, "sqlstate", "") == _READ_ONLY:
             raise StorageError(f"The database does not answer: {said}.", remedy="Check that it runs.") from error
         raise

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from collections import defaultdict
+from collections.abc import Collection
 from typing import Any
 
 from sqlalchemy import Connection, func, select
@@ -15,9 +15,6 @@ from workers.store import schema
 from workers.store.base import Base
 from workers.store.jobs import known_state
 from workers.store.records import Row, event_of, pack_cursor, unpack_cursor
-
-_POLL_S = 1.0
-"""How soon `wait` sees events that another process wrote."""
 
 
 class History(Base):
@@ -72,18 +69,16 @@ class History(Base):
 
     def wait(self, job_id: str, after: int, timeout_s: float) -> bool:
         """Block until the job has an event with seq > `after` (or is deleted: True as well); False on time-out."""
-        deadline = time.monotonic() + timeout_s
-        while not self._has(job_id, after):
-            left = deadline - time.monotonic()
-            if left <= 0:
-                return False
-            if self._bell.wait(job_id, after, min(left, _POLL_S)):
-                return True
-        return True
-
-    def _has(self, job_id: str, after: int) -> bool:
         with self._db.read() as connection:
-            return _newest_seq(connection, job_id) > after
+            if _newest_seq(connection, job_id) > after:
+                return True
+        return self._bell.wait(job_id, after, timeout_s, self._newest)
+
+    def _newest(self, job_ids: Collection[str]) -> dict[str, int]:
+        jobs = schema.jobs
+        with self._db.read() as connection:
+            found = connection.execute(select(jobs.c.id, jobs.c.last_seq).where(jobs.c.id.in_(job_ids)))
+            return {job_id: int(seq) for job_id, seq in found}
 
 
 def _tasks() -> Any:

@@ -18,6 +18,7 @@ from workers.ids import new_id
 from workers.model import Job, JobRequest, Json, RunState, Submitted, TaskState
 from workers.store import schema
 from workers.store.base import Base
+from workers.store.bell import GONE
 from workers.store.records import Row, pack_cursor, request_to_json, unpack_cursor
 from workers.store.views import job_views
 
@@ -129,7 +130,7 @@ class Jobs(Base):
                     "The job has not ended.", field="state", value=book.row["state"], remedy="Cancel it first."
                 )
             book.connection.execute(delete(schema.jobs).where(schema.jobs.c.id == job_id))
-        self._bell.ring(job_id, 1 << 62)
+        self._bell.ring(job_id, GONE)
 
     def exists(self, job_id: str) -> bool:
         return self._state(job_id) is not None

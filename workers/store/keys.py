@@ -8,20 +8,18 @@ import hmac
 import secrets
 from collections.abc import Collection, Mapping
 
-from sqlalchemy import func, insert, select, update
+from sqlalchemy import func, insert, select, text, update
 
 from pipeline.errors import BadParameter
 from workers.errors import NotFound
 from workers.farm import SCOPES, ApiKey
 from workers.ids import new_id
-from workers.model import RunState
 from workers.store import schema
 from workers.store.base import Base
 from workers.store.records import key_of
 
 _PREFIX = "impasto_"
 _NO_HASH = "0" * 64
-_FINAL = [state.value for state in RunState if state.final]
 
 
 class Keys(Base):
@@ -64,7 +62,7 @@ class Keys(Base):
 
     def usage(self, key_id: str) -> dict[str, int]:
         jobs, assets, owners = schema.jobs, schema.assets, schema.asset_owners
-        active = select(func.count()).where(jobs.c.owner == key_id, jobs.c.state.not_in(_FINAL))
+        active = select(func.count()).select_from(jobs).where(jobs.c.owner == key_id, text(schema.UNFINISHED_TEXT))
         stored = (
             select(func.coalesce(func.sum(assets.c.size_bytes), 0))
             .join(owners, owners.c.asset_id == assets.c.id)

@@ -6,7 +6,8 @@ from sqlalchemy import Connection, func, select
 
 from workers.model import Json, RunState, TaskState
 from workers.store import schema
-from workers.store.base import Base, Bell, Clock
+from workers.store.base import Base, Clock
+from workers.store.bell import Bell
 from workers.store.book import ACTIVE, RUNNING, Policy
 from workers.store.database import Database
 from workers.store.tally import Tally

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import Connection, func, insert, select, update
+from sqlalchemy import Connection, func, insert, select, text, update
 
 from pipeline.methods.base import Task
 from workers import jobs as machine
@@ -15,7 +15,7 @@ from workers.ids import new_id
 from workers.model import Fault, JobRequest, Json, RunState, TaskState
 from workers.store import schema
 from workers.store.base import Base
-from workers.store.book import ACTIVE, JobBook
+from workers.store.book import JobBook
 from workers.store.records import request_of
 
 
@@ -39,7 +39,7 @@ class Plans(Base):
         table = schema.jobs
         query = (
             select(table)
-            .where(table.c.state.in_(ACTIVE), table.c.planned.is_(False))
+            .where(text(schema.ACTIVE_TEXT), ~table.c.planned)
             .order_by(table.c.priority.desc(), table.c.id)
             .limit(limit)
         )

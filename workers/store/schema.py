@@ -5,13 +5,17 @@
          --< steps --< tasks --< attempts
                        tasks --< task_edges (which task waits for which)
     api_keys
+    dispatchers (who is alive)
 
 Counts of tasks by state are kept in `steps`, updated in the transaction that moves a task, so that neither claiming
-nor showing a job counts rows. Every write to a job locks its row first; that makes them one after the other.
-Times are seconds since the epoch.
+nor showing a job counts rows; `jobs.ready` repeats the current step's if the job may start tasks now, so that an index
+holds just the jobs that a claim may choose from. Every write to a job locks its row first; that makes them one after
+the other. Times are seconds since the epoch, by the server's clock where there is one.
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 from sqlalchemy import (
     JSON,
@@ -27,6 +31,7 @@ from sqlalchemy import (
     Table,
     Text,
     UniqueConstraint,
+    text,
 )
 
 metadata = MetaData(
@@ -37,6 +42,16 @@ metadata = MetaData(
         "ix": "ix_%(table_name)s_%(column_0_N_name)s",
     }
 )
+
+
+ACTIVE_TEXT = "state IN ('queued', 'running')"
+"""Of jobs that are planned and run, as text: conditions of partial indexes and of the queries that use them."""
+UNFINISHED_TEXT = "state IN ('queued', 'running', 'paused')"
+
+
+def _where(condition: str, in_sqlite: str = "") -> dict[str, Any]:
+    """Of an index: over these rows only."""
+    return {"postgresql_where": text(condition), "sqlite_where": text(in_sqlite or condition)}
 
 
 def _job_id(primary_key: bool = False) -> Column[str]:
@@ -84,6 +99,7 @@ jobs = Table(
     Column("step_count", Integer, nullable=False),
     Column("planned", Boolean, nullable=False),
     Column("doomed", Boolean, nullable=False),
+    Column("ready", Integer, nullable=False, default=0, server_default="0"),
     Column("error", JSON(none_as_null=True)),
     Column("last_seq", BigInteger, nullable=False),
     Column("idempotency_key", String(255)),
@@ -96,6 +112,15 @@ jobs = Table(
     Index(None, "state", "priority", "id"),
     Index(None, "owner", "id"),
     Index(None, "method", "id"),
+    # Of the jobs that there ever were, few are active: these stay small. Queries must repeat the conditions literally.
+    Index("ix_jobs_ready", "priority", "owner", "id", **_where("ready > 0")),
+    Index(
+        "ix_jobs_unplanned",
+        "priority",
+        "id",
+        **_where(f"NOT planned AND {ACTIVE_TEXT}", f"planned = 0 AND {ACTIVE_TEXT}"),
+    ),
+    Index("ix_jobs_unfinished", "owner", **_where(UNFINISHED_TEXT)),
 )
 
 job_inputs = Table(
@@ -183,13 +208,20 @@ attempts = Table(
     Column("outcome", String(12), nullable=False),
     Column("started_at", Double, nullable=False),
     Column("finished_at", Double),
-    Column("lease_until", Double, nullable=False),
     Column("fault", JSON(none_as_null=True)),
     Column("log", Text, nullable=False, default=""),
     UniqueConstraint("task_id", "number"),
     Index(None, "outcome", "dispatcher"),
     Index(None, "outcome", "finished_at"),
-    Index(None, "job_id"),
+    Index(None, "job_id", "finished_at"),
+)
+
+dispatchers = Table(
+    "dispatchers",
+    metadata,
+    Column("id", String(80), primary_key=True),
+    Column("started_at", Double, nullable=False),
+    Column("lease_until", Double, nullable=False),
 )
 
 files = Table(

@@ -7,21 +7,25 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import Connection, Select, and_, exists, func, insert, or_, select, update
+from sqlalchemy import Connection, RowMapping, delete, func, insert, or_, select, update
 
 from workers import jobs as machine
 from workers.ids import new_id
 from workers.jobs import Happening
 from workers.model import TaskOutcome, TaskState
 from workers.progress import job_eta_s, job_progress
-from workers.store import schema
-from workers.store.base import Base, Bell, Clock
+from workers.store import schema, turn
+from workers.store.base import Base, Clock
+from workers.store.bell import Bell
 from workers.store.book import ACTIVE, RUNNING, JobBook, Policy
 from workers.store.database import Database
 from workers.store.records import fault_to_json
 from workers.store.tally import Tally
 from workers.store.views import meters_of
 
+_CLAIMS = 8
+"""How often a claim looks again when others were quicker."""
+_FORGOTTEN_S = 3600.0
 _LOG_KEPT = 64 << 10
 """Characters of an attempt's log that are kept: the last ones."""
 
@@ -56,32 +60,68 @@ class Work(Base):
     def __init__(self, db: Database, bell: Bell, policy: Policy, now: Clock, tally: Tally) -> None:
         super().__init__(db, bell, policy, now)
         self._tally = tally
+        self._enlisted: set[str] = set()
+        """Dispatchers that this process has given a lease."""
 
     # -- claiming
 
     def claim(self, dispatcher: str, lease_s: float) -> Claim | None:
-        """The next task to run: highest priority, then the owner, then the job with the least running, then oldest."""
-        with self._db.write() as connection:
-            job_id = connection.execute(_claimable(self._now())).scalar()
-            if job_id is None:
-                return None
-            book = JobBook.open(connection, job_id, self._now(), self._policy)
-            if book is None:
-                return None
-            claim = _claim_in(book, dispatcher, self._now() + lease_s)
-            book.close()
-        self._bell.ring(job_id, book.seq)
-        return claim
+        """The next task to run; None if there is none that may run now. See `turn` for the order."""
+        for _ in range(_CLAIMS):
+            with self._db.write() as connection:
+                self._enlist(connection, dispatcher, lease_s)
+                row = self._next_job(connection)
+                if row is None:
+                    return None
+                book = JobBook(connection, row, self._now(), self._policy)
+                claim = _claim_in(book, dispatcher)
+                book.close()
+            if claim is not None:
+                self._bell.ring(claim.job_id, book.seq)
+                return claim
+        return None
+
+    def _next_job(self, connection: Connection) -> RowMapping | None:
+        """A job with a task to start, under lock. One that another dispatcher is at is waited for only if there is no
+        other: two dispatchers with one job both have work."""
+        lanes = turn.lanes(connection, self._policy.owner_tasks)
+        for wait in (False,) if self._db.is_sqlite else (False, True):
+            for lane in lanes:
+                if (row := turn.job_in(connection, lane, self._now(), wait)) is not None:
+                    return row
+        return None
 
     # -- while it runs
 
-    def renew(self, dispatcher: str, lease_s: float) -> set[str]:
-        """Prolong the leases of a dispatcher's attempts; which still count (others were taken away)."""
-        table = schema.attempts
-        mine = (table.c.dispatcher == dispatcher, table.c.outcome == RUNNING)
+    def renew(self, dispatcher: str, lease_s: float) -> None:
+        """The dispatcher is alive, and will say so again before `lease_s` have passed."""
         with self._db.write() as connection:
-            connection.execute(update(table).where(*mine).values(lease_until=self._now() + lease_s))
-            return set(connection.execute(select(table.c.id).where(*mine)).scalars())
+            self._renew(connection, dispatcher, lease_s)
+
+    def _renew(self, connection: Connection, dispatcher: str, lease_s: float) -> None:
+        table, now = schema.dispatchers, self._now()
+        known = update(table).where(table.c.id == dispatcher).values(lease_until=now + lease_s)
+        if not connection.execute(known).rowcount:
+            connection.execute(insert(table).values(id=dispatcher, started_at=now, lease_until=now + lease_s))
+        self._enlisted.add(dispatcher)
+
+    def _enlist(self, connection: Connection, dispatcher: str, lease_s: float) -> None:
+        """Nobody claims who has no lease."""
+        if dispatcher not in self._enlisted:
+            self._renew(connection, dispatcher, lease_s)
+
+    def retire(self, dispatcher: str) -> None:
+        """The dispatcher ends: what it still has, if anything, is given back by the others at once."""
+        with self._db.write() as connection:
+            connection.execute(delete(schema.dispatchers).where(schema.dispatchers.c.id == dispatcher))
+        self._enlisted.discard(dispatcher)
+
+    def dispatchers(self) -> list[str]:
+        """Who is alive, the longest alive first."""
+        table = schema.dispatchers
+        query = select(table.c.id).where(table.c.lease_until >= self._now()).order_by(table.c.started_at, table.c.id)
+        with self._db.read() as connection:
+            return list(connection.execute(query).scalars())
 
     def mine(self, dispatcher: str) -> set[str]:
         """The dispatcher's attempts that still count."""
@@ -136,12 +176,17 @@ class Work(Base):
 
     def interrupt(self, dispatchers: Collection[str]) -> int:
         """Give back what dispatchers that are dead, or silent beyond their lease, were running; say how much."""
-        table = schema.attempts
-        dead = or_(table.c.dispatcher.in_(dispatchers), table.c.lease_until < self._now())
+        table, leases, now = schema.attempts, schema.dispatchers, self._now()
+        alive = select(leases.c.id).where(leases.c.lease_until >= now, leases.c.id.not_in(dispatchers))
+        query = select(table.c.id).where(table.c.outcome == RUNNING, table.c.dispatcher.not_in(alive))
         with self._db.read() as connection:
-            ids = connection.execute(select(table.c.id).where(table.c.outcome == RUNNING, dead)).scalars().all()
+            ids = connection.execute(query).scalars().all()
         log = "The process that ran this attempt has died or was cut off."
-        return sum(self.finish(TaskOutcome(i, {}, {}, {}, None, {}, log), machine.Interrupted()) for i in ids)
+        given_back = sum(self.finish(TaskOutcome(i, {}, {}, {}, None, {}, log), machine.Interrupted()) for i in ids)
+        with self._db.write() as connection:
+            gone = or_(leases.c.id.in_(dispatchers), leases.c.lease_until < now - _FORGOTTEN_S)
+            connection.execute(delete(leases).where(gone))
+        return given_back
 
     def put_off(self, attempt_id: str, seconds: float, log: str) -> bool:
         """Give an attempt back without blame, to be claimed again in a while (storage was away)."""
@@ -191,33 +236,7 @@ def _current(book: JobBook, attempt_id: str) -> _Held | None:
 # -- claiming
 
 
-def _claimable(now: float) -> Select[str]:
-    """Id of the job that is served next.
-
-    A job that another dispatcher has under lock at this moment is passed over, where the database can.
-    """
-    jobs, steps, tasks = schema.jobs, schema.steps, schema.tasks
-    current = and_(steps.c.job_id == jobs.c.id, steps.c.step == jobs.c.step)
-    loads = (
-        select(jobs.c.owner, func.sum(steps.c.running).label("running"))
-        .join(steps, current)
-        .where(jobs.c.state.in_(ACTIVE))
-        .group_by(jobs.c.owner)
-        .subquery()
-    )
-    ready = exists().where(tasks.c.job_id == jobs.c.id, tasks.c.state == TaskState.READY.value, tasks.c.ready_at <= now)
-    return (
-        select(jobs.c.id)
-        .join(steps, current)
-        .join(loads, loads.c.owner == jobs.c.owner)
-        .where(jobs.c.state.in_(ACTIVE), jobs.c.planned, ~jobs.c.doomed, steps.c.ready > 0, ready)
-        .order_by(jobs.c.priority.desc(), loads.c.running, steps.c.running, jobs.c.id)
-        .limit(1)
-        .with_for_update(of=jobs, skip_locked=True)
-    )
-
-
-def _claim_in(book: JobBook, dispatcher: str, lease_until: float) -> Claim | None:
+def _claim_in(book: JobBook, dispatcher: str) -> Claim | None:
     """Claim the job's first ready task, if it still has one now that the job is under lock."""
     task = _first_ready(book)
     if task is None or book.row["doomed"] or book.row["state"] not in ACTIVE:
@@ -225,7 +244,7 @@ def _claim_in(book: JobBook, dispatcher: str, lease_until: float) -> Claim | Non
     book.happen(machine.Claimed(), task)
     attempt_id, number = new_id("att_"), _next_number(book.connection, task["id"])
     attempt = {"id": attempt_id, "task_id": task["id"], "job_id": book.job_id, "number": number, "outcome": RUNNING}
-    attempt |= {"dispatcher": dispatcher, "started_at": book.now, "lease_until": lease_until}
+    attempt |= {"dispatcher": dispatcher, "started_at": book.now}
     book.connection.execute(insert(schema.attempts).values(attempt))
     where = schema.tasks.c.id == task["id"]
     book.connection.execute(update(schema.tasks).where(where).values(attempt_id=attempt_id))
@@ -236,13 +255,7 @@ def _claim_in(book: JobBook, dispatcher: str, lease_until: float) -> Claim | Non
 
 def _first_ready(book: JobBook) -> dict[str, Any] | None:
     tasks = schema.tasks
-    query = (
-        select(tasks)
-        .where(tasks.c.job_id == book.job_id, tasks.c.state == TaskState.READY.value, tasks.c.ready_at <= book.now)
-        .order_by(tasks.c.position)
-        .limit(1)
-        .with_for_update(skip_locked=True)
-    )
+    query = select(tasks).where(tasks.c.job_id == book.job_id, *turn.due(book.now)).order_by(tasks.c.position).limit(1)
     row = book.connection.execute(query).mappings().first()
     return None if row is None else dict(row)
 
@@ -314,13 +327,18 @@ def _end(held: _Held, event: Happening, outcome: TaskOutcome, worker: str = "") 
         "outcome": _OUTCOMES[type(event)],
         "finished_at": book.now,
         "fault": fault_to_json(fault),
-        "log": outcome.log[-_LOG_KEPT:],
+        "log": _storable(outcome.log[-_LOG_KEPT:]),
         "worker": worker or attempt["worker"],
     }
     book.connection.execute(update(schema.attempts).where(schema.attempts.c.id == attempt["id"]).values(ended))
     after = book.happen(event, task).task
     state = TaskState.READY if after is None else after.state
     book.say_task(task, state, attempt=attempt["number"], outcome=ended["outcome"], error=ended["fault"])
+
+
+def _storable(log: str) -> str:
+    """Logs have what decoders and drivers say: what no database keeps as text is replaced."""
+    return log.replace("\0", "\N{REPLACEMENT CHARACTER}").encode("utf-8", "replace").decode()
 
 
 _OUTCOMES: dict[type, str] = {

@@ -1,0 +1,31 @@
+"""A dispatcher as a process of its own, to be killed: claims what there is, answers, and prints what it did.
+
+`python -m tests.contracts.claimer URL NAME`
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+
+from workers.model import TaskOutcome
+from workers.store import Store
+
+LEASE_S = 1.0
+
+
+def main(url: str, name: str) -> None:
+    store = Store(url)
+    print("ready", flush=True)
+    while True:
+        store.work.renew(name, LEASE_S)
+        store.work.interrupt([])
+        claim = store.work.claim(name, LEASE_S)
+        if claim is None:
+            time.sleep(0.02)
+        elif store.work.finish(TaskOutcome(claim.attempt_id, {"by": name}, {}, {}, None, {}, "")):
+            print(claim.task["key"], flush=True)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

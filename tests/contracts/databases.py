@@ -1,0 +1,20 @@
+"""The databases that every promise of the store is tested on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+
+def _sqlite(request: pytest.FixtureRequest, migrated: bool) -> str:
+    return f"sqlite:///{request.getfixturevalue('tmp_path') / 'impasto.db'}"
+
+
+def _postgres(request: pytest.FixtureRequest, migrated: bool) -> str:
+    server = request.getfixturevalue("postgres")
+    return str(server.fresh() if migrated else server.empty())
+
+
+DATABASES: dict[str, Callable[[pytest.FixtureRequest, bool], str]] = {"sqlite": _sqlite, "postgres": _postgres}
+"""Name -> the URL of a new database; one that is to be migrated may be so already, where that saves time."""

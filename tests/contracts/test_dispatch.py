@@ -1,0 +1,354 @@
+"""Several processes at one store: who is served, who is alive, what the others see, and what it costs."""
+
+from __future__ import annotations
+
+import random
+import sqlite3
+import subprocess
+import sys
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from sqlalchemy import event, text
+
+from pipeline.errors import StorageError
+from pipeline.methods.base import Task
+from tests.contracts.databases import DATABASES
+from tests.contracts.test_stores import STEPS, Clock, _answer, _asset, _claim, _job, _plan
+from workers import jobs as machine
+from workers.jobs import Limits
+from workers.model import JobRequest
+from workers.store import Accepted, Policy, Store
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture(params=DATABASES)
+def url(request: pytest.FixtureRequest) -> str:
+    return DATABASES[request.param](request, True)
+
+
+def _open(url: str, clock: Clock | None = None, **policy: int) -> Store:
+    store = Store(url, Policy(Limits(2, 50), retry_delay_s=10, **policy), clock)  # type: ignore[arg-type]
+    store.assets.add(_asset("a" * 64), lambda: True)
+    return store
+
+
+@pytest.fixture
+def store(url: str, clock: Clock) -> Iterator[Store]:
+    opened = _open(url, clock)
+    yield opened
+    opened.close()
+
+
+# -- who is served
+
+
+def _served(store: Store, n: int) -> list[str]:
+    return [claim.job["owner"] for _ in range(n) if (claim := store.work.claim("me", 30))]
+
+
+def test_owners_take_turns_however_much_one_has_asked_for(store: Store) -> None:
+    for _ in range(30):
+        _job(store, "anna")
+    _plan(store, Task("x"), Task("y"))
+    assert _served(store, 4) == ["anna"] * 4
+    _job(store, "ben")
+    _job(store, "cleo")
+    _plan(store, *(Task(f"t-{i}") for i in range(8)))
+    assert Counter(_served(store, 8)) == {"ben": 4, "cleo": 4}, "until they have as much as she"
+    assert Counter(_served(store, 6)) == {"anna": 2, "ben": 2, "cleo": 2}
+
+
+def test_an_owner_is_served_in_the_order_of_asking(store: Store) -> None:
+    jobs = [_job(store, "anna") for _ in range(3)]
+    _plan(store, Task("x"), Task("y"))
+    assert [_claim(store).job_id for _ in range(6)] == [job for job in jobs for _ in range(2)]
+
+
+def test_priority_goes_before_fairness(store: Store) -> None:
+    _job(store, "ben")
+    _plan(store, Task("x"))
+    _job(store, "anna", priority=1)
+    _job(store, "anna", priority=-1)
+    _plan(store, *(Task(f"t-{i}") for i in range(3)))
+    assert _served(store, 9) == ["anna"] * 3 + ["ben"] + ["anna"] * 3
+
+
+def test_a_key_may_have_so_many_tasks_at_work(url: str, clock: Clock) -> None:
+    store = _open(url, clock, owner_tasks=3)
+    small, _ = store.keys.create("small", ["submit"], {"running_tasks": 1})
+    large, _ = store.keys.create("large", ["submit"], {"running_tasks": 5})
+    for owner in (small.id, large.id, "open"):
+        _job(store, owner)
+    _plan(store, *(Task(f"t-{i}") for i in range(8)))
+    claims = []
+    while (claim := store.work.claim("me", 30)) is not None:
+        claims.append(claim)
+    assert Counter(claim.job["owner"] for claim in claims) == {small.id: 1, large.id: 5, "open": 3}
+    assert store.work.finish(_answer(claims[0]))
+    assert _served(store, 2) == [claims[0].job["owner"]], "one place is free again"
+    store.close()
+
+
+def test_what_may_not_run_yet_holds_up_nobody(store: Store, clock: Clock) -> None:
+    first, second = _job(store, priority=1), _job(store)
+    _plan(store, Task("x"))
+    assert store.work.put_off(_claim(store).attempt_id, 100, "")
+    assert _claim(store).job_id == second
+    assert store.work.claim("me", 30) is None
+    clock.now += 101
+    assert _claim(store).job_id == first
+
+
+def test_a_clock_that_is_set_back_makes_nobody_wait_for_it(store: Store, clock: Clock) -> None:
+    _job(store)
+    _plan(store, Task("x"))
+    assert store.work.put_off(_claim(store).attempt_id, 100, "")
+    clock.now -= 7200
+    assert _claim(store).task["key"] == "x"
+
+
+# -- many dispatchers
+
+
+def test_what_another_process_writes_wakes_who_waits(url: str) -> None:
+    here, there = _open(url), _open(url)
+    job_id = _job(here)
+    woken: list[bool] = []
+    waiting = [threading.Thread(target=lambda: woken.append(here.history.wait(job_id, 1, 10))) for _ in range(3)]
+    for thread in waiting:
+        thread.start()
+    time.sleep(0.1)
+    began = time.monotonic()
+    there.jobs.command(job_id, machine.Pause())
+    for thread in waiting:
+        thread.join()
+    assert woken == [True] * 3
+    assert time.monotonic() - began < 3
+    assert not here.history.wait(job_id, 2, 0.05)
+    there.jobs.command(job_id, machine.Cancel())
+    gone = threading.Thread(target=lambda: woken.append(here.history.wait(job_id, 99, 10)))
+    gone.start()
+    there.jobs.remove(job_id)
+    gone.join()
+    assert woken == [True] * 4, "a job that is deleted wakes, too"
+    here.close()
+    there.close()
+
+
+def test_who_is_alive_is_known_and_who_ends_is_gone(store: Store, clock: Clock) -> None:
+    store.work.renew("one", 30)
+    clock.now += 10
+    store.work.renew("two", 30)
+    assert store.work.dispatchers() == ["one", "two"]
+    clock.now += 25
+    assert store.work.dispatchers() == ["two"]
+    store.work.retire("two")
+    assert store.work.dispatchers() == []
+
+
+def test_what_a_dispatcher_had_that_ended_is_given_back(store: Store) -> None:
+    _job(store)
+    _plan(store, Task("x"))
+    claim = _claim(store, "old")
+    store.work.retire("old")
+    assert store.work.interrupt([]) == 1
+    assert not store.work.finish(_answer(claim))
+    assert _claim(store, "new").task["id"] == claim.task["id"]
+
+
+def test_dispatchers_that_die_at_any_moment_lose_nothing(url: str) -> None:
+    """Three processes at 120 tasks; each is killed and replaced at random moments. Every task succeeds once."""
+    store, chance = _open(url), random.Random(3)
+    job_id = _job(store)
+    _plan(store, *(Task(f"t-{i}", after=(f"t-{i - 7}",) if i % 8 == 7 else ()) for i in range(120)))
+    working = [_claimer(url, f"d{i}-0") for i in range(3)]
+    deaths, deadline = 0, time.monotonic() + 60
+    while store.jobs.get(job_id).counts["succeeded"] < 120:
+        assert time.monotonic() < deadline, store.jobs.get(job_id).counts
+        time.sleep(chance.uniform(0.05, 0.2))
+        if deaths < 4:
+            deaths += 1
+            chosen = chance.randrange(3)
+            working[chosen].kill()
+            working[chosen].wait()
+            working[chosen] = _claimer(url, f"d{chosen}-{deaths}")
+    for process in working:
+        process.kill()
+        process.wait()
+    outcomes = [
+        [attempt["outcome"] for attempt in task.attempts] for task in store.history.tasks(job_id, limit=200).items
+    ]
+    assert all(found.count("succeeded") == 1 for found in outcomes)
+    assert {outcome for found in outcomes for outcome in found} <= {"succeeded", "interrupted"}
+    store.close()
+
+
+def _claimer(url: str, name: str) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "tests.contracts.claimer", url, name]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT)
+    assert process.stdout is not None and process.stdout.readline() == "ready\n"
+    return process
+
+
+# -- PostgreSQL alone
+
+
+@pytest.fixture
+def two(postgres: object) -> Iterator[tuple[Store, Store]]:
+    url = postgres.fresh()  # type: ignore[attr-defined]
+    stores = _open(url), _open(url)
+    yield stores
+    for store in stores:
+        store.close()
+
+
+def test_a_job_that_another_is_at_is_passed_over(two: tuple[Store, Store]) -> None:
+    one, other = two
+    first, second = _job(one), _job(one)
+    _plan(one, Task("x"))
+    with one.work._book(first):
+        claim = other.work.claim("other", 30)
+    assert claim is not None and claim.job_id == second
+
+
+def test_the_only_job_is_waited_for(two: tuple[Store, Store]) -> None:
+    one, other = two
+    job_id, claims = _job(one), []
+    _plan(one, Task("x"), Task("y"))
+    thread = threading.Thread(target=lambda: claims.append(other.work.claim("other", 30)))
+    with one.work._book(job_id):
+        thread.start()
+        time.sleep(0.2)
+        assert not claims
+    thread.join()
+    assert claims[0] is not None
+
+
+def test_leases_go_by_the_servers_clock(two: tuple[Store, Store], monkeypatch: pytest.MonkeyPatch) -> None:
+    one, other = two
+    _job(one)
+    _plan(one, Task("x"))
+    assert one.work.claim("one", 30) is not None
+    monkeypatch.setattr("time.time", lambda: 4e9)
+    assert abs(other._db.now() - one._db.now()) < 1
+    assert other.work.interrupt([]) == 0, "a machine whose clock is wrong takes nothing away"
+
+
+def test_an_asset_is_added_and_swept_at_once_by_one_of_them_only(two: tuple[Store, Store]) -> None:
+    """`unless_known` holds the name: who adds meanwhile waits, and then sees that the bytes are gone."""
+    one, other = two
+    bytes_there, added = [True], []
+    forgetting, thread = threading.Event(), threading.Thread()
+
+    def forget() -> None:
+        forgetting.set()
+        time.sleep(0.2)
+        bytes_there.clear()
+
+    def add() -> None:
+        forgetting.wait()
+        added.append(other.assets.add(_asset("c" * 64), lambda: bool(bytes_there)))
+
+    thread = threading.Thread(target=add)
+    thread.start()
+    one.assets.unless_known("ast_" + "c" * 64, forget)
+    thread.join()
+    assert added == [None]
+
+
+def test_many_add_the_same_asset_at_once(two: tuple[Store, Store]) -> None:
+    owners = [f"owner-{i}" for i in range(8)]
+    threads = [
+        threading.Thread(target=two[i % 2].assets.add, args=(_asset("d" * 64, owner), lambda: True))
+        for i, owner in enumerate(owners)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert [two[0].assets.get("ast_" + "d" * 64, owner).owner for owner in owners] == owners
+
+
+def test_a_server_that_is_away_is_said_and_comes_back(postgres: object) -> None:
+    store = _open(postgres.fresh())  # type: ignore[attr-defined]
+    postgres.stop()  # type: ignore[attr-defined]
+    try:
+        began = time.monotonic()
+        with pytest.raises(StorageError) as error:
+            store.check()
+        assert error.value.remedy
+        with pytest.raises(StorageError):
+            store.work.claim("me", 30)
+        assert time.monotonic() - began < 10
+    finally:
+        postgres.start()  # type: ignore[attr-defined]
+    store.check()
+    _job(store)
+    store.close()
+
+
+# -- what it costs
+
+
+def _effort(store: Store) -> int:
+    """Steps of SQLite's machine for two claims and answers: the same on any computer."""
+    steps = [0]
+
+    def count() -> int:
+        steps[0] += 1
+        return 0
+
+    def watch(connection: sqlite3.Connection, *_: object) -> None:
+        connection.set_progress_handler(count, 10)
+
+    event.listen(store._db._engine, "checkout", watch)
+    for _ in range(2):
+        claim = store.work.claim("me", 30)
+        assert claim is not None
+        assert store.work.finish(_answer(claim))
+    event.remove(store._db._engine, "checkout", watch)
+    return steps[0]
+
+
+def _fill(store: Store, jobs: int, tasks: int) -> None:
+    """Rows as planning makes them, quickly."""
+    for i in range(jobs):
+        request = JobRequest("toy", {"video": "ast_" + "a" * 64})
+        store.jobs.add(Accepted(request, {}, STEPS), f"owner-{i % 5}")
+    _plan(store, Task("one"))
+    big = _job(store, "big", priority=1)
+    _plan(store, *(Task(f"t-{i}") for i in range(tasks)))
+    with store._db.write() as connection:  # as if half of it had been done
+        done = {"job": big, "half": tasks // 2}
+        connection.execute(text("UPDATE tasks SET state = 'succeeded' WHERE job_id = :job AND position <= :half"), done)
+        connection.execute(
+            text(
+                "INSERT INTO attempts (id, task_id, job_id, number, dispatcher, worker, outcome, started_at, log,"
+                " finished_at) SELECT 'att_' || id, id, job_id, 1, 'me', 'w', 'succeeded', 1, '', 2 FROM tasks"
+                " WHERE job_id = :job AND position <= :half"
+            ),
+            done,
+        )
+
+
+def test_a_claim_costs_the_same_however_much_there_is(tmp_path: Path, clock: Clock) -> None:
+    """Counted, not timed; `python -m benchmarks.dispatch` times it up to 100,000 tasks and 10,000 jobs."""
+    efforts = []
+    for jobs, tasks in ((10, 100), (100, 4000)):
+        store = _open(f"sqlite:///{tmp_path / f'{tasks}.db'}", clock)
+        event.listen(store._db._engine, "connect", lambda made, _: made.execute("PRAGMA synchronous=OFF"))
+        _fill(store, jobs, tasks)
+        efforts.append(_effort(store))
+        store.close()
+    assert efforts[1] < 1.1 * efforts[0], efforts

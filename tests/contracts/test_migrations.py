@@ -1,0 +1,96 @@
+"""A database of any earlier version is brought up to date, and the work that is in it goes on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from alembic import command
+from alembic.autogenerate import compare_metadata
+from alembic.config import Config
+from alembic.migration import MigrationContext
+from sqlalchemy import create_engine, text
+
+from pipeline.errors import BadParameter, StorageError
+from pipeline.methods.base import Task
+from tests.contracts.databases import DATABASES
+from tests.contracts.released import ROWS
+from workers import store as package
+from workers.model import TaskOutcome
+from workers.store import Store, schema
+
+RELEASED = ("0001", "0002")
+"""Revisions that were in a version that somebody may have; each is tested for ever."""
+
+
+@pytest.fixture(params=DATABASES)
+def url(request: pytest.FixtureRequest) -> str:
+    return DATABASES[request.param](request, False)
+
+
+def _at(url: str, revision: str) -> None:
+    """A database as the version with that revision left it."""
+    config = Config()
+    config.set_main_option("script_location", str(Path(package.__file__).parent / "migrations"))
+    engine = create_engine(url)
+    with engine.begin() as connection:
+        config.attributes["connection"] = connection
+        command.upgrade(config, revision)
+        for row in ROWS:
+            connection.execute(text(row.replace(":", r"\:")))
+    engine.dispose()
+
+
+@pytest.mark.parametrize("revision", RELEASED)
+def test_work_of_an_earlier_version_goes_on(url: str, revision: str) -> None:
+    _at(url, revision)
+    store = Store(url, now=lambda: 20.0)
+    with store._db.read() as connection:
+        assert compare_metadata(MigrationContext.configure(connection), schema.metadata) == []
+    assert [job.id for job in store.jobs.page("running").items] == ["job_1"]
+    assert store.assets.get("ast_" + "a" * 64, "anna").filename == "cat.mp4"
+    assert [todo.job_id for todo in store.plans.to_plan()] == ["job_2"]
+    claim = store.work.claim("new", 30)
+    assert claim is not None and claim.task["id"] == "tsk_2"
+    assert store.work.claim("new", 30) is None, "the other one still runs, and a paused job starts nothing"
+    assert store.work.interrupt([]) == 0, "its dispatcher has its lease for 10 s more"
+    assert store.work.interrupt(["dsp_old@host"]) == 1
+    for answered in (claim, store.work.claim("new", 30)):
+        assert answered is not None
+        assert store.work.finish(TaskOutcome(answered.attempt_id, {}, {}, {}, None, {}, ""))
+    assert store.plans.planned("job_1", 1, (Task("last"),))
+    store.close()
+
+
+def test_a_database_of_a_newer_version_is_left_alone(url: str) -> None:
+    Store(url).close()
+    engine = create_engine(url)
+    with engine.begin() as connection:
+        connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
+    with pytest.raises(StorageError, match="newer version"):
+        Store(url)
+    engine.dispose()
+
+
+def test_processes_that_start_at_once_migrate_once(url: str) -> None:
+    from concurrent.futures import ThreadPoolExecutor
+
+    with ThreadPoolExecutor(4) as threads:
+        stores = list(threads.map(lambda _: Store(url), range(4)))
+    for store in stores:
+        store.check()
+        store.close()
+
+
+@pytest.mark.parametrize("wrong", ["mysql://host/name", "nonsense", "postgresql"])
+def test_a_url_that_names_no_database_is_refused(wrong: str) -> None:
+    with pytest.raises(BadParameter, match="database_url"):
+        Store(wrong)
+
+
+def test_people_write_the_url_of_postgres_in_several_ways(postgres: object) -> None:
+    url = postgres.fresh()  # type: ignore[attr-defined]
+    for written in ("postgres://", "postgresql://", "postgresql+psycopg://"):
+        store = Store(url.replace("postgresql+psycopg://", written))
+        store.check()
+        store.close()

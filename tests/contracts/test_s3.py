@@ -1,0 +1,315 @@
+"""What S3 has beyond the contract, on a real server: signed URLs, parts, faults, settings."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from pipeline.errors import BadInput, StorageError, StorageFull
+from tests.contracts.stores import PART_BYTES, s3_blobs, s3_options
+from tests.real.swift import Swift
+from workers.blobs.copies import Copies
+from workers.blobs.opened import open_blobs
+from workers.blobs.opened import s3_options as options_of
+from workers.blobs.s3 import S3Blobs
+from workers.blobs.s3_client import client_for
+from workers.settings import FarmSettings
+
+
+@pytest.fixture
+def blobs(s3: Swift, tmp_path: Path) -> S3Blobs:
+    return s3_blobs(s3, tmp_path, prefix=f"{tmp_path.name}/")
+
+
+# -- signed URLs
+
+
+def test_a_signed_url_gives_the_blob_as_a_file_of_that_name(blobs: S3Blobs) -> None:
+    blobs.put("k", b"frames")
+    url = blobs.direct.download_url("k", "Zoë's cat.mp4", "video/mp4")
+    answer = httpx.get(url, headers={"Range": "bytes=2-"})
+    assert (answer.status_code, answer.content) == (206, b"ames")
+    assert answer.headers["content-type"] == "video/mp4"
+    assert "Zo%C3%AB%27s%20cat.mp4" in answer.headers["content-disposition"]
+
+
+def test_a_signed_url_is_good_for_one_blob_and_a_while(blobs: S3Blobs) -> None:
+    blobs.put("k", b"mine")
+    blobs.put("other", b"not yours")
+    url = blobs.direct.download_url("k", "k", "text/plain", seconds=1)
+    assert httpx.get(url).content == b"mine"
+    assert httpx.get(url.replace("/k?", "/other?")).status_code == 403
+    assert httpx.put(url, content=b"changed").status_code == 403
+    time.sleep(2.1)
+    assert httpx.get(url).status_code == 403
+
+
+def test_a_blob_can_be_put_past_us_whole(blobs: S3Blobs) -> None:
+    assert httpx.put(blobs.direct.upload_url("in"), content=b"uploaded").status_code == 200
+    assert blobs.get("in") == b"uploaded"
+
+
+def test_a_blob_can_be_put_past_us_in_parts(blobs: S3Blobs) -> None:
+    direct = blobs.direct
+    parts = [b"1" * PART_BYTES, b"2" * PART_BYTES, b"3"]
+    upload = direct.begin("film")
+    for number, part in reversed(list(enumerate(parts, 1))):
+        assert httpx.put(direct.part_url("film", upload, number), content=part, timeout=60).status_code == 200
+    assert blobs.size("film") is None, "not before it is complete"
+    direct.complete("film", upload)
+    assert blobs.get("film") == b"".join(parts)
+
+
+def test_an_upload_that_is_given_up_is_gone(blobs: S3Blobs) -> None:
+    direct = blobs.direct
+    upload = direct.begin("film")
+    with pytest.raises(BadInput):
+        direct.complete("film", upload)
+    direct.abort("film", upload)
+    direct.abort("film", upload)
+    with pytest.raises(KeyError):
+        direct.complete("film", upload)
+    assert blobs.size("film") is None
+
+
+def test_sweeping_aborts_uploads_that_nobody_completes(blobs: S3Blobs, s3: Swift) -> None:
+    blobs.direct.begin("left")
+    s3_blobs(s3, blobs.copies.folder, prefix="another-farm/").direct.begin("theirs")
+    assert blobs.sweep(older_than_s=3600) == 0, "it may be in use"
+    assert blobs.sweep(older_than_s=-5) == 1
+    assert blobs.sweep(older_than_s=-5) == 0
+
+
+# -- faults
+
+
+@pytest.fixture
+def away(s3: Swift) -> Iterator[Swift]:
+    """The server with its object server stopped; started again at the end, if the test has not."""
+    s3.stop("object")
+    yield s3
+    if not s3.runs("object"):
+        s3.start("object")
+
+
+def test_a_store_that_is_away_is_said_and_comes_back(
+    blobs: S3Blobs, away: Swift, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("workers.blobs.s3_client._TRIES", 2)
+    impatient = S3Blobs(s3_options(away, prefix="away/"), blobs.copies)
+    for act in (
+        lambda: impatient.put("k", b"v"),
+        lambda: impatient.put("k", Path(__file__)),
+        lambda: impatient.get("k"),
+        lambda: impatient.put_if_absent("k", b"v"),
+    ):
+        with pytest.raises(StorageError) as error:
+            act()
+        assert error.value.remedy
+    began = time.monotonic()
+    with pytest.raises(StorageError):
+        impatient.check()
+    assert time.monotonic() - began < 5, "readyz waits for this"
+    away.start("object")
+    impatient.put("k", b"v")
+    assert impatient.get("k") == b"v"
+    impatient.check()
+
+
+def test_a_request_is_tried_again_until_the_store_is_back(blobs: S3Blobs, away: Swift) -> None:
+    putting = threading.Thread(target=blobs.put, args=("k", b"v"))
+    putting.start()
+    time.sleep(0.8)
+    away.start("object")
+    putting.join()
+    assert blobs.get("k") == b"v"
+
+
+def test_a_read_that_breaks_off_goes_on_where_it_was(blobs: S3Blobs, monkeypatch: pytest.MonkeyPatch) -> None:
+    data = bytes(range(256)) * 40
+    blobs.put("k", data)
+    opened: list[int] = []
+    really = S3Blobs._open
+
+    def breaking(self: S3Blobs, name: str, start: int, stop: int | None, etag: str = "") -> Any:
+        answer = really(self, name, start, stop, etag)
+        opened.append(start)
+        assert answer is not None
+        return {**answer, "Body": _Breaking(answer["Body"])} if len(opened) < 3 else answer
+
+    monkeypatch.setattr(S3Blobs, "_open", breaking)
+    monkeypatch.setattr("workers.blobs.s3.time.sleep", lambda s: None)
+    assert b"".join(blobs.read("k", 100, 10_000, chunk=900)) == data[100:10_000]
+    assert opened == [100, 1900, 3700]
+
+
+class _Breaking:
+    """A body that breaks off after two reads."""
+
+    def __init__(self, body: Any) -> None:
+        self._body, self._reads = body, 0
+
+    def read(self, size: int) -> bytes:
+        self._reads += 1
+        if self._reads > 2:
+            raise ConnectionResetError("cut off")
+        return bytes(self._body.read(size))
+
+
+def test_a_read_that_keeps_breaking_off_is_an_error(blobs: S3Blobs, monkeypatch: pytest.MonkeyPatch) -> None:
+    blobs.put("k", b"v")
+
+    def never(self: S3Blobs, *_: object, **__: object) -> Any:
+        return {"Body": _Silent(), "ContentLength": 1, "ETag": "x"}
+
+    monkeypatch.setattr(S3Blobs, "_open", never)
+    monkeypatch.setattr("workers.blobs.s3.time.sleep", lambda s: None)
+    with pytest.raises(StorageError):
+        blobs.get("k")
+
+
+class _Silent:
+    def read(self, size: int) -> bytes:
+        return b""
+
+
+@pytest.mark.parametrize(
+    ("wrong", "named"),
+    [
+        ({"secret_key": "wrong"}, "IMPASTO_S3_SECRET_KEY"),
+        ({"access_key": "nobody"}, "IMPASTO_S3_ACCESS_KEY"),
+        ({"bucket": "no-such-bucket"}, "IMPASTO_BLOB_URL"),
+    ],
+)
+def test_what_is_set_wrongly_is_named(s3: Swift, tmp_path: Path, wrong: dict[str, str], named: str) -> None:
+    blobs = s3_blobs(s3, tmp_path, **wrong)
+    for act in (lambda: blobs.put("k", b""), blobs.check, lambda: list(blobs.keys(""))):
+        with pytest.raises(StorageError) as error:
+            act()
+        assert named in error.value.remedy
+
+
+def test_nobody_listens_there(tmp_path: Path, s3: Swift) -> None:
+    blobs = s3_blobs(s3, tmp_path, endpoint_url="http://127.0.0.1:9")
+    with pytest.raises(StorageError, match="does not answer"):
+        blobs.check()
+
+
+# -- settings
+
+
+@pytest.mark.parametrize("checksums", [True, False])
+def test_checksums_are_sent_unless_the_server_lacks_them(s3: Swift, tmp_path: Path, checksums: bool) -> None:
+    blobs = s3_blobs(s3, tmp_path, checksums=checksums, prefix=f"{tmp_path.name}/")
+    sent: list[str] = []
+    client = client_for(blobs.options)
+    client.meta.events.register("before-send.s3.*", lambda request, **_: sent.append(str(request.headers).lower()))
+    blobs.put("small", b"x")
+    blobs.put("large", bytes(PART_BYTES + 1))
+    assert blobs.get("large") == bytes(PART_BYTES + 1)
+    bodies = [headers for headers in sent if "content-length: 0" not in headers]
+    assert any("x-amz-checksum-crc" in headers or "x-amz-trailer" in headers for headers in bodies) is checksums
+
+
+def test_a_body_that_does_not_fit_its_checksum_is_refused(blobs: S3Blobs) -> None:
+    with pytest.raises(Exception, match=r"BadDigest|InvalidRequest|InvalidDigest|SHA256Mismatch"):
+        client_for(blobs.options).put_object(
+            Bucket=blobs.options.bucket, Key=f"{blobs.options.prefix}k", Body=b"hello", ChecksumCRC32="AAAAAA=="
+        )
+    assert blobs.size("k") is None
+
+
+def test_farms_with_prefixes_of_their_own_share_a_bucket(s3: Swift, tmp_path: Path) -> None:
+    one, two = (s3_blobs(s3, tmp_path, prefix=f"{tmp_path.name}-{name}/") for name in ("one", "two"))
+    one.put("k", b"1")
+    assert two.size("k") is None
+    assert list(two.keys("")) == []
+
+
+def test_settings_name_a_bucket_and_a_prefix(tmp_path: Path) -> None:
+    settings = FarmSettings(home=tmp_path, blob_url="s3://films/impasto/one/", s3_secret_key="hidden")  # type: ignore[arg-type]
+    options = options_of(settings)
+    assert (options.bucket, options.prefix, options.secret_key) == ("films", "impasto/one/", "hidden")
+    assert options_of(FarmSettings(blob_url="s3://films")).prefix == ""
+    blobs = open_blobs(settings)
+    assert isinstance(blobs, S3Blobs)
+    assert "hidden" not in repr(blobs) and "hidden" not in repr(settings)
+    for wrong in ("films", "s3://", "s3://a/../b c", "https://films", "s3://UPPER"):
+        with pytest.raises(ValueError, match="blob_url"):
+            FarmSettings(blob_url=wrong)
+
+
+# -- local copies
+
+
+def test_a_copy_is_fetched_once_however_many_want_it(tmp_path: Path) -> None:
+    copies, fetched = Copies(tmp_path / "copies", 1000), []
+
+    def fetch(place: Path) -> None:
+        fetched.append(place)
+        time.sleep(0.05)
+        place.write_bytes(b"film")
+
+    def use() -> None:
+        with copies.file("film", 4, fetch) as place:
+            assert place.read_bytes() == b"film"
+
+    threads = [threading.Thread(target=use) for _ in range(6)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(fetched) == 1
+    assert [file.name for file in copies.folder.iterdir()] == ["film"]
+
+
+def test_old_copies_make_room_but_never_one_in_use(tmp_path: Path) -> None:
+    copies = Copies(tmp_path, most_bytes=10)
+
+    def write(place: Path) -> None:
+        place.write_bytes(b"12345")
+
+    with copies.file("used", 5, write) as used:
+        for name in ("old", "new", "newest"):
+            with copies.file(name, 5, write):
+                pass
+            time.sleep(0.01)
+        assert used.exists()
+        assert sorted(file.name for file in tmp_path.iterdir()) == ["newest", "used"]
+
+
+def test_a_fetch_that_breaks_leaves_nothing_and_is_tried_again(tmp_path: Path) -> None:
+    copies = Copies(tmp_path, 10)
+
+    def breaks(place: Path) -> None:
+        place.write_bytes(b"ha")
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(StorageFull), copies.file("k", 4, breaks):
+        pass
+    assert list(tmp_path.iterdir()) == []
+    with copies.file("k", 4, lambda place: place.write_bytes(b"half") and None) as place:
+        assert place.read_bytes() == b"half"
+
+
+def test_no_copy_is_fetched_that_would_fill_the_disk(tmp_path: Path) -> None:
+    copies = Copies(tmp_path, 10, reserve_bytes=1 << 60)
+    with pytest.raises(StorageFull) as error, copies.file("k", 4, lambda place: None):
+        pass
+    assert error.value.remedy
+    with pytest.raises(StorageFull):
+        copies.check_room()
+
+
+def test_what_crashed_fetches_left_is_swept(tmp_path: Path) -> None:
+    copies = Copies(tmp_path, 10)
+    for name in ("a.1.part", "a.lock"):
+        (tmp_path / name).touch()
+    assert copies.sweep(3600) == 0
+    assert copies.sweep(-1) == 2

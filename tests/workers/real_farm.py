@@ -1,0 +1,76 @@
+"""Farms over real PostgreSQL and real S3: one to ask, and others as processes that work."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+from tests.real.postgres import Postgres
+from tests.real.swift import ACCESS_KEY, REGION, SECRET_KEY, Swift
+from workers.settings import FarmSettings
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def real_settings(postgres: Postgres, s3: Swift, home: Path, **changes: Any) -> FarmSettings:
+    """A farm at a new database and a new prefix."""
+    given: dict[str, Any] = {
+        "home": home,
+        "database_url": postgres.fresh(),
+        "blob_url": f"s3://{s3.shared_bucket}/{home.parent.name}",
+        "s3_endpoint_url": s3.endpoint,
+        "s3_region": REGION,
+        "s3_access_key": ACCESS_KEY,
+        "s3_secret_key": SECRET_KEY,
+        "s3_addressing": "path",
+        "reserve_bytes": 0,
+        "retry_delay_s": 0.05,
+        "workers": 2,
+        "lease_s": 3.0,
+    }
+    return FarmSettings(**{**given, **changes})
+
+
+class Worker:
+    """A farm that works for the same store, on a home of its own, as another machine would."""
+
+    def __init__(self, settings: FarmSettings, home: Path) -> None:
+        self._settings = settings.model_copy(update={"home": home})
+        self._process: subprocess.Popen[str] | None = None
+
+    def start(self) -> None:
+        command = [sys.executable, "-m", "tests.workers.farm_child"]
+        pipe = subprocess.PIPE
+        self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, cwd=ROOT)
+        assert self._process.stdin is not None and self._process.stdout is not None
+        self._process.stdin.write(self._told() + "\n")
+        self._process.stdin.flush()
+
+    def _told(self) -> str:
+        told = self._settings.model_dump(mode="json")
+        told |= {"s3_access_key": ACCESS_KEY, "s3_secret_key": SECRET_KEY}
+        return json.dumps(told)
+
+    def wait_up(self) -> None:
+        assert self._process is not None and self._process.stdout is not None
+        assert self._process.stdout.readline() == "up\n"
+
+    def kill(self) -> None:
+        """kill -9."""
+        self._signal(signal.SIGKILL)
+        if self._process is not None:
+            self._process.wait()
+
+    def freeze(self) -> None:
+        self._signal(signal.SIGSTOP)
+
+    def thaw(self) -> None:
+        self._signal(signal.SIGCONT)
+
+    def _signal(self, which: signal.Signals) -> None:
+        if self._process is not None and self._process.poll() is None:
+            self._process.send_signal(which)

@@ -1,0 +1,157 @@
+"""Local copies of blobs that are far away: decoders want files. Shared by all processes of a machine.
+
+folder/<name>           a copy; locked shared while somebody uses it, removed oldest first when there are too many
+folder/<name>.lock      held by who fetches it, so that a film is fetched once, not once a worker
+folder/<name>.<x>.part  one that is being fetched; left behind by a crash only
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import secrets
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.errors import StorageFull
+from workers.blobs.disk_errors import disk_errors
+
+
+@dataclass(frozen=True)
+class Copies:
+    """A folder of copies, kept below a bound.
+
+    Args:
+        folder: made if missing.
+        most_bytes: copies that nobody uses are removed above this, least recently used first.
+        reserve_bytes: nothing is fetched that would leave less than this free on the disk.
+    """
+
+    folder: Path
+    most_bytes: int
+    reserve_bytes: int = 0
+
+    @contextmanager
+    def file(self, name: str, size: int, fetch: Callable[[Path], None]) -> Iterator[Path]:
+        """The copy `name`; `fetch` writes it, if there is none, to the path that it is given."""
+        self._make_folder()
+        place = self.folder / name
+        while (handle := _hold(place)) is None:
+            self._fetch(place, size, fetch)
+        try:
+            os.utime(place)
+            yield place
+        finally:
+            os.close(handle)
+
+    def check_room(self, wanted_bytes: int = 0) -> None:
+        """Remove copies until `wanted_bytes` more leave the reserve free, or raise StorageFull."""
+        self._make_folder()
+        need = self.reserve_bytes + wanted_bytes
+        if self._free() < need:
+            self._shrink(lambda kept: self._free() < need)
+        if self._free() < need:
+            raise StorageFull(
+                "The disk for local copies of blobs is nearly full.",
+                field="free_bytes",
+                value=self._free(),
+                remedy=f"Free some space: {need >> 20} MiB are needed at {self.folder}.",
+            )
+
+    def sweep(self, older_than_s: float) -> int:
+        """Remove what crashed fetches have left; say how many."""
+        before = time.time() - older_than_s
+        left = [*self.folder.glob("*.part"), *self.folder.glob("*.lock")]
+        stale = [file for file in left if _modified(file) < before]
+        for file in stale:
+            file.unlink(missing_ok=True)
+        return len(stale)
+
+    def _fetch(self, place: Path, size: int, fetch: Callable[[Path], None]) -> None:
+        with _alone(place.with_name(f"{place.name}.lock")):
+            if place.exists():
+                return
+            self._shrink(lambda kept: kept + size > self.most_bytes)
+            self.check_room(size)
+            temporary = place.with_name(f"{place.name}.{secrets.token_hex(8)}.part")
+            try:
+                with disk_errors():
+                    fetch(temporary)
+                    temporary.rename(place)
+            finally:
+                temporary.unlink(missing_ok=True)
+
+    def _make_folder(self) -> None:
+        with disk_errors():
+            self.folder.mkdir(parents=True, exist_ok=True)
+
+    def _free(self) -> int:
+        return shutil.disk_usage(self.folder).free
+
+    def _shrink(self, too_much: Callable[[int], bool]) -> None:
+        """Remove unused copies, oldest first, while their sum is `too_much`."""
+        copies = [file for file in self.folder.iterdir() if not file.suffix]
+        kept = sum(_size(file) for file in copies)
+        for file in sorted(copies, key=_modified):
+            if not too_much(kept):
+                return
+            size = _size(file)
+            kept -= size if _remove_unused(file) else 0
+
+
+def _hold(place: Path) -> int | None:
+    """A shared lock on the copy, as an open file; None if there is no copy (any more)."""
+    try:
+        handle = os.open(place, os.O_RDONLY)
+    except FileNotFoundError:
+        return None
+    fcntl.flock(handle, fcntl.LOCK_SH)
+    if os.fstat(handle).st_nlink:
+        return handle
+    os.close(handle)  # removed between our open and our lock
+    return None
+
+
+def _remove_unused(place: Path) -> bool:
+    try:
+        handle = os.open(place, os.O_RDONLY)
+    except FileNotFoundError:
+        return True
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        place.unlink(missing_ok=True)
+    except BlockingIOError:
+        return False
+    finally:
+        os.close(handle)
+    return True
+
+
+@contextmanager
+def _alone(lock: Path) -> Iterator[None]:
+    """One process and thread at a time."""
+    handle = os.open(lock, os.O_CREAT | os.O_RDWR, 0o600)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        lock.unlink(missing_ok=True)
+        os.close(handle)
+
+
+def _size(file: Path) -> int:
+    try:
+        return file.stat().st_size
+    except FileNotFoundError:
+        return 0
+
+
+def _modified(file: Path) -> float:
+    try:
+        return file.stat().st_mtime
+    except FileNotFoundError:
+        return float("inf")

@@ -1,0 +1,125 @@
+"""How S3 is reached: options, one client a process, and its errors as ours."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import boto3
+from boto3.exceptions import Boto3Error
+from botocore.config import Config
+from botocore.exceptions import BotoCoreError, ClientError, HTTPClientError
+from urllib3.exceptions import HTTPError
+
+from pipeline.errors import StorageError, StorageFull
+
+_CONNECTIONS = 32
+_TRIES = 9
+"""In all; waits between them double from 50 ms, with chance in them: about six seconds together."""
+_MISSING = {"NoSuchKey", "NoSuchUpload", "NotFound", "404"}
+_FULL = {"QuotaExceeded", "InsufficientStorage", "InsufficientCapacity", "XMinioStorageFull", "507"}
+_REMEDIES = {
+    "NoSuchBucket": "Make the bucket, or name another in IMPASTO_BLOB_URL.",
+    "AccessDenied": "Let the key list, read, write and delete in the bucket.",
+    "InvalidAccessKeyId": "Mend IMPASTO_S3_ACCESS_KEY.",
+    "SignatureDoesNotMatch": "Mend IMPASTO_S3_ACCESS_KEY and IMPASTO_S3_SECRET_KEY, or the machine's clock.",
+    "RequestTimeTooSkewed": "Set the machine's clock.",
+}
+
+
+@dataclass(frozen=True)
+class S3Options:
+    """How the store is reached. A plain value.
+
+    Args:
+        bucket: must exist.
+        prefix: of every key, empty or ending in a slash; several farms may share a bucket.
+        endpoint_url: of a server that is not Amazon's; empty: Amazon's.
+        access_key, secret_key: empty: where boto3 looks by itself (environment, files, the machine's role).
+        addressing: "path" for servers without a name for each bucket, "virtual", or "auto".
+        checksums: send and check CRCs of bodies; off for servers that do not know them.
+        part_bytes: larger blobs are sent in parts of this size.
+    """
+
+    bucket: str
+    prefix: str = ""
+    endpoint_url: str = ""
+    region: str = ""
+    access_key: str = ""
+    secret_key: str = field(default="", repr=False)
+    addressing: str = "auto"
+    checksums: bool = True
+    part_bytes: int = 16 << 20
+
+
+_lock = threading.Lock()
+_clients: dict[tuple[int, S3Options, bool], Any] = {}
+
+
+def client_for(options: S3Options, hasty: bool = False) -> Any:
+    """This process's client; thread-safe. `hasty`: gives up after seconds, to say whether the store is there."""
+    key = (os.getpid(), options, hasty)
+    with _lock:
+        if key not in _clients:
+            _clients[key] = _new_client(options, hasty)
+        return _clients[key]
+
+
+def _new_client(options: S3Options, hasty: bool) -> Any:
+    when = "when_supported" if options.checksums else "when_required"
+    config = Config(
+        signature_version="s3v4",
+        s3={"addressing_style": options.addressing},
+        max_pool_connections=_CONNECTIONS,
+        connect_timeout=2 if hasty else 5,
+        read_timeout=3 if hasty else 30,
+        retries={"mode": "standard", "total_max_attempts": 1 if hasty else _TRIES},
+        request_checksum_calculation=when,
+        response_checksum_validation=when,
+    )
+    with as_storage_error():
+        return boto3.session.Session().client(
+            "s3",
+            endpoint_url=options.endpoint_url or None,
+            region_name=options.region or None,
+            aws_access_key_id=options.access_key or None,
+            aws_secret_access_key=options.secret_key or None,
+            config=config,
+        )
+
+
+@contextmanager
+def as_storage_error(key: str = "") -> Iterator[None]:
+    """Whatever S3 and its client raise becomes KeyError (there is no such blob), StorageFull or StorageError."""
+    try:
+        yield
+    except ClientError as error:
+        if key and code_of(error) in _MISSING:
+            raise KeyError(key) from None
+        raise _refused(error) from error
+    except (BotoCoreError, Boto3Error, HTTPClientError, HTTPError, OSError) as error:
+        if isinstance(cause := error.__cause__ or error.__context__, ClientError):
+            raise _refused(cause) from error
+        remedy = "Check that it runs and can be reached."
+        raise StorageError(f"The S3 store does not answer: {_said(error)}.", remedy=remedy) from error
+
+
+def code_of(error: ClientError) -> str:
+    """S3's own code ("NoSuchKey"), or the HTTP status of an answer without a body ("404")."""
+    return str(error.response.get("Error", {}).get("Code", ""))
+
+
+def _refused(error: ClientError) -> StorageError:
+    code, said = code_of(error), error.response.get("Error", {}).get("Message", "")
+    if code in _FULL:
+        return StorageFull("The S3 store is full.", remedy="Free some space in the bucket, or raise its quota.")
+    remedy = _REMEDIES.get(code, "Look into the server's log.")
+    return StorageError(f"The S3 store refuses: {code} {said}".rstrip(". ") + ".", remedy=remedy)
+
+
+def _said(error: Exception) -> str:
+    return (str(error) or type(error).__name__).rstrip(".")
