@@ -1,0 +1,42 @@
+"""multistyle: video painting with style and stroke directions that vary over objects and time (kagaya2011video)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, ClassVar
+
+from pipeline.frames import Frame
+from pipeline.methods.base import Example, InputSpec, Params, Step
+from pipeline.methods.multistyle.params import MultistyleParams
+from pipeline.methods.multistyle.plan import plan_paint, plan_scan, run_paint, run_scan
+from pipeline.methods.multistyle.session import MultistyleSession
+from pipeline.methods.multistyle.styles import STYLES
+
+__all__ = ["Multistyle", "MultistyleParams", "MultistyleSession"]
+
+
+class Multistyle:
+    """The method as the registry knows it."""
+
+    name: ClassVar[str] = "multistyle"
+    title: ClassVar[str] = "Painting in many styles"
+    summary: ClassVar[str] = "Brush strokes that follow form and motion, in six styles, or in a style for each object."
+    paper: ClassVar[str] = "kagaya2011video"
+    Params: ClassVar[type[Params]] = MultistyleParams
+    inputs: ClassVar[tuple[InputSpec, ...]] = (
+        InputSpec("video", "video", True, "Video", "The video, GIF, image or zip of numbered images to paint."),
+    )
+    steps: ClassVar[tuple[Step, ...]] = (
+        Step("scan", "Find the shots", plan_scan, run_scan, weight=0.03),
+        Step("paint", "Paint", plan_paint, run_paint),
+    )
+    artefacts: ClassVar[tuple[str, ...]] = ()
+    examples: ClassVar[tuple[Example, ...]] = tuple(
+        Example(name, named.title, {"style": name}) for name, named in STYLES.items() if name != "van-gogh"
+    )
+
+    def stream(
+        self, params: Any, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]
+    ) -> MultistyleSession:
+        """A live session, without a design."""
+        return MultistyleSession(params, size, seed)
