@@ -8,7 +8,16 @@ from typing import Any, ClassVar
 from pipeline.frames import Frame
 from pipeline.methods.base import Example, InputSpec, Params, Step
 from pipeline.methods.multistyle.params import MultistyleParams
-from pipeline.methods.multistyle.plan import plan_paint, plan_scan, run_paint, run_scan
+from pipeline.methods.multistyle.plan import (
+    plan_maps,
+    plan_paint,
+    plan_regions,
+    plan_scan,
+    run_maps,
+    run_paint,
+    run_regions,
+    run_scan,
+)
 from pipeline.methods.multistyle.session import MultistyleSession
 from pipeline.methods.multistyle.styles import STYLES
 
@@ -25,12 +34,22 @@ class Multistyle:
     Params: ClassVar[type[Params]] = MultistyleParams
     inputs: ClassVar[tuple[InputSpec, ...]] = (
         InputSpec("video", "video", True, "Video", "The video, GIF, image or zip of numbered images to paint."),
-    )
+        InputSpec(
+            "design", "json", False, "Design",
+            "Regions, their styles and stroke directions at keyframes: see docs/multistyle.md.",
+        ),
+        InputSpec(
+            "masks", "images", False, "Label maps",
+            "Where the design's regions are: images named by frame number, each pixel's value a region's label.",
+        ),
+    )  # fmt: skip
     steps: ClassVar[tuple[Step, ...]] = (
         Step("scan", "Find the shots", plan_scan, run_scan, weight=0.03),
+        Step("regions", "Find the regions", plan_regions, run_regions, weight=0.0),
+        Step("maps", "Map the regions", plan_maps, run_maps, weight=0.0),
         Step("paint", "Paint", plan_paint, run_paint),
     )
-    artefacts: ClassVar[tuple[str, ...]] = ()
+    artefacts: ClassVar[tuple[str, ...]] = ("regions",)
     examples: ClassVar[tuple[Example, ...]] = tuple(
         Example(name, named.title, {"style": name}) for name, named in STYLES.items() if name != "van-gogh"
     )

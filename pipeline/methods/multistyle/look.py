@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -15,6 +14,8 @@ from pipeline.flow import estimate
 from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Plane, same_size
 from pipeline.methods.abstraction.state import Clock, State, flatten, part
+from pipeline.methods.multistyle.design import Design
+from pipeline.methods.multistyle.designer import Designer, Placed
 from pipeline.methods.multistyle.fields import SMALLEST_PX, StyleFields, chosen_style, style_fields, uniform
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.sight import COLUMNS, Marks, Sight
@@ -51,14 +52,19 @@ class Eye:
         size: (width, height), px.
         seed: of all random numbers.
         clock: called with a stage's name, times it.
+        design: what is wanted of which region; None = one style for all.
     """
 
-    def __init__(self, params: MultistyleParams, size: tuple[int, int], seed: int, clock: Clock) -> None:
+    def __init__(
+        self, params: MultistyleParams, size: tuple[int, int], seed: int, clock: Clock, design: Design | None = None
+    ) -> None:  # fmt: skip
         self.params, self.size, self.seed, self.clock = params, size, seed, clock
         self.manner = STYLES[params.style].manner
         self.habits = Habits(fade=params.stroke_fade, follow=params.colour_follow)
         self.factor = max(1, round(size[1] / COARSE_ROWS))
         self.small = (max(1, size[0] // self.factor), max(1, size[1] // self.factor))
+        self.style = chosen_style(params)
+        self.designer = None if design is None else Designer(design, self.style, size, self.small)
         self.half = (max(1, size[0] // 2), max(1, size[1] // 2))
         self.importance = ImportanceTracker(_importance(params), size)
         self.age = 0
@@ -68,15 +74,22 @@ class Eye:
         self.errors: list[Plane] = []
         self.living: list[Living] = []
 
-    def step(self, frame: Frame) -> Sight:
+    def step(self, frame: Frame, placed: Placed | None = None) -> Sight:
+        """The next frame.
+
+        Args:
+            frame: uint8 (h, w, 3).
+            placed: where the regions of the design are in it; None: there is no design.
+        """
         frame = same_size(frame, self.size)
         fresh = self._begins_shot(frame)
         gray = np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.uint8)
         flow = self._flow(gray, fresh)
         detail = self._detail(gray, flow, fresh)
-        field = self._directions(gray, flow)
+        field = self._directions(gray, flow, placed)
         with self.clock("style"):
-            fields = style_fields(uniform(chosen_style(self.params)), detail, self.size[1])
+            values = uniform(self.style) if placed is None or self.designer is None else self.designer.values(placed)
+            fields = style_fields(values, detail, self.size[1])
         with self.clock("strokes"):
             layers = self._strokes(frame, fields, flow)
             length = self._shrunk(fields.brush.length_px)
@@ -106,7 +119,7 @@ class Eye:
             self.importance.search_on()
             return np.asarray(cv2.resize(coarse, self.size, interpolation=cv2.INTER_LINEAR), np.float32)
 
-    def _directions(self, gray: NDArray[np.uint8], flow: Flow | None) -> Tensors2:
+    def _directions(self, gray: NDArray[np.uint8], flow: Flow | None, placed: Placed | None) -> Tensors2:
         """The edge field, float32 (2, h', w'), smoothed over space and time, with a direction everywhere."""
         with self.clock("directions"):
             small = cv2.resize(gray, self.small, interpolation=cv2.INTER_AREA).astype(np.float32)
@@ -120,6 +133,8 @@ class Eye:
             wide = np.stack([_blurred(plane, sigma * BROAD) for plane in near])
             default = field_of(math.radians(self.params.default_angle), BY_DEFAULT)[:, None, None]
             field = near + np.float32(BROADLY) * wide / (np.abs(wide).max() + np.float32(1e-6)) + default
+            if placed is not None and self.designer is not None:
+                field = self.designer.directions(field, placed)
             return np.asarray(field / (np.sqrt((field * field).sum(axis=0)) + np.float32(1e-3)), np.float32)
 
     def _strokes(self, frame: Frame, fields: StyleFields, flow: Flow | None) -> tuple[Marks, ...]:
@@ -188,7 +203,9 @@ class Eye:
         """The layer's strokes, with their paint."""
         seeds, manner = living.seeds, self.manner
         table = np.zeros((len(living), COLUMNS), np.float16)
-        table[:, 0:3] = np.clip(tint(_pigment(living.aims, manner.vivid, manner.contrast), seeds, brush, self.seed), 0, 255)
+        table[:, 0:3] = np.clip(
+            tint(_pigment(living.aims, manner.vivid, manner.contrast), seeds, brush, self.seed), 0, 255
+        )
         table[:, 3:6] = living.aims
         for column, field in enumerate(
             (np.divide(brush.size_px, 2), brush.opacity, brush.relief_px, brush.grain, brush.length_px), 6
@@ -245,7 +262,7 @@ def _pigment(aims: NDArray[np.float32], vivid: float, contrast: float) -> NDArra
     """The manner's paint for colours (n, 3), RGB 0..255."""
     gray = (aims @ np.array([0.299, 0.587, 0.114], np.float32))[:, None]
     strong = gray + np.float32(vivid) * (aims - gray)
-    return np.clip(np.float32(128) + np.float32(contrast) * (strong - np.float32(128)), 0, 255)
+    return np.asarray(np.clip(np.float32(128) + np.float32(contrast) * (strong - np.float32(128)), 0, 255), np.float32)
 
 
 def _blurred(image: NDArray[Any], sigma_px: float) -> NDArray[Any]:
@@ -253,6 +270,4 @@ def _blurred(image: NDArray[Any], sigma_px: float) -> NDArray[Any]:
 
 
 def _importance(params: MultistyleParams) -> ImportanceParams:
-    return ImportanceParams(
-        face=params.face_detail, saliency=params.saliency_detail, motion=params.motion_detail
-    )
+    return ImportanceParams(face=params.face_detail, saliency=params.saliency_detail, motion=params.motion_detail)

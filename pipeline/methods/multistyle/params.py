@@ -32,19 +32,25 @@ class MultistyleParams(Params):
     """
 
     # -- style
-    style: StyleName = _choice("van-gogh", "Style", "How the picture is painted where no design says otherwise.", "Style")
+    style: StyleName = _choice(
+        "van-gogh", "Style", "How the picture is painted where no design says otherwise.", "Style"
+    )
     renderer: Renderer = _choice(
         "implicit", "Renderer",
         "implicit = seeds are drawn out along the stroke directions, the steadier one; explicit = every stroke is a "
         "curve of its own, with ends and hairs.", "Style",
     )  # fmt: skip
     stroke_size: float = _number(1, 0.25, 4, "Stroke size", "Factor on the width of strokes.", "ratio", "Style")
-    stroke_length: float = _number(1, 0, 4, "Stroke length", "Factor on the length of strokes; 0 = dots.", "ratio", "Style")
+    stroke_length: float = _number(
+        1, 0, 4, "Stroke length", "Factor on the length of strokes; 0 = dots.", "ratio", "Style"
+    )
     opacity: float = _number(1, 0.1, 2, "Opacity", "Factor on the opacity of strokes.", "ratio", "Style")
     hue: float = _number(0, -180, 180, "Hue", "Shift of hue of all strokes.", "degrees", "Style")
     saturation: float = _number(0, -1, 1, "Saturation", "Shift of saturation.", "ratio", "Style")
     value: float = _number(0, -1, 1, "Brightness", "Shift of brightness.", "ratio", "Style")
-    jitter: float = _number(1, 0, 3, "Colour jitter", "Factor on how far colours of single strokes stray.", "ratio", "Style")
+    jitter: float = _number(
+        1, 0, 3, "Colour jitter", "Factor on how far colours of single strokes stray.", "ratio", "Style"
+    )
     relief: float = _number(1, 0, 4, "Relief", "Factor on the height of the texture in strokes.", "ratio", "Style")
     grain: float = _number(1, 0, 2, "Grain", "Factor on the density of the texture in strokes.", "ratio", "Style")
     layers: float = _number(0, -2, 2, "Layers", "Added to the style's number of layers.", "layers", "Style")
@@ -81,7 +87,9 @@ class MultistyleParams(Params):
     temporal: Switch = _choice(
         "on", "Temporal coherence", "off = every frame on its own: the honest baseline, and it flickers.", "Time"
     )
-    flow: FlowName = _choice("dis-ultrafast", "Optical flow", "Motion that carries strokes from frame to frame.", "Time")
+    flow: FlowName = _choice(
+        "dis-ultrafast", "Optical flow", "Motion that carries strokes from frame to frame.", "Time"
+    )
     stillness: float = _number(
         2, 0, 20, "Stillness", "A pixel whose 5x5 surroundings changed by at most this stands still.", "gray levels",
         "Time",

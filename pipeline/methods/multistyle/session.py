@@ -28,9 +28,7 @@ class Seen:
 class MultistyleSession:
     """Video painting of one stream of frames of one size, without a design: see `pipeline.methods.base.Session`."""
 
-    def __init__(
-        self, params: MultistyleParams, size: tuple[int, int], seed: int = 0, clock: Clock = no_clock
-    ) -> None:
+    def __init__(self, params: MultistyleParams, size: tuple[int, int], seed: int = 0, clock: Clock = no_clock) -> None:
         self.params, self.size, self.seed = params, size, seed
         self.eye = Eye(params, size, seed, clock)
         self.painter = Painter(params, size, seed, clock)

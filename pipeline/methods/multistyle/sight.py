@@ -102,9 +102,7 @@ def unpack(arrays: Mapping[str, NDArray[Any]]) -> Sight:
     """What `Sight.pack` packed."""
     count = sum(name.endswith(".xy") for name in arrays)
     layers = tuple(
-        Marks(
-            arrays[f"{k}.xy"], arrays[f"{k}.ids"].view(np.uint64), arrays[f"{k}.table"], float(arrays[f"{k}.sigma"])
-        )
+        Marks(arrays[f"{k}.xy"], arrays[f"{k}.ids"].view(np.uint64), arrays[f"{k}.table"], float(arrays[f"{k}.sigma"]))
         for k in range(count)
     )
     return Sight(arrays["field"], arrays["length"], layers)

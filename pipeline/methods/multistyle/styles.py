@@ -31,7 +31,9 @@ class Style(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    size: float = _number(18, 2, 150, "Width of strokes, diameter of dots, in the coarsest layer.", "per mille of the height")
+    size: float = _number(
+        18, 2, 150, "Width of strokes, diameter of dots, in the coarsest layer.", "per mille of the height"
+    )
     length: float = _number(90, 0, 600, "Length of strokes in the coarsest layer; 0 = dots.", "per mille of the height")
     opacity: float = _number(1, 0.02, 1, "Opacity of a stroke.", "ratio")
     hue: float = _number(0, -180, 180, "Shift of hue.", "degrees")
