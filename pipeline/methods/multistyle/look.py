@@ -17,9 +17,10 @@ from pipeline.methods.abstraction.state import Clock, State, flatten, part
 from pipeline.methods.multistyle.design import Design
 from pipeline.methods.multistyle.designer import Designer, Placed
 from pipeline.methods.multistyle.fields import SMALLEST_PX, StyleFields, chosen_style, style_fields, uniform
+from pipeline.methods.multistyle.held import hold
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.sight import COLUMNS, Marks, Sight
-from pipeline.methods.multistyle.styles import STYLES
+from pipeline.methods.multistyle.styles import STYLES, pigment
 from pipeline.segmentation.cuts import is_cut, thumbnail
 from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker
 from pipeline.segmentation.motion import hold_still
@@ -32,6 +33,12 @@ from pipeline.tensors.edges import edge_field, gradient_tensor, remember
 from pipeline.tensors.field import Field as Tensors2
 from pipeline.tensors.field import field_of
 
+LARGE_ROWS = 400
+"""From so many rows on, the picture is worked from at half its size: strokes are wider than what is lost."""
+WISH_HOLD, WISH_FOLLOW = 0.06, 0.25
+"""Wished detail that changes by less stays as it is; more is gone after by so much a frame."""
+LEAST_BLUR = 0.3
+"""Sigma, px, below which a picture is not blurred at all."""
 COARSE_ROWS = 160
 """Directions are found at about this many rows: strokes are wider than what is lost."""
 BROAD = 6.0
@@ -65,12 +72,15 @@ class Eye:
         self.small = (max(1, size[0] // self.factor), max(1, size[1] // self.factor))
         self.style = chosen_style(params)
         self.designer = None if design is None else Designer(design, self.style, size, self.small)
-        self.half = (max(1, size[0] // 2), max(1, size[1] // 2))
+        by = 2 if size[1] >= LARGE_ROWS else 1
+        self.work = (size[0] // by, size[1] // by)
         self.importance = ImportanceTracker(_importance(params), size)
         self.age = 0
         self.gray: NDArray[np.uint8] | None = None
         self.thumbnail: Plane | None = None
         self.tensors: NDArray[np.float32] | None = None
+        self.held: NDArray[np.float32] | None = None
+        self.wish: Plane | None = None
         self.errors: list[Plane] = []
         self.living: list[Living] = []
 
@@ -85,16 +95,17 @@ class Eye:
         fresh = self._begins_shot(frame)
         gray = np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.uint8)
         flow = self._flow(gray, fresh)
+        picture = self._hold(frame, flow)
         detail = self._detail(gray, flow, fresh)
-        field = self._directions(gray, flow, placed)
+        field = self._directions(picture, flow, placed)
         with self.clock("style"):
             values = uniform(self.style) if placed is None or self.designer is None else self.designer.values(placed)
             fields = style_fields(values, detail, self.size[1])
         with self.clock("strokes"):
-            layers = self._strokes(frame, fields, flow)
+            layers = self._strokes(picture, fields, flow)
             length = self._shrunk(fields.brush.length_px)
         self.gray, self.age = gray, self.age + 1
-        return Sight(np.ascontiguousarray(field.transpose(1, 2, 0), np.float16), length, layers)
+        return Sight(picture, np.ascontiguousarray(field.transpose(1, 2, 0), np.float16), length, layers)
 
     def _begins_shot(self, frame: Frame) -> bool:
         before, self.thumbnail = self.thumbnail, thumbnail(frame)
@@ -109,6 +120,15 @@ class Eye:
             flow = estimate(self.gray, gray, self.params.flow)
             return hold_still(flow, self.gray, gray, self.params.stillness)
 
+    def _hold(self, frame: Frame, flow: Flow | None) -> Frame:
+        """The held picture, uint8 at the working size."""
+        with self.clock("hold"):
+            now = _shrunk(frame, self.work).astype(np.float32)
+            if flow is not None and self.held is not None:
+                now = hold(now, self.held, _backwards(flow, self.work), self.params.hold)
+            self.held = now
+            return np.asarray(np.rint(now), np.uint8)
+
     def _detail(self, gray: NDArray[np.uint8], flow: Flow | None, fresh: bool) -> Plane | None:
         """How much finer than the style to paint, float32 (h, w); None = nowhere."""
         params = self.params
@@ -117,42 +137,44 @@ class Eye:
         with self.clock("detail"):
             coarse = self.importance.step_coarse(gray, flow, fresh)
             self.importance.search_on()
-            return np.asarray(cv2.resize(coarse, self.size, interpolation=cv2.INTER_LINEAR), np.float32)
+            if not fresh and self.wish is not None:
+                apart = np.abs(coarse - self.wish)
+                coarse = self.wish + np.where(apart > WISH_HOLD, np.float32(WISH_FOLLOW), 0) * (coarse - self.wish)
+            self.wish = np.asarray(coarse, np.float32)
+            return np.asarray(cv2.resize(self.wish, self.size, interpolation=cv2.INTER_LINEAR), np.float32)
 
-    def _directions(self, gray: NDArray[np.uint8], flow: Flow | None, placed: Placed | None) -> Tensors2:
+    def _directions(self, picture: Frame, flow: Flow | None, placed: Placed | None) -> Tensors2:
         """The edge field, float32 (2, h', w'), smoothed over space and time, with a direction everywhere."""
         with self.clock("directions"):
-            small = cv2.resize(gray, self.small, interpolation=cv2.INTER_AREA).astype(np.float32)
+            small = _shrunk(np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), np.uint8), self.small)
             sigma = max(self.params.edge_smoothing * self.small[1] / 1000, 0.8)
-            now = gradient_tensor(small, sigma)
+            now = gradient_tensor(small.astype(np.float32), sigma)
             if flow is not None and self.tensors is not None:
-                back = cv2.resize(flow, self.small, interpolation=cv2.INTER_AREA) * np.float32(-1 / self.factor)
-                now = remember(now, self.tensors, back, None, self.params.edge_memory)
+                now = remember(now, self.tensors, _backwards(flow, self.small), None, self.params.edge_memory)
             self.tensors = now
             near = edge_field(now)
             wide = np.stack([_blurred(plane, sigma * BROAD) for plane in near])
             default = field_of(math.radians(self.params.default_angle), BY_DEFAULT)[:, None, None]
-            field = near + np.float32(BROADLY) * wide / (np.abs(wide).max() + np.float32(1e-6)) + default
+            field = near + np.float32(BROADLY) * wide + default
             if placed is not None and self.designer is not None:
                 field = self.designer.directions(field, placed)
             return np.asarray(field / (np.sqrt((field * field).sum(axis=0)) + np.float32(1e-3)), np.float32)
 
-    def _strokes(self, frame: Frame, fields: StyleFields, flow: Flow | None) -> tuple[Marks, ...]:
+    def _strokes(self, picture: Frame, fields: StyleFields, flow: Flow | None) -> tuple[Marks, ...]:
         if flow is None:
             self.living, self.errors = [], []
         brushes = [layer_brush(fields.brush, self.manner.recipe, k) for k in range(self._count(fields))]
-        half = np.asarray(cv2.resize(frame, self.half, interpolation=cv2.INTER_AREA), np.uint8)
-        before: Flow | None = None
-        if flow is not None:
-            before = cv2.resize(flow, self.half, interpolation=cv2.INTER_AREA) * np.float32(-0.5)
-        out, marks, below = [], [], half
+        before = None if flow is None else _backwards(flow, self.work)
+        scale = self.work[1] / self.size[1]
+        out, marks, below = [], [], picture
         for index, brush in enumerate(brushes):
-            sigma = self.manner.recipe.blur * float(np.median(brush.size_px)) / 2
-            reference = _blurred(frame, sigma) if sigma > 0.3 else frame
-            living = self._layer(index, brush, reference, fields, flow, half, below, before)
+            width = float(np.median(brush.size_px)) * scale
+            sigma = self.manner.recipe.blur * width / 2
+            reference = _stretched(_blurred(picture, sigma) if sigma > LEAST_BLUR else picture, self.size)
+            living = self._layer(index, brush, reference, fields, flow, picture, below, before)
             out.append(living)
-            marks.append(self._marks(living, brush, sigma if sigma > 0.3 else 0.0, index))
-            below = np.asarray(_blurred(half, max(float(np.median(brush.size_px)) / 4, 0.5)), np.uint8)
+            marks.append(self._marks(living, brush, sigma if sigma > LEAST_BLUR else 0.0, index))
+            below = np.asarray(_blurred(picture, max(width / 2, 0.5)), np.uint8)
         self.living = out
         return tuple(marks)
 
@@ -163,7 +185,7 @@ class Eye:
         return max(1, min(most, recipe.most, 1 + int(math.log(max(widest / SMALLEST_PX, 1)) / -math.log(recipe.ratio))))
 
     def _layer(
-        self, index: int, brush: Brush, reference: Frame, fields: StyleFields, flow: Flow | None, half: Frame,
+        self, index: int, brush: Brush, reference: Frame, fields: StyleFields, flow: Flow | None, picture: Frame,
         below: Frame, before: Flow | None,
     ) -> Living:  # fmt: skip
         spacing, recipe = spacing_px(brush, self.manner.recipe), self.manner.recipe
@@ -173,24 +195,31 @@ class Eye:
         )  # fmt: skip
         limit = None
         if index:
-            error = self._error(index, half, below, before)
+            error = self._error(index, picture, below, before)
             threshold = layer_threshold(fields.layers, fields.threshold, index, self.size[::-1])
-            candidates = candidates[_missing(candidates, error, brush, threshold, 1.0)]
+            candidates = candidates[self._missing(candidates, error, brush, threshold, 1.0)]
             limit = error, threshold
         if flow is None or len(self.living) <= index:
             return begin(candidates, reference, spacing, self.habits)
         living = carry(self.living[index], flow)
-        keep = None if limit is None else _missing(living.seeds, limit[0], brush, limit[1], HOLD)
+        keep = None if limit is None else self._missing(living.seeds, limit[0], brush, limit[1], HOLD)
         return tend(living, candidates, reference, spacing, habits=self.habits, wanted=keep)
 
-    def _error(self, index: int, half: Frame, below: Frame, before: Flow | None) -> Plane:
+    def _missing(self, seeds: Seeds, error: Plane, brush: Brush, threshold: Plane, hold: float) -> NDArray[np.bool_]:
+        """Which strokes the picture needs: their area error exceeds `hold` times the threshold."""
+        scale = np.float32(self.work[1] / self.size[1])
+        side = sample(np.asarray(brush.size_px, np.float32), seeds.xy) * scale
+        found = area_error(error, seeds.xy * scale, side)
+        return np.asarray(found > sample(threshold, seeds.xy) * np.float32(hold), np.bool_)
+
+    def _error(self, index: int, picture: Frame, below: Frame, before: Flow | None) -> Plane:
         """How far the picture is from what the layer below can show of it, RGB distance, at half the size.
 
         Departure: hertzmann1998painterly compares with the canvas. Here it is what strokes of that size leave out, a
         blurred picture: it does not depend on where single strokes lie, so it does not flicker with them, and a frame
         can be painted by itself.
         """
-        apart = half.astype(np.float32) - below.astype(np.float32)
+        apart = picture.astype(np.float32) - below.astype(np.float32)
         now = np.sqrt((apart * apart).sum(axis=-1))
         if before is not None and len(self.errors) >= index:
             past = fetch(self.errors[index - 1], before)
@@ -204,7 +233,7 @@ class Eye:
         seeds, manner = living.seeds, self.manner
         table = np.zeros((len(living), COLUMNS), np.float16)
         table[:, 0:3] = np.clip(
-            tint(_pigment(living.aims, manner.vivid, manner.contrast), seeds, brush, self.seed), 0, 255
+            tint(pigment(living.aims, manner.vivid, manner.contrast), seeds, brush, self.seed), 0, 255
         )
         table[:, 3:6] = living.aims
         for column, field in enumerate(
@@ -223,8 +252,8 @@ class Eye:
     def state(self) -> State:
         """All it remembers; an eye restored from it goes on with the same bytes."""
         own: State = {"age": np.array(self.age)}
-        if self.gray is not None and self.thumbnail is not None and self.tensors is not None:
-            own |= {"gray": self.gray, "thumbnail": self.thumbnail, "tensors": self.tensors}
+        memories = {"gray": self.gray, "thumbnail": self.thumbnail, "tensors": self.tensors, "held": self.held}
+        own |= {name: array for name, array in (memories | {"wish": self.wish}).items() if array is not None}
         layers = {f"living{k}": _living_state(living) for k, living in enumerate(self.living)}
         errors = {"errors": {str(k): error for k, error in enumerate(self.errors)}}
         return own | flatten({"importance": self.importance.state()} | layers | errors)
@@ -232,6 +261,7 @@ class Eye:
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         self.age = int(state["age"])
         self.gray, self.thumbnail, self.tensors = (state.get(name) for name in ("gray", "thumbnail", "tensors"))
+        self.held, self.wish = state.get("held"), state.get("wish")
         self.importance.restore(part(state, "importance"))
         errors = part(state, "errors")
         self.errors = [errors[str(k)] for k in range(len(errors))]
@@ -251,18 +281,22 @@ def _living_from(state: Mapping[str, NDArray[Any]]) -> Living:
     return Living(seeds, state["aims"], state["presence"], state["leaving"], state["born"])
 
 
-def _missing(seeds: Seeds, error: Plane, brush: Brush, threshold: Plane, hold: float) -> NDArray[np.bool_]:
-    """Which strokes the picture needs: their area error exceeds `hold` times the threshold."""
-    side = sample(np.asarray(brush.size_px, np.float32), seeds.xy) * np.float32(0.5)
-    found = area_error(error, seeds.xy * np.float32(0.5), side)
-    return np.asarray(found > sample(threshold, seeds.xy) * np.float32(hold), np.bool_)
+def _shrunk(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
+    if (image.shape[1], image.shape[0]) == size:
+        return image
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def _pigment(aims: NDArray[np.float32], vivid: float, contrast: float) -> NDArray[np.float32]:
-    """The manner's paint for colours (n, 3), RGB 0..255."""
-    gray = (aims @ np.array([0.299, 0.587, 0.114], np.float32))[:, None]
-    strong = gray + np.float32(vivid) * (aims - gray)
-    return np.asarray(np.clip(np.float32(128) + np.float32(contrast) * (strong - np.float32(128)), 0, 255), np.float32)
+def _stretched(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
+    if (image.shape[1], image.shape[0]) == size:
+        return image
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_LINEAR), np.uint8)
+
+
+def _backwards(flow: Flow, size: tuple[int, int]) -> Flow:
+    """The way back, at another size; flow varies slowly, so it is taken where it arrives."""
+    scale = np.float32(-size[1] / flow.shape[0])
+    return np.asarray(cv2.resize(flow, size, interpolation=cv2.INTER_AREA) * scale, np.float32)
 
 
 def _blurred(image: NDArray[Any], sigma_px: float) -> NDArray[Any]:

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Plane
 from pipeline.methods.abstraction.state import Clock, no_clock
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.sight import Marks, Sight
-from pipeline.methods.multistyle.styles import STYLES, Manner
+from pipeline.methods.multistyle.styles import STYLES, pigment
 from pipeline.strokes.brush import Canvas, Direction
 from pipeline.strokes.carry import present
+from pipeline.strokes.drag import bare, drag, lay_on
 from pipeline.strokes.emboss import emboss
 from pipeline.strokes.raster import paint
-from pipeline.strokes.sweep import sweep
 from pipeline.strokes.trace import draw_out
 
 EDGE_SHRINKS = 0.85
@@ -37,46 +40,60 @@ class Painter:
         self.params, self.size, self.seed, self.clock, self.threads = params, size, seed, clock, threads
         self.manner = STYLES[params.style].manner
 
-    def paint(self, frame: Frame, sight: Sight) -> Frame:
+    def paint(self, sight: Sight) -> Frame:
+        """The picture of what was seen: uint8 (h, w, 3)."""
         with self.clock("ground"):
-            direction = sight.direction(self.size)
-            canvas = ground(_blurred(frame, sight.layers[0].sigma_px * 2), self.manner)
-        length = sight.length_px(self.size)
-        for index, marks in enumerate(sight.layers):
-            if len(marks):
-                with self.clock(f"layer {index + 1}"):
-                    self._layer(canvas, frame, marks, direction, length, index)
+            direction, bottom = sight.direction(self.size), self._ground(sight)
+        if self.params.renderer == "implicit":
+            canvas = self._implicit(sight, direction, bottom)
+        else:
+            canvas = self._explicit(sight, direction, bottom)
         with self.clock("light"):
             return emboss(canvas, self.manner.light)
 
-    def _layer(
-        self, canvas: Canvas, frame: Frame, marks: Marks, direction: Direction, length: Plane, index: int
-    ) -> None:
-        recipe, touch = self.manner.recipe, self.manner.touch
-        guide = _blurred(frame, marks.sigma_px)
-        edge = recipe.edge * EDGE_SHRINKS**index
-        dots = present(marks.dots(), marks.presence)
-        if self.params.renderer == "implicit":
-            sweep(
-                canvas, dots, direction, length * np.float32(recipe.ratio ** (index / 2)), seed=self.seed, touch=touch,
-                guide=guide, tolerance=edge, threads=self.threads, order=marks.uppermost_first,
-            )  # fmt: skip
-            return
-        under = canvas if index else None
-        strokes = draw_out(dots, marks.lengths_px, direction, reference=guide, canvas=under, edge=edge)
-        paint(canvas, strokes, seed=self.seed, touch=touch, guide=guide, tolerance=edge)
+    def _implicit(self, sight: Sight, direction: Direction, bottom: Plane) -> Canvas:
+        """From the uppermost stroke of the finest layer down to the ground."""
+        recipe, wet = self.manner.recipe, bare(bottom.shape)
+        for index in reversed(range(len(sight.layers))):
+            marks = sight.layers[index]
+            with self.clock(f"layer {index + 1}"):
+                drag(
+                    wet, present(marks.dots(), marks.presence), direction, marks.lengths_px, marks.uppermost_first,
+                    seed=self.seed, touch=self.manner.touch, guide=self._guide(sight, marks),
+                    tolerance=recipe.edge * EDGE_SHRINKS**index, threads=self.threads,
+                )  # fmt: skip
+        return lay_on(wet, bottom)
 
+    def _explicit(self, sight: Sight, direction: Direction, bottom: Plane) -> Canvas:
+        canvas = np.zeros((*bottom.shape[:2], 7), np.float32)
+        canvas[..., :3] = canvas[..., 4:] = bottom
+        canvas[..., 4:] = _stretched(sight.picture, self.size)
+        for index, marks in enumerate(sight.layers):
+            edge = self.manner.recipe.edge * EDGE_SHRINKS**index
+            with self.clock(f"layer {index + 1}"):
+                dots, guide = present(marks.dots(), marks.presence), self._guide(sight, marks)
+                under = canvas if index else None
+                strokes = draw_out(dots, marks.lengths_px, direction, reference=guide, canvas=under, edge=edge)
+                paint(canvas, strokes, seed=self.seed, touch=self.manner.touch, guide=guide, tolerance=edge)
+        return canvas
 
-def ground(picture: Frame, manner: Manner) -> Canvas:
-    """The canvas before the first stroke: the picture's broad colours, under a veil of the ground's own."""
-    height, width = picture.shape[:2]
-    canvas = np.zeros((height, width, 7), np.float32)
-    canvas[..., :3] = canvas[..., 4:] = picture
-    if manner.cover > 0:
+    def _guide(self, sight: Sight, marks: Marks) -> Frame:
+        return _stretched(_blurred(sight.picture, marks.sigma_px), self.size)
+
+    def _ground(self, sight: Sight) -> Plane:
+        """The canvas before the first stroke, float32 (h, w, 3): the picture's broad colours under a veil."""
+        manner = self.manner
+        broad = _blurred(sight.picture, sight.layers[0].sigma_px * 2)
+        colours = pigment(broad.reshape(-1, 3).astype(np.float32), manner.vivid, manner.contrast).reshape(broad.shape)
         own = np.array(manner.ground, np.float32)
-        canvas[..., :3] += np.float32(manner.cover) * (own - canvas[..., :3])
-    return canvas
+        return np.asarray(_stretched(colours + np.float32(manner.cover) * (own - colours), self.size), np.float32)
 
 
-def _blurred(frame: Frame, sigma_px: float) -> Frame:
-    return np.asarray(cv2.GaussianBlur(frame, (0, 0), sigma_px), np.uint8) if sigma_px > 0.3 else frame
+def _stretched(image: NDArray[Any], size: tuple[int, int]) -> NDArray[Any]:
+    if (image.shape[1], image.shape[0]) == size:
+        return image
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_LINEAR))
+
+
+def _blurred(picture: Frame, sigma_px: float) -> Frame:
+    return np.asarray(cv2.GaussianBlur(picture, (0, 0), sigma_px), np.uint8) if sigma_px > 0.3 else picture

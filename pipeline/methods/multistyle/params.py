@@ -94,6 +94,10 @@ class MultistyleParams(Params):
         2, 0, 20, "Stillness", "A pixel whose 5x5 surroundings changed by at most this stands still.", "gray levels",
         "Time",
     )  # fmt: skip
+    hold: float = _number(
+        3, 0, 20, "Hold", "Colours that change by less, on average over 5x5 px, stay as they were: no noise is painted.",
+        "gray levels", "Time",
+    )  # fmt: skip
     stroke_fade: float = _number(
         0.12, 0.02, 1, "Stroke fade", "How much of a new stroke comes up, or of an old one goes, in a frame.", "ratio",
         "Time",

@@ -124,12 +124,11 @@ def _paint(task: Task, bench: Bench) -> Note:
     start, stop = task.args["start"], task.args["stop"]
     seen = bench.load("paint", task.after[0])
     painter = Painter(bench.params, bench.size, bench.seed, bench.clock)
-    count = 0
-    for frame in bench.frames("video", start, stop):
-        mine = {name.partition(".")[2]: array for name, array in seen.items() if name.startswith(f"{count}.")}
-        bench.emit(start + count, painter.paint(frame, unpack(mine)))
-        count += 1
-        bench.progress(count / (stop - start))
+    count = len({name.partition(".")[0] for name in seen})
+    for k in range(count):
+        mine = {name.partition(".")[2]: array for name, array in seen.items() if name.startswith(f"{k}.")}
+        bench.emit(start + k, painter.paint(unpack(mine)))
+        bench.progress((k + 1) / (stop - start))
     return {"frames": count}
 
 

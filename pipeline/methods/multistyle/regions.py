@@ -81,7 +81,7 @@ def label_map(image: NDArray[Any], size: tuple[int, int], where: str) -> NDArray
     mine = size[0] / size[1]
     if abs(plane.shape[1] / plane.shape[0] / mine - 1) > 0.02:
         raise BadParameter(
-            "A label map has the shape of the video.", field="inputs.masks", 
+            "A label map has the shape of the video.", field="inputs.masks",
             value=f"{plane.shape[1]}x{plane.shape[0]} in {where}",
             remedy=f"Make it {size[0]}x{size[1]}.",
         )  # fmt: skip

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass
 from typing import Any
 
 from numpy.typing import NDArray
@@ -15,14 +14,6 @@ from pipeline.methods.multistyle.look import Eye
 from pipeline.methods.multistyle.paint import Painter
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.sight import Sight
-
-
-@dataclass(frozen=True)
-class Seen:
-    """What `look` hands to `paint`."""
-
-    frame: Frame
-    sight: Sight
 
 
 class MultistyleSession:
@@ -36,11 +27,11 @@ class MultistyleSession:
     def step(self, frame: Frame) -> Frame:
         return self.paint(self.look(frame))
 
-    def look(self, frame: Frame) -> Seen:
-        return Seen(frame, self.eye.step(frame))
+    def look(self, frame: Frame) -> Sight:
+        return self.eye.step(frame)
 
-    def paint(self, seen: Seen) -> Frame:
-        return self.painter.paint(seen.frame, seen.sight)
+    def paint(self, seen: Sight) -> Frame:
+        return self.painter.paint(seen)
 
     def hurry(self, helper: Executor) -> None:
         self.painter.threads = 2

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.frames import Plane
+from pipeline.frames import Frame, Plane
 from pipeline.strokes.brush import Direction, Strokes
 from pipeline.strokes.random import Ids
 
@@ -72,11 +72,13 @@ class Sight:
     """One frame as the painter needs to know it.
 
     Attributes:
+        picture: uint8 (h', w', 3): the held picture, perhaps at half the frame's size.
         field: float16 (h', w', 2): (u, v) of the strokes' tensors, coarser than the frame.
         length: float16 (h', w'): length of the coarsest layer's strokes, px.
         layers: from coarse to fine.
     """
 
+    picture: Frame
     field: Half
     length: Half
     layers: tuple[Marks, ...]
@@ -90,7 +92,9 @@ class Sight:
 
     def pack(self) -> dict[str, NDArray[Any]]:
         """As arrays by name. All are floats: those are stored as they are, which is faster than to deflate them."""
-        out: dict[str, NDArray[Any]] = {"field": self.field, "length": self.length}
+        out: dict[str, NDArray[Any]] = {
+            "picture": self.picture.astype(np.float16), "field": self.field, "length": self.length,
+        }  # fmt: skip
         for index, marks in enumerate(self.layers):
             out[f"{index}.xy"], out[f"{index}.table"] = marks.xy, marks.table
             out[f"{index}.ids"] = np.ascontiguousarray(marks.ids).view(np.float64)
@@ -105,7 +109,7 @@ def unpack(arrays: Mapping[str, NDArray[Any]]) -> Sight:
         Marks(arrays[f"{k}.xy"], arrays[f"{k}.ids"].view(np.uint64), arrays[f"{k}.table"], float(arrays[f"{k}.sigma"]))
         for k in range(count)
     )
-    return Sight(arrays["field"], arrays["length"], layers)
+    return Sight(arrays["picture"].astype(np.uint8), arrays["field"], arrays["length"], layers)
 
 
 def _stretched(plane: Half, size: tuple[int, int]) -> NDArray[np.float32]:

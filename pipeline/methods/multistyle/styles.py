@@ -140,3 +140,10 @@ STYLES: Mapping[str, Named] = MappingProxyType({
         ),
     ),
 })  # fmt: skip
+
+
+def pigment(aims: NDArray[np.float32], vivid: float, contrast: float) -> NDArray[np.float32]:
+    """The manner's paint for colours (n, 3), RGB 0..255."""
+    gray = (aims @ np.array([0.299, 0.587, 0.114], np.float32))[:, None]
+    strong = gray + np.float32(vivid) * (aims - gray)
+    return np.asarray(np.clip(np.float32(128) + np.float32(contrast) * (strong - np.float32(128)), 0, 255), np.float32)
