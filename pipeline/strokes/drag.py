@@ -44,7 +44,8 @@ def bare(shape: tuple[int, ...]) -> Wet:
 
 def drag(
     wet: Wet, starts: Strokes, field: Direction, length_px: NDArray[np.float32], order: NDArray[np.intp], *,
-    seed: int = 0, touch: Touch | None = None, guide: Frame | None = None, tolerance: float = 80.0, threads: int = 1,
+    seed: int = 0, touch: Touch | None = None, guide: Frame | None = None,
+    tolerance: float | NDArray[np.float32] = 80.0, threads: int = 1,
 ) -> None:  # fmt: skip
     """Paint a layer under what is there, in place.
 
@@ -53,7 +54,8 @@ def drag(
         field: float32 (h, w, 2): (cos 2a, sin 2a) of the orientation.
         length_px: float32 (n,), from tip to tip.
         order: indices of the strokes, the uppermost first.
-        guide, tolerance: as in `paint`: strokes keep off pixels of another colour.
+        guide, tolerance: as in `paint`: strokes keep off pixels of another colour; the tolerance may be each one's own,
+            float32 (n,).
         threads: bands of rows that are worked on at once; the result is the same.
 
     Source: kagaya2011video, section 4.2. Departure: see the top of this file.
@@ -64,12 +66,13 @@ def drag(
     lines = draw_out(starts, length_px, field)
     offset = (draws(starts.ids, seed, Purpose.BRISTLES)[:, 0] * np.float32(1 << 16)).astype(np.int32)
     height, hairs = wet.shape[0], tile(seed)
+    own = np.ascontiguousarray(np.broadcast_to(np.asarray(tolerance, np.float32), len(starts)))
 
     def band(top: int, bottom: int) -> None:
         _drag(
             wet, lines.points, lines.counts, lines.radius_px, lines.colours, lines.aims, lines.opacity,
             lines.relief_px, lines.grain, order, offset, hairs, _NO_GUIDE if guide is None else guide, guided,
-            np.float32(tolerance), np.float32(touch.taper[0]), np.float32(touch.taper[1]), np.float32(touch.streaks),
+            own, np.float32(touch.taper[0]), np.float32(touch.taper[1]), np.float32(touch.streaks),
             np.float32(touch.dry), top, bottom,
         )  # fmt: skip
 
@@ -108,7 +111,7 @@ def _drag(
     wet: Wet, points: NDArray[np.float32], counts: NDArray[np.int32], radius: NDArray[np.float32],
     colours: NDArray[np.float32], aims: NDArray[np.float32], opacity: NDArray[np.float32],
     relief: NDArray[np.float32], grain: NDArray[np.float32], order: NDArray[np.intp], offset: NDArray[np.int32],
-    hairs: Tile, guide: Frame, guided: bool, tolerance: np.float32, taper_start: np.float32, taper_end: np.float32,
+    hairs: Tile, guide: Frame, guided: bool, tolerances: NDArray[np.float32], taper_start: np.float32, taper_end: np.float32,
     streaks: np.float32, dry: np.float32, band_top: int, band_bottom: int,
 ) -> None:  # fmt: skip
     width = wet.shape[1]
@@ -116,10 +119,10 @@ def _drag(
     scratch = np.zeros((3, rows_high, width), np.float32)
     cover, along, across = scratch[0], scratch[1], scratch[2]
     rows = np.empty((rows_high, 2), np.int32)
-    outer2 = tolerance * tolerance * np.float32(1.5625)
-    inner2 = tolerance * tolerance
     for k in order:
-        n, r = counts[k], radius[k]
+        n, r, tolerance = counts[k], radius[k], tolerances[k]
+        inner2 = tolerance * tolerance
+        outer2 = inner2 * np.float32(1.5625)
         low_y, high_y = points[k, 0, 1], points[k, 0, 1]
         total = _ZERO
         for i in range(n - 1):

@@ -13,10 +13,11 @@ from pipeline.methods.multistyle.styles import STYLES, Style
 from pipeline.strokes.brush import Brush
 from pipeline.strokes.seeds import Field
 
-FINER = 0.45
+FINER = 0.55
 """How much smaller strokes are where detail is fullest, in parts."""
-SHORTER, CLOSER, MORE = 0.3, 0.65, 1.0
-"""The same for their length and for the error threshold, in parts; and how many layers more there are."""
+SHORTER, CLOSER, MORE, CALMER = 0.3, 0.75, 1.0, 0.45
+"""The same for their length and for the error threshold, in parts; how many layers more there are; and how much less
+colours stray, in parts."""
 SMALLEST_PX = 1.7
 """Width of the finest strokes that are still strokes."""
 
@@ -65,15 +66,18 @@ def style_fields(values: Mapping[str, Field], detail: Plane | None, height: int)
         height: of the frame, px.
     """
     px = np.float32(height / 1000)
-    size, length, threshold, layers = (values[name] for name in ("size", "length", "threshold", "layers"))
+    size, length, threshold, layers, jitter = (
+        values[name] for name in ("size", "length", "threshold", "layers", "jitter")
+    )
     if detail is not None:
         size = np.asarray(size * (1 - np.float32(FINER) * detail), np.float32)
         length = np.asarray(length * (1 - np.float32(SHORTER) * detail), np.float32)
         threshold = np.asarray(threshold * (1 - np.float32(CLOSER) * detail), np.float32)
+        jitter = np.asarray(jitter * (1 - np.float32(CALMER) * detail), np.float32)
         layers = np.asarray(layers + np.float32(MORE) * detail, np.float32)
     brush = Brush(
         size_px=np.maximum(np.multiply(size, px), np.float32(SMALLEST_PX)), length_px=np.multiply(length, px),
         opacity=values["opacity"], hue_deg=values["hue"], saturation=values["saturation"], value=values["value"],
-        jitter=values["jitter"], relief_px=np.multiply(values["relief"], px), grain=values["grain"],
+        jitter=jitter, relief_px=np.multiply(values["relief"], px), grain=values["grain"],
     )  # fmt: skip
     return StyleFields(brush, layers, threshold)

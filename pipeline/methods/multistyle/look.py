@@ -37,6 +37,8 @@ LARGE_ROWS = 400
 """From so many rows on, the picture is worked from at half its size: strokes are wider than what is lost."""
 WISH_HOLD, WISH_FOLLOW = 0.06, 0.25
 """Wished detail that changes by less stays as it is; more is gone after by so much a frame."""
+EDGE_SHRINKS, STRICTER = 0.85, 0.5
+"""Each finer layer keeps to its colour this much more strictly; and how much more where detail is fullest, in parts."""
 LEAST_BLUR = 0.3
 """Sigma, px, below which a picture is not blurred at all."""
 COARSE_ROWS = 160
@@ -81,6 +83,7 @@ class Eye:
         self.tensors: NDArray[np.float32] | None = None
         self.held: NDArray[np.float32] | None = None
         self.wish: Plane | None = None
+        self.wished: Plane | None = None
         self.errors: list[Plane] = []
         self.living: list[Living] = []
 
@@ -141,7 +144,8 @@ class Eye:
                 apart = np.abs(coarse - self.wish)
                 coarse = self.wish + np.where(apart > WISH_HOLD, np.float32(WISH_FOLLOW), 0) * (coarse - self.wish)
             self.wish = np.asarray(coarse, np.float32)
-            return np.asarray(cv2.resize(self.wish, self.size, interpolation=cv2.INTER_LINEAR), np.float32)
+            self.wished = np.asarray(cv2.resize(self.wish, self.size, interpolation=cv2.INTER_LINEAR), np.float32)
+            return self.wished
 
     def _directions(self, picture: Frame, flow: Flow | None, placed: Placed | None) -> Tensors2:
         """The edge field, float32 (2, h', w'), smoothed over space and time, with a direction everywhere."""
@@ -243,6 +247,8 @@ class Eye:
         table[:, 11] = living.presence
         stray = draws(seeds.ids, self.seed, Purpose.ORDER)[:, 1] - np.float32(0.5)
         table[:, 12] = np.sqrt((living.born * living.born).sum(axis=1)) + np.float32(manner.mingle) * stray
+        strict = 0.0 if self.wished is None else sample(self.wished, seeds.xy) * np.float32(STRICTER)
+        table[:, 13] = manner.recipe.edge * EDGE_SHRINKS**index * (1 - strict)
         return Marks(seeds.xy, seeds.ids, table, sigma_px)
 
     def _shrunk(self, field: Any) -> NDArray[np.float16]:

@@ -16,12 +16,14 @@ from pipeline.methods.multistyle.styles import STYLES, pigment
 from pipeline.strokes.brush import Canvas, Direction
 from pipeline.strokes.carry import present
 from pipeline.strokes.drag import bare, drag, lay_on
-from pipeline.strokes.emboss import emboss
+from pipeline.strokes.emboss import emboss, settle_pigment
 from pipeline.strokes.raster import paint
 from pipeline.strokes.trace import draw_out
 
-EDGE_SHRINKS = 0.85
-"""Each finer layer keeps to its colour this much more strictly."""
+GRAIN = 0.09
+"""How much darker thick paint is in a hollow of paper, of one deviation, where the paper shows fully."""
+RIM, RIM_DEPTH = 0.008, 22.0
+"""Width of the rim at which paint dries, in heights; and the step, gray levels, that makes a full one."""
 
 
 class Painter:
@@ -49,18 +51,27 @@ class Painter:
         else:
             canvas = self._explicit(sight, direction, bottom)
         with self.clock("light"):
-            return emboss(canvas, self.manner.light)
+            lit = emboss(canvas, self.manner.light)
+            return settle_pigment(lit, self._rims(sight), GRAIN * self.manner.paper) if self.manner.paper else lit
+
+    def _rims(self, sight: Sight) -> Plane:
+        """Where wet paint has run to the edge of its area and dried, 0..1: the darker side of a border."""
+        gray = cv2.cvtColor(sight.picture, cv2.COLOR_RGB2GRAY).astype(np.float32)
+        wide = RIM * gray.shape[0]
+        lack = cv2.GaussianBlur(gray, (0, 0), wide) - cv2.GaussianBlur(gray, (0, 0), max(wide / 3, 0.5))
+        rims = np.clip(lack * np.float32(self.manner.rim / RIM_DEPTH), 0, np.float32(self.manner.rim))
+        return np.asarray(_stretched(rims, self.size), np.float32)
 
     def _implicit(self, sight: Sight, direction: Direction, bottom: Plane) -> Canvas:
         """From the uppermost stroke of the finest layer down to the ground."""
-        recipe, wet = self.manner.recipe, bare(bottom.shape)
+        wet = bare(bottom.shape)
         for index in reversed(range(len(sight.layers))):
             marks = sight.layers[index]
             with self.clock(f"layer {index + 1}"):
                 drag(
                     wet, present(marks.dots(), marks.presence), direction, marks.lengths_px, marks.uppermost_first,
                     seed=self.seed, touch=self.manner.touch, guide=self._guide(sight, marks),
-                    tolerance=recipe.edge * EDGE_SHRINKS**index, threads=self.threads,
+                    tolerance=marks.tolerance, threads=self.threads,
                 )  # fmt: skip
         return lay_on(wet, bottom)
 
@@ -69,7 +80,7 @@ class Painter:
         canvas[..., :3] = canvas[..., 4:] = bottom
         canvas[..., 4:] = _stretched(sight.picture, self.size)
         for index, marks in enumerate(sight.layers):
-            edge = self.manner.recipe.edge * EDGE_SHRINKS**index
+            edge = float(np.median(marks.tolerance)) if len(marks) else 0.0
             with self.clock(f"layer {index + 1}"):
                 dots, guide = present(marks.dots(), marks.presence), self._guide(sight, marks)
                 under = canvas if index else None

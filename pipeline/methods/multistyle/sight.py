@@ -20,7 +20,7 @@ from pipeline.strokes.random import Ids
 Half = NDArray[np.float16]
 
 COLUMNS = 14
-"""Of `Marks.table`: paint RGB, aim RGB, radius, opacity, relief, grain, length, presence, rank, spare."""
+"""Of `Marks.table`: paint RGB, aim RGB, radius, opacity, relief, grain, length, presence, rank, tolerance."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +52,11 @@ class Marks:
     @property
     def presence(self) -> NDArray[np.float32]:
         return self.column(11)
+
+    @property
+    def tolerance(self) -> NDArray[np.float32]:
+        """How far the picture may be from a stroke's colour for it to cover it, RGB distance."""
+        return self.column(13)
 
     @property
     def uppermost_first(self) -> NDArray[np.intp]:

@@ -93,50 +93,64 @@ class Named:
 STYLES: Mapping[str, Named] = MappingProxyType({
     "van-gogh": Named(
         "Van Gogh", "Thick, curving strokes that run along every form; strong colour.",
-        Style(size=17, length=95, jitter=0.30, saturation=0.10, relief=5.0, grain=0.85, layers=3, threshold=20),
+        Style(
+            size=20, length=105, jitter=0.28, saturation=0.08, relief=3.6, grain=0.8, layers=3, threshold=20,
+        ),
         Manner(
-            Recipe(most=4, ratio=0.58, overlap=2.6, edge=85), Touch((0.2, 0.55), streaks=46, dry=0.4),
-            Light(strength=0.42, gloss=0.12), vivid=1.25, contrast=1.08, mingle=90,
+            Recipe(most=4, ratio=0.55, overlap=2.6, edge=85), Touch((0.2, 0.5), streaks=36, dry=0.35),
+            Light(strength=0.36, gloss=0.1), vivid=1.25, contrast=1.06, mingle=110,
         ),
     ),
     "impressionism": Named(
         "Impressionism", "Short, broken dabs of light colour, laid wet into wet.",
-        Style(size=19, length=38, jitter=0.38, value=0.03, relief=2.2, grain=0.55, layers=3, threshold=22),
+        Style(
+            size=21, length=42, jitter=0.42, value=0.03, relief=2.0, grain=0.5, layers=3, threshold=22,
+        ),
         Manner(
-            Recipe(most=4, ratio=0.6, overlap=2.6, edge=80), Touch((0.1, 0.3), streaks=26, dry=0.5),
-            Light(strength=0.3, gloss=0.05, weave_px=0.35), vivid=1.2, mingle=160,
+            Recipe(most=4, ratio=0.58, overlap=2.6, edge=80), Touch((0.1, 0.3), streaks=24, dry=0.4),
+            Light(strength=0.28, gloss=0.04, weave_px=0.12), vivid=1.2, mingle=170,
         ),
     ),
     "expressionism": Named(
         "Expressionism", "Long, bold, restless strokes in colours stronger than nature.",
-        Style(size=26, length=190, jitter=0.55, saturation=0.28, relief=2.6, grain=0.8, layers=3, threshold=34),
+        Style(
+            size=27, length=190, jitter=0.5, saturation=0.22, relief=2.2, grain=0.75, layers=3, threshold=34,
+        ),
         Manner(
-            Recipe(most=4, ratio=0.5, overlap=2.4, edge=75), Touch((0.1, 0.7), streaks=40, dry=0.8),
-            Light(strength=0.3, gloss=0.06), vivid=1.5, contrast=1.18, mingle=40,
+            Recipe(most=4, ratio=0.5, overlap=2.4, edge=75), Touch((0.1, 0.7), streaks=36, dry=0.7),
+            Light(strength=0.28, gloss=0.05), vivid=1.45, contrast=1.15, mingle=50,
         ),
     ),
     "pointillism": Named(
         "Pointillism", "Dots of pure colour that mix in the eye, on a light ground.",
-        Style(size=12, length=0, jitter=0.62, saturation=0.12, value=0.02, relief=0.8, grain=0, layers=2, threshold=22),
+        Style(
+            size=17, length=0, jitter=0.5, saturation=0.1, value=0.02, relief=0.8, grain=0, layers=2, threshold=26,
+        ),
         Manner(
-            Recipe(most=4, ratio=0.62, overlap=1.5, edge=90, scatter=0.75), Touch((0, 0), streaks=0, dry=0),
-            Light(strength=0.25, gloss=0.0, weave_px=0.3), cover=0.55, vivid=1.3, mingle=200,
+            Recipe(most=4, ratio=0.6, overlap=1.35, edge=90, scatter=0.6), Touch((0, 0), streaks=0, dry=0),
+            Light(strength=0.22, gloss=0.0, weave_px=0.1), cover=0.5, vivid=1.3, mingle=220,
         ),
     ),
     "colorist-wash": Named(
         "Colorist wash", "Transparent washes over each other, in free, strong colours.",
-        Style(size=34, length=120, opacity=0.5, jitter=0.75, saturation=0.2, relief=0.5, grain=0.5, layers=3, threshold=20),
+        Style(
+            size=38, length=130, opacity=0.5, jitter=0.7, saturation=0.15, relief=0.4, grain=0.5, layers=3,
+            threshold=20,
+        ),
         Manner(
             Recipe(most=4, ratio=0.5, overlap=4.0, edge=75), Touch((0.1, 0.4), streaks=18, dry=0.5),
-            Light(strength=0.2, gloss=0, weave_px=0.4), cover=0.35, vivid=1.6, mingle=220,
+            Light(strength=0.2, gloss=0, weave_px=0.12), cover=0.35, vivid=1.5, mingle=240, rim=0.15, paper=0.25,
         ),
     ),
     "watercolor": Named(
         "Watercolor", "Pale, wet areas with darker rims, on white paper with a grain.",
-        Style(size=36, length=60, opacity=0.42, jitter=0.16, saturation=-0.02, value=0.06, relief=0, grain=0.15, layers=3, threshold=16),
+        Style(
+            size=44, length=60, opacity=0.36, jitter=0.2, value=0.05, relief=0, grain=0, layers=3, threshold=16,
+        ),
         Manner(
-            Recipe(most=4, ratio=0.5, overlap=4.0, edge=48, scatter=1.0), Touch((0, 0.2), streaks=10, dry=0.2),
-            Light(strength=0, gloss=0), ground=(250, 248, 242), cover=0.8, vivid=1.25, mingle=300, rim=0.5, paper=0.5,
+            Recipe(most=4, ratio=0.5, overlap=5.0, edge=50, scatter=1.0), Touch((0, 0), streaks=0, dry=0),
+            Light(strength=0, gloss=0), ground=(250, 248, 242), cover=0.4, vivid=1.3, mingle=300, rim=0.55,
+            paper=0.8,
         ),
     ),
 })  # fmt: skip
