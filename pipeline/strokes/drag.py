@@ -111,8 +111,8 @@ def _drag(
     wet: Wet, points: NDArray[np.float32], counts: NDArray[np.int32], radius: NDArray[np.float32],
     colours: NDArray[np.float32], aims: NDArray[np.float32], opacity: NDArray[np.float32],
     relief: NDArray[np.float32], grain: NDArray[np.float32], order: NDArray[np.intp], offset: NDArray[np.int32],
-    hairs: Tile, guide: Frame, guided: bool, tolerances: NDArray[np.float32], taper_start: np.float32, taper_end: np.float32,
-    streaks: np.float32, dry: np.float32, band_top: int, band_bottom: int,
+    hairs: Tile, guide: Frame, guided: bool, tolerances: NDArray[np.float32], taper_start: np.float32,
+    taper_end: np.float32, streaks: np.float32, dry: np.float32, band_top: int, band_bottom: int,
 ) -> None:  # fmt: skip
     width = wet.shape[1]
     rows_high = band_bottom - band_top

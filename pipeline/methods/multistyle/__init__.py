@@ -50,8 +50,11 @@ class Multistyle:
         Step("paint", "Paint", plan_paint, run_paint),
     )
     artefacts: ClassVar[tuple[str, ...]] = ("regions",)
-    examples: ClassVar[tuple[Example, ...]] = tuple(
-        Example(name, named.title, {"style": name}) for name, named in STYLES.items() if name != "van-gogh"
+    examples: ClassVar[tuple[Example, ...]] = (
+        *(Example(name, named.title, {"style": name}) for name, named in STYLES.items() if name != "van-gogh"),
+        Example("rack-focus", "Rack focus", {"style": "pointillism", "effect": "rack-focus"}),
+        Example("emphasis", "Emphasis", {"style": "impressionism", "effect": "emphasis"}),
+        Example("calm-to-stress", "Calm to stress", {"style": "van-gogh", "effect": "calm-to-stress"}),
     )
 
     def stream(

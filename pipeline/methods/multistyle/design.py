@@ -224,17 +224,19 @@ def _check_of(design: Design, name: str, path: str) -> None:
 
 def _check_keys(design: Design) -> None:
     known = ", ".join((*STYLE_NAMES, *design.styles))
-    listings: tuple[tuple[str, tuple[StyleKey, ...] | tuple[DirectionKey, ...]], ...] = (
-        ("keys", design.keys), ("directions", design.directions),
-    )  # fmt: skip
-    for listed, keys in listings:
-        for index, key in enumerate(keys):
-            if key.region not in design.names:
-                there = ", ".join(design.names)
-                _refuse(f".{listed}[{index}].region", key.region, "There is no such region.", f"There are: {there}.")
-            if isinstance(key, StyleKey) and key.style not in (None, *STYLE_NAMES, *design.styles):
-                _refuse(f".{listed}[{index}].style", key.style, "There is no such style.", f"Use one of: {known}.")
-        _check_twice(((key.region, key.frame) for key in keys), f".{listed}", "frame")
+    for index, key in enumerate(design.keys):
+        _check_region(design, f".keys[{index}].region", key.region)
+        if key.style is not None and key.style not in (*STYLE_NAMES, *design.styles):
+            _refuse(f".keys[{index}].style", key.style, "There is no such style.", f"Use one of: {known}.")
+    for index, direction in enumerate(design.directions):
+        _check_region(design, f".directions[{index}].region", direction.region)
+    _check_twice(((key.region, key.frame) for key in design.keys), ".keys", "frame")
+    _check_twice(((key.region, key.frame) for key in design.directions), ".directions", "frame")
+
+
+def _check_region(design: Design, path: str, name: str) -> None:
+    if name not in design.names:
+        _refuse(path, name, "There is no such region.", f"There are: {', '.join(design.names)}.")
 
 
 def _check_twice(keys: Iterable[Any], path: str, leaf: str) -> None:

@@ -159,7 +159,7 @@ class Eye:
             near = edge_field(now)
             wide = np.stack([_blurred(plane, sigma * BROAD) for plane in near])
             default = field_of(math.radians(self.params.default_angle), BY_DEFAULT)[:, None, None]
-            field = near + np.float32(BROADLY) * wide + default
+            field = np.asarray(near + np.float32(BROADLY) * wide + default, np.float32)
             if placed is not None and self.designer is not None:
                 field = self.designer.directions(field, placed)
             return np.asarray(field / (np.sqrt((field * field).sum(axis=0)) + np.float32(1e-3)), np.float32)

@@ -70,6 +70,7 @@ def plan_regions(brief: Brief, runs: list[Run]) -> list[Task]:
     tasks: list[Task] = []
     for number, (start, stop, shot) in enumerate(runs):
         args = {"start": start, "stop": stop, "tubes": wish["tubes"], "shot": _shot_number(runs, shot)}
+        args["frames"] = wish["frames"]
         first, weight = start == shot[0], FINDING * (stop - start)
         after = () if first else (f"fore-{runs[number - 1][0]:07d}",)
         tasks.append(Task(f"fore-{start:07d}", args | {"last": stop == shot[1]}, after, weight=weight))
@@ -150,11 +151,12 @@ def plan_maps(brief: Brief, runs: list[Run]) -> list[Task]:
     backs = set(brief.notes["regions"])
     tasks = []
     for start, stop, shot in runs:
-        own = {k: v for k, v in owner.items()}
-        args = {"start": start, "stop": stop, "shot": list(shot), "owner": own, "numbers": numbers}
+        args: Note = {"start": start, "stop": stop, "shot": list(shot), "owner": owner, "numbers": numbers}
+        args["frames"] = wish["frames"]
         args["back"] = f"back-{start:07d}" in backs
         tasks.append(Task(f"map-{start:07d}", args, weight=0.03 * (stop - start)))
     listed = {"tubes": [_tube_row(tube) for tube in found], "names": wish["names"], "starts": [run[0] for run in runs]}
+    listed["frames"] = wish["frames"]
     return [*tasks, Task("list", listed, tuple(task.key for task in tasks), weight=0.1)]
 
 

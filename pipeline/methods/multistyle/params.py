@@ -7,6 +7,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from pipeline.methods.base import Params
+from pipeline.methods.multistyle.effects import Effect
 from pipeline.methods.multistyle.styles import StyleName
 from pipeline.strokes.layers import Renderer
 
@@ -59,6 +60,12 @@ class MultistyleParams(Params):
         "ratio", "Style",
     )  # fmt: skip
 
+    effect: Effect = _choice(
+        "none", "Effect",
+        "A ready design, where none is given: rack-focus = from the subject to the background; emphasis = a fine, "
+        "vivid subject before a broad, dull background; calm-to-stress = over the whole video.", "Style",
+    )  # fmt: skip
+
     # -- detail
     face_detail: float = _number(
         1, 0, 1, "Faces", "How much finer faces are painted: 1 = half the size, a layer more.", "ratio", "Detail"
@@ -95,7 +102,7 @@ class MultistyleParams(Params):
         "Time",
     )  # fmt: skip
     hold: float = _number(
-        3, 0, 20, "Hold", "Colours that change by less, on average over 5x5 px, stay as they were: no noise is painted.",
+        3, 0, 20, "Hold", "Colours that change by less, over 5x5 px, stay as they were: noise is not painted.",
         "gray levels", "Time",
     )  # fmt: skip
     stroke_fade: float = _number(

@@ -24,6 +24,7 @@ from pipeline.frames import Plane
 from pipeline.methods.base import Bench, Brief, Note, Task
 from pipeline.methods.multistyle import mapping
 from pipeline.methods.multistyle.design import Design, parse
+from pipeline.methods.multistyle.effects import effect_design
 from pipeline.methods.multistyle.look import Eye
 from pipeline.methods.multistyle.paint import Painter
 from pipeline.methods.multistyle.params import MultistyleParams
@@ -60,10 +61,10 @@ def run_scan(task: Task, bench: Bench) -> Note:
     return {"frames": count, "cuts": cuts} | mapping.wishes(design_of(bench, count), bench, count)
 
 
-def design_of(bench: Bench, frames: int | None = None) -> Design | None:
-    """The job's design, checked."""
+def design_of(bench: Bench, frames: int) -> Design | None:
+    """The job's design, checked; or that of the effect it asks for."""
     if not bench.has("design"):
-        return None
+        return effect_design(bench.params.effect, frames)
     return parse(bench.json("design"), frames=frames, masks=bench.has(mapping.MASKS))
 
 
@@ -78,8 +79,11 @@ def runs_of(brief: Brief) -> Iterator[tuple[int, int, tuple[int, int]]]:
 def plan_paint(brief: Brief) -> list[Task]:
     looks: list[Task] = []
     paints: list[Task] = []
+    total = brief.notes["scan"]["video"]["frames"]
     for start, stop, shot in runs_of(brief):
-        args = {"start": start, "stop": stop, "last": stop == shot[1]} | mapping.ellipses(brief, start, stop, shot)
+        args = {"start": start, "stop": stop, "last": stop == shot[1], "frames": total} | mapping.ellipses(
+            brief, start, stop, shot
+        )
         after = (_look_key(start - RUN_FRAMES),) if start > shot[0] else ()
         looks.append(Task(_look_key(start), args, after, weight=LOOKING * (stop - start)))
         args = {"start": start, "stop": stop}
@@ -99,7 +103,7 @@ def run_paint(task: Task, bench: Bench) -> Note:
 def _look(task: Task, bench: Bench) -> Note:
     """Look at frames [start, stop), from the state of the run before where there is one."""
     start, stop = task.args["start"], task.args["stop"]
-    design = design_of(bench)
+    design = design_of(bench, task.args["frames"])
     eye = Eye(bench.params, bench.size, bench.seed, bench.clock, design)
     if task.after:
         eye.restore(bench.load("paint", f"state-{task.after[0]}"))
@@ -141,8 +145,8 @@ def plan_maps(brief: Brief) -> list[Task]:
 
 
 def run_regions(task: Task, bench: Bench) -> Note:
-    return mapping.run_regions(task, bench, design_of(bench))
+    return mapping.run_regions(task, bench, design_of(bench, task.args["frames"]))
 
 
 def run_maps(task: Task, bench: Bench) -> Note:
-    return mapping.run_maps(task, bench, design_of(bench))
+    return mapping.run_maps(task, bench, design_of(bench, task.args["frames"]))

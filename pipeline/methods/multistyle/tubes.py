@@ -42,7 +42,7 @@ class Tubes:
         seen = self.session.eye.step(frame)
         found = self.session.hand.step(seen).regions
         flow = None if seen.flow is None else seen.flow
-        return np.asarray(found.ids[found.labels]), _note(found.labels, found.ids, found.areas, found.means, flow)
+        return found.ids[found.labels].astype(np.int64), _note(found.labels, found.ids, found.areas, found.means, flow)
 
     def state(self) -> State:
         return self.session.state()
@@ -87,7 +87,7 @@ class Tube:
         first, last: frames it is seen in.
         area: px, summed over its frames.
         lab: mean colour, 8-bit Lab; motion: mean, px a frame.
-        object: number of the object that it belongs to, 1 and up, the largest of the video first.
+        object: number of the object that it belongs to, in its shot: 1 and up, the largest first.
     """
 
     id: int
@@ -152,17 +152,16 @@ def _objects(
     The cost is Ward's (area * area / sum * squared difference of colour and motion) for a unit of common border.
     """
     scale = MOTION * 360 / rows
-    owner: dict[int, int] = {}
-    area: dict[int, float] = {}
+    out: dict[int, int] = {}
     for start, stop in shots:
         mine = [name for name in ids if start <= sums[name][0] < stop]
-        groups = _merged(mine, sums, touch, scale)
-        for name, group in groups.items():
-            owner[name] = group
-            area[group] = area.get(group, 0) + sums[name][2]
-    order = sorted(area, key=lambda group: (-area[group], group))
-    rank = {group: number for number, group in enumerate(order, 1)}
-    return {name: rank[group] for name, group in owner.items()}
+        owner = _merged(mine, sums, touch, scale)
+        area: dict[int, int] = defaultdict(int)
+        for name, group in owner.items():
+            area[group] += sums[name][2]
+        rank = {group: k for k, group in enumerate(sorted(area, key=lambda group: (-area[group], group)), 1)}
+        out |= {name: rank[group] for name, group in owner.items()}
+    return out
 
 
 def _merged(
