@@ -16,6 +16,8 @@ from pipeline.segmentation.jit import kernel
 
 MOVING = 0.25
 """What is carried by bilinear samples goes at least so far towards the new picture, or it would blur away."""
+MARGIN, NOISY = 1.4, 2.5
+"""The tolerance is at least so many times the median difference, and at most so many times what was asked for."""
 QUICKLY = 0.75
 """How far a pixel that is plainly different goes towards the new picture in a frame."""
 
@@ -28,10 +30,13 @@ def hold(now: NDArray[np.float32], past: NDArray[np.float32], back: Flow, tolera
         past: the held picture of the frame before.
         back: from this frame to the one before, float32 (h, w, 2), px; exactly 0 where nothing moves.
         tolerance: mean difference over 5 x 5 px up to which a pixel keeps its past; beyond three times that it follows.
+            More where the whole picture is noisy: up to `NOISY` times as much.
     """
     carried = np.asarray(fetch(past, back), np.float32)
     apart = np.abs(now - carried).max(axis=-1)
     apart = np.asarray(cv2.boxFilter(apart, -1, (5, 5)), np.float32)
+    noise = float(np.partition(apart, apart.size // 2, axis=None)[apart.size // 2])
+    tolerance = min(max(tolerance, MARGIN * noise), NOISY * tolerance)
     out = np.empty_like(now)
     _hold(np.ascontiguousarray(now), carried, back, apart, np.float32(tolerance), out)
     return out

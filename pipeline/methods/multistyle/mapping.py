@@ -74,9 +74,8 @@ def plan_regions(brief: Brief, runs: list[Run]) -> list[Task]:
         first, weight = start == shot[0], FINDING * (stop - start)
         after = () if first else (f"fore-{runs[number - 1][0]:07d}",)
         tasks.append(Task(f"fore-{start:07d}", args | {"last": stop == shot[1]}, after, weight=weight))
-        if any(start < key < shot[1] for key in keys):
-            later = any(stop < key < shot[1] for key in keys)
-            behind = (f"back-{stop:07d}",) if later else ()
+        if any(start + first <= key < shot[1] for key in keys):
+            behind = (f"back-{stop:07d}",) if any(stop <= key < shot[1] for key in keys) else ()
             tasks.append(Task(f"back-{start:07d}", args | {"last": first}, behind, weight=weight))
     return tasks
 

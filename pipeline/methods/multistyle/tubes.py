@@ -42,7 +42,7 @@ class Tubes:
         seen = self.session.eye.step(frame)
         found = self.session.hand.step(seen).regions
         flow = None if seen.flow is None else seen.flow
-        return found.ids[found.labels].astype(np.int64), _note(found.labels, found.ids, found.areas, found.means, flow)
+        return np.take(found.ids, found.labels), _note(found.labels, found.ids, found.areas, found.means, flow)
 
     def state(self) -> State:
         return self.session.state()
