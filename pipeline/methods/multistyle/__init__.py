@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, ClassVar
 
 from pipeline.frames import Frame
 from pipeline.methods.base import Example, InputSpec, Params, Step
+from pipeline.methods.multistyle.design import schema
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.plan import (
     plan_maps,
@@ -19,6 +20,7 @@ from pipeline.methods.multistyle.plan import (
     run_scan,
 )
 from pipeline.methods.multistyle.session import MultistyleSession
+from pipeline.methods.multistyle.sketch import sketch
 from pipeline.methods.multistyle.styles import STYLES
 
 __all__ = ["Multistyle", "MultistyleParams", "MultistyleSession"]
@@ -56,6 +58,9 @@ class Multistyle:
         Example("emphasis", "Emphasis", {"style": "impressionism", "effect": "emphasis"}),
         Example("calm-to-stress", "Calm to stress", {"style": "van-gogh", "effect": "calm-to-stress"}),
     )
+
+    sketch = staticmethod(sketch)
+    input_schemas: ClassVar[Mapping[str, Callable[[], dict[str, Any]]]] = {"design": schema}
 
     def stream(
         self, params: Any, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]

@@ -42,7 +42,8 @@ class Tubes:
         seen = self.session.eye.step(frame)
         found = self.session.hand.step(seen).regions
         flow = None if seen.flow is None else seen.flow
-        return np.take(found.ids, found.labels), _note(found.labels, found.ids, found.areas, found.means, flow)
+        pixels = np.asarray(found.ids[found.labels], np.int64)
+        return pixels, _note(found.labels, found.ids, found.areas, found.means, flow)
 
     def state(self) -> State:
         return self.session.state()
@@ -75,7 +76,7 @@ def _note(
 def _touching(a: NDArray[np.int32], b: NDArray[np.int32], count: int) -> NDArray[np.int64]:
     differ = a != b
     one, other = a[differ].astype(np.int64), b[differ].astype(np.int64)
-    return np.minimum(one, other) * count + np.maximum(one, other)
+    return np.asarray(np.minimum(one, other) * count + np.maximum(one, other), np.int64)
 
 
 @dataclass(frozen=True)
