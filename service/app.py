@@ -32,6 +32,7 @@ from service.ops.metrics import FarmMetrics, HttpMetrics, LiveMetrics
 from service.ops.routes import router as ops
 from service.pages import router as pages
 from service.previews.routes import router as previews
+from service.regions.routes import router as regions
 from service.settings import Settings
 from service.uploads.routes import router as uploads
 from service.webhooks.routes import router as webhooks
@@ -39,7 +40,7 @@ from service.webhooks.secrets import WebhookSecrets
 from workers.farm import Farm
 
 WEB = Path(__file__).parent / "web"
-ROUTERS = (methods, assets, uploads, jobs, tasks, events, files, webhooks, previews, live, keys, ops, pages)
+ROUTERS = (methods, assets, uploads, jobs, tasks, events, files, webhooks, previews, regions, live, keys, ops, pages)
 
 
 def create_app(settings: Settings, farm: Farm) -> FastAPI:

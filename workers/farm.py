@@ -227,8 +227,16 @@ class Farm(Protocol):
         ...
 
     # -- one frame, now
-    def preview(self, request: JobRequest, frame: int, max_side_px: int = 640) -> bytes:
-        """Stylise one frame (scaled to fit) with the request's parameters; PNG bytes. For live thumbnails."""
+    def preview(
+        self, request: JobRequest, frame: int, max_side_px: int = 640, design: Json | None = None,
+        regions_of: str | None = None,
+    ) -> bytes:  # fmt: skip
+        """Stylise one frame (scaled to fit) with the request's parameters; PNG bytes. For live thumbnails.
+
+        Args:
+            design: a design document instead of the request's input of that name.
+            regions_of: a job whose artefact "regions" tells where tubes and objects are.
+        """
         ...
 
     # -- operators

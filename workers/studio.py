@@ -29,7 +29,7 @@ from workers.model import Asset, Event, Job, JobRequest, Json, Submitted, TaskVi
 from workers.orders import asset_key
 from workers.originals import Originals
 from workers.pool import Pool
-from workers.preview import Previews
+from workers.preview import PreviewAsk, Previews
 from workers.recent import Recent
 from workers.requests import check_request
 from workers.served import served_asset, served_file
@@ -280,11 +280,18 @@ class Studio:
             return None
         return direct.download_url(served.key, served.filename, served.media_type)
 
-    def preview(self, request: JobRequest, frame: int, max_side_px: int = 640) -> bytes:
+    def preview(
+        self, request: JobRequest, frame: int, max_side_px: int = 640, design: Json | None = None,
+        regions_of: str | None = None,
+    ) -> bytes:  # fmt: skip
         assets = self._inputs(request)
         params = check_request(request, assets).params
-        wanted = json.dumps([request.method, params, request.seed, request.inputs, frame, max_side_px], sort_keys=True)
-        return self._pictures.get(wanted, lambda: self._previews.png(request, assets, frame, max_side_px))
+        key = None if regions_of is None else self.file(regions_of, "regions").key
+        wanted = json.dumps(
+            [request.method, params, request.seed, request.inputs, frame, max_side_px, design, key], sort_keys=True
+        )
+        ask = PreviewAsk(frame, max_side_px, design, key)
+        return self._pictures.get(wanted, lambda: self._previews.png(request, assets, ask))
 
     # -- operators
 

@@ -239,6 +239,48 @@ class Method(Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class FoundRegions:
+    """What an earlier job has found of the regions of a video, for a preview: its artefact "regions".
+
+    Attributes:
+        tubes: frame -> number of the tube that each pixel is in, int64 (height, width), at any size.
+        objects: tube -> object.
+    """
+
+    tubes: Callable[[int], NDArray[np.int64]]
+    objects: Mapping[int, int]
+
+
+class Sketcher(Protocol):
+    """One frame with a design, now; a method that takes designs has it as its attribute `sketch`."""
+
+    def __call__(
+        self, params: Any, seed: int, frames: Sequence[Frame], number: int, total: int, *,
+        document: Any = None, masks: Mapping[int, NDArray[Any]] | None = None, found: FoundRegions | None = None,
+    ) -> Frame:  # fmt: skip
+        """The last of a few consecutive frames, painted.
+
+        Args:
+            frames: the frame and some before it; `number`: of the last one; `total`: of the video.
+            document: the design, parsed JSON; masks: label maps by frame number; found: regions of an earlier job.
+        """
+        ...
+
+
+def sketcher(chosen: Method) -> Sketcher | None:
+    """How a method sketches one frame with a design, if it takes designs."""
+    found: Sketcher | None = getattr(chosen, "sketch", None)
+    return found
+
+
+def input_schemas(chosen: Method) -> Mapping[str, Callable[[], Note]]:
+    """JSON Schema, by the name of the input, of the JSON documents that a method takes, where it publishes them: its
+    attribute `input_schemas`."""
+    found: Mapping[str, Callable[[], Note]] = getattr(chosen, "input_schemas", {})
+    return found
+
+
 def seeded(seed: int, *purpose: int) -> np.random.Generator:
     """Random numbers for one purpose: Philox keyed by (seed, purpose...), the same on any worker in any order."""
     return np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=purpose)))

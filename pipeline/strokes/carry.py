@@ -29,18 +29,21 @@ class Living:
         aims: float32 (n, 3), RGB 0..255, the colours that they stand for.
         presence: float32 (n,), 0..1: how far they have come up, or gone.
         leaving: bool (n,): they are being lifted, for good.
+        born: float32 (n, 3), RGB 0..255, the colours that they came with. What depends on colour but must not change
+            in a stroke's life, as who covers whom, takes these.
     """
 
     seeds: Seeds
     aims: NDArray[np.float32]
     presence: NDArray[np.float32]
     leaving: Flags
+    born: NDArray[np.float32]
 
     def __len__(self) -> int:
         return len(self.seeds)
 
     def __getitem__(self, keep: Flags) -> Living:
-        return Living(self.seeds[keep], self.aims[keep], self.presence[keep], self.leaving[keep])
+        return Living(self.seeds[keep], self.aims[keep], self.presence[keep], self.leaving[keep], self.born[keep])
 
 
 @dataclass(frozen=True)
@@ -70,8 +73,8 @@ def begin(seeds: Seeds, reference: Frame, spacing_px: Field, habits: Habits | No
 
 
 def _fresh(seeds: Seeds, reference: Frame, presence: float) -> Living:
-    n = len(seeds)
-    return Living(seeds, colours_at(seeds, reference), np.full(n, presence, np.float32), np.zeros(n, np.bool_))
+    n, colours = len(seeds), colours_at(seeds, reference)
+    return Living(seeds, colours, np.full(n, presence, np.float32), np.zeros(n, np.bool_), colours)
 
 
 def carry(living: Living, flow: Flow, hidden: Mask | None = None) -> Living:
@@ -126,7 +129,7 @@ def tend(
     leaving = leaving | crowded
     step = np.where(leaving, np.float32(-habits.fade), np.float32(habits.fade))
     presence = np.clip(living.presence + step, 0, 1).astype(np.float32)
-    old = Living(living.seeds, aims.astype(np.float32), presence, leaving)[presence > 0]
+    old = Living(living.seeds, aims.astype(np.float32), presence, leaving, living.born)[presence > 0]
     return _join(old, _fresh(candidates[room], reference, habits.fade))
 
 
@@ -137,6 +140,7 @@ def _join(old: Living, new: Living) -> Living:
         np.concatenate([old.aims, new.aims]),
         np.concatenate([old.presence, new.presence]),
         np.concatenate([old.leaving, new.leaving]),
+        np.concatenate([old.born, new.born]),
     )
 
 

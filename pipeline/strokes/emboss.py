@@ -70,6 +70,50 @@ def weave(seed: int = 0) -> Plane:
     return out
 
 
+PAPER = 256
+"""Side of the paper's tile, px; a power of two."""
+
+
+@cache
+def paper(seed: int = 0) -> Plane:
+    """Cold-pressed paper, float32 (256, 256), heights of mean 0 and deviation 1, repeating. Read-only."""
+    noise = draws(np.arange(PAPER * PAPER, dtype=np.uint64), seed, Purpose.WEAVE)[:, 1].reshape(PAPER, PAPER)
+    wide = np.pad(noise, 32, mode="wrap")
+    total = np.zeros((PAPER, PAPER), np.float32)
+    for sigma, weight in ((0.8, 0.6), (1.8, 1.0), (5.0, 0.5)):
+        smooth = cv2.GaussianBlur(wide, (0, 0), sigma)[32:-32, 32:-32]
+        total += np.float32(weight) * (smooth - smooth.mean()) / smooth.std()
+    out = np.asarray(total / total.std(), np.float32)
+    out.setflags(write=False)
+    return out
+
+
+def settle_pigment(picture: Frame, rims: Plane, grain: float) -> Frame:
+    """Transparent paint as it dries on paper: darker at the rims of wet areas and in the paper's hollows.
+
+    Args:
+        picture: uint8 (h, w, 3).
+        rims: float32 (h, w), how much darker it is there, 0..1.
+        grain: how much darker it is in a hollow of one deviation, where the paint is darkest, 0..1; hills are lighter.
+    """
+    out = np.empty_like(picture)
+    _settle(picture, rims, np.float32(grain), paper(), out)
+    return out
+
+
+@kernel
+def _settle(picture: Frame, rims: Plane, grain: np.float32, sheet: Plane, out: Frame) -> None:
+    height, width = rims.shape
+    for y in range(height):
+        for x in range(width):
+            hollow = sheet[y & 255, x & 255]
+            for c in range(3):
+                value = np.float32(picture[y, x, c])
+                thick = np.float32(0.3) + np.float32(0.7) * (_ONE - value * np.float32(1 / 255))
+                value *= (_ONE - rims[y, x] * thick) * (_ONE - grain * thick * hollow)
+                out[y, x, c] = np.uint8(min(max(value + _HALF, _ZERO), np.float32(255.0)))
+
+
 @kernel
 def _emboss(
     canvas: NDArray[np.float32], lx: np.float32, ly: np.float32, strength: np.float32, gloss: np.float32,

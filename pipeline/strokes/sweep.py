@@ -51,6 +51,7 @@ def colour_order(colours: NDArray[np.float32]) -> NDArray[np.intp]:
 def sweep(
     canvas: Canvas, starts: Strokes, field: Direction, length_px: Field, *, seed: int = 0, touch: Touch | None = None,
     guide: Frame | None = None, tolerance: float = 80.0, light_first: bool = False, threads: int = 1,
+    order: NDArray[np.intp] | None = None,
 ) -> Ranks:  # fmt: skip
     """Paint strokes along the field on the canvas, in place.
 
@@ -61,6 +62,8 @@ def sweep(
         guide, tolerance: as in `paint`: strokes keep off pixels of another colour.
         light_first: True turns the order of colours round: light strokes cover dark ones.
         threads: the picture is cut into so many bands of rows; the result is the same.
+        order: indices of the strokes, who covers whom, the uppermost first; None = by `colour_order`. Strokes that live
+            on keep theirs: where the order follows the picture's colours, neighbours change places all the time.
 
     Returns: whose stroke is where, as an index into `starts`, or `OPEN`; before opacity.
     """
@@ -68,8 +71,8 @@ def sweep(
     out = np.full(shape, OPEN, np.int32)
     if len(starts) == 0:
         return out
-    touch, order = touch or Touch(), colour_order(starts.colours)
-    order = np.ascontiguousarray(order[::-1]) if light_first else order
+    touch, order = touch or Touch(), colour_order(starts.colours) if order is None else order
+    order = np.ascontiguousarray(order[::-1] if light_first else order)
     guided, guide, limit = guide is not None, _NO_GUIDE if guide is None else guide, np.float32(tolerance)
     offset = (draws(starts.ids, seed, Purpose.BRISTLES)[:, 0] * np.float32(1 << 16)).astype(np.int32)
     way, lengths, hairs = np.empty((*shape, 2), np.float32), as_plane(length_px, shape), tile(seed)

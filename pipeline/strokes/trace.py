@@ -56,17 +56,33 @@ def trace(
     section 4 (both ways along an orientation field). Departure: `edge` holds within `min_length` too, so that strokes
     do not leave a silhouette.
     """
-    start = discs(seeds, brush, aims, seed)
+    return draw_out(
+        discs(seeds, brush, aims, seed), sample(brush.length_px, seeds.xy), field, reference=reference, canvas=canvas,
+        edge=edge, min_length=min_length, curvature=curvature, both=both,
+    )  # fmt: skip
+
+
+def draw_out(
+    starts: Strokes, length_px: NDArray[np.float32], field: Direction, *, reference: Frame | None = None,
+    canvas: Canvas | None = None, edge: float = 90.0, min_length: float = 0.25, curvature: float = 1.0,
+    both: bool = True,
+) -> Strokes:  # fmt: skip
+    """`trace` for strokes that have their paint already.
+
+    Args:
+        starts: one point a stroke, in the picture (see `discs`).
+        length_px: float32 (n,), from tip to tip.
+    """
     guide = np.zeros((1, 1, 3), np.uint8) if reference is None else reference
     under = np.zeros((1, 1, 7), np.float32) if canvas is None else canvas
-    points, counts = np.empty((len(seeds), MAX_POINTS, 2), np.float32), np.empty(len(seeds), np.int32)
+    points, counts = np.empty((len(starts), MAX_POINTS, 2), np.float32), np.empty(len(starts), np.int32)
     _trace(
-        seeds.xy, field, start.radius_px, sample(brush.length_px, seeds.xy), start.aims, guide, under,
+        np.ascontiguousarray(starts.points[:, 0]), field, starts.radius_px, length_px, starts.aims, guide, under,
         reference is not None, canvas is not None, np.float32(edge * edge), np.float32(min_length),
         np.float32(curvature), both, points, counts,
     )  # fmt: skip
     longest = int(counts.max(initial=1))
-    return replace(start, points=np.ascontiguousarray(points[:, :longest]), counts=counts)
+    return replace(starts, points=np.ascontiguousarray(points[:, :longest]), counts=counts)
 
 
 @kernel

@@ -53,6 +53,10 @@ class JobIn(Work):
 class PreviewIn(Work):
     frame: int = Field(default=0, ge=0, le=10_000_000, description="Which frame of the video, from 0.")
     max_side_px: int = Field(default=640, ge=16, le=2048)
+    design: dict[str, Any] | None = Field(default=None, description="A design document, instead of the input `design`.")
+    regions_of: str | None = Field(
+        default=None, max_length=100, description="A job with the artefact `regions`: its tubes and objects are used."
+    )
 
     def request(self) -> JobRequest:
         return JobRequest(self.method, self.inputs, self.params, self.seed)

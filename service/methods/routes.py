@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Path
 from starlette.responses import Response
 
 from pipeline.methods import methods
-from pipeline.methods.base import Method
+from pipeline.methods.base import Method, input_schemas
 from service.access.depends import Reader
 from service.methods.schemas import MethodOut, MethodsOut, method_out
 from service.methods.thumbnail import thumbnail
@@ -18,6 +18,8 @@ from workers.errors import NotFound
 router = APIRouter(prefix="/v1/methods", tags=["methods"])
 
 Name = Annotated[str, Path(max_length=64, description="A method's name.")]
+
+InputName = Annotated[str, Path(max_length=64, description="The name of one of its inputs.")]
 
 PICTURE: Responses = {
     200: {"description": "The picture", "content": {"image/jpeg": {}, "image/svg+xml": {}}},
@@ -41,6 +43,18 @@ def get_thumbnail(name: Name, _caller: Reader) -> Response:
     """A picture of what the method does."""
     picture = thumbnail(_find(name).name)
     return Response(picture.data, media_type=picture.media_type, headers={"Cache-Control": "private, max-age=3600"})
+
+
+@router.get("/{name}/inputs/{input_name}/schema")
+def get_input_schema(name: Name, input_name: InputName, _caller: Reader) -> dict[str, Any]:
+    """The JSON Schema of a document that the method takes as input."""
+    schemas = input_schemas(_find(name))
+    if input_name not in schemas:
+        raise NotFound(
+            "The method publishes no schema for such an input.", field="input_name", value=input_name,
+            remedy=f"There are: {', '.join(schemas) or 'none'}.",
+        )  # fmt: skip
+    return schemas[input_name]()
 
 
 def _find(name: str) -> Method:

@@ -6,7 +6,7 @@ from fastapi import APIRouter, Response
 
 from service.access.depends import Parts, Submitter
 from service.errors import Busy, retry_after
-from service.jobs.lookup import check_inputs
+from service.jobs.lookup import check_inputs, find_job
 from service.jobs.schemas import PreviewIn
 from service.schemas import Responses, binary
 
@@ -19,10 +19,12 @@ PNG: Responses = {200: binary("image/png", "The frame")[200]}
 def preview(body: PreviewIn, parts: Parts, caller: Submitter) -> Response:
     """Stylise one frame. 503 with Retry-After while as many as may are being made."""
     check_inputs(parts, caller, body)
+    if body.regions_of is not None:
+        find_job(parts, caller, body.regions_of)
     if not parts.previews.acquire(blocking=False):
         raise Busy("Previews are busy.", headers=retry_after(1), remedy="Ask again in a second.")
     try:
-        png = parts.farm.preview(body.request(), body.frame, body.max_side_px)
+        png = parts.farm.preview(body.request(), body.frame, body.max_side_px, body.design, body.regions_of)
     finally:
         parts.previews.release()
     return Response(png, media_type="image/png", headers={"Cache-Control": "no-store"})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -295,10 +296,15 @@ class FakeFarm:
 
     @contextmanager
     def local(self, served: Served) -> Iterator[Path]:
-        raise NotFound("Nothing is on disk here.")
-        yield Path()
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "file"
+            path.write_bytes(b"".join(self.read(served)))
+            yield path
 
-    def preview(self, request: JobRequest, frame: int, max_side_px: int = 640) -> bytes:
+    def preview(
+        self, request: JobRequest, frame: int, max_side_px: int = 640, design: dict[str, Any] | None = None,
+        regions_of: str | None = None,
+    ) -> bytes:  # fmt: skip
         self.preview_gate.wait(10)
         return cv2.imencode(".png", np.zeros((18, 32, 3), np.uint8))[1].tobytes()
 

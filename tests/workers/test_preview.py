@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import io
+import json
+import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -13,12 +16,13 @@ import pytest
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame
 from pipeline.methods.base import InputSpec, Params
+from pipeline.methods.multistyle import Multistyle
 from pipeline.video.stills import encode_png
 from tests.conftest import tiny_frame
 from workers.blobs.disk import DiskBlobs
 from workers.model import Asset, JobRequest
 from workers.orders import asset_key
-from workers.preview import Previews
+from workers.preview import PreviewAsk, Previews
 
 
 class Last:
@@ -58,7 +62,7 @@ def previews(home: Path, tiny_clip: Path) -> Iterator[Previews]:
 def shown(previews: Previews, frame: int, side: int = 640, seed: int = 0, names: tuple[str, ...] = ("video",)) -> Frame:
     assets = {name: asset(name) for name in names}
     request = JobRequest("last", {name: a.id for name, a in assets.items()}, seed=seed)
-    data = previews.png(request, assets, frame, side)
+    data = previews.png(request, assets, PreviewAsk(frame, side))
     return np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)[..., ::-1], np.uint8)
 
 
@@ -81,3 +85,75 @@ def test_references_reach_the_method(previews: Previews) -> None:
 def test_a_method_that_is_not_causal_says_so(previews: Previews) -> None:
     with pytest.raises(BadParameter, match="no preview"):
         shown(previews, 3, seed=1)
+
+
+def test_a_method_without_designs_refuses_one(previews: Previews) -> None:
+    request = JobRequest("last", {"video": "ast_video"})
+    with pytest.raises(BadParameter) as caught:
+        previews.png(request, {"video": asset("video")}, PreviewAsk(3, 640, design={"version": 1}))
+    assert caught.value.field == "design"
+
+
+# -- with a design
+
+
+@pytest.fixture
+def painter(home: Path, tiny_clip: Path) -> Iterator[Previews]:
+    blobs = DiskBlobs(home)
+    blobs.put(asset_key("ast_video"), tiny_clip)
+    masks = np.zeros((64, 96), np.uint8)
+    masks[:, :48] = 1
+    blobs.put(asset_key("ast_masks"), encode_png(np.dstack([masks] * 3)))
+    blobs.put("found", found_regions())
+    made = Previews(blobs, lambda name: Multistyle())
+    yield made
+    made.close()
+
+
+def found_regions() -> bytes:
+    """Tube 300 (object 2) in the upper half, tube 1 (object 1) in the lower, in frames 0 to 9."""
+    number = np.where(np.arange(64)[:, None] < 32, 300, 1) + np.zeros((64, 96), int)
+    coded = encode_png(np.dstack([number >> 16, number >> 8 & 255, number & 255]).astype(np.uint8))
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        archive.writestr(
+            "regions-list.json", json.dumps({"tubes": [{"tube": 1, "object": 1}, {"tube": 300, "object": 2}]})
+        )
+        for frame in range(10):
+            archive.writestr(f"tubes-{frame:07d}.png", coded)
+    return out.getvalue()
+
+
+def sketched(
+    painter: Previews, design: Any, regions: str | None = "found", names: tuple[str, ...] = ("video",)
+) -> Frame:
+    assets = {name: asset(name) for name in names}
+    request = JobRequest("multistyle", {name: a.id for name, a in assets.items()})
+    data = painter.png(request, assets, PreviewAsk(5, 640, design, regions))
+    return np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)[..., ::-1], np.uint8)
+
+
+def keyed(region: dict[str, Any]) -> dict[str, Any]:
+    """Only `it` turns its colours round."""
+    keys = [{"region": "it", "set": {"hue": 180, "value": -0.3}}, {"region": "rest"}]
+    return {"version": 1, "regions": {"it": region}, "keys": keys}
+
+
+@pytest.mark.parametrize("region", [{"tubes": [300]}, {"objects": [2]}])
+def test_a_design_is_seen_at_once_in_the_regions_of_a_job(painter: Previews, region: dict[str, Any]) -> None:
+    plain, designed = sketched(painter, None), sketched(painter, keyed(region))
+    change = np.abs(plain.astype(int) - designed).mean(axis=(1, 2))
+    assert change[:24].min() > 8 and change[40:].mean() < 4
+
+
+def test_label_maps_hold_for_the_frames_around_them(painter: Previews) -> None:
+    plain = sketched(painter, None)
+    designed = sketched(painter, keyed({"label": 1}), None, ("video", "masks"))
+    change = np.abs(plain.astype(int) - designed).mean(axis=(0, 2))
+    assert change[:40].min() > 8 and change[60:].mean() < 4
+
+
+def test_a_bad_design_is_refused_by_its_path(painter: Previews) -> None:
+    with pytest.raises(BadParameter) as caught:
+        sketched(painter, {"version": 1, "keys": [{"region": "rest", "frame": 900}]})
+    assert caught.value.field == "inputs.design.keys[0].frame"

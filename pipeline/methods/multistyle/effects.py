@@ -1,0 +1,59 @@
+"""Ready designs: what kagaya2011video shows in section 6, for any video, without a document."""
+
+from __future__ import annotations
+
+from typing import Any, Literal, get_args
+
+from pipeline.methods.multistyle.design import REST, Design
+
+Effect = Literal["none", "rack-focus", "emphasis", "calm-to-stress"]
+EFFECTS: tuple[str, ...] = get_args(Effect)
+
+BACKGROUND = "background"
+"""The largest object of each shot; the rest is the subject."""
+SHARP: dict[str, Any] = {"size": 9, "layers": 3, "threshold": 12}
+BROAD: dict[str, Any] = {"size": 44, "layers": 1}
+
+
+def document(effect: Effect, frames: int) -> dict[str, Any]:
+    """The effect as a design document, which can be saved, changed and given as the input `design`.
+
+    Args:
+        frames: of the video.
+    """
+    last = max(frames - 1, 0)
+    match effect:
+        case "rack-focus":
+            keys = _rack(BACKGROUND, BROAD, SHARP, last) + _rack(REST, SHARP, BROAD, last)
+            return _two(keys)
+        case "emphasis":
+            dull = {**BROAD, "size": 34, "layers": 1.6, "saturation": -0.35, "value": -0.06, "jitter": 0.1}
+            return _two([_key(BACKGROUND, 0, dull), _key(REST, 0, {**SHARP, "saturation": 0.18})])
+        case "calm-to-stress":
+            calm = {"size": 26, "length": 180, "jitter": 0.12, "saturation": -0.1}
+            stress = {"size": 18, "length": 70, "jitter": 0.85, "saturation": 0.35, "hue": -35, "relief": 5}
+            keys = [_key(REST, 0, calm, "smooth"), _key(REST, last, stress)]
+            return {"version": 1, "keys": keys[: 1 if last == 0 else 2]}
+        case "none":
+            return {"version": 1}
+
+
+def effect_design(effect: Effect, frames: int) -> Design | None:
+    """The effect's design; None where there is none."""
+    return None if effect == "none" else Design.model_validate(document(effect, frames))
+
+
+def _two(keys: list[dict[str, Any]]) -> dict[str, Any]:
+    return {"version": 1, "regions": {BACKGROUND: {"objects": [1], "border": "soft"}}, "keys": keys}
+
+
+def _rack(region: str, before: dict[str, Any], after: dict[str, Any], last: int) -> list[dict[str, Any]]:
+    """One look for a third of the time, then the other, and a smooth change between; one key a frame."""
+    first, second = last // 3, 2 * last // 3
+    if first == second:
+        return [_key(region, 0, before)]
+    return [_key(region, first, before, "smooth"), _key(region, second, after)]
+
+
+def _key(region: str, frame: int, changes: dict[str, Any], ease: str = "linear") -> dict[str, Any]:
+    return {"region": region, "frame": frame, "set": changes, "ease": ease}

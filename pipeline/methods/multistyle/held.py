@@ -1,0 +1,63 @@
+"""The held picture: the video without its noise. Where nothing happens it does not change by one bit.
+
+Strokes, their colours and directions are made from it. A painted edge makes a large difference of a small one, so an
+average that still trembles is not enough: what is within the tolerance of what was there is what was there.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.flow.warp import fetch
+from pipeline.frames import Flow
+from pipeline.segmentation.jit import kernel
+
+MOVING = 0.25
+"""What is carried by bilinear samples goes at least so far towards the new picture, or it would blur away."""
+MARGIN, NOISY = 1.4, 2.5
+"""The tolerance is at least so many times the median difference, and at most so many times what was asked for."""
+QUICKLY = 0.75
+"""How far a pixel that is plainly different goes towards the new picture in a frame."""
+
+
+def hold(now: NDArray[np.float32], past: NDArray[np.float32], back: Flow, tolerance: float) -> NDArray[np.float32]:
+    """The held picture of this frame, float32 (h, w, channels).
+
+    Args:
+        now: the frame, float32 (h, w, channels).
+        past: the held picture of the frame before.
+        back: from this frame to the one before, float32 (h, w, 2), px; exactly 0 where nothing moves.
+        tolerance: mean difference over 5 x 5 px up to which a pixel keeps its past; beyond three times that it follows.
+            More where the whole picture is noisy: up to `NOISY` times as much.
+    """
+    carried = np.asarray(fetch(past, back), np.float32)
+    apart = np.abs(now - carried).max(axis=-1)
+    apart = np.asarray(cv2.boxFilter(apart, -1, (5, 5)), np.float32)
+    noise = float(np.partition(apart, apart.size // 2, axis=None)[apart.size // 2])
+    tolerance = min(max(tolerance, MARGIN * noise), NOISY * tolerance)
+    out = np.empty_like(now)
+    _hold(np.ascontiguousarray(now), carried, back, apart, np.float32(tolerance), out)
+    return out
+
+
+@kernel
+def _hold(
+    now: NDArray[np.float32], past: NDArray[np.float32], back: Flow, apart: NDArray[np.float32], tolerance: np.float32,
+    out: NDArray[np.float32],
+) -> None:  # fmt: skip
+    height, width, channels = now.shape
+    zero, one = np.float32(0), np.float32(1)
+    for y in range(height):
+        for x in range(width):
+            over = min(max((apart[y, x] - tolerance) / (tolerance + tolerance), zero), one)
+            share = np.float32(QUICKLY) * over
+            dx, dy = back[y, x, 0], back[y, x, 1]
+            if dx != zero or dy != zero:
+                share = max(share, np.float32(MOVING))
+                px, py = np.float32(x) + dx, np.float32(y) + dy
+                if px < zero or py < zero or px > np.float32(width - 1) or py > np.float32(height - 1):
+                    share = one
+            for c in range(channels):
+                out[y, x, c] = past[y, x, c] + share * (now[y, x, c] - past[y, x, c])

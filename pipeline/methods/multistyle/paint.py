@@ -1,0 +1,110 @@
+"""The painter: one frame and what the eye knows of it become one picture. It has no memory."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Frame, Plane
+from pipeline.methods.abstraction.state import Clock, no_clock
+from pipeline.methods.multistyle.params import MultistyleParams
+from pipeline.methods.multistyle.sight import Marks, Sight
+from pipeline.methods.multistyle.styles import STYLES, pigment
+from pipeline.strokes.brush import Canvas, Direction
+from pipeline.strokes.carry import present
+from pipeline.strokes.drag import bare, drag, lay_on
+from pipeline.strokes.emboss import emboss, settle_pigment
+from pipeline.strokes.raster import paint
+from pipeline.strokes.trace import draw_out
+
+GRAIN = 0.09
+"""How much darker thick paint is in a hollow of paper, of one deviation, where the paper shows fully."""
+RIM, RIM_DEPTH = 0.008, 22.0
+"""Width of the rim at which paint dries, in heights; and the step, gray levels, that makes a full one."""
+
+
+class Painter:
+    """Paints frames; safe to call from several threads.
+
+    Args:
+        params: the method's.
+        size: (width, height), px.
+        seed: of all random numbers.
+        threads: bands of rows that the implicit renderer works on at once; the bytes are the same.
+    """
+
+    def __init__(
+        self, params: MultistyleParams, size: tuple[int, int], seed: int, clock: Clock = no_clock, threads: int = 1
+    ) -> None:  # fmt: skip
+        self.params, self.size, self.seed, self.clock, self.threads = params, size, seed, clock, threads
+        self.manner = STYLES[params.style].manner
+
+    def paint(self, sight: Sight) -> Frame:
+        """The picture of what was seen: uint8 (h, w, 3)."""
+        with self.clock("ground"):
+            direction, bottom = sight.direction(self.size), self._ground(sight)
+        if self.params.renderer == "implicit":
+            canvas = self._implicit(sight, direction, bottom)
+        else:
+            canvas = self._explicit(sight, direction, bottom)
+        with self.clock("light"):
+            lit = emboss(canvas, self.manner.light)
+            return settle_pigment(lit, self._rims(sight), GRAIN * self.manner.paper) if self.manner.paper else lit
+
+    def _rims(self, sight: Sight) -> Plane:
+        """Where wet paint has run to the edge of its area and dried, 0..1: the darker side of a border."""
+        gray = cv2.cvtColor(sight.picture, cv2.COLOR_RGB2GRAY).astype(np.float32)
+        wide = RIM * gray.shape[0]
+        lack = cv2.GaussianBlur(gray, (0, 0), wide) - cv2.GaussianBlur(gray, (0, 0), max(wide / 3, 0.5))
+        rims = np.clip(lack * np.float32(self.manner.rim / RIM_DEPTH), 0, np.float32(self.manner.rim))
+        return np.asarray(_stretched(rims, self.size), np.float32)
+
+    def _implicit(self, sight: Sight, direction: Direction, bottom: Plane) -> Canvas:
+        """From the uppermost stroke of the finest layer down to the ground."""
+        wet = bare(bottom.shape)
+        for index in reversed(range(len(sight.layers))):
+            marks = sight.layers[index]
+            with self.clock(f"layer {index + 1}"):
+                drag(
+                    wet, present(marks.dots(), marks.presence), direction, marks.lengths_px, marks.uppermost_first,
+                    seed=self.seed, touch=self.manner.touch, guide=self._guide(sight, marks),
+                    tolerance=marks.tolerance, threads=self.threads,
+                )  # fmt: skip
+        return lay_on(wet, bottom)
+
+    def _explicit(self, sight: Sight, direction: Direction, bottom: Plane) -> Canvas:
+        canvas = np.zeros((*bottom.shape[:2], 7), np.float32)
+        canvas[..., :3] = canvas[..., 4:] = bottom
+        canvas[..., 4:] = _stretched(sight.picture, self.size)
+        for index, marks in enumerate(sight.layers):
+            edge = float(np.median(marks.tolerance)) if len(marks) else 0.0
+            with self.clock(f"layer {index + 1}"):
+                dots, guide = present(marks.dots(), marks.presence), self._guide(sight, marks)
+                under = canvas if index else None
+                strokes = draw_out(dots, marks.lengths_px, direction, reference=guide, canvas=under, edge=edge)
+                paint(canvas, strokes, seed=self.seed, touch=self.manner.touch, guide=guide, tolerance=edge)
+        return canvas
+
+    def _guide(self, sight: Sight, marks: Marks) -> Frame:
+        return _stretched(_blurred(sight.picture, marks.sigma_px), self.size)
+
+    def _ground(self, sight: Sight) -> Plane:
+        """The canvas before the first stroke, float32 (h, w, 3): the picture's broad colours under a veil."""
+        manner = self.manner
+        broad = _blurred(sight.picture, sight.layers[0].sigma_px * 2)
+        colours = pigment(broad.reshape(-1, 3).astype(np.float32), manner.vivid, manner.contrast).reshape(broad.shape)
+        own = np.array(manner.ground, np.float32)
+        return np.asarray(_stretched(colours + np.float32(manner.cover) * (own - colours), self.size), np.float32)
+
+
+def _stretched(image: NDArray[Any], size: tuple[int, int]) -> NDArray[Any]:
+    if (image.shape[1], image.shape[0]) == size:
+        return image
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_LINEAR))
+
+
+def _blurred(picture: Frame, sigma_px: float) -> Frame:
+    return np.asarray(cv2.GaussianBlur(picture, (0, 0), sigma_px), np.uint8) if sigma_px > 0.3 else picture

@@ -1,0 +1,232 @@
+"""Implicit strokes, fast: each disc is dragged along the streamline through its centre, the uppermost first.
+
+`sweep` finds the stroke that covers a pixel by walking the streamline through that pixel, as eq. 5 of kagaya2011video
+says; most walks meet the same strokes again and again. Here each stroke's own streamline is followed, once, and what it
+covers is what the disc covers on its way. Where streamlines run side by side both are the same; where they part, a
+stroke of `sweep` widens and this one keeps its width.
+
+The total order makes it cheap: with the uppermost stroke first, a pixel that is covered is done. No stroke below is
+painted there, of this layer or of a coarser one. So the finest layer is painted first, and the ground last.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Frame
+from pipeline.segmentation.jit import kernel
+from pipeline.strokes.bristles import Tile, hair, tile
+from pipeline.strokes.brush import Direction, Strokes
+from pipeline.strokes.random import Purpose, draws
+from pipeline.strokes.raster import Touch
+from pipeline.strokes.trace import draw_out
+
+Wet: TypeAlias = NDArray[np.float32]
+"""A painting from the top down, `float32` (height, width, 5): red, green, blue and height of the paint so far, each
+times its share of the pixel; and the share of the pixel that is still bare, 1 at the start."""
+
+_HALF, _ONE, _ZERO = np.float32(0.5), np.float32(1.0), np.float32(0.0)
+_TIP = np.float32(0.3)
+_DONE = np.float32(0.004)
+_NO_GUIDE: Frame = np.zeros((1, 1, 3), np.uint8)
+
+
+def bare(shape: tuple[int, ...]) -> Wet:
+    """Nothing painted yet."""
+    out = np.zeros((*shape[:2], 5), np.float32)
+    out[..., 4] = 1
+    return out
+
+
+def drag(
+    wet: Wet, starts: Strokes, field: Direction, length_px: NDArray[np.float32], order: NDArray[np.intp], *,
+    seed: int = 0, touch: Touch | None = None, guide: Frame | None = None,
+    tolerance: float | NDArray[np.float32] = 80.0, threads: int = 1,
+) -> None:  # fmt: skip
+    """Paint a layer under what is there, in place.
+
+    Args:
+        starts: one point a stroke (see `discs`).
+        field: float32 (h, w, 2): (cos 2a, sin 2a) of the orientation.
+        length_px: float32 (n,), from tip to tip.
+        order: indices of the strokes, the uppermost first.
+        guide, tolerance: as in `paint`: strokes keep off pixels of another colour; the tolerance may be each one's own,
+            float32 (n,).
+        threads: bands of rows that are worked on at once; the result is the same.
+
+    Source: kagaya2011video, section 4.2. Departure: see the top of this file.
+    """
+    if len(starts) == 0:
+        return
+    touch, guided = touch or Touch(), guide is not None
+    lines = draw_out(starts, length_px, field)
+    offset = (draws(starts.ids, seed, Purpose.BRISTLES)[:, 0] * np.float32(1 << 16)).astype(np.int32)
+    height, hairs = wet.shape[0], tile(seed)
+    own = np.ascontiguousarray(np.broadcast_to(np.asarray(tolerance, np.float32), len(starts)))
+
+    def band(top: int, bottom: int) -> None:
+        _drag(
+            wet, lines.points, lines.counts, lines.radius_px, lines.colours, lines.aims, lines.opacity,
+            lines.relief_px, lines.grain, order, offset, hairs, _NO_GUIDE if guide is None else guide, guided,
+            own, np.float32(touch.taper[0]), np.float32(touch.taper[1]), np.float32(touch.streaks),
+            np.float32(touch.dry), top, bottom,
+        )  # fmt: skip
+
+    edges = [height * i // threads for i in range(threads + 1)]
+    if threads == 1:
+        band(0, height)
+        return
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(band, edges[:-1], edges[1:]))
+
+
+def lay_on(wet: Wet, ground: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The painting on its ground, float32 (h, w, 4): red, green, blue, height of the paint; ready for `emboss`.
+
+    Args:
+        ground: float32 (h, w, 3), RGB 0..255.
+    """
+    out = np.empty((*wet.shape[:2], 4), np.float32)
+    _lay_on(wet, ground, out)
+    return out
+
+
+@kernel
+def _lay_on(wet: Wet, ground: NDArray[np.float32], out: NDArray[np.float32]) -> None:
+    height, width = wet.shape[:2]
+    for y in range(height):
+        for x in range(width):
+            left = wet[y, x, 4]
+            for c in range(3):
+                out[y, x, c] = wet[y, x, c] + left * ground[y, x, c]
+            out[y, x, 3] = wet[y, x, 3]
+
+
+@kernel
+def _drag(
+    wet: Wet, points: NDArray[np.float32], counts: NDArray[np.int32], radius: NDArray[np.float32],
+    colours: NDArray[np.float32], aims: NDArray[np.float32], opacity: NDArray[np.float32],
+    relief: NDArray[np.float32], grain: NDArray[np.float32], order: NDArray[np.intp], offset: NDArray[np.int32],
+    hairs: Tile, guide: Frame, guided: bool, tolerances: NDArray[np.float32], taper_start: np.float32,
+    taper_end: np.float32, streaks: np.float32, dry: np.float32, band_top: int, band_bottom: int,
+) -> None:  # fmt: skip
+    width = wet.shape[1]
+    rows_high = band_bottom - band_top
+    scratch = np.zeros((3, rows_high, width), np.float32)
+    cover, along, across = scratch[0], scratch[1], scratch[2]
+    rows = np.empty((rows_high, 2), np.int32)
+    for k in order:
+        n, r, tolerance = counts[k], radius[k], tolerances[k]
+        inner2 = tolerance * tolerance
+        outer2 = inner2 * np.float32(1.5625)
+        low_y, high_y = points[k, 0, 1], points[k, 0, 1]
+        total = _ZERO
+        for i in range(n - 1):
+            ax, ay = points[k, i + 1, 0] - points[k, i, 0], points[k, i + 1, 1] - points[k, i, 1]
+            total += np.sqrt(ax * ax + ay * ay)
+            low_y, high_y = min(low_y, points[k, i + 1, 1]), max(high_y, points[k, i + 1, 1])
+        reach = r + _HALF
+        first_row = max(int(np.ceil(low_y - reach)), band_top)
+        last_row = min(int(np.floor(high_y + reach)), band_bottom - 1)
+        if last_row < first_row:
+            continue
+        for y in range(first_row - band_top, last_row + 1 - band_top):
+            rows[y, 0] = width
+            rows[y, 1] = -1
+        before = _ZERO
+        for i in range(max(n - 1, 1)):
+            x0, y0 = points[k, i, 0], points[k, i, 1]
+            last = min(i + 1, n - 1)
+            ax, ay = points[k, last, 0] - x0, points[k, last, 1] - y0
+            length = np.sqrt(ax * ax + ay * ay)
+            if length > np.float32(1e-4):
+                ax, ay = ax / length, ay / length
+            else:
+                ax, ay = _ONE, _ZERO
+            ends = i >= n - 2
+            x1, y1 = x0 + ax * length, y0 + ay * length
+            low = max(int(np.ceil(min(y0, y1) - reach)), band_top)
+            high = min(int(np.floor(max(y0, y1) + reach)), band_bottom - 1)
+            for y in range(low, high + 1):
+                left, right = min(x0, x1) - reach, max(x0, x1) + reach
+                fy = np.float32(y) - y0
+                if abs(ay) > np.float32(0.05):
+                    # Where this row crosses the segment's strip, of infinite length.
+                    middle, half = x0 + ax * fy / ay, reach / abs(ay)
+                    left, right = max(left, middle - half), min(right, middle + half)
+                start, final = max(int(np.ceil(left)), 0), min(int(np.floor(right)), width - 1)
+                row = y - band_top
+                for x in range(start, final + 1):
+                    if wet[y, x, 4] <= _DONE:
+                        continue
+                    fx = np.float32(x) - x0
+                    s, t = fx * ax + fy * ay, fy * ax - fx * ay
+                    if s > length:
+                        if not ends:
+                            continue  # the next segment's round joint covers it
+                        d = np.sqrt((s - length) * (s - length) + t * t)
+                        p = length
+                    elif s < _ZERO:
+                        d = np.sqrt(s * s + t * t)
+                        p = _ZERO
+                    else:
+                        d = abs(t)
+                        p = s
+                    w = r
+                    if total > _ZERO:
+                        u = (before + p) / total
+                        if u < _TIP:
+                            q = _ONE - u / _TIP
+                            w = r * (_ONE - taper_start * q * q)
+                        elif u > _ONE - _TIP:
+                            q = _ONE - (_ONE - u) / _TIP
+                            w = r * (_ONE - taper_end * q * q)
+                    c = min(w + _HALF - d, _ONE)
+                    if c > cover[row, x]:
+                        cover[row, x] = c
+                        along[row, x] = before + s
+                        across[row, x] = min(max(t / r, -_ONE), _ONE)
+                        rows[row, 0] = min(rows[row, 0], x)
+                        rows[row, 1] = max(rows[row, 1], x)
+            before += length
+        oa, ob = offset[k] & 63, offset[k] >> 6
+        red, green, blue = colours[k, 0], colours[k, 1], colours[k, 2]
+        aim_r, aim_g, aim_b = aims[k, 0], aims[k, 1], aims[k, 2]
+        g, thick, strength = grain[k], relief[k], opacity[k]
+        for y in range(first_row, last_row + 1):
+            row = y - band_top
+            for x in range(rows[row, 0], rows[row, 1] + 1):
+                a = cover[row, x]
+                if a <= _ZERO:
+                    continue
+                cover[row, x] = _ZERO
+                a *= strength
+                if guided:
+                    er = np.float32(guide[y, x, 0]) - aim_r
+                    eg = np.float32(guide[y, x, 1]) - aim_g
+                    eb = np.float32(guide[y, x, 2]) - aim_b
+                    e2 = er * er + eg * eg + eb * eb
+                    if e2 >= outer2:
+                        continue
+                    if e2 > inner2:
+                        a *= (tolerance * np.float32(1.25) - np.sqrt(e2)) / (tolerance * np.float32(0.25))
+                t = across[row, x]
+                shade, ridge = _ZERO, _ONE - t * t * t * t
+                if g > _ZERO:
+                    trace = hair(hairs, along[row, x], t, r, oa, ob)
+                    shade = g * streaks * (trace - _HALF)
+                    ridge *= _ONE - g * (_ONE - trace)
+                    if total > _ZERO:
+                        late = (along[row, x] / total - _HALF) * np.float32(2.0)
+                        if late > _ZERO:
+                            a *= _ONE - g * dry * late * (_ONE if trace < _HALF * late else _ZERO)
+                a *= wet[y, x, 4]
+                wet[y, x, 0] += a * (red + shade)
+                wet[y, x, 1] += a * (green + shade)
+                wet[y, x, 2] += a * (blue + shade)
+                wet[y, x, 3] += a * thick * ridge
+                wet[y, x, 4] -= a

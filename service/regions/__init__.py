@@ -1,0 +1,1 @@
+"""Where regions are: maps and lists that a job has found."""

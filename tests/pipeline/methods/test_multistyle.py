@@ -1,0 +1,358 @@
+"""The multistyle method as a whole: bytes that do not depend on how it was run, styles, regions, directions, calm."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import zipfile
+from functools import cache
+from itertools import pairwise
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pipeline.errors import BadParameter
+from pipeline.frames import Frame
+from pipeline.methods import method
+from pipeline.methods.abstraction.state import no_clock
+from pipeline.methods.multistyle import MultistyleParams, MultistyleSession, plan
+from pipeline.methods.multistyle.design import parse
+from pipeline.methods.multistyle.designer import Designer, Placed
+from pipeline.methods.multistyle.look import Eye
+from pipeline.methods.multistyle.sight import unpack
+from pipeline.methods.multistyle.styles import STYLE_NAMES, STYLES, vector
+from pipeline.scenes import scene
+from pipeline.tensors.field import angle_of
+from tests.pipeline.methods.bench import FakeBench, painted, run_plan
+
+SIZE = (96, 64)
+CUT = 6
+MULTISTYLE = method("multistyle")
+
+
+@cache
+def shots() -> list[Frame]:
+    """Twelve frames with a hard cut in the middle."""
+    made = scene("cut", SIZE, frames=2 * CUT, fps=10)
+    return [made.image(index) for index in range(2 * CUT)]
+
+
+def labels(left: int = 40) -> NDArray[np.uint8]:
+    out = np.zeros((SIZE[1], SIZE[0]), np.uint8)
+    out[:, :left] = 1
+    return out
+
+
+DESIGN: dict[str, Any] = {
+    "version": 1,
+    "regions": {"left": {"label": 1, "border": "soft"}, "sky": {"objects": [1]}},
+    "keys": [
+        {"region": "left", "frame": 0, "style": "pointillism", "ease": "smooth"},
+        {"region": "left", "frame": 5, "set": {"hue": 80}},
+    ],
+    "directions": [
+        {"region": "left", "frame": 0, "edge_weight": 0.1, "elements": [{"pattern": "node", "at": [0.2, 0.5]}]},
+        {"region": "sky", "free": True},
+    ],
+}
+
+
+# -- the same bytes
+
+VARIANTS: dict[str, dict[str, Any]] = {
+    "default": {},
+    "explicit": {"renderer": "explicit"},
+    "each frame on its own": {"temporal": "off"},
+    "no cuts": {"cut_sensitivity": 0},
+    "dots": {"style": "pointillism", "face_detail": 0, "saliency_detail": 0, "motion_detail": 0},
+    "water": {"style": "watercolor", "layers": -0.5},
+}
+
+
+@pytest.mark.parametrize("values", VARIANTS.values(), ids=VARIANTS.keys())
+def test_runs_of_any_length_give_what_one_session_gives(
+    values: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(plan, "RUN_FRAMES", 4)
+    session = MultistyleSession(MultistyleParams(**values), SIZE, 3)
+    wanted = np.stack([session.step(frame) for frame in shots()])
+    bench = FakeBench(MultistyleParams(**values), shots(), seed=3)
+    tasks = run_plan(MULTISTYLE, bench, shuffle=3)["paint"]
+    starts = [task.emits[0] for task in tasks if task.emits]
+    assert starts == ([0, 4, 8] if values.get("cut_sensitivity") == 0 else [0, 4, CUT, CUT + 4])
+    np.testing.assert_array_equal(painted(bench), wanted)
+
+
+def test_designs_and_masks_survive_the_seams_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    pictures, files = [], []
+    for length, order in ((16, None), (4, 1), (3, 2)):
+        monkeypatch.setattr(plan, "RUN_FRAMES", length)
+        inputs = {"design": DESIGN, "masks": {1: labels(), 4: labels(30), 7: labels(20)}}
+        bench = FakeBench(MultistyleParams(), shots(), inputs, artefacts=frozenset({"regions"}))
+        run_plan(MULTISTYLE, bench, shuffle=order)
+        pictures.append(painted(bench))
+        files.append(pages(bench))
+    for picture, found in zip(pictures[1:], files[1:], strict=True):
+        np.testing.assert_array_equal(picture, pictures[0])
+        assert found == files[0]
+    plain = FakeBench(MultistyleParams(), shots())
+    run_plan(MULTISTYLE, plain)
+    assert (painted(plain) != pictures[0]).mean() > 0.3
+
+
+def pages(bench: FakeBench) -> dict[str, bytes]:
+    found: dict[str, bytes] = {}
+    for name, data in sorted(bench.files.items()):
+        if name.endswith(".zip"):
+            with zipfile.ZipFile(io.BytesIO(data)) as archive:
+                found |= {entry: archive.read(entry) for entry in archive.namelist()}
+        else:
+            found[name] = data
+    return found
+
+
+def test_a_restored_session_goes_on_to_the_bit_and_another_seed_paints_otherwise() -> None:
+    one, two, other = (MultistyleSession(MultistyleParams(), SIZE, seed) for seed in (1, 1, 2))
+    for frame in shots()[:3]:
+        one.step(frame)
+        other.step(frame)
+    two.restore({key: array.copy() for key, array in one.state().items()})
+    for frame in shots()[3:]:
+        mine = one.step(frame)
+        np.testing.assert_array_equal(mine, two.step(frame))
+        assert (mine != other.step(frame)).any()
+
+
+def test_what_was_seen_is_what_was_stored() -> None:
+    eye = Eye(MultistyleParams(), SIZE, 0, no_clock)
+    sight = eye.step(shots()[0])
+    again = unpack({name: array.copy() for name, array in sight.pack().items()})
+    assert (again.picture == sight.picture).all() and (again.field == sight.field).all()
+    for mine, theirs in zip(sight.layers, again.layers, strict=True):
+        assert (mine.ids == theirs.ids).all() and (mine.table == theirs.table).all() and (mine.xy == theirs.xy).all()
+    assert all(array.dtype.kind == "f" for array in sight.pack().values())
+
+
+def test_a_session_goes_on_with_other_parameters() -> None:
+    session = MultistyleSession(MultistyleParams(), SIZE)
+    session.step(shots()[0])
+    ids = {marks.ids.tobytes() for marks in session.look(shots()[1]).layers}
+    after = session.follow(MultistyleParams(hue=90), SIZE)
+    assert {marks.ids.tobytes() for marks in after.look(shots()[1]).layers} == ids
+    assert after.follow(MultistyleParams(), (64, 48)).step(cv2.resize(shots()[2], (64, 48))).shape == (48, 64, 3)
+
+
+# -- styles
+
+
+@pytest.mark.parametrize("renderer", ["implicit", "explicit"])
+def test_every_style_is_a_picture_of_its_own_and_reads(renderer: str) -> None:
+    source = scene("harbour", (192, 108), frames=1).image(0)
+    made = {
+        name: MultistyleSession(MultistyleParams(style=name, renderer=renderer), (192, 108)).step(source)
+        for name in STYLE_NAMES
+    }  # fmt: skip
+    for name, picture in made.items():
+        assert structure(source, picture) > 0.7, name
+        for other, its in made.items():
+            assert other == name or np.abs(picture.astype(int) - its).mean() > 4, (name, other)
+
+
+def structure(source: Frame, picture: Frame) -> float:
+    one, other = (coarse_edges(image).ravel() for image in (source, picture))
+    return float(np.corrcoef(one, other)[0, 1])
+
+
+def coarse_edges(image: Frame) -> NDArray[Any]:
+    small = cv2.cvtColor(cv2.resize(image, (96, 54), interpolation=cv2.INTER_AREA), cv2.COLOR_RGB2Lab)
+    lab = cv2.GaussianBlur(small.astype(np.float32), (0, 0), 1)
+    return np.sqrt(cv2.Sobel(lab, cv2.CV_32F, 1, 0) ** 2 + cv2.Sobel(lab, cv2.CV_32F, 0, 1) ** 2).sum(-1)
+
+
+# -- calm
+
+
+@cache
+def still() -> list[Frame]:
+    """A still camera with a sensor's noise."""
+    made, rng = scene("portrait", (160, 120), frames=1).image(0).astype(float), np.random.default_rng(8)
+    return [np.clip(made + rng.normal(0, 3, made.shape), 0, 255).astype(np.uint8) for _ in range(10)]
+
+
+def restlessness(**values: Any) -> float:
+    session = MultistyleSession(MultistyleParams(**values), (160, 120))
+    made = [session.step(frame).astype(float) for frame in still()]
+    return float(np.sqrt(np.mean([np.square(b - a).mean() for a, b in pairwise(made[4:])])))
+
+
+def test_noise_is_not_painted() -> None:
+    calm, alone = restlessness(), restlessness(temporal="off")
+    assert calm < 0.25 * alone and calm < 3 * math.sqrt(2)
+
+
+# -- regions
+
+
+def test_a_label_map_is_carried_both_ways_and_not_over_a_cut() -> None:
+    inputs = {"design": {"version": 1, "regions": {"left": {"label": 1}}}, "masks": {2: labels()}}
+    bench = FakeBench(MultistyleParams(), shots(), inputs)
+    run_plan(MULTISTYLE, bench)
+    found = np.concatenate([bench.kept["maps", f"map-{start:07d}"]["maps"] for start in (0, CUT)])
+    share = (found == 1).mean(axis=(1, 2))
+    assert (np.abs(share[:CUT] - labels().mean()) < 0.1).all() and (share[CUT:] == 0).all()
+
+
+def test_tubes_and_objects_are_listed_and_can_be_named() -> None:
+    inputs = {"design": {"version": 1, "regions": {"all": {"tubes": [1, 2]}}, "keys": [{"region": "all"}]}}
+    bench = FakeBench(MultistyleParams(), shots(), inputs, artefacts=frozenset({"regions"}))
+    run_plan(MULTISTYLE, bench)
+    listed = json.loads(bench.files["regions-list.json"])
+    numbers = [tube["tube"] for tube in listed["tubes"]]
+    assert numbers == list(range(1, len(numbers) + 1)) and {o["object"] for o in listed["objects"]} <= set(range(1, 9))
+    assert all(len(tube["colour"]) == 3 and 0 <= tube["first"] <= tube["last"] < 12 for tube in listed["tubes"])
+    assert listed["regions"][1]["name"] == "all" and listed["regions"][1]["area"] > 0
+    pictures = pages(bench)
+    coded = cv2.imdecode(np.frombuffer(pictures["tubes-0000003.png"], np.uint8), cv2.IMREAD_COLOR).astype(int)
+    number = coded[..., 2] * 65536 + coded[..., 1] * 256 + coded[..., 0]
+    named = cv2.imdecode(np.frombuffer(pictures["map-0000003.png"], np.uint8), cv2.IMREAD_UNCHANGED)
+    np.testing.assert_array_equal(np.isin(number, [1, 2]), named == 1)
+    assert number.min() >= 1 and number.max() <= len(numbers)
+
+
+def test_a_tube_that_there_is_not_is_refused() -> None:
+    inputs = {"design": {"version": 1, "regions": {"all": {"tubes": [1, 99999]}}}}
+    with pytest.raises(BadParameter) as caught:
+        run_plan(MULTISTYLE, FakeBench(MultistyleParams(), shots(), inputs))
+    assert caught.value.field == "inputs.design.regions.all.tubes[1]"
+
+
+@pytest.mark.parametrize(
+    ("masks", "field"), [({99: labels()}, "inputs.masks"), ({0: labels()[:, :30]}, "inputs.masks")]
+)
+def test_label_maps_that_do_not_fit_are_refused(masks: Any, field: str) -> None:
+    inputs = {"design": {"version": 1, "regions": {"left": {"label": 1}}}, "masks": masks}
+    with pytest.raises(BadParameter) as caught:
+        run_plan(MULTISTYLE, FakeBench(MultistyleParams(), shots(), inputs))
+    assert caught.value.field == field and caught.value.remedy
+
+
+def test_a_part_is_split_off_by_an_outline() -> None:
+    box = [[0.0, 0.0], [1.0, 0.0], [1.0, 0.5], [0.0, 0.5]]
+    regions = {"left": {"label": 1}, "top": {"polygons": [{"frame": 0, "points": box}], "of": "left"}}
+    inputs = {"design": {"version": 1, "regions": regions}, "masks": {0: labels()}}
+    bench = FakeBench(MultistyleParams(), shots()[:1], inputs)
+    run_plan(MULTISTYLE, bench)
+    found = bench.kept["maps", "map-0000000"]["maps"][0]
+    assert (found[:30, :38] == 2).all() and (found[34:, :38] == 1).all() and (found[:, 42:] == 0).all()
+
+
+# -- style and direction of regions
+
+
+def designer(document: dict[str, Any]) -> Designer:
+    return Designer(parse(document), STYLES["van-gogh"].style, SIZE, (48, 32))
+
+
+def halves() -> NDArray[np.uint8]:
+    """Region 1 to the left, 2 to the right, the rest between."""
+    out = np.zeros((SIZE[1], SIZE[0]), np.uint8)
+    out[:, :20], out[:, 76:] = 1, 2
+    return out
+
+
+TWO = {"one": {"label": 1}, "two": {"label": 2}}
+
+
+def test_keys_are_kept_interpolated_and_spread() -> None:
+    keys = [
+        {"region": "one", "frame": 0, "set": {"size": 10}}, {"region": "one", "frame": 10, "set": {"size": 20}},
+        {"region": "two", "frame": 0, "set": {"size": 40}},
+    ]  # fmt: skip
+    values = designer({"version": 1, "regions": TWO, "keys": keys}).values(Placed(5, halves(), {}, {}))
+    size = np.asarray(values["size"])
+    assert (size[:, :20] == 15).all() and (size[:, 76:] == 40).all()
+    np.testing.assert_allclose(size[32, 24:72], np.interp(np.arange(24, 72), [19.5, 76], [15, 40]), atol=1.2)
+    assert values["hue"] == 0.0
+
+
+def test_nothing_spreads_over_a_sharp_border() -> None:
+    keys = [{"region": "one", "set": {"size": 10}}, {"region": "two", "set": {"size": 40}}]
+    regions = {"one": {"label": 1, "border": "sharp"}, "two": {"label": 2}}
+    size = np.asarray(
+        designer({"version": 1, "regions": regions, "keys": keys}).values(Placed(0, halves(), {}, {}))["size"]
+    )
+    assert (size[:, :20] == 10).all() and (np.abs(size[:, 22:] - 40) < 0.1).all()
+
+
+def test_a_soft_border_is_no_step() -> None:
+    keys = [{"region": "one", "set": {"size": 10}}, {"region": "rest", "set": {"size": 40}}]
+    regions = {"one": {"label": 1, "border": "soft"}, "two": {"label": 2}}
+    size = np.asarray(
+        designer({"version": 1, "regions": regions, "keys": keys}).values(Placed(0, halves(), {}, {}))["size"]
+    )
+    assert np.abs(np.diff(size[32, :70])).max() < 14 and size[32, 2] < 12 and size[32, 40] > 39
+
+
+def test_no_keys_at_all_leave_the_style_as_it_is() -> None:
+    values = designer({"version": 1, "regions": TWO}).values(Placed(0, halves(), {}, {}))
+    assert [values[name] for name in values] == pytest.approx(vector(STYLES["van-gogh"].style).tolist())
+
+
+def test_directions_break_at_borders_and_free_regions_take_their_neighbours() -> None:
+    across = {"pattern": "regular", "at": [0.5, 0.5], "angle": 0}
+    down = {"pattern": "regular", "at": [0.5, 0.5], "angle": 90}
+    directions = [
+        {"region": "one", "edge_weight": 0, "elements": [across]},
+        {"region": "rest", "edge_weight": 0, "elements": [down]},
+        {"region": "two", "free": True},
+    ]
+    edges = np.stack([np.full((32, 48), 0.3), np.full((32, 48), 0.4)]).astype(np.float32)
+    field = designer({"version": 1, "regions": TWO, "directions": directions}).directions(
+        edges, Placed(0, halves(), {}, {})
+    )
+    angle = np.degrees(angle_of(field))
+    assert np.abs(angle[:, :9]).max() < 1 and np.abs(angle[:, 11:] - 90).max() < 1
+
+
+# -- a moving, turning object
+
+
+def turning(
+    frame: int, size: tuple[int, int] = (192, 144)
+) -> tuple[Frame, NDArray[np.uint8], tuple[float, float, float]]:
+    """An ellipse with a pattern of its own, that moves 1.5 px and turns 4 degrees a frame; its map, centre, angle."""
+    x0, y0, angle = 70 + 1.5 * frame, 60 + 0.8 * frame, math.radians(20 + 4 * frame)
+    y, x = np.indices(size[::-1], np.float32)
+    u = (x - x0) * math.cos(angle) + (y - y0) * math.sin(angle)
+    v = (y - y0) * math.cos(angle) - (x - x0) * math.sin(angle)
+    inside = (u / 44) ** 2 + (v / 20) ** 2 <= 1
+    texture = 120 + 50 * np.sin(u / 4) * np.cos(v / 3)
+    ground = 60 + 25 * np.sin(x / 5) * np.cos(y / 6)
+    picture = np.dstack([np.where(inside, 200, ground), np.where(inside, texture, ground), np.where(inside, 40, 90)])
+    return np.clip(picture, 0, 255).astype(np.uint8), inside.astype(np.uint8), (x0, y0, angle)
+
+
+def test_a_design_element_follows_a_moving_turning_object() -> None:
+    frames = [turning(k)[0] for k in range(11)]
+    element = {"pattern": "regular", "at": [70.5 / 192, 60.5 / 144], "angle": 20}
+    document = {
+        "version": 1, "regions": {"it": {"label": 1}},
+        "directions": [{"region": "it", "frame": 0, "edge_weight": 0, "elements": [element]}],
+    }  # fmt: skip
+    inputs = {"design": document, "masks": {0: turning(0)[1], 10: turning(10)[1]}}
+    bench = FakeBench(MultistyleParams(), frames, inputs)
+    tasks = run_plan(MULTISTYLE, bench)["paint"]
+    ellipses = tasks[0].args["ellipses"]["it"]
+    for k in range(11):
+        x, y, angle = turning(k)[2]
+        own = ellipses[str(k)]
+        assert math.hypot(own[0] - x, own[1] - y) < 2
+        assert abs(math.degrees(own[2] - angle)) < 3
+        seen = bench.kept["paint", "look-0000000"][f"{k}.field"].astype(np.float32)
+        u, v = seen[int(y / 144 * seen.shape[0]), int(x / 192 * seen.shape[1])]
+        apart = math.degrees(math.atan2(v, u) / 2 - angle)
+        assert abs((apart + 90) % 180 - 90) < 3
