@@ -18,8 +18,10 @@ from pipeline.methods.base import Method, Params
 def methods() -> Mapping[str, Method]:
     """Every method by name: the built-in ones first, then those of installed packages."""
     from pipeline.methods.abstraction import Abstraction
+    from pipeline.methods.patches import Patches
 
-    found: dict[str, Method] = {m.name: m for m in (Abstraction(),)}
+    built_in: tuple[Method, ...] = (Abstraction(), Patches())
+    found: dict[str, Method] = {m.name: m for m in built_in}
     for entry in entry_points(group="impasto.methods"):
         outside = entry.load()()
         found.setdefault(outside.name, outside)

@@ -1,0 +1,164 @@
+"""Step "paint": patches carried back into each frame, over a painting of what belongs to none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Frame, Labels, Plane
+from pipeline.methods.base import Bench, Brief, Note, Task
+from pipeline.methods.patches.build import presence
+from pipeline.methods.patches.clusters import LabelMaps
+from pipeline.methods.patches.grid import Grid
+from pipeline.methods.patches.hertzmann import Painter
+from pipeline.methods.patches.lives import Life, lives
+from pipeline.methods.patches.params import PatchesParams
+from pipeline.methods.patches.scan import run_key, runs
+from pipeline.warp.panorama import Lay, full_map
+
+SEEN = 0.02
+"""Share from which a pixel's paint is looked for: less cannot be seen."""
+
+
+def plan_paint(brief: Brief) -> list[Task]:
+    every = lives(brief) if brief.params.temporal == "on" else []
+    chained = brief.params.temporal == "strokes"
+    tasks: list[Task] = []
+    before = ""
+    for start, stop, begin, end in runs(brief):
+        here = [life.args() for life in every if life.begin == begin and life.start < stop and life.stop > start]
+        args = {"start": start, "stop": stop, "begin": begin, "end": end, "lives": here}
+        after = (before,) if chained and start > begin else ()
+        tasks.append(Task(run_key(start), args, after, (start, stop), weight=stop - start))
+        before = run_key(start)
+    return tasks
+
+
+def run_paint(task: Task, bench: Bench) -> Note:
+    """Emit frames [start, stop)."""
+    params: PatchesParams = bench.params
+    start, stop, begin = task.args["start"], task.args["stop"], task.args["begin"]
+    paint = _frame_painter(task, bench)
+    shown: Frame | None = None
+    for index, frame in held_frames(bench, start, stop, begin, params.hold):
+        if frame is not None:
+            with bench.clock("composite"):
+                shown = paint(index, frame)
+        assert shown is not None
+        if index >= start:
+            bench.emit(index, shown)
+            bench.progress((index + 1 - start) / (stop - start))
+    return {}
+
+
+def held_frames(bench: Bench, start: int, stop: int, begin: int, hold: int) -> Iterator[tuple[int, Frame | None]]:
+    """Frames [start, stop) and the one that is shown at `start`; None where the last painting is held."""
+    first = begin + (start - begin) // hold * hold
+    for index, frame in enumerate(bench.frames("video", first, stop), start=first):
+        if (index - begin) % hold == 0:
+            yield index, frame
+        elif index >= start:
+            yield index, None
+
+
+def _frame_painter(task: Task, bench: Bench) -> Compositor | Alone:
+    if bench.params.temporal == "off":
+        return Alone.of(bench.params, bench.size, bench.seed)
+    return Compositor(task, bench)
+
+
+@dataclass(frozen=True)
+class Alone:
+    """Every frame on its own: Hertzmann's painter, the honest baseline."""
+
+    painter: Painter
+
+    @classmethod
+    def of(cls, params: PatchesParams, size: tuple[int, int], seed: int) -> Alone:
+        return cls(Painter.of(params.style, size[0] * size[1], size[1], params, seed))
+
+    def __call__(self, index: int, frame: Frame) -> Frame:
+        return self.painter.picture(frame)
+
+
+@dataclass(frozen=True)
+class Painted:
+    """A patch that is painted: its life, panorama and painting, where that begins, and its lays by frame."""
+
+    life: Life
+    panorama: Frame
+    painting: Frame
+    origin: tuple[int, int]
+    lays: dict[int, Lay]
+
+    @classmethod
+    def load(cls, life: Life, start: int, bench: Bench) -> Painted:
+        kept, found = bench.load("patch", life.key), bench.load("patch", f"{life.key}-{run_key(start)}")
+        lays = {}
+        for name in (key[:-3] for key in found if key.endswith("-at")):
+            left, top, right, bottom = (int(value) for value in found[f"{name}-at"])
+            lays[int(name)] = Lay((left, top, right, bottom), found[f"{name}-m"], found[f"{name}-d"])
+        x, y = (int(value) for value in kept["origin"])
+        return cls(life, kept["panorama"], kept["painting"], (x, y), lays)
+
+
+class Compositor:
+    """Puts the frames of a run together from patches."""
+
+    def __init__(self, task: Task, bench: Bench) -> None:
+        begin = task.args["begin"]
+        self._params: PatchesParams = bench.params
+        self._grid, self._size = Grid.of(bench.size), bench.size
+        self._maps = LabelMaps(bench, begin)
+        self._patches = [Painted.load(Life(**row), task.args["start"], bench) for row in task.args["lives"]]
+        self._alone = Alone.of(bench.params, bench.size, bench.seed)
+
+    def __call__(self, index: int, frame: Frame) -> Frame:
+        """Frame `index`, painted: float sums of patches and of what is left, weights summing to 1 everywhere."""
+        labels = self._maps(index)
+        assert labels is not None
+        total = np.zeros((*frame.shape[:2], 3), np.float32)
+        share = np.zeros(frame.shape[:2], np.float32)
+        for patch in self._patches:
+            if (lay := patch.lays.get(index)) is not None:
+                self._lay_over(total, share, patch, lay, labels, index, frame)
+        left = 1 - share
+        if (left > SEEN).any():
+            total += self._unclustered(frame, left) * left[..., None]
+        else:
+            total /= share[..., None]
+        return np.rint(np.clip(total, 0, 255)).astype(np.uint8)
+
+    def _lay_over(
+        self, total: NDArray[np.float32], share: Plane, patch: Painted, lay: Lay, labels: Labels, index: int,
+        frame: Frame,
+    ) -> None:  # fmt: skip
+        rect, x, y = full_map(lay, self._grid.ratio, self._size, patch.origin)
+        box = slice(rect[1], rect[3]), slice(rect[0], rect[2])
+        alpha = presence(labels, patch.life.label, self._grid)[box] * np.float32(patch.life.weight(index))
+        alpha = alpha * self._fit(frame[box], cv2.remap(patch.panorama, x, y, cv2.INTER_LINEAR))
+        paint = cv2.remap(patch.painting, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+        total[box] += paint * alpha[..., None]
+        share[box] += alpha
+
+    def _fit(self, frame: Frame, panorama: Frame) -> Plane:
+        """How well the patch shows what is in the frame, 0..1: it falls from `misfit` to half as much again.
+
+        Departure: the paper leaves out no pixel of a cluster; a mouth that opens is then never seen.
+        """
+        difference = frame.astype(np.float32) - panorama
+        side = max(3, round(frame.shape[0] / 60)) | 1
+        mean = cv2.blur(difference, (7, 7)) if side < 3 else cv2.GaussianBlur(difference, (0, 0), 3.0)
+        off = np.sqrt(np.square(mean).sum(axis=-1)) / np.float32(self._params.misfit)
+        keep = np.clip(3 - 2 * off, 0, 1)
+        return np.asarray(keep * keep * (3 - 2 * keep), np.float32)
+
+    def _unclustered(self, frame: Frame, left: Plane) -> Frame:
+        """A painting of the frame alone, where it is needed."""
+        reach = 2 * int(self._alone.painter.reach_px / 4) + 1
+        where = cv2.dilate((left > SEEN).astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
+        return self._alone.painter.picture(frame, where)

@@ -1,0 +1,167 @@
+"""Clusters of one frame from those of the frames before it: the heart of the method (zhang2011patches, section 4).
+
+    links       every pixel is linked by flow to the frames of the window before it; reliable links vote for a label
+    background  what moves as the dominant motion does, one plane motion for each pair of frames
+    walk        a random walk spreads the votes along edges of like motion, and stops where nothing is certain
+    newcomers   what can be tracked and has no label becomes clusters of its own, seeded at good corners
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Flow, Frame, Labels, Mask, Plane
+from pipeline.methods.patches.links import Links
+from pipeline.methods.patches.newcomers import newcomers
+from pipeline.methods.patches.params import PatchesParams
+from pipeline.segmentation.components import absorb_specks
+from pipeline.segmentation.random_walk import Edges, motion_edges, vote
+from pipeline.warp.homography import apply, dominant, fit, lattice
+
+BACKGROUND = 1
+"""Label of the background; objects are 2, 3, ..."""
+UNKNOWN_SHARE = 0.25
+"""Weight of a link to something without a label, beside one to a label: what was unclear may become clear."""
+COLOUR_UNIT = 40.0
+"""Gray levels of a step of colour that keeps apart like a difference in motion of 1 px, where colour counts fully."""
+
+
+@dataclass
+class Tracker:
+    """What is handed from frame to frame: label maps of the window by frame number, and the next free label."""
+
+    maps: dict[int, Labels] = field(default_factory=dict)
+    next_label: int = BACKGROUND + 1
+
+    def trim(self, index: int, window: int) -> None:
+        """Forget what no later frame is linked to."""
+        self.maps = {key: labels for key, labels in self.maps.items() if key > index - window + 1}
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What one frame shows, at the working size: its colours, motion to both neighbours and how reliable that is."""
+
+    small: Frame
+    ahead: tuple[Flow, Plane] | None
+    back: tuple[Flow, Plane] | None
+
+    @property
+    def known(self) -> list[tuple[Flow, Plane]]:
+        return [pair for pair in (self.ahead, self.back) if pair is not None]
+
+    def trackable(self, least: float) -> Mask:
+        """Pixels that have a reliable partner in a neighbouring frame."""
+        return np.any([reliable >= least for _, reliable in self.known] or [np.zeros(self.small.shape[:2], bool)], 0)
+
+
+def look(links: Links, index: int, begin: int) -> Sight:
+    """Frame `index`; nothing before frame `begin` counts."""
+    return Sight(links.small(index), links.ahead(index), links.back(index) if index > begin else None)
+
+
+def edges_of(sight: Sight, params: PatchesParams) -> Edges:
+    """Weights of the edges within the frame."""
+    ahead, back = (None if pair is None else pair[0] for pair in (sight.ahead, sight.back))
+    unit = COLOUR_UNIT / params.colour_edges if params.colour_edges > 0 else 0.0
+    return motion_edges(ahead, back, sight.small, unit)
+
+
+def track(
+    tracker: Tracker, links: Links, index: int, begin: int, params: PatchesParams, ground: Mask | None = None
+) -> Labels:
+    """Labels of frame `index`, int32 (h, w), 0 = unclustered; the tracker remembers them.
+
+    Args:
+        begin: first frame whose labels count: the shot's, or a keyframe's.
+        ground: where the background is, if a mask says so; None = where the dominant motion is.
+    """
+    sight = look(links, index, begin)
+    edges = edges_of(sight, params)
+    choices, weights = link_votes(tracker, links, index, sight, params)
+    fits, strays = background_motion(sight, choices, weights, params) if ground is None else (ground, ~ground)
+    choices, weights = _background_votes(choices, weights, fits, strays)
+    labels, _ = vote(choices, weights, edges)
+    labels[~sight.trackable(params.reliable) & ~(ground if ground is not None else False)] = 0
+    area = labels.size * params.smallest_cluster / 1000
+    labels = absorb_specks(labels, max(int(area / 4), 4), max(int(area / 2), 8))
+    fresh = newcomers(labels, sight.known, edges, sight.small, params.reliable, int(area), tracker.next_label)
+    tracker.next_label = max(tracker.next_label, int(fresh.max(initial=0)) + 1)
+    tracker.maps[index] = np.where(fresh > 0, fresh, labels).astype(np.int32)
+    tracker.trim(index, params.window)
+    return tracker.maps[index]
+
+
+def link_votes(
+    tracker: Tracker, links: Links, index: int, sight: Sight, params: PatchesParams
+) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+    """For each gap in the window, the label that each pixel is linked to and the weight of the link: (k, h, w) each.
+
+    Seeds are links with R at or above `params.reliable`; the weight is lambda R.
+    """
+    choices, weights = [np.zeros(sight.small.shape[:2], np.int32)], [np.zeros(sight.small.shape[:2], np.float32)]
+    for gap in range(1, params.window):
+        before, pair = tracker.maps.get(index - gap), links.back(index, gap)
+        if before is None or pair is None:
+            continue
+        flow, reliable = pair
+        choice = carry_labels(before, flow)
+        weight = np.where(reliable >= params.reliable, params.interframe * reliable, 0)
+        choices.append(choice)
+        weights.append(np.where(choice > 0, weight, weight * UNKNOWN_SHARE).astype(np.float32))
+    return np.stack(choices), np.stack(weights)
+
+
+def carry_labels(labels: Labels, flow: Flow) -> Labels:
+    """The label where each pixel's flow leads, to the nearest pixel: int32 (h, w)."""
+    height, width = labels.shape
+    x = np.clip(np.rint(np.arange(width) + flow[..., 0]), 0, width - 1).astype(np.intp)
+    y = np.clip(np.rint(np.arange(height)[:, None] + flow[..., 1]), 0, height - 1).astype(np.intp)
+    return labels[y, x]
+
+
+def background_motion(
+    sight: Sight, choices: NDArray[np.int32], weights: NDArray[np.float32], params: PatchesParams
+) -> tuple[Mask, Mask]:
+    """Where everything reliable moves as the background does, and where something reliable does not.
+
+    The background's motion is the homography of what voted for it; in a first frame, of what most pixels do.
+    """
+    was = ((choices == BACKGROUND) & (weights > 0)).any(axis=0)
+    some = np.zeros(was.shape, np.bool_)
+    strays = np.zeros(was.shape, np.bool_)
+    for flow, reliable in sight.known:
+        sure = reliable >= params.reliable
+        off = _off_background(flow, sure, was)
+        near = cv2.GaussianBlur(off, (0, 0), 1.0)
+        some |= sure & (near <= params.motion_tolerance)
+        strays |= sure & (near > params.motion_tolerance)
+    return some & ~strays, strays
+
+
+def _off_background(flow: Flow, sure: Mask, was: Mask) -> Plane:
+    """Distance of the flow from the background's homography, float32 (h, w), px."""
+    here = lattice(flow.shape[:2])
+    moved = here + flow
+    basis = sure & was
+    if basis.sum() >= 0.05 * basis.size:
+        matrix = fit(here[basis], moved[basis])
+    else:
+        matrix = dominant(here[sure], moved[sure])
+    return np.asarray(np.linalg.norm(apply(matrix, here) - moved, axis=-1), np.float32)
+
+
+def _background_votes(
+    choices: NDArray[np.int32], weights: NDArray[np.float32], fits: Mask, strays: Mask
+) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+    """Votes for the background count where the motion is its own; where nothing else is said, its motion is a vote."""
+    wrong = strays & (choices == BACKGROUND)
+    claimed = ((choices > BACKGROUND) & (weights > 0)).any(axis=0)
+    choices = np.where(wrong, 0, choices).astype(np.int32)
+    weights = np.where(wrong, weights * UNKNOWN_SHARE, weights).astype(np.float32)
+    choices[0], weights[0] = np.where(fits & ~claimed, BACKGROUND, 0), np.where(fits & ~claimed, 1, 0)
+    return choices, weights
