@@ -20,6 +20,8 @@ MOST_GROUPS = 24
 """The largest ones: each costs the solution of a linear system."""
 REACH_PX = 28.0
 """Corners further apart than this are only of one thing if others lie between."""
+THICK_PX = 4.0
+"""Of the innermost pixel from the border: thinner parts are the rims of moving things."""
 SLACK_PX = 0.4
 STRETCH = 0.06
 """Velocities of one thing differ by at most SLACK_PX + STRETCH * distance: what turns by 3 degrees a frame passes."""
@@ -61,7 +63,10 @@ def _without_specks(mask: Mask, smallest_px: int) -> Mask:
     """Parts of the mask that are large enough, thin threads cut off."""
     opened = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     parts, areas = components(opened.astype(np.int32))
-    return np.asarray((opened > 0) & (areas[parts] >= smallest_px))
+    depth = cv2.distanceTransform(opened, cv2.DIST_L2, 3)
+    deepest = np.zeros(len(areas), np.float32)
+    np.maximum.at(deepest, parts.ravel(), depth.ravel())
+    return np.asarray((opened > 0) & (areas[parts] >= smallest_px) & (deepest[parts] >= THICK_PX))
 
 
 def _corners(small: Frame, free: Mask) -> NDArray[np.intp]:

@@ -97,12 +97,12 @@ class PatchesParams(Params):
         "Clusters", "lambda",
     )  # fmt: skip
     colour_edges: float = _number(
-        0.5, 0, 4, "Colour edges",
+        1, 0, 4, "Colour edges",
         "How much a difference of colour, beside one of motion, keeps labels apart; 0 = motion alone, as printed.",
         "ratio", "Clusters",
     )  # fmt: skip
     motion_tolerance: float = _number(
-        0.75, 0.1, 5, "Motion tolerance",
+        0.5, 0.1, 5, "Motion tolerance",
         "What moves otherwise than the background by more than this is an object.",
         "px at the working size", "Clusters",
     )  # fmt: skip

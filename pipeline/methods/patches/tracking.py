@@ -26,8 +26,16 @@ BACKGROUND = 1
 """Label of the background; objects are 2, 3, ..."""
 UNKNOWN_SHARE = 0.25
 """Weight of a link to something without a label, beside one to a label: what was unclear may become clear."""
-COLOUR_UNIT = 40.0
+COLOUR_UNIT = 12.0
 """Gray levels of a step of colour that keeps apart like a difference in motion of 1 px, where colour counts fully."""
+BLUR_PX = 7
+"""Flow is smooth over silhouettes this far, working px."""
+ABRUPT_PX = 0.3
+"""Range of the flow within BLUR_PX from which a silhouette is likely: links are doubtful there."""
+DOUBT = 0.04
+"""Weight of a doubtful link to a label: colour edges decide, and the link only where these say nothing."""
+COARSE_PX = 9
+"""Untrackable places narrower than this belong to what is around them: they are the rims of moving things."""
 
 
 @dataclass
@@ -85,8 +93,9 @@ def track(
     choices, weights = link_votes(tracker, links, index, sight, params)
     fits, strays = background_motion(sight, choices, weights, params) if ground is None else (ground, ~ground)
     choices, weights = _background_votes(choices, weights, fits, strays)
+    weights = np.where(abrupt(sight), np.where(choices > 0, weights * np.float32(DOUBT), 0), weights)
     labels, _ = vote(choices, weights, edges)
-    labels[~sight.trackable(params.reliable) & ~(ground if ground is not None else False)] = 0
+    labels[_untrackable(sight, params)] = 0
     area = labels.size * params.smallest_cluster / 1000
     labels = absorb_specks(labels, max(int(area / 4), 4), max(int(area / 2), 8))
     fresh = newcomers(labels, sight.known, edges, sight.small, params.reliable, int(area), tracker.next_label)
@@ -155,13 +164,33 @@ def _off_background(flow: Flow, sure: Mask, was: Mask) -> Plane:
     return np.asarray(np.linalg.norm(apply(matrix, here) - moved, axis=-1), np.float32)
 
 
+def abrupt(sight: Sight) -> Mask:
+    """Where motion changes within a few px, in either direction of time: near silhouettes."""
+    found = np.zeros(sight.small.shape[:2], np.bool_)
+    around = np.ones((BLUR_PX, BLUR_PX), np.uint8)
+    for flow, _ in sight.known:
+        span = cv2.dilate(flow, around) - cv2.erode(flow, around)
+        found |= span.max(axis=-1) > ABRUPT_PX
+    return found
+
+
+def _untrackable(sight: Sight, params: PatchesParams) -> Mask:
+    """Places of some size that have no reliable partner in either neighbouring frame."""
+    lost = (~sight.trackable(params.reliable)).astype(np.uint8)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (COARSE_PX, COARSE_PX))
+    return np.asarray(cv2.morphologyEx(lost, cv2.MORPH_OPEN, disc) > 0)
+
+
 def _background_votes(
     choices: NDArray[np.int32], weights: NDArray[np.float32], fits: Mask, strays: Mask
 ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-    """Votes for the background count where the motion is its own; where nothing else is said, its motion is a vote."""
+    """Votes for the background count where the motion is its own.
+
+    Where no object has a say, the motion itself is a vote: for the background, or for nothing.
+    """
     wrong = strays & (choices == BACKGROUND)
     claimed = ((choices > BACKGROUND) & (weights > 0)).any(axis=0)
     choices = np.where(wrong, 0, choices).astype(np.int32)
-    weights = np.where(wrong, weights * UNKNOWN_SHARE, weights).astype(np.float32)
-    choices[0], weights[0] = np.where(fits & ~claimed, BACKGROUND, 0), np.where(fits & ~claimed, 1, 0)
+    choices[0] = np.where(fits, BACKGROUND, 0)
+    weights[0] = (fits | strays) & ~claimed
     return choices, weights
