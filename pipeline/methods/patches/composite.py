@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 from pipeline.frames import Frame, Labels, Plane
 from pipeline.methods.base import Bench, Brief, Note, Task
 from pipeline.methods.patches.build import presence
+from pipeline.methods.patches.carried import CarriedStrokes
 from pipeline.methods.patches.clusters import LabelMaps
 from pipeline.methods.patches.grid import Grid
 from pipeline.methods.patches.hertzmann import Painter
+from pipeline.methods.patches.links import Links
 from pipeline.methods.patches.lives import Life, lives
 from pipeline.methods.patches.params import PatchesParams
-from pipeline.methods.patches.scan import run_key, runs
+from pipeline.methods.patches.scan import RUN, run_key, runs
 from pipeline.warp.panorama import Lay, full_map
 
 SEEN = 0.02
@@ -52,6 +54,8 @@ def run_paint(task: Task, bench: Bench) -> Note:
         if index >= start:
             bench.emit(index, shown)
             bench.progress((index + 1 - start) / (stop - start))
+    if isinstance(paint, Carrier):
+        paint.save(task.key)
     return {}
 
 
@@ -65,10 +69,10 @@ def held_frames(bench: Bench, start: int, stop: int, begin: int, hold: int) -> I
             yield index, None
 
 
-def _frame_painter(task: Task, bench: Bench) -> Compositor | Alone:
+def _frame_painter(task: Task, bench: Bench) -> Compositor | Carrier | Alone:
     if bench.params.temporal == "off":
         return Alone.of(bench.params, bench.size, bench.seed)
-    return Compositor(task, bench)
+    return Carrier(task, bench) if bench.params.temporal == "strokes" else Compositor(task, bench)
 
 
 @dataclass(frozen=True)
@@ -83,6 +87,30 @@ class Alone:
 
     def __call__(self, index: int, frame: Frame) -> Frame:
         return self.painter.picture(frame)
+
+
+class Carrier:
+    """Strokes carried from frame to frame, the second baseline; runs are a chain and hand their strokes on."""
+
+    def __init__(self, task: Task, bench: Bench) -> None:
+        self._bench, self._params = bench, bench.params
+        self._grid, self._begin = Grid.of(bench.size), task.args["begin"]
+        self._links = Links(bench, self._begin, RUN)
+        self._strokes = CarriedStrokes(Alone.of(bench.params, bench.size, bench.seed).painter)
+        if task.after:
+            self._strokes.restore(bench.load("paint", task.after[0]))
+
+    def __call__(self, index: int, frame: Frame) -> Frame:
+        pair = self._links.ahead(index - 1) if index > self._begin else None
+        if pair is None:
+            return self._strokes.step(frame, index)
+        flow = self._grid.enlarge(pair[0]) * np.array(self._grid.ratio, np.float32)
+        hidden = self._grid.enlarge(pair[1]) < np.float32(1 / 255)
+        return self._strokes.step(frame, index, flow.astype(np.float32), hidden)
+
+    def save(self, key: str) -> None:
+        """Keep the strokes for the next run."""
+        self._bench.save(key, self._strokes.state())
 
 
 @dataclass(frozen=True)

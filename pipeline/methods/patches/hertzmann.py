@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pipeline.frames import Frame, Mask
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.strokes.brush import Brush, Canvas, Direction, blank, colours_at
+from pipeline.strokes.carry import present
 from pipeline.strokes.emboss import Light, emboss
 from pipeline.strokes.layers import Recipe, layer_brush, layer_reference, layer_threshold, spacing_px, wanted
 from pipeline.strokes.raster import Touch, paint
@@ -129,15 +130,17 @@ class Painter:
 
     def layer(
         self, canvas: Canvas, seeds: Seeds, reference: Frame, brush: Brush, index: int,
-        aims: NDArray[np.float32] | None = None,
+        aims: NDArray[np.float32] | None = None, presence: NDArray[np.float32] | None = None,
     ) -> None:  # fmt: skip
-        """Paint one layer's strokes, in place."""
+        """Paint one layer's strokes, in place; `aims` and `presence` are those of strokes that live on."""
         edge = self.recipe.edge * 0.8**index
         strokes = trace(
             seeds, directions(reference, brush), brush, colours_at(seeds, reference) if aims is None else aims,
             reference=reference, canvas=canvas if index else None, edge=edge, min_length=self.least,
             curvature=self.style.curvature, seed=self.seed,
         )  # fmt: skip
+        if presence is not None:
+            strokes = present(strokes, presence)
         paint(canvas, strokes, seed=self.seed, touch=Touch(), guide=reference, tolerance=edge)
 
     def picture(self, picture: Frame, where: Mask | None = None) -> Frame:

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flow.reliability import visible
+from pipeline.flow.reliability import inside
 from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Plane
 from pipeline.methods.base import Bench
@@ -37,12 +37,30 @@ def reliability(here: Frame, there: Frame, flow: Flow, back: Flow, colour_scale:
 
     Source: zhang2011patches, section 4. Departures: the paper does not say in which unit a colour is; in 0..255 every
     R is 0, in 0..1 hardly any is below 0.2. A link that does not lead back is worth nothing: what is hidden has no
-    partner, however alike the colours are. Colours are smoothed by a pixel, so that noise is no difference.
+    partner, however alike the colours are; one that leads back to about the same place is worth half. Colours are
+    smoothed by a pixel, so that noise is no difference.
     """
     a, b = (cv2.GaussianBlur(f, (0, 0), 0.8).astype(np.float32) for f in (here, there))
-    distance = np.sqrt(np.square(a - fetch(b, flow)).sum(axis=-1))
-    reliable = np.exp(-distance / np.float32(colour_scale)) * visible(flow, back)
-    return np.asarray(reliable, np.float32)
+    distance = norm(a - fetch(b, flow))
+    return np.asarray(np.exp(-distance / np.float32(colour_scale)) * _leads_back(flow, back), np.float32)
+
+
+def norm(vectors: NDArray[np.float32]) -> Plane:
+    """Euclidean length along the last axis of 2 or 3, which `np.linalg.norm` is slow for: float32 (h, w)."""
+    square = vectors[..., 0] * vectors[..., 0]
+    for channel in range(1, vectors.shape[-1]):
+        square += vectors[..., channel] * vectors[..., channel]
+    return np.asarray(np.sqrt(square), np.float32)
+
+
+def _leads_back(flow: Flow, back: Flow) -> Plane:
+    """1 where the round trip closes, 0.5 where it nearly does, as in flat places; else 0."""
+    there = fetch(back, flow)
+    squares = np.square(flow) + np.square(there)
+    trip, length = np.square(flow + there), squares[..., 0] + squares[..., 1]
+    error = trip[..., 0] + trip[..., 1]
+    sure, near = error <= 0.01 * length + 0.5, error <= 0.04 * length + 2.5
+    return np.asarray((sure.astype(np.float32) + near) * np.float32(0.5) * inside(flow), np.float32)
 
 
 def pack(pair: Pair, index: int, gap: int) -> dict[str, NDArray[Any]]:

@@ -16,8 +16,10 @@ from pipeline.segmentation.jit import kernel
 from pipeline.segmentation.random_walk import Edges, probabilities
 
 MOST_CORNERS = 300
-MOST_GROUPS = 24
-"""The largest ones: each costs the solution of a linear system."""
+MOST_GROUPS = 12
+"""Things in a connected part; each costs the solution of a linear system."""
+NEAR_PX = 4
+"""Motion is compared with neighbours' this near to the border."""
 REACH_PX = 28.0
 """Corners further apart than this are only of one thing if others lie between."""
 THICK_PX = 4.0
@@ -47,16 +49,83 @@ def newcomers(
     free = _without_specks((labels == 0) & sure, smallest_px)
     if not free.any():
         return np.zeros(labels.shape, np.int32)
-    spots = _corners(small, free)
-    groups = _groups(spots, np.concatenate([flow for flow, _ in motion], axis=-1), free)
-    seeds = np.zeros(labels.shape, np.int32)
-    seeds[spots[:, 1], spots[:, 0]] = groups
-    count = int(groups.max(initial=0))
-    if count == 0:
-        return seeds
-    chances = probabilities(seeds, _within(edges, free), count, tolerance=1e-2)
-    grown = np.where(free & (chances.max(axis=0) >= 0.5), chances.argmax(axis=0) + 1, 0).astype(np.int32)
-    return _numbered(grown, smallest_px, first)
+    velocity = _smooth(np.concatenate([flow for flow, _ in motion], axis=-1), free)
+    grown = _grown(free, _corners(small, free), velocity, edges)
+    return _named(grown, labels, velocity, smallest_px, first)
+
+
+def _smooth(motion: NDArray[np.float32], free: Mask) -> NDArray[np.float32]:
+    """Motion, averaged over 3 x 3 free pixels; as it is elsewhere."""
+    share = cv2.blur(free.astype(np.float32), (3, 3))
+    mean = cv2.blur(np.where(free[..., None], motion, 0), (3, 3)) / np.maximum(share, np.float32(0.1))[..., None]
+    return np.where(free[..., None], mean, motion).astype(np.float32)
+
+
+def _grown(free: Mask, spots: NDArray[np.intp], velocity: NDArray[np.float32], edges: Edges) -> Labels:
+    """Things 1.. in the free part: each of its connected parts is one, or is divided by random walk among several."""
+    roots = _joined(spots.astype(np.float32), velocity[spots[:, 1], spots[:, 0]], free)
+    count, parts = cv2.connectedComponents(free.astype(np.uint8), connectivity=4)
+    out, named = np.zeros(free.shape, np.int32), 0
+    home = parts[spots[:, 1], spots[:, 0]]
+    for part in range(1, count):
+        mine = home == part
+        names, sizes = np.unique(roots[mine], return_counts=True)
+        names = names[np.lexsort((names, -sizes))][:MOST_GROUPS]
+        mask = parts == part
+        if len(names) <= 1:
+            out[mask] = named + 1
+        else:
+            seeds = np.zeros(free.shape, np.int32)
+            for number, name in enumerate(names.tolist(), start=1):
+                x, y = spots[mine & (roots == name)].T
+                seeds[y, x] = number
+            out[mask] = named + _walked(seeds, mask, edges, len(names))[mask]
+        named += max(len(names), 1)
+    return out
+
+
+def _walked(seeds: Labels, mask: Mask, edges: Edges, count: int) -> Labels:
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    top, bottom, left, right = rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
+    inner = mask[top:bottom, left:right]
+    cut = edges[0][top:bottom, left : right - 1], edges[1][top : bottom - 1, left:right]
+    chances = probabilities(seeds[top:bottom, left:right], _within(cut, inner), count, tolerance=1e-2)
+    out = np.zeros(mask.shape, np.int32)
+    out[top:bottom, left:right] = chances.argmax(axis=0) + 1
+    return out
+
+
+def _named(grown: Labels, labels: Labels, velocity: NDArray[np.float32], smallest_px: int, first: int) -> Labels:
+    """The label of each thing: that of a neighbour that it moves with, a new one from `first` on, 0 if it is small."""
+    out = np.zeros(labels.shape, np.int32)
+    for thing in range(1, int(grown.max(initial=0)) + 1):
+        mask = grown == thing
+        if not mask.any():
+            continue
+        friend = _companion(mask, labels, velocity)
+        if friend > 0:
+            out[mask] = friend
+        elif mask.sum() >= smallest_px:
+            out[mask] = first
+            first += 1
+    return out
+
+
+def _companion(mask: Mask, labels: Labels, velocity: NDArray[np.float32]) -> int:
+    """The label that the thing touches most among those that move alike where they touch; 0 = none."""
+    around = cv2.dilate(mask.astype(np.uint8), np.ones((2 * NEAR_PX + 1, 2 * NEAR_PX + 1), np.uint8)) > 0
+    touched, sizes = np.unique(labels[around & ~mask & (labels > 0)], return_counts=True)
+    best, most = 0, int(NEAR_PX * NEAR_PX)
+    for label, size in zip(touched.tolist(), sizes.tolist(), strict=True):
+        if size <= most:
+            continue
+        theirs = around & (labels == label)
+        border = cv2.dilate(theirs.astype(np.uint8), np.ones((2 * NEAR_PX + 1, 2 * NEAR_PX + 1), np.uint8)) > 0
+        mine = border & mask
+        apart = np.abs(np.median(velocity[mine], axis=0) - np.median(velocity[theirs], axis=0)).max()
+        if apart <= SLACK_PX:
+            best, most = label, size
+    return best
 
 
 def _without_specks(mask: Mask, smallest_px: int) -> Mask:
@@ -80,19 +149,6 @@ def _corners(small: Frame, free: Mask) -> NDArray[np.intp]:
     more = [np.argmax(np.where(parts == part, depth, -1)) for part in range(1, count) if part not in held]
     inner = np.array([(place % free.shape[1], place // free.shape[1]) for place in more], np.intp).reshape(-1, 2)
     return np.concatenate([spots, inner])
-
-
-def _groups(spots: NDArray[np.intp], motion: NDArray[np.float32], free: Mask) -> NDArray[np.int32]:
-    """Number of the thing that each corner is on, 1.. by size; 0 = one too many."""
-    smooth = cv2.blur(np.where(free[..., None], motion, 0), (3, 3)).reshape(*free.shape, -1)
-    share = cv2.blur(free.astype(np.float32), (3, 3))
-    x, y = spots.T
-    velocity = smooth[y, x] / np.maximum(share[y, x], np.float32(0.1))[:, None]
-    roots = _joined(spots.astype(np.float32), velocity.astype(np.float32), free)
-    names, counts = np.unique(roots, return_counts=True)
-    order = names[np.lexsort((names, -counts))][:MOST_GROUPS]
-    number = {name: place for place, name in enumerate(order.tolist(), start=1)}
-    return np.array([number.get(root, 0) for root in roots.tolist()], np.int32)
 
 
 @kernel
@@ -135,11 +191,3 @@ def _within(edges: Edges, free: Mask) -> Edges:
     """Edges between free pixels only."""
     right, down = edges
     return np.where(free[:, 1:] & free[:, :-1], right, 0), np.where(free[1:] & free[:-1], down, 0)
-
-
-def _numbered(grown: Labels, smallest_px: int, first: int) -> Labels:
-    """Clusters that are large enough, numbered from `first`."""
-    areas = np.bincount(grown.ravel())
-    large = (areas >= smallest_px) & (np.arange(len(areas)) > 0)
-    names = np.where(large, np.cumsum(large) + first - 1, 0)
-    return names[grown].astype(np.int32)

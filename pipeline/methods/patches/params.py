@@ -107,7 +107,7 @@ class PatchesParams(Params):
         "px at the working size", "Clusters",
     )  # fmt: skip
     smallest_cluster: float = _number(
-        1.5, 0.1, 50, "Smallest cluster", "Smaller ones stay unclustered.", "per mille of the frame", "Clusters"
+        3, 0.1, 50, "Smallest cluster", "Smaller ones stay unclustered.", "per mille of the frame", "Clusters"
     )
 
     # -- patches

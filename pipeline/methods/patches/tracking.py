@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Frame, Labels, Mask, Plane
-from pipeline.methods.patches.links import Links
+from pipeline.methods.patches.links import Links, norm
 from pipeline.methods.patches.newcomers import newcomers
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.segmentation.components import absorb_specks
@@ -34,6 +34,10 @@ ABRUPT_PX = 0.3
 """Range of the flow within BLUR_PX from which a silhouette is likely: links are doubtful there."""
 DOUBT = 0.04
 """Weight of a doubtful link to a label: colour edges decide, and the link only where these say nothing."""
+STRAY = 2.0
+"""Tolerances from which what was background is background no more: between one and this, it stays what it was."""
+TOLERATED = 3.0
+"""Tolerance in medians of what the background differs by from its homography."""
 COARSE_PX = 9
 """Untrackable places narrower than this belong to what is around them: they are the rims of moving things."""
 
@@ -80,27 +84,27 @@ def edges_of(sight: Sight, params: PatchesParams) -> Edges:
 
 
 def track(
-    tracker: Tracker, links: Links, index: int, begin: int, params: PatchesParams, ground: Mask | None = None
+    tracker: Tracker, links: Links, index: int, begin: int, params: PatchesParams
 ) -> Labels:
     """Labels of frame `index`, int32 (h, w), 0 = unclustered; the tracker remembers them.
 
     Args:
         begin: first frame whose labels count: the shot's, or a keyframe's.
-        ground: where the background is, if a mask says so; None = where the dominant motion is.
     """
     sight = look(links, index, begin)
     edges = edges_of(sight, params)
     choices, weights = link_votes(tracker, links, index, sight, params)
-    fits, strays = background_motion(sight, choices, weights, params) if ground is None else (ground, ~ground)
-    choices, weights = _background_votes(choices, weights, fits, strays)
+    evidence = background_motion(sight, choices, weights, params)
+    choices, weights = _background_votes(choices, weights, evidence)
     weights = np.where(abrupt(sight), np.where(choices > 0, weights * np.float32(DOUBT), 0), weights)
     labels, _ = vote(choices, weights, edges)
     labels[_untrackable(sight, params)] = 0
     area = labels.size * params.smallest_cluster / 1000
-    labels = absorb_specks(labels, max(int(area / 4), 4), max(int(area / 2), 8))
+    labels = absorb_specks(labels, max(int(area / 12), 4), max(int(area / 3), 8))
     fresh = newcomers(labels, sight.known, edges, sight.small, params.reliable, int(area), tracker.next_label)
-    tracker.next_label = max(tracker.next_label, int(fresh.max(initial=0)) + 1)
-    tracker.maps[index] = np.where(fresh > 0, fresh, labels).astype(np.int32)
+    labels = np.where(fresh > 0, fresh, labels).astype(np.int32)
+    tracker.next_label = max(tracker.next_label, int(labels.max(initial=0)) + 1)
+    tracker.maps[index] = absorb_specks(labels, 4, max(int(area / 3), 8))
     tracker.trim(index, params.window)
     return tracker.maps[index]
 
@@ -133,35 +137,54 @@ def carry_labels(labels: Labels, flow: Flow) -> Labels:
     return labels[y, x]
 
 
+@dataclass(frozen=True)
+class Ground:
+    """Evidence for the background.
+
+    Attributes:
+        fits: bool (h, w), what is reliable moves as the background does.
+        odd: something reliable moves otherwise.
+        strays: so much so that what was background is so no more.
+    """
+
+    fits: Mask
+    odd: Mask
+    strays: Mask
+
+
 def background_motion(
     sight: Sight, choices: NDArray[np.int32], weights: NDArray[np.float32], params: PatchesParams
-) -> tuple[Mask, Mask]:
+) -> Ground:
     """Where everything reliable moves as the background does, and where something reliable does not.
 
-    The background's motion is the homography of what voted for it; in a first frame, of what most pixels do.
+    The background's motion is the homography of what voted for it; in a first frame, of what most pixels do. It is
+    exact only of a flat world, so the tolerance grows with what the background itself differs by.
     """
     was = ((choices == BACKGROUND) & (weights > 0)).any(axis=0)
-    some = np.zeros(was.shape, np.bool_)
-    strays = np.zeros(was.shape, np.bool_)
+    fits, odd, strays = (np.zeros(was.shape, np.bool_) for _ in range(3))
     for flow, reliable in sight.known:
         sure = reliable >= params.reliable
-        off = _off_background(flow, sure, was)
+        off, tolerance = _off_background(flow, sure, was, params.motion_tolerance)
         near = cv2.GaussianBlur(off, (0, 0), 1.0)
-        some |= sure & (near <= params.motion_tolerance)
-        strays |= sure & (near > params.motion_tolerance)
-    return some & ~strays, strays
+        fits |= sure & (near <= tolerance)
+        odd |= sure & (near > tolerance)
+        strays |= sure & (near > STRAY * tolerance)
+    return Ground(fits & ~odd, odd, strays)
 
 
-def _off_background(flow: Flow, sure: Mask, was: Mask) -> Plane:
-    """Distance of the flow from the background's homography, float32 (h, w), px."""
+def _off_background(flow: Flow, sure: Mask, was: Mask, least_px: float) -> tuple[Plane, float]:
+    """Distance of the flow from the background's homography, float32 (h, w), and what of it is tolerable, px."""
     here = lattice(flow.shape[:2])
     moved = here + flow
     basis = sure & was
-    if basis.sum() >= 0.05 * basis.size:
+    known = basis.sum() >= 0.05 * basis.size
+    if known:
         matrix = fit(here[basis], moved[basis])
     else:
         matrix = dominant(here[sure], moved[sure])
-    return np.asarray(np.linalg.norm(apply(matrix, here) - moved, axis=-1), np.float32)
+    off = norm((apply(matrix, here) - moved).astype(np.float32))
+    usual = float(np.median(off[basis][::7])) if known else 0.0
+    return off, min(max(least_px, TOLERATED * usual), 4 * least_px)
 
 
 def abrupt(sight: Sight) -> Mask:
@@ -182,15 +205,15 @@ def _untrackable(sight: Sight, params: PatchesParams) -> Mask:
 
 
 def _background_votes(
-    choices: NDArray[np.int32], weights: NDArray[np.float32], fits: Mask, strays: Mask
+    choices: NDArray[np.int32], weights: NDArray[np.float32], ground: Ground
 ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
     """Votes for the background count where the motion is its own.
 
     Where no object has a say, the motion itself is a vote: for the background, or for nothing.
     """
-    wrong = strays & (choices == BACKGROUND)
-    claimed = ((choices > BACKGROUND) & (weights > 0)).any(axis=0)
+    wrong = ground.strays & (choices == BACKGROUND)
     choices = np.where(wrong, 0, choices).astype(np.int32)
-    choices[0] = np.where(fits, BACKGROUND, 0)
-    weights[0] = (fits | strays) & ~claimed
+    claimed = ((choices > 0) & (weights > 0)).any(axis=0)
+    choices[0] = np.where(ground.fits, BACKGROUND, 0)
+    weights[0] = (ground.fits | ground.odd) & ~claimed
     return choices, weights
