@@ -9,11 +9,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.frames import Frame, Labels, Plane
+from pipeline.frames import Frame, Mask, Plane
 from pipeline.methods.base import Bench, Brief, Note, Task
 from pipeline.methods.patches.clusters import LabelMaps
 from pipeline.methods.patches.grid import Grid
-from pipeline.methods.patches.hertzmann import Painter
+from pipeline.methods.patches.hertzmann import PAPER_HEIGHT, Painter
+from pipeline.methods.patches.links import norm
 from pipeline.methods.patches.lives import Life, lives
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.register import MARGIN, rect_of
@@ -29,6 +30,10 @@ CELL = 4.0
 """Distance of its grid's corners, working px."""
 LARGEST = 16.0
 """Area of a panorama, in frames: what lies beyond keeps its border's paint."""
+AGE = 8
+"""Frames whose mean is compared with what the patch has looked like so far."""
+CHANGED = 0.015
+"""Part of a patch's pixels that has to look different for a new age to begin."""
 OUTSIDE = 0.02
 """Weight of a frame's colours beyond the cluster, in the margin, beside 1 within."""
 
@@ -50,16 +55,19 @@ def run_patch(task: Task, bench: Bench) -> Note:
     bench.progress(0.3)
     room = Room.around(lays, grid)
     with bench.clock("mean"):
-        picture, known = colours(lays, life, maps, room, grid, bench)
-    bench.progress(0.8)
-    with bench.clock("paint"):
-        painting = painter_of(life, bench.params, bench.size, grid, bench.seed).picture(picture)
+        found = ages(lays, life, maps, room, grid, bench)
+        panoramas = pictures(found)
+    painter = painter_of(life, bench.params, bench.size, grid, bench.seed)
+    for number, picture in enumerate(panoramas):
+        with bench.clock("paint"):
+            painting = painter.picture(picture)
+        bench.save(f"{life.key}-age{number}", {"panorama": picture, "painting": painting})
+        bench.progress(0.7 + 0.3 * (number + 1) / len(found))
     _save(life, lays, bench)
-    bench.save(life.key, {
-        "panorama": picture, "painting": painting, "origin": np.array(room.origin),
-        "known": np.rint(known * 255).astype(np.uint8),
-    })  # fmt: skip
-    return {"before": relaxed.before, "after": relaxed.after, "iterations": relaxed.iterations, "frames": len(lays)}
+    return {
+        "before": relaxed.before, "after": relaxed.after, "iterations": relaxed.iterations, "frames": len(lays),
+        "origin": list(room.origin), "ages": [[age.start, age.stop] for age in found],
+    }  # fmt: skip
 
 
 def painter_of(life: Life, params: PatchesParams, size: tuple[int, int], grid: Grid, seed: int) -> Painter:
@@ -101,8 +109,7 @@ class _Hops:
     held: dict[int, dict[str, NDArray[Any]]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        labels = LabelMaps(self.bench, self.life.begin)(self.life.master)
-        assert labels is not None
+        labels = LabelMaps(self.bench, self.life.begin).sure(self.life.master)
         self.shape: tuple[int, int] = labels.shape  # type: ignore[assignment]
         self.master_rect = rect_of(labels == self.life.label, MARGIN)
 
@@ -145,8 +152,7 @@ def settle(lays: dict[int, Lay], life: Life, maps: LabelMaps, params: PatchesPar
     """Relax all frames on one grid, and change the lays, in place."""
     sheets = []
     for index, lay in lays.items():
-        labels = maps(index)
-        assert labels is not None
+        labels = maps.sure(index)
         left, top, right, bottom = lay.rect
         inside = (labels[top:bottom, left:right] == life.label)[::STRIDE, ::STRIDE]
         scale = float(np.sqrt(abs(np.linalg.det(lay.matrix[:2, :2]))))
@@ -184,30 +190,91 @@ class Room:
         return cls((x, y), (max(int(np.ceil(high[0])) - x, 16), max(int(np.ceil(high[1])) - y, 16)))
 
 
-def colours(
+@dataclass
+class Age:
+    """Frames [start, stop) of a life in which the patch looks alike, and their sums of colour."""
+
+    start: int
+    stop: int
+    total: NDArray[np.float32]
+
+    @property
+    def known(self) -> Plane:
+        return self.total[..., 3]
+
+
+def ages(
     lays: dict[int, Lay], life: Life, maps: LabelMaps, room: Room, grid: Grid, bench: Bench
-) -> tuple[Frame, Plane]:
-    """The patch's picture: the mean of every frame that has the pixel, and where it is known."""
-    total = np.zeros((room.size[1], room.size[0], 4), np.float32)
+) -> list[Age]:  # fmt: skip
+    """The patch's colours, summed over every frame that has the pixel.
+
+    Departure: the paper has one mean for the life of a patch; of a face that turns or speaks that is no face. Where the
+    mean of the next AGE frames is another picture, a new age begins: painted by the same strokes at the same places, in
+    its own colours. What does not change has one age.
+    """
+    found: list[Age] = []
+    now = Age(life.start, life.start, _empty(room))
     for index, frame in enumerate(bench.frames("video", life.start, life.stop), start=life.start):
-        if (lay := lays.get(index)) is None:
-            continue
-        labels = maps(index)
-        assert labels is not None
-        rect, x, y = full_map(lay, grid.ratio, bench.size, room.origin)
-        weights = presence(labels, life.label, grid)[rect[1] : rect[3], rect[0] : rect[2]]
-        weights = np.ascontiguousarray(np.maximum(weights, np.float32(OUTSIDE)))
-        gather(total, np.ascontiguousarray(frame[rect[1] : rect[3], rect[0] : rect[2]]), weights, x, y)
-        bench.progress(0.3 + 0.5 * (index - life.start) / (life.stop - life.start))
-    return mean(total)
+        if (lay := lays.get(index)) is not None:
+            add(now.total, frame, lay, maps.sure(index) == life.label, room, grid)
+        now.stop = index + 1
+        if now.stop - now.start >= AGE or now.stop == life.stop:
+            _append(found, now, grid, bench.params)
+            now = Age(now.stop, now.stop, _empty(room))
+        bench.progress(0.3 + 0.4 * (index - life.start) / (life.stop - life.start))
+    return found
 
 
-def presence(labels: Labels, label: int, grid: Grid) -> Plane:
+def _empty(room: Room) -> NDArray[np.float32]:
+    return np.zeros((room.size[1], room.size[0], 4), np.float32)
+
+
+def add(
+    total: NDArray[np.float32], frame: Frame, lay: Lay, inside: Mask, room: Room, grid: Grid
+) -> None:  # fmt: skip
+    """Add a frame's pixels of the patch to the sums, in place; `inside` is its cluster, bool, at the working size."""
+    rect, x, y = full_map(lay, grid.ratio, (grid.width, grid.height), room.origin)
+    weights = presence(inside, grid)[rect[1] : rect[3], rect[0] : rect[2]]
+    weights = np.ascontiguousarray(np.maximum(weights, np.float32(OUTSIDE)))
+    gather(total, np.ascontiguousarray(frame[rect[1] : rect[3], rect[0] : rect[2]]), weights, x, y)
+
+
+def _append(found: list[Age], now: Age, grid: Grid, params: PatchesParams) -> None:
+    """Join the age before if that looks alike, else begin anew."""
+    if found and not differs(found[-1].total, now.total, grid, params):
+        found[-1].total += now.total
+        found[-1].stop = now.stop
+    else:
+        found.append(now)
+
+
+def differs(before: NDArray[np.float32], after: NDArray[np.float32], grid: Grid, params: PatchesParams) -> bool:
+    """Whether two sums of colour are of different pictures: by more than half the misfit on CHANGED of the pixels."""
+    both = (before[..., 3] > 0.5) & (after[..., 3] > 0.5)
+    if not both.any():
+        return bool(after[..., 3].max(initial=0) > 0.5)
+    means = [total[..., :3] / np.maximum(total[..., 3:], np.float32(1e-6)) for total in (before, after)]
+    apart = cv2.GaussianBlur(np.where(both[..., None], means[1] - means[0], 0), (0, 0), fine_px(grid))
+    return float((norm(apart) > params.misfit / 2)[both].mean()) > CHANGED
+
+
+def fine_px(grid: Grid) -> float:
+    """Sigma of the Gaussian at which a patch is compared with a frame, px: of the size of a fine stroke."""
+    return max(2.0 * grid.height / PAPER_HEIGHT, 1.0)
+
+
+def pictures(found: list[Age]) -> list[Frame]:
+    """The mean of each age; what an age has not seen is from the others."""
+    every = np.sum([age.total for age in found], axis=0) * np.float32(1e-3)
+    return [mean(age.total + every)[0] for age in found]
+
+
+def presence(inside: Mask, grid: Grid) -> Plane:
     """How far each pixel of the frame is in a cluster, 0..1, smooth at its border: float32 (h, w), px.
 
     Over all labels, 0 included, it sums to 1.
     """
-    soft = cv2.GaussianBlur((labels == label).astype(np.float32), (0, 0), 0.7)
+    soft = cv2.GaussianBlur(inside.astype(np.float32), (0, 0), 0.7)
     return np.asarray(grid.enlarge(soft), np.float32)
 
 

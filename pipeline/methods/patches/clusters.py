@@ -91,6 +91,12 @@ class LabelMaps:
                 del self._held[next(iter(self._held))]
         return self._held[start][f"labels-{index}"].astype(np.int32)
 
+    def sure(self, index: int) -> Labels:
+        """int32 (h, w) of a frame that is in the shot."""
+        found = self(index)
+        assert found is not None
+        return found
+
 
 def enlarged(labels: Labels, size: tuple[int, int]) -> Labels:
     """A label map at another (width, height), nearest."""

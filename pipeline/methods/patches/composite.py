@@ -11,17 +11,19 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Labels, Plane
 from pipeline.methods.base import Bench, Brief, Note, Task
-from pipeline.methods.patches.build import presence
+from pipeline.methods.patches.build import fine_px, presence
 from pipeline.methods.patches.carried import CarriedStrokes
 from pipeline.methods.patches.clusters import LabelMaps
 from pipeline.methods.patches.grid import Grid
 from pipeline.methods.patches.hertzmann import Painter
-from pipeline.methods.patches.links import Links
+from pipeline.methods.patches.links import Links, norm
 from pipeline.methods.patches.lives import Life, lives
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.scan import RUN, run_key, runs
 from pipeline.warp.panorama import Lay, full_map
 
+TURN = 3.0
+"""Frames before and after the change of two ages in which one fades over into the other."""
 SEEN = 0.02
 """Share from which a pixel's paint is looked for: less cannot be seen."""
 
@@ -33,7 +35,8 @@ def plan_paint(brief: Brief) -> list[Task]:
     before = ""
     for start, stop, begin, end in runs(brief):
         here = [life.args() for life in every if life.begin == begin and life.start < stop and life.stop > start]
-        args = {"start": start, "stop": stop, "begin": begin, "end": end, "lives": here}
+        notes = [brief.notes["patch"][life["key"]] for life in here]
+        args = {"start": start, "stop": stop, "begin": begin, "end": end, "lives": here, "notes": notes}
         after = (before,) if chained and start > begin else ()
         tasks.append(Task(run_key(start), args, after, (start, stop), weight=stop - start))
         before = run_key(start)
@@ -115,23 +118,62 @@ class Carrier:
 
 @dataclass(frozen=True)
 class Painted:
-    """A patch that is painted: its life, panorama and painting, where that begins, and its lays by frame."""
+    """A patch that is painted.
+
+    Attributes:
+        life: when it is there.
+        ages: [start, stop) of each of its pictures; panorama and painting of those that are needed, by number.
+        origin: (x, y) of the first pixel of all of them, px.
+        lays: where it lies, by frame.
+    """
 
     life: Life
-    panorama: Frame
-    painting: Frame
+    ages: list[list[int]]
+    looks: dict[int, tuple[Frame, Frame]]
     origin: tuple[int, int]
     lays: dict[int, Lay]
 
     @classmethod
-    def load(cls, life: Life, start: int, bench: Bench) -> Painted:
-        kept, found = bench.load("patch", life.key), bench.load("patch", f"{life.key}-{run_key(start)}")
-        lays = {}
+    def load(cls, life: Life, note: Note, start: int, stop: int, bench: Bench) -> Painted:
+        """What frames [start, stop), of one run, need of a patch; `note` is its task's."""
+        found, lays = bench.load("patch", f"{life.key}-{run_key(start)}"), {}
         for name in (key[:-3] for key in found if key.endswith("-at")):
             left, top, right, bottom = (int(value) for value in found[f"{name}-at"])
             lays[int(name)] = Lay((left, top, right, bottom), found[f"{name}-m"], found[f"{name}-d"])
-        x, y = (int(value) for value in kept["origin"])
-        return cls(life, kept["panorama"], kept["painting"], (x, y), lays)
+        looks = {}
+        for number, (first, last) in enumerate(note["ages"]):
+            if first - TURN < stop and last + TURN > start:
+                kept = bench.load("patch", f"{life.key}-age{number}")
+                looks[number] = kept["panorama"], kept["painting"]
+        x, y = note["origin"]
+        return cls(life, note["ages"], looks, (x, y), lays)
+
+    def at(self, index: int, x: Plane, y: Plane) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """The patch as it is in a frame, and its paint, at places of the panorama: float32 (h, w, 3) each.
+
+        Between two ages one fades over into the other.
+        """
+        paint = np.zeros((*x.shape, 3), np.float32)
+        picture = np.zeros((*x.shape, 3), np.float32)
+        for number, share in self._shares(index):
+            panorama, painting = self.looks[number]
+            fine = cv2.remap(painting, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+            plain = cv2.remap(panorama, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+            paint += np.float32(share) * fine
+            picture += np.float32(share) * plain
+        return picture, paint
+
+    def _shares(self, index: int) -> list[tuple[int, float]]:
+        number = next(n for n, (first, last) in enumerate(self.ages) if first <= index < last)
+        first, last = self.ages[number]
+        since, until = index - first + 0.5, last - index - 0.5
+        if number > 0 and since < TURN and since <= until:
+            share = 0.5 + since / (2 * TURN)
+            return [(number, share), (number - 1, 1 - share)]
+        if number + 1 < len(self.ages) and until < TURN:
+            share = 0.5 + until / (2 * TURN)
+            return [(number, share), (number + 1, 1 - share)]
+        return [(number, 1.0)]
 
 
 class Compositor:
@@ -142,13 +184,16 @@ class Compositor:
         self._params: PatchesParams = bench.params
         self._grid, self._size = Grid.of(bench.size), bench.size
         self._maps = LabelMaps(bench, begin)
-        self._patches = [Painted.load(Life(**row), task.args["start"], bench) for row in task.args["lives"]]
+        start, stop = task.args["start"], task.args["stop"]
+        self._patches = [
+            Painted.load(Life(**row), note, start, stop, bench)
+            for row, note in zip(task.args["lives"], task.args["notes"], strict=True)
+        ]
         self._alone = Alone.of(bench.params, bench.size, bench.seed)
 
     def __call__(self, index: int, frame: Frame) -> Frame:
         """Frame `index`, painted: float sums of patches and of what is left, weights summing to 1 everywhere."""
-        labels = self._maps(index)
-        assert labels is not None
+        labels = self._maps.sure(index)
         total = np.zeros((*frame.shape[:2], 3), np.float32)
         share = np.zeros(frame.shape[:2], np.float32)
         for patch in self._patches:
@@ -167,21 +212,19 @@ class Compositor:
     ) -> None:  # fmt: skip
         rect, x, y = full_map(lay, self._grid.ratio, self._size, patch.origin)
         box = slice(rect[1], rect[3]), slice(rect[0], rect[2])
-        alpha = presence(labels, patch.life.label, self._grid)[box] * np.float32(patch.life.weight(index))
-        alpha = alpha * self._fit(frame[box], cv2.remap(patch.panorama, x, y, cv2.INTER_LINEAR))
-        paint = cv2.remap(patch.painting, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+        picture, paint = patch.at(index, x, y)
+        alpha = presence(labels == patch.life.label, self._grid)[box] * np.float32(patch.life.weight(index))
+        alpha = alpha * self._fit(frame[box], picture)
         total[box] += paint * alpha[..., None]
         share[box] += alpha
 
-    def _fit(self, frame: Frame, panorama: Frame) -> Plane:
+    def _fit(self, frame: Frame, picture: NDArray[np.float32]) -> Plane:
         """How well the patch shows what is in the frame, 0..1: it falls from `misfit` to half as much again.
 
         Departure: the paper leaves out no pixel of a cluster; a mouth that opens is then never seen.
         """
-        difference = frame.astype(np.float32) - panorama
-        side = max(3, round(frame.shape[0] / 60)) | 1
-        mean = cv2.blur(difference, (7, 7)) if side < 3 else cv2.GaussianBlur(difference, (0, 0), 3.0)
-        off = np.sqrt(np.square(mean).sum(axis=-1)) / np.float32(self._params.misfit)
+        mean = cv2.GaussianBlur(frame.astype(np.float32) - picture, (0, 0), fine_px(self._grid))
+        off = norm(mean) / np.float32(self._params.misfit)
         keep = np.clip(3 - 2 * off, 0, 1)
         return np.asarray(keep * keep * (3 - 2 * keep), np.float32)
 

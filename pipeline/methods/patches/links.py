@@ -16,6 +16,10 @@ from pipeline.frames import Flow, Frame, Plane
 from pipeline.methods.base import Bench
 
 
+LEAST_GRADIENT = 1.0
+"""Gray levels a working px: root mean square of what is more than a camera's noise."""
+
+
 @dataclass(frozen=True)
 class Pair:
     """Frames i and j = i + gap: `ahead` float32 (h, w, 2) leads from i to j, `back` from j to i, in working px;
@@ -61,6 +65,17 @@ def _leads_back(flow: Flow, back: Flow) -> Plane:
     error = trip[..., 0] + trip[..., 1]
     sure, near = error <= 0.01 * length + 0.5, error <= 0.04 * length + 2.5
     return np.asarray((sure.astype(np.float32) + near) * np.float32(0.5) * inside(flow), np.float32)
+
+
+def textured(small: Frame) -> NDArray[np.bool_]:
+    """Where there is anything that motion could be seen by: bool (h, w).
+
+    In flat places flow is what it has been spread from, or follows the noise; it says nothing of what belongs together.
+    """
+    gray = cv2.GaussianBlur(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY).astype(np.float32), (0, 0), 1.0)
+    dx = cv2.Scharr(gray, cv2.CV_32F, 1, 0, scale=1 / 32)
+    dy = cv2.Scharr(gray, cv2.CV_32F, 0, 1, scale=1 / 32)
+    return np.asarray(cv2.blur(dx * dx + dy * dy, (7, 7)) > LEAST_GRADIENT**2)
 
 
 def pack(pair: Pair, index: int, gap: int) -> dict[str, NDArray[Any]]:

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.frames import Flow, Frame, Labels, Mask, Plane
+from pipeline.frames import Flow, Frame, Labels, Mask
 from pipeline.segmentation.components import components
 from pipeline.segmentation.jit import kernel
 from pipeline.segmentation.random_walk import Edges, probabilities
@@ -30,26 +30,24 @@ STRETCH = 0.06
 
 
 def newcomers(
-    labels: Labels, motion: list[tuple[Flow, Plane]], edges: Edges, small: Frame, least: float, smallest_px: int,
-    first: int,
+    free: Mask, labels: Labels, motion: list[Flow], edges: Edges, small: Frame, smallest_px: int, first: int
 ) -> Labels:  # fmt: skip
     """Labels `first`, `first` + 1, ... of new clusters, int32 (h, w), 0 elsewhere.
 
     Args:
+        free: bool (h, w), what can be tracked and has no label.
         labels: what is clustered already.
-        motion: flow and reliability to the neighbouring frames, one or two.
+        motion: flow to the neighbouring frames, one or two.
         edges: of the random walk.
         small: the frame's colours.
-        least: R from which a link is reliable.
         smallest_px: area of the smallest cluster.
     """
     if not motion:
         return np.zeros(labels.shape, np.int32)
-    sure = np.all([reliable >= least for _, reliable in motion], axis=0)
-    free = _without_specks((labels == 0) & sure, smallest_px)
+    free = _without_specks(free, smallest_px)
     if not free.any():
         return np.zeros(labels.shape, np.int32)
-    velocity = _smooth(np.concatenate([flow for flow, _ in motion], axis=-1), free)
+    velocity = _smooth(np.concatenate(motion, axis=-1), free)
     grown = _grown(free, _corners(small, free), velocity, edges)
     return _named(grown, labels, velocity, smallest_px, first)
 

@@ -121,6 +121,6 @@ class PatchesParams(Params):
         "px at the working size", "Patches",
     )  # fmt: skip
     misfit: float = _number(
-        36, 5, 400, "Misfit",
+        28, 5, 400, "Misfit",
         "Where a frame differs by more from its patch, it is painted on its own.", "RGB distance", "Patches",
     )  # fmt: skip

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pipeline.frames import Flow, Labels, Mask, Plane
 from pipeline.methods.base import Bench, Brief, Note, Task
 from pipeline.methods.patches.clusters import LabelMaps
-from pipeline.methods.patches.links import Links
+from pipeline.methods.patches.links import Links, textured
 from pipeline.methods.patches.lives import Life, lives
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.scan import RUN, run_key, runs
@@ -122,11 +122,12 @@ Found = tuple[int, Flow, Plane, Homography]
 
 def _backward(life: Life, index: int, links: Links, maps: LabelMaps, mask: Mask, params: PatchesParams) -> Found:
     """To the nearest earlier frame of the window that has the patch."""
+    seen = mask & textured(links.small(index))
     for gap in range(1, params.window):
         before = maps(index - gap) if index - gap >= life.start else None
         pair = links.back(index, gap)
         if before is not None and pair is not None and (before == life.label).any():
-            return -gap, *_direct(*pair, mask, before, life.label, params)
+            return -gap, *_direct(*pair, seen, before, life.label, params)
     return -1, *_nothing(mask)
 
 
@@ -135,6 +136,7 @@ def _forward(life: Life, index: int, links: Links, maps: LabelMaps, mask: Mask, 
 
     Over a gap only the later frame's flow is kept: its links, turned round, give the homography.
     """
+    seen = mask & textured(links.small(index))
     for gap in range(1, params.window):
         if index + gap >= min(life.stop, life.end):
             break
@@ -142,7 +144,7 @@ def _forward(life: Life, index: int, links: Links, maps: LabelMaps, mask: Mask, 
         if after is None or not (after == life.label).any():
             continue
         if gap == 1 and (pair := links.ahead(index)) is not None:
-            return 1, *_direct(*pair, mask, after, life.label, params)
+            return 1, *_direct(*pair, seen, after, life.label, params)
         if (pair := links.back(index + gap, gap)) is not None:
             return gap, *_turned(*pair, mask, after == life.label, params)
     return 1, *_nothing(mask)
@@ -151,7 +153,7 @@ def _forward(life: Life, index: int, links: Links, maps: LabelMaps, mask: Mask, 
 def _direct(
     flow: Flow, reliable: Plane, mask: Mask, other: Labels, label: int, params: PatchesParams
 ) -> tuple[Flow, Plane, Homography]:
-    """Flow and where it is to be trusted: reliable, from the patch to the patch."""
+    """Flow and where it is to be trusted: reliable, on texture, from the patch to the patch."""
     arrives = cv2.dilate((other == label).astype(np.uint8), np.ones((3, 3), np.uint8)).astype(np.int32)
     sure = mask & (reliable >= params.reliable) & (carry_labels(arrives, flow) > 0)
     here = lattice(mask.shape)  # type: ignore[arg-type]

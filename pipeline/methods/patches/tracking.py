@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Frame, Labels, Mask, Plane
-from pipeline.methods.patches.links import Links, norm
+from pipeline.methods.patches.links import Links, norm, textured
 from pipeline.methods.patches.newcomers import newcomers
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.segmentation.components import absorb_specks
@@ -38,6 +38,8 @@ STRAY = 2.0
 """Tolerances from which what was background is background no more: between one and this, it stays what it was."""
 TOLERATED = 3.0
 """Tolerance in medians of what the background differs by from its homography."""
+FLAT_SHARE = 0.01
+"""Weight of that doubt, beside a vote: more than the leak to nothing, less than any neighbour."""
 COARSE_PX = 9
 """Untrackable places narrower than this belong to what is around them: they are the rims of moving things."""
 
@@ -59,6 +61,7 @@ class Sight:
     """What one frame shows, at the working size: its colours, motion to both neighbours and how reliable that is."""
 
     small: Frame
+    textured: Mask
     ahead: tuple[Flow, Plane] | None
     back: tuple[Flow, Plane] | None
 
@@ -73,7 +76,8 @@ class Sight:
 
 def look(links: Links, index: int, begin: int) -> Sight:
     """Frame `index`; nothing before frame `begin` counts."""
-    return Sight(links.small(index), links.ahead(index), links.back(index) if index > begin else None)
+    small = links.small(index)
+    return Sight(small, textured(small), links.ahead(index), links.back(index) if index > begin else None)
 
 
 def edges_of(sight: Sight, params: PatchesParams) -> Edges:
@@ -101,7 +105,9 @@ def track(
     labels[_untrackable(sight, params)] = 0
     area = labels.size * params.smallest_cluster / 1000
     labels = absorb_specks(labels, max(int(area / 12), 4), max(int(area / 3), 8))
-    fresh = newcomers(labels, sight.known, edges, sight.small, params.reliable, int(area), tracker.next_label)
+    free = (labels == 0) & sight.textured & np.all([sure >= params.reliable for _, sure in sight.known], axis=0)
+    motion = [flow for flow, _ in sight.known]
+    fresh = newcomers(free, labels, motion, edges, sight.small, int(area), tracker.next_label)
     labels = np.where(fresh > 0, fresh, labels).astype(np.int32)
     tracker.next_label = max(tracker.next_label, int(labels.max(initial=0)) + 1)
     tracker.maps[index] = absorb_specks(labels, 4, max(int(area / 3), 8))
@@ -163,10 +169,11 @@ def background_motion(
     was = ((choices == BACKGROUND) & (weights > 0)).any(axis=0)
     fits, odd, strays = (np.zeros(was.shape, np.bool_) for _ in range(3))
     for flow, reliable in sight.known:
-        sure = reliable >= params.reliable
+        linked = reliable >= params.reliable
+        sure = linked & sight.textured
         off, tolerance = _off_background(flow, sure, was, params.motion_tolerance)
         near = cv2.GaussianBlur(off, (0, 0), 1.0)
-        fits |= sure & (near <= tolerance)
+        fits |= linked & (near <= tolerance)
         odd |= sure & (near > tolerance)
         strays |= sure & (near > STRAY * tolerance)
     return Ground(fits & ~odd, odd, strays)
@@ -209,11 +216,14 @@ def _background_votes(
 ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
     """Votes for the background count where the motion is its own.
 
-    Where no object has a say, the motion itself is a vote: for the background, or for nothing.
+    Where no object has a say, the motion itself is a vote: for the background, or for nothing. Where motion cannot be
+    seen, the background has the benefit of the doubt.
     """
     wrong = ground.strays & (choices == BACKGROUND)
     choices = np.where(wrong, 0, choices).astype(np.int32)
     claimed = ((choices > 0) & (weights > 0)).any(axis=0)
     choices[0] = np.where(ground.fits, BACKGROUND, 0)
     weights[0] = (ground.fits | ground.odd) & ~claimed
+    flat = ~(ground.fits | ground.odd | claimed)
+    choices[0][flat], weights[0][flat] = BACKGROUND, FLAT_SHARE
     return choices, weights
