@@ -18,9 +18,12 @@ from pipeline.methods.base import Method, Params
 def methods() -> Mapping[str, Method]:
     """Every method by name: the built-in ones first, then those of installed packages."""
     from pipeline.methods.abstraction import Abstraction
+    from pipeline.methods.analogy import Analogy
     from pipeline.methods.multistyle import Multistyle
+    from pipeline.methods.patches import Patches
 
-    found: dict[str, Method] = {m.name: m for m in (Abstraction(), Multistyle())}
+    built_in: tuple[Method, ...] = (Abstraction(), Patches(), Analogy(), Multistyle())
+    found: dict[str, Method] = {m.name: m for m in built_in}
     for entry in entry_points(group="impasto.methods"):
         outside = entry.load()()
         found.setdefault(outside.name, outside)

@@ -1,0 +1,103 @@
+"""Step "cluster": label maps of all frames, run after run of a shot, so that a label means the same in all of them.
+
+A run goes on from the label maps of the window before it: identity needs no matching afterwards. It is a chain, and
+cheap beside what flow, warps and paint cost, which are parallel.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Labels
+from pipeline.methods.base import Bench, Brief, Note, Task
+from pipeline.methods.patches.links import Links
+from pipeline.methods.patches.params import PatchesParams
+from pipeline.methods.patches.scan import RUN, run_key, run_of, runs
+from pipeline.methods.patches.tracking import Tracker, track
+
+
+def plan_cluster(brief: Brief) -> list[Task]:
+    if brief.params.temporal != "on":
+        return []
+    tasks = []
+    for start, stop, begin, end in runs(brief):
+        after = (run_key(start - RUN),) if start > begin else ()
+        args = {"start": start, "stop": stop, "begin": begin, "end": end}
+        tasks.append(Task(run_key(start), args, after, weight=0.15 * (stop - start)))
+    return tasks
+
+
+def run_cluster(task: Task, bench: Bench) -> Note:
+    """Label maps "labels-<frame>", uint16 (h, w), of frames [start, stop); the note tells where each label is."""
+    params: PatchesParams = bench.params
+    start, stop, begin = task.args["start"], task.args["stop"], task.args["begin"]
+    links = Links(bench, begin, RUN)
+    tracker = _resume(bench, task, params)
+    kept: dict[str, NDArray[Any]] = {}
+    census: dict[str, list[float]] = {}
+    for index in range(start, stop):
+        with bench.clock("cluster"):
+            labels = track(tracker, links, index, begin, params)
+        kept[f"labels-{index}"] = labels.astype(np.uint16)
+        _count(census, labels, links, index)
+        bench.progress((index + 1 - start) / (stop - start))
+    kept["next"] = np.array([tracker.next_label])
+    bench.save(task.key, kept)
+    return {"labels": census}
+
+
+def _resume(bench: Bench, task: Task, params: PatchesParams) -> Tracker:
+    if not task.after:
+        return Tracker()
+    kept = bench.load("cluster", task.after[0])
+    maps = {int(key[7:]): value.astype(np.int32) for key, value in kept.items() if key.startswith("labels-")}
+    tracker = Tracker(maps, int(kept["next"][0]))
+    tracker.trim(task.args["start"] - 1, params.window)
+    return tracker
+
+
+def _count(census: dict[str, list[float]], labels: Labels, links: Links, index: int) -> None:
+    """Per label: first and last frame, total area, frame of the largest area, that area, and how far it has moved."""
+    pair = links.ahead(index)
+    speed = np.zeros(labels.shape) if pair is None else np.abs(pair[0]).sum(axis=-1)
+    areas, travel = np.bincount(labels.ravel()), np.bincount(labels.ravel(), weights=speed.ravel())
+    for label in np.flatnonzero(areas[1:]) + 1:
+        area, way = int(areas[label]), round(float(travel[label] / areas[label]), 3)
+        row = census.setdefault(str(label), [index, index, 0, index, 0, 0.0])
+        row[1], row[2], row[5] = index, row[2] + area, round(row[5] + way, 3)
+        if area > row[4]:
+            row[3], row[4] = index, area
+
+
+class LabelMaps:
+    """Reads the label maps that the cluster step has kept, holding a few runs in memory."""
+
+    def __init__(self, bench: Bench, begin: int, most: int = 3) -> None:
+        self._bench, self._begin, self._most = bench, begin, most
+        self._held: dict[int, dict[str, NDArray[Any]]] = {}
+
+    def __call__(self, index: int) -> Labels | None:
+        """int32 (h, w) of frame `index`; None before the shot."""
+        if index < self._begin:
+            return None
+        start = run_of(index, self._begin)
+        if start not in self._held:
+            self._held[start] = self._bench.load("cluster", run_key(start))
+            while len(self._held) > self._most:
+                del self._held[next(iter(self._held))]
+        return self._held[start][f"labels-{index}"].astype(np.int32)
+
+    def sure(self, index: int) -> Labels:
+        """int32 (h, w) of a frame that is in the shot."""
+        found = self(index)
+        assert found is not None
+        return found
+
+
+def enlarged(labels: Labels, size: tuple[int, int]) -> Labels:
+    """A label map at another (width, height), nearest."""
+    return np.asarray(cv2.resize(labels, size, interpolation=cv2.INTER_NEAREST), np.int32)

@@ -1,0 +1,235 @@
+"""Step "paint": patches carried back into each frame, over a painting of what belongs to none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Frame, Labels, Plane
+from pipeline.methods.base import Bench, Brief, Note, Task
+from pipeline.methods.patches.build import fine_px, presence
+from pipeline.methods.patches.carried import CarriedStrokes
+from pipeline.methods.patches.clusters import LabelMaps
+from pipeline.methods.patches.grid import Grid
+from pipeline.methods.patches.hertzmann import Painter
+from pipeline.methods.patches.links import Links, norm
+from pipeline.methods.patches.lives import Life, lives
+from pipeline.methods.patches.params import PatchesParams
+from pipeline.methods.patches.scan import RUN, run_key, runs
+from pipeline.warp.panorama import Lay, full_map
+
+TURN = 3.0
+"""Frames before and after the change of two ages in which one fades over into the other."""
+SEEN = 0.02
+"""Share from which a pixel's paint is looked for: less cannot be seen."""
+
+
+def plan_paint(brief: Brief) -> list[Task]:
+    every = lives(brief) if brief.params.temporal == "on" else []
+    chained = brief.params.temporal == "strokes"
+    tasks: list[Task] = []
+    before = ""
+    for start, stop, begin, end in runs(brief):
+        here = [life.args() for life in every if life.begin == begin and life.start < stop and life.stop > start]
+        notes = [brief.notes["patch"][life["key"]] for life in here]
+        args = {"start": start, "stop": stop, "begin": begin, "end": end, "lives": here, "notes": notes}
+        after = (before,) if chained and start > begin else ()
+        tasks.append(Task(run_key(start), args, after, (start, stop), weight=stop - start))
+        before = run_key(start)
+    return tasks
+
+
+def run_paint(task: Task, bench: Bench) -> Note:
+    """Emit frames [start, stop)."""
+    params: PatchesParams = bench.params
+    start, stop, begin = task.args["start"], task.args["stop"], task.args["begin"]
+    paint = _frame_painter(task, bench)
+    shown: Frame | None = None
+    for index, frame in held_frames(bench, start, stop, begin, params.hold):
+        if frame is not None:
+            with bench.clock("composite"):
+                shown = paint(index, frame)
+        assert shown is not None
+        if index >= start:
+            bench.emit(index, shown)
+            bench.progress((index + 1 - start) / (stop - start))
+    if isinstance(paint, Carrier):
+        paint.save(task.key)
+    return {}
+
+
+def held_frames(bench: Bench, start: int, stop: int, begin: int, hold: int) -> Iterator[tuple[int, Frame | None]]:
+    """Frames [start, stop) and the one that is shown at `start`; None where the last painting is held."""
+    first = begin + (start - begin) // hold * hold
+    for index, frame in enumerate(bench.frames("video", first, stop), start=first):
+        if (index - begin) % hold == 0:
+            yield index, frame
+        elif index >= start:
+            yield index, None
+
+
+def _frame_painter(task: Task, bench: Bench) -> Compositor | Carrier | Alone:
+    if bench.params.temporal == "off":
+        return Alone.of(bench.params, bench.size, bench.seed)
+    return Carrier(task, bench) if bench.params.temporal == "strokes" else Compositor(task, bench)
+
+
+@dataclass(frozen=True)
+class Alone:
+    """Every frame on its own: Hertzmann's painter, the honest baseline."""
+
+    painter: Painter
+
+    @classmethod
+    def of(cls, params: PatchesParams, size: tuple[int, int], seed: int) -> Alone:
+        return cls(Painter.of(params.style, size[0] * size[1], size[1], params, seed))
+
+    def __call__(self, index: int, frame: Frame) -> Frame:
+        return self.painter.picture(frame)
+
+
+class Carrier:
+    """Strokes carried from frame to frame, the second baseline; runs are a chain and hand their strokes on."""
+
+    def __init__(self, task: Task, bench: Bench) -> None:
+        self._bench, self._params = bench, bench.params
+        self._grid, self._begin = Grid.of(bench.size), task.args["begin"]
+        self._links = Links(bench, self._begin, RUN)
+        self._strokes = CarriedStrokes(Alone.of(bench.params, bench.size, bench.seed).painter)
+        if task.after:
+            self._strokes.restore(bench.load("paint", task.after[0]))
+
+    def __call__(self, index: int, frame: Frame) -> Frame:
+        pair = self._links.ahead(index - 1) if index > self._begin else None
+        if pair is None:
+            return self._strokes.step(frame, index)
+        flow = self._grid.enlarge(pair[0]) * np.array(self._grid.ratio, np.float32)
+        hidden = self._grid.enlarge(pair[1]) < np.float32(1 / 255)
+        return self._strokes.step(frame, index, flow.astype(np.float32), hidden)
+
+    def save(self, key: str) -> None:
+        """Keep the strokes for the next run."""
+        self._bench.save(key, self._strokes.state())
+
+
+@dataclass(frozen=True)
+class Painted:
+    """A patch that is painted.
+
+    Attributes:
+        life: when it is there.
+        ages: [start, stop) of each of its pictures; panorama and painting of those that are needed, by number.
+        origin: (x, y) of the first pixel of all of them, px.
+        lays: where it lies, by frame.
+    """
+
+    life: Life
+    ages: list[list[int]]
+    looks: dict[int, tuple[Frame, Frame]]
+    origin: tuple[int, int]
+    lays: dict[int, Lay]
+
+    @classmethod
+    def load(cls, life: Life, note: Note, start: int, stop: int, bench: Bench) -> Painted:
+        """What frames [start, stop), of one run, need of a patch; `note` is its task's."""
+        found, lays = bench.load("patch", f"{life.key}-{run_key(start)}"), {}
+        for name in (key[:-3] for key in found if key.endswith("-at")):
+            left, top, right, bottom = (int(value) for value in found[f"{name}-at"])
+            lays[int(name)] = Lay((left, top, right, bottom), found[f"{name}-m"], found[f"{name}-d"])
+        looks = {}
+        for number, (first, last) in enumerate(note["ages"]):
+            if first - TURN < stop and last + TURN > start:
+                kept = bench.load("patch", f"{life.key}-age{number}")
+                looks[number] = kept["panorama"], kept["painting"]
+        x, y = note["origin"]
+        return cls(life, note["ages"], looks, (x, y), lays)
+
+    def at(self, index: int, x: Plane, y: Plane) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """The patch as it is in a frame, and its paint, at places of the panorama: float32 (h, w, 3) each.
+
+        Between two ages one fades over into the other.
+        """
+        paint = np.zeros((*x.shape, 3), np.float32)
+        picture = np.zeros((*x.shape, 3), np.float32)
+        for number, share in self._shares(index):
+            panorama, painting = self.looks[number]
+            fine = cv2.remap(painting, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+            plain = cv2.remap(panorama, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+            paint += np.float32(share) * fine
+            picture += np.float32(share) * plain
+        return picture, paint
+
+    def _shares(self, index: int) -> list[tuple[int, float]]:
+        number = next(n for n, (first, last) in enumerate(self.ages) if first <= index < last)
+        first, last = self.ages[number]
+        since, until = index - first + 0.5, last - index - 0.5
+        if number > 0 and since < TURN and since <= until:
+            share = 0.5 + since / (2 * TURN)
+            return [(number, share), (number - 1, 1 - share)]
+        if number + 1 < len(self.ages) and until < TURN:
+            share = 0.5 + until / (2 * TURN)
+            return [(number, share), (number + 1, 1 - share)]
+        return [(number, 1.0)]
+
+
+class Compositor:
+    """Puts the frames of a run together from patches."""
+
+    def __init__(self, task: Task, bench: Bench) -> None:
+        begin = task.args["begin"]
+        self._params: PatchesParams = bench.params
+        self._grid, self._size = Grid.of(bench.size), bench.size
+        self._maps = LabelMaps(bench, begin)
+        start, stop = task.args["start"], task.args["stop"]
+        self._patches = [
+            Painted.load(Life(**row), note, start, stop, bench)
+            for row, note in zip(task.args["lives"], task.args["notes"], strict=True)
+        ]
+        self._alone = Alone.of(bench.params, bench.size, bench.seed)
+
+    def __call__(self, index: int, frame: Frame) -> Frame:
+        """Frame `index`, painted: float sums of patches and of what is left, weights summing to 1 everywhere."""
+        labels = self._maps.sure(index)
+        total = np.zeros((*frame.shape[:2], 3), np.float32)
+        share = np.zeros(frame.shape[:2], np.float32)
+        for patch in self._patches:
+            if (lay := patch.lays.get(index)) is not None:
+                self._lay_over(total, share, patch, lay, labels, index, frame)
+        left = 1 - share
+        if (left > SEEN).any():
+            total += self._unclustered(frame, left) * left[..., None]
+        else:
+            total /= share[..., None]
+        return np.rint(np.clip(total, 0, 255)).astype(np.uint8)
+
+    def _lay_over(
+        self, total: NDArray[np.float32], share: Plane, patch: Painted, lay: Lay, labels: Labels, index: int,
+        frame: Frame,
+    ) -> None:  # fmt: skip
+        rect, x, y = full_map(lay, self._grid.ratio, self._size, patch.origin)
+        box = slice(rect[1], rect[3]), slice(rect[0], rect[2])
+        picture, paint = patch.at(index, x, y)
+        alpha = presence(labels == patch.life.label, self._grid)[box] * np.float32(patch.life.weight(index))
+        alpha = alpha * self._fit(frame[box], picture)
+        total[box] += paint * alpha[..., None]
+        share[box] += alpha
+
+    def _fit(self, frame: Frame, picture: NDArray[np.float32]) -> Plane:
+        """How well the patch shows what is in the frame, 0..1: it falls from `misfit` to half as much again.
+
+        Departure: the paper leaves out no pixel of a cluster; a mouth that opens is then never seen.
+        """
+        mean = cv2.GaussianBlur(frame.astype(np.float32) - picture, (0, 0), fine_px(self._grid))
+        off = norm(mean) / np.float32(self._params.misfit)
+        keep = np.clip(3 - 2 * off, 0, 1)
+        return np.asarray(keep * keep * (3 - 2 * keep), np.float32)
+
+    def _unclustered(self, frame: Frame, left: Plane) -> Frame:
+        """A painting of the frame alone, where it is needed."""
+        reach = 2 * int(self._alone.painter.reach_px / 4) + 1
+        where = cv2.dilate((left > SEEN).astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
+        return self._alone.painter.picture(frame, where)

@@ -1,0 +1,159 @@
+"""Hertzmann's painter (hertzmann1998painterly), with the paper's table 1, and other styles of the stroke library."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Frame, Mask
+from pipeline.methods.patches.params import PatchesParams
+from pipeline.strokes.brush import Brush, Canvas, Direction, blank, colours_at
+from pipeline.strokes.carry import present
+from pipeline.strokes.emboss import Light, emboss
+from pipeline.strokes.layers import Recipe, layer_brush, layer_reference, layer_threshold, spacing_px, wanted
+from pipeline.strokes.raster import Touch, paint
+from pipeline.strokes.seeds import Seeds, place
+from pipeline.strokes.trace import trace
+from pipeline.tensors.structure import structure_tensor, tangent_field
+
+TABLE_1 = ((64, 2.0, 1.0, 16.0), (512, 4.0, 2.0, 32.0), (float("inf"), 8.0, 4.0, 128.0))
+"""Region area up to, r_max, l_min, l_max, in pixels of the paper's frames."""
+PAPER_HEIGHT = 344
+"""Height of those frames, px."""
+SMALLEST_RADIUS = 0.8
+"""px: smaller strokes are not strokes any more."""
+
+
+@dataclass(frozen=True)
+class Style:
+    """How strokes are made, beside table 1.
+
+    Attributes:
+        length: factor on the table's lengths; 0 paints circles.
+        radius: factor on the table's radii.
+        opacity: 0..1.
+        curvature: the filter f_c: 1 = strokes follow the gradient's normal, towards 0 they stay straight.
+        jitter: added to the parameter.
+        value_shift, saturation_shift: of the colours, parts of the full range.
+        overlap: see `Recipe`.
+        threshold: factor on T.
+    """
+
+    length: float = 1.0
+    radius: float = 1.0
+    opacity: float = 1.0
+    curvature: float = 1.0
+    jitter: float = 0.0
+    saturation_shift: float = 0.0
+    overlap: float = 3.0
+    threshold: float = 1.0
+
+
+STYLES: dict[str, Style] = {
+    "hertzmann": Style(),
+    "circles": Style(length=0.0, jitter=0.35, overlap=3.5, saturation_shift=0.05),
+    "impressionist": Style(length=0.35, jitter=0.12, threshold=1.6, saturation_shift=0.08, overlap=3.5),
+    "expressionist": Style(length=1.2, curvature=0.35, opacity=0.85, jitter=0.2, threshold=0.8, saturation_shift=0.12),
+    "wash": Style(opacity=0.5, length=0.8, threshold=2.4, radius=1.3, jitter=0.04, overlap=5.0),
+}
+
+
+@dataclass(frozen=True)
+class Painter:
+    """Paints pictures in one style with the brushes of a region's size.
+
+    Attributes:
+        brush: of the coarsest layer, px.
+        least: l_min over l_max.
+        layers: how many; radii are halved from layer to layer.
+    """
+
+    style: Style
+    brush: Brush
+    least: float
+    layers: int
+    threshold: float
+    seed: int
+
+    @classmethod
+    def of(cls, name: str, area_px: float, height: int, params: PatchesParams, seed: int) -> Painter:
+        """The painter of a region.
+
+        Args:
+            name: of the style.
+            area_px: of the region over all its frames, px; `height` of the frames, px.
+
+        Source: zhang2011patches, table 1. Departure: its pixels are those of a frame 344 px high, so that a painting
+        looks alike at any size.
+        """
+        style, unit = STYLES[name], height / PAPER_HEIGHT
+        _, radius, low, high = next(row for row in TABLE_1 if area_px / unit**2 <= row[0])
+        scale = unit * params.stroke_size
+        radius = max(radius * scale * style.radius, SMALLEST_RADIUS)
+        layers = 1
+        while radius / 2**layers >= max(2 * scale * style.radius, SMALLEST_RADIUS) - 1e-6 and layers < 3:
+            layers += 1
+        brush = Brush(
+            2 * radius, high * scale * style.length, style.opacity, 0.0, style.saturation_shift, 0.0,
+            min(params.jitter + style.jitter, 1.0), 1.2 * params.relief * min(unit, 1.5), 0.55,
+        )  # fmt: skip
+        return cls(style, brush, low / high, layers, params.threshold * style.threshold, seed)
+
+    @property
+    def recipe(self) -> Recipe:
+        return Recipe(most=self.layers, ratio=0.5, overlap=self.style.overlap, blur=0.5, edge=90.0)
+
+    @property
+    def reach_px(self) -> float:
+        """How far from its seed a stroke can reach, px."""
+        return float(self.brush.length_px) / 2 + float(self.brush.size_px)  # type: ignore[arg-type]
+
+    def canvas(self, picture: Frame, where: Mask | None = None) -> Canvas:
+        """Paint a picture: float32 (h, w, 7). With `where`, only strokes that start there."""
+        canvas = blank(layer_reference(picture, self.brush, self.recipe))
+        for index in range(self.layers):
+            fine = layer_brush(self.brush, self.recipe, index)
+            reference = layer_reference(picture, fine, self.recipe)
+            seeds = place(
+                picture.shape, spacing_px(fine, self.recipe), jitter=self.recipe.scatter, seed=self.seed, layer=index
+            )
+            if where is not None:
+                seeds = seeds[where[np.rint(seeds.xy[:, 1]).astype(int), np.rint(seeds.xy[:, 0]).astype(int)]]
+            if index:
+                limits = layer_threshold(self.layers, self.threshold, index, picture.shape)
+                seeds = seeds[wanted(seeds, reference, canvas, fine.size_px, limits)]
+            self.layer(canvas, seeds, reference, fine, index)
+        return canvas
+
+    def layer(
+        self, canvas: Canvas, seeds: Seeds, reference: Frame, brush: Brush, index: int,
+        aims: NDArray[np.float32] | None = None, presence: NDArray[np.float32] | None = None,
+    ) -> None:  # fmt: skip
+        """Paint one layer's strokes, in place; `aims` and `presence` are those of strokes that live on."""
+        edge = self.recipe.edge * 0.8**index
+        strokes = trace(
+            seeds, directions(reference, brush), brush, colours_at(seeds, reference) if aims is None else aims,
+            reference=reference, canvas=canvas if index else None, edge=edge, min_length=self.least,
+            curvature=self.style.curvature, seed=self.seed,
+        )  # fmt: skip
+        if presence is not None:
+            strokes = present(strokes, presence)
+        paint(canvas, strokes, seed=self.seed, touch=Touch(), guide=reference, tolerance=edge)
+
+    def picture(self, picture: Frame, where: Mask | None = None) -> Frame:
+        """The painting in the light, uint8 (h, w, 3)."""
+        return emboss(self.canvas(picture, where), Light())
+
+
+def directions(reference: Frame, brush: Brush) -> Direction:
+    """Across the picture's gradient, averaged over a stroke's width: (cos 2a, sin 2a), float32 (h, w, 2).
+
+    Departure from hertzmann1998painterly: the gradient at the seed's very pixel is noise in flat places.
+    """
+    gray = cv2.cvtColor(reference, cv2.COLOR_RGB2GRAY).astype(np.float32)
+    along = tangent_field(structure_tensor(gray, max(float(np.median(brush.size_px)) / 2, 1.0)))
+    x, y = along[..., 0], along[..., 1]
+    return np.dstack([x * x - y * y, 2 * x * y]).astype(np.float32)

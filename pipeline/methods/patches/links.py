@@ -1,0 +1,133 @@
+"""Links between the frames of a window: flow, its reliability, and how both are kept for later steps."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.flow.reliability import inside
+from pipeline.flow.warp import fetch
+from pipeline.frames import Flow, Frame, Plane
+from pipeline.methods.base import Bench
+
+
+LEAST_GRADIENT = 1.0
+"""Gray levels a working px: root mean square of what is more than a camera's noise."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Frames i and j = i + gap: `ahead` float32 (h, w, 2) leads from i to j, `back` from j to i, in working px;
+    `there` and `home`, float32 (h, w) in 0..1, are the reliability of each."""
+
+    ahead: Flow
+    back: Flow
+    there: Plane
+    home: Plane
+
+
+def reliability(here: Frame, there: Frame, flow: Flow, back: Flow, colour_scale: float) -> Plane:
+    """R_xy = exp(-|c_x - c_y|) of the pixels that the flow links; float32 (h, w) in 0..1.
+
+    Args:
+        here, there: uint8 (h, w, 3).
+        flow: from `here` to `there`, px; `back` the other way.
+        colour_scale: gray levels that count as 1 in the distance of two RGB colours.
+
+    Source: zhang2011patches, section 4. Departures: the paper does not say in which unit a colour is; in 0..255 every
+    R is 0, in 0..1 hardly any is below 0.2. A link that does not lead back is worth nothing: what is hidden has no
+    partner, however alike the colours are; one that leads back to about the same place is worth half. Colours are
+    smoothed by a pixel, so that noise is no difference.
+    """
+    a, b = (cv2.GaussianBlur(f, (0, 0), 0.8).astype(np.float32) for f in (here, there))
+    distance = norm(a - fetch(b, flow))
+    return np.asarray(np.exp(-distance / np.float32(colour_scale)) * _leads_back(flow, back), np.float32)
+
+
+def norm(vectors: NDArray[np.float32]) -> Plane:
+    """Euclidean length along the last axis of 2 or 3, which `np.linalg.norm` is slow for: float32 (h, w)."""
+    square = vectors[..., 0] * vectors[..., 0]
+    for channel in range(1, vectors.shape[-1]):
+        square += vectors[..., channel] * vectors[..., channel]
+    return np.asarray(np.sqrt(square), np.float32)
+
+
+def _leads_back(flow: Flow, back: Flow) -> Plane:
+    """1 where the round trip closes, 0.5 where it nearly does, as in flat places; else 0."""
+    there = fetch(back, flow)
+    squares = np.square(flow) + np.square(there)
+    trip, length = np.square(flow + there), squares[..., 0] + squares[..., 1]
+    error = trip[..., 0] + trip[..., 1]
+    sure, near = error <= 0.01 * length + 0.5, error <= 0.04 * length + 2.5
+    return np.asarray((sure.astype(np.float32) + near) * np.float32(0.5) * inside(flow), np.float32)
+
+
+def textured(small: Frame) -> NDArray[np.bool_]:
+    """Where there is anything that motion could be seen by: bool (h, w).
+
+    In flat places flow is what it has been spread from, or follows the noise; it says nothing of what belongs together.
+    """
+    gray = cv2.GaussianBlur(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY).astype(np.float32), (0, 0), 1.0)
+    dx = cv2.Scharr(gray, cv2.CV_32F, 1, 0, scale=1 / 32)
+    dy = cv2.Scharr(gray, cv2.CV_32F, 0, 1, scale=1 / 32)
+    return np.asarray(cv2.blur(dx * dx + dy * dy, (7, 7)) > LEAST_GRADIENT**2)
+
+
+def pack(pair: Pair, index: int, gap: int) -> dict[str, NDArray[Any]]:
+    """Arrays for an artefact: flow in half precision (1/64 px at 32 px and finer below), reliability in 255 steps.
+
+    `ahead` is kept for neighbours only: over a gap only `back` is followed.
+    """
+    half = {"b": pair.back} | ({"f": pair.ahead} if gap == 1 else {})
+    bytes_ = {"t": pair.there, "h": pair.home}
+    return {f"{k}-{index}-{gap}": np.clip(v, -6e4, 6e4).astype(np.float16) for k, v in half.items()} | {
+        f"{k}-{index}-{gap}": np.rint(v * 255).astype(np.uint8) for k, v in bytes_.items()
+    }
+
+
+class Links:
+    """Reads what the flow step has kept, run by run, holding at most `most` runs in memory."""
+
+    def __init__(self, bench: Bench, begin: int, run: int, most: int = 3) -> None:
+        self._bench, self._begin, self._run, self._most = bench, begin, run, most
+        self._held: OrderedDict[int, dict[str, NDArray[Any]]] = OrderedDict()
+
+    def _get(self, name: str, index: int) -> NDArray[Any] | None:
+        start = self._begin + (index - self._begin) // self._run * self._run
+        if index < self._begin:
+            return None
+        if start not in self._held:
+            self._held[start] = self._bench.load("flow", f"run-{start:07d}")
+            while len(self._held) > self._most:
+                self._held.popitem(last=False)
+        return self._held[start].get(name)
+
+    def small(self, index: int) -> Frame:
+        """Frame `index` at the working size."""
+        found = self._get(f"small-{index}", index)
+        assert found is not None
+        return found
+
+    def back(self, index: int, gap: int = 1) -> tuple[Flow, Plane] | None:
+        """Flow from frame `index` to `index - gap` and its reliability; None if that is outside the shot."""
+        return self._pair("b", "h", index - gap, gap)
+
+    def ahead(self, index: int) -> tuple[Flow, Plane] | None:
+        """Flow from frame `index` to the next and its reliability; None at the end of the shot."""
+        return self._pair("f", "t", index, 1)
+
+    def home(self, index: int, gap: int) -> Plane | None:
+        """Reliability of the links from frame `index` to `index + gap`."""
+        found = self._get(f"t-{index}-{gap}", index)
+        return None if found is None else found.astype(np.float32) / np.float32(255)
+
+    def _pair(self, flow: str, trust: str, index: int, gap: int) -> tuple[Flow, Plane] | None:
+        found, reliable = self._get(f"{flow}-{index}-{gap}", index), self._get(f"{trust}-{index}-{gap}", index)
+        if found is None or reliable is None:
+            return None
+        return found.astype(np.float32), reliable.astype(np.float32) / np.float32(255)

@@ -1,0 +1,229 @@
+"""Clusters of one frame from those of the frames before it: the heart of the method (zhang2011patches, section 4).
+
+    links       every pixel is linked by flow to the frames of the window before it; reliable links vote for a label
+    background  what moves as the dominant motion does, one plane motion for each pair of frames
+    walk        a random walk spreads the votes along edges of like motion, and stops where nothing is certain
+    newcomers   what can be tracked and has no label becomes clusters of its own, seeded at good corners
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Flow, Frame, Labels, Mask, Plane
+from pipeline.methods.patches.links import Links, norm, textured
+from pipeline.methods.patches.newcomers import newcomers
+from pipeline.methods.patches.params import PatchesParams
+from pipeline.segmentation.components import absorb_specks
+from pipeline.segmentation.random_walk import Edges, motion_edges, vote
+from pipeline.warp.homography import apply, dominant, fit, lattice
+
+BACKGROUND = 1
+"""Label of the background; objects are 2, 3, ..."""
+UNKNOWN_SHARE = 0.25
+"""Weight of a link to something without a label, beside one to a label: what was unclear may become clear."""
+COLOUR_UNIT = 12.0
+"""Gray levels of a step of colour that keeps apart like a difference in motion of 1 px, where colour counts fully."""
+BLUR_PX = 7
+"""Flow is smooth over silhouettes this far, working px."""
+ABRUPT_PX = 0.3
+"""Range of the flow within BLUR_PX from which a silhouette is likely: links are doubtful there."""
+DOUBT = 0.04
+"""Weight of a doubtful link to a label: colour edges decide, and the link only where these say nothing."""
+STRAY = 2.0
+"""Tolerances from which what was background is background no more: between one and this, it stays what it was."""
+TOLERATED = 3.0
+"""Tolerance in medians of what the background differs by from its homography."""
+FLAT_SHARE = 0.01
+"""Weight of that doubt, beside a vote: more than the leak to nothing, less than any neighbour."""
+COARSE_PX = 9
+"""Untrackable places narrower than this belong to what is around them: they are the rims of moving things."""
+
+
+@dataclass
+class Tracker:
+    """What is handed from frame to frame: label maps of the window by frame number, and the next free label."""
+
+    maps: dict[int, Labels] = field(default_factory=dict)
+    next_label: int = BACKGROUND + 1
+
+    def trim(self, index: int, window: int) -> None:
+        """Forget what no later frame is linked to."""
+        self.maps = {key: labels for key, labels in self.maps.items() if key > index - window + 1}
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What one frame shows, at the working size: its colours, motion to both neighbours and how reliable that is."""
+
+    small: Frame
+    textured: Mask
+    ahead: tuple[Flow, Plane] | None
+    back: tuple[Flow, Plane] | None
+
+    @property
+    def known(self) -> list[tuple[Flow, Plane]]:
+        return [pair for pair in (self.ahead, self.back) if pair is not None]
+
+    def trackable(self, least: float) -> Mask:
+        """Pixels that have a reliable partner in a neighbouring frame."""
+        return np.any([reliable >= least for _, reliable in self.known] or [np.zeros(self.small.shape[:2], bool)], 0)
+
+
+def look(links: Links, index: int, begin: int) -> Sight:
+    """Frame `index`; nothing before frame `begin` counts."""
+    small = links.small(index)
+    return Sight(small, textured(small), links.ahead(index), links.back(index) if index > begin else None)
+
+
+def edges_of(sight: Sight, params: PatchesParams) -> Edges:
+    """Weights of the edges within the frame."""
+    ahead, back = (None if pair is None else pair[0] for pair in (sight.ahead, sight.back))
+    unit = COLOUR_UNIT / params.colour_edges if params.colour_edges > 0 else 0.0
+    return motion_edges(ahead, back, sight.small, unit)
+
+
+def track(
+    tracker: Tracker, links: Links, index: int, begin: int, params: PatchesParams
+) -> Labels:
+    """Labels of frame `index`, int32 (h, w), 0 = unclustered; the tracker remembers them.
+
+    Args:
+        begin: first frame whose labels count: the shot's, or a keyframe's.
+    """
+    sight = look(links, index, begin)
+    edges = edges_of(sight, params)
+    choices, weights = link_votes(tracker, links, index, sight, params)
+    evidence = background_motion(sight, choices, weights, params)
+    choices, weights = _background_votes(choices, weights, evidence)
+    weights = np.where(abrupt(sight), np.where(choices > 0, weights * np.float32(DOUBT), 0), weights)
+    labels, _ = vote(choices, weights, edges)
+    labels[_untrackable(sight, params)] = 0
+    area = labels.size * params.smallest_cluster / 1000
+    labels = absorb_specks(labels, max(int(area / 12), 4), max(int(area / 3), 8))
+    free = (labels == 0) & sight.textured & np.all([sure >= params.reliable for _, sure in sight.known], axis=0)
+    motion = [flow for flow, _ in sight.known]
+    fresh = newcomers(free, labels, motion, edges, sight.small, int(area), tracker.next_label)
+    labels = np.where(fresh > 0, fresh, labels).astype(np.int32)
+    tracker.next_label = max(tracker.next_label, int(labels.max(initial=0)) + 1)
+    tracker.maps[index] = absorb_specks(labels, 4, max(int(area / 3), 8))
+    tracker.trim(index, params.window)
+    return tracker.maps[index]
+
+
+def link_votes(
+    tracker: Tracker, links: Links, index: int, sight: Sight, params: PatchesParams
+) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+    """For each gap in the window, the label that each pixel is linked to and the weight of the link: (k, h, w) each.
+
+    Seeds are links with R at or above `params.reliable`; the weight is lambda R.
+    """
+    choices, weights = [np.zeros(sight.small.shape[:2], np.int32)], [np.zeros(sight.small.shape[:2], np.float32)]
+    for gap in range(1, params.window):
+        before, pair = tracker.maps.get(index - gap), links.back(index, gap)
+        if before is None or pair is None:
+            continue
+        flow, reliable = pair
+        choice = carry_labels(before, flow)
+        weight = np.where(reliable >= params.reliable, params.interframe * reliable, 0)
+        choices.append(choice)
+        weights.append(np.where(choice > 0, weight, weight * UNKNOWN_SHARE).astype(np.float32))
+    return np.stack(choices), np.stack(weights)
+
+
+def carry_labels(labels: Labels, flow: Flow) -> Labels:
+    """The label where each pixel's flow leads, to the nearest pixel: int32 (h, w)."""
+    height, width = labels.shape
+    x = np.clip(np.rint(np.arange(width) + flow[..., 0]), 0, width - 1).astype(np.intp)
+    y = np.clip(np.rint(np.arange(height)[:, None] + flow[..., 1]), 0, height - 1).astype(np.intp)
+    return labels[y, x]
+
+
+@dataclass(frozen=True)
+class Ground:
+    """Evidence for the background.
+
+    Attributes:
+        fits: bool (h, w), what is reliable moves as the background does.
+        odd: something reliable moves otherwise.
+        strays: so much so that what was background is so no more.
+    """
+
+    fits: Mask
+    odd: Mask
+    strays: Mask
+
+
+def background_motion(
+    sight: Sight, choices: NDArray[np.int32], weights: NDArray[np.float32], params: PatchesParams
+) -> Ground:
+    """Where everything reliable moves as the background does, and where something reliable does not.
+
+    The background's motion is the homography of what voted for it; in a first frame, of what most pixels do. It is
+    exact only of a flat world, so the tolerance grows with what the background itself differs by.
+    """
+    was = ((choices == BACKGROUND) & (weights > 0)).any(axis=0)
+    fits, odd, strays = (np.zeros(was.shape, np.bool_) for _ in range(3))
+    for flow, reliable in sight.known:
+        linked = reliable >= params.reliable
+        sure = linked & sight.textured
+        off, tolerance = _off_background(flow, sure, was, params.motion_tolerance)
+        near = cv2.GaussianBlur(off, (0, 0), 1.0)
+        fits |= linked & (near <= tolerance)
+        odd |= sure & (near > tolerance)
+        strays |= sure & (near > STRAY * tolerance)
+    return Ground(fits & ~odd, odd, strays)
+
+
+def _off_background(flow: Flow, sure: Mask, was: Mask, least_px: float) -> tuple[Plane, float]:
+    """Distance of the flow from the background's homography, float32 (h, w), and what of it is tolerable, px."""
+    here = lattice(flow.shape[:2])
+    moved = here + flow
+    basis = sure & was
+    known = basis.sum() >= 0.05 * basis.size
+    if known:
+        matrix = fit(here[basis], moved[basis])
+    else:
+        matrix = dominant(here[sure], moved[sure])
+    off = norm((apply(matrix, here) - moved).astype(np.float32))
+    usual = float(np.median(off[basis][::7])) if known else 0.0
+    return off, min(max(least_px, TOLERATED * usual), 4 * least_px)
+
+
+def abrupt(sight: Sight) -> Mask:
+    """Where motion changes within a few px, in either direction of time: near silhouettes."""
+    found = np.zeros(sight.small.shape[:2], np.bool_)
+    around = np.ones((BLUR_PX, BLUR_PX), np.uint8)
+    for flow, _ in sight.known:
+        span = cv2.dilate(flow, around) - cv2.erode(flow, around)
+        found |= span.max(axis=-1) > ABRUPT_PX
+    return found
+
+
+def _untrackable(sight: Sight, params: PatchesParams) -> Mask:
+    """Places of some size that have no reliable partner in either neighbouring frame."""
+    lost = (~sight.trackable(params.reliable)).astype(np.uint8)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (COARSE_PX, COARSE_PX))
+    return np.asarray(cv2.morphologyEx(lost, cv2.MORPH_OPEN, disc) > 0)
+
+
+def _background_votes(
+    choices: NDArray[np.int32], weights: NDArray[np.float32], ground: Ground
+) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+    """Votes for the background count where the motion is its own.
+
+    Where no object has a say, the motion itself is a vote: for the background, or for nothing. Where motion cannot be
+    seen, the background has the benefit of the doubt.
+    """
+    wrong = ground.strays & (choices == BACKGROUND)
+    choices = np.where(wrong, 0, choices).astype(np.int32)
+    claimed = ((choices > 0) & (weights > 0)).any(axis=0)
+    choices[0] = np.where(ground.fits, BACKGROUND, 0)
+    weights[0] = (ground.fits | ground.odd) & ~claimed
+    flat = ~(ground.fits | ground.odd | claimed)
+    choices[0][flat], weights[0][flat] = BACKGROUND, FLAT_SHARE
+    return choices, weights

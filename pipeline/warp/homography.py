@@ -1,0 +1,118 @@
+"""The plane motion that explains a flow: robust least squares, from a shift up to a homography."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Homography: TypeAlias = NDArray[np.float64]
+"""float64 (3, 3), maps (x, y, 1), px."""
+Points: TypeAlias = NDArray[Any]
+"""(n, 2): (x, y), px."""
+
+IDENTITY: Homography = np.eye(3)
+IDENTITY.setflags(write=False)
+MOST = 4000
+"""Points that a fit looks at: evenly chosen from more."""
+
+
+def apply(matrix: Homography, points: Points) -> NDArray[np.float64]:
+    """Where the points (..., 2) go."""
+    x, y = points[..., 0], points[..., 1]
+    a = matrix
+    scale = 1 / (a[2, 0] * x + a[2, 1] * y + a[2, 2])
+    across, down = a[0, 0] * x + a[0, 1] * y + a[0, 2], a[1, 0] * x + a[1, 1] * y + a[1, 2]
+    return np.stack([across * scale, down * scale], axis=-1)
+
+
+def lattice(shape: tuple[int, int], origin: tuple[int, int] = (0, 0)) -> NDArray[np.float32]:
+    """Positions (x, y) of the pixels of a rectangle, float32 (h, w, 2); `origin` is its top left pixel's (x, y)."""
+    x = np.arange(shape[1], dtype=np.float32) + np.float32(origin[0])
+    y = np.arange(shape[0], dtype=np.float32) + np.float32(origin[1])
+    return np.dstack(np.meshgrid(x, y)).astype(np.float32)
+
+
+def fit(
+    source: Points, target: Points, *, weights: NDArray[Any] | None = None, noise_px: float = 0.25, rounds: int = 6,
+    start: Homography | None = None,
+) -> Homography:  # fmt: skip
+    """The homography that takes `source` to `target`, in spite of outliers.
+
+    With less than 4 points the identity; with less than 12, or all within a few px, a shift (the median); with less
+    than 200 an affine map: a homography of a small patch has nothing to hold its perspective.
+
+    Args:
+        source, target: (n, 2), px.
+        weights: (n,) >= 0; None = 1.
+        noise_px: residual at which a point's weight begins to fall (Geman and McClure).
+        rounds: of iteratively reweighted least squares.
+        start: first guess; None = all points count alike in the first round.
+    """
+    n = len(source)
+    if n < 4:
+        return IDENTITY
+    pick = np.linspace(0, n - 1, min(n, MOST)).astype(np.intp)
+    p, q = np.asarray(source, np.float64)[pick], np.asarray(target, np.float64)[pick]
+    base = np.ones(len(pick)) if weights is None else np.asarray(weights, np.float64)[pick]
+    spread = np.ptp(p, axis=0).min()
+    if n < 12 or spread < 4 or base.sum() <= 0:
+        return shift(np.median(q - p, axis=0))
+    scale = max(float(np.ptp(p, axis=0).max()) / 2, 1.0)
+    middle = p.mean(axis=0)
+    matrix = np.array([[1 / scale, 0, -middle[0] / scale], [0, 1 / scale, -middle[1] / scale], [0, 0, 1]])
+    u, v = (p - middle) / scale, (q - middle) / scale
+    share, found = base, IDENTITY
+    if start is not None:
+        found = matrix @ start @ np.linalg.inv(matrix)
+        share = base * _doubt(u, v, found, scale, noise_px)
+    for _ in range(rounds):
+        found = _solve(u, v, share, affine=n < 200 or spread < 24)
+        share = base * _doubt(u, v, found, scale, noise_px)
+    return np.linalg.inv(matrix) @ found @ matrix
+
+
+def dominant(source: Points, target: Points, noise_px: float = 0.5) -> Homography:
+    """The homography that most points agree on, where it may be less than half of them: RANSAC, then `fit`."""
+    if len(source) < 12:
+        return fit(source, target)
+    pick = np.linspace(0, len(source) - 1, min(len(source), MOST)).astype(np.intp)
+    p, q = np.asarray(source, np.float64)[pick], np.asarray(target, np.float64)[pick]
+    found, _ = cv2.findHomography(p, q, cv2.RANSAC, 2 * noise_px, maxIters=400)
+    if found is None or not np.isfinite(found).all():
+        return fit(source, target)
+    return fit(p, q, start=found / found[2, 2], noise_px=noise_px)
+
+
+def shift(vector: Points) -> Homography:
+    """A translation by (x, y)."""
+    return np.array([[1.0, 0, vector[0]], [0, 1.0, vector[1]], [0, 0, 1]])
+
+
+def _doubt(u: Points, v: Points, matrix: Homography, scale: float, noise_px: float) -> NDArray[np.float64]:
+    residual2 = np.square((apply(matrix, u) - v) * scale).sum(axis=-1)
+    return np.asarray(1 / np.square(1 + residual2 / noise_px**2))
+
+
+def _solve(u: Points, v: Points, share: NDArray[np.float64], *, affine: bool) -> Homography:
+    """Weighted least squares of the linear equations, normalised points; ridge towards the identity."""
+    x, y, one, zero = u[:, 0], u[:, 1], np.ones(len(u)), np.zeros(len(u))
+    across = np.stack([x, y, one, zero, zero, zero, -v[:, 0] * x, -v[:, 0] * y], axis=1)
+    down = np.stack([zero, zero, zero, x, y, one, -v[:, 1] * x, -v[:, 1] * y], axis=1)
+    size = 6 if affine else 8
+    rows = np.concatenate([across, down])[:, :size] * np.sqrt(np.tile(share, 2))[:, None]
+    right = np.concatenate([v[:, 0], v[:, 1]]) * np.sqrt(np.tile(share, 2))
+    ridge = 1e-4 * max(float(share.sum()), 1e-6)
+    start = np.array([1.0, 0, 0, 0, 1, 0, 0, 0])[:size]
+    # einsum, not a matrix product: a threaded library may sum in another order on another machine.
+    normal = np.einsum("ni,nj->ij", rows, rows) + ridge * np.diag(np.array([1, 1, 0.01, 1, 1, 0.01, 30, 30.0])[:size])
+    pull = np.einsum("ni,n->i", rows, right) + ridge * np.array([1, 1, 0.01, 1, 1, 0.01, 30, 30.0])[:size] * start
+    found = np.linalg.solve(normal, pull)
+    out = np.eye(3).ravel()
+    out[:size] = found
+    return out.reshape(3, 3)
+
+
+__all__ = ["IDENTITY", "Homography", "apply", "dominant", "fit", "lattice", "shift"]

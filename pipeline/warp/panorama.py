@@ -1,0 +1,158 @@
+"""Panoramas: the mean of many frames in one frame's coordinates, and the way back.
+
+A *lay* says where the pixels of a rectangle of a frame are in the panorama: a homography, and what differs from it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Frame, Plane
+from pipeline.segmentation.jit import kernel
+from pipeline.warp.homography import Homography, apply, lattice
+
+Rect = tuple[int, int, int, int]
+"""Left, top, right, bottom, px; right and bottom are beyond it."""
+
+
+@dataclass(frozen=True)
+class Lay:
+    """Where a rectangle of a frame is: G(p) = matrix p + rest(p).
+
+    Attributes:
+        rect: of the frame, working px.
+        matrix: from the frame's to the panorama's working px.
+        rest: float16 or float32 (h, w, 2), working px.
+    """
+
+    rect: Rect
+    matrix: Homography
+    rest: NDArray[Any]
+
+    def positions(self) -> NDArray[np.float32]:
+        """G of the rectangle's pixels, float32 (h, w, 2)."""
+        left, top, right, bottom = self.rect
+        here = lattice((bottom - top, right - left), (left, top))
+        return (apply(self.matrix, here) + self.rest).astype(np.float32)
+
+    def at(self, points: NDArray[np.float32]) -> NDArray[np.float32]:
+        """G of any points (h, w, 2) of the frame, bilinear; outside the rectangle its border's rest goes on."""
+        x = np.ascontiguousarray(points[..., 0] - np.float32(self.rect[0]))
+        y = np.ascontiguousarray(points[..., 1] - np.float32(self.rect[1]))
+        rest = cv2.remap(self.rest.astype(np.float32), x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        return (apply(self.matrix, points) + rest).astype(np.float32)
+
+
+def full_map(lay: Lay, ratio: tuple[float, float], size: tuple[int, int], origin: tuple[int, int]) -> tuple[
+    Rect, Plane, Plane
+]:  # fmt: skip
+    """Where the frame's own pixels are in the panorama's: a rectangle of the frame, px, and planes of x and of y.
+
+    Args:
+        ratio: width and height of a working pixel, px.
+        size: (width, height) of the frame, px.
+        origin: (x, y) of the panorama's first pixel, px.
+    """
+    left, top, right, bottom = lay.rect
+    rect = (
+        max(int(np.floor(left * ratio[0])), 0), max(int(np.floor(top * ratio[1])), 0),
+        min(int(np.ceil(right * ratio[0])), size[0]), min(int(np.ceil(bottom * ratio[1])), size[1]),
+    )  # fmt: skip
+    shape = rect[3] - rect[1], rect[2] - rect[0]
+    x, y = np.empty(shape, np.float32), np.empty(shape, np.float32)
+    _full_map(
+        lay.rest.astype(np.float32), lay.matrix, left, top, rect[0], rect[1], ratio[0], ratio[1], origin[0], origin[1],
+        x, y,
+    )  # fmt: skip
+    return rect, x, y
+
+
+@kernel
+def _full_map(
+    rest: NDArray[np.float32], m: Homography, left: int, top: int, x0: int, y0: int, rx: float, ry: float, ox: int,
+    oy: int, out_x: Plane, out_y: Plane,
+) -> None:  # fmt: skip
+    rows, columns = rest.shape[:2]
+    for i in range(out_x.shape[0]):
+        y = (y0 + i + 0.5) / ry - 0.5
+        v = min(max(y - top, 0.0), rows - 1.0)
+        a = min(int(v), max(rows - 2, 0))
+        below = min(a + 1, rows - 1)
+        b = np.float32(v - a)
+        for j in range(out_x.shape[1]):
+            x = (x0 + j + 0.5) / rx - 0.5
+            u = min(max(x - left, 0.0), columns - 1.0)
+            c = min(int(u), max(columns - 2, 0))
+            beside = min(c + 1, columns - 1)
+            d = np.float32(u - c)
+            scale = 1.0 / (m[2, 0] * x + m[2, 1] * y + m[2, 2])
+            for k in range(2):
+                upper = rest[a, c, k] + d * (rest[a, beside, k] - rest[a, c, k])
+                lower = rest[below, c, k] + d * (rest[below, beside, k] - rest[below, c, k])
+                off = upper + b * (lower - upper)
+                place = (m[k, 0] * x + m[k, 1] * y + m[k, 2]) * scale + off
+                if k == 0:
+                    out_x[i, j] = np.float32((place + 0.5) * rx - 0.5 - ox)
+                else:
+                    out_y[i, j] = np.float32((place + 0.5) * ry - 0.5 - oy)
+
+
+def gather(total: NDArray[np.float32], picture: Frame, weights: Plane, x: Plane, y: Plane) -> None:
+    """Add a picture to a panorama, in place: every pixel is spread over the four around its place.
+
+    Args:
+        total: float32 (H, W, 4): sums of red, green, blue times weight, and of the weights.
+        picture: uint8 (h, w, 3); weights: float32 (h, w), pixels of weight 0 do not count.
+        x, y: float32 (h, w), places in the panorama, px.
+    """
+    _gather(total, picture, weights, x, y)
+
+
+@kernel
+def _gather(total: NDArray[np.float32], picture: Frame, weights: Plane, x: Plane, y: Plane) -> None:
+    height, width = total.shape[:2]
+    for i in range(weights.shape[0]):
+        for j in range(weights.shape[1]):
+            share = weights[i, j]
+            u, v = x[i, j], y[i, j]
+            if share <= 0 or not (u >= 0 and v >= 0 and u < width - 1 and v < height - 1):
+                continue
+            c, r = int(u), int(v)
+            a, b = u - np.float32(c), v - np.float32(r)
+            for q in range(4):
+                w = share * (b if q >= 2 else 1 - b) * (a if q % 2 else 1 - a)
+                cell = total[r + q // 2, c + q % 2]
+                cell[0] += w * picture[i, j, 0]
+                cell[1] += w * picture[i, j, 1]
+                cell[2] += w * picture[i, j, 2]
+                cell[3] += w
+
+
+def mean(total: NDArray[np.float32], least: float = 0.05) -> tuple[Frame, Plane]:
+    """The panorama's mean colours, uint8 (H, W, 3), and where it has any, float32 (H, W) in 0..1.
+
+    What has less weight than `least` is filled in from around it, ever more coarsely: strokes may start and end there.
+    """
+    known = np.minimum(total[..., 3] / np.float32(least), 1)
+    colours = total[..., :3] / np.maximum(total[..., 3:], np.float32(1e-6))
+    filled = _fill(np.dstack([colours * known[..., None], known]).astype(np.float32))
+    return np.rint(np.clip(filled, 0, 255)).astype(np.uint8), known.astype(np.float32)
+
+
+def _fill(weighted: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Push and pull: what is unknown takes the colour of the coarser picture below it."""
+    height, width = weighted.shape[:2]
+    known = weighted[..., 3:]
+    if max(height, width) <= 2 or known.min() >= 1:
+        return np.asarray(weighted[..., :3] / np.maximum(known, np.float32(1e-6)))
+    small = cv2.resize(weighted, ((width + 1) // 2, (height + 1) // 2), interpolation=cv2.INTER_AREA)
+    share = np.maximum(small[..., 3:], np.float32(1e-6))
+    grown = np.minimum(small[..., 3:] * 4, 1)
+    small = np.dstack([small[..., :3] / share * grown, grown]).astype(np.float32)
+    below = cv2.resize(_fill(small), (width, height), interpolation=cv2.INTER_LINEAR)
+    return np.asarray(weighted[..., :3] + below * (1 - known))

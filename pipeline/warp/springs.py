@@ -1,0 +1,223 @@
+"""Warps that distort little: pixels on springs, relaxed on a grid (zhang2011patches, section 5).
+
+Every pixel of a region hangs on a spring of length 0 at the place where its flow leads, and on springs to its eight
+neighbours, of lengths 1 and sqrt 2. What relaxes is a coarse grid laid over the target: its corners move by the forces
+of the pixels around them, and pixels move with their cell. So several frames can relax on one grid.
+
+    E = sum k_p |x_p - t_p|^2  +  sum over neighbours (|x_p - x_q| - L0)^2
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Mask, Plane
+from pipeline.segmentation.jit import kernel
+
+MOST_ITERATIONS = 10
+STEP = 1.0
+"""Of a corner: its force over the stiffness that pulls at it."""
+
+Positions = NDArray[np.float32]
+"""float32 (h, w, 2): where each pixel of a rectangle is laid, (x, y)."""
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """The pixels of a region in one frame, laid over the target.
+
+    Attributes:
+        targets: float32 (h, w, 2), where the flow leads: the springs' fixed ends, and where the pixels start.
+        inside: bool (h, w): which pixels of the rectangle are in the region.
+        stiffness: float32 (h, w), k of the springs to the targets, >= 0.
+        rest: length of a spring between 4-neighbours, px: 1, or the scale of the region's motion, so that to grow is
+            no distortion; times the stride if the sheet holds every second pixel only.
+    """
+
+    targets: Positions
+    inside: Mask
+    stiffness: Plane
+    rest: float = 1.0
+
+
+@dataclass(frozen=True)
+class Relaxed:
+    """A grid of corner displacements that relaxes sheets, and what it has gained.
+
+    Attributes:
+        shifts: float32 (rows, columns, 2), px; `origin` (x, y) is the first corner, `cell` px apart.
+        before, after: energy E, px^2. `after` <= `before`.
+        iterations: steps taken.
+    """
+
+    shifts: NDArray[np.float32]
+    origin: tuple[float, float]
+    cell: float
+    before: float
+    after: float
+    iterations: int
+
+    def moved(self, positions: Positions) -> Positions:
+        """Where positions (h, w, 2) come to lie."""
+        out = np.empty_like(positions)
+        _move(positions, self.shifts, *self._place, out)
+        return out
+
+    @property
+    def _place(self) -> tuple[np.float32, np.float32, np.float32]:
+        return np.float32(self.origin[0]), np.float32(self.origin[1]), np.float32(1 / self.cell)
+
+
+def relax(sheets: Sequence[Sheet], cell: float = 2.0, most: int = MOST_ITERATIONS) -> Relaxed:
+    """Relax the sheets together, until the force no longer falls or `most` steps are done.
+
+    Args:
+        cell: distance of the grid's corners, px.
+
+    Source: zhang2011patches, section 5. Departures: a corner's force is the sum over its pixels, divided by the sum of
+    their springs' stiffness, since a quarter of the plain force overshoots for every k above 4 and k is 10; and what is
+    returned is the step of least energy, so that no patch is worse for it.
+    """
+    low, high = _bounds(sheets)
+    origin = math.floor(low[0]) - cell, math.floor(low[1]) - cell
+    columns, rows = (max(2, math.ceil((high[axis] - origin[axis]) / cell) + 2) for axis in (0, 1))
+    shifts = np.zeros((rows, columns, 2), np.float32)
+    grid = Relaxed(shifts, origin, cell, 0.0, 0.0, 0)
+    energy, force, step = _pull(sheets, grid, shifts)
+    before, best, kept, done = energy, energy, shifts, 0
+    while done < most and force > 0:
+        shifts = shifts + np.float32(STEP) * step
+        done += 1
+        energy, now, step = _pull(sheets, grid, shifts)
+        if energy < best:
+            best, kept = energy, shifts
+        if now >= force:
+            break
+        force = now
+    return Relaxed(kept, origin, cell, before, best, done)
+
+
+def _bounds(sheets: Sequence[Sheet]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    inside = [sheet.targets[sheet.inside] for sheet in sheets if sheet.inside.any()]
+    if not inside:
+        return np.zeros(2, np.float32), np.ones(2, np.float32)
+    return np.min([p.min(axis=0) for p in inside], axis=0), np.max([p.max(axis=0) for p in inside], axis=0)
+
+
+def _pull(
+    sheets: Sequence[Sheet], grid: Relaxed, shifts: NDArray[np.float32]
+) -> tuple[float, float, NDArray[np.float32]]:
+    """Energy, the norm of the force on the corners, and the step that it asks for."""
+    total = np.zeros((*shifts.shape[:2], 3))
+    energy = 0.0
+    for sheet in sheets:
+        laid = np.empty_like(sheet.targets)
+        _move(sheet.targets, shifts, *grid._place, laid)
+        energy += _gather(
+            laid, sheet.targets, sheet.inside, sheet.stiffness, np.float32(sheet.rest), *grid._place, total
+        )
+    share = np.where(total[..., 2:] > 0, total[..., 2:], 1)
+    force = float(np.sqrt(np.square(total[..., :2]).sum()))
+    return energy, force, (total[..., :2] / share).astype(np.float32)
+
+
+def distortion(sheet: Sheet, positions: Positions) -> Plane:
+    """Energy of each pixel laid at `positions`: its own spring and half of each to its neighbours, float32 (h, w)."""
+    out = np.zeros(sheet.inside.shape, np.float32)
+    _distortion(positions, sheet.targets, sheet.inside, sheet.stiffness, np.float32(sheet.rest), out)
+    return out
+
+
+@kernel
+def _move(
+    positions: Positions, shifts: NDArray[np.float32], ox: np.float32, oy: np.float32, per_cell: np.float32,
+    out: Positions,
+) -> None:  # fmt: skip
+    rows, columns = shifts.shape[:2]
+    for y in range(positions.shape[0]):
+        for x in range(positions.shape[1]):
+            u = (positions[y, x, 0] - ox) * per_cell
+            v = (positions[y, x, 1] - oy) * per_cell
+            u = min(max(u, np.float32(0.0)), np.float32(columns - 1.001))
+            v = min(max(v, np.float32(0.0)), np.float32(rows - 1.001))
+            i, j = int(v), int(u)
+            b, a = v - np.float32(i), u - np.float32(j)
+            for c in range(2):
+                top = shifts[i, j, c] + a * (shifts[i, j + 1, c] - shifts[i, j, c])
+                low = shifts[i + 1, j, c] + a * (shifts[i + 1, j + 1, c] - shifts[i + 1, j, c])
+                out[y, x, c] = positions[y, x, c] + top + b * (low - top)
+
+
+@kernel
+def _gather(
+    laid: Positions, targets: Positions, inside: Mask, stiffness: Plane, rest: np.float32, ox: np.float32,
+    oy: np.float32, per_cell: np.float32, total: NDArray[np.float64],
+) -> float:  # fmt: skip
+    """Add each pixel's force (half of -dE/dx) and stiffness to the corners of its cell; returns the energy."""
+    height, width = inside.shape
+    rows, columns = total.shape[:2]
+    energy = 0.0
+    diagonal = rest * np.float32(1.4142135)
+    for y in range(height):
+        for x in range(width):
+            if not inside[y, x]:
+                continue
+            px, py = laid[y, x, 0], laid[y, x, 1]
+            k = stiffness[y, x]
+            ex, ey = targets[y, x, 0] - px, targets[y, x, 1] - py
+            fx, fy, held = k * ex, k * ey, k
+            energy += k * (ex * ex + ey * ey)
+            for n in range(9):
+                dy, dx = n // 3 - 1, n % 3 - 1
+                ny, nx = y + dy, x + dx
+                if n == 4 or ny < 0 or nx < 0 or ny >= height or nx >= width or not inside[ny, nx]:
+                    continue
+                ax, ay = laid[ny, nx, 0] - px, laid[ny, nx, 1] - py
+                length = np.sqrt(ax * ax + ay * ay)
+                natural = rest if dy == 0 or dx == 0 else diagonal
+                strain = length - natural
+                energy += np.float32(0.5) * strain * strain  # each spring is met from both ends
+                if length > np.float32(1e-6):
+                    fx += strain * ax / length
+                    fy += strain * ay / length
+                held += np.float32(1.0)
+            u = (targets[y, x, 0] - ox) * per_cell
+            v = (targets[y, x, 1] - oy) * per_cell
+            u = min(max(u, np.float32(0.0)), np.float32(columns - 1.001))
+            v = min(max(v, np.float32(0.0)), np.float32(rows - 1.001))
+            i, j = int(v), int(u)
+            b, a = v - np.float32(i), u - np.float32(j)
+            for q in range(4):
+                w = (b if q >= 2 else 1 - b) * (a if q % 2 else 1 - a)
+                total[i + q // 2, j + q % 2, 0] += w * fx
+                total[i + q // 2, j + q % 2, 1] += w * fy
+                total[i + q // 2, j + q % 2, 2] += w * held
+    return energy
+
+
+@kernel
+def _distortion(
+    laid: Positions, targets: Positions, inside: Mask, stiffness: Plane, rest: np.float32, out: Plane
+) -> None:
+    height, width = inside.shape
+    diagonal = rest * np.float32(1.4142135)
+    for y in range(height):
+        for x in range(width):
+            if not inside[y, x]:
+                continue
+            ex, ey = targets[y, x, 0] - laid[y, x, 0], targets[y, x, 1] - laid[y, x, 1]
+            total = stiffness[y, x] * (ex * ex + ey * ey)
+            for n in range(9):
+                dy, dx = n // 3 - 1, n % 3 - 1
+                ny, nx = y + dy, x + dx
+                if n == 4 or ny < 0 or nx < 0 or ny >= height or nx >= width or not inside[ny, nx]:
+                    continue
+                ax, ay = laid[ny, nx, 0] - laid[y, x, 0], laid[ny, nx, 1] - laid[y, x, 1]
+                strain = np.sqrt(ax * ax + ay * ay) - (rest if dy == 0 or dx == 0 else diagonal)
+                total += np.float32(0.5) * strain * strain
+            out[y, x] = total
