@@ -18,8 +18,9 @@ from pipeline.methods.base import Method, Params
 def methods() -> Mapping[str, Method]:
     """Every method by name: the built-in ones first, then those of installed packages."""
     from pipeline.methods.abstraction import Abstraction
+    from pipeline.methods.analogy import Analogy
 
-    found: dict[str, Method] = {m.name: m for m in (Abstraction(),)}
+    found: dict[str, Method] = {m.name: m for m in (Abstraction(), Analogy())}
     for entry in entry_points(group="impasto.methods"):
         outside = entry.load()()
         found.setdefault(outside.name, outside)

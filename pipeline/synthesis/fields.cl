@@ -1,6 +1,6 @@
 /* Offset fields: made, moved, refined, merged and shown. The specification is reference.py.
 
-   Compile-time: RADIUS, CHANNELS, PAD (of the style image), ROTATE, HOLES. */
+   Compile-time: RADIUS, CHANNELS, COLOURS (3, or 4 with opacity), PAD (of the style image), ROTATE, HOLES. */
 
 static int usable(const int2 at, global const uchar *holes, const int style_width, const int style_height)
 {
@@ -38,7 +38,7 @@ kernel void scatter(global float2 *offsets, global const uchar *holes, const uin
         anywhere(x, y, seed, stream, holes, (int2)(first_x, first_y), style_width, style_height);
 }
 
-/* Colours of the offsets into the target's first three channels, and the rounded offsets, both with a margin of
+/* Colours of the offsets into the target's first COLOURS channels, and the rounded offsets, both with a margin of
    RADIUS px: beyond the frame each border pixel's texture goes on. */
 kernel void render(global const float2 *offsets, global const uchar *bins, global const uchar *style,
                    global const uchar *style_bins, constant float2 *cosines, global uchar *target,
@@ -57,9 +57,8 @@ kernel void render(global const float2 *offsets, global const uchar *bins, globa
     const int2 at = rounded(offset), shown = within(at, style_width, style_height);
     global const uchar *from = style + ((shown.y + PAD) * (style_width + 2 * PAD) + shown.x + PAD) * CHANNELS;
     global uchar *to = target + (y * stride + x) * CHANNELS;
-    to[0] = from[0];
-    to[1] = from[1];
-    to[2] = from[2];
+    for (int c = 0; c < COLOURS; c++)
+        to[c] = from[c];
     field[y * stride + x] = convert_short2(at);
 }
 

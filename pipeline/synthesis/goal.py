@@ -21,7 +21,6 @@ TURNS = 64
 NO_DIRECTION = 255
 SCALE_SHIFT = 4
 STEP_SCALE = 16
-COLOURS = 3
 _LANES, _MOST = 8, 2**32 - 1
 _MOST_WEIGHT, _MOST_SCALE = 42.0, 32.0
 
@@ -35,6 +34,8 @@ class Goal:
     A guide's weight is shared by its channels, as is that of the output colour.
     """
 
+    colours: int = 3
+    """Channels of the output: 3, or 4 where it has opacity."""
     radius: int = 4
     """Patches are 2 radius + 1 px wide."""
     sigma_px: float = 3.0
@@ -68,7 +69,7 @@ class Goal:
     @property
     def channels(self) -> int:
         """Bytes a pixel: colours and guides, filled up so that a vector holds whole pixels."""
-        needed = COLOURS + len(self.guides)
+        needed = self.colours + len(self.guides)
         return next(size for size in (4, 8, 16) if needed <= size)
 
     @property
@@ -81,7 +82,7 @@ class Goal:
         return self.w_din > 0 or self.w_dout > 0
 
 
-MOST_GUIDES = 16 - COLOURS
+MOST_GUIDES = 12
 
 
 @dataclass(frozen=True)
@@ -124,8 +125,8 @@ def _bytes(
 ) -> NDArray[np.float64]:
     """(side, 16 vectors) weight of each byte."""
     pixel = np.zeros(goal.channels)
-    pixel[:COLOURS] = weights[0] / COLOURS
-    pixel[COLOURS : COLOURS + len(weights[1])] = weights[1]
+    pixel[: goal.colours] = weights[0] / goal.colours
+    pixel[goal.colours : goal.colours + len(weights[1])] = weights[1]
     rows = np.zeros((goal.side, 16 * goal.vectors))
     rows[:, : goal.side * goal.channels] = (falloff[:, :, None] * pixel).reshape(goal.side, -1)
     return rows

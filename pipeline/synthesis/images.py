@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Plane
-from pipeline.synthesis.goal import COLOURS, Goal
+from pipeline.synthesis.goal import Goal
 
 Bytes: TypeAlias = NDArray[np.uint8]
 Offsets: TypeAlias = NDArray[np.float32]
@@ -26,7 +26,7 @@ class Style:
     """A style image (or several side by side) at one level."""
 
     colours: Bytes
-    """S^, uint8 (h, w, 3): what the result is made of."""
+    """S^, uint8 (h, w, 3), or (h, w, 4) with straight opacity: what the result is made of."""
     features: Bytes
     """uint8 (h, w, channels): S^ in the colour space that patches are compared in, then S's guides, then zeros."""
     bins: Bytes | None = None
@@ -67,8 +67,8 @@ def packed(goal: Goal, colours: Bytes, guides: Bytes) -> Bytes:
     """Colours and guides as pixels of `goal.channels` bytes."""
     height, width = guides.shape[:2]
     out = np.zeros((height, width, goal.channels), np.uint8)
-    out[..., :COLOURS] = colours
-    out[..., COLOURS : COLOURS + guides.shape[2]] = guides
+    out[..., : goal.colours] = colours
+    out[..., goal.colours : goal.colours + guides.shape[2]] = guides
     return out
 
 

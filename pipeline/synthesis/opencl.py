@@ -59,7 +59,7 @@ class Kernels:
     def seat(self, style: Loaded[DeviceArray], target: Target) -> Sitting[DeviceArray]:
         """A frame, its colours not yet rendered."""
         goal, (width, height) = style.goal, target.size
-        blank = pack(goal, np.zeros((height, width, 3), np.uint8), target.guides)
+        blank = pack(goal, np.zeros((height, width, goal.colours), np.uint8), target.guides)
         stride, rows = width + 2 * goal.radius, height + 2 * goal.radius
         field = self.device.empty((rows * stride * 2 + TAIL,), np.int16)
         bins = None if target.bins is None else self.upload(target.bins)
@@ -70,6 +70,7 @@ class Kernels:
         return {
             "RADIUS": style.goal.radius,
             "CHANNELS": style.goal.channels,
+            "COLOURS": style.goal.colours,
             "PAD": style.goal.pad,
             "ROTATE": int(style.style.bins is not None),
             "HOLES": int(style.style.usable is not None),
@@ -123,9 +124,9 @@ class Kernels:
             offsets, out, self.device.empty((sitting.size[1], sitting.size[0])), sitting.packed, sitting.field,
             sitting.bins or none, style.features, style.bins, style.usable, style.distance, weights, style.turns,
             self._cosines, style.steps, step_weights, sitting.before or none, penalty or none,
-            sitting.distance or none, *((past.was, past.packed, past.visible) if past else (none, none, none)), keyed,
+            sitting.distance or none, sitting.was or none, *((past.packed, past.visible) if past else (none, none)), keyed,
             sitting.ribbons or none, sitting.given or none, round(goal.r_max_px2),
-            np.float32(goal.w_sc * made.unit / STEP_SCALE), np.float32(goal.w_tc / 3 * made.centre),
+            np.float32(goal.w_sc * made.unit / STEP_SCALE), np.float32(goal.w_tc / goal.colours * made.centre),
             np.float32(goal.d_max_px), np.float32(goal.w_dt * made.centre), search.jump, np.float32(search.search_px),
             np.float32(search.ribbon_px), *_words(key), np.uint32(round_), *style.size,
         )  # fmt: skip

@@ -49,6 +49,8 @@ class Sitting(Generic[T]):
     """The offsets rendered last, rounded, with the same margin: shorts."""
     bins: T | None = None
     distance: T | None = None
+    was: T | None = None
+    """Advected offsets, NOWHERE where there are none."""
     before: T | None = None
     """Advected colours, uint8 (h, w, 4), the fourth 0 where there are none: eq. 6 and 7."""
     past: Past[T] | None = None
@@ -62,8 +64,6 @@ class Sitting(Generic[T]):
 class Past(Generic[T]):
     """What eq. 10 compares with."""
 
-    was: T
-    """Advected offsets."""
     packed: T
     """The other frame's colours and guides as seen from here, with a margin."""
     visible: T

@@ -306,6 +306,10 @@ improve(global const float2 *offsets, global float2 *improved, global float *cos
     best.at = within(rounded(best.offset), style_width, style_height);
     best.refused = (int2)(-1);
     best.cost = goal(&spot, best.at, INFINITE);
+#if TEMPORAL
+    if (was[here].x > NOWHERE)
+        consider(&spot, &best, was[here]);
+#endif
     propagate(&spot, &best, offsets, bins, cosines, jump, x, y, width, height);
 #if RIBBONS
     for (int k = 0; k < 2; k++) {
