@@ -8,15 +8,16 @@ then it is refined, held to the neighbour by the temporal terms.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Generic, Protocol
 
 import numpy as np
 
+from pipeline.flow.warp import fetch
 from pipeline.synthesis.engine import refine
-from pipeline.synthesis.images import Bytes, Offsets, Style, Target
+from pipeline.synthesis.images import NOWHERE, Offsets, Target, padded
 from pipeline.synthesis.motion import Motion
-from pipeline.synthesis.operations import Key, Loaded, Operations, Sitting, T
+from pipeline.synthesis.operations import Key, Loaded, Operations, Past, Sitting, T
 
 
 class Shot(Protocol):
@@ -104,7 +105,7 @@ class Sweep(Generic[T]):
         if fixed is not None:
             sitting.given = fixed
             start = self._impose(sitting, fixed, start)
-        if given is not None and (given[..., 0] > -1e6).all():
+        if given is not None and (given[..., 0] > NOWHERE).all():
             return start
         self._remember(index, sitting, advected)
         rounds, key = self.rounds, self.rounds.key(index)
@@ -134,25 +135,55 @@ class Sweep(Generic[T]):
 
     def _remember(self, index: int, sitting: Sitting[T], advected: T | None) -> None:
         """What the temporal terms compare with."""
-        if advected is not None and self.style.goal.w_tc > 0:
+        goal = self.style.goal
+        if advected is not None and (goal.w_tc > 0 or goal.keyed):
             sitting.was = advected
+        if advected is not None and goal.w_tc > 0:
             sitting.before = self.ops.recall(self.style, sitting.size, advected)
+        if advected is not None and goal.keyed:
+            sitting.past = self._past(index, advected)
         ribbons = self.shot.ribbons(index)
         if ribbons is not None:
             sitting.ribbons = self.ops.upload(ribbons)
+
+    def _past(self, index: int, advected: T) -> Past[T]:
+        """The neighbour's colours and guides as seen from here: what eq. 10 takes the change from."""
+        assert self.last is not None
+        motion = self.shot.motion(index, self.last.index)
+        guides = fetch(self.shot.target(self.last.index).guides, motion.way)
+        seen = guides[..., None] if guides.ndim == 2 else guides
+        then = self.ops.seat(self.style, Target(np.asarray(seen, np.uint8)))
+        then.bins = self.last.sitting.bins
+        self.ops.render(self.style, then, advected)
+        return Past(then.packed, self.ops.upload(padded(motion.visible, self.style.goal.radius)))
+
+
+def carried_ribbons(
+    ops: Operations[T], style: Loaded[T], shot: Shot, frames: Iterable[int], start: Offsets
+) -> Iterator[tuple[int, Offsets]]:
+    """A key's pixels followed from frame to frame: for each pixel, its place in the key, as an offset.
+
+    Args:
+        frames: in order, away from the key, which is the first.
+        start: the key's own offsets.
+
+    Section 4.1 of benard2013stylizing: ribbons. Places are moved, not turned: they are points, not patches.
+    """
+    plain = replace(style, style=replace(style.style, bins=None, usable=None))
+    before: tuple[int, T] | None = None
+    for index in frames:
+        if before is None:
+            found = ops.upload(start)
+        else:
+            motion = shot.motion(index, before[0])
+            sitting = Sitting((start.shape[1], start.shape[0]), before[1], before[1])
+            way, visible = ops.upload(motion.way), ops.upload(motion.visible)
+            found = ops.advect(plain, sitting, before[1], None, way, visible)
+        before = index, found
+        yield index, ops.fetch(found)
 
 
 def order(start: int, stop: int, forward: bool) -> range:
     """The frames [start, stop) as a sweep visits them."""
     return range(start, stop) if forward else range(stop - 1, start - 1, -1)
 
-
-def pyramid(style: Style, halve: Callable[[Style], Style], levels: int) -> list[Style]:
-    """The style at `levels` levels, finest first."""
-    out = [style]
-    for _ in range(levels - 1):
-        out.append(halve(out[-1]))
-    return out
-
-
-__all__ = ["Bytes", "Rounds", "Seated", "Shot", "Sweep", "np", "order", "pyramid"]

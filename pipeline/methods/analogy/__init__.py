@@ -48,6 +48,15 @@ class Analogy:
             "The plain picture that was painted, registered with it. Without one, the painting's own lightness and "
             "colour take its place.",
         ),
+        InputSpec(
+            "keyframes", "images", False, "Painted keyframes",
+            "Frames of the video as you want them, a zip of images named by frame number; what is transparent is left "
+            "to the method. They are matched exactly, and are the style of their shot.",
+        ),
+        InputSpec(
+            "masks", "images", False, "Masks of keyframes",
+            "White where a keyframe is painted, instead of its own transparency; a zip of images named by frame number.",
+        ),
         *_guide("a"), *_guide("b"), *_guide("c"),
     )  # fmt: skip
     steps: ClassVar[tuple[Step, ...]] = (

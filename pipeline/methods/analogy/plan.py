@@ -15,6 +15,8 @@ from typing import Any
 
 from pipeline.errors import BadInput
 from pipeline.frames import Plane
+from pipeline.methods.analogy.interval import Piece, pieces
+from pipeline.methods.analogy.keys import key_numbers
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.base import Bench, Brief, Note, Task
 from pipeline.segmentation.cuts import is_cut, thumbnail
@@ -47,7 +49,7 @@ def run_scan(task: Task, bench: Bench) -> Note:
     if not count:
         raise BadInput("The video has no frames.", field="inputs.video", remedy="Upload a video that plays.")
     bench.save("tones", vars(tally.tones()))
-    return {"frames": count, "cuts": cuts}
+    return {"frames": count, "cuts": cuts, "keys": key_numbers(bench, count)}
 
 
 @dataclass(frozen=True)
@@ -88,10 +90,19 @@ def plan_synthesis(brief: Brief) -> list[Task]:
     edges = [0, *scan["cuts"], scan["frames"]]
     tasks: list[Task] = []
     for begin, end in pairwise(edges):
+        keys = [(int(index), bool(full)) for index, full in scan["keys"] if begin <= index < end]
+        if keys:
+            tasks += [_keyed(key, piece) for key, piece in pieces(begin, end, keys)]
+            continue
         alone = brief.params.temporal == "off" or end - begin == 1
         jobs = _alone(begin, end, size) if alone else _chain(brief.params, begin, end, size)
         tasks += [_task(key, job) for key, job in jobs]
     return tasks
+
+
+def _keyed(key: str, piece: Piece) -> Task:
+    frames = piece.last - piece.first
+    return Task(key, piece.args(), (piece.task,) if piece.task else (), (piece.first, piece.last), weight=1.3 * frames)
 
 
 def _task(key: str, job: Job) -> Task:

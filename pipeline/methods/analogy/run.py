@@ -10,17 +10,20 @@ from numpy.typing import NDArray
 
 from pipeline.compute import device
 from pipeline.frames import Frame
+from pipeline.methods.analogy.interval import KeyedShot, Piece, painted
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.plan import Job
 from pipeline.methods.analogy.shots import Shot, Stills, levels_of, matching
-from pipeline.methods.analogy.styles import Styles, given_guides, goal_of, read_pair
+from pipeline.methods.analogy.styles import Pair, Styles, given_guides, goal_of, read_pair
 from pipeline.methods.base import Bench, Note, Task
 from pipeline.synthesis.engine import colours, show
-from pipeline.synthesis.images import Bytes, Offsets
+from pipeline.synthesis.atlas import coarser
+from pipeline.synthesis.images import NOWHERE, Bytes, Offsets
 from pipeline.synthesis.keeping import kept, restored
 from pipeline.synthesis.opencl import Kernels
 from pipeline.synthesis.operations import Loaded, Sitting
-from pipeline.synthesis.sweeps import Rounds, Seated, Sweep, order
+from pipeline.synthesis.sweeps import Rounds, Seated, Sweep, carried_ribbons, order
+from pipeline.synthesis.tones import Matched, Tones, tones_of
 
 COARSE_ROUNDS = 2
 """Times as many iterations at the coarsest level, where all begins at random and a round costs next to nothing."""
@@ -29,6 +32,8 @@ STEP = "synthesise"
 
 def run_synthesis(task: Task, bench: Bench) -> Note:
     """One run of one sweep, or frames on their own."""
+    if "piece" in task.args:
+        return run_piece(task, bench)
     job = Job(**task.args)
     studio = Studio(bench)
     if job.level < 0:
@@ -40,14 +45,24 @@ def run_synthesis(task: Task, bench: Bench) -> Note:
     return {"frames": job.stop - job.start}
 
 
+def run_piece(task: Task, bench: Bench) -> Note:
+    """The frames between two keys, or a part of them."""
+    found = dict(task.args["piece"])
+    piece = Piece(**{**found, "keys": tuple(found["keys"])})
+    KeyedStudio(bench, piece).paint(task.key)
+    return {"frames": piece.last - piece.first}
+
+
 class Studio:
     """A task's style and device."""
 
-    def __init__(self, bench: Bench) -> None:
+    keyed = False
+
+    def __init__(self, bench: Bench, pair: Pair | None = None) -> None:
         self.bench = bench
         self.params: AnalogyParams = bench.params
         with bench.clock("style"):
-            self.pair = read_pair(bench)
+            self.pair = pair or read_pair(bench)
             self.styles = Styles(self.pair, self.params)
         self.levels = levels_of(self.params, bench.size, min(self.pair.output.shape[:2]))
         self.guides = given_guides(bench)
@@ -57,7 +72,7 @@ class Studio:
     def style(self, level: int) -> Loaded[Any]:
         if level not in self._loaded:
             with self.bench.clock("style"):
-                goal = goal_of(self.params, self.guides, level)
+                goal = goal_of(self.params, self.guides, level, keyed=self.keyed)
                 self._loaded[level] = self.ops.load(self.styles.at(level, goal), goal)
         return self._loaded[level]
 
@@ -181,3 +196,100 @@ class Studio:
     def pass_on(self, key: str) -> None:
         """A level coarser than fits: nothing to do."""
         self.bench.progress(1.0)
+
+
+class KeyedStudio(Studio):
+    """A piece between keys: their paintings are the style, and are matched exactly."""
+
+    keyed = True
+
+    def __init__(self, bench: Bench, piece: Piece) -> None:
+        params: AnalogyParams = bench.params
+        levels = levels_of(params, bench.size, min(bench.size))
+        pad = goal_of(params, given_guides(bench), 0).pad
+        extra = _beside(bench) if bench.has("style_output") else None
+        found = painted(bench, piece, levels, pad, lambda guide: guide, extra)
+        super().__init__(bench, found.pair)
+        self.levels, self.piece, self._given = levels, piece, found.given
+        if piece.held >= 0:
+            self._given[piece.held] = restored(
+                bench.load(STEP, f"{piece.task}-edge")[str(piece.held)], self._longest(0)
+            )
+
+    def paint(self, key: str) -> None:
+        """All levels and sweeps, then emit, and save the frame that the next piece goes on from."""
+        state: dict[int, Seated[Any]] = {}
+        for level in reversed(range(self.levels)):
+            state = self._level(level, state)
+        piece = self.piece
+        for index in range(piece.first, piece.last):
+            self.bench.emit(index, self._shown(0, state[index].offsets))
+        ends = {piece.start, piece.last} & set(state)
+        longest = self._longest(0)
+        edge = {str(i): kept(self.ops.fetch(state[i].offsets), longest) for i in sorted(ends)}
+        self.bench.save(f"{key}-edge", edge)
+
+    def _level(self, level: int, above: dict[int, Seated[Any]]) -> dict[int, Seated[Any]]:
+        piece, style = self.piece, self.style(level)
+        stills = Stills(self.bench, piece.start, piece.stop, level, lambda guide: guide)
+        shot = KeyedShot(stills, self.params, self.bench.clock, self._given, level)
+        self._lay_ribbons(shot, level)
+        for sweep in range(2 * self.params.sweeps):
+            forward = sweep % 2 == 0
+            known = self._known(level, above, coarser_level=sweep == 0)
+            rounds = self.rounds(level, level * 8 + sweep)
+            at_work = Sweep(self.ops, style, shot, known, rounds, forward, keep_first=sweep > 0)
+            above = self._swept(at_work, forward, (self.levels - 1 - level) * 2 * self.params.sweeps + sweep)
+        return above
+
+    def _known(
+        self, level: int, before: dict[int, Seated[Any]], coarser_level: bool
+    ) -> Callable[[int, Sitting[Any]], Any]:
+        def known(index: int, sitting: Sitting[Any]) -> Any:
+            if index not in before:
+                return None
+            if coarser_level:
+                return self._upsampled((level + 1, before[index]))(index, sitting)
+            return before[index].offsets
+
+        return known
+
+    def _swept(self, sweep: Sweep[Any], forward: bool, number: int) -> dict[int, Seated[Any]]:
+        found: dict[int, Seated[Any]] = {}
+        total = self.levels * 2 * self.params.sweeps
+        with self.bench.clock("synthesis"):
+            for seen in sweep.run(order(self.piece.start, self.piece.stop, forward)):
+                found[seen.index] = Seated(seen.index, _light(seen.sitting), seen.offsets)
+                self.bench.progress(min(1.0, (number + 0.5) / total))
+        return found
+
+    def _lay_ribbons(self, shot: KeyedShot, level: int) -> None:
+        """Each pixel's place in the piece's first and last frames, if they are painted all over."""
+        piece = self.piece
+        ends = [i for i in (piece.start, piece.stop - 1) if i in shot.full]
+        for index in range(piece.start, piece.stop):
+            width, height = shot.target(index).size
+            shot.carried[index] = np.full((2, height, width, 2), NOWHERE, np.float32)
+        for end in ends:
+            way = range(end, piece.stop) if end == piece.start else range(end, piece.start - 1, -1)
+            plane = 0 if end == piece.start else 1
+            with self.bench.clock("ribbons"):
+                start = coarser(self._given[end], level)
+                for index, places in carried_ribbons(self.ops, self.style(level), shot, way, start):
+                    shot.carried[index][plane] = places
+        if not ends:
+            shot.carried.clear()
+
+
+def _light(sitting: Sitting[Any]) -> Sitting[Any]:
+    """A finished frame's sitting without what only its own rounds needed."""
+    return Sitting(sitting.size, sitting.field, sitting.field, sitting.bins)
+
+
+def _beside(bench: Bench) -> Pair:
+    """A style pair given beside keyframes. Its guide takes on the video's tones, as theirs have them."""
+    pair = read_pair(bench)
+    if not pair.derived or bench.params.tone_match == "off":
+        return pair
+    own = tones_of([pair.guide])
+    return Pair(pair.output, Matched(own, Tones(**bench.load("scan", "tones")))(pair.guide), True, pair.extra)
