@@ -1,4 +1,4 @@
-"""Several style images as one: one below the other, apart enough that no patch sees two, at sizes that halve exactly."""
+"""Several style images as one: one below the other, so far apart that no patch sees two, at sizes that halve."""
 
 from __future__ import annotations
 

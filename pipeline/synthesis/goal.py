@@ -120,9 +120,7 @@ def _falloff(goal: Goal) -> NDArray[np.float64]:
     return np.outer(along, along)
 
 
-def _bytes(
-    goal: Goal, falloff: NDArray[np.float64], weights: tuple[float, tuple[float, ...]]
-) -> NDArray[np.float64]:
+def _bytes(goal: Goal, falloff: NDArray[np.float64], weights: tuple[float, tuple[float, ...]]) -> NDArray[np.float64]:
     """(side, 16 vectors) weight of each byte."""
     pixel = np.zeros(goal.channels)
     pixel[: goal.colours] = weights[0] / goal.colours

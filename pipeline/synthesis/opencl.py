@@ -124,8 +124,8 @@ class Kernels:
             offsets, out, self.device.empty((sitting.size[1], sitting.size[0])), sitting.packed, sitting.field,
             sitting.bins or none, style.features, style.bins, style.usable, style.distance, weights, style.turns,
             self._cosines, style.steps, step_weights, sitting.before or none, penalty or none,
-            sitting.distance or none, sitting.was or none, *((past.packed, past.visible) if past else (none, none)), keyed,
-            sitting.ribbons or none, sitting.given or none, round(goal.r_max_px2),
+            sitting.distance or none, sitting.was or none, past.packed if past else none,
+            past.visible if past else none, keyed, sitting.ribbons or none, sitting.given or none, round(goal.r_max_px2),
             np.float32(goal.w_sc * made.unit / STEP_SCALE), np.float32(goal.w_tc / goal.colours * made.centre),
             np.float32(goal.d_max_px), np.float32(goal.w_dt * made.centre), search.jump, np.float32(search.search_px),
             np.float32(search.ribbon_px), *_words(key), np.uint32(round_), *style.size,
@@ -196,9 +196,7 @@ class Kernels:
         self.device.run(self._at(style, "recall", size, offsets, style.features, out, *style.size))
         return out
 
-    def impose(
-        self, style: Loaded[DeviceArray], size: Size, given: DeviceArray, offsets: DeviceArray
-    ) -> DeviceArray:
+    def impose(self, style: Loaded[DeviceArray], size: Size, given: DeviceArray, offsets: DeviceArray) -> DeviceArray:
         """The given offsets where there are any. In place."""
         self.device.run(self._at(style, "impose", size, given, offsets))
         return offsets

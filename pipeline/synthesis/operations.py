@@ -11,7 +11,7 @@ from typing import Any, Generic, Protocol, TypeVar
 from numpy.typing import NDArray
 
 from pipeline.synthesis.goal import Goal
-from pipeline.synthesis.images import Bytes, Offsets, Style, Target
+from pipeline.synthesis.images import Style, Target
 
 T = TypeVar("T")
 Key = tuple[int, int]
@@ -81,13 +81,18 @@ class Operations(Protocol[T]):
     def render(self, style: Loaded[T], sitting: Sitting[T], offsets: T) -> None: ...
     def penalty(self, style: Loaded[T], size: tuple[int, int], offsets: T) -> T: ...
     def improve(
-        self, style: Loaded[T], sitting: Sitting[T], offsets: T, penalty: T | None, key: Key, round_: int, search: Search
+        self,
+        style: Loaded[T],
+        sitting: Sitting[T],
+        offsets: T,
+        penalty: T | None,
+        key: Key,
+        round_: int,
+        search: Search,
     ) -> T: ...
     def advect(self, style: Loaded[T], sitting: Sitting[T], offsets: T, bins: T | None, way: T, visible: T) -> T: ...
     def upsample(self, coarse: Loaded[T], sitting: Sitting[T], offsets: T, style: Loaded[T], to: Sitting[T]) -> T: ...
-    def merge(
-        self, style: Loaded[T], size: tuple[int, int], first: T, second: T, share: float, key: Key
-    ) -> T: ...
+    def merge(self, style: Loaded[T], size: tuple[int, int], first: T, second: T, share: float, key: Key) -> T: ...
     def recall(self, style: Loaded[T], size: tuple[int, int], offsets: T) -> T: ...
     def impose(self, style: Loaded[T], size: tuple[int, int], given: T, offsets: T) -> T: ...
 
@@ -102,6 +107,3 @@ class Search:
     """Radius of the first random draw."""
     ribbon_px: float = 3.0
     """Radius of the draw around a ribbon's end."""
-
-
-__all__ = ["Key", "Loaded", "Offsets", "Bytes", "Operations", "Past", "Search", "Sitting"]

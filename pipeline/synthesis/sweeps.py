@@ -186,4 +186,3 @@ def carried_ribbons(
 def order(start: int, stop: int, forward: bool) -> range:
     """The frames [start, stop) as a sweep visits them."""
     return range(start, stop) if forward else range(stop - 1, start - 1, -1)
-

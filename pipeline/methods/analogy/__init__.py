@@ -55,7 +55,7 @@ class Analogy:
         ),
         InputSpec(
             "masks", "images", False, "Masks of keyframes",
-            "White where a keyframe is painted, instead of its own transparency; a zip of images named by frame number.",
+            "White where a keyframe is painted, instead of its transparency; a zip of images named by frame number.",
         ),
         *_guide("a"), *_guide("b"), *_guide("c"),
     )  # fmt: skip

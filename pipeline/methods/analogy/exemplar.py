@@ -25,5 +25,5 @@ def own_pair() -> tuple[Frame, Frame]:
     gray = cv2.cvtColor(plain, cv2.COLOR_RGB2GRAY).astype(np.float32)
     along = tangent_field(structure_tensor(gray, 6.0), 0.0)
     doubled = np.stack([along[..., 0] ** 2 - along[..., 1] ** 2, 2 * along[..., 0] * along[..., 1]], -1)
-    field = np.where((along == 0).all(-1, keepdims=True), np.float32([1, 0]), doubled).astype(np.float32)
+    field = np.where((along == 0).all(-1, keepdims=True), np.array([1, 0], np.float32), doubled).astype(np.float32)
     return plain, emboss(paint_still(plain, field, _BRUSH, threshold=24.0))

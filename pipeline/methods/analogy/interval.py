@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -50,7 +51,7 @@ def pieces(begin: int, end: int, keys: list[tuple[int, bool]]) -> Iterator[tuple
     """A shot's frames [begin, end), cut at keys that are painted all over; yields (task key, piece)."""
     full = [index for index, whole in keys if whole]
     edges = sorted({begin, *full, end})
-    for left, right in zip(edges, edges[1:], strict=False):
+    for left, right in pairwise(edges):
         stop = right + 1 if right in full else right
         inside = tuple(index for index, _ in keys if left <= index < stop)
         style = inside or tuple(index for index, _ in keys)
@@ -150,4 +151,3 @@ def _as_pair(bench: Bench, key: Key, match: Callable[[Bytes], Bytes]) -> Pair:
     guide = still.guides[key.index]
     extra = np.ascontiguousarray(guide[..., 3:]) if guide.shape[2] > 3 else None
     return Pair(key.colours, np.ascontiguousarray(guide[..., :3]), False, extra, key.painted)
-

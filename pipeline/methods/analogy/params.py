@@ -102,9 +102,7 @@ class AnalogyParams(Params):
         2, 0, 100, "Steadiness", "How little a place's colour may change along the motion.",
         "per squared gray level", "Time", "w_tc",
     )  # fmt: skip
-    flow: FlowName = _choice(
-        "dis-medium", "Optical flow", "How motion is found where no velocities are given.", "Time"
-    )
+    flow: FlowName = _choice("dis-medium", "Optical flow", "How motion is found where no velocities are given.", "Time")
     occlusion: Switch = _choice(
         "on", "Occlusion", "off = nothing is taken to be hidden, and what appears drags trails (for comparison).",
         "Time",

@@ -1,9 +1,9 @@
 """What is done in which order: scan, then a chain of levels and sweeps for each shot.
 
-    scan         one pass over the video: its frames, its shots, its tones
-    synthesise   each shot for itself: from the coarsest level to the finest, forward then backward through time, in
-                 runs of frames. A task is one run of one sweep: it goes on from what the run before has saved, so that
-                 a restart repeats at most one run. Frames on their own (temporal = off, stills): runs, no chain
+scan         one pass over the video: its frames, its shots, its tones
+synthesise   each shot for itself: from the coarsest level to the finest, forward then backward through time, in
+             runs of frames. A task is one run of one sweep: it goes on from what the run before has saved, so that
+             a restart repeats at most one run. Frames on their own (temporal = off, stills): runs, no chain
 """
 
 from __future__ import annotations

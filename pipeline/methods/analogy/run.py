@@ -16,8 +16,8 @@ from pipeline.methods.analogy.plan import Job
 from pipeline.methods.analogy.shots import Shot, Stills, levels_of, matching
 from pipeline.methods.analogy.styles import Pair, Styles, given_guides, goal_of, read_pair
 from pipeline.methods.base import Bench, Note, Task
-from pipeline.synthesis.engine import colours, show
 from pipeline.synthesis.atlas import coarser
+from pipeline.synthesis.engine import colours, show
 from pipeline.synthesis.images import NOWHERE, Bytes, Offsets
 from pipeline.synthesis.keeping import kept, restored
 from pipeline.synthesis.opencl import Kernels
@@ -134,7 +134,7 @@ class Studio:
         before = self._before(job, match)
         sweep = Sweep(
             self.ops, self.style(job.level), Shot(stills, self.params, self.bench.clock), before,
-            self.rounds(job.level, job.level * 8 + job.sweep), job.forward, keep_first=not job.forward and job.known != "",
+            self.rounds(job.level, job.level * 8 + job.sweep), job.forward, keep_first=job.sweep > 0,
         )  # fmt: skip
         if job.neighbour:
             sitting = self.ops.seat(self.style(job.level), stills.target(edge))

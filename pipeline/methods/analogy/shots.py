@@ -44,9 +44,7 @@ class Stills:
         level: 0 = full size.
     """
 
-    def __init__(
-        self, bench: Bench, start: int, stop: int, level: int, match: Callable[[Bytes], Bytes]
-    ) -> None:
+    def __init__(self, bench: Bench, start: int, stop: int, level: int, match: Callable[[Bytes], Bytes]) -> None:
         self._params: AnalogyParams = bench.params
         self._match = match
         self.frames: dict[int, Frame] = {}

@@ -60,8 +60,10 @@ def read_pair(bench: Bench) -> Pair:
         return Pair(painting, lab_guide(plain), derived=True, extra=_extra(bench, painting))
     painting = bench.image("style_output")
     if max(painting.shape[:2]) > LONGEST_PX:
-        raise BadInput("The painting is too large.", field="inputs.style_output",
-                       value=f"{painting.shape[1]}x{painting.shape[0]}", remedy=f"At most {LONGEST_PX} px a side.")  # fmt: skip
+        raise BadInput(
+            "The painting is too large.", field="inputs.style_output",
+            value=f"{painting.shape[1]}x{painting.shape[0]}", remedy=f"At most {LONGEST_PX} px a side.",
+        )  # fmt: skip
     if bench.has("style"):
         plain = _fitting(bench.image("style"), painting, "inputs.style")
         return Pair(painting, lab_guide(plain), derived=False, extra=_extra(bench, painting))
@@ -97,7 +99,9 @@ def _fitting(image: Frame, painting: Frame, field: str) -> Frame:
     return image
 
 
-def goal_of(params: AnalogyParams, guides: tuple[str, ...], level: int, *, colours: int = 3, keyed: bool = False) -> Goal:
+def goal_of(
+    params: AnalogyParams, guides: tuple[str, ...], level: int, *, colours: int = 3, keyed: bool = False
+) -> Goal:
     """The goal function of the parameters at a level: lengths in px shrink with it."""
     weight = params.guide_weight
     extra = tuple(getattr(params, f"guide_{name}_weight") for name in guides)
@@ -123,7 +127,7 @@ class Styles:
     @property
     def longest_px(self) -> int:
         """Of the finest level's sides."""
-        return max(self._pairs[0].output.shape[:2])
+        return int(max(self._pairs[0].output.shape[:2]))
 
     @property
     def finest(self) -> Bytes:
