@@ -100,18 +100,22 @@ class Device:
         with self._lock, _as_device_error(self._cl, "The device failed"):
             self._queue.finish()
 
-    def kernel(self, file: Path, name: str, defines: Mapping[str, int | float | str] | None = None) -> Kernel:
+    def kernel(
+        self, file: Path, name: str, defines: Mapping[str, int | float | str] | None = None, common: Path | None = None
+    ) -> Kernel:
         """The kernel `name` of the OpenCL C file, compiled on first use (and kept on disk by pyopencl).
 
         Args:
             file: usually `Path(__file__).with_suffix(".cl")`.
             defines: macros, `-D name=value`.
+            common: a file of functions that several share, put in front.
         """
         options = tuple(f"-D{key}={value}" for key, value in (defines or {}).items())
         kept: dict[Any, Kernel] = self._kernels.__dict__.setdefault("kept", {})
-        key = (file, name, options)
+        key = (file, name, options, common)
         if key not in kept:
-            program = self._program(file.read_text(), options, file.name)
+            before = f"{common.read_text()}#line 1\n" if common else ""
+            program = self._program(before + file.read_text(), options, file.name)
             kept[key] = Kernel(self, self._cl.Kernel(program, name))
         return kept[key]
 

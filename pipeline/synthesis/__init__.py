@@ -1,0 +1,1 @@
+"""Guided texture synthesis: a picture made of another one's pixels. See `goal`, `engine`, `sweeps`."""

@@ -1,0 +1,52 @@
+/* What the kernels of synthesis share. A string in front of each file: OpenCL's own include paths are the driver's.
+
+   An offset is a float2, a place in the style image in px, the centre of its first pixel at (0, 0); an x of NOWHERE or
+   less says that there is none. Directions are 64 steps of a half turn, 255 = none. */
+
+#define NOWHERE -1.0e6f
+
+/* Philox 4x32-10, salmon2011parallel. */
+static uint4 philox(uint4 c, uint2 k)
+{
+    for (int i = 0; i < 10; i++) {
+        const uint high_x = mul_hi(0xD2511F53u, c.x), low_x = 0xD2511F53u * c.x;
+        const uint high_z = mul_hi(0xCD9E8D57u, c.z), low_z = 0xCD9E8D57u * c.z;
+        c = (uint4)(high_z ^ c.y ^ k.x, low_z, high_x ^ c.w ^ k.y, low_x);
+        k += (uint2)(0x9E3779B9u, 0xBB67AE85u);
+    }
+    return c;
+}
+
+/* [0, 1) from a random word, 24 bits. */
+static float unit(const uint word) { return (float)(word >> 8) * 5.9604645e-8f; }
+
+static int2 rounded(const float2 offset) { return convert_int2_rte(offset); }
+
+static int2 within(const int2 at, const int width, const int height)
+{
+    return clamp(at, (int2)(0), (int2)(width - 1, height - 1));
+}
+
+/* By which of the 64 turns the style is turned where a pixel of direction `bin` shows the style's pixel `at`. */
+static int turn_between(global const uchar *style_bins, const int index, const int bin)
+{
+#if ROTATE
+    const int there = style_bins[index];
+    return there == 255 || bin == 255 ? 0 : (there - bin) & 63;
+#else
+    return 0;
+#endif
+}
+
+/* Where an offset would have a pixel `step` away: C_t(p, step) of benard2013stylizing. */
+static float2 carried(const float2 offset, const float2 step, const int bin, global const uchar *style_bins,
+                      constant float2 *cosines, const int style_width, const int style_height)
+{
+#if ROTATE
+    const int2 at = within(rounded(offset), style_width, style_height);
+    const float2 c = cosines[turn_between(style_bins, at.y * style_width + at.x, bin)];
+    return offset + (float2)(c.x * step.x - c.y * step.y, c.y * step.x + c.x * step.y);
+#else
+    return offset + step;
+#endif
+}
