@@ -67,7 +67,7 @@ class CarriedStrokes:
         for index, living in enumerate(self._layers):
             kept |= {
                 f"{index}-xy": living.seeds.xy, f"{index}-ids": living.seeds.ids, f"{index}-aims": living.aims,
-                f"{index}-presence": living.presence, f"{index}-leaving": living.leaving,
+                f"{index}-presence": living.presence, f"{index}-leaving": living.leaving, f"{index}-born": living.born,
             }  # fmt: skip
         return kept
 
@@ -76,8 +76,8 @@ class CarriedStrokes:
         self._layers = [
             Living(
                 Seeds(kept[f"{index}-xy"], kept[f"{index}-ids"].astype(np.uint64)), kept[f"{index}-aims"],
-                kept[f"{index}-presence"], kept[f"{index}-leaving"].astype(np.bool_),
-            )  # fmt: skip
+                kept[f"{index}-presence"], kept[f"{index}-leaving"].astype(np.bool_), kept[f"{index}-born"],
+            )
             for index in range(self._painter.layers)
             if f"{index}-xy" in kept
         ]
