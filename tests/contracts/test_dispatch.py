@@ -19,6 +19,7 @@ from pipeline.errors import StorageError
 from pipeline.methods.base import Task
 from tests.contracts.databases import DATABASES
 from tests.contracts.test_stores import STEPS, Clock, _answer, _asset, _claim, _job, _plan
+from tests.real.postgres import Postgres
 from workers import jobs as machine
 from workers.jobs import Limits
 from workers.model import JobRequest
@@ -205,8 +206,8 @@ def _claimer(url: str, name: str) -> subprocess.Popen[str]:
 
 
 @pytest.fixture
-def two(postgres: object) -> Iterator[tuple[Store, Store]]:
-    url = postgres.fresh()  # type: ignore[attr-defined]
+def two(postgres: Postgres) -> Iterator[tuple[Store, Store]]:
+    url = postgres.fresh()
     stores = _open(url), _open(url)
     yield stores
     for store in stores:
@@ -280,9 +281,9 @@ def test_many_add_the_same_asset_at_once(two: tuple[Store, Store]) -> None:
     assert [two[0].assets.get("ast_" + "d" * 64, owner).owner for owner in owners] == owners
 
 
-def test_a_server_that_is_away_is_said_and_comes_back(postgres: object) -> None:
-    store = _open(postgres.fresh())  # type: ignore[attr-defined]
-    postgres.stop()  # type: ignore[attr-defined]
+def test_a_server_that_is_away_is_said_and_comes_back(postgres: Postgres) -> None:
+    store = _open(postgres.fresh())
+    postgres.stop()
     try:
         began = time.monotonic()
         with pytest.raises(StorageError) as error:
@@ -292,7 +293,7 @@ def test_a_server_that_is_away_is_said_and_comes_back(postgres: object) -> None:
             store.work.claim("me", 30)
         assert time.monotonic() - began < 10
     finally:
-        postgres.start()  # type: ignore[attr-defined]
+        postgres.start()
     store.check()
     _job(store)
     store.close()
