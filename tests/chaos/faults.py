@@ -99,7 +99,7 @@ def kill_s3(scene: Scene) -> None:
 def answer_again(scene: Scene) -> None:
     """Every attempt that has ended answers once more, with something else: all of it must be refused."""
     store = scene.asking._store
-    for job in store.jobs.page(limit=50).items:
+    for job in store.jobs.page(limit=6).items:
         for task in store.history.tasks(job.id, limit=200).items:
             for attempt in task.attempts:
                 if attempt["outcome"] != "running":

@@ -25,7 +25,7 @@ SHAPES: tuple[dict[str, Any], ...] = (
     {"tasks": 8, "chain": True, "sleep_s": 0.1},
 )
 """Parameters of the toy method."""
-PATIENCE_S = 120.0
+PATIENCE_S = 180.0
 
 
 @dataclass(frozen=True)
@@ -55,9 +55,8 @@ def run(
     seed: int,
     times: int,
     away_s: tuple[float, float] = (0.5, 2.0),
-    wait_up: bool = True,
 ) -> Outcome:
-    """Submit a job of every shape, do `times` faults to those who work at it, and look at what is left.
+    """`times` times: submit a job of every shape, and do a fault to those who work. Then look at what is left.
 
     Args:
         settings: of a new database and a new prefix of the bucket.
@@ -69,17 +68,15 @@ def run(
     asking = Studio(settings, None)
     asking.start()
     workers = [Worker(settings, folder / name) for name in ("one", "two")]
-    jobs = [submit(asking, folder, shape) for shape in SHAPES]
     for worker in workers:
         worker.start()
-    if wait_up:
-        for worker in workers:
-            worker.wait_up()
+    for worker in workers:
+        worker.wait_up()
     scene = Scene(asking, workers, postgres, s3, chance, settings.lease_s, away_s)
     try:
-        done = _do(scene, times)
+        faults, jobs = _do(scene, folder, times)
         ended = [_patiently(lambda job=job: _final(asking, job)) for job in jobs]  # type: ignore[misc]
-        return _patiently(lambda: _judge(asking, ended, expected, done))
+        return _patiently(lambda: _judge(asking, ended, [*expected] * times, faults))
     finally:
         for worker in workers:
             worker.thaw()
@@ -94,15 +91,18 @@ def submit(farm: Studio, folder: Path, shape: dict[str, Any]) -> str:
     return farm.submit(JobRequest("toy", {"data": asset.id}, shape, seed=7)).id
 
 
-def _do(scene: Scene, times: int) -> Counter[str]:
-    """Faults in a shuffled order, each as often as the others."""
-    order = [FAULTS[i % len(FAULTS)] for i in range(times)] if times >= len(FAULTS) else []
-    order = order or scene.chance.sample(FAULTS, times)
+def _do(scene: Scene, folder: Path, times: int) -> tuple[Counter[str], list[str]]:
+    """Faults in a shuffled order, each as often as the others if there are so many; and the jobs they came upon."""
+    whole = list(FAULTS) * (times // len(FAULTS))
+    order = [*whole, *scene.chance.sample(FAULTS, times - len(whole))]
     scene.chance.shuffle(order)
+    jobs: list[str] = []
     for fault in order:
-        time.sleep(scene.chance.uniform(0.05, 0.4))
+        for shape in SHAPES:
+            jobs.append(_patiently(lambda shape=shape: submit(scene.asking, folder, shape)))  # type: ignore[misc]
+        time.sleep(scene.chance.uniform(0.1, 0.8))
         fault(scene)
-    return Counter(fault.__name__ for fault in order)
+    return Counter(fault.__name__ for fault in order), jobs
 
 
 def _patiently(ask: Callable[[], Any]) -> Any:

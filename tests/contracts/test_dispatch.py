@@ -135,7 +135,7 @@ def test_what_another_process_writes_wakes_who_waits(url: str) -> None:
     for thread in waiting:
         thread.join()
     assert woken == [True] * 3
-    assert time.monotonic() - began < 3
+    assert time.monotonic() - began < 8
     assert not here.history.wait(job_id, 2, 0.05)
     there.jobs.command(job_id, machine.Cancel())
     gone = threading.Thread(target=lambda: woken.append(here.history.wait(job_id, 99, 10)))
@@ -174,7 +174,7 @@ def test_dispatchers_that_die_at_any_moment_lose_nothing(url: str) -> None:
     job_id = _job(store)
     _plan(store, *(Task(f"t-{i}", after=(f"t-{i - 7}",) if i % 8 == 7 else ()) for i in range(80)))
     working = [_claimer(url, f"d{i}-0") for i in range(3)]
-    deaths, deadline = 0, time.monotonic() + 60
+    deaths, deadline = 0, time.monotonic() + 200
     while store.jobs.get(job_id).counts["succeeded"] < 80:
         assert time.monotonic() < deadline, store.jobs.get(job_id).counts
         time.sleep(chance.uniform(0.05, 0.2))
@@ -291,7 +291,7 @@ def test_a_server_that_is_away_is_said_and_comes_back(postgres: Postgres) -> Non
         assert error.value.remedy
         with pytest.raises(StorageError):
             store.work.claim("me", 30)
-        assert time.monotonic() - began < 10
+        assert time.monotonic() - began < 30
     finally:
         postgres.start()
     store.check()
