@@ -23,17 +23,18 @@ QUICKLY = 0.75
 
 
 def hold(now: NDArray[np.float32], past: NDArray[np.float32], back: Flow, tolerance: float) -> NDArray[np.float32]:
-    """The held picture of this frame, float32 (h, w, channels).
+    """The held picture of this frame, float32 (h, w, 3).
 
     Args:
-        now: the frame, float32 (h, w, channels).
+        now: the frame, float32 (h, w, 3).
         past: the held picture of the frame before.
         back: from this frame to the one before, float32 (h, w, 2), px; exactly 0 where nothing moves.
         tolerance: mean difference over 5 x 5 px up to which a pixel keeps its past; beyond three times that it follows.
             More where the whole picture is noisy: up to `NOISY` times as much.
     """
     carried = np.asarray(fetch(past, back), np.float32)
-    apart = np.abs(now - carried).max(axis=-1)
+    red, green, blue = cv2.split(cv2.absdiff(now, carried))
+    apart = cv2.max(cv2.max(red, green), blue)
     apart = np.asarray(cv2.boxFilter(apart, -1, (5, 5)), np.float32)
     noise = float(np.partition(apart, apart.size // 2, axis=None)[apart.size // 2])
     tolerance = min(max(tolerance, MARGIN * noise), NOISY * tolerance)
