@@ -17,7 +17,7 @@ from pipeline.methods.abstraction.state import Clock, State, flatten, part
 from pipeline.methods.multistyle.design import Design
 from pipeline.methods.multistyle.designer import Designer, Placed
 from pipeline.methods.multistyle.fields import SMALLEST_PX, StyleFields, chosen_style, style_fields, uniform
-from pipeline.methods.multistyle.held import hold
+from pipeline.methods.multistyle.held import hold, hold_field
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.sight import COLUMNS, Marks, Sight
 from pipeline.methods.multistyle.styles import STYLES, pigment
@@ -39,6 +39,8 @@ WISH_HOLD, WISH_FOLLOW = 0.06, 0.25
 """Wished detail that changes by less stays as it is; more is gone after by so much a frame."""
 EDGE_SHRINKS, STRICTER = 0.85, 0.5
 """Each finer layer keeps to its colour this much more strictly; and how much more where detail is fullest, in parts."""
+DIRECTION_HOLD = 0.2
+"""Change of (cos 2a, sin 2a) up to which a direction stays as it was: 6 degrees."""
 LEAST_BLUR = 0.3
 """Sigma, px, below which a picture is not blurred at all."""
 COARSE_ROWS = 160
@@ -81,6 +83,7 @@ class Eye:
         self.gray: NDArray[np.uint8] | None = None
         self.thumbnail: Plane | None = None
         self.tensors: NDArray[np.float32] | None = None
+        self.field: Tensors2 | None = None
         self.held: NDArray[np.float32] | None = None
         self.wish: Plane | None = None
         self.wished: Plane | None = None
@@ -162,7 +165,11 @@ class Eye:
             field = np.asarray(near + np.float32(BROADLY) * wide + default, np.float32)
             if placed is not None and self.designer is not None:
                 field = self.designer.directions(field, placed)
-            return np.asarray(field / (np.sqrt((field * field).sum(axis=0)) + np.float32(1e-3)), np.float32)
+            field = np.asarray(field / (np.sqrt((field * field).sum(axis=0)) + np.float32(1e-3)), np.float32)
+            if flow is not None and self.field is not None:
+                field = hold_field(field, self.field, _backwards(flow, self.small), DIRECTION_HOLD)
+            self.field = field
+            return field
 
     def _strokes(self, picture: Frame, fields: StyleFields, flow: Flow | None) -> tuple[Marks, ...]:
         if flow is None:
@@ -259,7 +266,13 @@ class Eye:
     def state(self) -> State:
         """All it remembers; an eye restored from it goes on with the same bytes."""
         own: State = {"age": np.array(self.age)}
-        memories = {"gray": self.gray, "thumbnail": self.thumbnail, "tensors": self.tensors, "held": self.held}
+        memories = {
+            "gray": self.gray,
+            "thumbnail": self.thumbnail,
+            "tensors": self.tensors,
+            "held": self.held,
+            "field": self.field,
+        }
         own |= {name: array for name, array in (memories | {"wish": self.wish}).items() if array is not None}
         layers = {f"living{k}": _living_state(living) for k, living in enumerate(self.living)}
         errors = {"errors": {str(k): error for k, error in enumerate(self.errors)}}
@@ -268,7 +281,7 @@ class Eye:
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         self.age = int(state["age"])
         self.gray, self.thumbnail, self.tensors = (state.get(name) for name in ("gray", "thumbnail", "tensors"))
-        self.held, self.wish = state.get("held"), state.get("wish")
+        self.held, self.wish, self.field = state.get("held"), state.get("wish"), state.get("field")
         self.importance.restore(part(state, "importance"))
         errors = part(state, "errors")
         self.errors = [errors[str(k)] for k in range(len(errors))]
