@@ -72,9 +72,10 @@ def begin(seeds: Seeds, reference: Frame, spacing_px: Field, habits: Habits | No
     return _fresh(seeds[~crowded], reference, 1.0)
 
 
-def _fresh(seeds: Seeds, reference: Frame, presence: float) -> Living:
+def _fresh(seeds: Seeds, reference: Frame, presence: float | NDArray[np.float32]) -> Living:
     n, colours = len(seeds), colours_at(seeds, reference)
-    return Living(seeds, colours, np.full(n, presence, np.float32), np.zeros(n, np.bool_), colours)
+    there = np.full(n, presence, np.float32)
+    return Living(seeds, colours, there, np.zeros(n, np.bool_), colours)
 
 
 def carry(living: Living, flow: Flow, hidden: Mask | None = None) -> Living:
@@ -105,7 +106,7 @@ def _between(flow: Flow, xy: Points) -> Points:
 
 def tend(
     living: Living, candidates: Seeds, reference: Frame, spacing_px: Field, *, habits: Habits | None = None,
-    wanted: Flags | None = None,
+    wanted: Flags | None = None, revealed: Mask | None = None,
 ) -> Living:  # fmt: skip
     """The strokes of this frame: colours and presence ease, what crowds is lifted, where paint is missing it is added.
 
@@ -114,6 +115,7 @@ def tend(
             is room.
         reference: uint8 (h, w, 3), what the layer paints.
         wanted: bool (n,), of the living ones; False = the picture needs this stroke no longer.
+        revealed: bool (h, w), what has just come into the picture: new strokes are wholly there, since no old ones are.
 
     Source: hays2004image, section 5. Departure: colours ease too, and a stroke that must go fades where it is.
     """
@@ -130,7 +132,12 @@ def tend(
     step = np.where(leaving, np.float32(-habits.fade), np.float32(habits.fade))
     presence = np.clip(living.presence + step, 0, 1).astype(np.float32)
     old = Living(living.seeds, aims.astype(np.float32), presence, leaving, living.born)[presence > 0]
-    return _join(old, _fresh(candidates[room], reference, habits.fade))
+    new = candidates[room]
+    presence = np.full(len(new), habits.fade, np.float32)
+    if revealed is not None:
+        x, y = nearest(new.xy, reference.shape)
+        presence[revealed[y, x]] = 1
+    return _join(old, _fresh(new, reference, presence))
 
 
 def _join(old: Living, new: Living) -> Living:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.flow import estimate
+from pipeline.flow.reliability import inside
 from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Plane, same_size
 from pipeline.methods.abstraction.state import Clock, State, flatten, part
@@ -214,7 +215,7 @@ class Eye:
             return begin(candidates, reference, spacing, self.habits)
         living = carry(self.living[index], flow)
         keep = None if limit is None else self._missing(living.seeds, limit[0], brush, limit[1], HOLD)
-        return tend(living, candidates, reference, spacing, habits=self.habits, wanted=keep)
+        return tend(living, candidates, reference, spacing, habits=self.habits, wanted=keep, revealed=~inside(-flow))
 
     def _missing(self, seeds: Seeds, error: Plane, brush: Brush, threshold: Plane, hold: float) -> NDArray[np.bool_]:
         """Which strokes the picture needs: their area error exceeds `hold` times the threshold."""
