@@ -54,7 +54,8 @@ class Habits:
         gap: a new stroke comes where no other is nearer than this, in spacings.
         crowd: the younger of two strokes nearer than this is lifted, in spacings; below `gap`.
         fade: presence won or lost a frame, 0..1.
-        follow: how far a stroke's colour goes towards the picture's in a frame, 0..1.
+        follow: how far a stroke's colour goes towards the picture's in a frame, 0..1; further the more they differ, all
+            the way at `break_off`: a stroke whose colour no longer fits paints nothing and keeps others away.
         break_off: beyond this change of colour (RGB distance) a stroke is lifted: it is on another thing now.
     """
 
@@ -125,7 +126,9 @@ def tend(
     leaving = living.leaving | (change > habits.break_off)
     if wanted is not None:
         leaving = leaving | ~wanted
-    aims = np.where(leaving[:, None], living.aims, living.aims + np.float32(habits.follow) * (now - living.aims))
+    far = np.minimum(change / np.float32(habits.break_off), 1)
+    share = (np.float32(habits.follow) + np.float32(1 - habits.follow) * far * far)[:, None]
+    aims = np.where(leaving[:, None], living.aims, living.aims + share * (now - living.aims))
     spacing = as_plane(spacing_px, reference.shape)
     crowded, room = _room(living.seeds, leaving, candidates, spacing, habits)
     leaving = leaving | crowded

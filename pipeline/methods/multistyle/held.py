@@ -11,11 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.flow.warp import fetch
-from pipeline.frames import Flow
+from pipeline.frames import Flow, Mask
 from pipeline.segmentation.jit import kernel
 
 MOVING = 0.25
 """What is carried by bilinear samples goes at least so far towards the new picture, or it would blur away."""
+ANOTHER = 6.0
+"""Differences of so many tolerances are another thing that has come into view."""
 TURNING = 0.3
 """The same for a direction."""
 MARGIN, NOISY = 1.4, 2.5
@@ -24,8 +26,10 @@ QUICKLY = 0.75
 """How far a pixel that is plainly different goes towards the new picture in a frame."""
 
 
-def hold(now: NDArray[np.float32], past: NDArray[np.float32], back: Flow, tolerance: float) -> NDArray[np.float32]:
-    """The held picture of this frame, float32 (h, w, 3).
+def hold(
+    now: NDArray[np.float32], past: NDArray[np.float32], back: Flow, tolerance: float
+) -> tuple[NDArray[np.float32], Mask]:  # fmt: skip
+    """The held picture of this frame, float32 (h, w, 3); and where it shows something else than before, bool (h, w).
 
     Args:
         now: the frame, float32 (h, w, 3).
@@ -36,13 +40,13 @@ def hold(now: NDArray[np.float32], past: NDArray[np.float32], back: Flow, tolera
     """
     carried = np.asarray(fetch(past, back), np.float32)
     red, green, blue = cv2.split(cv2.absdiff(now, carried))
-    apart = cv2.max(cv2.max(red, green), blue)
-    apart = np.asarray(cv2.boxFilter(apart, -1, (5, 5)), np.float32)
+    most = cv2.max(cv2.max(red, green), blue)
+    apart = np.asarray(cv2.boxFilter(most, -1, (5, 5)), np.float32)
     noise = float(np.partition(apart, apart.size // 2, axis=None)[apart.size // 2])
     tolerance = min(max(tolerance, MARGIN * noise), NOISY * tolerance)
     out = np.empty_like(now)
     _hold(np.ascontiguousarray(now), carried, back, apart, np.float32(tolerance), np.float32(QUICKLY), out)
-    return out
+    return out, np.asarray(apart > np.float32(ANOTHER * tolerance), np.bool_)
 
 
 def hold_field(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from pipeline.flow import estimate
 from pipeline.flow.reliability import inside
 from pipeline.flow.warp import fetch
-from pipeline.frames import Flow, Frame, Plane, same_size
+from pipeline.frames import Flow, Frame, Mask, Plane, same_size
 from pipeline.methods.abstraction.state import Clock, State, flatten, part
 from pipeline.methods.multistyle.design import Design
 from pipeline.methods.multistyle.designer import Designer, Placed
@@ -40,6 +41,10 @@ WISH_HOLD, WISH_FOLLOW = 0.06, 0.25
 """Wished detail that changes by less stays as it is; more is gone after by so much a frame."""
 EDGE_SHRINKS, STRICTER = 0.85, 0.5
 """Each finer layer keeps to its colour this much more strictly; and how much more where detail is fullest, in parts."""
+GAP = 0.6
+"""A new stroke comes where no other is nearer than this, in spacings."""
+LEAST_BREAK = 45.0
+"""Change of colour, RGB distance, that no stroke is lifted for."""
 DIRECTION_HOLD = 0.2
 """Change of (cos 2a, sin 2a) up to which a direction stays as it was: 6 degrees."""
 LEAST_BLUR = 0.3
@@ -72,7 +77,7 @@ class Eye:
     ) -> None:  # fmt: skip
         self.params, self.size, self.seed, self.clock = params, size, seed, clock
         self.manner = STYLES[params.style].manner
-        self.habits = Habits(fade=params.stroke_fade, follow=params.colour_follow)
+        self.habits = Habits(gap=GAP, fade=params.stroke_fade, follow=params.colour_follow)
         self.factor = max(1, round(size[1] / COARSE_ROWS))
         self.small = (max(1, size[0] // self.factor), max(1, size[1] // self.factor))
         self.style = chosen_style(params)
@@ -85,6 +90,7 @@ class Eye:
         self.thumbnail: Plane | None = None
         self.tensors: NDArray[np.float32] | None = None
         self.field: Tensors2 | None = None
+        self.other: Mask | None = None
         self.held: NDArray[np.float32] | None = None
         self.wish: Plane | None = None
         self.wished: Plane | None = None
@@ -132,7 +138,7 @@ class Eye:
         with self.clock("hold"):
             now = _shrunk(frame, self.work).astype(np.float32)
             if flow is not None and self.held is not None:
-                now = hold(now, self.held, _backwards(flow, self.work), self.params.hold)
+                now, self.other = hold(now, self.held, _backwards(flow, self.work), self.params.hold)
             self.held = now
             return np.asarray(np.rint(now), np.uint8)
 
@@ -215,7 +221,15 @@ class Eye:
             return begin(candidates, reference, spacing, self.habits)
         living = carry(self.living[index], flow)
         keep = None if limit is None else self._missing(living.seeds, limit[0], brush, limit[1], HOLD)
-        return tend(living, candidates, reference, spacing, habits=self.habits, wanted=keep, revealed=~inside(-flow))
+        habits = replace(self.habits, break_off=max(recipe.edge * EDGE_SHRINKS**index, LEAST_BREAK))
+        return tend(living, candidates, reference, spacing, habits=habits, wanted=keep, revealed=self._revealed(flow))
+
+    def _revealed(self, flow: Flow) -> Mask:
+        """What has come into the picture, or into view, bool (h, w): strokes come up at once there."""
+        outside = ~inside(-flow)
+        if self.other is None:
+            return outside
+        return outside | (_stretched(self.other.astype(np.uint8), self.size) > 0)
 
     def _missing(self, seeds: Seeds, error: Plane, brush: Brush, threshold: Plane, hold: float) -> NDArray[np.bool_]:
         """Which strokes the picture needs: their area error exceeds `hold` times the threshold."""
