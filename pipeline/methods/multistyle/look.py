@@ -170,13 +170,13 @@ class Eye:
             wide = np.stack([_blurred(plane, sigma * BROAD) for plane in near])
             default = field_of(math.radians(self.params.default_angle), BY_DEFAULT)[:, None, None]
             field = np.asarray(near + np.float32(BROADLY) * wide + default, np.float32)
-            if placed is not None and self.designer is not None:
-                field = self.designer.directions(field, placed)
-            field = np.asarray(field / (np.sqrt((field * field).sum(axis=0)) + np.float32(1e-3)), np.float32)
+            field = _unit(field)
             if flow is not None and self.field is not None:
                 field = hold_field(field, self.field, _backwards(flow, self.small), DIRECTION_HOLD)
             self.field = field
-            return field
+            if placed is None or self.designer is None:
+                return field
+            return _unit(self.designer.directions(field, placed))
 
     def _strokes(self, picture: Frame, fields: StyleFields, flow: Flow | None) -> tuple[Marks, ...]:
         if flow is None:
@@ -314,6 +314,10 @@ def _living_state(living: Living) -> State:
 def _living_from(state: Mapping[str, NDArray[Any]]) -> Living:
     seeds = Seeds(state["xy"], state["ids"])
     return Living(seeds, state["aims"], state["presence"], state["leaving"], state["born"])
+
+
+def _unit(field: Tensors2) -> Tensors2:
+    return np.asarray(field / (np.sqrt(field[0] * field[0] + field[1] * field[1]) + np.float32(1e-3)), np.float32)
 
 
 def _shrunk(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
