@@ -75,8 +75,10 @@ class CarriedStrokes:
         """Go on from a `state`."""
         self._layers = [
             Living(
-                Seeds(kept[f"{index}-xy"], kept[f"{index}-ids"].astype(np.uint64)), kept[f"{index}-aims"],
-                kept[f"{index}-presence"], kept[f"{index}-leaving"].astype(np.bool_),
+                Seeds(kept[f"{index}-xy"], kept[f"{index}-ids"].astype(np.uint64)),
+                kept[f"{index}-aims"],
+                kept[f"{index}-presence"],
+                kept[f"{index}-leaving"].astype(np.bool_),
             )  # fmt: skip
             for index in range(self._painter.layers)
             if f"{index}-xy" in kept

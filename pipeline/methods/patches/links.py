@@ -15,7 +15,6 @@ from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Plane
 from pipeline.methods.base import Bench
 
-
 LEAST_GRADIENT = 1.0
 """Gray levels a working px: root mean square of what is more than a camera's noise."""
 
