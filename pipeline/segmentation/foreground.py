@@ -29,7 +29,8 @@ def carry_foreground(
     """Where the foreground is: bool (h, w).
 
     Args:
-        choices: int32 (k, h, w), by each of a pixel's links to other frames: 2 = foreground, 1 = background, 0 = unknown.
+        choices: int32 (k, h, w), by each of a pixel's links to other frames: 2 = foreground, 1 = background, 0 = not
+            known.
         weights: float32 (k, h, w), of the links.
         small: the frame's colours, uint8 (h, w, 3).
         edges: weights of the edges within the frame.
@@ -73,11 +74,11 @@ def _likelihood(colours: NDArray[np.float32], where: NDArray[np.bool_]) -> tuple
     mask = where.astype(np.float32)
     share = cv2.blur(mask, (LOCAL_PX, LOCAL_PX))
     scale = 1 / np.maximum(share, np.float32(1e-4))
-    total = np.zeros(mask.shape, np.float32)
+    total: Plane = np.zeros(mask.shape, np.float32)
     for channel in range(3):
         plane = colours[..., channel]
         mean = cv2.blur(plane * mask, (LOCAL_PX, LOCAL_PX)) * scale
         square = cv2.blur(plane * plane * mask, (LOCAL_PX, LOCAL_PX)) * scale
         spread = np.maximum(square - mean * mean, np.float32(NOISE**2))
         total -= np.square(plane - mean) / spread + np.log(spread)
-    return total, share
+    return total, np.asarray(share, np.float32)

@@ -90,7 +90,7 @@ def fit(
     for _ in range(rounds):
         found = _solve(u, v, share, affine=n < 200 or spread < 24)
         share = base * _doubt(u, v, found, scale, noise_px)
-    return np.linalg.inv(matrix) @ found @ matrix
+    return np.asarray(np.linalg.inv(matrix) @ found @ matrix)
 
 
 def dominant(source: Points, target: Points, noise_px: float = 0.5) -> Homography:

@@ -45,8 +45,8 @@ class Patches:
         ),
         InputSpec(
             "labels", "images", False, "Corrected label maps",
-            "Gray value = label, 0 = unclustered, 1 = background, as in the artefact `labels`: a zip of images named by "
-            "frame number. Frames between two of them are clustered again.",
+            "Gray value = label, 0 = unclustered, 1 = background, as in the artefact `labels`: a zip of images named "
+            "by frame number. Frames between two of them are clustered again.",
         ),
         InputSpec(
             "styles", "json", False, "Styles of patches",

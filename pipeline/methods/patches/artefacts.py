@@ -77,7 +77,8 @@ def keep_energy(bench: Bench, key: str, report: Mapping[str, Any], before: Plane
 def heat(plane: Plane) -> Frame:
     """0..1 as black over red and yellow to white, uint8 (h, w, 3); by the square root, so that little is seen too."""
     level = np.sqrt(np.clip(plane, 0, 1)) * 3
-    return np.rint(np.dstack([np.clip(level - part, 0, 1) for part in range(3)]) * 255).astype(np.uint8)
+    shown = np.dstack([np.clip(level - part, 0, 1) for part in range(3)])
+    return np.asarray(np.rint(shown * 255), np.uint8)
 
 
 _ZIP = "application/zip"

@@ -28,7 +28,7 @@ from pipeline.warp.springs import Relaxed, Sheet, distortion, relax
 STRIDE = 2
 """Every second pixel is enough for the relaxation over all frames."""
 MOST_SHEETS = 24
-"""Frames of a life that are relaxed together: neighbours in time say nearly the same, so an even choice stands for all."""
+"""Frames of a life that are relaxed together: neighbours say nearly the same, so an even choice stands for all."""
 CELL = 4.0
 """Distance of its grid's corners, working px."""
 LARGEST = 16.0
@@ -149,7 +149,7 @@ class _Hops:
 
     def __post_init__(self) -> None:
         labels = LabelMaps(self.bench, self.life.begin).sure(self.life.master)
-        self.shape: tuple[int, int] = labels.shape  # type: ignore[assignment]
+        self.shape: tuple[int, int] = labels.shape
         self.master_rect = rect_of(labels == self.life.label, MARGIN)
 
     def __call__(self, index: int) -> _Hop | None:

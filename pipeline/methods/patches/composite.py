@@ -208,7 +208,7 @@ class Compositor:
             total += self._unclustered(frame, left) * left[..., None]
         else:
             total /= share[..., None]
-        return np.rint(np.clip(total, 0, 255)).astype(np.uint8)
+        return np.asarray(np.rint(np.clip(total, 0, 255)), np.uint8)
 
     def _lay_over(
         self, total: NDArray[np.float32], share: Plane, patch: Painted, lay: Lay, labels: Labels, index: int,

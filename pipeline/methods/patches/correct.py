@@ -37,8 +37,9 @@ def plan_correct(brief: Brief) -> list[Task]:
     keys = brief.notes["scan"]["video"]["keys"]
     tasks, back = list[Task](), set[int]()
     for start, stop, begin, end in reversed(list(runs(brief))):
-        args = {"start": start, "stop": stop, "begin": begin, "end": end, "keys": [k for k in keys if begin <= k < end]}
-        if any(key >= start for key in args["keys"]):
+        here = [key for key in keys if begin <= key < end]
+        args = {"start": start, "stop": stop, "begin": begin, "end": end, "keys": here}
+        if any(key >= start for key in here):
             after = (_back_key(start + RUN),) if start + RUN in back and start + RUN < end else ()
             tasks.append(Task(_back_key(start), args, after, weight=0.05 * (stop - start)))
             back.add(start)

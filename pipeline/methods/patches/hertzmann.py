@@ -76,7 +76,7 @@ class Painter:
     @property
     def reach_px(self) -> float:
         """How far from its seed a stroke can reach, px."""
-        return float(self.brush.length_px) / 2 + float(self.brush.size_px)  # type: ignore[arg-type]
+        return float(self.brush.length_px) / 2 + float(self.brush.size_px)
 
     def canvas(self, picture: Frame, where: Mask | None = None) -> Canvas:
         """Paint a picture: float32 (h, w, 7). With `where`, only strokes that start there."""

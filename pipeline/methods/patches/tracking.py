@@ -88,7 +88,10 @@ class Sight:
 
     def trackable(self, least: float) -> Mask:
         """Pixels that have a reliable partner in a neighbouring frame."""
-        return np.any([reliable >= least for _, reliable in self.known] or [np.zeros(self.small.shape[:2], bool)], 0)
+        found: Mask = np.zeros(self.small.shape[:2], np.bool_)
+        for _, reliable in self.known:
+            found |= reliable >= least
+        return found
 
 
 def look(links: Links, index: int, begin: int) -> Sight:
@@ -191,7 +194,7 @@ def carry_labels(labels: Labels, flow: Flow) -> Labels:
     height, width = labels.shape
     x = np.clip(np.rint(np.arange(width) + flow[..., 0]), 0, width - 1).astype(np.intp)
     y = np.clip(np.rint(np.arange(height)[:, None] + flow[..., 1]), 0, height - 1).astype(np.intp)
-    return labels[y, x]
+    return np.asarray(labels[y, x], np.int32)
 
 
 @dataclass(frozen=True)
