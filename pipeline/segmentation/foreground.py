@@ -17,7 +17,7 @@ LOCAL_PX = 31
 """Side of the windows that colours are learnt in, px."""
 COLOUR_SHARE = 0.4
 """Weight of the colours' vote where they are sure, beside 1 for a link of the flow."""
-CERTAIN = 50.0
+CERTAIN = 5.0
 """Weight of what the user has said."""
 NOISE = 6.0
 """Standard deviation that any colour has at least, gray levels."""
@@ -43,7 +43,7 @@ def carry_foreground(
     if said is not None:
         options.append(guess)
         shares.append(np.where(guess > 0, np.float32(CERTAIN), np.float32(0)))
-    labels, _ = vote(np.stack(options), np.stack(shares).astype(np.float32), edges, leak=1e-6, certainty=0.0)
+    labels, _ = vote(np.stack(options), np.stack(shares).astype(np.float32), edges, leak=1e-4, certainty=0.0, tolerance=1e-4)
     return np.asarray(labels == 2)
 
 

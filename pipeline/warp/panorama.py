@@ -148,7 +148,7 @@ def _fill(weighted: NDArray[np.float32]) -> NDArray[np.float32]:
     """Push and pull: what is unknown takes the colour of the coarser picture below it."""
     height, width = weighted.shape[:2]
     known = weighted[..., 3:]
-    if max(height, width) <= 2 or known.min() >= 1:
+    if max(height, width) <= 1 or known.min() >= 1:
         return np.asarray(weighted[..., :3] / np.maximum(known, np.float32(1e-6)))
     small = cv2.resize(weighted, ((width + 1) // 2, (height + 1) // 2), interpolation=cv2.INTER_AREA)
     share = np.maximum(small[..., 3:], np.float32(1e-6))

@@ -27,7 +27,7 @@ from pipeline.methods.patches.tracking import carry_labels, edges_of, look
 from pipeline.segmentation.components import absorb_specks
 from pipeline.segmentation.random_walk import vote
 
-SEED_WEIGHT = 50.0
+SEED_WEIGHT = 5.0
 """Of a vote that is certain."""
 
 
