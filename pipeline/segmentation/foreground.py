@@ -43,7 +43,9 @@ def carry_foreground(
     if said is not None:
         options.append(guess)
         shares.append(np.where(guess > 0, np.float32(CERTAIN), np.float32(0)))
-    labels, _ = vote(np.stack(options), np.stack(shares).astype(np.float32), edges, leak=1e-4, certainty=0.0, tolerance=1e-4)
+    labels, _ = vote(
+        np.stack(options), np.stack(shares).astype(np.float32), edges, leak=1e-4, certainty=0.0, tolerance=1e-4
+    )
     return np.asarray(labels == 2)
 
 
