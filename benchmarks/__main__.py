@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import sys
 
-from benchmarks import abstraction, dispatch, flow, kill9, live, memory, workers
+from benchmarks import abstraction, dispatch, flow, kill9, live, memory, patches, workers
 
 ALL = {
     "abstraction": abstraction.main,
+    "patches": patches.main,
     "flow": flow.main,
     "workers": workers.main,
     "memory": memory.main,
