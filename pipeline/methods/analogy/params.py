@@ -148,5 +148,5 @@ class AnalogyParams(Params):
         json_schema_extra={"unit": "pairs", "group": "Search"},
     )  # fmt: skip
     search_radius: float = _number(
-        32, 1, 4096, "Search radius", "Of the random search at all but the coarsest level.", "px", "Search"
+        128, 1, 4096, "Search radius", "Of the random search at all but the coarsest level.", "px", "Search"
     )
