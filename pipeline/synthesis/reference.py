@@ -113,9 +113,7 @@ class Reference:
         _upsample(offsets, there, coarse.bins, cosines(), style.usable, out, coarse.size, style.size)
         return out
 
-    def merge(
-        self, style: Loaded[Array], size: Size, first: Array, second: Array, share: float, key: Key
-    ) -> Array:
+    def merge(self, style: Loaded[Array], size: Size, first: Array, second: Array, share: float, key: Key) -> Array:
         out = np.empty((size[1], size[0], 2), np.float32)
         _merge(first, second, out, np.float32(share), style.usable, *_words(key), style.style.first, style.size)
         return out

@@ -87,7 +87,8 @@ class AnalogyParams(Params):
 
     # -- lines
     lines_weight: float = _number(
-        0, 0, 500, "Lines", "Lines of the input `lines` are drawn as those of `style_lines` are painted; 0 = off.",
+        30, 0, 500, "Lines",
+        "How firmly lines of the input `lines` are drawn as those of `style_lines` are painted; 0 = off.",
         "per px^2", "Lines", "w_dt",
     )  # fmt: skip
     lines_reach: float = _number(
