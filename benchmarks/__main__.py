@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import sys
 
-from benchmarks import abstraction, flow, kill9, live, memory, workers
+from benchmarks import abstraction, analogy, flow, kill9, live, memory, workers
 
 ALL = {
     "abstraction": abstraction.main,
+    "analogy": analogy.main,
     "flow": flow.main,
     "workers": workers.main,
     "memory": memory.main,

@@ -136,9 +136,8 @@ def _ebsynth(painted: Frame, plain: Frame, picture: Frame) -> float | None:
             cv2.imwrite(files[name], cv2.cvtColor(np.asarray(image, np.uint8), cv2.COLOR_RGB2BGR))
         guide = ["-guide", files["source"], files["target"]]
         start = time.perf_counter()
-        subprocess.run(
-            [program, "-style", files["style"], *guide, "-output", files["out"], "-backend", "cpu"], check=True
-        )
+        ends = ["-output", files["out"], "-backend", "cpu"]
+        subprocess.run([program, "-style", files["style"], *guide, *ends], check=True)
         return time.perf_counter() - start
 
 
@@ -153,9 +152,7 @@ def main() -> None:
             per_px = row["cpu"] / (size[0] * size[1]) * 1e6
             print(f"{size[0]}x{size[1]:<5} {row['wall']:8.2f} {row['cpu']:7.2f} {per_px:6.2f}   {stages}")
     ours, theirs = still()
-    beside = (
-        "EbSynth is not on the PATH" if theirs is None else f"EbSynth {theirs:.1f} s, {theirs / ours:.1f} times ours"
-    )
+    beside = f"EbSynth {theirs:.1f} s, {theirs / ours:.1f} times ours" if theirs else "EbSynth is not on the PATH"
     print(f"still of 810x1000: {ours:.2f} s; {beside}")
 
 

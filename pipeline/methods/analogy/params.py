@@ -87,7 +87,7 @@ class AnalogyParams(Params):
 
     # -- lines
     lines_weight: float = _number(
-        30, 0, 500, "Lines",
+        200, 0, 5000, "Lines",
         "How firmly lines of the input `lines` are drawn as those of `style_lines` are painted; 0 = off.",
         "per px^2", "Lines", "w_dt",
     )  # fmt: skip
