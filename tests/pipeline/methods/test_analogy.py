@@ -182,7 +182,9 @@ def test_lines_are_drawn_with_the_strokes_of_the_style() -> None:
     drawn = np.full((SIZE[1], SIZE[0], 3), 255, np.uint8)
     drawn[:, 30:32] = 0
     flat = np.full((SIZE[1], SIZE[0], 3), 128, np.uint8)
-    out = rendered({"style_output": [style], "style_lines": [marks], "lines": [drawn]}, [flat], guide_weight=0, lines_weight=400)[0]
+    out = rendered(
+        {"style_output": [style], "style_lines": [marks], "lines": [drawn]}, [flat], guide_weight=0, lines_weight=400
+    )[0]
     dark = (out[..., 0] == 90).mean(0)
     assert dark[28:34].min() > 0.9 and dark[:20].max() < 0.1 and dark[42:].max() < 0.1
 
