@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from benchmarks import abstraction, dispatch, flow, kill9, live, memory, patches, workers
-
-ALL = {
-    "abstraction": abstraction.main,
-    "patches": patches.main,
+from benchmarks import abstraction, analogy, dispatch, flow, kill9, live, memory, patches, workers
     "flow": flow.main,
     "workers": workers.main,
     "memory": memory.main,
