@@ -124,7 +124,6 @@ def main() -> None:
     for size in SIZES:
         row = measure(size, FRAMES if size[0] <= 640 else FRAMES // 2)
         steps = "  ".join(f"{name} {cost * 1e3:.0f}" for name, cost in row["steps"].items() if cost)
-        print(
-            f"{row['size']:>10} {row['one_s']:14.3f} {row['two_s']:10.3f} {row['ratio']:6.2f} {row['held_mb']:8.2f}   {steps}"
-        )
+        figures = f"{row['one_s']:14.3f} {row['two_s']:10.3f} {row['ratio']:6.2f} {row['held_mb']:8.2f}"
+        print(f"{row['size']:>10} {figures}   {steps}")
         print(f"{'':>10} " + "  ".join(f"{name} {cost * 1e3:.1f}" for name, cost in row["stages"].items()))

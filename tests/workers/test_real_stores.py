@@ -22,6 +22,7 @@ from tests.workers.conftest import finished, request_on, result, until
 from tests.workers.real_farm import real_settings
 from tests.workers.toy import Toy, ToyRunner
 from workers.blobs.opened import open_blobs
+from workers.faults import failed_outcome, is_final
 from workers.local_pool import LocalPool
 from workers.settings import FarmSettings
 from workers.studio import Studio

@@ -75,9 +75,8 @@ def test_what_is_no_exr_or_cut_off_or_too_large_is_refused(tmp_path: Path) -> No
 
 def test_passes_are_found_by_their_names() -> None:
     plane = np.full((2, 3), 0.5, np.float32)
-    planes = {f"ViewLayer.{name}": plane for name in
-              ("Combined.R", "Combined.G", "Combined.B", "Normal.X", "Normal.Y", "Normal.Z", "Depth.Z", "IndexOB.X")}  # fmt: skip
-    image = Exr((3, 2), planes)
+    names = ["Combined.R", "Combined.G", "Combined.B", "Normal.X", "Normal.Y", "Normal.Z", "Depth.Z", "IndexOB.X"]
+    image = Exr((3, 2), {f"ViewLayer.{name}": plane for name in names})
     frame = beauty(image)
     assert frame is not None and (frame == 188).all()
     found = normals(image)
