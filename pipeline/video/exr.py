@@ -13,7 +13,6 @@ import struct
 import tempfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from itertools import product
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -237,7 +236,9 @@ def factors_of(
     _, _, back = raw_vectors(second[0])
     if forth is None and back is None:
         raise BadInput("The EXR holds no motion vectors.", field="vectors", remedy="Render the Vector pass.")
-    scores = {f: _misfit(signed(forth, back, f), first[1], second[1]) for f in product((1.0, -1.0), repeat=3)}
+    signs = (1.0, -1.0)
+    tried = [(a, b, c) for a in signs for b in signs for c in signs]
+    scores = {f: _misfit(signed(forth, back, f), first[1], second[1]) for f in tried}
     best = min(scores, key=lambda f: (scores[f], f))
     still = _misfit(Velocities(np.zeros((*first[1].shape[:2], 2), np.float32), None), first[1], second[1])
     says = (
