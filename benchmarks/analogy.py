@@ -59,6 +59,9 @@ class Memory:
     def images(self, name: str) -> Mapping[int, NDArray[Any]]:
         return dict(enumerate(self.inputs[name]))
 
+    def entries(self, name: str) -> Mapping[str, bytes]:
+        return {}
+
     def save(self, name: str, arrays: Arrays) -> None:
         self.kept[self.step, name] = dict(arrays)
 

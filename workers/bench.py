@@ -17,6 +17,8 @@ from pipeline.errors import BadParameter, Cancelled
 from pipeline.frames import Frame
 from pipeline.methods.base import Arrays
 from pipeline.video.container import Index
+from pipeline.video.headers import sniff
+from pipeline.video.shot_files import ShotFiles
 from pipeline.video.writer import SegmentSpec
 from workers.arrays import read_arrays, write_arrays
 from workers.blobs.base import Blobs
@@ -117,6 +119,15 @@ class TaskBench:
         self._life.callback(found.close)
         return found
 
+    def entries(self, name: str) -> Mapping[str, bytes]:
+        path = self._life.enter_context(self._blobs.local(self._input(name)))
+        with path.open("rb") as stream:
+            if sniff(stream) != "application/zip":
+                return {}
+        found = ShotFiles(path)
+        self._life.callback(found.close)
+        return found
+
     def _input(self, name: str) -> str:
         if name not in self._order.inputs:
             raise BadParameter(
@@ -171,6 +182,10 @@ class TaskBench:
         with self.stages.waiting("encode"):
             self._emission = self._emission or self._start_emission()
             self._emission.take(index, frame)
+        self.show(frame)
+
+    def show(self, frame: Frame) -> None:
+        self._check_cancelled()
         if self._shows.due():
             with self.stages.waiting("store"):
                 preview = self._shows.put(frame)

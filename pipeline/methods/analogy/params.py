@@ -104,6 +104,11 @@ class AnalogyParams(Params):
         "per squared gray level", "Time", "w_tc",
     )  # fmt: skip
     flow: FlowName = _choice("dis-medium", "Optical flow", "How motion is found where no velocities are given.", "Time")
+    vectors: Literal["auto", "cycles", "eevee", "nuke"] = _choice(
+        "auto", "Sign of motion vectors",
+        "How a renderer's vectors are stored. auto = all signs are tried on two frames, and the job says which fit.",
+        "Time",
+    )  # fmt: skip
     occlusion: Switch = _choice(
         "on", "Occlusion", "off = nothing is taken to be hidden, and what appears drags trails (for comparison).",
         "Time",
