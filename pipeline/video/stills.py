@@ -101,6 +101,11 @@ def encode_png(frame: Frame, level: int = 1) -> bytes:
     ].tobytes()
 
 
+def encode_gray_png(plane: NDArray[np.uint8], level: int = 1) -> bytes:
+    """One channel as PNG bytes."""
+    return cv2.imencode(".png", plane, [cv2.IMWRITE_PNG_COMPRESSION, level])[1].tobytes()
+
+
 def encode_jpeg(frame: Frame, quality: int = 85) -> bytes:
     """A frame as JPEG bytes. `quality` 1..100."""
     return cv2.imencode(".jpg", cv2.cvtColor(frame, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, quality])[
