@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
+from concurrent.futures import Executor, Future
 from contextlib import contextmanager
 from typing import Any
 
@@ -12,14 +13,18 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Frame
 from pipeline.methods.analogy import Analogy, AnalogyParams
-from pipeline.methods.base import Arrays, Brief, Note, VideoInfo
+from pipeline.methods.base import Arrays, Brief, Note, Step, Task, VideoInfo
 
 
 class Memory:
     """A bench in memory that times its stages, wall seconds."""
 
-    def __init__(self, params: AnalogyParams, inputs: Mapping[str, list[Frame]]) -> None:
+    def __init__(
+        self, params: AnalogyParams, inputs: Mapping[str, list[Frame]], files: Mapping[str, bytes] | None = None,
+        numbered: Mapping[str, Mapping[int, NDArray[Any]]] | None = None,
+    ) -> None:  # fmt: skip
         self.params, self.seed, self.inputs = params, 0, inputs
+        self._files, self._numbered = files or {}, numbered or {}
         height, width = inputs["video"][0].shape[:2]
         self.size = (width, height)
         count = len(inputs["video"])
@@ -33,7 +38,7 @@ class Memory:
         return iter(self.inputs[name][start:stop])
 
     def has(self, name: str) -> bool:
-        return name in self.inputs
+        return name in self.inputs or name in self._numbered
 
     def image(self, name: str) -> Frame:
         return self.inputs[name][0]
@@ -42,10 +47,10 @@ class Memory:
         raise KeyError(name)
 
     def images(self, name: str) -> Mapping[int, NDArray[Any]]:
-        return dict(enumerate(self.inputs[name]))
+        return self._numbered[name]
 
     def entries(self, name: str) -> Mapping[str, bytes]:
-        return {}
+        return self._files if name == "video" else {}
 
     def save(self, name: str, arrays: Arrays) -> None:
         self.kept[self.step, name] = dict(arrays)
@@ -79,4 +84,23 @@ def render(bench: Memory) -> list[Frame]:
         bench.step, notes[step.name] = step.name, {}
         for task in step.plan(Brief(bench.params, 0, bench.video, frozenset(bench.inputs), notes)):
             notes[step.name][task.key] = step.run(task, bench)
+    return [bench.painted[index] for index in sorted(bench.painted)]
+
+
+def together(bench: Memory, pool: Executor) -> list[Frame]:
+    """The whole plan, each task as soon as those it goes on from are done, on a pool of workers."""
+    notes: dict[str, dict[str, Note]] = {}
+    for step in Analogy.steps:
+        bench.step, notes[step.name] = step.name, {}
+        tasks = step.plan(Brief(bench.params, 0, bench.video, frozenset(bench.inputs), notes))
+        running: dict[str, Future[Note]] = {}
+
+        def run(task: Task, step: Step = step, running: dict[str, Future[Note]] = running) -> Note:
+            for name in task.after:
+                running[name].result()
+            return step.run(task, bench)
+
+        for task in tasks:
+            running[task.key] = pool.submit(run, task)
+        notes[step.name] = {key: future.result() for key, future in running.items()}
     return [bench.painted[index] for index in sorted(bench.painted)]

@@ -34,8 +34,9 @@ PORTRAIT = {
 """The three guides in the proportion that EbSynth's documentation gives."""
 LIT = {
     "guide_weight": 0.5, "colour_weight": 1.0, "guide_a_weight": 0.5, "guide_b_weight": 0.5, "levels": 6,
-    "iterations": 6, "coherence_weight": 40, "variety_weight": 100,
+    "iterations": 6, "coherence_weight": 5, "variety_weight": 20, "patch_radius": 6, "patch_sigma": 4.5,
 }  # fmt: skip
+"""Long strokes want large patches."""
 NUMBERS = {
     "guide_weight": 2.0, "colour_weight": 2.0, "levels": 5, "iterations": 6, "coherence_weight": 40,
     "variety_weight": 100,
@@ -123,9 +124,8 @@ def main(names: tuple[str, ...] = ()) -> None:
             seconds = ours(still, examples, mine), theirs(still, program, examples, other)
             style = examples / still.folder / f"source_{still.style}.png"
             rows = [_told(s, row) for s, row in zip(seconds, _likeness(style, [mine, other]), strict=True)]
-        print(
-            f"{still.folder:>10}  ours {rows[0]}\n{'':>10}  EbSynth {rows[1]}   {seconds[1] / seconds[0]:.1f} times ours"
-        )
+        print(f"{still.folder:>10}  ours    {rows[0]}")
+        print(f"{'':>10}  EbSynth {rows[1]}   {seconds[1] / seconds[0]:.1f} times ours")
 
 
 if __name__ == "__main__":

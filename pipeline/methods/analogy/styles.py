@@ -23,7 +23,8 @@ def goal_of(
     Raises:
         BadInput: colours and guides have more than 16 channels.
     """
-    weight = params.guide_weight
+    weight = params.key_guide_weight if keyed else params.guide_weight
+    hue = weight * (params.key_colour_weight if keyed else params.colour_weight) / 2
     extra = tuple(w for guide in guides for w in guide.weights)
     if colours + 3 + len(extra) > MOST_CHANNELS:
         names = ", ".join(f"{guide.name} {guide.channels}" for guide in guides)
@@ -34,7 +35,7 @@ def goal_of(
     half = 2.0**-level
     return Goal(
         colours=colours, radius=params.patch_radius, sigma_px=params.patch_sigma, w_out=params.texture_weight,
-        guides=(weight, weight * params.colour_weight / 2, weight * params.colour_weight / 2, *extra),
+        guides=(weight, hue, hue, *extra),
         w_sc=params.coherence_weight, r_max_px2=params.coherence_limit,
         w_tc=0.0 if keyed or params.temporal == "off" else params.steadiness,
         w_h=params.variety_weight, h_limit=params.variety_limit,
