@@ -9,11 +9,11 @@ made by another of our methods in place of a painter; put your own files there a
 
 from __future__ import annotations
 
-import subprocess
 import sys
 from collections.abc import Iterable
 from pathlib import Path
 
+from impasto.cli.app import run
 from pipeline.frames import Frame
 from pipeline.methods.multistyle import MultistyleParams, MultistyleSession
 from pipeline.scenes import scene
@@ -82,7 +82,7 @@ def main() -> None:
     rest = layers() if what == "layers" else keyframe(Path(sys.argv[2]) if len(sys.argv) > 2 else None)
     command = ["render", *rest, "--method", "analogy"]
     print("impasto", *(f"'{part}'" if " " in part else part for part in command), flush=True)
-    sys.exit(subprocess.call([sys.executable, "-m", "impasto", *command]))
+    sys.exit(run(command))
 
 
 if __name__ == "__main__":
