@@ -82,15 +82,16 @@ def pack(pair: Pair, index: int, gap: int) -> dict[str, NDArray[Any]]:
 
     `ahead` is kept for neighbours only: over a gap only `back` is followed.
     """
-    half = {"b": pair.back} | ({"f": pair.ahead} if gap == 1 else {})
-    bytes_ = {"t": pair.there, "h": pair.home}
+    half, bytes_ = {"b": pair.back}, {"h": pair.home}
+    if gap == 1:
+        half["f"], bytes_["t"] = pair.ahead, pair.there
     return {f"{k}-{index}-{gap}": np.clip(v, -6e4, 6e4).astype(np.float16) for k, v in half.items()} | {
         f"{k}-{index}-{gap}": np.rint(v * 255).astype(np.uint8) for k, v in bytes_.items()
     }
 
 
 class Links:
-    """Reads what the flow step has kept, run by run, holding at most `most` runs in memory."""
+    """Reads what the tasks "flow-..." have kept, run by run, holding at most `most` runs in memory."""
 
     def __init__(self, bench: Bench, begin: int, run: int, most: int = 3) -> None:
         self._bench, self._begin, self._run, self._most = bench, begin, run, most
@@ -101,7 +102,7 @@ class Links:
         if index < self._begin:
             return None
         if start not in self._held:
-            self._held[start] = self._bench.load("flow", f"run-{start:07d}")
+            self._held[start] = self._bench.load("cluster", f"flow-{start:07d}")
             while len(self._held) > self._most:
                 self._held.popitem(last=False)
         return self._held[start].get(name)
@@ -119,11 +120,6 @@ class Links:
     def ahead(self, index: int) -> tuple[Flow, Plane] | None:
         """Flow from frame `index` to the next and its reliability; None at the end of the shot."""
         return self._pair("f", "t", index, 1)
-
-    def home(self, index: int, gap: int) -> Plane | None:
-        """Reliability of the links from frame `index` to `index + gap`."""
-        found = self._get(f"t-{index}-{gap}", index)
-        return None if found is None else found.astype(np.float32) / np.float32(255)
 
     def _pair(self, flow: str, trust: str, index: int, gap: int) -> tuple[Flow, Plane] | None:
         found, reliable = self._get(f"{flow}-{index}-{gap}", index), self._get(f"{trust}-{index}-{gap}", index)

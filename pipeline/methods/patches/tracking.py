@@ -257,7 +257,7 @@ def abrupt(sight: Sight) -> Mask:
     around = np.ones((BLUR_PX, BLUR_PX), np.uint8)
     for flow, _ in sight.known:
         span = cv2.dilate(flow, around) - cv2.erode(flow, around)
-        found |= span.max(axis=-1) > ABRUPT_PX
+        found |= np.maximum(span[..., 0], span[..., 1]) > ABRUPT_PX
     return found
 
 
