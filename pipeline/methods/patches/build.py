@@ -76,8 +76,8 @@ def run_patch(task: Task, bench: Bench) -> Note:
 
 
 def _run_whole(task: Task, life: Life, bench: Bench) -> Note:
-    lays, room, note = _laid(task, life, bench)
     maps, grid = LabelMaps(bench, life.begin), Grid.of(bench.size)
+    lays, room, note = _laid(task, life, maps, bench)
     with bench.clock("mean"):
         sums = {span: sum_up(span, life, lays, maps, room, bench) for span in spans(life)}
         found = ages(sums.values(), life, room, grid, bench.params)
@@ -89,7 +89,7 @@ def _run_whole(task: Task, life: Life, bench: Bench) -> Note:
 
 
 def _run_join(task: Task, life: Life, bench: Bench) -> Note:
-    _, room, note = _laid(task, life, bench)
+    _, room, note = _laid(task, life, LabelMaps(bench, life.begin), bench)
     room.save(bench, life)
     return note
 
@@ -128,11 +128,10 @@ def _told(found: Ages, room: Room) -> Note:
     return {"origin": list(room.origin), "ages": [list(span) for span in found.spans]}
 
 
-def _laid(task: Task, life: Life, bench: Bench) -> tuple[dict[int, Lay], Room, Note]:
+def _laid(task: Task, life: Life, maps: LabelMaps, bench: Bench) -> tuple[dict[int, Lay], Room, Note]:
     """Join and relax; keep the lays."""
-    maps = LabelMaps(bench, life.begin)
     with bench.clock("join"):
-        lays = joined(life, bench)
+        lays = joined(life, maps, bench)
     with bench.clock("relax"):
         unsettled = dict(lays)
         relaxed = settle(lays, life, maps, bench.params)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -108,7 +109,9 @@ class Painter:
         )  # fmt: skip
         if presence is not None:
             strokes = present(strokes, presence)
-        paint(canvas, strokes, seed=self.seed, touch=Touch(), guide=reference, tolerance=edge, slopes=slopes_of(reference))
+        paint(
+            canvas, strokes, seed=self.seed, touch=Touch(), guide=reference, tolerance=edge, slopes=slopes_of(reference)
+        )
 
     def picture(self, picture: Frame, where: Mask | None = None) -> Frame:
         """The painting in the light, uint8 (h, w, 3)."""

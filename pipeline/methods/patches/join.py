@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.frames import Mask
 from pipeline.methods.base import Bench
 from pipeline.methods.patches.clusters import LabelMaps
 from pipeline.methods.patches.lives import Life
 from pipeline.methods.patches.params import PatchesParams
-from pipeline.methods.patches.register import MARGIN, rect_of
+from pipeline.methods.patches.register import Hop, load_hops, save_hops
 from pipeline.methods.patches.scan import run_key, run_of
 from pipeline.warp.homography import IDENTITY, Homography
 from pipeline.warp.panorama import Lay
@@ -27,26 +26,19 @@ CELL = 4.0
 """Distance of its grid's corners, working px."""
 
 
-def joined(life: Life, bench: Bench) -> dict[int, Lay]:
+def joined(life: Life, maps: LabelMaps, bench: Bench) -> dict[int, Lay]:
     """Where the patch lies in every frame that has it: warps concatenated, outward from the master both ways."""
     hops = _Hops(life, bench)
-    height, width = hops.shape
-    whole = (0, 0, width, height)
-    lays = {life.master: Lay(hops.master_rect, IDENTITY, _no_rest(hops.master_rect))}
+    first = hops(life.master)
+    assert first is not None, "the master frame has the patch"
+    height, width = maps.sure(life.master).shape
+    lays = {life.master: Lay(first.rect, IDENTITY, first.shift)}
     for order in (range(life.master + 1, life.stop), range(life.master - 1, life.start - 1, -1)):
         for index in order:
             hop = hops(index)
             if hop is not None and index + hop.gap in lays:
-                lays[index] = _concatenated(hop, lays[index + hop.gap], whole)
+                lays[index] = _concatenated(hop, lays[index + hop.gap], (0, 0, width, height))
     return dict(sorted(lays.items()))
-
-
-@dataclass(frozen=True)
-class _Hop:
-    rect: tuple[int, int, int, int]
-    gap: int
-    matrix: Homography
-    shift: NDArray[np.float32]
 
 
 @dataclass
@@ -55,29 +47,16 @@ class _Hops:
 
     life: Life
     bench: Bench
-    held: dict[int, dict[str, NDArray[Any]]] = field(default_factory=dict)
+    held: dict[int, dict[int, Hop]] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        labels = LabelMaps(self.bench, self.life.begin).sure(self.life.master)
-        self.shape: tuple[int, int] = labels.shape
-        self.master_rect = rect_of(labels == self.life.label, MARGIN)
-
-    def __call__(self, index: int) -> _Hop | None:
+    def __call__(self, index: int) -> Hop | None:
         start = run_of(index, self.life.begin)
         if start not in self.held:
-            self.held = {start: self.bench.load("register", run_key(start))}
-        name, kept = f"{self.life.key}-{index}", self.held[start]
-        if f"{name}-at" not in kept:
-            return None
-        left, top, right, bottom, gap = (int(value) for value in kept[f"{name}-at"])
-        return _Hop((left, top, right, bottom), gap, kept[f"{name}-m"], kept[f"{name}-d"].astype(np.float32))
+            self.held = {start: load_hops(self.bench, f"{self.life.key}-{run_key(start)}")}
+        return self.held[start].get(index)
 
 
-def _no_rest(rect: tuple[int, int, int, int]) -> NDArray[np.float16]:
-    return np.zeros((rect[3] - rect[1], rect[2] - rect[0], 2), np.float16)
-
-
-def _concatenated(hop: _Hop, before: Lay, whole: tuple[int, int, int, int]) -> Lay:
+def _concatenated(hop: Hop, before: Lay, whole: tuple[int, int, int, int]) -> Lay:
     """The frame's lay from that of the frame it hops to, in floating point throughout."""
     here = Lay(hop.rect, IDENTITY, hop.shift).positions()
     places = before.at(here)
@@ -128,25 +107,20 @@ def evenly(items: list[int], most: int) -> list[int]:
     return [items[place] for place in np.linspace(0, len(items) - 1, most).round().astype(int).tolist()]
 
 
-def save_lays(bench: Bench, life: Life, lays: dict[int, Lay]) -> None:
+def save_lays(bench: Bench, life: Life, lays: Mapping[int, Lay]) -> None:
     """Keep the lays by run, as "<life>-<run>"."""
-    by_run: dict[int, dict[str, NDArray[Any]]] = {
-        run_of(index, life.begin): {} for index in range(life.start, life.stop)
-    }
+    by_run: dict[int, dict[int, Hop]] = {run_of(index, life.begin): {} for index in range(life.start, life.stop)}
     for index, lay in lays.items():
-        kept = by_run[run_of(index, life.begin)]
-        kept[f"{index}-at"], kept[f"{index}-m"], kept[f"{index}-d"] = np.array(lay.rect), lay.matrix, lay.rest
-    for start, arrays in by_run.items():
-        bench.save(f"{life.key}-{run_key(start)}", arrays)
+        by_run[run_of(index, life.begin)][index] = Hop(lay.rect, 0, lay.matrix, lay.rest)
+    for start, hops in by_run.items():
+        save_hops(bench, f"{life.key}-{run_key(start)}", hops)
 
 
 def load_lays(bench: Bench, life: Life, start: int, stop: int) -> dict[int, Lay]:
     """The lays of frames [start, stop) that have the patch."""
     lays = {}
     for run in sorted({run_of(index, life.begin) for index in range(max(start, life.start), min(stop, life.stop))}):
-        found = bench.load("patch", f"{life.key}-{run_key(run)}")
-        for name in (key[:-3] for key in found if key.endswith("-at")):
-            if start <= int(name) < stop:
-                left, top, right, bottom = (int(value) for value in found[f"{name}-at"])
-                lays[int(name)] = Lay((left, top, right, bottom), found[f"{name}-m"], found[f"{name}-d"])
+        for index, hop in load_hops(bench, f"{life.key}-{run_key(run)}", "patch").items():
+            if start <= index < stop:
+                lays[index] = Lay(hop.rect, hop.matrix, hop.shift)
     return lays

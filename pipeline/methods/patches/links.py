@@ -90,12 +90,17 @@ def pack(pair: Pair, index: int, gap: int) -> dict[str, NDArray[Any]]:
     }
 
 
+MOST_PAIRS = 10
+"""Pairs that are held as they are used: those of a frame's window, both ways."""
+
+
 class Links:
     """Reads what the tasks "flow-..." have kept, run by run, holding at most `most` runs in memory."""
 
     def __init__(self, bench: Bench, begin: int, run: int, most: int = 3) -> None:
         self._bench, self._begin, self._run, self._most = bench, begin, run, most
         self._held: OrderedDict[int, dict[str, NDArray[Any]]] = OrderedDict()
+        self._pairs: OrderedDict[str, tuple[Flow, Plane] | None] = OrderedDict()
 
     def _get(self, name: str, index: int) -> NDArray[Any] | None:
         start = self._begin + (index - self._begin) // self._run * self._run
@@ -122,7 +127,18 @@ class Links:
         return self._pair("f", "t", index, 1)
 
     def _pair(self, flow: str, trust: str, index: int, gap: int) -> tuple[Flow, Plane] | None:
-        found, reliable = self._get(f"{flow}-{index}-{gap}", index), self._get(f"{trust}-{index}-{gap}", index)
+        name = f"{flow}-{index}-{gap}"
+        if name not in self._pairs:
+            self._pairs[name] = self._read(name, f"{trust}-{index}-{gap}", index)
+            while len(self._pairs) > MOST_PAIRS:
+                self._pairs.popitem(last=False)
+        return self._pairs[name]
+
+    def _read(self, flow: str, trust: str, index: int) -> tuple[Flow, Plane] | None:
+        found, reliable = self._get(flow, index), self._get(trust, index)
         if found is None or reliable is None:
             return None
-        return found.astype(np.float32), reliable.astype(np.float32) / np.float32(255)
+        pair = found.astype(np.float32), reliable.astype(np.float32) / np.float32(255)
+        for array in pair:
+            array.setflags(write=False)
+        return pair
