@@ -45,7 +45,7 @@ def plan_register(brief: Brief) -> list[Task]:
 
 
 def run_register(task: Task, bench: Bench) -> Note:
-    """Artefacts "<life>-<run>", see `save_hops`; the note tells each patch's energy before and after, and iterations."""
+    """Artefacts "<life>-<run>", see `save_hops`; the note tells energies before and after by patch, and iterations."""
     start, stop, begin = (task.args[name] for name in ("start", "stop", "begin"))
     kept: dict[str, dict[int, Hop]] = {row["key"]: {} for row in task.args["lives"]}
     energies: dict[str, list[float]] = {}
