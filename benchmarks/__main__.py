@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from benchmarks import abstraction, analogy, dispatch, flow, kill9, live, memory, patches, workers
+from benchmarks import abstraction, analogy, dispatch, flow, kill9, live, memory, overhead, patches, workers
 
 ALL = {
     "abstraction": abstraction.main,
@@ -16,6 +16,7 @@ ALL = {
     "kill9": kill9.main,
     "live": live.main,
     "dispatch": dispatch.main,
+    "overhead": overhead.main,
 }
 
 

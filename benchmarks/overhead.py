@@ -29,7 +29,7 @@ FRAMES = {"abstraction": 300, "multistyle": 300, "patches": 60, "analogy": 40}
 def main() -> None:
     """Print a row for each method; `python -m benchmarks.overhead METHOD FRAMES` does one."""
     wanted = {sys.argv[1]: int(sys.argv[2])} if __name__ == "__main__" and len(sys.argv) > 2 else FRAMES
-    print(f"{'method':>12} {'frames':>7} {'CPU s':>8} {'overhead s':>11} {'share':>7}   where, CPU s")
+    print(f"{'method':>12} {'frames':>7} {'wall s':>7} {'CPU s':>8} {'overhead s':>11} {'share':>7}   where, CPU s")
     spawn = multiprocessing.get_context("spawn")
     with tempfile.TemporaryDirectory(prefix="impasto-overhead-") as scratch:
         folder = Path(scratch)
@@ -37,14 +37,15 @@ def main() -> None:
         for name, frames in wanted.items():
             long = looped(clip, frames, folder / f"{name}.mp4")
             with spawn.Pool(1) as one:
-                total, parts = one.apply(measure, (name, long, folder / f"home-{name}"))
+                wall, total, parts = one.apply(measure, (name, long, folder / f"home-{name}"))
             cost = sum(parts.values())
             where = "  ".join(f"{part} {seconds:.2f}" for part, seconds in sorted(parts.items()))
-            print(f"{name:>12} {frames:7} {total:8.1f} {cost:11.2f} {cost / total:7.2%}   {where}", flush=True)
+            figures = f"{wall:7.1f} {total:8.1f} {cost:11.2f} {cost / total:7.2%}"
+            print(f"{name:>12} {frames:7} {figures}   {where}", flush=True)
 
 
-def measure(name: str, clip: Path, home: Path) -> tuple[float, dict[str, float]]:
-    """(CPU seconds of the process during a job, those of the overhead by part)."""
+def measure(name: str, clip: Path, home: Path) -> tuple[float, float, dict[str, float]]:
+    """Of a job: wall seconds, CPU seconds of the process, those of the overhead by part."""
     from impasto.cli import embedded
     from pipeline.methods import method, parse_params
     from workers.model import JobRequest
@@ -54,16 +55,16 @@ def measure(name: str, clip: Path, home: Path) -> tuple[float, dict[str, float]]
     counted = _count_stores()
     with embedded.opened(home, 1) as farm:
         video = farm.add_asset(clip, clip.name).id
-        began, before = time.process_time(), _threads()
+        since, began, before = time.monotonic(), time.process_time(), _threads()
         counted.clear()
         job = farm.submit(JobRequest(name, {"video": video}))
         embedded.follow(farm, job.id, lambda state: None)
-        total, after = time.process_time() - began, _threads()
+        total, after, wall = time.process_time() - began, _threads(), time.monotonic() - since
     parts = Counter(counted)
     for thread, seconds in after.items():
         if thread in OF_THE_FARM:
             parts[OF_THE_FARM[thread]] += seconds - before.get(thread, 0.0)
-    return total, dict(parts)
+    return wall, total, dict(parts)
 
 
 OF_THE_FARM = {

@@ -29,8 +29,8 @@ log = logging.getLogger(__name__)
 _BUSY_TICK_S = 0.4
 """While something runs: how often progress is written and cancelled attempts are looked for."""
 _LIVELY_S = 8.0
-"""How long a task's progress is written at every tick. Then every third: nobody watches each of a long task's steps,
-and they would cost a fast method three percent of its time."""
+"""How long progress is written at every tick after a rest. Then every third: nobody watches each step of long work, and
+writing it would cost a fast method percents of its time."""
 _IDLE_TICK_S = 1.0
 """How soon work that another process has accepted is seen."""
 _MAX_BACK_OFF_S = 15.0
@@ -46,8 +46,6 @@ class _Flight:
     """When it last reported, monotonic s."""
     job_id: str
     last_step: bool
-    began: float
-    """Monotonic s."""
     progress: float = 0.0
     preview: str = ""
     worker: str = ""
@@ -87,7 +85,7 @@ class Dispatcher:
         self._stopping = False
         self._thread = threading.Thread(target=self._run, name="impasto-dispatcher", daemon=True)
         self._life: Life | None = None
-        self._renewed = self._told = self._looked = float("-inf")
+        self._renewed = self._told = self._looked = self._rested = float("-inf")
         self._turned = time.monotonic()
         self.trouble = ""
         """What keeps it from working now; empty if nothing does."""
@@ -98,7 +96,7 @@ class Dispatcher:
         """Take up what earlier lives have left, and begin. `stop` ends `life`."""
         self._pool.start(self._hear)
         self._life = life
-        self._turned = time.monotonic()
+        self._turned = self._rested = time.monotonic()
         self._thread.start()
 
     def stop(self, grace_s: float = 5.0) -> None:
@@ -153,6 +151,8 @@ class Dispatcher:
                 back_off = min(_MAX_BACK_OFF_S, max(0.5, 2 * back_off))
                 self._note_trouble(error)
             woken = self._wake.wait(back_off or (_BUSY_TICK_S if self._flights else _IDLE_TICK_S))
+            if not (woken or self._flights):
+                self._rested = time.monotonic()
 
     def _note_trouble(self, error: Exception) -> None:
         self.trouble = str(error) or type(error).__name__
@@ -229,7 +229,7 @@ class Dispatcher:
     def _tell_progress(self) -> None:
         news = {attempt_id: flight for attempt_id, flight in self._flights.items() if not flight.told}
         now = time.monotonic()
-        lively = any(now - flight.began < _LIVELY_S for flight in news.values())
+        lively = now - self._rested < _LIVELY_S
         if not news or now - self._told < _BUSY_TICK_S * (1 if lively else 3):
             return
         self._told = now
@@ -298,7 +298,7 @@ class Dispatcher:
             if claim is None:
                 return
             self._flights[claim.attempt_id] = _Flight(
-                time.monotonic(), claim.job_id, claim.step_name == machine.ASSEMBLE, time.monotonic()
+                time.monotonic(), claim.job_id, claim.step_name == machine.ASSEMBLE
             )
             self._send(claim)
 
