@@ -17,6 +17,7 @@ from pipeline.errors import BadParameter, Cancelled
 from pipeline.frames import Frame
 from pipeline.methods.base import Arrays
 from pipeline.video.container import Index
+from pipeline.video.guard.files import GuardedImages
 from pipeline.video.writer import SegmentSpec
 from workers.about import belong
 from workers.arrays import read_arrays, write_arrays
@@ -25,7 +26,6 @@ from workers.decoders import Decoders
 from workers.emission import Emission, EmitError
 from workers.logs import attempt_facts
 from workers.model import TaskOrder
-from workers.numbered import NumberedImages
 from workers.planning import video_info
 from workers.pool import Tell
 from workers.shows import Shows
@@ -115,7 +115,7 @@ class TaskBench:
 
     def images(self, name: str) -> Mapping[int, NDArray[Any]]:
         path = self._life.enter_context(self._blobs.local(self._input(name)))
-        found = NumberedImages(path, f"inputs.{name}")
+        found = GuardedImages(path, f"inputs.{name}")
         self._life.callback(found.close)
         return found
 
