@@ -220,8 +220,8 @@ def _head() -> Iterator[str]:
     yield "# Gallery"
     yield ""
     yield "Real renders. Drawn by `make gallery MEDIA=../shared/media`; every parameter is at its default"
-    yield "unless a caption says otherwise. What each parameter does: [abstraction](abstraction.md), [multistyle](multistyle.md),"
-    yield "[patches](patches.md), [analogy](analogy.md)."
+    yield "unless a caption says otherwise. What each parameter does: [abstraction](abstraction.md),"
+    yield "[multistyle](multistyle.md), [patches](patches.md), [analogy](analogy.md)."
 
 
 def _methods() -> Iterator[str]:

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 from pipeline.errors import ImpastoError, StorageError
 from workers import jobs as machine
+from workers.about import About, about
 from workers.faults import failed_outcome, fault_from, is_final, is_storage_away
 from workers.life import Life
 from workers.model import Fault, TaskOutcome
@@ -45,6 +46,7 @@ class _Flight:
     heard: float
     """When it last reported, monotonic s."""
     job_id: str
+    task_id: str
     last_step: bool
     progress: float = 0.0
     preview: str = ""
@@ -209,6 +211,7 @@ class Dispatcher:
         except ImpastoError as error:  # what it brought back cannot be kept: a NaN, text that is none
             counted = self._commit(failed_outcome(attempt_id, error), flight.worker)
         self._flights.pop(attempt_id, None)
+        _log_end(attempt_id, flight, outcome, counted)
         jobs = self._store.jobs
         over = jobs.succeeded(flight.job_id) if counted and flight.last_step else not jobs.exists(flight.job_id)
         if over:
@@ -284,7 +287,7 @@ class Dispatcher:
         except StorageError:
             raise
         except Exception as error:
-            log.warning("job %s: planning failed: %s", todo.job_id, error)
+            log.warning("planning failed: %s", error, extra=about(job=todo.job_id))
             plans.plan_failed(todo.job_id, todo.step, fault_from(error))
         else:
             plans.planned(todo.job_id, todo.step, tasks)
@@ -297,9 +300,10 @@ class Dispatcher:
             claim = self._store.work.claim(self._life.id, self._settings.lease_s)
             if claim is None:
                 return
-            self._flights[claim.attempt_id] = _Flight(
-                time.monotonic(), claim.job_id, claim.step_name == machine.ASSEMBLE
-            )
+            last = claim.step_name == machine.ASSEMBLE
+            flight = _Flight(time.monotonic(), claim.job_id, str(claim.task["id"]), last)
+            self._flights[claim.attempt_id] = flight
+            log.info("attempt begins", extra=_about(claim.attempt_id, flight, step=claim.step_name))
             self._send(claim)
 
     def _send(self, claim: Claim) -> None:
@@ -319,6 +323,19 @@ class Dispatcher:
         except StorageError as error:
             log.warning("could not give running attempts back; the next start does: %s", error)
         self._flights.clear()
+
+
+def _about(attempt_id: str, flight: _Flight, **more: str) -> dict[str, About]:
+    return about(job=flight.job_id, task=flight.task_id, attempt=attempt_id, **more)
+
+
+def _log_end(attempt_id: str, flight: _Flight, outcome: TaskOutcome, counted: bool) -> None:
+    """How an attempt ended, and whether that still counted."""
+    facts = _about(attempt_id, flight, worker=flight.worker, counted=str(counted).lower())
+    if outcome.fault is not None:
+        log.warning("attempt failed, %s: %s", outcome.fault.code, outcome.fault.message, extra=facts)
+    else:
+        log.info("attempt was cancelled" if outcome.cancelled else "attempt succeeded", extra=facts)
 
 
 def _lost(report: Report) -> TaskOutcome:

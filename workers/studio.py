@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import logging
 import shutil
 import time
 from collections.abc import Callable, Iterator
@@ -13,6 +14,7 @@ from pathlib import Path
 from pipeline.errors import StorageError
 from pipeline.video.probe import probe_guarded
 from workers import jobs as machine
+from workers.about import about
 from workers.blobs.base import Blobs
 from workers.blobs.opened import open_blobs
 from workers.checks import Checks
@@ -36,6 +38,8 @@ from workers.served import served_asset, served_file
 from workers.settings import FarmSettings
 from workers.store import Policy, Store
 from workers.tidy import Tidier
+
+log = logging.getLogger(__name__)
 
 _CHUNK = 1 << 20
 _PICTURES_KEPT = 128
@@ -181,6 +185,7 @@ class Studio:
         accepted = check_request(request, self._inputs(request))
         self._blobs.check_room()
         job = self._store.jobs.add(accepted, owner, idempotency_key)
+        log.info("job accepted", extra=about(job=job.id, owner=owner, method=request.method))
         self._poke()
         return job
 
