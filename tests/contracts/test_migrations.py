@@ -19,7 +19,7 @@ from workers import store as package
 from workers.model import TaskOutcome
 from workers.store import Store, schema
 
-RELEASED = ("0001", "0002")
+RELEASED = ("0001", "0002", "0003")
 """Revisions that were in a version that somebody may have; each is tested for ever."""
 
 
