@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: install demo test check bench gallery clean help
+.PHONY: install demo test check bench chaos gallery clean help
 
 help: ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
@@ -30,6 +30,9 @@ check: install ## ruff, types, import contracts
 
 bench: install ## speed, as ratios measured in one run
 	$(BIN)/python -m benchmarks
+
+chaos: install ## faults of every part of a farm on real PostgreSQL and S3, ten seeded runs
+	$(BIN)/python -m tests.chaos
 
 gallery: install ## docs/gallery from real renders of the media folder: make gallery MEDIA=...
 	$(BIN)/python -m docs.make_gallery $(MEDIA)

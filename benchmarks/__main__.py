@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import sys
 
-from benchmarks import abstraction, dispatch, flow, kill9, live, memory, workers
+from benchmarks import abstraction, analogy, dispatch, flow, kill9, live, memory, patches, workers
 
 ALL = {
     "abstraction": abstraction.main,
+    "analogy": analogy.main,
+    "patches": patches.main,
     "flow": flow.main,
     "workers": workers.main,
     "memory": memory.main,

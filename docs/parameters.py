@@ -24,11 +24,12 @@ def section(captions: Mapping[str, str]) -> str:
     lines: list[str] = []
     for group, members in itertools.groupby(properties.items(), key=lambda item: item[1]["group"]):
         chosen = dict(members)
-        lines += [f"### {group}", "", *_table(chosen), "", *_pictures(chosen, captions)]
+        lines += [f"### {group}", "", *table(chosen), "", *_pictures(chosen, captions)]
     return "\n".join(lines)
 
 
-def _table(properties: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+def table(properties: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+    """Parameters as rows: what each does, unit, range, default, the paper's symbol."""
     yield "| parameter | what it does | unit | range | default | in the paper |"
     yield "|---|---|---|---|---|---|"
     for name, about in properties.items():

@@ -28,6 +28,7 @@ from service.live.routes import router as live
 from service.live.sessions import Sessions
 from service.methods.routes import router as methods
 from service.ops.keys import router as keys
+from service.ops.machine import add_machine
 from service.ops.metrics import FarmMetrics, HttpMetrics, LiveMetrics
 from service.ops.routes import router as ops
 from service.pages import router as pages
@@ -92,6 +93,7 @@ def _parts(settings: Settings, farm: Farm) -> Service:
         registry=CollectorRegistry(),
     )
     service.registry.register(FarmMetrics(farm))
+    add_machine(service.registry, settings)
     return service
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import traceback
 
 from pipeline.errors import BadInput, Cancelled, ImpastoError, StorageError
+from workers.blobs.keys import NoBlob
 from workers.errors import NotFound
 from workers.model import Fault, TaskOutcome
 
@@ -21,6 +22,9 @@ def fault_from(error: BaseException) -> Fault:
     """An exception as a Fault: ours keep code, field and remedy; others are internal errors."""
     if isinstance(error, ImpastoError):
         return Fault(error.code, error.message, error.remedy, error.field, error.value)
+    if isinstance(error, NoBlob):
+        remedy = "Restore it from a backup, or upload the input again and submit a new job."
+        return Fault(NotFound.code, "Bytes that the task needs are gone.", remedy, "blob", str(error.args[0])[:200])
     if isinstance(error, MemoryError):
         return Fault("out-of-memory", "The task needs more memory than there is.", "Use a smaller video.")
     return Fault("internal-error", f"{type(error).__name__}: {error}"[:500], "See the log of the task.")

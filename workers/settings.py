@@ -4,6 +4,7 @@ passed down; nothing here reads the environment."""
 from __future__ import annotations
 
 import os
+import tempfile
 from pathlib import Path
 from typing import Literal
 
@@ -43,7 +44,7 @@ class FarmSettings(BaseModel):
     s3_direct: bool = False
     """Send downloads on to S3 by signed URLs; clients must be able to reach the endpoint."""
     cache_root: Path | None = None
-    """Folder for local copies of blobs in S3; None: `home`/copies."""
+    """Folder for local copies of blobs in S3; None: `home`/copies, on a Ray cluster the temporary folder."""
     cache_bytes: int = Field(default=20 << 30, ge=0)
     """Local copies that nobody uses are removed above this."""
 
@@ -115,5 +116,7 @@ class FarmSettings(BaseModel):
 
     @property
     def copies_at(self) -> Path:
-        """Folder for local copies of blobs that are in S3."""
-        return (self.cache_root or self.home / "copies").absolute()
+        """Folder for local copies of blobs that are in S3. On machines of a cluster there may be no home like ours."""
+        far = self.pool == "ray" and self.ray_address != "local"
+        elsewhere = Path(tempfile.gettempdir()) / f"impasto-{os.getuid()}" / "copies"
+        return (self.cache_root or (elsewhere if far else self.home / "copies")).absolute()

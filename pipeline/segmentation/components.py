@@ -55,9 +55,7 @@ def absorb_specks(labels: Labels, smallest_px: int, smallest_hole_px: int) -> La
     small: Mask = np.where(hole, areas[parts] < smallest_hole_px, areas[parts] < smallest_px)
     if not small.any() or small.all():
         return labels
-    _, nearest = cv2.distanceTransformWithLabels(
-        small.astype(np.uint8), cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL
-    )
+    _, nearest = cv2.distanceTransformWithLabels(small.astype(np.uint8), cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL)
     keys = np.zeros(int(nearest.max()) + 1, np.int32)
     keys[nearest[~small]] = labels[~small]
     return np.where(small, keys[nearest], labels).astype(np.int32)

@@ -44,12 +44,18 @@ def motion_edges(forward: Flow | None, backward: Flow | None, colours: NDArray[A
         flows = [np.zeros((*still.shape[:2], 2), np.float32)]
     edges = []
     for axis in (1, 0):
-        apart = sum(np.square(np.diff(flow, axis=axis)).sum(axis=-1) for flow in flows) / np.float32(len(flows))
+        apart = sum(_square(np.diff(flow, axis=axis)) for flow in flows) / np.float32(len(flows))
         if colours is not None and colour_unit > 0:
-            change = np.square(np.diff(colours.astype(np.float32), axis=axis)).sum(axis=-1)
-            apart = apart + change / np.float32(colour_unit * colour_unit)
+            apart = apart + _square(np.diff(colours.astype(np.float32), axis=axis)) / np.float32(
+                colour_unit * colour_unit
+            )
         edges.append(np.maximum(np.exp(-apart), np.float32(FAINT)).astype(np.float32))
     return edges[0], edges[1]
+
+
+def _square(vectors: NDArray[Any]) -> Plane:
+    """Squared length along the last axis: a few planes are added faster than an axis of 2 or 3 is summed."""
+    return np.asarray(sum(vectors[..., channel] * vectors[..., channel] for channel in range(vectors.shape[-1])))
 
 
 def probabilities(

@@ -54,7 +54,8 @@ class Habits:
         gap: a new stroke comes where no other is nearer than this, in spacings.
         crowd: the younger of two strokes nearer than this is lifted, in spacings; below `gap`.
         fade: presence won or lost a frame, 0..1.
-        follow: how far a stroke's colour goes towards the picture's in a frame, 0..1.
+        follow: how far a stroke's colour goes towards the picture's in a frame, 0..1; further the more they differ, all
+            the way at `break_off`: a stroke whose colour no longer fits paints nothing and keeps others away.
         break_off: beyond this change of colour (RGB distance) a stroke is lifted: it is on another thing now.
     """
 
@@ -72,9 +73,10 @@ def begin(seeds: Seeds, reference: Frame, spacing_px: Field, habits: Habits | No
     return _fresh(seeds[~crowded], reference, 1.0)
 
 
-def _fresh(seeds: Seeds, reference: Frame, presence: float) -> Living:
+def _fresh(seeds: Seeds, reference: Frame, presence: float | NDArray[np.float32]) -> Living:
     n, colours = len(seeds), colours_at(seeds, reference)
-    return Living(seeds, colours, np.full(n, presence, np.float32), np.zeros(n, np.bool_), colours)
+    there = np.full(n, presence, np.float32)
+    return Living(seeds, colours, there, np.zeros(n, np.bool_), colours)
 
 
 def carry(living: Living, flow: Flow, hidden: Mask | None = None) -> Living:
@@ -105,7 +107,7 @@ def _between(flow: Flow, xy: Points) -> Points:
 
 def tend(
     living: Living, candidates: Seeds, reference: Frame, spacing_px: Field, *, habits: Habits | None = None,
-    wanted: Flags | None = None,
+    wanted: Flags | None = None, revealed: Mask | None = None,
 ) -> Living:  # fmt: skip
     """The strokes of this frame: colours and presence ease, what crowds is lifted, where paint is missing it is added.
 
@@ -114,6 +116,7 @@ def tend(
             is room.
         reference: uint8 (h, w, 3), what the layer paints.
         wanted: bool (n,), of the living ones; False = the picture needs this stroke no longer.
+        revealed: bool (h, w), what has just come into the picture: new strokes are wholly there, since no old ones are.
 
     Source: hays2004image, section 5. Departure: colours ease too, and a stroke that must go fades where it is.
     """
@@ -123,14 +126,21 @@ def tend(
     leaving = living.leaving | (change > habits.break_off)
     if wanted is not None:
         leaving = leaving | ~wanted
-    aims = np.where(leaving[:, None], living.aims, living.aims + np.float32(habits.follow) * (now - living.aims))
+    far = np.minimum(change / np.float32(habits.break_off), 1)
+    share = (np.float32(habits.follow) + np.float32(1 - habits.follow) * far * far)[:, None]
+    aims = np.where(leaving[:, None], living.aims, living.aims + share * (now - living.aims))
     spacing = as_plane(spacing_px, reference.shape)
     crowded, room = _room(living.seeds, leaving, candidates, spacing, habits)
     leaving = leaving | crowded
     step = np.where(leaving, np.float32(-habits.fade), np.float32(habits.fade))
     presence = np.clip(living.presence + step, 0, 1).astype(np.float32)
     old = Living(living.seeds, aims.astype(np.float32), presence, leaving, living.born)[presence > 0]
-    return _join(old, _fresh(candidates[room], reference, habits.fade))
+    new = candidates[room]
+    presence = np.full(len(new), habits.fade, np.float32)
+    if revealed is not None:
+        x, y = nearest(new.xy, reference.shape)
+        presence[revealed[y, x]] = 1
+    return _join(old, _fresh(new, reference, presence))
 
 
 def _join(old: Living, new: Living) -> Living:

@@ -20,12 +20,13 @@ def refine(
     Every pixel is improved against the picture of the round before (Jacobi), so their order does not matter.
 
     Departure: besides the four neighbours, the four at 8, 4, 2 and 1 px propose their offsets, round by round, which
-    carries a good offset as far in 4 rounds as 15 would.
+    carries a good offset as far in 4 rounds as 15 would. Chance has its turn in every second round, which leaves the
+    other to spread what it has found: at 640x480 that costs a quarter less for 0.6 % of the goal function.
     """
     for index in range(rounds):
         ops.render(style, sitting, offsets)
         penalty = ops.penalty(style, sitting.size, offsets) if style.goal.w_h > 0 else None
-        search = Search(_JUMPS[index % len(_JUMPS)], search_px if index % 2 == 0 else min(search_px, 16.0))
+        search = Search(_JUMPS[index % len(_JUMPS)], search_px if index % 2 == 0 else 0.0)
         offsets = ops.improve(style, sitting, offsets, penalty, key, index, search)
     return offsets
 

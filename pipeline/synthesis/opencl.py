@@ -25,6 +25,8 @@ class Kernels:
     def __init__(self, device: Device) -> None:
         self.device = device
         self._nothing = device.zeros((16,), np.int32)
+        self.costs: DeviceArray | None = None
+        """What the goal function came to at each pixel in the latest iteration, float32 (h, w)."""
         self._constants: dict[Goal, tuple[DeviceArray, ...]] = {}
         self._cosines = device.upload(cosines())
 
@@ -118,14 +120,16 @@ class Kernels:
         """One iteration: every pixel's offset, or a better one from its neighbours, the ribbons or chance."""
         goal, made, none = style.goal, tables(style.goal), self._nothing
         out = self.device.empty((sitting.size[1], sitting.size[0], 2))
+        self.costs = self.device.empty((sitting.size[1], sitting.size[0]))
         weights, keyed, step_weights = self._tables(goal)
         past = sitting.past
         args = (
-            offsets, out, self.device.empty((sitting.size[1], sitting.size[0])), sitting.packed, sitting.field,
+            offsets, out, self.costs, sitting.packed, sitting.field,
             sitting.bins or none, style.features, style.bins, style.usable, style.distance, weights, style.turns,
             self._cosines, style.steps, step_weights, sitting.before or none, penalty or none,
             sitting.distance or none, sitting.was or none, past.packed if past else none,
-            past.visible if past else none, keyed, sitting.ribbons or none, sitting.given or none, round(goal.r_max_px2),
+            past.visible if past else none, keyed, sitting.ribbons or none, sitting.given or none,
+            round(goal.r_max_px2),
             np.float32(goal.w_sc * made.unit / STEP_SCALE), np.float32(goal.w_tc / goal.colours * made.centre),
             np.float32(goal.d_max_px), np.float32(goal.w_dt * made.centre), search.jump, np.float32(search.search_px),
             np.float32(search.ribbon_px), *_words(key), np.uint32(round_), *style.size,

@@ -8,6 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.segmentation.jit import kernel
+
 Homography: TypeAlias = NDArray[np.float64]
 """float64 (3, 3), maps (x, y, 1), px."""
 Points: TypeAlias = NDArray[Any]
@@ -15,7 +17,7 @@ Points: TypeAlias = NDArray[Any]
 
 IDENTITY: Homography = np.eye(3)
 IDENTITY.setflags(write=False)
-MOST = 4000
+MOST = 1500
 """Points that a fit looks at: evenly chosen from more."""
 
 
@@ -26,6 +28,23 @@ def apply(matrix: Homography, points: Points) -> NDArray[np.float64]:
     scale = 1 / (a[2, 0] * x + a[2, 1] * y + a[2, 2])
     across, down = a[0, 0] * x + a[0, 1] * y + a[0, 2], a[1, 0] * x + a[1, 1] * y + a[1, 2]
     return np.stack([across * scale, down * scale], axis=-1)
+
+
+def deviation(flow: NDArray[np.float32], matrix: Homography) -> NDArray[np.float32]:
+    """How far a flow, float32 (h, w, 2), is from the plane motion, at each pixel: float32 (h, w), px."""
+    out = np.empty(flow.shape[:2], np.float32)
+    _deviation(flow, np.ascontiguousarray(matrix), out)
+    return out
+
+
+@kernel
+def _deviation(flow: NDArray[np.float32], m: Homography, out: NDArray[np.float32]) -> None:
+    for y in range(out.shape[0]):
+        for x in range(out.shape[1]):
+            scale = 1.0 / (m[2, 0] * x + m[2, 1] * y + m[2, 2])
+            across = (m[0, 0] * x + m[0, 1] * y + m[0, 2]) * scale - x - flow[y, x, 0]
+            down = (m[1, 0] * x + m[1, 1] * y + m[1, 2]) * scale - y - flow[y, x, 1]
+            out[y, x] = np.sqrt(across * across + down * down)
 
 
 def lattice(shape: tuple[int, int], origin: tuple[int, int] = (0, 0)) -> NDArray[np.float32]:
@@ -71,7 +90,7 @@ def fit(
     for _ in range(rounds):
         found = _solve(u, v, share, affine=n < 200 or spread < 24)
         share = base * _doubt(u, v, found, scale, noise_px)
-    return np.linalg.inv(matrix) @ found @ matrix
+    return np.asarray(np.linalg.inv(matrix) @ found @ matrix)
 
 
 def dominant(source: Points, target: Points, noise_px: float = 0.5) -> Homography:
@@ -115,4 +134,4 @@ def _solve(u: Points, v: Points, share: NDArray[np.float64], *, affine: bool) ->
     return out.reshape(3, 3)
 
 
-__all__ = ["IDENTITY", "Homography", "apply", "dominant", "fit", "lattice", "shift"]
+__all__ = ["IDENTITY", "Homography", "apply", "deviation", "dominant", "fit", "lattice", "shift"]

@@ -38,7 +38,7 @@ class Lay:
         """G of the rectangle's pixels, float32 (h, w, 2)."""
         left, top, right, bottom = self.rect
         here = lattice((bottom - top, right - left), (left, top))
-        return (apply(self.matrix, here) + self.rest).astype(np.float32)
+        return np.asarray(apply(self.matrix, here) + self.rest, np.float32)
 
     def at(self, points: NDArray[np.float32]) -> NDArray[np.float32]:
         """G of any points (h, w, 2) of the frame, bilinear; outside the rectangle its border's rest goes on."""
@@ -148,11 +148,11 @@ def _fill(weighted: NDArray[np.float32]) -> NDArray[np.float32]:
     """Push and pull: what is unknown takes the colour of the coarser picture below it."""
     height, width = weighted.shape[:2]
     known = weighted[..., 3:]
-    if max(height, width) <= 2 or known.min() >= 1:
+    if max(height, width) <= 1 or known.min() >= 1:
         return np.asarray(weighted[..., :3] / np.maximum(known, np.float32(1e-6)))
     small = cv2.resize(weighted, ((width + 1) // 2, (height + 1) // 2), interpolation=cv2.INTER_AREA)
     share = np.maximum(small[..., 3:], np.float32(1e-6))
     grown = np.minimum(small[..., 3:] * 4, 1)
     small = np.dstack([small[..., :3] / share * grown, grown]).astype(np.float32)
-    below = cv2.resize(_fill(small), (width, height), interpolation=cv2.INTER_LINEAR)
+    below = cv2.resize(_fill(np.asarray(small, np.float32)), (width, height), interpolation=cv2.INTER_LINEAR)
     return np.asarray(weighted[..., :3] + below * (1 - known))

@@ -20,7 +20,7 @@ from pipeline.frames import Mask, Plane
 from pipeline.segmentation.jit import kernel
 
 MOST_ITERATIONS = 10
-STEP = 1.0
+STEP = 1.4
 """Of a corner: its force over the stiffness that pulls at it."""
 
 Positions = NDArray[np.float32]
@@ -73,7 +73,7 @@ class Relaxed:
         return np.float32(self.origin[0]), np.float32(self.origin[1]), np.float32(1 / self.cell)
 
 
-def relax(sheets: Sequence[Sheet], cell: float = 2.0, most: int = MOST_ITERATIONS) -> Relaxed:
+def relax(sheets: Sequence[Sheet], cell: float = 1.0, most: int = MOST_ITERATIONS) -> Relaxed:
     """Relax the sheets together, until the force no longer falls or `most` steps are done.
 
     Args:

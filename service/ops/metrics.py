@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
@@ -70,11 +71,14 @@ class FarmMetrics(Collector):
         return ()
 
     def collect(self) -> Iterator[Metric]:
+        began = time.perf_counter()
         try:
             snapshot = self._farm.snapshot()
         except Exception:  # the store is away: say what can be said
             log.exception("The farm gave no snapshot")
             snapshot = {}
+        text = "The store took this long for the figures of this scrape."
+        yield _single("impasto_store_answer_seconds", text, time.perf_counter() - began)
         yield from _ready(snapshot.get("ready") or self._farm.ready())
         if snapshot:
             yield from _families(snapshot)
@@ -104,8 +108,17 @@ def _families(snapshot: Mapping[str, Any]) -> Iterator[Metric]:
         "method",
         snapshot.get("frames_per_s", {}),
     )
+    yield from _workers(snapshot.get("pool", {}))
     yield from _totals(snapshot.get("totals", {}))
     yield _single("impasto_webhooks_waiting", "Messages in the outbox.", snapshot.get("webhooks_waiting", 0))
+
+
+def _workers(pool: Mapping[str, Any]) -> Iterator[Metric]:
+    """The workers of this process: those that are there, that are wanted, that are at work."""
+    here = int(pool.get("workers", 0))
+    yield _single("impasto_workers", "Workers that are there.", here)
+    yield _single("impasto_workers_wanted", "Workers that there should be.", int(pool.get("wanted", here)))
+    yield _single("impasto_workers_busy", "Workers with an attempt at hand.", len(pool.get("busy", {})))
 
 
 def _totals(totals: Mapping[str, Mapping[str, float]]) -> Iterator[Metric]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from pipeline.errors import BadParameter, StorageError
 from pipeline.methods.base import Task
 from tests.contracts.databases import DATABASES
 from tests.contracts.released import ROWS
+from tests.real.postgres import Postgres
 from workers import store as package
 from workers.model import TaskOutcome
 from workers.store import Store, schema
@@ -73,8 +75,6 @@ def test_a_database_of_a_newer_version_is_left_alone(url: str) -> None:
 
 
 def test_processes_that_start_at_once_migrate_once(url: str) -> None:
-    from concurrent.futures import ThreadPoolExecutor
-
     with ThreadPoolExecutor(4) as threads:
         stores = list(threads.map(lambda _: Store(url), range(4)))
     for store in stores:
@@ -88,8 +88,8 @@ def test_a_url_that_names_no_database_is_refused(wrong: str) -> None:
         Store(wrong)
 
 
-def test_people_write_the_url_of_postgres_in_several_ways(postgres: object) -> None:
-    url = postgres.fresh()  # type: ignore[attr-defined]
+def test_people_write_the_url_of_postgres_in_several_ways(postgres: Postgres) -> None:
+    url = postgres.fresh()
     for written in ("postgres://", "postgresql://", "postgresql+psycopg://"):
         store = Store(url.replace("postgresql+psycopg://", written))
         store.check()

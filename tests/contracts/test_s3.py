@@ -30,10 +30,18 @@ def blobs(s3: Swift, tmp_path: Path) -> S3Blobs:
 # -- signed URLs
 
 
+def _get(url: str, headers: dict[str, str] | None = None) -> httpx.Response:
+    return httpx.get(url, headers=headers, timeout=60)
+
+
+def _put(url: str, content: bytes) -> httpx.Response:
+    return httpx.put(url, content=content, timeout=60)
+
+
 def test_a_signed_url_gives_the_blob_as_a_file_of_that_name(blobs: S3Blobs) -> None:
     blobs.put("k", b"frames")
     url = blobs.direct.download_url("k", "Zoë's cat.mp4", "video/mp4")
-    answer = httpx.get(url, headers={"Range": "bytes=2-"})
+    answer = _get(url, headers={"Range": "bytes=2-"})
     assert (answer.status_code, answer.content) == (206, b"ames")
     assert answer.headers["content-type"] == "video/mp4"
     assert "Zo%C3%AB%27s%20cat.mp4" in answer.headers["content-disposition"]
@@ -43,15 +51,15 @@ def test_a_signed_url_is_good_for_one_blob_and_a_while(blobs: S3Blobs) -> None:
     blobs.put("k", b"mine")
     blobs.put("other", b"not yours")
     url = blobs.direct.download_url("k", "k", "text/plain", seconds=1)
-    assert httpx.get(url).content == b"mine"
-    assert httpx.get(url.replace("/k?", "/other?")).status_code == 403
-    assert httpx.put(url, content=b"changed").status_code == 403
+    assert _get(url).content == b"mine"
+    assert _get(url.replace("/k?", "/other?")).status_code == 403
+    assert _put(url, content=b"changed").status_code == 403
     time.sleep(2.1)
-    assert httpx.get(url).status_code == 403
+    assert _get(url).status_code == 403
 
 
 def test_a_blob_can_be_put_past_us_whole(blobs: S3Blobs) -> None:
-    assert httpx.put(blobs.direct.upload_url("in"), content=b"uploaded").status_code == 200
+    assert _put(blobs.direct.upload_url("in"), content=b"uploaded").status_code == 200
     assert blobs.get("in") == b"uploaded"
 
 
@@ -60,7 +68,7 @@ def test_a_blob_can_be_put_past_us_in_parts(blobs: S3Blobs) -> None:
     parts = [b"1" * PART_BYTES, b"2" * PART_BYTES, b"3"]
     upload = direct.begin("film")
     for number, part in reversed(list(enumerate(parts, 1))):
-        assert httpx.put(direct.part_url("film", upload, number), content=part, timeout=60).status_code == 200
+        assert _put(direct.part_url("film", upload, number), content=part).status_code == 200
     assert blobs.size("film") is None, "not before it is complete"
     direct.complete("film", upload)
     assert blobs.get("film") == b"".join(parts)
@@ -115,14 +123,17 @@ def test_a_store_that_is_away_is_said_and_comes_back(
     began = time.monotonic()
     with pytest.raises(StorageError):
         impatient.check()
-    assert time.monotonic() - began < 5, "readyz waits for this"
+    assert time.monotonic() - began < 12, "readyz waits for this"
     away.start("object")
     impatient.put("k", b"v")
     assert impatient.get("k") == b"v"
     impatient.check()
 
 
-def test_a_request_is_tried_again_until_the_store_is_back(blobs: S3Blobs, away: Swift) -> None:
+def test_a_request_is_tried_again_until_the_store_is_back(
+    blobs: S3Blobs, away: Swift, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("workers.blobs.s3_client._TRIES", 12)  # a machine that is busy starts it slowly
     putting = threading.Thread(target=blobs.put, args=("k", b"v"))
     putting.start()
     time.sleep(0.8)

@@ -19,7 +19,7 @@ from typing import BinaryIO
 from pipeline.errors import StorageFull
 from workers.blobs.base import Direct
 from workers.blobs.disk_errors import disk_errors
-from workers.blobs.keys import check_key
+from workers.blobs.keys import NoBlob, check_key
 
 _CHUNK = 1 << 20
 _TEMPORARY = "~tmp"
@@ -65,7 +65,7 @@ class DiskBlobs:
     def local(self, key: str) -> Iterator[Path]:
         place = self._place(key)
         if not place.is_file():
-            raise KeyError(key)
+            raise NoBlob(key)
         yield place
 
     def size(self, key: str) -> int | None:
@@ -205,4 +205,4 @@ def _missing(key: str) -> Iterator[None]:
     try:
         yield
     except FileNotFoundError:
-        raise KeyError(key) from None
+        raise NoBlob(key) from None

@@ -1,4 +1,4 @@
-"""What a blob key is, in one place for every blob store."""
+"""What a blob key is, and that there is nothing under one: in one place for every blob store."""
 
 from __future__ import annotations
 
@@ -7,6 +7,10 @@ import re
 from pipeline.errors import BadInput
 
 _PART = re.compile(r"[A-Za-z0-9._-]{1,200}")
+
+
+class NoBlob(KeyError):
+    """There is nothing under a key."""
 
 
 def check_key(key: str) -> str:

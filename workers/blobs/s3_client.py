@@ -16,6 +16,7 @@ from botocore.exceptions import BotoCoreError, ClientError, HTTPClientError
 from urllib3.exceptions import HTTPError
 
 from pipeline.errors import StorageError, StorageFull
+from workers.blobs.keys import NoBlob
 
 _CONNECTIONS = 32
 _TRIES = 9
@@ -99,7 +100,7 @@ def as_storage_error(key: str = "") -> Iterator[None]:
         yield
     except ClientError as error:
         if key and code_of(error) in _MISSING:
-            raise KeyError(key) from None
+            raise NoBlob(key) from None
         raise _refused(error) from error
     except (BotoCoreError, Boto3Error, HTTPClientError, HTTPError, OSError) as error:
         if isinstance(cause := error.__cause__ or error.__context__, ClientError):

@@ -57,6 +57,14 @@ class Analogy:
             "masks", "images", False, "Masks of keyframes",
             "White where a keyframe is painted, instead of its transparency; a zip of images named by frame number.",
         ),
+        InputSpec(
+            "lines", "video", False, "Lines",
+            "Black lines on white, a frame for each of the video's: they are drawn with the strokes of style_lines.",
+        ),
+        InputSpec(
+            "style_lines", "image", False, "Lines of the style",
+            "Where the painting's strokes run: black lines on white, of the painting's size.",
+        ),
         *_guide("a"), *_guide("b"), *_guide("c"),
     )  # fmt: skip
     steps: ClassVar[tuple[Step, ...]] = (

@@ -87,7 +87,8 @@ class AnalogyParams(Params):
 
     # -- lines
     lines_weight: float = _number(
-        0, 0, 500, "Lines", "Lines of the input `lines` are drawn as those of `style_lines` are painted; 0 = off.",
+        200, 0, 5000, "Lines",
+        "How firmly lines of the input `lines` are drawn as those of `style_lines` are painted; 0 = off.",
         "per px^2", "Lines", "w_dt",
     )  # fmt: skip
     lines_reach: float = _number(
@@ -148,5 +149,5 @@ class AnalogyParams(Params):
         json_schema_extra={"unit": "pairs", "group": "Search"},
     )  # fmt: skip
     search_radius: float = _number(
-        32, 1, 4096, "Search radius", "Of the random search at all but the coarsest level.", "px", "Search"
+        128, 1, 4096, "Search radius", "Of the random search at all but the coarsest level.", "px", "Search"
     )

@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 
 from pipeline.errors import BadInput
-from pipeline.frames import Frame
+from pipeline.frames import Frame, Plane
 from pipeline.methods.analogy.params import AnalogyParams
-from pipeline.methods.analogy.styles import Pair, given_guides
+from pipeline.methods.analogy.styles import Pair, given_guides, has_lines, line_distance
 from pipeline.methods.base import Bench
 from pipeline.synthesis.images import Bytes, Offsets, Target, halved, stacked
 from pipeline.synthesis.motion import Motion, estimated
@@ -50,8 +50,12 @@ class Stills:
         self.frames: dict[int, Frame] = {}
         self.guides: dict[int, Bytes] = {}
         sources = [bench.frames(f"guide_{name}", start, stop) for name in given_guides(bench)]
+        self.distances: dict[int, Plane] = {}
+        drawn = bench.frames("lines", start, stop) if has_lines(bench) else None
         for index, frame in enumerate(bench.frames("video", start, stop), start):
             with bench.clock("guides"):
+                if drawn is not None:
+                    self.distances[index] = _shrunk(line_distance(_frame(drawn, "lines", frame)), level)
                 extra = [_next(source, name, frame) for source, name in zip(sources, given_guides(bench), strict=True)]
                 guide = stacked([match(lab_guide(frame)), *extra])
                 self.frames[index], self.guides[index] = _down(frame, level), _down(guide, level)
@@ -60,7 +64,8 @@ class Stills:
         guide = self.guides[index]
         turning = self._params.rotation == "on"
         gray = np.ascontiguousarray(guide[..., 0])
-        return Target(guide, orientation(gray, self._params.rotation_sigma) if turning else None)
+        bins = orientation(gray, self._params.rotation_sigma) if turning else None
+        return Target(guide, bins, self.distances.get(index))
 
 
 def _down(image: Bytes, level: int) -> Bytes:
@@ -69,16 +74,27 @@ def _down(image: Bytes, level: int) -> Bytes:
     return image
 
 
+def _shrunk(distances: Plane, level: int) -> Plane:
+    for _ in range(level):
+        distances = np.asarray(halved(distances), np.float32) / np.float32(2)
+    return distances
+
+
 def _next(source: Iterator[Frame], name: str, frame: Frame) -> Bytes:
-    """A guide's next frame as a plane. One that is a still stands for all: see `inputs.guide_*`."""
+    """A guide's next frame as a plane."""
+    return np.asarray(cv2.cvtColor(_frame(source, f"guide_{name}", frame), cv2.COLOR_RGB2GRAY), np.uint8)
+
+
+def _frame(source: Iterator[Frame], name: str, frame: Frame) -> Frame:
+    """The next frame of an input that goes with the video."""
     found = next(source, None)
     if found is None or found.shape != frame.shape:
         what = "ends before the video" if found is None else f"is {found.shape[1]}x{found.shape[0]}"
         raise BadInput(
-            f"The guide {name} {what}.", field=f"inputs.guide_{name}",
+            f"The input {name} {what}.", field=f"inputs.{name}",
             remedy=f"Give as many frames of {frame.shape[1]}x{frame.shape[0]} as the video has.",
         )  # fmt: skip
-    return np.asarray(cv2.cvtColor(found, cv2.COLOR_RGB2GRAY), np.uint8)
+    return found
 
 
 class Shot:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
+from pipeline.compute import device
 from pipeline.errors import BadInput
 from pipeline.frames import Frame, Plane
 from pipeline.methods.analogy.exemplar import own_pair
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.base import Bench
+from pipeline.synthesis.distance import distance
 from pipeline.synthesis.goal import Goal
 from pipeline.synthesis.images import Bytes, Style, halved, packed, stacked
 from pipeline.synthesis.orientation import orientation
@@ -19,6 +21,7 @@ from pipeline.synthesis.tones import derived_guide, lab_guide
 
 GUIDES = ("a", "b", "c")
 LONGEST_PX = 16000
+DARK = 128
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,14 @@ class Pair:
 
 
 def read_pair(bench: Bench) -> Pair:
+    """`_read_pair`, with the style's lines if the job draws any."""
+    pair = _read_pair(bench)
+    if not has_lines(bench):
+        return pair
+    return replace(pair, lines=line_distance(_fitting(bench.image("style_lines"), pair.output, "inputs.style_lines")))
+
+
+def _read_pair(bench: Bench) -> Pair:
     """The pair that the job's inputs give: painted and plain, painted alone, or our own where there is neither.
 
     Raises:
@@ -82,6 +93,27 @@ def _extra(bench: Bench, painting: Frame) -> Bytes | None:
             )  # fmt: skip
         planes.append(cv2.cvtColor(_fitting(bench.image(field), painting, f"inputs.{field}"), cv2.COLOR_RGB2GRAY))
     return stacked([np.asarray(p, np.uint8) for p in planes]) if planes else None
+
+
+def has_lines(bench: Bench) -> bool:
+    """Whether the job draws lines.
+
+    Raises:
+        BadInput: one of the two pictures of lines is missing.
+    """
+    given = {name for name in ("lines", "style_lines") if bench.has(name)}
+    if len(given) == 1:
+        missing = ({"lines", "style_lines"} - given).pop()
+        raise BadInput(
+            "Lines need both pictures of them: the video's and the style's.", field=f"inputs.{missing}",
+            remedy=f"Give {missing}: black lines on white.",
+        )  # fmt: skip
+    return bool(given) and bench.params.lines_weight > 0
+
+
+def line_distance(picture: Frame) -> Plane:
+    """Distance to the dark pixels (below half) of a picture of lines, px."""
+    return distance(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY) < DARK, device())
 
 
 def given_guides(bench: Bench) -> tuple[str, ...]:
@@ -141,8 +173,7 @@ class Styles:
         colours = pair.output if self._params.colours == "rgb" else in_lab(pair.output)
         turning = self._params.rotation == "on"
         bins = orientation(np.ascontiguousarray(pair.guide[..., 0]), self._params.rotation_sigma) if turning else None
-        lines = None if pair.lines is None else pair.lines
-        return Style(pair.output, packed(goal, colours, pair.guides), bins, pair.usable, lines)
+        return Style(pair.output, packed(goal, colours, pair.guides), bins, pair.usable, pair.lines)
 
 
 def in_lab(output: Bytes) -> Bytes:

@@ -11,48 +11,72 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.flow.warp import fetch
-from pipeline.frames import Flow
+from pipeline.frames import Flow, Mask
 from pipeline.segmentation.jit import kernel
 
 MOVING = 0.25
 """What is carried by bilinear samples goes at least so far towards the new picture, or it would blur away."""
+ANOTHER = 6.0
+"""Differences of so many tolerances are another thing that has come into view."""
+TURNING = 0.3
+"""The same for a direction."""
 MARGIN, NOISY = 1.4, 2.5
 """The tolerance is at least so many times the median difference, and at most so many times what was asked for."""
 QUICKLY = 0.75
 """How far a pixel that is plainly different goes towards the new picture in a frame."""
 
 
-def hold(now: NDArray[np.float32], past: NDArray[np.float32], back: Flow, tolerance: float) -> NDArray[np.float32]:
-    """The held picture of this frame, float32 (h, w, channels).
+def hold(
+    now: NDArray[np.float32], past: NDArray[np.float32], back: Flow, tolerance: float
+) -> tuple[NDArray[np.float32], Mask]:  # fmt: skip
+    """The held picture of this frame, float32 (h, w, 3); and where it shows something else than before, bool (h, w).
 
     Args:
-        now: the frame, float32 (h, w, channels).
+        now: the frame, float32 (h, w, 3).
         past: the held picture of the frame before.
         back: from this frame to the one before, float32 (h, w, 2), px; exactly 0 where nothing moves.
         tolerance: mean difference over 5 x 5 px up to which a pixel keeps its past; beyond three times that it follows.
             More where the whole picture is noisy: up to `NOISY` times as much.
     """
     carried = np.asarray(fetch(past, back), np.float32)
-    apart = np.abs(now - carried).max(axis=-1)
-    apart = np.asarray(cv2.boxFilter(apart, -1, (5, 5)), np.float32)
+    red, green, blue = cv2.split(cv2.absdiff(now, carried))
+    most = cv2.max(cv2.max(red, green), blue)
+    apart = np.asarray(cv2.boxFilter(most, -1, (5, 5)), np.float32)
     noise = float(np.partition(apart, apart.size // 2, axis=None)[apart.size // 2])
     tolerance = min(max(tolerance, MARGIN * noise), NOISY * tolerance)
     out = np.empty_like(now)
-    _hold(np.ascontiguousarray(now), carried, back, apart, np.float32(tolerance), out)
-    return out
+    _hold(np.ascontiguousarray(now), carried, back, apart, np.float32(tolerance), np.float32(QUICKLY), out)
+    return out, np.asarray(apart > np.float32(ANOTHER * tolerance), np.bool_)
+
+
+def hold_field(
+    now: NDArray[np.float32], past: NDArray[np.float32], back: Flow, tolerance: float
+) -> NDArray[np.float32]:
+    """The same for directions, float32 (2, h, w), (cos 2a, sin 2a): strokes do not tremble where nothing happens.
+
+    Args:
+        tolerance: length of the difference up to which a direction stays; 0.2 is 6 degrees.
+    """
+    carried = np.ascontiguousarray(fetch(past.transpose(1, 2, 0), back), np.float32)
+    fresh = np.ascontiguousarray(now.transpose(1, 2, 0))
+    u, v = cv2.split(fresh - carried)
+    apart = np.asarray(cv2.boxFilter(np.sqrt(u * u + v * v), -1, (3, 3)), np.float32)
+    out = np.empty_like(fresh)
+    _hold(fresh, carried, back, apart, np.float32(tolerance), np.float32(TURNING), out)
+    return np.ascontiguousarray(out.transpose(2, 0, 1))
 
 
 @kernel
 def _hold(
     now: NDArray[np.float32], past: NDArray[np.float32], back: Flow, apart: NDArray[np.float32], tolerance: np.float32,
-    out: NDArray[np.float32],
+    quickly: np.float32, out: NDArray[np.float32],
 ) -> None:  # fmt: skip
     height, width, channels = now.shape
     zero, one = np.float32(0), np.float32(1)
     for y in range(height):
         for x in range(width):
             over = min(max((apart[y, x] - tolerance) / (tolerance + tolerance), zero), one)
-            share = np.float32(QUICKLY) * over
+            share = quickly * over
             dx, dy = back[y, x, 0], back[y, x, 1]
             if dx != zero or dy != zero:
                 share = max(share, np.float32(MOVING))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -11,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.flow import estimate
+from pipeline.flow.reliability import inside
 from pipeline.flow.warp import fetch
-from pipeline.frames import Flow, Frame, Plane, same_size
+from pipeline.frames import Flow, Frame, Mask, Plane, same_size
 from pipeline.methods.abstraction.state import Clock, State, flatten, part
 from pipeline.methods.multistyle.design import Design
 from pipeline.methods.multistyle.designer import Designer, Placed
 from pipeline.methods.multistyle.fields import SMALLEST_PX, StyleFields, chosen_style, style_fields, uniform
-from pipeline.methods.multistyle.held import hold
+from pipeline.methods.multistyle.held import hold, hold_field
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.sight import COLUMNS, Marks, Sight
 from pipeline.methods.multistyle.styles import STYLES, pigment
@@ -39,6 +41,12 @@ WISH_HOLD, WISH_FOLLOW = 0.06, 0.25
 """Wished detail that changes by less stays as it is; more is gone after by so much a frame."""
 EDGE_SHRINKS, STRICTER = 0.85, 0.5
 """Each finer layer keeps to its colour this much more strictly; and how much more where detail is fullest, in parts."""
+GAP = 0.6
+"""A new stroke comes where no other is nearer than this, in spacings."""
+LEAST_BREAK = 45.0
+"""Change of colour, RGB distance, that no stroke is lifted for."""
+DIRECTION_HOLD = 0.2
+"""Change of (cos 2a, sin 2a) up to which a direction stays as it was: 6 degrees."""
 LEAST_BLUR = 0.3
 """Sigma, px, below which a picture is not blurred at all."""
 COARSE_ROWS = 160
@@ -69,7 +77,7 @@ class Eye:
     ) -> None:  # fmt: skip
         self.params, self.size, self.seed, self.clock = params, size, seed, clock
         self.manner = STYLES[params.style].manner
-        self.habits = Habits(fade=params.stroke_fade, follow=params.colour_follow)
+        self.habits = Habits(gap=GAP, fade=params.stroke_fade, follow=params.colour_follow)
         self.factor = max(1, round(size[1] / COARSE_ROWS))
         self.small = (max(1, size[0] // self.factor), max(1, size[1] // self.factor))
         self.style = chosen_style(params)
@@ -81,6 +89,8 @@ class Eye:
         self.gray: NDArray[np.uint8] | None = None
         self.thumbnail: Plane | None = None
         self.tensors: NDArray[np.float32] | None = None
+        self.field: Tensors2 | None = None
+        self.other: Mask | None = None
         self.held: NDArray[np.float32] | None = None
         self.wish: Plane | None = None
         self.wished: Plane | None = None
@@ -128,7 +138,7 @@ class Eye:
         with self.clock("hold"):
             now = _shrunk(frame, self.work).astype(np.float32)
             if flow is not None and self.held is not None:
-                now = hold(now, self.held, _backwards(flow, self.work), self.params.hold)
+                now, self.other = hold(now, self.held, _backwards(flow, self.work), self.params.hold)
             self.held = now
             return np.asarray(np.rint(now), np.uint8)
 
@@ -160,9 +170,13 @@ class Eye:
             wide = np.stack([_blurred(plane, sigma * BROAD) for plane in near])
             default = field_of(math.radians(self.params.default_angle), BY_DEFAULT)[:, None, None]
             field = np.asarray(near + np.float32(BROADLY) * wide + default, np.float32)
-            if placed is not None and self.designer is not None:
-                field = self.designer.directions(field, placed)
-            return np.asarray(field / (np.sqrt((field * field).sum(axis=0)) + np.float32(1e-3)), np.float32)
+            field = _unit(field)
+            if flow is not None and self.field is not None:
+                field = hold_field(field, self.field, _backwards(flow, self.small), DIRECTION_HOLD)
+            self.field = field
+            if placed is None or self.designer is None:
+                return field
+            return _unit(self.designer.directions(field, placed))
 
     def _strokes(self, picture: Frame, fields: StyleFields, flow: Flow | None) -> tuple[Marks, ...]:
         if flow is None:
@@ -207,7 +221,15 @@ class Eye:
             return begin(candidates, reference, spacing, self.habits)
         living = carry(self.living[index], flow)
         keep = None if limit is None else self._missing(living.seeds, limit[0], brush, limit[1], HOLD)
-        return tend(living, candidates, reference, spacing, habits=self.habits, wanted=keep)
+        habits = replace(self.habits, break_off=max(recipe.edge * EDGE_SHRINKS**index, LEAST_BREAK))
+        return tend(living, candidates, reference, spacing, habits=habits, wanted=keep, revealed=self._revealed(flow))
+
+    def _revealed(self, flow: Flow) -> Mask:
+        """What has come into the picture, or into view, bool (h, w): strokes come up at once there."""
+        outside = ~inside(-flow)
+        if self.other is None:
+            return outside
+        return outside | (_stretched(self.other.astype(np.uint8), self.size) > 0)
 
     def _missing(self, seeds: Seeds, error: Plane, brush: Brush, threshold: Plane, hold: float) -> NDArray[np.bool_]:
         """Which strokes the picture needs: their area error exceeds `hold` times the threshold."""
@@ -224,7 +246,8 @@ class Eye:
         can be painted by itself.
         """
         apart = picture.astype(np.float32) - below.astype(np.float32)
-        now = np.sqrt((apart * apart).sum(axis=-1))
+        red, green, blue = cv2.split(apart)  # by plane: a sum over three channels is slow
+        now = np.sqrt(red * red + green * green + blue * blue)
         if before is not None and len(self.errors) >= index:
             past = fetch(self.errors[index - 1], before)
             now = now + np.float32(DETAIL_MEMORY) * (past - now)
@@ -258,7 +281,13 @@ class Eye:
     def state(self) -> State:
         """All it remembers; an eye restored from it goes on with the same bytes."""
         own: State = {"age": np.array(self.age)}
-        memories = {"gray": self.gray, "thumbnail": self.thumbnail, "tensors": self.tensors, "held": self.held}
+        memories = {
+            "gray": self.gray,
+            "thumbnail": self.thumbnail,
+            "tensors": self.tensors,
+            "held": self.held,
+            "field": self.field,
+        }
         own |= {name: array for name, array in (memories | {"wish": self.wish}).items() if array is not None}
         layers = {f"living{k}": _living_state(living) for k, living in enumerate(self.living)}
         errors = {"errors": {str(k): error for k, error in enumerate(self.errors)}}
@@ -267,7 +296,7 @@ class Eye:
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         self.age = int(state["age"])
         self.gray, self.thumbnail, self.tensors = (state.get(name) for name in ("gray", "thumbnail", "tensors"))
-        self.held, self.wish = state.get("held"), state.get("wish")
+        self.held, self.wish, self.field = state.get("held"), state.get("wish"), state.get("field")
         self.importance.restore(part(state, "importance"))
         errors = part(state, "errors")
         self.errors = [errors[str(k)] for k in range(len(errors))]
@@ -285,6 +314,10 @@ def _living_state(living: Living) -> State:
 def _living_from(state: Mapping[str, NDArray[Any]]) -> Living:
     seeds = Seeds(state["xy"], state["ids"])
     return Living(seeds, state["aims"], state["presence"], state["leaving"], state["born"])
+
+
+def _unit(field: Tensors2) -> Tensors2:
+    return np.asarray(field / (np.sqrt(field[0] * field[0] + field[1] * field[1]) + np.float32(1e-3)), np.float32)
 
 
 def _shrunk(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:

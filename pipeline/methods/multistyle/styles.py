@@ -94,11 +94,11 @@ STYLES: Mapping[str, Named] = MappingProxyType({
     "van-gogh": Named(
         "Van Gogh", "Thick, curving strokes that run along every form; strong colour.",
         Style(
-            size=20, length=105, jitter=0.28, saturation=0.08, relief=3.6, grain=0.8, layers=3, threshold=20,
+            size=20, length=105, jitter=0.25, saturation=0.08, relief=3.4, grain=0.75, layers=3, threshold=20,
         ),
         Manner(
-            Recipe(most=4, ratio=0.55, overlap=2.6, edge=85), Touch((0.2, 0.5), streaks=36, dry=0.35),
-            Light(strength=0.36, gloss=0.1), vivid=1.25, contrast=1.06, mingle=110,
+            Recipe(most=4, ratio=0.55, overlap=2.6, edge=85), Touch((0.2, 0.5), streaks=32, dry=0.35),
+            Light(strength=0.31, gloss=0.08), vivid=1.25, contrast=1.06, mingle=110,
         ),
     ),
     "impressionism": Named(

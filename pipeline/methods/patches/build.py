@@ -11,21 +11,24 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Mask, Plane
 from pipeline.methods.base import Bench, Brief, Note, Task
+from pipeline.methods.patches.artefacts import keep_energy, keep_patch
 from pipeline.methods.patches.clusters import LabelMaps
 from pipeline.methods.patches.grid import Grid
+from pipeline.methods.patches.guidance import style_of, styles_of
 from pipeline.methods.patches.hertzmann import PAPER_HEIGHT, Painter
 from pipeline.methods.patches.links import norm
 from pipeline.methods.patches.lives import Life, lives
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.register import MARGIN, rect_of
 from pipeline.methods.patches.scan import run_key, run_of
-from pipeline.methods.patches.tracking import BACKGROUND
 from pipeline.warp.homography import IDENTITY, Homography
 from pipeline.warp.panorama import Lay, full_map, gather, mean
-from pipeline.warp.springs import Relaxed, Sheet, relax
+from pipeline.warp.springs import Relaxed, Sheet, distortion, relax
 
 STRIDE = 2
 """Every second pixel is enough for the relaxation over all frames."""
+MOST_SHEETS = 24
+"""Frames of a life that are relaxed together: neighbours say nearly the same, so an even choice stands for all."""
 CELL = 4.0
 """Distance of its grid's corners, working px."""
 LARGEST = 16.0
@@ -41,41 +44,77 @@ OUTSIDE = 0.02
 def plan_patch(brief: Brief) -> list[Task]:
     if brief.params.temporal != "on":
         return []
-    return [Task(life.key, life.args(), weight=0.1 * (life.stop - life.start) + 1) for life in lives(brief)]
+    pairs = _pair_energies(brief)
+    return [
+        Task(life.key, {"life": life.args(), "pairs": pairs.get(life.key, [0.0, 0.0, 0, 0])}, weight=_weight(life))
+        for life in lives(brief)
+    ]
+
+
+def _weight(life: Life) -> float:
+    return 0.1 * (life.stop - life.start) + 1
+
+
+def _pair_energies(brief: Brief) -> dict[str, list[float]]:
+    """Of each patch, over all its pairs of frames: energy before and after, iterations, and how many pairs."""
+    found: dict[str, list[float]] = {}
+    for note in brief.notes["register"].values():
+        for key, row in note["energies"].items():
+            found[key] = [a + b for a, b in zip(found.get(key, [0.0, 0.0, 0, 0]), row, strict=True)]
+    return found
 
 
 def run_patch(task: Task, bench: Bench) -> Note:
     """Artefacts: "<life>" with the panorama and its painting, "<life>-<run>" with the lays of a run's frames."""
-    life = Life(**task.args)
+    life = Life(**task.args["life"])
     maps, grid = LabelMaps(bench, life.begin), Grid.of(bench.size)
     with bench.clock("join"):
         lays = joined(life, bench)
     with bench.clock("relax"):
+        unsettled = dict(lays)
         relaxed = settle(lays, life, maps, bench.params)
     bench.progress(0.3)
     room = Room.around(lays, grid)
     with bench.clock("mean"):
         found = ages(lays, life, maps, room, grid, bench)
         panoramas = pictures(found)
-    painter = painter_of(life, bench.params, bench.size, grid, bench.seed)
+    painter = painter_of(life, bench, grid)
+    looks = []
     for number, picture in enumerate(panoramas):
         with bench.clock("paint"):
             painting = painter.picture(picture)
+        looks.append((picture, painting))
         bench.save(f"{life.key}-age{number}", {"panorama": picture, "painting": painting})
         bench.progress(0.7 + 0.3 * (number + 1) / len(found))
     _save(life, lays, bench)
+    keep_patch(bench, life.key, looks)
+    _report(task, life, unsettled, lays, maps, relaxed, bench)
     return {
         "before": relaxed.before, "after": relaxed.after, "iterations": relaxed.iterations, "frames": len(lays),
         "origin": list(room.origin), "ages": [[age.start, age.stop] for age in found],
     }  # fmt: skip
 
 
-def painter_of(life: Life, params: PatchesParams, size: tuple[int, int], grid: Grid, seed: int) -> Painter:
-    """Table 1 by the area of the region over all its frames; the background may have a style of its own."""
-    style = params.style
-    if life.label == BACKGROUND and params.background_style != "same":
-        style = params.background_style
-    return Painter.of(style, life.area * grid.ratio[0] * grid.ratio[1], size[1], params, seed)
+def _report(
+    task: Task, life: Life, before: dict[int, Lay], after: dict[int, Lay], maps: LabelMaps, relaxed: Relaxed,
+    bench: Bench,
+) -> None:  # fmt: skip
+    """Energies, and maps of the frame furthest from the master."""
+    index = max(after, key=lambda frame: (abs(frame - life.master), frame))
+    sheet = sheet_of(before[index], maps.sure(index) == life.label, bench.params, 1)
+    pairs = dict(zip(("before", "after", "iterations", "pairs"), task.args["pairs"], strict=True))
+    report = {
+        "label": life.label, "frames": [life.start, life.stop], "master": life.master, "pairs": pairs,
+        "all": {"before": relaxed.before, "after": relaxed.after, "iterations": relaxed.iterations}, "map": index,
+    }  # fmt: skip
+    maps_of = [distortion(sheet, lays[index].positions()) for lays in (before, after)]
+    keep_energy(bench, life.key, report, maps_of[0], maps_of[1])
+
+
+def painter_of(life: Life, bench: Bench, grid: Grid) -> Painter:
+    """Table 1 by the area of the region over all its frames; a patch may have a style of its own."""
+    style = style_of(life.label, bench.params, styles_of(bench))
+    return Painter.of(style, life.area * grid.ratio[0] * grid.ratio[1], bench.size[1], bench.params, bench.seed)
 
 
 def joined(life: Life, bench: Bench) -> dict[int, Lay]:
@@ -110,7 +149,7 @@ class _Hops:
 
     def __post_init__(self) -> None:
         labels = LabelMaps(self.bench, self.life.begin).sure(self.life.master)
-        self.shape: tuple[int, int] = labels.shape  # type: ignore[assignment]
+        self.shape: tuple[int, int] = labels.shape
         self.master_rect = rect_of(labels == self.life.label, MARGIN)
 
     def __call__(self, index: int) -> _Hop | None:
@@ -151,20 +190,32 @@ def _sane(matrix: Homography, whole: tuple[int, int, int, int]) -> bool:
 def settle(lays: dict[int, Lay], life: Life, maps: LabelMaps, params: PatchesParams) -> Relaxed:
     """Relax all frames on one grid, and change the lays, in place."""
     sheets = []
-    for index, lay in lays.items():
+    for index in evenly(list(lays), MOST_SHEETS):
+        lay = lays[index]
         labels = maps.sure(index)
-        left, top, right, bottom = lay.rect
-        inside = (labels[top:bottom, left:right] == life.label)[::STRIDE, ::STRIDE]
-        scale = float(np.sqrt(abs(np.linalg.det(lay.matrix[:2, :2]))))
-        stiffness = np.full(inside.shape, params.stiffness, np.float32)
-        targets = np.ascontiguousarray(lay.positions()[::STRIDE, ::STRIDE])
-        sheets.append(Sheet(targets, np.ascontiguousarray(inside), stiffness, scale * STRIDE))
+        sheets.append(sheet_of(lay, labels == life.label, params, STRIDE))
     relaxed = relax(sheets, CELL)
     for index, lay in lays.items():
         places = lay.positions()
         rest = lay.rest + (relaxed.moved(places) - places)
         lays[index] = Lay(lay.rect, lay.matrix, rest.astype(np.float16))
     return relaxed
+
+
+def sheet_of(lay: Lay, inside: Mask, params: PatchesParams, stride: int) -> Sheet:
+    """Every `stride`-th pixel of a frame of the patch, on springs to where it lies; `inside` is of the whole frame."""
+    left, top, right, bottom = lay.rect
+    mask = np.ascontiguousarray(inside[top:bottom:stride, left:right:stride])
+    scale = float(np.sqrt(abs(np.linalg.det(lay.matrix[:2, :2]))))
+    targets = np.ascontiguousarray(lay.positions()[::stride, ::stride])
+    return Sheet(targets, mask, np.full(mask.shape, params.stiffness, np.float32), scale * stride)
+
+
+def evenly(items: list[int], most: int) -> list[int]:
+    """At most so many of the items, evenly chosen, the ends among them."""
+    if len(items) <= most:
+        return items
+    return [items[place] for place in np.linspace(0, len(items) - 1, most).round().astype(int).tolist()]
 
 
 @dataclass(frozen=True)
@@ -179,7 +230,7 @@ class Room:
         """As large as all frames need, at most LARGEST times a frame's area."""
         ends = []
         for lay in lays.values():
-            places = lay.positions()[:: 4, :: 4].reshape(-1, 2)
+            places = lay.positions()[::4, ::4].reshape(-1, 2)
             ends.append((places.min(axis=0), places.max(axis=0)))
         low = np.min([a for a, _ in ends], axis=0) * grid.ratio - 4
         high = np.max([b for _, b in ends], axis=0) * grid.ratio + 4 + 4 * grid.scale
@@ -280,7 +331,9 @@ def presence(inside: Mask, grid: Grid) -> Plane:
 
 def _save(life: Life, lays: dict[int, Lay], bench: Bench) -> None:
     """Keep the lays by run, as the last step needs them."""
-    by_run: dict[int, dict[str, NDArray[Any]]] = {run_of(index, life.begin): {} for index in range(life.start, life.stop)}
+    by_run: dict[int, dict[str, NDArray[Any]]] = {
+        run_of(index, life.begin): {} for index in range(life.start, life.stop)
+    }
     for index, lay in lays.items():
         kept = by_run[run_of(index, life.begin)]
         kept[f"{index}-at"], kept[f"{index}-m"], kept[f"{index}-d"] = np.array(lay.rect), lay.matrix, lay.rest

@@ -1,7 +1,8 @@
-"""The second baseline: strokes carried from frame to frame by flow, as others do (litwinowicz1997processing, hays2004image).
+"""The second baseline: strokes carried from frame to frame by flow, as others do.
 
-A stroke keeps its name, so its jitter, hairs and turn; it moves with the flow, follows the picture's colour, is lifted
-where it crowds, is hidden or is needed no more, and new ones come where paint is missing. Nothing knows the future.
+A stroke keeps its name, so its jitter, hairs and turn; it moves with the flow, follows the picture's colour, is
+lifted where it crowds, is hidden or is needed no more, and new ones come where paint is missing. Nothing knows the
+future. Sources: litwinowicz1997processing, hays2004image.
 """
 
 from __future__ import annotations
@@ -75,8 +76,11 @@ class CarriedStrokes:
         """Go on from a `state`."""
         self._layers = [
             Living(
-                Seeds(kept[f"{index}-xy"], kept[f"{index}-ids"].astype(np.uint64)), kept[f"{index}-aims"],
-                kept[f"{index}-presence"], kept[f"{index}-leaving"].astype(np.bool_), kept[f"{index}-born"],
+                Seeds(kept[f"{index}-xy"], kept[f"{index}-ids"].astype(np.uint64)),
+                kept[f"{index}-aims"],
+                kept[f"{index}-presence"],
+                kept[f"{index}-leaving"].astype(np.bool_),
+                kept[f"{index}-born"],
             )
             for index in range(self._painter.layers)
             if f"{index}-xy" in kept

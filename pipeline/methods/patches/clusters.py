@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Labels
 from pipeline.methods.base import Bench, Brief, Note, Task
+from pipeline.methods.patches.grid import Grid
+from pipeline.methods.patches.guidance import label_map, mask_map
 from pipeline.methods.patches.links import Links
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.scan import RUN, run_key, run_of, runs
@@ -35,32 +36,44 @@ def run_cluster(task: Task, bench: Bench) -> Note:
     """Label maps "labels-<frame>", uint16 (h, w), of frames [start, stop); the note tells where each label is."""
     params: PatchesParams = bench.params
     start, stop, begin = task.args["start"], task.args["stop"], task.args["begin"]
-    links = Links(bench, begin, RUN)
+    links, grid = Links(bench, begin, RUN), Grid.of(bench.size)
     tracker = _resume(bench, task, params)
+    corrected = bench.images("labels") if bench.has("labels") else {}
+    masks = bench.images("masks") if bench.has("masks") else {}
     kept: dict[str, NDArray[Any]] = {}
     census: dict[str, list[float]] = {}
     for index in range(start, stop):
         with bench.clock("cluster"):
-            labels = track(tracker, links, index, begin, params)
+            if index in corrected:
+                labels = tracker.correct(index, label_map(corrected[index], grid, index))
+            else:
+                said = mask_map(masks[index], grid, index) if index in masks else None
+                labels = track(tracker, links, index, params, said)
         kept[f"labels-{index}"] = labels.astype(np.uint16)
-        _count(census, labels, links, index)
+        if index in tracker.grounds:
+            kept[f"ground-{index}"] = tracker.grounds[index].astype(np.uint8)
+        count(census, labels, links, index)
         bench.progress((index + 1 - start) / (stop - start))
-    kept["next"] = np.array([tracker.next_label])
+    kept["next"] = np.array([tracker.next_label, tracker.begin])
     bench.save(task.key, kept)
     return {"labels": census}
 
 
 def _resume(bench: Bench, task: Task, params: PatchesParams) -> Tracker:
     if not task.after:
-        return Tracker()
+        return Tracker(begin=task.args["begin"])
     kept = bench.load("cluster", task.after[0])
-    maps = {int(key[7:]): value.astype(np.int32) for key, value in kept.items() if key.startswith("labels-")}
-    tracker = Tracker(maps, int(kept["next"][0]))
+    maps, grounds = (
+        {int(key.removeprefix(kind)): value.astype(np.int32) for key, value in kept.items() if key.startswith(kind)}
+        for kind in ("labels-", "ground-")
+    )
+    fresh, begin = (int(value) for value in kept["next"])
+    tracker = Tracker({key: value for key, value in maps.items() if key >= begin}, grounds, fresh, begin)
     tracker.trim(task.args["start"] - 1, params.window)
     return tracker
 
 
-def _count(census: dict[str, list[float]], labels: Labels, links: Links, index: int) -> None:
+def count(census: dict[str, list[float]], labels: Labels, links: Links, index: int) -> None:
     """Per label: first and last frame, total area, frame of the largest area, that area, and how far it has moved."""
     pair = links.ahead(index)
     speed = np.zeros(labels.shape) if pair is None else np.abs(pair[0]).sum(axis=-1)
@@ -74,11 +87,12 @@ def _count(census: dict[str, list[float]], labels: Labels, links: Links, index: 
 
 
 class LabelMaps:
-    """Reads the label maps that the cluster step has kept, holding a few runs in memory."""
+    """Reads the final label maps, of the cluster step or as corrected since, holding a few runs in memory."""
 
     def __init__(self, bench: Bench, begin: int, most: int = 3) -> None:
         self._bench, self._begin, self._most = bench, begin, most
         self._held: dict[int, dict[str, NDArray[Any]]] = {}
+        self._step = "correct" if bench.has("labels") else "cluster"
 
     def __call__(self, index: int) -> Labels | None:
         """int32 (h, w) of frame `index`; None before the shot."""
@@ -86,7 +100,7 @@ class LabelMaps:
             return None
         start = run_of(index, self._begin)
         if start not in self._held:
-            self._held[start] = self._bench.load("cluster", run_key(start))
+            self._held[start] = self._bench.load(self._step, run_key(start))
             while len(self._held) > self._most:
                 del self._held[next(iter(self._held))]
         return self._held[start][f"labels-{index}"].astype(np.int32)
@@ -96,8 +110,3 @@ class LabelMaps:
         found = self(index)
         assert found is not None
         return found
-
-
-def enlarged(labels: Labels, size: tuple[int, int]) -> Labels:
-    """A label map at another (width, height), nearest."""
-    return np.asarray(cv2.resize(labels, size, interpolation=cv2.INTER_NEAREST), np.int32)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Labels, Plane
 from pipeline.methods.base import Bench, Brief, Note, Task
+from pipeline.methods.patches.artefacts import keep_labels, label_png
 from pipeline.methods.patches.build import fine_px, presence
 from pipeline.methods.patches.carried import CarriedStrokes
 from pipeline.methods.patches.clusters import LabelMaps
@@ -59,6 +60,9 @@ def run_paint(task: Task, bench: Bench) -> Note:
             bench.progress((index + 1 - start) / (stop - start))
     if isinstance(paint, Carrier):
         paint.save(task.key)
+    if params.temporal == "on" and bench.wants("labels"):
+        maps, grid = LabelMaps(bench, begin), Grid.of(bench.size)
+        keep_labels(bench, task.key, {index: label_png(maps.sure(index), grid) for index in range(start, stop)})
     return {}
 
 
@@ -204,7 +208,7 @@ class Compositor:
             total += self._unclustered(frame, left) * left[..., None]
         else:
             total /= share[..., None]
-        return np.rint(np.clip(total, 0, 255)).astype(np.uint8)
+        return np.asarray(np.rint(np.clip(total, 0, 255)), np.uint8)
 
     def _lay_over(
         self, total: NDArray[np.float32], share: Plane, patch: Painted, lay: Lay, labels: Labels, index: int,

@@ -15,7 +15,6 @@ from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Plane
 from pipeline.methods.base import Bench
 
-
 LEAST_GRADIENT = 1.0
 """Gray levels a working px: root mean square of what is more than a camera's noise."""
 
@@ -49,7 +48,7 @@ def reliability(here: Frame, there: Frame, flow: Flow, back: Flow, colour_scale:
     return np.asarray(np.exp(-distance / np.float32(colour_scale)) * _leads_back(flow, back), np.float32)
 
 
-def norm(vectors: NDArray[np.float32]) -> Plane:
+def norm(vectors: NDArray[Any]) -> Plane:
     """Euclidean length along the last axis of 2 or 3, which `np.linalg.norm` is slow for: float32 (h, w)."""
     square = vectors[..., 0] * vectors[..., 0]
     for channel in range(1, vectors.shape[-1]):

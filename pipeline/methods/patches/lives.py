@@ -75,9 +75,10 @@ def lives(brief: Brief) -> list[Life]:
     """All painting patches of a video, in the order of their shots and labels."""
     scan = brief.notes["scan"]["video"]
     edges = [0, *scan["cuts"], scan["frames"]]
+    census = brief.notes["correct"] or brief.notes["cluster"]
     found = []
     for begin, end in pairwise(edges):
-        for label, rows in sorted(_census(brief.notes["cluster"], begin, end).items()):
+        for label, rows in sorted(_census(census, begin, end).items()):
             found += list(_split(label, rows, begin, end, brief))
     return found
 
@@ -86,7 +87,7 @@ def _census(notes: Mapping[str, Mapping[str, Any]], begin: int, end: int) -> dic
     """Rows of every label of a shot, by run."""
     table: dict[int, list[_Row]] = {}
     for key in sorted(notes):
-        for label, values in notes[key]["labels"].items():
+        for label, values in notes[key].get("labels", {}).items():
             first, last, area, best, best_area, travel = values
             if begin <= first < end:
                 row = _Row(int(first), int(last), int(area), int(best), int(best_area), float(travel))

@@ -104,7 +104,7 @@ def hop_of(life: Life, index: int, links: Links, maps: LabelMaps, end: int, para
     sheet = _sheet(flow[box], sure[box], matrix, rect, mask[box], params)
     relaxed = relax([sheet])
     laid = relaxed.moved(sheet.targets)
-    shift = laid - lattice(laid.shape[:2], rect[:2])  # type: ignore[arg-type]
+    shift = laid - lattice(laid.shape[:2], rect[:2])
     return Hop(rect, gap, matrix, shift.astype(np.float16), relaxed.before, relaxed.after, relaxed.iterations)
 
 
@@ -156,7 +156,7 @@ def _direct(
     """Flow and where it is to be trusted: reliable, on texture, from the patch to the patch."""
     arrives = cv2.dilate((other == label).astype(np.uint8), np.ones((3, 3), np.uint8)).astype(np.int32)
     sure = mask & (reliable >= params.reliable) & (carry_labels(arrives, flow) > 0)
-    here = lattice(mask.shape)  # type: ignore[arg-type]
+    here = lattice(mask.shape)
     matrix = fit(here[sure], (here + flow)[sure], weights=reliable[sure])
     return flow, sure.astype(np.float32), matrix
 
@@ -165,7 +165,7 @@ def _turned(
     flow: Flow, reliable: Plane, mask: Mask, there: Mask, params: PatchesParams
 ) -> tuple[Flow, Plane, Homography]:
     sure = there & (reliable >= params.reliable)
-    here = lattice(mask.shape)  # type: ignore[arg-type]
+    here = lattice(mask.shape)
     matrix = fit((here + flow)[sure], here[sure], weights=reliable[sure])
     return np.zeros_like(flow), np.zeros(mask.shape, np.float32), matrix
 
@@ -180,7 +180,7 @@ def _sheet(flow: Flow, sure: Plane, matrix: Homography, rect: Rect, mask: Mask, 
     Departure: what differs from the homography by less than `params.rigidity` is taken for noise of the flow, and put
     where the homography says; rigid things keep rigid strokes.
     """
-    here = lattice(mask.shape, rect[:2])  # type: ignore[arg-type]
+    here = lattice(mask.shape, rect[:2])
     plane = apply(matrix, here).astype(np.float32)
     off = (here + flow - plane) * sure[..., None]
     share = np.maximum(cv2.GaussianBlur(sure, (0, 0), 1.5), np.float32(1e-3))

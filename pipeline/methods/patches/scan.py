@@ -16,6 +16,7 @@ from pipeline.flow import estimate
 from pipeline.frames import Flow, Frame, Plane
 from pipeline.methods.base import Bench, Brief, Note, Task
 from pipeline.methods.patches.grid import Grid
+from pipeline.methods.patches.guidance import keyframes
 from pipeline.methods.patches.links import Pair, pack, reliability
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.segmentation.cuts import is_cut, thumbnail
@@ -43,7 +44,7 @@ def run_scan(task: Task, bench: Bench) -> Note:
             bench.progress(min(1.0, count / max(bench.video.frames, count)))
     if not count:
         raise BadInput("The video has no frames.", field="inputs.video", remedy="Upload a video that plays.")
-    return {"frames": count, "cuts": cuts}
+    return {"frames": count, "cuts": cuts, "keys": keyframes(bench, "labels", count)}
 
 
 def runs(brief: Brief, length: int = RUN) -> Iterator[tuple[int, int, int, int]]:

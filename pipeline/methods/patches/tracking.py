@@ -1,13 +1,14 @@
 """Clusters of one frame from those of the frames before it: the heart of the method (zhang2011patches, section 4).
 
-    links       every pixel is linked by flow to the frames of the window before it; reliable links vote for a label
-    background  what moves as the dominant motion does, one plane motion for each pair of frames
-    walk        a random walk spreads the votes along edges of like motion, and stops where nothing is certain
-    newcomers   what can be tracked and has no label becomes clusters of its own, seeded at good corners
+links       every pixel is linked by flow to the frames of the window before it; reliable links vote for a label
+background  what moves as the dominant motion does, one plane motion for each pair of frames
+walk        a random walk spreads the votes along edges of like motion, and stops where nothing is certain
+newcomers   what can be tracked and has no label becomes clusters of its own, seeded at good corners
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import cv2
@@ -15,12 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Frame, Labels, Mask, Plane
-from pipeline.methods.patches.links import Links, norm, textured
+from pipeline.methods.patches.links import Links, textured
 from pipeline.methods.patches.newcomers import newcomers
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.segmentation.components import absorb_specks
+from pipeline.segmentation.foreground import CERTAIN, carry_foreground
 from pipeline.segmentation.random_walk import Edges, motion_edges, vote
-from pipeline.warp.homography import apply, dominant, fit, lattice
+from pipeline.warp.homography import deviation, dominant, fit
 
 BACKGROUND = 1
 """Label of the background; objects are 2, 3, ..."""
@@ -46,14 +48,29 @@ COARSE_PX = 9
 
 @dataclass
 class Tracker:
-    """What is handed from frame to frame: label maps of the window by frame number, and the next free label."""
+    """What is handed from frame to frame, for the window's frames by number.
+
+    Attributes:
+        maps: label maps; `grounds`: 2 = foreground, 1 = background, once a mask has said so.
+        next_label: the next free one.
+        begin: nothing before this frame counts: the shot's first, or a keyframe with a label map.
+    """
 
     maps: dict[int, Labels] = field(default_factory=dict)
+    grounds: dict[int, Labels] = field(default_factory=dict)
     next_label: int = BACKGROUND + 1
+    begin: int = 0
+
+    def correct(self, index: int, labels: Labels) -> Labels:
+        """Start again from a label map that the user has corrected."""
+        self.maps, self.begin = {index: labels}, index
+        self.next_label = max(self.next_label, int(labels.max(initial=0)) + 1)
+        return labels
 
     def trim(self, index: int, window: int) -> None:
         """Forget what no later frame is linked to."""
         self.maps = {key: labels for key, labels in self.maps.items() if key > index - window + 1}
+        self.grounds = {key: ground for key, ground in self.grounds.items() if key > index - window + 1}
 
 
 @dataclass(frozen=True)
@@ -71,7 +88,10 @@ class Sight:
 
     def trackable(self, least: float) -> Mask:
         """Pixels that have a reliable partner in a neighbouring frame."""
-        return np.any([reliable >= least for _, reliable in self.known] or [np.zeros(self.small.shape[:2], bool)], 0)
+        found: Mask = np.zeros(self.small.shape[:2], np.bool_)
+        for _, reliable in self.known:
+            found |= reliable >= least
+        return found
 
 
 def look(links: Links, index: int, begin: int) -> Sight:
@@ -87,36 +107,70 @@ def edges_of(sight: Sight, params: PatchesParams) -> Edges:
     return motion_edges(ahead, back, sight.small, unit)
 
 
-def track(
-    tracker: Tracker, links: Links, index: int, begin: int, params: PatchesParams
-) -> Labels:
+def track(tracker: Tracker, links: Links, index: int, params: PatchesParams, said: Plane | None = None) -> Labels:
     """Labels of frame `index`, int32 (h, w), 0 = unclustered; the tracker remembers them.
 
     Args:
-        begin: first frame whose labels count: the shot's, or a keyframe's.
+        said: the user's mask of this frame, see `pipeline.segmentation.foreground`.
     """
-    sight = look(links, index, begin)
+    sight = look(links, index, tracker.begin)
     edges = edges_of(sight, params)
-    choices, weights = link_votes(tracker, links, index, sight, params)
-    evidence = background_motion(sight, choices, weights, params)
-    choices, weights = _background_votes(choices, weights, evidence)
+    choices, weights = link_votes(tracker.maps, links, index, sight, params)
+    fore = _foreground(tracker, links, index, sight, edges, params, said)
+    if fore is None:
+        evidence = background_motion(sight, choices, weights, params)
+        choices, weights = _background_votes(choices, weights, evidence)
     weights = np.where(abrupt(sight), np.where(choices > 0, weights * np.float32(DOUBT), 0), weights)
+    if fore is not None:
+        choices, weights = _masked_votes(choices, weights, fore)
     labels, _ = vote(choices, weights, edges)
-    labels[_untrackable(sight, params)] = 0
-    area = labels.size * params.smallest_cluster / 1000
-    labels = absorb_specks(labels, max(int(area / 12), 4), max(int(area / 3), 8))
-    free = (labels == 0) & sight.textured & np.all([sure >= params.reliable for _, sure in sight.known], axis=0)
-    motion = [flow for flow, _ in sight.known]
-    fresh = newcomers(free, labels, motion, edges, sight.small, int(area), tracker.next_label)
-    labels = np.where(fresh > 0, fresh, labels).astype(np.int32)
-    tracker.next_label = max(tracker.next_label, int(labels.max(initial=0)) + 1)
-    tracker.maps[index] = absorb_specks(labels, 4, max(int(area / 3), 8))
+    labels[_untrackable(sight, params) & (fore is None or fore)] = 0
+    area = int(labels.size * params.smallest_cluster / 1000)
+    labels = absorb_specks(labels, max(area // 12, 4), max(area // 3, 8))
+    labels = _with_newcomers(tracker, labels, sight, edges, params, area, fore)
+    tracker.maps[index] = absorb_specks(labels, 4, max(area // 3, 8))
     tracker.trim(index, params.window)
     return tracker.maps[index]
 
 
+def _with_newcomers(
+    tracker: Tracker, labels: Labels, sight: Sight, edges: Edges, params: PatchesParams, area: int, fore: Mask | None
+) -> Labels:
+    free = (labels == 0) & sight.textured & np.all([sure >= params.reliable for _, sure in sight.known], axis=0)
+    if fore is not None:
+        free = (labels == 0) & fore
+    motion = [flow for flow, _ in sight.known]
+    among = labels if fore is None else np.where(labels == BACKGROUND, 0, labels)
+    fresh = newcomers(free, among, motion, edges, sight.small, area, tracker.next_label)
+    labels = np.where(fresh > 0, fresh, labels).astype(np.int32)
+    tracker.next_label = max(tracker.next_label, int(labels.max(initial=0)) + 1)
+    return labels
+
+
+def _foreground(
+    tracker: Tracker, links: Links, index: int, sight: Sight, edges: Edges, params: PatchesParams, said: Plane | None
+) -> Mask | None:
+    """Where the foreground is, if a mask has ever said so in this shot; the tracker remembers it."""
+    if said is None and not tracker.grounds:
+        return None
+    choices, weights = link_votes(tracker.grounds, links, index, sight, params)
+    fore = carry_foreground(choices, weights, sight.small, edges, said)
+    tracker.grounds[index] = np.where(fore, 2, 1).astype(np.int32)
+    return fore
+
+
+def _masked_votes(
+    choices: NDArray[np.int32], weights: NDArray[np.float32], fore: Mask
+) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+    """Votes as the mask allows: the background is background, and nothing else is."""
+    wrong = (choices == BACKGROUND) == fore
+    weights = np.where(wrong, 0, weights).astype(np.float32)
+    choices[0], weights[0] = np.where(fore, 0, BACKGROUND), np.where(fore, 0, CERTAIN)
+    return choices, weights
+
+
 def link_votes(
-    tracker: Tracker, links: Links, index: int, sight: Sight, params: PatchesParams
+    maps: Mapping[int, Labels], links: Links, index: int, sight: Sight, params: PatchesParams
 ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
     """For each gap in the window, the label that each pixel is linked to and the weight of the link: (k, h, w) each.
 
@@ -124,7 +178,7 @@ def link_votes(
     """
     choices, weights = [np.zeros(sight.small.shape[:2], np.int32)], [np.zeros(sight.small.shape[:2], np.float32)]
     for gap in range(1, params.window):
-        before, pair = tracker.maps.get(index - gap), links.back(index, gap)
+        before, pair = maps.get(index - gap), links.back(index, gap)
         if before is None or pair is None:
             continue
         flow, reliable = pair
@@ -140,7 +194,7 @@ def carry_labels(labels: Labels, flow: Flow) -> Labels:
     height, width = labels.shape
     x = np.clip(np.rint(np.arange(width) + flow[..., 0]), 0, width - 1).astype(np.intp)
     y = np.clip(np.rint(np.arange(height)[:, None] + flow[..., 1]), 0, height - 1).astype(np.intp)
-    return labels[y, x]
+    return np.asarray(labels[y, x], np.int32)
 
 
 @dataclass(frozen=True)
@@ -181,17 +235,20 @@ def background_motion(
 
 def _off_background(flow: Flow, sure: Mask, was: Mask, least_px: float) -> tuple[Plane, float]:
     """Distance of the flow from the background's homography, float32 (h, w), and what of it is tolerable, px."""
-    here = lattice(flow.shape[:2])
-    moved = here + flow
     basis = sure & was
-    known = basis.sum() >= 0.05 * basis.size
-    if known:
-        matrix = fit(here[basis], moved[basis])
-    else:
-        matrix = dominant(here[sure], moved[sure])
-    off = norm((apply(matrix, here) - moved).astype(np.float32))
+    known = int(basis.sum()) >= 0.05 * basis.size
+    here, moved = _moved(flow, basis if known else sure)
+    off = deviation(flow, (fit if known else dominant)(here, moved))
     usual = float(np.median(off[basis][::7])) if known else 0.0
     return off, min(max(least_px, TOLERATED * usual), 4 * least_px)
+
+
+def _moved(flow: Flow, where: Mask) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Some thousand of the pixels, evenly chosen, and where they go: (n, 2) each."""
+    places = np.flatnonzero(where)
+    places = places[:: max(1, len(places) // 3000)]
+    here = np.stack([places % where.shape[1], places // where.shape[1]], axis=1).astype(np.float64)
+    return here, here + flow.reshape(-1, 2)[places]
 
 
 def abrupt(sight: Sight) -> Mask:

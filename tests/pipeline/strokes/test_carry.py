@@ -89,8 +89,11 @@ def test_the_hidden_fade_and_are_gone() -> None:
 def test_colours_follow_slowly_and_a_jump_lifts_the_stroke() -> None:
     state = begin(place(SIZE, GAP), gray(100), GAP)
     eased = tend(state, place(SIZE, GAP, birth=1), gray(120), GAP, habits=Habits(follow=0.25))
-    np.testing.assert_allclose(eased.aims, 105)
+    share = 0.25 + 0.75 * 3 * 20**2 / 90**2
+    np.testing.assert_allclose(eased.aims, 100 + 20 * share, rtol=1e-5)
     jumped = tend(state, place(SIZE, GAP, birth=1), gray(250), GAP)
+    nearly = tend(state, place(SIZE, GAP, birth=1), gray(150), GAP)
+    assert not nearly.leaving.any() and (nearly.aims > 145).all()
     assert jumped.leaving[: len(state)].all() and (jumped.aims[: len(state)] == 100).all()
     assert (jumped.aims[len(state) :] == 250).all() and len(jumped) > 1.6 * len(state)
 

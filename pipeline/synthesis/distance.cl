@@ -1,0 +1,46 @@
+/* Exact Euclidean distance transform: for each pixel, the nearest one of a set. The specification: distance.py. */
+
+/* The row of the nearest set pixel in the same column (the upper one of two), -1 where the column has none. */
+kernel void columns(global const uchar *set, global int *rows, const int width, const int height)
+{
+    const int x = get_global_id(0);
+    if (x >= width)
+        return;
+    int last = -1;
+    for (int y = 0; y < height; y++) {
+        if (set[y * width + x])
+            last = y;
+        rows[y * width + x] = last;
+    }
+    last = -1;
+    for (int y = height - 1; y >= 0; y--) {
+        if (set[y * width + x])
+            last = y;
+        const int above = rows[y * width + x];
+        if (last >= 0 && (above < 0 || last - y < y - above))
+            rows[y * width + x] = last;
+    }
+}
+
+/* The nearest set pixel, (-1, -1) where there is none: columns from here outward, the left one first. */
+kernel void nearest(global const int *rows, global int2 *out, const int width, const int height)
+{
+    const int x = get_global_id(0), y = get_global_id(1);
+    if (x >= width || y >= height)
+        return;
+    int best = INT_MAX;
+    int2 found = (int2)(-1);
+    for (int far = 0; far < width && far * far < best; far++)
+        for (int side = 0; side < (far ? 2 : 1); side++) {
+            const int column = side ? x + far : x - far;
+            if (column < 0 || column >= width)
+                continue;
+            const int row = rows[y * width + column];
+            const int square = row < 0 ? INT_MAX : far * far + (row - y) * (row - y);
+            if (square < best) {
+                best = square;
+                found = (int2)(column, row);
+            }
+        }
+    out[y * width + x] = found;
+}

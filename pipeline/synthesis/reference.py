@@ -1,0 +1,250 @@
+"""Synthesis in NumPy and Numba: the specification of `fields.cl` and `patchmatch.cl`, operation by operation."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.segmentation.jit import kernel
+from pipeline.strokes.random import philox
+from pipeline.synthesis.goal import NO_DIRECTION, STEP_SCALE, cosines, tables, taps
+from pipeline.synthesis.goal import Goal as Goal
+from pipeline.synthesis.images import NOWHERE, Offsets, Style, Target
+from pipeline.synthesis.images import packed as pack
+from pipeline.synthesis.operations import Key, Loaded, Search, Sitting
+from pipeline.synthesis.reference_goal import carried, improve, unit
+
+Array = NDArray[Any]
+Size = tuple[int, int]
+_NONE = np.zeros(0, np.uint8)
+_BINOMIAL = (20, 15, 6, 1)
+_NOWHERE = NOWHERE
+_SCATTER, _MERGE = 0x5CA77E12, 0x3E26E000
+
+
+def _spread(image: Array, margin: int) -> Array:
+    return np.pad(image, ((margin, margin), (margin, margin)) + ((0, 0),) * (image.ndim - 2), "edge")
+
+
+class Reference:
+    """The operations of `operations.Operations` in memory."""
+
+    def upload(self, array: Array) -> Array:
+        return array
+
+    def fetch(self, array: Array) -> Array:
+        return array
+
+    def load(self, style: Style, goal: Goal) -> Loaded[Array]:
+        def there(array: Array | None, like: Any = np.uint8) -> Array:
+            return np.zeros((0, 0), like) if array is None else array
+
+        features = _spread(style.features, goal.pad)
+        distance = there(style.distance, np.float32)
+        return Loaded(style, goal, features, there(style.bins), there(style.usable), distance, taps(goal.radius), _NONE)
+
+    def seat(self, style: Loaded[Array], target: Target) -> Sitting[Array]:
+        goal, (width, height) = style.goal, target.size
+        blank = pack(goal, np.zeros((height, width, goal.colours), np.uint8), target.guides)
+        field = np.zeros((height + 2 * goal.radius, width + 2 * goal.radius, 2), np.int16)
+        return Sitting(target.size, _spread(blank, goal.radius), field, target.bins, target.distance)
+
+    def scatter(self, style: Loaded[Array], size: Size, key: Key) -> Array:
+        out = np.full((size[1], size[0], 2), NOWHERE, np.float32)
+        _merge(out, out, out, np.float32(0), style.usable, *_words(key), style.style.first, style.size)
+        return out
+
+    def render(self, style: Loaded[Array], sitting: Sitting[Array], offsets: Array) -> None:
+        goal, bins = style.goal, sitting.bins if sitting.bins is not None else np.zeros((0, 0), np.uint8)
+        _render(offsets, bins, style.features, style.bins, cosines(), sitting.packed, sitting.field, goal.radius,
+                goal.pad, goal.colours)  # fmt: skip
+
+    def penalty(self, style: Loaded[Array], size: Size, offsets: Array) -> Array:
+        goal, (width, height) = style.goal, style.size
+        at = np.rint(offsets).astype(np.int64)
+        index = np.clip(at[..., 1], 0, height - 1) * width + np.clip(at[..., 0], 0, width - 1)
+        counts = np.bincount(index.ravel(), minlength=width * height).reshape(height, width).astype(np.float32)
+        sum_ = _binomial(_binomial(counts, 1), 0)
+        area = width * height if style.style.usable is None else max(1, int(np.count_nonzero(style.style.usable)))
+        alike = max(1.0, size[0] * size[1] / area)
+        threshold = np.float32(goal.h_limit * alike)
+        slope = np.float32(goal.w_h / alike * tables(goal).centre)
+        return np.asarray(slope * np.maximum(np.float32(0), sum_ * np.float32(2.44140625e-4) - threshold), np.float32)
+
+    def improve(
+        self, style: Loaded[Array], sitting: Sitting[Array], offsets: Array, penalty: Array | None, key: Key,
+        round_: int, search: Search,
+    ) -> Array:  # fmt: skip
+        goal, made, out = style.goal, tables(style.goal), np.empty_like(offsets)
+        past = sitting.past
+        numbers = np.array(
+            [round(goal.r_max_px2), goal.w_sc * made.unit / STEP_SCALE, goal.w_tc / goal.colours * made.centre,
+             goal.d_max_px, goal.w_dt * made.centre], np.float32,
+        )  # fmt: skip
+        flat, deep = np.zeros((0, 0), np.float32), np.zeros((0, 0, 0), np.float32)
+        bytes2, bytes3 = np.zeros((0, 0), np.uint8), np.zeros((0, 0, 0), np.uint8)
+        improve(
+            offsets, out, sitting.packed, sitting.field, _or(sitting.bins, bytes2), style.features, style.bins,
+            style.usable, style.distance, made.weights, style.turns, cosines(), made.step_weights,
+            _or(sitting.before, bytes3), _or(penalty, flat), _or(sitting.distance, flat), _or(sitting.was, deep),
+            past.packed if past else bytes3, past.visible if past else bytes2, made.keyed,
+            _or(sitting.ribbons, np.zeros((0, 0, 0, 0), np.float32)), _or(sitting.given, deep), numbers,
+            goal.channels, goal.pad, search.jump, np.float32(search.search_px), np.float32(search.ribbon_px),
+            *_words(key), round_,
+        )  # fmt: skip
+        return out
+
+    def advect(
+        self, style: Loaded[Array], sitting: Sitting[Array], offsets: Array, bins: Array | None, way: Array,
+        visible: Array,
+    ) -> Array:  # fmt: skip
+        out = np.empty((sitting.size[1], sitting.size[0], 2), np.float32)
+        there = _or(bins, np.zeros((0, 0), np.uint8))
+        _advect(offsets, there, way, visible, style.bins, cosines(), style.usable, out, style.size)
+        return out
+
+    def upsample(
+        self, coarse: Loaded[Array], sitting: Sitting[Array], offsets: Array, style: Loaded[Array], to: Sitting[Array]
+    ) -> Array:
+        out = np.empty((to.size[1], to.size[0], 2), np.float32)
+        there = _or(sitting.bins, np.zeros((0, 0), np.uint8))
+        _upsample(offsets, there, coarse.bins, cosines(), style.usable, out, coarse.size, style.size)
+        return out
+
+    def merge(self, style: Loaded[Array], size: Size, first: Array, second: Array, share: float, key: Key) -> Array:
+        out = np.empty((size[1], size[0], 2), np.float32)
+        _merge(first, second, out, np.float32(share), style.usable, *_words(key), style.style.first, style.size)
+        return out
+
+    def recall(self, style: Loaded[Array], size: Size, offsets: Array) -> Array:
+        pad = style.goal.pad
+        x, y = (np.clip(np.rint(offsets[..., k]).astype(np.int64), 0, style.size[k] - 1) for k in (0, 1))
+        known = np.where(offsets[..., 0] > NOWHERE, np.uint8(255), np.uint8(0))
+        return np.dstack([style.features[y + pad, x + pad, :3], known])
+
+    def impose(self, style: Loaded[Array], size: Size, given: Array, offsets: Array) -> Array:
+        np.copyto(offsets, given, where=given[..., :1] > NOWHERE)
+        return offsets
+
+
+def _or(array: Array | None, absent: Array) -> Array:
+    return absent if array is None else array
+
+
+def _words(key: Key) -> tuple[int, int]:
+    return key[0] & 0xFFFFFFFF, key[1] & 0xFFFFFFFF
+
+
+def _binomial(image: Array, axis: int) -> Array:
+    """1 6 15 20 15 6 1 along an axis, its border repeated; exact in float32."""
+    wide = np.pad(image, [(3, 3) if axis == k else (0, 0) for k in (0, 1)], "edge")
+    size = image.shape[axis]
+
+    def at(shift: int) -> Array:
+        return wide.take(np.arange(3 + shift, 3 + shift + size), axis)
+
+    sums = [np.float32(w) * (at(-k) + at(k) if k else at(0)) for k, w in enumerate(_BINOMIAL)]
+    return np.asarray(((sums[0] + sums[1]) + sums[2]) + sums[3], np.float32)
+
+
+@kernel
+def _usable(x: int, y: int, usable: Array, width: int, height: int) -> bool:
+    inside = 0 <= x < width and 0 <= y < height
+    return inside and (usable.size == 0 or usable[y, x] != 0)
+
+
+@kernel
+def _merge(
+    first: Offsets, second: Offsets, out: Offsets, share: np.float32, usable: Array, seed: int, stream: int,
+    start: tuple[int, int], size: tuple[int, int],
+) -> None:  # fmt: skip
+    width, height = size
+    for y in range(out.shape[0]):
+        for x in range(out.shape[1]):
+            draw = unit(philox(x, y, 0, _MERGE, seed, stream)[0])
+            a, b = first[y, x], second[y, x]
+            taken = a if b[0] <= _NOWHERE or (a[0] > _NOWHERE and draw < share) else b
+            found_x, found_y = taken[0], taken[1]
+            if found_x <= _NOWHERE:
+                found_x, found_y = np.float32(start[0]), np.float32(start[1])
+                for k in range(8):
+                    words = philox(x, y, k, _SCATTER, seed, stream)
+                    tx = min(int(unit(words[0]) * np.float32(width)), width - 1)
+                    ty = min(int(unit(words[1]) * np.float32(height)), height - 1)
+                    if _usable(tx, ty, usable, width, height):
+                        found_x, found_y = np.float32(tx), np.float32(ty)
+                        break
+            out[y, x, 0], out[y, x, 1] = found_x, found_y
+
+
+@kernel
+def _render(
+    offsets: Offsets, bins: Array, style: Array, style_bins: Array, cosines: Array, target: Array, field: Array,
+    radius: int, pad: int, colours: int,
+) -> None:  # fmt: skip
+    height, width = offsets.shape[:2]
+    style_height, style_width = style.shape[0] - 2 * pad, style.shape[1] - 2 * pad
+    for y in range(height + 2 * radius):
+        for x in range(width + 2 * radius):
+            hx, hy = x - radius, y - radius
+            ix, iy = min(max(hx, 0), width - 1), min(max(hy, 0), height - 1)
+            ox, oy = offsets[iy, ix, 0], offsets[iy, ix, 1]
+            if hx != ix or hy != iy:
+                direction = bins[iy, ix] if bins.size else NO_DIRECTION
+                ox, oy = carried(ox, oy, np.float32(hx - ix), np.float32(hy - iy), direction, style_bins, cosines,
+                                 style_width, style_height)  # fmt: skip
+            ax, ay = int(np.rint(ox)), int(np.rint(oy))
+            sx, sy = min(max(ax, 0), style_width - 1), min(max(ay, 0), style_height - 1)
+            for c in range(colours):
+                target[y, x, c] = style[sy + pad, sx + pad, c]
+            field[y, x, 0], field[y, x, 1] = ax, ay
+
+
+@kernel
+def _advect(
+    offsets: Offsets, bins: Array, way: Array, visible: Array, style_bins: Array, cosines: Array, usable: Array,
+    out: Offsets, size: tuple[int, int],
+) -> None:  # fmt: skip
+    height, width = out.shape[:2]
+    for y in range(height):
+        for x in range(width):
+            fx, fy = np.float32(x) + way[y, x, 0], np.float32(y) + way[y, x, 1]
+            nx, ny = int(np.rint(fx)), int(np.rint(fy))
+            found_x, found_y = _NOWHERE, _NOWHERE
+            if visible[y, x] and 0 <= nx < width and 0 <= ny < height:
+                if offsets[ny, nx, 0] > _NOWHERE:
+                    direction = bins[ny, nx] if bins.size else NO_DIRECTION
+                    found_x, found_y = carried(
+                        offsets[ny, nx, 0], offsets[ny, nx, 1], fx - np.float32(nx), fy - np.float32(ny), direction,
+                        style_bins, cosines, size[0], size[1],
+                    )  # fmt: skip
+                if not _usable(int(np.rint(found_x)), int(np.rint(found_y)), usable, size[0], size[1]):
+                    found_x, found_y = _NOWHERE, _NOWHERE
+            out[y, x, 0], out[y, x, 1] = found_x, found_y
+
+
+@kernel
+def _upsample(
+    coarse: Offsets, bins: Array, style_bins: Array, cosines: Array, usable: Array, out: Offsets,
+    coarse_size: tuple[int, int], size: tuple[int, int],
+) -> None:  # fmt: skip
+    half, two = np.float32(0.5), np.float32(2)
+    height, width = coarse.shape[:2]
+    for y in range(out.shape[0]):
+        for x in range(out.shape[1]):
+            nx, ny = min(x // 2, width - 1), min(y // 2, height - 1)
+            ox, oy = coarse[ny, nx, 0], coarse[ny, nx, 1]
+            found_x, found_y = _NOWHERE, _NOWHERE
+            if ox > _NOWHERE:
+                dx = (np.float32(x) + half) * half - half - np.float32(nx)
+                dy = (np.float32(y) + half) * half - half - np.float32(ny)
+                direction = bins[ny, nx] if bins.size else NO_DIRECTION
+                cx, cy = carried(ox, oy, dx, dy, direction, style_bins, cosines, coarse_size[0], coarse_size[1])
+                found_x, found_y = cx * two + half, cy * two + half
+                if not _usable(int(np.rint(found_x)), int(np.rint(found_y)), usable, size[0], size[1]):
+                    found_x, found_y = ox * two, oy * two
+                if not _usable(int(np.rint(found_x)), int(np.rint(found_y)), usable, size[0], size[1]):
+                    found_x, found_y = _NOWHERE, _NOWHERE
+            out[y, x, 0], out[y, x, 1] = found_x, found_y

@@ -1,0 +1,265 @@
+"""OpenEXR images: every channel of every part as a plane of the display window, and the passes found among them.
+
+Renderers name and sign their passes differently. What is found by name: velocities (Blender's Vector pass, Nuke's
+forward and backward, velocity and motion channels), normals, object ids, depth. Where a sign is not known by name, two
+frames tell: the right one makes the one look like the other.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import struct
+import tempfile
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import cv2
+import numpy as np
+import OpenEXR
+from numpy.typing import NDArray
+
+from pipeline.errors import BadInput, UnreadableMedia
+from pipeline.frames import Flow, Frame, Plane
+from pipeline.video.media import Limits, check_size
+
+Convention = Literal["auto", "cycles", "eevee", "nuke"]
+Planes = Mapping[str, Plane]
+
+EXR_MAGIC = b"\x76\x2f\x31\x01"
+_BACK = (("x", "y"), ("u", "v"), ("r", "g"))
+_VECTOR = (("x", "y", "z", "w"), ("r", "g", "b", "a"))
+_FORTH_NAMES = ("forward", "motion_next", "velocity_next", "motionforward", "fwd", "velocity", "motion", "motionvector")
+_BACK_NAMES = ("backward", "motion_previous", "velocity_previous", "motionbackward", "bwd", "back")
+_NORMALS = ("normal", "n", "normals", "worldnormal", "cameranormal")
+_IDS = ("indexob", "objectid", "id", "object_id", "objectindex", "object")
+_DEPTHS = ("z", "depth", "mist")
+
+
+@dataclass(frozen=True)
+class Exr:
+    """An image: its size, and its channels as float32 (h, w) planes by full name, "part.layer.pass.X"."""
+
+    size: tuple[int, int]
+    planes: Planes
+
+
+def read_exr(source: bytes | Path, limits: Limits | None = None, name: str = "image") -> Exr:
+    """Every channel of an EXR: half, float or integer; single or multi-part; a data window smaller or larger than the
+    display window, 0 outside it.
+
+    Raises:
+        UnreadableMedia: it is not one, is damaged, deep, or subsampled.
+        MediaTooLarge: its display window is larger than the limits allow.
+    """
+    if isinstance(source, bytes):
+        with tempfile.NamedTemporaryFile(suffix=".exr") as file:
+            file.write(source)
+            file.flush()
+            return read_exr(Path(file.name), limits, name)
+    _check_window(source, limits or Limits(), name)
+    try:
+        with OpenEXR.File(str(source), separate_channels=True) as file:
+            parts = [(part.header, {n: c.pixels for n, c in part.channels.items()}) for part in file.parts]
+            return _placed(parts, name)
+    except UnreadableMedia:
+        raise
+    except Exception as error:  # the binding raises what OpenEXR's C++ does
+        raise _unreadable(name, error) from error
+
+
+def _unreadable(name: str, why: object) -> UnreadableMedia:
+    return UnreadableMedia(
+        "The EXR cannot be read.", field=name, value=why, remedy="Save it again as scanlines, with full channels."
+    )
+
+
+_WINDOW = re.compile(rb"(?:displayWindow|dataWindow)\0box2i\0\x10\0\0\0(.{16})", re.DOTALL)
+_HEADER_BYTES = 1 << 20
+
+
+def _check_window(path: Path, limits: Limits, name: str) -> None:
+    """The windows by the header's bytes alone, before OpenEXR sees the file."""
+    with path.open("rb") as stream:
+        head = stream.read(_HEADER_BYTES)
+    windows = [struct.unpack("<4i", found) for found in _WINDOW.findall(head)]
+    if not head.startswith(EXR_MAGIC) or not windows:
+        raise _unreadable(name, "not an EXR")
+    for left, top, right, bottom in windows:
+        check_size(right - left + 1, bottom - top + 1, limits, f"The image {name}")
+
+
+def _extent(window: Any) -> tuple[int, int]:
+    (left, top), (right, bottom) = window
+    return int(right) - int(left) + 1, int(bottom) - int(top) + 1
+
+
+def _placed(parts: Iterable[tuple[Mapping[str, Any], Mapping[str, NDArray[Any]]]], name: str) -> Exr:
+    planes: dict[str, Plane] = {}
+    size = (0, 0)
+    for header, channels in parts:
+        size = _extent(header["displayWindow"])
+        prefix = f"{header['name']}." if header.get("name") else ""
+        shift = np.array(header["dataWindow"][0]) - np.array(header["displayWindow"][0])
+        for channel, pixels in channels.items():
+            if pixels.ndim != 2 or pixels.shape[::-1] != _extent(header["dataWindow"]):
+                raise _unreadable(name, f"channel {channel}: deep or subsampled")
+            planes[_named(prefix, channel)] = _within(pixels, (int(shift[0]), int(shift[1])), size)
+    return Exr(size, planes)
+
+
+def _named(prefix: str, channel: str) -> str:
+    return channel if channel.startswith(prefix) else prefix + channel
+
+
+def _within(pixels: NDArray[Any], shift: tuple[int, int], size: tuple[int, int]) -> Plane:
+    """The data window's pixels in the display window."""
+    if shift == (0, 0) and pixels.shape[::-1] == size:
+        return np.ascontiguousarray(pixels, np.float32)
+    out = np.zeros(size[::-1], np.float32)
+    (left, top), (height, width) = shift, pixels.shape
+    x0, y0, x1, y1 = max(left, 0), max(top, 0), min(left + width, size[0]), min(top + height, size[1])
+    if x1 > x0 and y1 > y0:
+        out[y0:y1, x0:x1] = pixels[y0 - top : y1 - top, x0 - left : x1 - left]
+    return out
+
+
+# -- passes
+
+
+def beauty(image: Exr) -> Frame | None:
+    """The picture itself as a frame: linear light to sRGB, clipped to 0..1; None where there is no R, G, B."""
+    found = _group(image.planes, ("combined", "beauty", "rgba", "image", ""), ("r", "g", "b"))
+    if found is None:
+        return None
+    linear = np.clip(np.nan_to_num(np.stack(found, -1)), 0, 1)
+    encoded = np.where(linear <= 0.0031308, linear * 12.92, 1.055 * np.power(linear, 1 / 2.4) - 0.055)
+    return np.asarray(np.rint(encoded * 255), np.uint8)
+
+
+def normals(image: Exr) -> NDArray[np.float32] | None:
+    """The normal pass, float32 (h, w, 3), or None."""
+    found = _group(image.planes, _NORMALS, ("x", "y", "z")) or _group(image.planes, _NORMALS, ("r", "g", "b"))
+    return None if found is None else np.stack(found, -1)
+
+
+def object_ids(image: Exr) -> NDArray[np.int32] | None:
+    """The object index pass, int32 (h, w), or None."""
+    found = next((f for last in ("x", "y", "r", "id") if (f := _group(image.planes, _IDS, (last,)))), None)
+    return None if found is None else np.rint(found[0]).astype(np.int32)
+
+
+def depth(image: Exr) -> Plane | None:
+    """The depth pass, or None."""
+    found = _group(image.planes, _DEPTHS, ("z",)) or _group(image.planes, ("",), ("z",))
+    return None if found is None else found[0]
+
+
+def _group(planes: Planes, passes: tuple[str, ...], channels: tuple[str, ...]) -> tuple[Plane, ...] | None:
+    """The planes `channels` of the first pass with one of these names, whatever part or layer it is in."""
+    by_name = {full.lower(): plane for full, plane in planes.items()}
+    for wanted in passes:
+        for full in by_name:
+            stem, _, last = full.rpartition(".")
+            if last == channels[0] and stem.rpartition(".")[2] == wanted:
+                found = [by_name.get(f"{stem}.{c}" if stem else c) for c in channels]
+                if all(plane is not None for plane in found):
+                    return tuple(plane for plane in found if plane is not None)
+    return None
+
+
+@dataclass(frozen=True)
+class Velocities:
+    """V+ and V- of benard2013stylizing: a point at p goes to p + plus(p), and came from p - minus(p). px, y down."""
+
+    plus: Flow | None
+    minus: Flow | None
+
+
+def raw_vectors(image: Exr) -> tuple[str, Flow | None, Flow | None]:
+    """How the vectors are given ("blender" or "named"), those to or from the next frame, those of the previous one.
+
+    As stored: neither sign nor axis is touched.
+    """
+    for channels in _VECTOR:
+        found = _group(image.planes, ("vector",), channels)
+        if found is not None:
+            return "blender", np.stack(found[2:], -1), np.stack(found[:2], -1)
+    forth = next((f for pair in _BACK if (f := _group(image.planes, _FORTH_NAMES, pair))), None)
+    back = next((f for pair in _BACK if (f := _group(image.planes, _BACK_NAMES, pair))), None)
+    return "named", _stacked(forth), _stacked(back)
+
+
+def _stacked(found: tuple[Plane, ...] | None) -> Flow | None:
+    return None if found is None else np.stack(found, -1)
+
+
+_SIGNS: Mapping[str, tuple[float, float, float]] = {
+    "cycles": (-1.0, -1.0, -1.0),
+    "eevee": (-1.0, 1.0, -1.0),
+    "nuke": (1.0, -1.0, 1.0),
+}
+"""Factor of the vectors to the next frame for V+, of those of the previous for V-, and of every y."""
+
+
+def signed(forth: Flow | None, back: Flow | None, factors: tuple[float, float, float]) -> Velocities:
+    """Stored vectors as V+ and V-."""
+    axis = np.array([1.0, factors[2]], np.float32)
+
+    def turned(field: Flow | None, factor: float) -> Flow | None:
+        return None if field is None else np.ascontiguousarray(field * (np.float32(factor) * axis), np.float32)
+
+    return Velocities(turned(forth, factors[0]), turned(back, factors[1]))
+
+
+def factors_of(
+    convention: Convention, first: tuple[Exr, Frame], second: tuple[Exr, Frame]
+) -> tuple[tuple[float, float, float], str]:
+    """The factors of a convention, or those that two frames in a row show to be right, and a sentence that says so.
+
+    Args:
+        convention: "cycles" (XY = previous - current, ZW = current - next, y up), "eevee" (XY = current - previous),
+            "nuke" (forward and backward point to where a pixel is in the other frame; y as stored), or "auto".
+        first, second: vectors and pictures of two frames in a row.
+
+    Raises:
+        BadInput: no such convention, or no vectors.
+    """
+    if convention in _SIGNS:
+        return _SIGNS[convention], f"Vectors are read as {convention} writes them."
+    if convention != "auto":
+        raise BadInput("There is no such convention.", field="vectors", value=convention,
+                       remedy=f"Use one of: {', '.join(get_args(Convention))}.")  # fmt: skip
+    _, forth, _ = raw_vectors(first[0])
+    _, _, back = raw_vectors(second[0])
+    if forth is None and back is None:
+        raise BadInput("The EXR holds no motion vectors.", field="vectors", remedy="Render the Vector pass.")
+    signs = (1.0, -1.0)
+    tried = [(a, b, c) for a in signs for b in signs for c in signs]
+    scores = {f: _misfit(signed(forth, back, f), first[1], second[1]) for f in tried}
+    best = min(scores, key=lambda f: (scores[f], f))
+    still = _misfit(Velocities(np.zeros((*first[1].shape[:2], 2), np.float32), None), first[1], second[1])
+    says = (
+        f"Vectors were tried in all signs: V+ = {best[0]:+.0f} next, V- = {best[1]:+.0f} previous, "
+        f"y {'as stored' if best[2] > 0 else 'turned'}; misfit {scores[best]:.2f} gray levels, {still:.2f} without."
+    )
+    return best, says
+
+
+def _misfit(velocities: Velocities, first: Frame, second: Frame) -> float:
+    """How unlike the frames are, gray levels, when each is fetched from the other along its vectors."""
+    total, count = 0.0, 0
+    if velocities.plus is not None:
+        total, count = total + _unlike(first, second, velocities.plus), count + 1
+    if velocities.minus is not None:
+        total, count = total + _unlike(second, first, -velocities.minus), count + 1
+    return total / count if count else math.inf
+
+
+def _unlike(here: Frame, there: Frame, way: Flow) -> float:
+    height, width = way.shape[:2]
+    y, x = np.mgrid[:height, :width].astype(np.float32)
+    found = cv2.remap(there, x + way[..., 0], y + way[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return float(np.abs(found.astype(np.float32) - here).mean())

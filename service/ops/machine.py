@@ -1,0 +1,61 @@
+"""Metrics of the machine under the service: its disks, its process, its version."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterable, Iterator
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from prometheus_client import CollectorRegistry, Gauge, ProcessCollector
+from prometheus_client.core import GaugeMetricFamily
+from prometheus_client.metrics_core import Metric
+from prometheus_client.registry import Collector
+
+from service.settings import Settings
+
+
+def add_machine(registry: CollectorRegistry, settings: Settings) -> None:
+    """Register what this process and its disks have to tell."""
+    ProcessCollector(registry=registry)
+    Gauge("impasto_build_info", "1, with the version.", ("version",), registry=registry).labels(_version()).set(1)
+    registry.register(DiskMetrics(settings))
+
+
+class DiskMetrics(Collector):
+    """The disks that work is written to."""
+
+    def __init__(self, settings: Settings) -> None:
+        blobs = settings.copies_at if settings.blob_url else settings.blobs_at
+        self._places = {"home": settings.home.absolute(), "blobs": blobs, "scratch": settings.scratch}
+        self._reserve = settings.reserve_bytes
+
+    def describe(self) -> Iterable[Metric]:
+        """Nothing ahead of time: a disk may be slow to answer."""
+        return ()
+
+    def collect(self) -> Iterator[Metric]:
+        free = GaugeMetricFamily("impasto_disk_free_bytes", "Free for us where things are kept.", labels=["place"])
+        size = GaugeMetricFamily("impasto_disk_size_bytes", "Of the whole disk.", labels=["place"])
+        for place, path in self._places.items():
+            usage = shutil.disk_usage(_existing(path))
+            free.add_metric([place], usage.free)
+            size.add_metric([place], usage.total)
+        yield free
+        yield size
+        text = "New work is refused while less is free for blobs."
+        yield GaugeMetricFamily("impasto_disk_reserve_bytes", text, value=float(self._reserve))
+
+
+def _existing(path: Path) -> Path:
+    """`path`, or the nearest folder above it that is there: folders are made when they are needed."""
+    while not path.exists() and path != path.parent:
+        path = path.parent
+    return path
+
+
+def _version() -> str:
+    try:
+        return version("impasto")
+    except PackageNotFoundError:  # run from a checkout that nobody installed
+        return "unknown"

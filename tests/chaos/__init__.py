@@ -1,0 +1,1 @@
+"""Faults by a seeded schedule on real parts, and what they cost: nothing."""

@@ -1,0 +1,103 @@
+"""Scenes with exact truth for painting patches: a pan, things that move, and one that is hidden for three frames."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Frame, Labels
+from pipeline.methods import parse_params
+from pipeline.methods.patches import Patches
+from pipeline.scenes import paints as p
+from pipeline.scenes.base import CutOut, SceneFrame
+from pipeline.scenes.outlines import box, disc, everywhere
+from pipeline.scenes.pose import Pose
+from pipeline.scenes.stage import Stage
+from tests.pipeline.methods.bench import FakeBench, run_plan
+
+SIZE = (240, 144)
+FPS = 24.0
+HIDDEN = range(6, 9)
+"""Frames in which the blob cannot be seen."""
+PAN_PX = 2
+"""Motion of the background, px a frame, to the left."""
+
+
+def px(value: float) -> float:
+    """Pixels in the scene's units, heights."""
+    return value / SIZE[1]
+
+
+def stage(frames: int = 14) -> Stage:
+    """A wall that pans by whole pixels, a disc and a slab that go their own ways, a blob that hides and returns."""
+    wall = p.grainy(p.vertical("#7f8f6a", "#3f545f", 0.0, 1.0), 0.45, 0.25, 1)
+    parts = [
+        CutOut("wall", everywhere, wall, lambda t: Pose.shift(px(-PAN_PX * t * FPS), 0), line_px=0),
+        _thing("disc", disc(0, 0, px(22)), "#d95f4b", 2, lambda n: (-60 + 1.5 * n, 40 + 1.0 * n), 24),
+        _thing("slab", box(0, 0, px(26), px(18), px(3)), "#4f7cac", 3, lambda n: (40 - 4.0 * n, 106), 28),
+        _thing("blob", disc(0, 0, px(17)), "#e0a458", 4, lambda n: (58 + 1.0 * n, 40 - 0.5 * n), 20, HIDDEN),
+    ]
+    return Stage("patches", parts, SIZE, frames, FPS)
+
+
+def _thing(name: str, outline: Any, code: str, seed: int, at: Any, half: float, hidden: range = range(0)) -> CutOut:
+    """A part that is at `at(frame)`, px from the middle of the top, and not there in `hidden` frames."""
+
+    def motion(t: float) -> Pose:
+        number = t * FPS
+        x, y = at(number)
+        return Pose.shift(px(x), px(y)) @ Pose.scale(0.0 if round(number) in hidden else 1.0)
+
+    paint = p.grainy(p.flat(code), 0.4, 0.12, seed)
+    return CutOut(name, outline, paint, motion, (-px(half), -px(half), px(half), px(half)), line_px=0)
+
+
+@cache
+def truth(frames: int = 14) -> tuple[SceneFrame, ...]:
+    return tuple(stage(frames))
+
+
+def paint(
+    frames: list[Frame], inputs: Mapping[str, Any] | None = None, artefacts: frozenset[str] = frozenset(),
+    **params: Any,
+) -> FakeBench:  # fmt: skip
+    """Run the method's whole plan."""
+    bench = FakeBench(parse_params(Patches(), params), frames, inputs, artefacts=artefacts)
+    run_plan(Patches(), bench)
+    return bench
+
+
+@cache
+def painted_scene() -> FakeBench:
+    return paint([shot.image for shot in truth()])
+
+
+def label_maps(bench: FakeBench) -> dict[int, Labels]:
+    """Final label maps by frame, at the working size."""
+    step = "correct" if bench.has("labels") else "cluster"
+    return {
+        int(name.removeprefix("labels-")): array.astype(np.int32)
+        for (own, key), kept in bench.kept.items()
+        if own == step and key.startswith("run")
+        for name, array in kept.items()
+        if name.startswith("labels-")
+    }
+
+
+def rand_index(a: NDArray[Any], b: NDArray[Any]) -> float:
+    """Adjusted Rand index of two labellings: 1 = the same partition, 0 = as good as chance (hubert1985comparing)."""
+    _, first = np.unique(a, return_inverse=True)
+    _, second = np.unique(b, return_inverse=True)
+    table = np.zeros((first.max() + 1, second.max() + 1))
+    np.add.at(table, (first.ravel(), second.ravel()), 1)
+
+    def pairs(counts: NDArray[Any]) -> float:
+        return float((counts * (counts - 1) / 2).sum())
+
+    both, rows, columns, every = pairs(table), pairs(table.sum(1)), pairs(table.sum(0)), pairs(np.array([a.size]))
+    chance = rows * columns / every
+    return (both - chance) / ((rows + columns) / 2 - chance)

@@ -1,0 +1,199 @@
+"""Analogy: nothing but the style's colours, keys as painted, steadier than frame by frame, trails gone with chi."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipeline.errors import BadInput
+from pipeline.frames import Frame
+from pipeline.methods import method, parse_params
+from pipeline.methods.analogy.exemplar import own_pair
+from pipeline.methods.analogy.interval import PIECE, pieces
+from pipeline.methods.analogy.plan import run_frames
+from pipeline.scenes import scene
+from tests.pipeline.methods.bench import FakeBench, painted, run_plan
+
+pytestmark = pytest.mark.real("opencl")
+
+SIZE = (96, 72)
+QUICK = {"levels": 3, "iterations": 3}
+
+
+@cache
+def shot(count: int = 6) -> list[Frame]:
+    made = scene("shapes", SIZE, frames=24, fps=24)
+    return [made.image(index) for index in range(count)]
+
+
+@cache
+def painting() -> Frame:
+    return np.ascontiguousarray(own_pair()[1][40:200, 60:260])
+
+
+def rendered(inputs: dict[str, Any] | None = None, frames: list[Frame] | None = None, **params: Any) -> np.ndarray:
+    chosen = method("analogy")
+    given = {"style_output": [painting()]} if inputs is None else inputs
+    bench = FakeBench(parse_params(chosen, QUICK | params), frames or shot(), given)
+    run_plan(chosen, bench)
+    return painted(bench)
+
+
+def palette(*pictures: np.ndarray) -> set[bytes]:
+    return {colour.tobytes() for picture in pictures for colour in np.unique(picture[..., :3].reshape(-1, 3), axis=0)}
+
+
+@pytest.mark.parametrize("params", [{}, {"rotation": "on"}, {"temporal": "off"}, {"colours": "lab"}], ids=str)
+def test_every_colour_of_the_result_is_one_of_the_style(params: dict[str, Any]) -> None:
+    assert palette(rendered(**params)) <= palette(painting())
+
+
+def test_the_scene_reads_in_the_paint() -> None:
+    out, source = rendered()[2].astype(float).mean(-1), shot()[2].astype(float).mean(-1)
+    assert np.corrcoef(out.ravel(), source.ravel())[0, 1] > 0.6
+
+
+def test_frames_of_a_shot_are_steadier_than_frames_on_their_own() -> None:
+    still = [shot()[0]] * 4
+    held, alone = (
+        np.abs(np.diff(rendered(frames=still, temporal=t).astype(int), axis=0)).mean() for t in ("on", "off")
+    )
+    assert held < 0.2 * alone
+
+
+def test_a_still_is_a_clip_of_one_frame() -> None:
+    assert rendered(frames=shot()[:1]).shape == (1, SIZE[1], SIZE[0], 3)
+
+
+# -- keyframes
+
+
+def key(index: int, shift: int) -> Frame:
+    """A painting over a frame: its colours turned and coarsened."""
+    return np.ascontiguousarray(np.roll(shot(12)[index], shift, axis=-1) // 16 * 16)
+
+
+def test_painted_keys_are_matched_and_nothing_else_is_used() -> None:
+    keys = {2: key(2, 1), 7: key(7, 1)}
+    out = rendered({"keyframes": keys}, shot(10))
+    for index, image in keys.items():
+        np.testing.assert_array_equal(out[index], image)
+    assert palette(out) <= palette(*keys.values())
+
+
+def test_what_is_painted_of_a_partial_key_is_matched_and_the_rest_is_found() -> None:
+    alpha = np.zeros((SIZE[1], SIZE[0], 1), np.uint8)
+    alpha[20:60, 10:80] = 255
+    image = np.dstack([key(3, 1), alpha])
+    out = rendered({"keyframes": {3: image}}, shot(6))
+    np.testing.assert_array_equal(out[3][20:60, 10:80], image[20:60, 10:80, :3])
+    assert palette(out) <= palette(image[20:60, 10:80])
+
+
+def test_the_step_across_a_key_is_no_larger_than_elsewhere() -> None:
+    out = rendered({"keyframes": {0: key(0, 1), 6: key(6, 1), 11: key(11, 1)}}, shot(12)).astype(int)
+    steps = np.abs(np.diff(out, axis=0)).mean((1, 2, 3))
+    assert max(steps[5:7]) < 1.5 * np.median(steps)
+
+
+@pytest.mark.parametrize(
+    ("keys", "field", "word"),
+    [
+        ({9: np.zeros((SIZE[1], SIZE[0], 3), np.uint8)}, "inputs.keyframes", "9"),
+        ({1: np.zeros((10, 20, 3), np.uint8)}, "inputs.keyframes", "20x10"),
+        ({1: np.zeros((SIZE[1], SIZE[0], 4), np.uint8)}, "inputs.keyframes", "transparent"),
+    ],
+    ids=["no such frame", "another size", "nothing painted"],
+)
+def test_a_wrong_key_is_named(keys: dict[int, np.ndarray], field: str, word: str) -> None:
+    with pytest.raises(BadInput) as caught:
+        rendered({"keyframes": keys})
+    assert caught.value.field == field and word in str(caught.value) and caught.value.remedy
+
+
+@pytest.mark.parametrize(
+    ("begin", "end", "keys"),
+    [
+        (0, 10, [(0, True), (9, True)]),
+        (5, 300, [(100, True)]),
+        (0, 200, [(10, True), (180, True)]),
+        (3, 9, [(5, False)]),
+    ],
+    ids=str,
+)
+def test_pieces_cover_a_shot_once_and_hold_on_to_their_neighbours(
+    begin: int, end: int, keys: list[tuple[int, bool]]
+) -> None:
+    found = dict(pieces(begin, end, keys))
+    emitted = sorted(index for piece in found.values() for index in range(piece.first, piece.last))
+    assert emitted == list(range(begin, end))
+    for piece in found.values():
+        assert piece.start <= piece.first < piece.last <= piece.stop <= piece.start + PIECE + 1
+        assert piece.keys
+        if piece.task:
+            other = found[piece.task]
+            assert piece.held in (other.start, other.last) and piece.start <= piece.held < piece.stop
+
+
+# -- style and guides
+
+
+def test_a_style_without_its_painting_is_refused() -> None:
+    with pytest.raises(BadInput) as caught:
+        rendered({"style": [painting()]})
+    assert caught.value.field == "inputs.style_output"
+
+
+def test_a_pair_of_two_sizes_is_refused() -> None:
+    with pytest.raises(BadInput) as caught:
+        rendered({"style_output": [painting()], "style": [painting()[:50]]})
+    assert caught.value.field == "inputs.style" and "200x160" in caught.value.remedy
+
+
+def test_a_guide_of_the_users_decides_what_goes_where() -> None:
+    """The style's left half is marked dark, its right half bright; so the mark puts either where it is asked for."""
+    style = np.zeros((64, 96, 3), np.uint8)
+    style[:, :48], style[:, 48:] = (200, 40, 40), (40, 40, 200)
+    mark = np.where(np.arange(96) < 48, 0, 255).astype(np.uint8)[None, :, None].repeat(64, 0).repeat(3, 2)
+    wish = np.zeros((SIZE[1], SIZE[0], 3), np.uint8)
+    wish[:30] = 255
+    out = rendered(
+        {"style_output": [style], "style_guide_a": [mark], "guide_a": [wish]},
+        shot()[:1], guide_weight=0, guide_a_weight=4,
+    )[0]  # fmt: skip
+    assert (out[:26, :, 2] == 200).mean() > 0.97 and (out[34:, :, 0] == 200).mean() > 0.97
+
+
+def test_a_guide_without_its_counterpart_is_refused() -> None:
+    with pytest.raises(BadInput) as caught:
+        rendered({"style_output": [painting()], "guide_b": shot()})
+    assert caught.value.field == "inputs.style_guide_b"
+
+
+def test_lines_are_drawn_with_the_strokes_of_the_style() -> None:
+    """A dark stroke down the middle of an even style: it goes where the video's line is."""
+    style = np.full((64, 96, 3), 220, np.uint8)
+    style[:, 44:52] = (90, 20, 20)
+    marks = np.full_like(style, 255)
+    marks[:, 47:49] = 0
+    drawn = np.full((SIZE[1], SIZE[0], 3), 255, np.uint8)
+    drawn[:, 30:32] = 0
+    flat = np.full((SIZE[1], SIZE[0], 3), 128, np.uint8)
+    out = rendered(
+        {"style_output": [style], "style_lines": [marks], "lines": [drawn]}, [flat], guide_weight=0, lines_weight=400
+    )[0]
+    dark = (out[..., 0] == 90).mean(0)
+    assert dark[28:34].min() > 0.9 and dark[:20].max() < 0.1 and dark[42:].max() < 0.1
+
+
+def test_lines_of_the_video_alone_are_refused() -> None:
+    with pytest.raises(BadInput) as caught:
+        rendered({"style_output": [painting()], "lines": shot()})
+    assert caught.value.field == "inputs.style_lines"
+
+
+def test_a_run_has_as_many_frames_as_memory_allows() -> None:
+    assert run_frames((320, 180)) == 32 and 2 <= run_frames((3840, 2160)) < run_frames((1920, 1080)) < 32

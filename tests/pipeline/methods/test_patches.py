@@ -1,0 +1,304 @@
+"""Painting patches against exact truth: clusters, hidden things that return, a pan, user guidance, baselines, bytes."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from functools import cache
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.errors import BadParameter
+from pipeline.frames import Frame
+from pipeline.methods.base import Brief, VideoInfo
+from pipeline.methods.patches.grid import Grid
+from pipeline.methods.patches.guidance import label_map, mask_map, style_of, styles_of
+from pipeline.methods.patches.hertzmann import Painter
+from pipeline.methods.patches.lives import FADE, Life, lives
+from pipeline.methods.patches.params import PatchesParams
+from tests.pipeline.methods.bench import FakeBench, painted
+from tests.pipeline.methods.patch_scenes import (
+    HIDDEN,
+    PAN_PX,
+    SIZE,
+    label_maps,
+    paint,
+    painted_scene,
+    rand_index,
+    truth,
+)
+
+WALL, DISC, SLAB, BLOB = 1, 2, 3, 4
+
+
+@cache
+def output() -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
+    return painted(painted_scene())
+
+
+def label_of(thing: int, index: int) -> int:
+    """The label that most of a thing's pixels have in a frame."""
+    return int(np.bincount(label_maps(painted_scene())[index][truth()[index].ids == thing]).argmax())
+
+
+# -- clusters
+
+
+def test_clusters_agree_with_the_true_objects() -> None:
+    maps = label_maps(painted_scene())
+    scores = [rand_index(maps[index], shot.ids) for index, shot in enumerate(truth())]
+    assert len(scores) == len(truth()) and min(scores) >= 0.9
+    assert np.mean(scores) >= 0.97
+
+
+def test_a_label_means_the_same_in_all_windows_and_tasks() -> None:
+    assert len(truth()) > 12, "more than one run of frames"
+    for thing in (WALL, SLAB):
+        assert {label_of(thing, index) for index in range(len(truth()))} == {label_of(thing, 0)}
+
+
+def test_a_thing_hidden_for_three_frames_comes_back_with_its_label() -> None:
+    before, after = HIDDEN.start - 1, HIDDEN.stop
+    assert label_of(BLOB, after) == label_of(BLOB, before) > 1
+
+
+def test_and_with_its_strokes() -> None:
+    """Its paint before and after, laid over each other by its true motion."""
+    before, after = HIDDEN.start - 1, HIDDEN.stop
+    y, x = np.nonzero(cv2.erode((truth()[after].ids == BLOB).astype(np.uint8), np.ones((7, 7), np.uint8)))
+    gap = after - before
+    there = cv2.remap(
+        output()[before], np.float32(x - 1.0 * gap)[None], np.float32(y + 0.5 * gap)[None], cv2.INTER_LINEAR
+    )
+    alike = np.abs(output()[after][y, x].astype(float) - there[0]).mean()
+    baseline = painted(alone())
+    there = cv2.remap(
+        baseline[before], np.float32(x - 1.0 * gap)[None], np.float32(y + 0.5 * gap)[None], cv2.INTER_LINEAR
+    )
+    per_frame = np.abs(baseline[after][y, x].astype(float) - there[0]).mean()
+    assert alike < 4 and alike < 0.6 * per_frame
+
+
+def test_a_window_too_short_forgets_what_was_hidden() -> None:
+    bench = paint([shot.image for shot in truth()[: HIDDEN.stop + 2]], window=3)
+    maps, ids = label_maps(bench), truth()
+    before, after = (
+        int(np.bincount(maps[index][ids[index].ids == BLOB]).argmax()) for index in (HIDDEN.start - 1, HIDDEN.stop + 1)
+    )
+    assert before > 1 and after != before
+
+
+# -- painting
+
+
+@cache
+def alone() -> FakeBench:
+    return paint([shot.image for shot in truth()[: HIDDEN.stop + 1]], temporal="off")
+
+
+def test_background_strokes_follow_the_pan_and_enter_at_the_border_without_changing() -> None:
+    for index in range(len(truth()) - 1):
+        now, then = output()[index].astype(float), output()[index + 1].astype(float)
+        change = np.abs(then[:, :-PAN_PX] - now[:, PAN_PX:]).mean(axis=-1)
+        wall = (truth()[index + 1].ids == WALL)[:, :-PAN_PX] & (truth()[index].ids == WALL)[:, PAN_PX:]
+        border = wall.copy()
+        border[:, :-16] = False
+        assert change[wall].mean() < 1 and change[border].mean() < 1
+
+
+def test_no_hole_and_no_black_seam() -> None:
+    for shot, frame in zip(truth(), output(), strict=True):
+        darkest = cv2.erode(shot.image.min(axis=-1), np.ones((25, 25), np.uint8)).astype(int)
+        assert (frame.min(axis=-1) >= darkest - 60).all()
+        near = cv2.GaussianBlur(frame, (0, 0), 4).astype(float) - cv2.GaussianBlur(shot.image, (0, 0), 4)
+        assert np.abs(near).max() < 90
+
+
+def test_relaxation_lowers_the_energy_of_every_patch() -> None:
+    bench = paint([shot.image for shot in truth()[:8]], artefacts=frozenset({"energy"}))
+    reports = [
+        json.loads(archive.read(name))
+        for key, data in bench.files.items()
+        if key.startswith("energy-")
+        for archive in [zipfile.ZipFile(io.BytesIO(data))]
+        for name in archive.namelist()
+        if name.endswith(".json")
+    ]
+    assert len(reports) >= 3
+    for report in reports:
+        pairs, every = report["pairs"], report["all"]
+        assert pairs["after"] <= pairs["before"] and every["after"] <= every["before"]
+        assert pairs["iterations"] <= 10 * pairs["pairs"] and every["iterations"] <= 10
+    assert sum(r["pairs"]["after"] for r in reports) < 0.9 * sum(r["pairs"]["before"] for r in reports)
+
+
+def test_strokes_carried_by_flow_are_steadier_than_none_and_patches_than_those() -> None:
+    frames = [shot.image for shot in truth()[:6]]
+
+    def change(video: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]) -> float:
+        return float(np.abs(video[1:, :, :-PAN_PX].astype(float) - video[:-1, :, PAN_PX:]).mean())
+
+    carried, single = painted(paint(frames, temporal="strokes")), painted(alone())[:6]
+    assert change(output()[:6]) < 0.7 * change(carried) < 0.7 * change(single)
+
+
+def test_a_painting_is_held_on_threes() -> None:
+    frames = [shot.image for shot in truth()[:7]]
+    held, each = painted(paint(frames, hold=3, temporal="off")), painted(alone())
+    for index, frame in enumerate(held):
+        np.testing.assert_array_equal(frame, each[index // 3 * 3])
+
+
+def test_a_hold_that_divides_no_run_is_the_same_across_runs() -> None:
+    frames = [shot.image for shot in truth()]
+    held = painted(paint(frames, hold=5, temporal="off"))
+    np.testing.assert_array_equal(held[12], held[10])
+
+
+# -- what the user says
+
+
+def test_a_corrected_label_map_changes_the_frames_before_and_after() -> None:
+    frames = [shot.image for shot in truth()[:6]]
+    drawn = np.where(truth()[4].ids == SLAB, 77, np.where(truth()[4].ids == WALL, 1, 9)).astype(np.uint16)
+    first = np.where(truth()[0].ids == SLAB, 77, np.where(truth()[0].ids == WALL, 1, 9)).astype(np.uint16)
+    bench = paint(frames, {"labels": {0: first, 4: drawn}})
+    maps = label_maps(bench)
+    np.testing.assert_array_equal(maps[4], drawn)
+    for index, shot in enumerate(truth()[:6]):
+        assert rand_index(maps[index], np.where(shot.ids == BLOB, DISC, shot.ids)) > 0.9
+        assert np.bincount(maps[index][shot.ids == SLAB]).argmax() == 77
+
+
+def test_between_keyframes_labels_come_from_both() -> None:
+    """At frame 0 all is one thing; at frame 5 the slab is another: where both agree is fixed, the rest is blended."""
+    frames = [shot.image for shot in truth()[:6]]
+    whole = np.ones(SIZE[::-1], np.uint16)
+    drawn = np.where(truth()[5].ids == SLAB, 5, 1).astype(np.uint16)
+    maps = label_maps(paint(frames, {"labels": {0: whole, 5: drawn}}))
+    share = [(maps[index][truth()[index].ids == SLAB] == 5).mean() for index in range(6)]
+    assert share[0] == 0 and share[5] == 1
+    assert share[4] > 0.8 and share == sorted(share)
+
+
+def test_a_mask_says_what_is_background() -> None:
+    frames = [shot.image for shot in truth()[:6]]
+    mask = np.where(truth()[0].ids == SLAB, 255, 0).astype(np.uint8)
+    maps = label_maps(paint(frames, {"masks": {0: mask}}))
+    for index, shot in enumerate(truth()[:6]):
+        fore = maps[index] != 1
+        overlap = (fore & (shot.ids == SLAB)).sum() / (fore | (shot.ids == SLAB)).sum()
+        assert overlap > 0.85
+
+
+def test_scribbles_are_masks_too() -> None:
+    frames = [shot.image for shot in truth()[:2]]
+    drawn = np.full(SIZE[::-1], 128, np.uint8)
+    ids = truth()[0].ids
+    drawn[cv2.erode((ids == SLAB).astype(np.uint8), np.ones((15, 15), np.uint8)) > 0] = 255
+    drawn[cv2.erode((ids != SLAB).astype(np.uint8), np.ones((25, 25), np.uint8)) > 0] = 0
+    fore = label_maps(paint(frames, {"masks": {0: drawn}}))[0] != 1
+    assert (fore & (ids == SLAB)).sum() / (fore | (ids == SLAB)).sum() > 0.85
+
+
+def test_a_patch_may_have_a_style_of_its_own() -> None:
+    params = PatchesParams(background_style="wash")
+    bench = FakeBench(params, [truth()[0].image], {"styles": {"3": "circles"}})
+    own = styles_of(bench)
+    assert [style_of(label, params, own) for label in (1, 2, 3)] == ["wash", "hertzmann", "circles"]
+    frames = [shot.image for shot in truth()[:3]]
+    plain, styled = paint(frames), paint(frames, {"styles": {"background": "circles"}})
+    slab = cv2.erode((truth()[1].ids == SLAB).astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
+    change = np.abs(painted(plain)[1].astype(float) - painted(styled)[1]).mean(axis=-1)
+    assert change[slab].mean() < 1 < change[truth()[1].ids == WALL].mean()
+
+
+@pytest.mark.parametrize(
+    ("styles", "field"),
+    [
+        ([], "inputs.styles"),
+        ({"2": "cubist"}, "inputs.styles.2"),
+        ({"sky": "wash"}, "inputs.styles.sky"),
+        ({"0": "wash"}, "inputs.styles.0"),
+    ],
+)
+def test_a_bad_style_is_refused_by_its_path(styles: object, field: str) -> None:
+    with pytest.raises(BadParameter) as caught:
+        styles_of(FakeBench(PatchesParams(), [truth()[0].image], {"styles": styles}))
+    assert caught.value.field == field and caught.value.remedy
+
+
+def test_a_map_of_another_shape_or_with_colours_is_refused() -> None:
+    grid = Grid.of(SIZE)
+    for image in (
+        np.zeros((100, 100), np.uint8),
+        np.dstack([np.eye(144, 240, dtype=np.uint8)] * 2 + [np.ones(SIZE[::-1], np.uint8)]),
+    ):
+        with pytest.raises(BadParameter) as caught:
+            label_map(image, grid, 3)
+        assert caught.value.field == "inputs.labels[3]" and caught.value.remedy
+    with pytest.raises(BadParameter) as caught:
+        mask_map(np.zeros((100, 100), np.uint8), grid, 2)
+    assert caught.value.field == "inputs.masks[2]"
+
+
+# -- artefacts
+
+
+def test_label_maps_come_out_as_they_may_come_in() -> None:
+    bench = paint([shot.image for shot in truth()[:3]], artefacts=frozenset({"labels", "patches"}))
+    archive = zipfile.ZipFile(io.BytesIO(bench.files["labels-run-0000000"]))
+    assert archive.namelist() == ["000000.png", "000001.png", "000002.png"]
+    image = cv2.imdecode(np.frombuffer(archive.read("000001.png"), np.uint8), cv2.IMREAD_UNCHANGED)
+    assert image.dtype == np.uint16
+    np.testing.assert_array_equal(label_map(image, Grid.of(SIZE), 1), label_maps(bench)[1])
+    pictures = [name for name in bench.files if name.startswith("patches-")]
+    names = [name for key in pictures for name in zipfile.ZipFile(io.BytesIO(bench.files[key])).namelist()]
+    assert len(names) >= 6 and all(name.endswith(("-panorama.png", "-painting.png")) for name in names)
+
+
+# -- plans and styles
+
+
+def brief(frames: int, travel: float = 0.0, longest: int = 120) -> Brief:
+    """Notes of a background that is everywhere, in one run."""
+    row = [0, frames - 1, 1000 * frames, frames // 3, 1000, travel]
+    notes = {
+        "scan": {"video": {"frames": frames, "cuts": [], "keys": []}}, "correct": {},
+        "cluster": {"run-0000000": {"labels": {"1": row}}},
+    }  # fmt: skip
+    return Brief(PatchesParams(longest_patch=longest), 0, VideoInfo(320, 180, frames, 25.0, 1.0), notes=notes)
+
+
+def test_lives_are_short_enough_and_fade_into_each_other() -> None:
+    found = lives(brief(100, longest=40))
+    assert len(found) == 3 and (found[0].start, found[-1].stop) == (0, 100)
+    assert all(life.stop - life.start <= 40 + FADE for life in found)
+    for index in range(100):
+        assert sum(life.weight(index) for life in found if life.start <= index < life.stop) == pytest.approx(1)
+
+
+def test_what_travels_far_has_more_lives() -> None:
+    assert len(lives(brief(100))) == 1
+    assert len(lives(brief(100, travel=5 * 320.0))) >= 2
+
+
+def test_a_life_travels_as_json() -> None:
+    life = lives(brief(50))[0]
+    assert Life(**json.loads(json.dumps(life.args()))) == life
+
+
+@pytest.mark.parametrize(("area", "radius", "length"), [(64, 2, 16), (65, 4, 32), (512, 4, 32), (513, 8, 128)])
+def test_table_1_by_area(area: int, radius: int, length: int) -> None:
+    painter = Painter.of("hertzmann", area, 344, PatchesParams(), 0)
+    assert (painter.brush.size_px, painter.brush.length_px) == (2 * radius, length)
+    twice = Painter.of("hertzmann", 4 * area, 688, PatchesParams(), 0)
+    assert (twice.brush.size_px, twice.brush.length_px) == (4 * radius, 2 * length)
+
+
+def test_one_frame_is_painted() -> None:
+    frame: Frame = truth()[0].image
+    np.testing.assert_array_equal(painted(paint([frame]))[0], painted(paint([frame], temporal="off"))[0])

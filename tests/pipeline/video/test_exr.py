@@ -1,0 +1,129 @@
+"""EXR: every kind of file read, passes found by name, velocities with the right sign."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenEXR
+import pytest
+
+from pipeline.errors import MediaTooLarge, UnreadableMedia
+from pipeline.scenes import scene
+from pipeline.video.exr import (
+    Exr,
+    beauty,
+    depth,
+    factors_of,
+    normals,
+    object_ids,
+    raw_vectors,
+    read_exr,
+    signed,
+)  # fmt: skip
+from pipeline.video.media import Limits
+
+SIZE = (96, 64)
+
+
+def write(path: Path, channels: dict[str, np.ndarray], header: dict[str, Any] | None = None) -> Path:
+    made = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage} | (header or {})
+    with OpenEXR.File(made, channels) as file:
+        file.write(str(path))
+    return path
+
+
+@pytest.mark.parametrize("dtype", [np.float16, np.float32, np.uint32])
+def test_half_float_and_integer_channels(tmp_path: Path, dtype: Any) -> None:
+    plane = np.arange(12, dtype=dtype).reshape(3, 4)
+    image = read_exr(write(tmp_path / "a.exr", {"IndexOB.X": plane}))
+    assert image.size == (4, 3) and image.planes["IndexOB.X"].dtype == np.float32
+    np.testing.assert_array_equal(image.planes["IndexOB.X"], plane.astype(np.float32))
+
+
+def test_several_parts(tmp_path: Path) -> None:
+    parts = [
+        OpenEXR.Part({"type": OpenEXR.scanlineimage}, {n: np.full((4, 5), k, np.float16)}, part)
+        for k, (part, n) in enumerate((("beauty", "Combined.R"), ("motion", "Vector.X")))
+    ]
+    with OpenEXR.File(parts) as file:
+        file.write(str(tmp_path / "a.exr"))
+    image = read_exr((tmp_path / "a.exr").read_bytes())
+    assert {name: plane[0, 0] for name, plane in image.planes.items()} == {"beauty.Combined.R": 0, "motion.Vector.X": 1}
+
+
+def test_a_data_window_smaller_than_the_picture(tmp_path: Path) -> None:
+    window = (np.array([2, 1], np.int32), np.array([3, 2], np.int32))
+    display = (np.array([0, 0], np.int32), np.array([5, 3], np.int32))
+    path = write(
+        tmp_path / "a.exr", {"Z": np.ones((2, 2), np.float32)}, {"dataWindow": window, "displayWindow": display}
+    )
+    image = read_exr(path)
+    assert image.size == (6, 4) and image.planes["Z"].sum() == 4
+    assert (image.planes["Z"][1:3, 2:4] == 1).all()
+
+
+def test_what_is_no_exr_or_cut_off_or_too_large_is_refused(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.exr", {"Z": np.ones((40, 50), np.float32)})
+    for wrong in (b"", b"\x76\x2f\x31\x01 and no more", path.read_bytes()[:200]):
+        with pytest.raises(UnreadableMedia):
+            read_exr(wrong, name="frame 7")
+    with pytest.raises(MediaTooLarge):
+        read_exr(path, Limits(width=20, height=20))
+
+
+def test_passes_are_found_by_their_names() -> None:
+    plane = np.full((2, 3), 0.5, np.float32)
+    names = ["Combined.R", "Combined.G", "Combined.B", "Normal.X", "Normal.Y", "Normal.Z", "Depth.Z", "IndexOB.X"]
+    image = Exr((3, 2), {f"ViewLayer.{name}": plane for name in names})
+    frame = beauty(image)
+    assert frame is not None and (frame == 188).all()
+    found = normals(image)
+    assert found is not None and found.shape == (2, 3, 3)
+    assert depth(image) is not None and object_ids(image) is not None
+    assert raw_vectors(image) == ("named", None, None)
+
+
+def vectors(index: int, convention: str) -> tuple[Exr, np.ndarray]:
+    """A scene's exact velocities as a renderer would write them."""
+    shot = scene("shapes", SIZE, frames=12, fps=12).frame(index)
+    minus, plus = shot.velocity_previous, shot.velocity_next
+    if convention == "nuke":
+        names = {"forward.u": plus[..., 0], "forward.v": plus[..., 1]}
+        names |= {"backward.u": -minus[..., 0], "backward.v": -minus[..., 1]}
+    else:
+        sign = -1 if convention == "cycles" else 1
+        names = {"V.Vector.X": sign * minus[..., 0], "V.Vector.Y": -sign * minus[..., 1]}
+        names |= {"V.Vector.Z": -plus[..., 0], "V.Vector.W": plus[..., 1]}
+    return Exr(SIZE, names), shot.image
+
+
+@pytest.mark.parametrize("told", [True, False], ids=["told", "guessed"])
+@pytest.mark.parametrize("convention", ["cycles", "eevee", "nuke"])
+def test_velocities_have_the_right_sign_whoever_wrote_them(convention: Any, told: bool) -> None:
+    first, second = vectors(3, convention), vectors(4, convention)
+    factors, says = factors_of(convention if told else "auto", first, second)
+    truth = scene("shapes", SIZE, frames=12, fps=12).frame(4)
+    _, forth, back = raw_vectors(second[0])
+    found = signed(forth, back, factors)
+    assert found.plus is not None and found.minus is not None and says
+    np.testing.assert_allclose(found.plus, truth.velocity_next, atol=1e-6)
+    np.testing.assert_allclose(found.minus, truth.velocity_previous, atol=1e-6)
+
+
+@pytest.mark.real("media")
+def test_velocities_of_a_rendered_box(media: Path) -> None:
+    """MANIFEST.md: exact velocities, px, y down; the box moves 6 px and more, so a wrong sign is far off."""
+
+    def read(index: int) -> tuple[Exr, np.ndarray]:
+        folder = media / "cg_aov" / "box"
+        picture = beauty(read_exr(folder / f"beauty_{index:03d}.exr"))
+        assert picture is not None
+        return read_exr(folder / f"velocity_{index:03d}.exr"), picture
+
+    factors, says = factors_of("auto", read(2), read(3))
+    print(says)
+    _, forth, back = raw_vectors(read(3)[0])
+    found = signed(forth, back, factors)
+    assert found.plus is not None and found.minus is not None and factors[2] > 0
