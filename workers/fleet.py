@@ -1,8 +1,9 @@
-"""What operators see and steer: machines and workers, what failed, a job's attempts in time, live sessions.
+"""What operators see and steer: who works, on which machines, what failed, a job's attempts in time, live sessions.
 
-A *node* is a machine (in a Ray cluster, one of its nodes); a *worker* runs one attempt at a time on it. Draining either
-means that nothing new starts there while what runs is finished: so a machine can be upgraded without losing work. A
-drain is kept in the store, and heeded by every dispatcher within about a second.
+A *worker* is a process that takes tasks (`impasto serve`, `impasto worker`): in the store, a dispatcher. It has
+*slots*: each runs one attempt at a time, on some *node*, a machine (in a Ray cluster, one of its nodes). Draining a
+worker or a node means that nothing new starts there while what runs is finished, so that it can be upgraded without
+losing work. Pausing the queue is the same for all of them at once. Both are kept in the store, and heeded by all.
 """
 
 from __future__ import annotations
@@ -17,21 +18,21 @@ from workers.model import Json
 
 
 class Place(StrEnum):
-    """What can be drained."""
+    """What can be told to start nothing new."""
 
-    NODE = "node"
+    QUEUE = "queue"
+    """All of it."""
     WORKER = "worker"
+    NODE = "node"
 
 
 @dataclass(frozen=True)
-class PoolWorker:
-    """A worker as its pool knows it."""
+class Slot:
+    """Where one attempt at a time runs, as its pool knows it."""
 
     name: str
-    """Unique among all that are alive: host, process, and thread if need be."""
+    """Unique in its worker."""
     node: str
-    kind: str
-    """"local" or "ray"."""
     cpus: float = 1.0
     gpus: float = 0.0
     memory_bytes: int = 0
@@ -39,23 +40,24 @@ class PoolWorker:
 
 
 @dataclass(frozen=True)
-class Drains:
-    """Where nothing new may start."""
+class Enrolment:
+    """Who a worker is, told once at its start."""
 
-    nodes: frozenset[str] = frozenset()
-    workers: frozenset[str] = frozenset()
-
-    def hold(self, worker: PoolWorker) -> bool:
-        """Whether this worker may start nothing."""
-        return worker.node in self.nodes or worker.name in self.workers
+    host: str
+    role: str
+    """"serve" (it answers requests as well) or "worker"."""
+    kind: str
+    """Where its slots are: "local" or "ray"."""
+    version: str
 
 
 @dataclass(frozen=True)
 class Drain:
-    """An operator's wish that a place be empty."""
+    """An operator's wish that a place start nothing new."""
 
     place: Place
     name: str
+    """Of the place; empty for the queue."""
     at: float
     by: str
     """Owner of the key that asked; empty without one."""
@@ -64,7 +66,7 @@ class Drain:
 
 @dataclass(frozen=True)
 class AtWork:
-    """What a worker runs now."""
+    """What a slot runs now."""
 
     attempt_id: str
     task_id: str
@@ -76,37 +78,41 @@ class AtWork:
     progress: float
     """0..1"""
     started_at: float
+    slot: str
+    """Empty: it is on its way to one."""
+    node: str
 
 
 @dataclass(frozen=True)
 class WorkerView:
-    name: str
-    node: str
+    id: str
+    host: str
+    role: str
     kind: str
-    dispatcher: str
-    """Who gives it work."""
-    cpus: float
-    gpus: float
-    memory_bytes: int
+    version: str
     state: str
-    """"idle", "busy", "draining" (busy, and takes nothing new) or "drained"."""
-    drained_by: Place | None
-    joined_at: float
-    at_work: tuple[AtWork, ...] = ()
+    """"live", "away" (silent for longer than its lease), "draining" (takes nothing new, still runs something) or
+    "drained"."""
+    started_at: float
+    seen_at: float
+    """Its last sign of life."""
+    slots: tuple[Slot, ...]
+    at_work: tuple[AtWork, ...]
+    drain: Drain | None = None
 
 
 @dataclass(frozen=True)
 class NodeView:
     name: str
     state: str
-    """"open", "draining" (some of its workers still run something) or "drained"."""
-    workers: int
+    """"open", "draining" (something still runs there) or "drained"."""
+    slots: int
     busy: int
     cpus: float
     gpus: float
     memory_bytes: int
-    kinds: tuple[str, ...]
-    dispatchers: tuple[str, ...]
+    workers: tuple[str, ...]
+    """Ids of those with slots there."""
     drain: Drain | None = None
 
 
@@ -128,7 +134,7 @@ class Failure:
     outcome: str
     """"failed" or "interrupted"."""
     worker: str
-    dispatcher: str
+    slot: str
     started_at: float
     finished_at: float
     error: Json | None
@@ -144,7 +150,7 @@ class Bar:
     key: str
     number: int
     worker: str
-    dispatcher: str
+    slot: str
     outcome: str
     """"running", "succeeded", "failed", "interrupted", "released" or "cancelled"."""
     started_at: float
@@ -161,20 +167,9 @@ class AttemptLogView:
     number: int
     outcome: str
     worker: str
+    slot: str
     error: Json | None
     log: str
-
-
-@dataclass(frozen=True)
-class Pace:
-    """Work that ended within one stretch of time."""
-
-    at: float
-    """Its beginning."""
-    succeeded: int
-    failed: int
-    """Attempts that failed or were interrupted."""
-    frames: int
 
 
 @dataclass(frozen=True)
@@ -191,7 +186,7 @@ class LiveView:
     connected: bool
     """False: it waits for a client that was lost."""
     figures: Json = field(default_factory=dict)
-    """Received, painted, dropped, fps, latency_ms {p50, p95, p99}, of the whole session."""
+    """Of the whole session, as in the `stats` message of the live protocol."""
     ending: bool = False
     """An operator has asked for its end."""
 
@@ -199,16 +194,24 @@ class LiveView:
 class Fleet(Protocol):
     """Listings are pages, read at one moment; cursors are opaque."""
 
-    def nodes(self, cursor: str | None = None, limit: int = 50) -> Page: ...
+    def workers(self, cursor: str | None = None, limit: int = 50) -> Page:
+        """`WorkerView` items, the longest alive first."""
+        ...
 
-    def workers(self, node: str | None = None, cursor: str | None = None, limit: int = 50) -> Page: ...
+    def nodes(self) -> list[NodeView]:
+        """Those where a worker that is not away has slots, and those that are drained; by name."""
+        ...
 
-    def drain(self, place: Place, name: str, by: str = "", reason: str = "") -> None:
+    def drains(self) -> list[Drain]:
+        """What is drained now, the queue among it."""
+        ...
+
+    def drain(self, place: Place, name: str = "", by: str = "", reason: str = "") -> Drain:
         """Start nothing new there. Twice is the same as once. Raises NotFound: there is no such place."""
         ...
 
-    def undrain(self, place: Place, name: str) -> None:
-        """Work may start there again. Raises NotFound: it is neither there nor drained."""
+    def resume(self, place: Place, name: str = "") -> None:
+        """Work may start there again. Twice is the same as once. Raises NotFound: there is no such place."""
         ...
 
     def failures(self, job_id: str | None = None, cursor: str | None = None, limit: int = 50) -> Page:
@@ -220,11 +223,7 @@ class Fleet(Protocol):
         ...
 
     def timeline(self, job_id: str, cursor: str | None = None, limit: int = 500) -> Page:
-        """`Bar` items of `limit` tasks, in plan order. Raises NotFound."""
-        ...
-
-    def pace(self, window_s: float, stretch_s: float) -> list[Pace]:
-        """The last `window_s`, in stretches, oldest first."""
+        """`Bar` items, the latest begun first. Raises NotFound."""
         ...
 
     def now(self) -> float:
@@ -238,7 +237,7 @@ class Fleet(Protocol):
         ...
 
     def live(self, cursor: str | None = None, limit: int = 50) -> Page:
-        """`LiveView` items, oldest first."""
+        """`LiveView` items, oldest first; without those of processes that have been silent for long."""
         ...
 
     def end_live(self, session_id: str) -> None:

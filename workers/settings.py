@@ -62,6 +62,13 @@ class FarmSettings(BaseModel):
     ray_address: str = "local"
     """"local" starts a cluster in this machine; else the address of one."""
 
+    task_cpus: float = Field(default=1.0, gt=0, le=256)
+    """What a task has to itself on a Ray cluster, unless it says so itself: processors,"""
+    task_gpus: float = Field(default=0.0, ge=0, le=16)
+    """GPUs (0.25: four tasks share one),"""
+    task_memory_bytes: int = Field(default=0, ge=0)
+    """and memory; 0: nothing in particular."""
+
     attempts: int = Field(default=3, ge=1, le=20)
     """Failures after which a task fails for good."""
     interruptions: int = Field(default=20, ge=1)

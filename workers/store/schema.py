@@ -5,7 +5,7 @@
          --< steps --< tasks --< attempts
                        tasks --< task_edges (which task waits for which)
     api_keys
-    dispatchers (who is alive) --< workers (who runs something for them)
+    dispatchers (workers that are alive) --< slots (where they run something)
     drains (where nothing new may start)
     live_sessions (of every process, as of a moment ago)
 
@@ -217,6 +217,7 @@ attempts = Table(
     Index(None, "outcome", "dispatcher"),
     Index(None, "outcome", "finished_at"),
     Index(None, "job_id", "finished_at"),
+    Index(None, "job_id", "started_at"),
 )
 
 dispatchers = Table(
@@ -225,19 +226,22 @@ dispatchers = Table(
     Column("id", String(80), primary_key=True),
     Column("started_at", Double, nullable=False),
     Column("lease_until", Double, nullable=False),
+    Column("seen_at", Double, nullable=False, server_default="0"),
+    Column("host", String(120), nullable=False, server_default=""),
+    Column("role", String(12), nullable=False, server_default=""),
+    Column("kind", String(12), nullable=False, server_default=""),
+    Column("version", String(40), nullable=False, server_default=""),
 )
 
-workers = Table(
-    "workers",
+slots = Table(
+    "slots",
     metadata,
     Column("dispatcher", String(80), ForeignKey("dispatchers.id", ondelete="CASCADE"), primary_key=True),
     Column("name", String(120), primary_key=True),
     Column("node", String(120), nullable=False),
-    Column("kind", String(12), nullable=False),
     Column("cpus", Double, nullable=False),
     Column("gpus", Double, nullable=False),
     Column("memory_bytes", BigInteger, nullable=False),
-    Column("joined_at", Double, nullable=False),
 )
 
 drains = Table(
