@@ -2,6 +2,10 @@
 
 An actor counts as capacity once it has said hello, so that a cluster with fewer processors than workers simply does
 less at once. When an actor dies its attempt is reported as lost and another actor takes its place.
+
+An actor has what its task needs (processors, part of a GPU, memory) from Ray; a task with other needs than any idle
+actor takes the place of one with an actor of its own, which waits for a machine that has that: an autoscaler may make
+one.
 """
 
 from __future__ import annotations
@@ -9,18 +13,20 @@ from __future__ import annotations
 import logging
 import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import ray
 from ray.exceptions import RayError
 
 from pipeline.errors import StorageError
+from pipeline.methods.base import Needs
 from workers.actors import RenderActor
 from workers.blobs.base import Blobs
 from workers.faults import failed_outcome
+from workers.fleet import Slot
 from workers.local_pool import Listen, Runner
 from workers.model import TaskOrder, TaskOutcome
 from workers.pool import Report
@@ -42,7 +48,12 @@ class _Worker:
     actor: Any
     hello: Any
     """Reference to its greeting, until that has come."""
+    needs: Needs
+    """What it has from Ray."""
+    avoids: frozenset[str] = frozenset()
+    """Ids of Ray nodes where it was not to begin."""
     name: str = ""
+    node: str = ""
     attempt_id: str = ""
     answer: Any = None
     """Reference to the outcome of the attempt."""
@@ -70,11 +81,41 @@ class RayPool:
         self._stopping = False
         self._pump = threading.Thread(target=self._watch, name="impasto-ray", daemon=True)
         self._listen: Listen = lambda report: None
+        self._needs = Needs(settings.task_cpus, settings.task_gpus, settings.task_memory_bytes)
+        self._held: frozenset[str] = frozenset()
+        self._avoided: frozenset[str] = frozenset()
+        """Ids of the nodes that are held."""
 
     @property
     def capacity(self) -> int:
         with self._lock:
-            return sum(1 for worker in self._workers if worker.name)
+            return sum(1 for worker in self._workers if worker.name or worker.attempt_id)
+
+    @property
+    def free(self) -> int:
+        with self._lock:
+            return len(self._idle())
+
+    def _idle(self) -> list[_Worker]:
+        return [worker for worker in self._workers if worker.idle and worker.node not in self._held]
+
+    def slots(self) -> tuple[Slot, ...]:
+        with self._lock:
+            there = [worker for worker in self._workers if worker.name]
+        return tuple(Slot(w.name, w.node, w.needs.cpus, w.needs.gpus, w.needs.memory_bytes) for w in there)
+
+    def hold(self, nodes: Collection[str]) -> None:
+        """Idle actors of these nodes move to others, as far as there is room."""
+        if self._held == frozenset(nodes):
+            return
+        names = _node_names()
+        with self._lock:
+            self._held = frozenset(nodes)
+            self._avoided = frozenset(node_id for node_id, name in names.items() if name in self._held)
+            for worker in list(self._workers):
+                starting = not worker.name and not worker.attempt_id
+                if (worker.idle and worker.node in self._held) or (starting and worker.avoids != self._avoided):
+                    self._exchange(worker, worker.needs)
 
     def start(self, listen: Listen) -> None:
         """Connect, or start a cluster. On the main thread only: Ray aborts the process at its end otherwise."""
@@ -83,18 +124,23 @@ class RayPool:
         self._listen = listen
         _connect(self._settings)
         with self._lock:
-            self._workers = [self._new_worker() for _ in range(self._settings.workers)]
+            self._workers = [self._new_worker(self._needs) for _ in range(self._settings.workers)]
         self._pump.start()
 
     def submit(self, order: TaskOrder) -> None:
         with self._lock:
-            worker = next((worker for worker in self._workers if worker.idle), None)
+            worker = self._place_for(order.needs or self._needs)
             if worker is not None:
                 worker.attempt_id = order.attempt_id
                 worker.answer = worker.actor.run.remote(order)
         if worker is None:  # an actor died between the claim and now
             self._listen(Report(order.attempt_id, lost=True))
         self._news.set()
+
+    def _place_for(self, needs: Needs) -> _Worker | None:
+        idle = self._idle()
+        fitting = next((worker for worker in idle if worker.needs == needs), None)
+        return fitting or (self._exchange(idle[0], needs) if idle else None)
 
     def cancel(self, attempt_id: str) -> None:
         worker = self._at_work(attempt_id)
@@ -162,16 +208,28 @@ class RayPool:
         if isinstance(value, TaskOutcome):
             self._answered(worker, value)
         else:
-            worker.name, worker.hello = str(value), None
+            self._greeted(worker, *value)
+
+    def _greeted(self, worker: _Worker, name: str, node_id: str) -> None:
+        node = _node_names().get(node_id, node_id[:12])
+        with self._lock:
+            worker.name, worker.node, worker.hello = name, node, None
+        self._listen(Report("", worker=name))
 
     def _answered(self, worker: _Worker, outcome: TaskOutcome) -> None:
         with self._lock:
             worker.attempt_id, worker.answer = "", None
+            if worker.node in self._held:
+                self._exchange(worker, worker.needs)
         self._listen(Report(outcome.attempt_id, 1.0, outcome, worker=worker.name))
 
     def _ask_progress(self) -> None:
         with self._lock:
-            asked = {worker.actor.progress.remote(): worker for worker in self._workers if worker.attempt_id}
+            busy = [worker for worker in self._workers if worker.attempt_id]
+            asked = {worker.actor.progress.remote(): worker for worker in busy if worker.name}
+        for worker in busy:
+            if not worker.name:  # its actor waits for room: that is no silence
+                self._listen(Report(worker.attempt_id, worker=f"waiting for {_words(worker.needs)}"))
         if not asked:
             return
         come, _ = ray.wait(list(asked), num_returns=len(asked), timeout=_TICK_S)
@@ -188,20 +246,45 @@ class RayPool:
 
     # -- actors
 
-    def _new_worker(self) -> _Worker:
-        actor = RenderActor.options(num_cpus=1).remote(self._make_runner)
-        return _Worker(actor, actor.hello.remote())
+    def _new_worker(self, needs: Needs) -> _Worker:
+        elsewhere = {"ray.io/node-id": f"!in({','.join(sorted(self._avoided))})"} if self._avoided else None
+        actor = RenderActor.options(
+            num_cpus=needs.cpus, num_gpus=needs.gpus, memory=needs.memory_bytes or None, label_selector=elsewhere
+        ).remote(self._make_runner)
+        return _Worker(actor, actor.hello.remote(), needs, self._avoided)
+
+    def _exchange(self, worker: _Worker, needs: Needs) -> _Worker:
+        """End an actor that has nothing to do; another takes its place."""
+        ray.kill(worker.actor)
+        new = self._new_worker(needs)
+        self._workers[self._workers.index(worker)] = new
+        return new
 
     def _replace(self, worker: _Worker, lost: str = "") -> None:
         with self._lock:
             if worker in self._workers:
-                self._workers[self._workers.index(worker)] = self._new_worker()
+                self._workers[self._workers.index(worker)] = self._new_worker(worker.needs)
         if lost:
             self._listen(Report(lost, lost=True, worker=worker.name))
 
     def _at_work(self, attempt_id: str) -> _Worker | None:
         with self._lock:
             return next((worker for worker in self._workers if worker.attempt_id == attempt_id), None)
+
+
+def _node_names() -> dict[str, str]:
+    """By the id of every Ray node: the name that it was started with, else its host's."""
+    return {node["NodeID"]: _node_name(node) for node in cast(Any, ray).nodes()}
+
+
+def _node_name(node: dict[str, Any]) -> str:
+    named = node["NodeName"] and node["NodeName"] != node["NodeManagerAddress"]
+    return str(node["NodeName"] if named else node["NodeManagerHostname"])
+
+
+def _words(needs: Needs) -> str:
+    memory = f", {needs.memory_bytes >> 20} MiB" if needs.memory_bytes else ""
+    return f"{needs.cpus:g} CPU{f', {needs.gpus:g} GPU' if needs.gpus else ''}{memory}"
 
 
 _LOCAL = {

@@ -59,6 +59,8 @@ class FarmSettings(BaseModel):
     """Where attempts run: in this process, on a Ray cluster, or nowhere (accept and show only)."""
     workers: int = Field(default=1, ge=1, le=256)
     """Attempts that run at once."""
+    role: Literal["serve", "worker"] = "serve"
+    """Shown to operators: whether the process answers requests, too."""
     ray_address: str = "local"
     """"local" starts a cluster in this machine; else the address of one."""
 

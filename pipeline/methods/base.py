@@ -80,7 +80,7 @@ class Brief:
 
 @dataclass(frozen=True)
 class Needs:
-    """What a task has of a machine to itself while it runs. What several of them share (a film in memory) is not in it."""
+    """What a task has of a machine to itself while it runs."""
 
     cpus: float = 1.0
     gpus: float = 0.0

@@ -243,9 +243,7 @@ def _slots(connection: Connection, ids: Sequence[str]) -> dict[str, list[Slot]]:
     return found
 
 
-def _at_work(
-    connection: Connection, ids: Sequence[str], nodes: dict[tuple[str, str], str]
-) -> dict[str, list[AtWork]]:
+def _at_work(connection: Connection, ids: Sequence[str], nodes: dict[tuple[str, str], str]) -> dict[str, list[AtWork]]:
     attempts, tasks, jobs, steps = schema.attempts, schema.tasks, schema.jobs, schema.steps
     query = (
         select(
@@ -319,4 +317,3 @@ def _before(columns: Sequence[Any], values: Sequence[Any]) -> Any:
 def _insert_all(connection: Connection, table: Any, rows: list[dict[str, Any]]) -> None:
     if rows:
         connection.execute(insert(table), rows)
-

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import sqlalchemy as sa
 from alembic import op
 
@@ -11,7 +13,7 @@ branch_labels = None
 depends_on = None
 
 
-_OF_A_WORKER: tuple[tuple[str, sa.types.TypeEngine[object], str], ...] = (
+_OF_A_WORKER: tuple[tuple[str, Any, str], ...] = (
     ("seen_at", sa.Double(), "0"),
     ("host", sa.String(length=120), ""),
     ("role", sa.String(length=12), ""),
