@@ -22,7 +22,7 @@ PlaceArgument = Annotated[
 def status(server: ServerOption = None, api_key: KeyOption = None, as_json: JsonFlag = False) -> None:
     """Show the queue, tasks by state, workers and machines."""
     with client_of(server, api_key) as client:
-        found = {
+        found: dict[str, Any] = {
             "snapshot": client.ops.snapshot(),
             "queue": client.ops.queue(),
             "workers": client.ops.workers(),
