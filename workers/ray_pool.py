@@ -13,8 +13,9 @@ from __future__ import annotations
 import logging
 import signal
 import threading
+import time
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, cast
 
@@ -37,6 +38,8 @@ log = logging.getLogger(__name__)
 
 _TICK_S = 0.25
 """How often progress is asked for while something runs."""
+_PATIENCE_S = 3.0
+"""How long an actor waits for room before an idle one makes it: as long as one takes to start."""
 _OBJECT_STORE_BYTES = 100 << 20
 """Orders and outcomes are a few kilobytes; blobs go by their own way."""
 
@@ -55,6 +58,8 @@ class _Worker:
     name: str = ""
     node: str = ""
     attempt_id: str = ""
+    patient_since: float = field(default_factory=time.monotonic)
+    """Since when it has waited for a machine without having been helped."""
     answer: Any = None
     """Reference to the outcome of the attempt."""
 
@@ -85,6 +90,8 @@ class RayPool:
         self._held: frozenset[str] = frozenset()
         self._avoided: frozenset[str] = frozenset()
         """Ids of the nodes that are held."""
+        self._owed = 0
+        """Actors that were ended to make room for others."""
 
     @property
     def capacity(self) -> int:
@@ -115,7 +122,7 @@ class RayPool:
             for worker in list(self._workers):
                 starting = not worker.name and not worker.attempt_id
                 if (worker.idle and worker.node in self._held) or (starting and worker.avoids != self._avoided):
-                    self._exchange(worker, worker.needs)
+                    self._exchange(worker, self._needs)
 
     def start(self, listen: Listen) -> None:
         """Connect, or start a cluster. On the main thread only: Ray aborts the process at its end otherwise."""
@@ -140,7 +147,10 @@ class RayPool:
     def _place_for(self, needs: Needs) -> _Worker | None:
         idle = self._idle()
         fitting = next((worker for worker in idle if worker.needs == needs), None)
-        return fitting or (self._exchange(idle[0], needs) if idle else None)
+        if fitting is not None or not idle:
+            return fitting
+        roomy = _roomy(needs)
+        return self._exchange(next((worker for worker in idle if worker.node in roomy), idle[0]), needs)
 
     def cancel(self, attempt_id: str) -> None:
         worker = self._at_work(attempt_id)
@@ -180,6 +190,7 @@ class RayPool:
                 if not self._collect(_TICK_S):
                     self._news.wait(_TICK_S)
                 self._ask_progress()
+                self._make_room()
             except Exception:
                 log.exception("the Ray pool failed; it tries again")
                 self._news.wait(1.0)
@@ -220,7 +231,7 @@ class RayPool:
         with self._lock:
             worker.attempt_id, worker.answer = "", None
             if worker.node in self._held:
-                self._exchange(worker, worker.needs)
+                self._exchange(worker, self._needs)
         self._listen(Report(outcome.attempt_id, 1.0, outcome, worker=worker.name))
 
     def _ask_progress(self) -> None:
@@ -246,6 +257,27 @@ class RayPool:
 
     # -- actors
 
+    def _make_room(self) -> None:
+        """End an idle actor where one that has waited a while could begin; once nobody waits, make up for it."""
+        now = time.monotonic()
+        with self._lock:
+            waiting = [worker for worker in self._workers if worker.attempt_id and not worker.name]
+            if not waiting:
+                self._workers += [self._new_worker(self._needs) for _ in range(self._owed)]
+                self._owed = 0
+            for worker in waiting:
+                if now - worker.patient_since > _PATIENCE_S:
+                    worker.patient_since = now
+                    self._end_idle(_roomy(worker.needs))
+
+    def _end_idle(self, nodes: Collection[str]) -> None:
+        """One of these nodes, if there is one."""
+        found = next((worker for worker in self._idle() if worker.node in nodes), None)
+        if found is not None:
+            ray.kill(found.actor)
+            self._workers.remove(found)
+            self._owed += 1
+
     def _new_worker(self, needs: Needs) -> _Worker:
         elsewhere = {"ray.io/node-id": f"!in({','.join(sorted(self._avoided))})"} if self._avoided else None
         actor = RenderActor.options(
@@ -263,7 +295,7 @@ class RayPool:
     def _replace(self, worker: _Worker, lost: str = "") -> None:
         with self._lock:
             if worker in self._workers:
-                self._workers[self._workers.index(worker)] = self._new_worker(worker.needs)
+                self._workers[self._workers.index(worker)] = self._new_worker(self._needs)
         if lost:
             self._listen(Report(lost, lost=True, worker=worker.name))
 
@@ -280,6 +312,13 @@ def _node_names() -> dict[str, str]:
 def _node_name(node: dict[str, Any]) -> str:
     named = node["NodeName"] and node["NodeName"] != node["NodeManagerAddress"]
     return str(node["NodeName"] if named else node["NodeManagerHostname"])
+
+
+def _roomy(needs: Needs) -> set[str]:
+    """Names of the nodes that have what a task needs, if nothing else runs there."""
+    wanted = {"CPU": needs.cpus, "GPU": needs.gpus, "memory": needs.memory_bytes}
+    alive = (node for node in cast(Any, ray).nodes() if node["Alive"])
+    return {_node_name(n) for n in alive if all(n["Resources"].get(what, 0) >= want for what, want in wanted.items())}
 
 
 def _words(needs: Needs) -> str:
