@@ -7,6 +7,7 @@ store or the blobs are away it waits, longer each time, and loses no outcome mea
 from __future__ import annotations
 
 import logging
+import socket
 import threading
 import time
 from collections import deque
@@ -17,6 +18,7 @@ from pipeline.errors import ImpastoError, StorageError
 from workers import jobs as machine
 from workers.about import About, about
 from workers.faults import failed_outcome, fault_from, is_final, is_storage_away
+from workers.fleet import Enrolment, Place, Slot
 from workers.life import Life
 from workers.model import Fault, TaskOutcome
 from workers.orders import Orders
@@ -65,6 +67,7 @@ class Dispatcher:
         settings: capacity, leases, limits.
         has_room: raises StorageFull when nothing new should begin.
         tidy: told of a job (its id) that succeeded or was deleted: blobs are needed no more. Quick.
+        who: how operators know it.
     """
 
     def __init__(
@@ -74,9 +77,11 @@ class Dispatcher:
         settings: FarmSettings,
         has_room: Callable[[], None] = lambda: None,
         tidy: Callable[[str], None] = lambda job_id: None,
+        who: Enrolment | None = None,
     ) -> None:
         self._store = store
         self._pool = pool
+        self._who = who or Enrolment(socket.gethostname(), "serve", "local", "")
         self._settings = settings
         self._has_room = has_room
         self._tidy = tidy
@@ -85,6 +90,9 @@ class Dispatcher:
         self._reports: deque[Report] = deque()
         self._wake = threading.Event()
         self._stopping = False
+        self._draining = False
+        self._slots: tuple[Slot, ...] | None = None
+        """Those that the store knows."""
         self._thread = threading.Thread(target=self._run, name="impasto-dispatcher", daemon=True)
         self._life: Life | None = None
         self._renewed = self._told = self._looked = self._rested = float("-inf")
@@ -112,6 +120,14 @@ class Dispatcher:
         self._leave()
         self._life.end()
         self._life = None
+
+    def drain(self, timeout_s: float) -> bool:
+        """Take nothing new, and let what runs end; whether all of it did within `timeout_s`. Call `stop` then."""
+        self._draining = True
+        deadline = time.monotonic() + timeout_s
+        while self._flights and time.monotonic() < deadline:
+            time.sleep(0.05)
+        return not self._flights
 
     def poke(self) -> None:
         """Something in the store has changed: look now."""
@@ -167,6 +183,7 @@ class Dispatcher:
         """Look after what runs. Repeatable: an exception in the middle loses nothing."""
         self._bring_in()
         self._keep_leases()
+        self._enrol()
         self._tell_progress()
         self._revoke()
 
@@ -193,7 +210,8 @@ class Dispatcher:
         if flight is None:
             return  # given up already; the store would refuse it, too
         flight.heard = time.monotonic()
-        flight.worker = report.worker or flight.worker
+        if report.worker and report.worker != flight.worker:
+            flight.worker, flight.told = report.worker, False
         if report.lost:
             self._settle(report.attempt_id, flight, _lost(report))
         elif report.outcome is not None:
@@ -256,6 +274,12 @@ class Dispatcher:
         self._life.forget(dead)
         self._renewed = time.monotonic()
 
+    def _enrol(self) -> None:
+        """Let operators know of our slots."""
+        if (slots := self._pool.slots()) != self._slots:
+            self._store.fleet.enrol(self.id, self._who, slots)
+            self._slots = slots
+
     def _revoke(self) -> None:
         """Tell the pool of attempts that no longer count (their job was cancelled), and of silent ones."""
         assert self._life is not None
@@ -295,7 +319,8 @@ class Dispatcher:
 
     def _fill(self) -> None:
         assert self._life is not None
-        while len(self._flights) < self._pool.capacity and not self._stopping:
+        self._pool.hold([drain.name for drain in self._store.fleet.drains() if drain.place is Place.NODE])
+        while self._has_place() and not (self._stopping or self._draining):
             self._has_room()
             claim = self._store.work.claim(self._life.id, self._settings.lease_s)
             if claim is None:
@@ -305,6 +330,10 @@ class Dispatcher:
             self._flights[claim.attempt_id] = flight
             log.info("attempt begins", extra=_about(claim.attempt_id, flight, step=claim.step_name))
             self._send(claim)
+
+    def _has_place(self) -> bool:
+        """An order that cannot be made out takes no place in the pool, and would let us claim without end."""
+        return len(self._flights) < self._pool.capacity and self._pool.free > 0
 
     def _send(self, claim: Claim) -> None:
         """Hand a claimed task to the pool; what goes wrong is the attempt's outcome, like any other."""
