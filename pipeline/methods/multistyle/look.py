@@ -108,17 +108,21 @@ class Eye:
         fresh = self._begins_shot(frame)
         gray = np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.uint8)
         flow = self._flow(gray, fresh)
-        picture = self._hold(frame, flow)
+        back = None if flow is None else _backwards(flow, self.work)
+        picture = self._hold(frame, back)
         detail = self._detail(gray, flow, fresh)
         field = self._directions(picture, flow, placed)
         with self.clock("style"):
             values = uniform(self.style) if placed is None or self.designer is None else self.designer.values(placed)
             fields = style_fields(values, detail, self.size[1])
         with self.clock("strokes"):
-            layers = self._strokes(picture, fields, flow)
+            layers = self._strokes(picture, fields, flow, back)
             length = self._shrunk(fields.brush.length_px)
         self.gray, self.age = gray, self.age + 1
-        return Sight(picture, np.ascontiguousarray(field.transpose(1, 2, 0), np.float16), length, layers)
+        field16 = np.ascontiguousarray(field.transpose(1, 2, 0), np.float16)
+        return Sight(
+            self.age, picture, field16, length, layers, None if back is None else back.astype(np.float16),
+        )  # fmt: skip
 
     def _begins_shot(self, frame: Frame) -> bool:
         before, self.thumbnail = self.thumbnail, thumbnail(frame)
@@ -133,12 +137,12 @@ class Eye:
             flow = estimate(self.gray, gray, self.params.flow)
             return hold_still(flow, self.gray, gray, self.params.stillness)
 
-    def _hold(self, frame: Frame, flow: Flow | None) -> Frame:
+    def _hold(self, frame: Frame, back: Flow | None) -> Frame:
         """The held picture, uint8 at the working size."""
         with self.clock("hold"):
             now = _shrunk(frame, self.work).astype(np.float32)
-            if flow is not None and self.held is not None:
-                now, self.other = hold(now, self.held, _backwards(flow, self.work), self.params.hold)
+            if back is not None and self.held is not None:
+                now, self.other = hold(now, self.held, back, self.params.hold)
             self.held = now
             return np.asarray(np.rint(now), np.uint8)
 
@@ -178,11 +182,12 @@ class Eye:
                 return field
             return _unit(self.designer.directions(field, placed))
 
-    def _strokes(self, picture: Frame, fields: StyleFields, flow: Flow | None) -> tuple[Marks, ...]:
+    def _strokes(
+        self, picture: Frame, fields: StyleFields, flow: Flow | None, before: Flow | None
+    ) -> tuple[Marks, ...]:  # fmt: skip
         if flow is None:
             self.living, self.errors = [], []
         brushes = [layer_brush(fields.brush, self.manner.recipe, k) for k in range(self._count(fields))]
-        before = None if flow is None else _backwards(flow, self.work)
         scale = self.work[1] / self.size[1]
         out, marks, below = [], [], picture
         for index, brush in enumerate(brushes):

@@ -113,6 +113,11 @@ class MultistyleParams(Params):
         0.15, 0.01, 1, "Colour follow", "How far a stroke's colour goes towards the picture's in a frame.", "ratio",
         "Time",
     )  # fmt: skip
+    linger: int = _number(
+        2, 0, 4, "Paint lingers",
+        "Each painting is averaged with so many before it, carried along the motion, where they show the same thing; "
+        "for the implicit renderer.", "frames", "Time",
+    )  # fmt: skip
     cut_sensitivity: float = _number(
         1, 0, 3, "Cut sensitivity", "How readily a hard cut is called, which starts everything afresh; 0 = never.",
         "ratio", "Time",
