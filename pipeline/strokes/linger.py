@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Plane
 
-SAME, OTHER = 30.0, 80.0
+SAME, OTHER = 40.0, 100.0
 """Pictures that differ by less show the same thing, by more another one: RGB distance."""
 
 

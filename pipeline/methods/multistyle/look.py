@@ -47,6 +47,8 @@ LEAST_BREAK = 45.0
 """Change of colour, RGB distance, that no stroke is lifted for."""
 DIRECTION_HOLD = 0.2
 """Change of (cos 2a, sin 2a) up to which a direction stays as it was: 6 degrees."""
+FACES_EVERY, FACES_KEPT, FACES_SIDE_PX = 12, 60, 400
+"""Faces are looked for more often and in a larger picture than a cartoon's: a lost face is the first thing seen."""
 LEAST_BLUR = 0.3
 """Sigma, px, below which a picture is not blurred at all."""
 COARSE_ROWS = 160
@@ -348,4 +350,7 @@ def _blurred(image: NDArray[Any], sigma_px: float) -> NDArray[Any]:
 
 
 def _importance(params: MultistyleParams) -> ImportanceParams:
-    return ImportanceParams(face=params.face_detail, saliency=params.saliency_detail, motion=params.motion_detail)
+    return ImportanceParams(
+        face=params.face_detail, saliency=params.saliency_detail, motion=params.motion_detail,
+        detect_every_frames=FACES_EVERY, keep_frames=FACES_KEPT, detection_side_px=FACES_SIDE_PX,
+    )  # fmt: skip
