@@ -42,8 +42,8 @@ class ImportanceParams:
     """Frames after which what was seen counts half; 0 = no smoothing."""
     detect_every_frames: int = 48
     """Frames between two searches of the whole frame for faces, 1 or more; known faces are looked after more often."""
-    keep_frames: int = 48
-    """Frames that a face is kept after it was met for the first time; up to twice as many after many times."""
+    keep_frames: int | None = None
+    """Frames that a face is kept after it was first met, up to twice as many later; None = `detect_every_frames`."""
     detection_side_px: int = 256
     """Longer side of the picture that faces are looked for in: more find smaller ones, for more time."""
     smallest_face: float = 0.1
