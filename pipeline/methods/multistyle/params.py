@@ -106,7 +106,7 @@ class MultistyleParams(Params):
         "gray levels", "Time",
     )  # fmt: skip
     stroke_fade: float = _number(
-        0.18, 0.02, 1, "Stroke fade", "How much of a new stroke comes up, or of an old one goes, in a frame.", "ratio",
+        0.3, 0.02, 1, "Stroke fade", "How much of a new stroke comes up, or of an old one goes, in a frame.", "ratio",
         "Time",
     )  # fmt: skip
     colour_follow: float = _number(
