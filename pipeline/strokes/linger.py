@@ -30,24 +30,24 @@ class Layout:
     """A painting, and what tells where it belongs.
 
     Attributes:
-        paint: float32 (h, w, c), such as `lay_on` gives.
+        paint: uint8 (h, w, 3), such as `emboss` gives.
         picture: uint8 (h', w', 3), what it was painted from, perhaps smaller.
         back: float32 (h', w', 2), from this frame to the one before, px of `picture`; None = nothing was before.
     """
 
-    paint: NDArray[np.float32]
+    paint: Frame
     picture: Frame
     back: Flow | None
 
 
-def linger(now: Layout, past: Sequence[Layout]) -> NDArray[np.float32]:
-    """The mean of a painting and of those before it, float32 (h, w, c): each where it shows the same thing.
+def linger(now: Layout, past: Sequence[Layout]) -> Frame:
+    """The mean of a painting and of those before it, uint8 (h, w, 3): each where it shows the same thing.
 
     Args:
         past: of the frames before, the latest first.
     """
     size = now.paint.shape[1], now.paint.shape[0]
-    change, weight = np.zeros_like(now.paint), np.ones(now.paint.shape[:2], np.float32)
+    mean, weight = now.paint, np.ones(now.paint.shape[:2], np.float32)
     way, step = None, now.back
     for before in past:
         if step is None:
@@ -55,14 +55,10 @@ def linger(now: Layout, past: Sequence[Layout]) -> NDArray[np.float32]:
         way = step if way is None else np.asarray(way + fetch(step, way), np.float32)
         share = _wider(_alike(now.picture, before.picture, way), size)
         there = fetch(before.paint, _wider(way, size) * np.float32(size[1] / way.shape[0]))
-        there -= now.paint
-        there *= share[..., None]
-        change += there
-        weight += share
+        mean = np.asarray(cv2.blendLinear(mean, there, weight, share), np.uint8)
+        weight = weight + share
         step = before.back
-    change /= weight[..., None]
-    change += now.paint
-    return change
+    return mean
 
 
 def _alike(picture: Frame, before: Frame, way: Flow) -> Plane:

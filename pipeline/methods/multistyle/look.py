@@ -28,7 +28,7 @@ from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker
 from pipeline.segmentation.motion import hold_still
 from pipeline.strokes.brush import Brush, tint
 from pipeline.strokes.carry import Habits, Living, begin, carry, tend
-from pipeline.strokes.layers import area_error, layer_brush, layer_threshold, spacing_px
+from pipeline.strokes.layers import area_error, layer_brush, layer_threshold, spacing_px, typical
 from pipeline.strokes.random import Purpose, draws
 from pipeline.strokes.seeds import Seeds, place, sample
 from pipeline.tensors.edges import edge_field, gradient_tensor, remember
@@ -192,11 +192,12 @@ class Eye:
         brushes = [layer_brush(fields.brush, self.manner.recipe, k) for k in range(self._count(fields))]
         scale = self.work[1] / self.size[1]
         out, marks, below = [], [], picture
+        revealed = None if flow is None else self._revealed(flow)
         for index, brush in enumerate(brushes):
-            width = float(np.median(brush.size_px)) * scale
+            width = typical(brush.size_px) * scale
             sigma = self.manner.recipe.blur * width / 2
             reference = _stretched(_blurred(picture, sigma) if sigma > LEAST_BLUR else picture, self.size)
-            living = self._layer(index, brush, reference, fields, flow, picture, below, before)
+            living = self._layer(index, brush, reference, fields, flow, picture, below, before, revealed)
             out.append(living)
             marks.append(self._marks(living, brush, sigma if sigma > LEAST_BLUR else 0.0, index))
             below = np.asarray(_blurred(picture, max(width / 2, 0.5)), np.uint8)
@@ -211,7 +212,7 @@ class Eye:
 
     def _layer(
         self, index: int, brush: Brush, reference: Frame, fields: StyleFields, flow: Flow | None, picture: Frame,
-        below: Frame, before: Flow | None,
+        below: Frame, before: Flow | None, revealed: Mask | None,
     ) -> Living:  # fmt: skip
         spacing, recipe = spacing_px(brush, self.manner.recipe), self.manner.recipe
         candidates = place(
@@ -229,7 +230,7 @@ class Eye:
         living = carry(self.living[index], flow)
         keep = None if limit is None else self._missing(living.seeds, limit[0], brush, limit[1], HOLD)
         habits = replace(self.habits, break_off=max(recipe.edge * EDGE_SHRINKS**index, LEAST_BREAK))
-        return tend(living, candidates, reference, spacing, habits=habits, wanted=keep, revealed=self._revealed(flow))
+        return tend(living, candidates, reference, spacing, habits=habits, wanted=keep, revealed=revealed)
 
     def _revealed(self, flow: Flow) -> Mask:
         """What has come into the picture, or into view, bool (h, w): strokes come up at once there."""

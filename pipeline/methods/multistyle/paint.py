@@ -51,20 +51,21 @@ class Painter:
 
     def paint(self, sight: Sight) -> Frame:
         """The picture of what was seen: uint8 (h, w, 3)."""
-        canvas = self._lay(sight)
+        now = self._layout(sight)
+        picture = now.paint
         if self.linger:
-            now = self._layout(sight, canvas)
             with self.clock("linger"):
-                canvas = linger(now, [before for _, before in self._before(sight)])
+                picture = linger(now, [before for _, before in self._before(sight)])
             self._keep(sight, now)
-        with self.clock("light"):
-            lit = emboss(canvas, self.manner.light)
-            return settle_pigment(lit, self._rims(sight), GRAIN * self.manner.paper) if self.manner.paper else lit
+        if not self.manner.paper:
+            return picture
+        with self.clock("paper"):
+            return settle_pigment(picture, self._rims(sight), GRAIN * self.manner.paper)
 
     def recall(self, sight: Sight) -> None:
         """Paint a frame only to remember it."""
         if self.linger:
-            self._keep(sight, self._layout(sight, self._lay(sight)))
+            self._keep(sight, self._layout(sight))
 
     def state(self) -> State:
         """The frames it remembers, as they were seen."""
@@ -84,8 +85,11 @@ class Painter:
     def _keep(self, sight: Sight, now: Layout) -> None:
         self.past = [(sight, now), *self._before(sight)][: self.linger]
 
-    def _layout(self, sight: Sight, canvas: Canvas) -> Layout:
-        return Layout(canvas, sight.picture, None if sight.back is None else sight.back.astype(np.float32))
+    def _layout(self, sight: Sight) -> Layout:
+        canvas = self._lay(sight)
+        with self.clock("light"):
+            lit = emboss(canvas, self.manner.light)
+        return Layout(lit, sight.picture, None if sight.back is None else sight.back.astype(np.float32))
 
     def _lay(self, sight: Sight) -> Canvas:
         with self.clock("ground"):
