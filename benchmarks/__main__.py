@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import sys
 
-from benchmarks import abstraction, analogy, dispatch, flow, kill9, live, memory, patches, workers
+from benchmarks import abstraction, analogy, dispatch, flow, kill9, live, memory, multistyle, patches, workers
 
 ALL = {
     "abstraction": abstraction.main,
     "analogy": analogy.main,
+    "multistyle": multistyle.main,
     "patches": patches.main,
     "flow": flow.main,
     "workers": workers.main,

@@ -8,8 +8,8 @@
               what it saw of every frame; `run-n` paints from that, whenever it likes, and once more the two frames
               before, which linger
 
-Looking costs a fifth of painting, so that the chain of one long shot keeps five workers busy with painting. Shots are
-independent of each other. The result is byte for byte what one session over the whole video gives.
+Looking costs half of painting, so that the chain of one long shot keeps three workers busy. Shots are independent of
+each other. The result is byte for byte what one session over the whole video gives.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.sight import Sight, unpack
 from pipeline.segmentation.cuts import is_cut, thumbnail
 
-RUN_FRAMES = 16
-"""Frames a task: about 3 s of painting at 720p, which is the most a restart repeats. Two workers even out soon."""
+RUN_FRAMES = 12
+"""Frames a task: about 3 s of work at 720p, which is the most a restart repeats. Two workers even out soon."""
 LONGEST_LINGER = 4
 """Frames before a run that may linger in it: the most that the parameter `linger` takes."""
-LOOKING = 0.2
+LOOKING = 0.35
 """What it costs to look at a frame, where painting it costs 1."""
 
 
