@@ -28,8 +28,11 @@ log = logging.getLogger(__name__)
 
 _BUSY_TICK_S = 0.4
 """While something runs: how often progress is written and cancelled attempts are looked for."""
+_LIVELY_S = 8.0
+"""How long a task's progress is written at every tick. Then every third: nobody watches each of a long task's steps,
+and they would cost a fast method three percent of its time."""
 _IDLE_TICK_S = 1.0
-"""While nothing runs: how soon work that another process has accepted is seen."""
+"""How soon work that another process has accepted is seen."""
 _MAX_BACK_OFF_S = 15.0
 _STORAGE_AWAY_S = 3.0
 """How long a task that met an absent store waits."""
@@ -43,6 +46,8 @@ class _Flight:
     """When it last reported, monotonic s."""
     job_id: str
     last_step: bool
+    began: float
+    """Monotonic s."""
     progress: float = 0.0
     preview: str = ""
     worker: str = ""
@@ -134,17 +139,20 @@ class Dispatcher:
     # -- the thread
 
     def _run(self) -> None:
-        back_off = 0.0
+        back_off, woken, sought = 0.0, True, float("-inf")
         while not self._stopping:
             self._wake.clear()
             self._turned = time.monotonic()
             try:
                 self._turn()
+                if woken or back_off or self._turned - sought >= _IDLE_TICK_S:
+                    self._seek()
+                    sought = self._turned
                 back_off, self.trouble = 0.0, ""
             except Exception as error:
                 back_off = min(_MAX_BACK_OFF_S, max(0.5, 2 * back_off))
                 self._note_trouble(error)
-            self._wake.wait(back_off or (_BUSY_TICK_S if self._flights else _IDLE_TICK_S))
+            woken = self._wake.wait(back_off or (_BUSY_TICK_S if self._flights else _IDLE_TICK_S))
 
     def _note_trouble(self, error: Exception) -> None:
         self.trouble = str(error) or type(error).__name__
@@ -154,11 +162,14 @@ class Dispatcher:
             log.exception("dispatcher failed; it tries again")
 
     def _turn(self) -> None:
-        """Everything there is to do now. Repeatable: an exception in the middle loses nothing."""
+        """Look after what runs. Repeatable: an exception in the middle loses nothing."""
         self._bring_in()
         self._keep_leases()
         self._tell_progress()
         self._revoke()
+
+    def _seek(self) -> None:
+        """Find new work. Repeatable as well."""
         self._plan()
         self._fill()
 
@@ -217,9 +228,11 @@ class Dispatcher:
 
     def _tell_progress(self) -> None:
         news = {attempt_id: flight for attempt_id, flight in self._flights.items() if not flight.told}
-        if not news or time.monotonic() - self._told < _BUSY_TICK_S:
+        now = time.monotonic()
+        lively = any(now - flight.began < _LIVELY_S for flight in news.values())
+        if not news or now - self._told < _BUSY_TICK_S * (1 if lively else 3):
             return
-        self._told = time.monotonic()
+        self._told = now
         self._store.work.progress(
             {attempt_id: Sign(flight.progress, flight.worker, flight.preview) for attempt_id, flight in news.items()}
         )
@@ -285,7 +298,7 @@ class Dispatcher:
             if claim is None:
                 return
             self._flights[claim.attempt_id] = _Flight(
-                time.monotonic(), claim.job_id, claim.step_name == machine.ASSEMBLE
+                time.monotonic(), claim.job_id, claim.step_name == machine.ASSEMBLE, time.monotonic()
             )
             self._send(claim)
 

@@ -84,10 +84,9 @@ def run_plan(chosen: Method, bench: FakeBench, shuffle: int | None = None) -> di
         brief = Brief(bench.params, bench.seed, bench.video, frozenset(bench.inputs), notes)
         bench.step, tasks[step.name] = step.name, list(step.plan(brief))
         assert list(step.plan(brief)) == tasks[step.name], "a plan is a pure function of its brief"
-        notes[step.name] = {}
-        for task in ordered(tasks[step.name], shuffle):
+        for task in ordered(tasks[step.name], shuffle):  # a step without tasks has no notes, as on the farm
             bench.order = []
-            notes[step.name][task.key] = step.run(task, bench)
+            notes.setdefault(step.name, {})[task.key] = step.run(task, bench)
             assert bench.order == list(range(*task.emits)) if task.emits else not bench.order
     return tasks
 
