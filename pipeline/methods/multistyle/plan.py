@@ -90,9 +90,9 @@ def plan_paint(brief: Brief) -> list[Task]:
         )
         after = (_look_key(start - RUN_FRAMES),) if start > shot[0] else ()
         looks.append(Task(_look_key(start), args, after, weight=LOOKING * (stop - start)))
-        args = {"start": start, "stop": stop, "before": after[0] if after else None}
+        args = {"start": start, "stop": stop}
         weight = (1 - LOOKING) * (stop - start)
-        paints.append(Task(f"run-{start:07d}", args, (_look_key(start),), (start, stop), weight=weight))
+        paints.append(Task(f"run-{start:07d}", args, (_look_key(start), *after), (start, stop), weight=weight))
     return looks + paints
 
 
@@ -138,8 +138,8 @@ def _paint(task: Task, bench: Bench) -> Note:
     start, stop = task.args["start"], task.args["stop"]
     seen = bench.load("paint", task.after[0])
     painter = Painter(bench.params, bench.size, bench.seed, bench.clock)
-    if painter.linger and task.args["before"]:
-        for sight in _sights(bench.load("paint", f"last-{task.args['before']}"))[-painter.linger :]:
+    if painter.linger and len(task.after) > 1:
+        for sight in _sights(bench.load("paint", f"last-{task.after[1]}"))[-painter.linger :]:
             painter.recall(sight)
     sights = _sights(seen)
     for k, sight in enumerate(sights):
