@@ -4,11 +4,25 @@ from __future__ import annotations
 
 import sys
 
-from benchmarks import abstraction, analogy, dispatch, flow, kill9, live, memory, overhead, patches, workers
+from benchmarks import (
+    abstraction,
+    analogy,
+    api,
+    dispatch,
+    flow,
+    kill9,
+    live,
+    memory,
+    multistyle,
+    overhead,
+    patches,
+    workers,
+)
 
 ALL = {
     "abstraction": abstraction.main,
     "analogy": analogy.main,
+    "multistyle": multistyle.main,
     "patches": patches.main,
     "flow": flow.main,
     "workers": workers.main,
@@ -17,6 +31,7 @@ ALL = {
     "live": live.main,
     "dispatch": dispatch.main,
     "overhead": overhead.main,
+    "api": api.main,
 }
 
 
