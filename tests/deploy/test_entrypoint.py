@@ -25,7 +25,7 @@ class Containers:
     """What containers would run, as processes of one machine."""
 
     def __init__(self, folder: Path) -> None:
-        self.folder, self.port, self.head_port = folder, free_port(), free_port()
+        self.folder, self.port, self.head_port, self.agent_port = folder, free_port(), free_port(), free_port()
         self.url = f"http://127.0.0.1:{self.port}"
         self._started: list[psutil.Popen] = []
         tools = f"{ROOT / 'docker'}:{Path(sys.executable).parent}:{os.environ['PATH']}"
@@ -39,6 +39,7 @@ class Containers:
             "IMPASTO_HOME": str(folder / "home"),
             "IMPASTO_PORT": str(self.port),
             "IMPASTO_LOG_FORMAT": "json",
+            "RAY_AGENT_PORT": str(self.agent_port),
         }
 
     def start(self, *command: str) -> psutil.Popen:
@@ -51,6 +52,7 @@ class Containers:
         """As `entrypoint.sh head`, but with a processor, and away from the ports of others."""
         small = ["--num-cpus=1", "--include-dashboard=false", "--object-store-memory=80000000"]
         where = [f"--port={self.head_port}", f"--temp-dir={self.folder / 'r'}"]
+        where.append(f"--dashboard-agent-listen-port={self.agent_port}")
         self.start("ray", "start", "--head", "--block", "--disable-usage-stats", *where, *small)
 
     def service(self) -> psutil.Popen:
@@ -114,3 +116,12 @@ def test_a_service_is_a_node_of_its_cluster(containers: Containers, tiny_clip: P
     (node,) = [child for child in _tree(service) if child.name() == "raylet"]
     node.kill()
     assert service.wait(60) == 1, "a service without its node ends, so that it is started again"
+
+
+def test_a_stranger_does_not_join(containers: Containers) -> None:
+    containers.head()
+    until(lambda: subprocess.run(["healthy.py", "worker"], env=containers.env, capture_output=True).returncode == 0)
+    containers.env["RAY_AUTH_TOKEN"] = "fedcba9876543210" * 4
+    stranger = containers.start("entrypoint.sh", "worker")
+    assert stranger.wait(90) != 0
+    assert "InvalidAuthToken" in (containers.folder / "worker.log").read_text()
