@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -9,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import httpx
 import psutil
@@ -39,6 +41,7 @@ class Containers:
             "IMPASTO_HOME": str(folder / "home"),
             "IMPASTO_PORT": str(self.port),
             "IMPASTO_LOG_FORMAT": "json",
+            "IMPASTO_LOG_LEVEL": "info",
             "RAY_AGENT_PORT": str(self.agent_port),
         }
 
@@ -107,6 +110,7 @@ def test_a_service_is_a_node_of_its_cluster(containers: Containers, tiny_clip: P
     asset = client.upload(tiny_clip)["id"]
     job = client.submit("abstraction", {"video": asset})
     until(lambda: client.job(job["id"])["state"] == "succeeded")
+    _check_logs(containers, job["id"])
     service.send_signal(signal.SIGTERM)
     assert service.wait(40) == 0
     assert not containers.ready()
@@ -116,6 +120,20 @@ def test_a_service_is_a_node_of_its_cluster(containers: Containers, tiny_clip: P
     (node,) = [child for child in _tree(service) if child.name() == "raylet"]
     node.kill()
     assert service.wait(60) == 1, "a service without its node ends, so that it is started again"
+
+
+def _check_logs(containers: Containers, job: str) -> None:
+    """What the service says of an attempt and what its worker says of it name the same things."""
+    service = _lines(containers.folder / "service.log")
+    began = {row["attempt"] for row in service if row["message"] == "attempt begins" and row["job"] == job}
+    logs = [path for path in containers.folder.rglob("worker-*.err") if "session_latest" not in path.parts]
+    worker = [row for path in logs for row in _lines(path) if row.get("job") == job]
+    assert began and began == {row["attempt"] for row in worker}
+    assert all(row["task"].startswith("tsk_") for row in worker)
+
+
+def _lines(path: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in path.read_text().splitlines() if line.startswith("{")]
 
 
 def test_a_stranger_does_not_join(containers: Containers) -> None:
