@@ -93,6 +93,7 @@ class Renderer:
         """
         with captured(order.job_id, order.task_id, order.attempt_id) as log:
             outcome = TaskOutcome(order.attempt_id, {}, {}, {}, None, {}, "")
+            _LOG.info("step %s, task %s", order.step, order.key)
             try:
                 outcome = self._run(order, report, cancelled)
             except Cancelled:
