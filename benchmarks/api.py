@@ -143,9 +143,8 @@ async def _all(port: int, big: str) -> None:
         "healthz": lambda c, n: c.ask("GET", "/healthz"),
     }.items():
         best = await _best(port, ask)
-        print(
-            f"    {name:<24}{best.connections:10d}{best.rate:10.0f}{best.percentile(50):10.1f}{best.percentile(99):10.1f}"
-        )
+        row = f"{best.connections:10d}{best.rate:10.0f}{best.percentile(50):10.1f}{best.percentile(99):10.1f}"
+        print(f"    {name:<24}{row}")
     await _looks(port, big)
     ready.close()
 
