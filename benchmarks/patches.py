@@ -96,10 +96,10 @@ def _run(table: Table) -> dict[str, list[tuple[Task, float]]]:
     spent: dict[str, list[tuple[Task, float]]] = {}
     for step in Patches.steps:
         tasks = step.plan(Brief(table.params, 0, table.video, frozenset(), notes))
-        table.step, notes[step.name], spent[step.name] = step.name, {}, []
+        table.step, spent[step.name] = step.name, []
         for task in tasks:
             start = time.thread_time()
-            notes[step.name][task.key] = step.run(task, table)  # type: ignore[arg-type]
+            notes.setdefault(step.name, {})[task.key] = step.run(task, table)  # type: ignore[arg-type]
             spent[step.name].append((task, time.thread_time() - start))
     return spent
 

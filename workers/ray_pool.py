@@ -31,7 +31,7 @@ from workers.fleet import Slot
 from workers.local_pool import Listen, Runner
 from workers.model import TaskOrder, TaskOutcome
 from workers.pool import Report
-from workers.render import Renderer
+from workers.render import far_renderer
 from workers.settings import FarmSettings
 
 log = logging.getLogger(__name__)
@@ -79,7 +79,9 @@ class RayPool:
     def __init__(self, blobs: Blobs, settings: FarmSettings, make_runner: Callable[[], Runner] | None = None) -> None:
         self._settings = settings
         here = settings.ray_address == "local"
-        self._make_runner = make_runner or partial(Renderer, blobs, settings.scratch if here else None)
+        self._make_runner = make_runner or partial(
+            far_renderer, settings.for_workers, blobs, settings.scratch if here else None
+        )
         self._workers: list[_Worker] = []
         self._lock = threading.RLock()
         self._news = threading.Event()

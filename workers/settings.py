@@ -96,8 +96,17 @@ class FarmSettings(BaseModel):
     sweep_s: float = Field(default=6 * 3600.0, gt=0)
     """Between two sweeps for blobs that nobody needs: those of jobs that died while they cleared up."""
 
+    log_format: Literal["text", "json"] = "text"
+    """What a process says on stderr: for people, or one JSON object a line."""
+    log_level: Literal["debug", "info", "warning", "error"] = "warning"
+
     events_kept: int = Field(default=5000, ge=10)
     """Newest events kept per job."""
+
+    @property
+    def for_workers(self) -> FarmSettings:
+        """What a process that only renders needs to know: no address and no secret of a store."""
+        return FarmSettings(home=self.home, log_format=self.log_format, log_level=self.log_level)
 
     @property
     def url(self) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import logging
 import shutil
 import socket
 import time
@@ -15,6 +16,7 @@ from pathlib import Path
 from pipeline.errors import ImpastoError, StorageError
 from pipeline.video.probe import probe_guarded
 from workers import jobs as machine
+from workers.about import about
 from workers.blobs.base import Blobs
 from workers.blobs.opened import open_blobs
 from workers.checks import Checks
@@ -40,6 +42,8 @@ from workers.settings import FarmSettings
 from workers.store import Policy, Store
 from workers.tidy import Tidier
 from workers.versions import version
+
+log = logging.getLogger(__name__)
 
 _CHUNK = 1 << 20
 _PICTURES_KEPT = 128
@@ -201,6 +205,7 @@ class Studio:
         accepted = check_request(request, self._inputs(request))
         self._blobs.check_room()
         job = self._store.jobs.add(accepted, owner, idempotency_key)
+        log.info("job accepted", extra=about(job=job.id, owner=owner, method=request.method))
         self._poke()
         return job
 

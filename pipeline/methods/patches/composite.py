@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Labels, Plane
 from pipeline.methods.base import Bench, Brief, Note, Task
+from pipeline.methods.patches.ages import fine_px, presence
 from pipeline.methods.patches.artefacts import keep_labels, label_png
-from pipeline.methods.patches.build import fine_px, presence
 from pipeline.methods.patches.carried import CarriedStrokes
 from pipeline.methods.patches.clusters import LabelMaps
 from pipeline.methods.patches.grid import Grid
 from pipeline.methods.patches.hertzmann import Painter
+from pipeline.methods.patches.join import load_lays
 from pipeline.methods.patches.links import Links, norm
 from pipeline.methods.patches.lives import Life, lives
 from pipeline.methods.patches.params import PatchesParams
@@ -140,11 +141,7 @@ class Painted:
     @classmethod
     def load(cls, life: Life, note: Note, start: int, stop: int, bench: Bench) -> Painted:
         """What frames [start, stop), of one run, need of a patch; `note` is its task's."""
-        found, lays = bench.load("patch", f"{life.key}-{run_key(start)}"), {}
-        for name in (key[:-3] for key in found if key.endswith("-at")):
-            left, top, right, bottom = (int(value) for value in found[f"{name}-at"])
-            lays[int(name)] = Lay((left, top, right, bottom), found[f"{name}-m"], found[f"{name}-d"])
-        looks = {}
+        lays, looks = load_lays(bench, life, start, stop), {}
         for number, (first, last) in enumerate(note["ages"]):
             if first - TURN < stop and last + TURN > start:
                 kept = bench.load("patch", f"{life.key}-age{number}")
