@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from benchmarks import (
+from benchmarks import (, api, speedup
     abstraction,
     analogy,
     api,
@@ -30,6 +30,8 @@ ALL = {
     "kill9": kill9.main,
     "live": live.main,
     "dispatch": dispatch.main,
+    "api": api.main,
+    "speedup": speedup.main,
     "overhead": overhead.main,
     "api": api.main,
 }

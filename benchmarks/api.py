@@ -25,7 +25,7 @@ from benchmarks.dispatch import _plan, _queue, _submit
 from workers.store import Store
 
 CONNECTIONS = (1, 2, 4, 8, 16)
-SECONDS = 3.0
+SECONDS = 2.0
 """For each number of connections."""
 P99_MS = 100.0
 SIZES = ((10, 100), (10_000, 100_000))
