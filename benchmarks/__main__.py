@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from benchmarks import (, api, speedup
+from benchmarks import (
     abstraction,
     analogy,
     api,
@@ -16,6 +16,7 @@ from benchmarks import (, api, speedup
     multistyle,
     overhead,
     patches,
+    speedup,
     workers,
 )
 
