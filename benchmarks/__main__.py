@@ -16,6 +16,7 @@ from benchmarks import (
     multistyle,
     overhead,
     patches,
+    speedup,
     workers,
 )
 
@@ -30,6 +31,8 @@ ALL = {
     "kill9": kill9.main,
     "live": live.main,
     "dispatch": dispatch.main,
+    "api": api.main,
+    "speedup": speedup.main,
     "overhead": overhead.main,
     "api": api.main,
 }

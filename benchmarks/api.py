@@ -2,7 +2,7 @@
 
 A service of one process that runs nothing (its workers would take the processors from it), over SQLite and over a real
 PostgreSQL, and a bounded client: so many connections, each with one request under way. For each kind of request the
-number of connections rises while 99 of 100 answers take less than 100 ms; the last such rate is shown. All on the same
+highest rate is shown at which 99 of 100 answers take less than 100 ms. All on the same
 two processors: client, service and PostgreSQL. PostgreSQL does not flush (tests.real.postgres), SQLite does.
 """
 
@@ -25,8 +25,8 @@ from benchmarks.dispatch import _plan, _queue, _submit
 from workers.store import Store
 
 CONNECTIONS = (1, 2, 4, 8, 16)
-SECONDS = 3.0
-"""For each number of connections."""
+SECONDS, TURNS = 1.5, 3
+"""For each number of connections; and so often, since other work on the machine comes and goes: the best one counts."""
 P99_MS = 100.0
 SIZES = ((10, 100), (10_000, 100_000))
 """(queued jobs of 50 owners, tasks of one more job)"""
@@ -143,9 +143,8 @@ async def _all(port: int, big: str) -> None:
         "healthz": lambda c, n: c.ask("GET", "/healthz"),
     }.items():
         best = await _best(port, ask)
-        print(
-            f"    {name:<24}{best.connections:10d}{best.rate:10.0f}{best.percentile(50):10.1f}{best.percentile(99):10.1f}"
-        )
+        row = f"{best.connections:10d}{best.rate:10.0f}{best.percentile(50):10.1f}{best.percentile(99):10.1f}"
+        print(f"    {name:<24}{row}")
     await _looks(port, big)
     ready.close()
 
@@ -180,14 +179,12 @@ async def _looks(port: int, big: str) -> None:
 
 
 async def _best(port: int, ask: Ask) -> Load:
-    """The highest rate with 99 of 100 answers in time."""
-    best = await _load(port, ask, CONNECTIONS[0])
-    for connections in CONNECTIONS[1:]:
-        load = await _load(port, ask, connections)
-        if load.percentile(99) > P99_MS:
-            break
-        best = max(best, load, key=lambda load: load.rate)
-    return best
+    """The highest rate with 99 of 100 answers in time; if there is none, the calmest."""
+    loads = [await _load(port, ask, connections) for _ in range(TURNS) for connections in CONNECTIONS]
+    in_time = [load for load in loads if load.percentile(99) <= P99_MS]
+    if not in_time:
+        return min(loads, key=lambda load: load.percentile(99))
+    return max(in_time, key=lambda load: load.rate)
 
 
 async def _load(port: int, ask: Ask, connections: int) -> Load:

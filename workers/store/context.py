@@ -16,7 +16,8 @@ class Context(Base):
     """Read-only; what it says of finished steps never changes."""
 
     def before(self, job_id: str, step: int) -> tuple[dict[str, dict[str, Json]], dict[str, str]]:
-        """Notes (step -> key -> note) and artefacts ("step/name" -> blob key) of the steps before `step`."""
+        """Notes (step -> key -> note) and artefacts ("step/name" -> blob key) of the steps before `step`: of each of
+        them, also of one that had no tasks."""
         tasks, steps = schema.tasks, schema.steps
         query = (
             select(steps.c.name, tasks.c.key, tasks.c.note, tasks.c.artefacts)
@@ -24,11 +25,12 @@ class Context(Base):
             .where(tasks.c.job_id == job_id, tasks.c.step < step)
             .order_by(tasks.c.position)
         )
-        notes: dict[str, dict[str, Json]] = {}
+        names = select(steps.c.name).where(steps.c.job_id == job_id, steps.c.step < step).order_by(steps.c.step)
         artefacts: dict[str, str] = {}
         with self._db.read() as connection:
+            notes: dict[str, dict[str, Json]] = {name: {} for name in connection.execute(names).scalars()}
             for name, key, note, made in connection.execute(query):
-                notes.setdefault(name, {})[key] = note or {}
+                notes[name][key] = note or {}
                 artefacts.update(made or {})
         return notes, artefacts
 

@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from sqlalchemy import Connection, delete, insert, or_, select, tuple_, update
+from sqlalchemy import Connection, bindparam, delete, insert, or_, select, tuple_, update
 
 from workers.errors import NotFound
 from workers.farm import Page
@@ -170,10 +170,19 @@ class Fleet(Base):
 
 def held_back(connection: Connection, dispatcher: str) -> bool:
     """Whether this dispatcher may start nothing: it is drained, or the queue is paused."""
-    table = schema.drains
-    mine = (table.c.place == Place.WORKER) & (table.c.name == dispatcher)
-    query = select(table.c.place).where(or_(table.c.place == Place.QUEUE, mine)).limit(1)
-    return connection.execute(query).first() is not None
+    return connection.execute(_HELD_BACK, {"worker": dispatcher}).first() is not None
+
+
+_HELD_BACK = (
+    select(schema.drains.c.place)
+    .where(
+        or_(
+            schema.drains.c.place == Place.QUEUE.value,
+            (schema.drains.c.place == Place.WORKER.value) & (schema.drains.c.name == bindparam("worker")),
+        )
+    )
+    .limit(1)
+)
 
 
 def _need_place(connection: Connection, place: Place, name: str) -> None:

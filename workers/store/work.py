@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import Connection, RowMapping, delete, func, insert, or_, select, update
+from sqlalchemy import Connection, RowMapping, bindparam, delete, func, insert, or_, select, update
 
 from workers import jobs as machine
 from workers.fleet import Place
@@ -208,8 +208,7 @@ class Work(Base):
     def _held(self, attempt_id: str) -> Iterator[_Held | None]:
         """The attempt with its task and job, if it is the task's current one and running: only then it counts."""
         with self._db.read() as connection:
-            attempts = schema.attempts
-            job_id = connection.execute(select(attempts.c.job_id).where(attempts.c.id == attempt_id)).scalar()
+            job_id = connection.execute(_JOB_OF, {"id": attempt_id}).scalar()
         if job_id is None:
             yield None
             return
@@ -227,8 +226,7 @@ class _Held:
 
 
 def _current(book: JobBook, attempt_id: str) -> _Held | None:
-    table = schema.attempts
-    attempt = book.connection.execute(select(table).where(table.c.id == attempt_id)).mappings().first()
+    attempt = book.connection.execute(_ATTEMPT, {"id": attempt_id}).mappings().first()
     if attempt is None or attempt["outcome"] != RUNNING:
         return None
     task = book.task(attempt["task_id"])
@@ -265,16 +263,36 @@ def _claim_in(book: JobBook, dispatcher: str) -> Claim | None:
 
 
 def _first_ready(book: JobBook) -> dict[str, Any] | None:
-    tasks = schema.tasks
-    query = select(tasks).where(tasks.c.job_id == book.job_id, *turn.due(book.now)).order_by(tasks.c.position).limit(1)
-    row = book.connection.execute(query).mappings().first()
+    row = book.connection.execute(_FIRST_READY, {"job_id": book.job_id, **turn.moment(book.now)}).mappings().first()
     return None if row is None else dict(row)
 
 
 def _next_number(connection: Connection, task_id: str) -> int:
-    table = schema.attempts
-    made = select(func.coalesce(func.max(table.c.number), 0)).where(table.c.task_id == task_id)
-    return int(connection.execute(made).scalar_one()) + 1
+    return int(connection.execute(_MADE, {"task_id": task_id}).scalar_one()) + 1
+
+
+# Made once: to put a statement together takes longer than to answer it.
+_FIRST_READY = (
+    select(schema.tasks)
+    .where(schema.tasks.c.job_id == bindparam("job_id"), *turn.due())
+    .order_by(schema.tasks.c.position)
+    .limit(1)
+)
+_MADE = select(func.coalesce(func.max(schema.attempts.c.number), 0)).where(
+    schema.attempts.c.task_id == bindparam("task_id")
+)
+_ATTEMPT = select(schema.attempts).where(schema.attempts.c.id == bindparam("id"))
+_JOB_OF = select(schema.attempts.c.job_id).where(schema.attempts.c.id == bindparam("id"))
+_FREES = (
+    select(func.count())
+    .select_from(schema.task_edges.join(schema.tasks, schema.tasks.c.id == schema.task_edges.c.task_id))
+    .where(
+        schema.task_edges.c.before_id == bindparam("task_id"),
+        schema.tasks.c.blockers == 1,
+        schema.tasks.c.state == TaskState.WAITING.value,
+    )
+)
+"""How many tasks wait for this one only."""
 
 
 # -- while it runs
@@ -321,13 +339,7 @@ def _add_measures(book: JobBook, task: dict[str, Any], stages: Mapping[str, floa
 
 def _frees(connection: Connection, task_id: str) -> int:
     """How many tasks wait for this one only."""
-    tasks, edges = schema.tasks, schema.task_edges
-    query = (
-        select(func.count())
-        .select_from(edges.join(tasks, tasks.c.id == edges.c.task_id))
-        .where(edges.c.before_id == task_id, tasks.c.blockers == 1, tasks.c.state == TaskState.WAITING.value)
-    )
-    return int(connection.execute(query).scalar_one())
+    return int(connection.execute(_FREES, {"task_id": task_id}).scalar_one())
 
 
 def _end(held: _Held, event: Happening, outcome: TaskOutcome, worker: str = "") -> None:

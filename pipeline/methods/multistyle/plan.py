@@ -92,7 +92,7 @@ def plan_paint(brief: Brief) -> list[Task]:
         looks.append(Task(_look_key(start), args, after, weight=LOOKING * (stop - start)))
         args = {"start": start, "stop": stop}
         weight = (1 - LOOKING) * (stop - start)
-        paints.append(Task(f"run-{start:07d}", args, (_look_key(start), *after), (start, stop), weight=weight))
+        paints.append(Task(f"run-{start:07d}", args, (*after, _look_key(start)), (start, stop), weight=weight))
     return looks + paints
 
 
@@ -136,10 +136,11 @@ def _last(kept: dict[str, NDArray[Any]], count: int) -> dict[str, NDArray[Any]]:
 def _paint(task: Task, bench: Bench) -> Note:
     """Paint frames [start, stop) from what was seen of them, and of the few before."""
     start, stop = task.args["start"], task.args["stop"]
-    seen = bench.load("paint", task.after[0])
+    *before, own = task.after
+    seen = bench.load("paint", own)
     painter = Painter(bench.params, bench.size, bench.seed, bench.clock)
-    if painter.linger and len(task.after) > 1:
-        for sight in _sights(bench.load("paint", f"last-{task.after[1]}"))[-painter.linger :]:
+    if painter.linger and before:
+        for sight in _sights(bench.load("paint", f"last-{before[0]}"))[-painter.linger :]:
             painter.recall(sight)
     sights = _sights(seen)
     for k, sight in enumerate(sights):
