@@ -41,9 +41,9 @@ class _RenderActor:
         return self._watch.run(self._runner, order)
 
     @ray.method(concurrency_group=CONTROL)
-    def hello(self) -> str:
-        """Who this is: host and process id."""
-        return f"{socket.gethostname()}:{os.getpid()}"
+    def hello(self) -> tuple[str, str]:
+        """Who this is (host and process id), and the id of its Ray node."""
+        return f"{socket.gethostname()}:{os.getpid()}", ray.get_runtime_context().get_node_id()
 
     @ray.method(concurrency_group=CONTROL)
     def progress(self) -> tuple[str, float, str]:

@@ -17,14 +17,15 @@ from pipeline.errors import BadParameter, Cancelled
 from pipeline.frames import Frame
 from pipeline.methods.base import Arrays
 from pipeline.video.container import Index
+from pipeline.video.guard.files import GuardedImages
 from pipeline.video.writer import SegmentSpec
+from workers.about import belong
 from workers.arrays import read_arrays, write_arrays
 from workers.blobs.base import Blobs
 from workers.decoders import Decoders
 from workers.emission import Emission, EmitError
-from workers.logs import belong
+from workers.logs import attempt_facts
 from workers.model import TaskOrder
-from workers.numbered import NumberedImages
 from workers.planning import video_info
 from workers.pool import Tell
 from workers.shows import Shows
@@ -66,6 +67,7 @@ class TaskBench:
         self.files: dict[str, tuple[str, str]] = {}
         self.warnings: list[str] = []
         self._order = order
+        self._facts = attempt_facts(order.job_id, order.task_id, order.attempt_id)
         self._blobs = blobs
         self._decoders = decoders
         self._scratch = scratch
@@ -113,7 +115,7 @@ class TaskBench:
 
     def images(self, name: str) -> Mapping[int, NDArray[Any]]:
         path = self._life.enter_context(self._blobs.local(self._input(name)))
-        found = NumberedImages(path, f"inputs.{name}")
+        found = GuardedImages(path, f"inputs.{name}")
         self._life.callback(found.close)
         return found
 
@@ -216,7 +218,7 @@ class TaskBench:
     # -- time
 
     def clock(self, stage: str) -> AbstractContextManager[None]:
-        belong(self._order.attempt_id)
+        belong(self._facts)
         return self.stages.clock(stage)
 
     def progress(self, done: float) -> None:
@@ -227,7 +229,7 @@ class TaskBench:
             self._report(self._done)
 
     def _check_cancelled(self) -> None:
-        belong(self._order.attempt_id)
+        belong(self._facts)
         now = time.monotonic()
         if now - self._asked < _ASK_EVERY_S:
             return

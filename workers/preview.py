@@ -19,12 +19,12 @@ from pipeline.frames import Frame
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import FoundRegions, Method, Sketcher, sketcher
 from pipeline.video.contact import fit
+from pipeline.video.guard.files import GuardedImages
 from pipeline.video.stills import encode_png
 from workers.blobs.base import Blobs
 from workers.decoders import Decoders
 from workers.glimpse import glimpse
 from workers.model import Asset, JobRequest, Json
-from workers.numbered import NumberedImages
 from workers.orders import asset_key
 from workers.render import prepare_process
 
@@ -93,7 +93,7 @@ class Previews:
         with ExitStack() as life:
             masks = None
             if "masks" in keys:
-                masks = NumberedImages(life.enter_context(self._blobs.local(keys["masks"])), "inputs.masks")
+                masks = GuardedImages(life.enter_context(self._blobs.local(keys["masks"])), "inputs.masks")
                 life.callback(masks.close)
             document: Any = ask.design
             if document is None and "design" in keys:

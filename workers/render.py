@@ -24,9 +24,10 @@ from workers.blobs.base import Blobs
 from workers.decoders import Decoders
 from workers.faults import fault_from
 from workers.jobs import ASSEMBLE
-from workers.logs import AttemptLog, captured
+from workers.logs import AttemptLog, captured, set_up_logs
 from workers.model import TaskOrder, TaskOutcome
 from workers.pool import Tell
+from workers.settings import FarmSettings
 from workers.warmup import warm_up_process
 
 _LOG = logging.getLogger(__name__)
@@ -140,6 +141,12 @@ class Renderer:
             yield folder
         finally:
             shutil.rmtree(folder, ignore_errors=True)
+
+
+def far_renderer(settings: FarmSettings, blobs: Blobs, scratch: Path | None) -> Renderer:
+    """A renderer in a process of its own, whose logs are to be like those of the service."""
+    set_up_logs(settings)
+    return Renderer(blobs, scratch)
 
 
 def _step_of(chosen: Method, name: str) -> Step:

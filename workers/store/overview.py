@@ -25,9 +25,11 @@ class Overview(Base):
 
     def snapshot(self) -> Json:
         """Jobs and tasks by state, queue depth and age (s), attempts that run, failures by code (15 min), frames
-        finished a second by method (5 min), webhook messages that wait; and totals since this process began."""
+        finished a second by method (5 min), webhook messages that wait; totals since this process began; and the
+        time of all this."""
         with self._db.read() as connection:
             return {
+                "at": self._now(),
                 "jobs": _jobs_by_state(connection),
                 "tasks": _tasks_by_state(connection),
                 "queue": _queue(connection, self._now()),

@@ -10,6 +10,7 @@ from typing import Any
 from sqlalchemy import Connection, RowMapping, delete, func, insert, or_, select, update
 
 from workers import jobs as machine
+from workers.fleet import Place
 from workers.ids import new_id
 from workers.jobs import Happening
 from workers.model import TaskOutcome, TaskState
@@ -19,6 +20,7 @@ from workers.store.base import Base, Clock
 from workers.store.bell import Bell
 from workers.store.book import ACTIVE, RUNNING, JobBook, Policy
 from workers.store.database import Database
+from workers.store.fleet import held_back
 from workers.store.records import fault_to_json
 from workers.store.tally import Tally
 from workers.store.views import meters_of
@@ -70,7 +72,7 @@ class Work(Base):
         for _ in range(_CLAIMS):
             with self._db.write() as connection:
                 self._enlist(connection, dispatcher, lease_s)
-                row = self._next_job(connection)
+                row = None if held_back(connection, dispatcher) else self._next_job(connection)
                 if row is None:
                     return None
                 book = JobBook(connection, row, self._now(), self._policy)
@@ -100,9 +102,9 @@ class Work(Base):
 
     def _renew(self, connection: Connection, dispatcher: str, lease_s: float) -> None:
         table, now = schema.dispatchers, self._now()
-        known = update(table).where(table.c.id == dispatcher).values(lease_until=now + lease_s)
-        if not connection.execute(known).rowcount:
-            connection.execute(insert(table).values(id=dispatcher, started_at=now, lease_until=now + lease_s))
+        lease = {"lease_until": now + lease_s, "seen_at": now}
+        if not connection.execute(update(table).where(table.c.id == dispatcher).values(lease)).rowcount:
+            connection.execute(insert(table).values(id=dispatcher, started_at=now, **lease))
         self._enlisted.add(dispatcher)
 
     def _enlist(self, connection: Connection, dispatcher: str, lease_s: float) -> None:
@@ -114,6 +116,7 @@ class Work(Base):
         """The dispatcher ends: what it still has, if anything, is given back by the others at once."""
         with self._db.write() as connection:
             connection.execute(delete(schema.dispatchers).where(schema.dispatchers.c.id == dispatcher))
+            _forget_drains(connection)
         self._enlisted.discard(dispatcher)
 
     def dispatchers(self) -> list[str]:
@@ -185,7 +188,8 @@ class Work(Base):
         given_back = sum(self.finish(TaskOutcome(i, {}, {}, {}, None, {}, log), machine.Interrupted()) for i in ids)
         with self._db.write() as connection:
             gone = or_(leases.c.id.in_(dispatchers), leases.c.lease_until < now - _FORGOTTEN_S)
-            connection.execute(delete(leases).where(gone))
+            if connection.execute(delete(leases).where(gone)).rowcount:
+                _forget_drains(connection)
         return given_back
 
     def put_off(self, attempt_id: str, seconds: float, log: str) -> bool:
@@ -231,6 +235,13 @@ def _current(book: JobBook, attempt_id: str) -> _Held | None:
     if task["attempt_id"] != attempt_id or task["state"] != TaskState.RUNNING.value:
         return None
     return _Held(book, task, dict(attempt))
+
+
+def _forget_drains(connection: Connection) -> None:
+    """Of workers that are no more; a node's stays, since the machine may come back."""
+    drains, workers = schema.drains, schema.dispatchers
+    gone = (drains.c.place == Place.WORKER.value, drains.c.name.not_in(select(workers.c.id)))
+    connection.execute(delete(drains).where(*gone))
 
 
 # -- claiming

@@ -43,7 +43,7 @@ def hold(
     most = cv2.max(cv2.max(red, green), blue)
     apart = np.asarray(cv2.boxFilter(most, -1, (5, 5)), np.float32)
     noise = float(np.partition(apart, apart.size // 2, axis=None)[apart.size // 2])
-    tolerance = min(max(tolerance, MARGIN * noise), NOISY * tolerance)
+    tolerance = max(min(max(tolerance, MARGIN * noise), NOISY * tolerance), 0.01)
     out = np.empty_like(now)
     _hold(np.ascontiguousarray(now), carried, back, apart, np.float32(tolerance), np.float32(QUICKLY), out)
     return out, np.asarray(apart > np.float32(ANOTHER * tolerance), np.bool_)

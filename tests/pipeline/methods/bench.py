@@ -27,6 +27,8 @@ class FakeBench:
         self.size = (width, height)
         self.video = VideoInfo(width, height, len(frames), 25.0, len(frames) / 25)
         self.step = ""
+        self.task: Task | None = None
+        self.makers: dict[tuple[str, str], str] = {}
         self.kept: dict[tuple[str, str], dict[str, NDArray[Any]]] = {}
         self.files: dict[str, bytes] = {}
         self.emitted: dict[int, Frame] = {}
@@ -51,9 +53,12 @@ class FakeBench:
 
     def save(self, name: str, arrays: Arrays) -> None:
         assert (self.step, name) not in self.kept
+        self.makers[self.step, name] = self.task.key if self.task else ""
         self.kept[self.step, name] = {key: np.array(array) for key, array in arrays.items()}
 
     def load(self, step: str, name: str) -> dict[str, NDArray[Any]]:
+        told = step != self.step or self.task is None or self.makers.get((step, name)) in self.task.after
+        assert told, f"{name} is of a task that this one does not come after"
         return {key: array.copy() for key, array in self.kept[step, name].items()}
 
     def save_file(self, name: str, data: bytes, media_type: str) -> None:
@@ -85,7 +90,7 @@ def run_plan(chosen: Method, bench: FakeBench, shuffle: int | None = None) -> di
         bench.step, tasks[step.name] = step.name, list(step.plan(brief))
         assert list(step.plan(brief)) == tasks[step.name], "a plan is a pure function of its brief"
         for task in ordered(tasks[step.name], shuffle):  # a step without tasks has no notes, as on the farm
-            bench.order = []
+            bench.order, bench.task = [], task
             notes.setdefault(step.name, {})[task.key] = step.run(task, bench)
             assert bench.order == list(range(*task.emits)) if task.emits else not bench.order
     return tasks

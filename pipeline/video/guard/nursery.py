@@ -1,0 +1,183 @@
+"""Our side: the nursery, and one child of it at work for us.
+
+Importing the decoders takes half a second, forking a process that has them some milliseconds. The nursery is a process
+of its own because ours has threads, which do not survive a fork. It ends when we do, and its children with it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import mmap
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Callable
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline import errors
+from pipeline.errors import ImpastoError
+from pipeline.video.guard.wire import Broken, Message, receive, send
+from pipeline.video.media import unreadable
+
+ANSWER_S = 300.0
+"""A child that says nothing for this long is killed. A damaged video may have to be decoded from its start."""
+_KINDS = {
+    kind.__name__: kind
+    for kind in vars(errors).values()
+    if isinstance(kind, type) and issubclass(kind, errors.BadInput)
+}
+"""What a child may say is wrong."""
+
+
+class _Nursery:
+    """One a process: started at first use, again if it has died or if we are a fork."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._pid = 0
+        self._control: socket.socket | None = None
+
+    def child(self, *fds: int) -> None:
+        """Fork a child that has these open files. Raises OSError."""
+        with self._lock:
+            try:
+                socket.send_fds(self._open(), [b"!"], fds)
+            except OSError:  # it has died since: another one
+                self._control = None
+                socket.send_fds(self._open(), [b"!"], fds)
+
+    def _open(self) -> socket.socket:
+        if self._control is None or self._pid != os.getpid():
+            ours, theirs = socket.socketpair()
+            command = [sys.executable, "-m", "pipeline.video.guard.child", str(theirs.fileno())]
+            with theirs:
+                subprocess.Popen(  # noqa: S603  (our own module, a fixed command)
+                    command,
+                    pass_fds=[theirs.fileno()],
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.DEVNULL,
+                    stderr=subprocess.DEVNULL,
+                    start_new_session=True,
+                )
+            self._control, self._pid = ours, os.getpid()
+        return self._control
+
+
+_NURSERY = _Nursery()
+
+
+class Child:
+    """A child at work: asked, answered, killed if it does not. Not thread-safe. Close it.
+
+    Args:
+        role: a name of `roles.ROLES`.
+        task: what it is to begin with.
+        shared_bytes: size of the memory that it leaves arrays in.
+        memory_bytes: what it may allocate.
+        told: gets what it says before it has begun.
+
+    Raises: what `ask` does.
+    """
+
+    def __init__(
+        self,
+        role: str,
+        task: Message,
+        shared_bytes: int,
+        timeout_s: float = ANSWER_S,
+        memory_bytes: int = 4 << 30,
+        told: Callable[[Message], None] = lambda news: None,
+    ) -> None:
+        self._wire, theirs = socket.socketpair()
+        self._wire.settimeout(timeout_s)
+        self._timeout_s = timeout_s
+        self._pid = 0
+        with theirs, _shared_file(shared_bytes) as file:
+            self._memory = mmap.mmap(file.fileno(), shared_bytes)
+            _NURSERY.child(theirs.fileno(), file.fileno())
+        try:
+            hello, _ = self.ask({"role": role, "memory": memory_bytes, "shared": shared_bytes, "seconds": timeout_s})
+            self._pid = int(hello["pid"])
+            self.began = self.ask(task, told)
+        except BaseException:
+            self.close()
+            raise
+
+    def ask(self, message: Message, told: Callable[[Message], None] = lambda news: None) -> tuple[Message, bytes]:
+        """Its answer; `told` gets what it says before.
+
+        Raises: BadInput of every kind (as the child raised it), OSError, UnreadableMedia (it died, or was too slow).
+        """
+        try:
+            send(self._wire, message)
+            while True:
+                answer, data = receive(self._wire)
+                if "news" not in answer:
+                    break
+                told(answer)
+        except TimeoutError:
+            self.close()
+            remedy = "Re-encode it as H.264 in MP4."
+            unreadable("The file takes too long to decode.", f"{self._timeout_s:g} s", remedy)
+        except (Broken, ConnectionError):
+            self.close()
+            remedy = "Re-encode it as H.264 in MP4."
+            unreadable("The file crashes the decoder, or needs too much memory.", None, remedy)
+        if "error" in answer:
+            _raise(answer["error"])
+        return answer, data
+
+    def array(self, shape: tuple[int, ...], dtype: str) -> NDArray[Any]:
+        """A copy of the array that it has left in the shared memory. Raises UnreadableMedia if there is no room."""
+        kind = np.dtype(dtype)
+        if kind.hasobject or int(np.prod(shape, dtype=np.int64)) * kind.itemsize > len(self._memory):
+            unreadable("The decoder's answer makes no sense.", f"{shape} {dtype}")
+        found = np.frombuffer(self._memory, kind, int(np.prod(shape))).reshape(shape)
+        return found.copy()
+
+    def close(self) -> None:
+        """Kill it, whatever it does."""
+        if self._wire.fileno() < 0:
+            return
+        if self._pid and not _has_closed(self._wire):  # its end is open: the number is still its own
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(self._pid, signal.SIGKILL)
+        self._wire.close()
+        with contextlib.suppress(BufferError):
+            self._memory.close()
+
+
+def _has_closed(wire: socket.socket) -> bool:
+    wire.settimeout(0)
+    try:
+        return wire.recv(1, socket.MSG_PEEK) == b""
+    except (BlockingIOError, TimeoutError):
+        return False
+    except OSError:
+        return True
+
+
+def _shared_file(size: int) -> Any:
+    """A file of `size` bytes in memory only, none of which is there before it is written."""
+    linux = hasattr(os, "memfd_create")
+    file: Any = os.fdopen(os.memfd_create("impasto"), "r+b") if linux else tempfile.TemporaryFile()  # noqa: SIM115
+    os.ftruncate(file.fileno(), size)
+    return file
+
+
+def _raise(error: Message) -> NoReturn:
+    """Raise what the child has raised, if it is of a kind that it may raise."""
+    kind = _KINDS.get(str(error.get("kind")))
+    if kind is not None:
+        fields = {name: error.get(name) or "" for name in ("field", "remedy")}
+        raise kind(str(error.get("message")), value=error.get("value"), **fields)
+    if isinstance(error.get("errno"), int):
+        raise OSError(error["errno"], str(error.get("message")))
+    raise ImpastoError(str(error.get("message")))
