@@ -125,7 +125,9 @@ def _look(task: Task, bench: Bench) -> Note:
     bench.save(f"last-{task.key}", _last(kept, count))
     if not task.args["last"]:
         bench.save(f"state-{task.key}", eye.state())
-    return {"frames": count}
+    if eye.designer is None:
+        return {"frames": count}
+    return {"frames": count, "laplace_residual": eye.designer.residual, "laplace_cycles": eye.designer.cycles}
 
 
 def _last(kept: dict[str, NDArray[Any]], count: int) -> dict[str, NDArray[Any]]:
