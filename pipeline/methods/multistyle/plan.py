@@ -90,7 +90,7 @@ def plan_paint(brief: Brief) -> list[Task]:
         )
         after = (_look_key(start - RUN_FRAMES),) if start > shot[0] else ()
         looks.append(Task(_look_key(start), args, after, weight=LOOKING * (stop - start)))
-        args = {"start": start, "stop": stop}
+        args = {"start": start, "stop": stop, "before": after[0] if after else None}
         weight = (1 - LOOKING) * (stop - start)
         paints.append(Task(f"run-{start:07d}", args, (_look_key(start), *after), (start, stop), weight=weight))
     return looks + paints
@@ -138,10 +138,10 @@ def _last(kept: dict[str, NDArray[Any]], count: int) -> dict[str, NDArray[Any]]:
 def _paint(task: Task, bench: Bench) -> Note:
     """Paint frames [start, stop) from what was seen of them, and of the few before."""
     start, stop = task.args["start"], task.args["stop"]
-    seen = bench.load("paint", task.after[0])
+    seen = bench.load("paint", _look_key(start))
     painter = Painter(bench.params, bench.size, bench.seed, bench.clock)
-    if painter.linger and len(task.after) > 1:
-        for sight in _sights(bench.load("paint", f"last-{task.after[1]}"))[-painter.linger :]:
+    if painter.linger and task.args["before"]:
+        for sight in _sights(bench.load("paint", f"last-{task.args['before']}"))[-painter.linger :]:
             painter.recall(sight)
     sights = _sights(seen)
     for k, sight in enumerate(sights):
