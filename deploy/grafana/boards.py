@@ -278,6 +278,12 @@ FARM = Board(
                     stacked=False,
                 ),
                 graph(
+                    "Drained",
+                    "Places that an operator lets start nothing new.",
+                    "short",
+                    Line("max by (place) (impasto_drained)", "{{place}}"),
+                ),
+                graph(
                     "Jobs over",
                     "By how they ended.",
                     "short",
