@@ -218,6 +218,23 @@ def test_a_nursery_that_died_is_started_again(clip: Path) -> None:
         assert len(list(reader.read())) == 12
 
 
+def test_a_nursery_that_dies_at_this_moment_is_replaced(clip: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It takes the request and dies before it has forked."""
+    GuardedReader(clip).close()
+    (nursery,) = [p for p in psutil.Process().children() if "pipeline.video.guard.child" in " ".join(p.cmdline())]
+    nursery.suspend()
+    asked = _NURSERY.child
+
+    def ask_and_kill(*fds: int) -> None:
+        asked(*fds)
+        if nursery.is_running() and nursery.status() == psutil.STATUS_STOPPED:
+            nursery.kill()
+
+    monkeypatch.setattr(_NURSERY, "child", ask_and_kill)
+    with GuardedReader(clip) as reader:
+        assert len(list(reader.read())) == 12
+
+
 def test_nobody_outlives_us(clip: Path) -> None:
     code = f"""
 import os, sys
