@@ -34,7 +34,6 @@ ALL = {
     "api": api.main,
     "speedup": speedup.main,
     "overhead": overhead.main,
-    "api": api.main,
 }
 
 
