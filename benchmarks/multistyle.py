@@ -30,7 +30,7 @@ from workers.render import prepare_process
 
 SIZES = ((320, 240), (640, 480), (1280, 960))
 SOURCE = (640, 480)
-FRAMES = 48
+FRAMES = 96
 FEW = 8
 
 

@@ -69,6 +69,12 @@ def _missing_prometheus() -> str:
     return missing()
 
 
+def _missing_nginx() -> str:
+    from tests.real.nginx import missing
+
+    return missing()
+
+
 def _missing_systemd() -> str:
     return "" if shutil.which("systemd-analyze") else "there is no systemd-analyze: apt-get install systemd"
 
@@ -82,6 +88,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "s3": _missing_s3,
     "prometheus": _missing_prometheus,
     "systemd": _missing_systemd,
+    "nginx": _missing_nginx,
 }
 MAY_BE_ABSENT = {"media"}
 """Test media are not ours to ship: another machine may lack them even where every part must be real."""

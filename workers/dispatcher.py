@@ -31,7 +31,7 @@ log = logging.getLogger(__name__)
 
 _BUSY_TICK_S = 0.4
 """While something runs: how often progress is written and cancelled attempts are looked for."""
-_LIVELY_S = 8.0
+_LIVELY_S = 4.0
 """How long progress is written at every tick after a rest. Then every third: nobody watches each step of long work, and
 writing it would cost a fast method percents of its time."""
 _IDLE_TICK_S = 1.0

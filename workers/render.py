@@ -88,11 +88,12 @@ class Renderer:
         """Run one attempt. What goes wrong is in the outcome, never raised.
 
         Args:
-            report: told the fraction done, 0..1, a few times a second, and about once a second of a new frame to show.
+            report: told the fraction done, 0..1, a few times a second, and every other second of a new frame to show.
             cancelled: asked ten times a second; once it says yes, the outcome is `cancelled`.
         """
         with captured(order.job_id, order.task_id, order.attempt_id) as log:
             outcome = TaskOutcome(order.attempt_id, {}, {}, {}, None, {}, "")
+            _LOG.info("step %s, task %s", order.step, order.key)
             try:
                 outcome = self._run(order, report, cancelled)
             except Cancelled:

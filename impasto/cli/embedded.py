@@ -15,7 +15,7 @@ from impasto.problems import JobFailed
 from workers.farm import Farm
 from workers.model import Job, JobRequest, TaskView
 
-_BEAT_S = 0.3
+_BEAT_S = 0.5
 """Events come in flocks: one look for each flock is enough for the eye, and leaves the processor to the painting."""
 
 

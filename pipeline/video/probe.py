@@ -13,7 +13,7 @@ from pathlib import Path
 from pipeline.video.archive import entry_stream, open_archive
 from pipeline.video.clip import Clip
 from pipeline.video.container import open_container, video_stream
-from pipeline.video.guard.nursery import Child
+from pipeline.video.guard.nursery import begin
 from pipeline.video.headers import IMAGE_TYPES, image_header, is_still, sniff
 from pipeline.video.media import (
     Limits,
@@ -135,6 +135,6 @@ def probe_guarded(path: Path, limits: Limits | None = None, timeout_s: float = 6
     Raises: what `probe` raises; UnreadableMedia too if the decoder hangs, crashes or wants too much memory.
     """
     task = {"path": str(path.absolute()), "limits": asdict(limits or Limits())}
-    child = Child("probe", task, 1, timeout_s)
+    child = begin("probe", task, 1, timeout_s)
     child.close()
     return MediaInfo(**child.began[0]["info"])

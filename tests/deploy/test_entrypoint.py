@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -9,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import httpx
 import psutil
@@ -25,7 +27,7 @@ class Containers:
     """What containers would run, as processes of one machine."""
 
     def __init__(self, folder: Path) -> None:
-        self.folder, self.port, self.head_port = folder, free_port(), free_port()
+        self.folder, self.port, self.head_port, self.agent_port = folder, free_port(), free_port(), free_port()
         self.url = f"http://127.0.0.1:{self.port}"
         self._started: list[psutil.Popen] = []
         tools = f"{ROOT / 'docker'}:{Path(sys.executable).parent}:{os.environ['PATH']}"
@@ -39,6 +41,8 @@ class Containers:
             "IMPASTO_HOME": str(folder / "home"),
             "IMPASTO_PORT": str(self.port),
             "IMPASTO_LOG_FORMAT": "json",
+            "IMPASTO_LOG_LEVEL": "info",
+            "RAY_AGENT_PORT": str(self.agent_port),
         }
 
     def start(self, *command: str) -> psutil.Popen:
@@ -51,6 +55,7 @@ class Containers:
         """As `entrypoint.sh head`, but with a processor, and away from the ports of others."""
         small = ["--num-cpus=1", "--include-dashboard=false", "--object-store-memory=80000000"]
         where = [f"--port={self.head_port}", f"--temp-dir={self.folder / 'r'}"]
+        where.append(f"--dashboard-agent-listen-port={self.agent_port}")
         self.start("ray", "start", "--head", "--block", "--disable-usage-stats", *where, *small)
 
     def service(self) -> psutil.Popen:
@@ -105,6 +110,7 @@ def test_a_service_is_a_node_of_its_cluster(containers: Containers, tiny_clip: P
     asset = client.upload(tiny_clip)["id"]
     job = client.submit("abstraction", {"video": asset})
     until(lambda: client.job(job["id"])["state"] == "succeeded")
+    _check_logs(containers, job["id"])
     service.send_signal(signal.SIGTERM)
     assert service.wait(40) == 0
     assert not containers.ready()
@@ -114,3 +120,26 @@ def test_a_service_is_a_node_of_its_cluster(containers: Containers, tiny_clip: P
     (node,) = [child for child in _tree(service) if child.name() == "raylet"]
     node.kill()
     assert service.wait(60) == 1, "a service without its node ends, so that it is started again"
+
+
+def _check_logs(containers: Containers, job: str) -> None:
+    """What the service says of an attempt and what its worker says of it name the same things."""
+    service = _lines(containers.folder / "service.log")
+    began = {row["attempt"] for row in service if row["message"] == "attempt begins" and row["job"] == job}
+    logs = [path for path in containers.folder.rglob("worker-*.err") if "session_latest" not in path.parts]
+    worker = [row for path in logs for row in _lines(path) if row.get("job") == job]
+    assert began and began == {row["attempt"] for row in worker}
+    assert all(row["task"].startswith("tsk_") for row in worker)
+
+
+def _lines(path: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in path.read_text().splitlines() if line.startswith("{")]
+
+
+def test_a_stranger_does_not_join(containers: Containers) -> None:
+    containers.head()
+    until(lambda: subprocess.run(["healthy.py", "worker"], env=containers.env, capture_output=True).returncode == 0)
+    containers.env["RAY_AUTH_TOKEN"] = "fedcba9876543210" * 4
+    stranger = containers.start("entrypoint.sh", "worker")
+    assert stranger.wait(90) != 0
+    assert "InvalidAuthToken" in (containers.folder / "worker.log").read_text()

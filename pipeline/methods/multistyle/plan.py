@@ -90,9 +90,9 @@ def plan_paint(brief: Brief) -> list[Task]:
         )
         after = (_look_key(start - RUN_FRAMES),) if start > shot[0] else ()
         looks.append(Task(_look_key(start), args, after, weight=LOOKING * (stop - start)))
-        args = {"start": start, "stop": stop}
+        args = {"start": start, "stop": stop, "before": after[0] if after else None}
         weight = (1 - LOOKING) * (stop - start)
-        paints.append(Task(f"run-{start:07d}", args, (*after, _look_key(start)), (start, stop), weight=weight))
+        paints.append(Task(f"run-{start:07d}", args, (_look_key(start), *after), (start, stop), weight=weight))
     return looks + paints
 
 
@@ -125,7 +125,9 @@ def _look(task: Task, bench: Bench) -> Note:
     bench.save(f"last-{task.key}", _last(kept, count))
     if not task.args["last"]:
         bench.save(f"state-{task.key}", eye.state())
-    return {"frames": count}
+    if eye.designer is None:
+        return {"frames": count}
+    return {"frames": count, "laplace_residual": eye.designer.residual, "laplace_cycles": eye.designer.cycles}
 
 
 def _last(kept: dict[str, NDArray[Any]], count: int) -> dict[str, NDArray[Any]]:
@@ -136,11 +138,10 @@ def _last(kept: dict[str, NDArray[Any]], count: int) -> dict[str, NDArray[Any]]:
 def _paint(task: Task, bench: Bench) -> Note:
     """Paint frames [start, stop) from what was seen of them, and of the few before."""
     start, stop = task.args["start"], task.args["stop"]
-    *before, own = task.after
-    seen = bench.load("paint", own)
+    seen = bench.load("paint", _look_key(start))
     painter = Painter(bench.params, bench.size, bench.seed, bench.clock)
-    if painter.linger and before:
-        for sight in _sights(bench.load("paint", f"last-{before[0]}"))[-painter.linger :]:
+    if painter.linger and task.args["before"]:
+        for sight in _sights(bench.load("paint", f"last-{task.args['before']}"))[-painter.linger :]:
             painter.recall(sight)
     sights = _sights(seen)
     for k, sight in enumerate(sights):

@@ -21,7 +21,7 @@ from pipeline.methods.patches.clusters import LabelMaps
 from pipeline.methods.patches.grid import Grid
 from pipeline.methods.patches.guidance import style_of, styles_of
 from pipeline.methods.patches.hertzmann import Painter
-from pipeline.methods.patches.join import joined, load_lays, save_lays, settle, sheet_of
+from pipeline.methods.patches.join import Hops, joined, load_lays, save_lays, settle, sheet_of
 from pipeline.methods.patches.lives import Life, lives
 from pipeline.warp.panorama import Lay
 from pipeline.warp.springs import Relaxed, distortion
@@ -131,7 +131,7 @@ def _told(found: Ages, room: Room) -> Note:
 def _laid(task: Task, life: Life, maps: LabelMaps, bench: Bench) -> tuple[dict[int, Lay], Room, Note]:
     """Join and relax; keep the lays."""
     with bench.clock("join"):
-        lays = joined(life, maps, bench)
+        lays = joined(life, Hops(life, bench), Grid.of(bench.size).size)
     with bench.clock("relax"):
         unsettled = dict(lays)
         relaxed = settle(lays, life, maps, bench.params)

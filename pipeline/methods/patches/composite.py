@@ -222,7 +222,9 @@ class Compositor:
     def _fit(self, frame: Frame, picture: NDArray[np.float32]) -> Plane:
         """How well the patch shows what is in the frame, 0..1: it falls from `misfit` to half as much again.
 
-        Departure: the paper leaves out no pixel of a cluster; a mouth that opens is then never seen.
+        Departure: the paper leaves out no pixel of a cluster; a mouth that opens is then never seen. Without this the
+        painting's worst half per cent is 57 gray levels off the video, with it 39 (foreman, at sigma 3 px); flicker
+        falls by 6 %, but so does the structure that an outside measure sees, from 0.943 to 0.926.
         """
         mean = cv2.GaussianBlur(frame.astype(np.float32) - picture, (0, 0), fine_px(self._grid))
         off = norm(mean) / np.float32(self._params.misfit)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -26,23 +26,26 @@ CELL = 4.0
 """Distance of its grid's corners, working px."""
 
 
-def joined(life: Life, maps: LabelMaps, bench: Bench) -> dict[int, Lay]:
-    """Where the patch lies in every frame that has it: warps concatenated, outward from the master both ways."""
-    hops = _Hops(life, bench)
+def joined(life: Life, hops: Callable[[int], Hop | None], size: tuple[int, int]) -> dict[int, Lay]:
+    """Where the patch lies in every frame that has it: warps concatenated, outward from the master both ways.
+
+    Args:
+        hops: of the life's frames, see `Hops`; the master frame has one.
+        size: (width, height) of a frame, working px.
+    """
     first = hops(life.master)
     assert first is not None, "the master frame has the patch"
-    height, width = maps.sure(life.master).shape
     lays = {life.master: Lay(first.rect, IDENTITY, first.shift)}
     for order in (range(life.master + 1, life.stop), range(life.master - 1, life.start - 1, -1)):
         for index in order:
             hop = hops(index)
             if hop is not None and index + hop.gap in lays:
-                lays[index] = _concatenated(hop, lays[index + hop.gap], (0, 0, width, height))
+                lays[index] = _concatenated(hop, lays[index + hop.gap], (0, 0, *size))
     return dict(sorted(lays.items()))
 
 
 @dataclass
-class _Hops:
+class Hops:
     """The warps of one patch, read run by run."""
 
     life: Life

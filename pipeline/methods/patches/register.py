@@ -24,7 +24,7 @@ from pipeline.methods.patches.scan import RUN, run_key, runs
 from pipeline.methods.patches.tracking import carry_labels
 from pipeline.warp.homography import IDENTITY, Homography, apply, fit, lattice
 from pipeline.warp.panorama import Rect
-from pipeline.warp.springs import Sheet, relax
+from pipeline.warp.springs import MOST_ITERATIONS, Sheet, relax
 
 MARGIN = 5
 """A patch is painted this much beyond its cluster, working px: neighbours overlap, so that no seam is seen."""
@@ -119,20 +119,30 @@ class Views:
     params: PatchesParams
     _texture: tuple[int, Mask] | None = None
 
-    def hop(self, life: Life, index: int) -> Hop | None:
-        """The warp of one frame of a patch; None where the frame does not have it."""
+    def hop(self, life: Life, index: int, *, most: int = MOST_ITERATIONS) -> Hop | None:
+        """The warp of one frame of a patch, after at most so many steps; None where the frame does not have it."""
+        here = self.here(life, index)
+        if here is None:
+            return None
+        if index == life.master:
+            return Hop(here.rect, 0, IDENTITY, np.zeros((*here.mask.shape, 2), np.float16))
+        gap, matrix, sheet = self.sheet(here, index)
+        relaxed = relax([sheet], most=most)
+        shift = relaxed.moved(sheet.targets) - lattice(here.mask.shape, here.rect[:2])
+        return Hop(here.rect, gap, matrix, shift.astype(np.float16), relaxed.before, relaxed.after, relaxed.iterations)
+
+    def here(self, life: Life, index: int) -> Here | None:
+        """Where a frame has the patch; None where it does not."""
         mask = self.maps.sure(index) == life.label
         if not mask.any():
             return None
         rect = rect_of(mask, MARGIN)
-        here = Here(rect, mask[rect[1] : rect[3], rect[0] : rect[2]], life)
-        if index == life.master:
-            return Hop(rect, 0, IDENTITY, np.zeros((*here.mask.shape, 2), np.float16))
-        gap, flow, sure, matrix = (self._backward if index > life.master else self._forward)(here, index)
-        sheet = _sheet(flow, sure, matrix, rect, here.mask, self.params)
-        relaxed = relax([sheet])
-        shift = relaxed.moved(sheet.targets) - lattice(here.mask.shape, rect[:2])
-        return Hop(rect, gap, matrix, shift.astype(np.float16), relaxed.before, relaxed.after, relaxed.iterations)
+        return Here(rect, mask[rect[1] : rect[3], rect[0] : rect[2]], life)
+
+    def sheet(self, here: Here, index: int) -> tuple[int, Homography, Sheet]:
+        """Gap to the frame nearer the master, the motion that explains the flow there best, and springs to the flow."""
+        gap, flow, sure, matrix = (self._backward if index > here.life.master else self._forward)(here, index)
+        return gap, matrix, _sheet(flow, sure, matrix, here.rect, here.mask, self.params)
 
     def _seen(self, here: Here, index: int) -> Mask:
         """Where the patch has texture."""
@@ -217,7 +227,9 @@ def _sheet(flow: Flow, sure: Plane, matrix: Homography, rect: Rect, mask: Mask, 
     """The patch's pixels on springs: at the flow's position where that is sure, at the homography's elsewhere.
 
     Departure: what differs from the homography by less than `params.rigidity` is taken for noise of the flow, and put
-    where the homography says; rigid things keep rigid strokes.
+    where the homography says; rigid things keep rigid strokes. At 0, 0.15 and 0.3 px a painted wall changes by 0.52,
+    0.48 and 0.44 gray levels a frame along a pan that is known, and a webcam's still room by 0.79, 0.73 and 0.68; yet
+    an outside measure, whose flow has the same noise as ours, gives 0.85, 0.90 and 0.97 (foreman). 0.15 is between.
     """
     here = lattice(mask.shape, rect[:2])
     plane = apply(matrix, here).astype(np.float32)

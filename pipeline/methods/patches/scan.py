@@ -16,7 +16,7 @@ from pipeline.flow import estimate
 from pipeline.frames import Flow, Frame, Plane
 from pipeline.methods.base import Bench, Brief, Note, Task
 from pipeline.methods.patches.grid import Grid
-from pipeline.methods.patches.guidance import keyframes
+from pipeline.methods.patches.guidance import check, keyframes
 from pipeline.methods.patches.links import Pair, pack, reliability
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.segmentation.cuts import is_cut, thumbnail
@@ -30,7 +30,7 @@ def plan_scan(brief: Brief) -> list[Task]:
 
 
 def run_scan(task: Task, bench: Bench) -> Note:
-    """Count the frames and call the cuts."""
+    """Count the frames, call the cuts, and look at what the user says."""
     before: Plane | None = None
     cuts: list[int] = []
     count = 0
@@ -44,6 +44,7 @@ def run_scan(task: Task, bench: Bench) -> Note:
             bench.progress(min(1.0, count / max(bench.video.frames, count)))
     if not count:
         raise BadInput("The video has no frames.", field="inputs.video", remedy="Upload a video that plays.")
+    check(bench, count)
     return {"frames": count, "cuts": cuts, "keys": keyframes(bench, "labels", count)}
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from pipeline.video.guard.nursery import Child
+from pipeline.video.guard.nursery import Child, Died, begin
 from pipeline.video.media import Limits
 from pipeline.video.writer import Format
 
@@ -23,14 +23,22 @@ class GuardedImages(Mapping[int, "NDArray[Any]"]):
 
     def __init__(self, path: Path, field: str, limits: Limits | None = None) -> None:
         limits = limits or Limits()
-        task = {"path": str(Path(path).absolute()), "field": field, "limits": asdict(limits)}
-        self._child = Child("images", task, _BYTES_A_PIXEL * limits.pixels)
+        self._task = {"path": str(Path(path).absolute()), "field": field, "limits": asdict(limits)}
+        self._shared_bytes = _BYTES_A_PIXEL * limits.pixels
+        self._child = self._begin()
         self._numbers = [int(number) for number in self._child.began[0]["numbers"]]
+
+    def _begin(self) -> Child:
+        return begin("images", self._task, self._shared_bytes)
 
     def __getitem__(self, number: int) -> NDArray[Any]:
         if number not in self._numbers:
             raise KeyError(number)
-        answer, _ = self._child.ask({"number": int(number)})
+        try:
+            answer, _ = self._child.ask({"number": int(number)})
+        except Died:  # perhaps not the file's fault
+            self._child = self._begin()
+            answer, _ = self._child.ask({"number": int(number)})
         return self._child.array(tuple(answer["shape"]), str(answer["dtype"]))
 
     def __iter__(self) -> Iterator[int]:
@@ -54,5 +62,5 @@ def guarded_join(
     rows = [(start.numerator, start.denominator, str(path.absolute())) for start, path in segments]
     task = {"segments": rows, "out": str(out.absolute()), "format": container}
     task["sound"] = "" if sound is None else str(sound.absolute())
-    child = Child("join", task, 1, told=lambda news: progress(float(news["news"])))
+    child = begin("join", task, 1, told=lambda news: progress(float(news["news"])))
     child.close()

@@ -16,16 +16,25 @@ import sys
 import tempfile
 import threading
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
+import pipeline
 from pipeline import errors
-from pipeline.errors import ImpastoError
+from pipeline.errors import ImpastoError, UnreadableMedia
 from pipeline.video.guard.wire import Broken, Message, receive, send
 from pipeline.video.media import unreadable
 
+_ROOT = Path(pipeline.__file__).parent.parent
+_ENTRY = """import sys
+sys.path.insert(0, sys.argv[2])
+from pipeline.video.guard.child import main
+main(int(sys.argv[1]))"""
+"""Our own code, wherever we were imported from."""
+START_S = 60.0
 ANSWER_S = 300.0
 """A child that says nothing for this long is killed. A damaged video may have to be decoded from its start."""
 _KINDS = {
@@ -36,6 +45,10 @@ _KINDS = {
 """What a child may say is wrong."""
 
 
+class Died(UnreadableMedia):
+    """A child has died: of its file, or because somebody killed it."""
+
+
 class _Nursery:
     """One a process: started at first use, again if it has died or if we are a fork."""
 
@@ -43,6 +56,7 @@ class _Nursery:
         self._lock = threading.Lock()
         self._pid = 0
         self._control: socket.socket | None = None
+        self._process: subprocess.Popen[bytes] | None = None
 
     def child(self, *fds: int) -> None:
         """Fork a child that has these open files. Raises OSError."""
@@ -56,9 +70,9 @@ class _Nursery:
     def _open(self) -> socket.socket:
         if self._control is None or self._pid != os.getpid():
             ours, theirs = socket.socketpair()
-            command = [sys.executable, "-m", "pipeline.video.guard.child", str(theirs.fileno())]
+            command = [sys.executable, "-c", _ENTRY, str(theirs.fileno()), str(_ROOT)]
             with theirs:
-                subprocess.Popen(  # noqa: S603  (our own module, a fixed command)
+                self._process = subprocess.Popen(  # noqa: S603  (our own module, a fixed command)
                     command,
                     pass_fds=[theirs.fileno()],
                     stdin=subprocess.DEVNULL,
@@ -96,19 +110,30 @@ class Child:
         told: Callable[[Message], None] = lambda news: None,
     ) -> None:
         self._wire, theirs = socket.socketpair()
-        self._wire.settimeout(timeout_s)
+        self._wire.settimeout(START_S)
         self._timeout_s = timeout_s
         self._pid = 0
         with theirs, _shared_file(shared_bytes) as file:
             self._memory = mmap.mmap(file.fileno(), shared_bytes)
             _NURSERY.child(theirs.fileno(), file.fileno())
         try:
-            hello, _ = self.ask({"role": role, "memory": memory_bytes, "shared": shared_bytes, "seconds": timeout_s})
-            self._pid = int(hello["pid"])
+            self._pid = self._greet(
+                {"role": role, "memory": memory_bytes, "shared": shared_bytes, "seconds": timeout_s}
+            )
+            self._wire.settimeout(timeout_s)
             self.began = self.ask(task, told)
         except BaseException:
             self.close()
             raise
+
+    def _greet(self, message: Message) -> int:
+        """Its process id. Raises ImpastoError: that none could be started is not the file's fault."""
+        try:
+            send(self._wire, message)
+            return int(receive(self._wire)[0]["pid"])
+        except (Broken, OSError, KeyError) as error:
+            remedy = "See whether the machine lacks memory or processes."
+            raise ImpastoError(f"No decoder could be started: {error}.", remedy=remedy) from error
 
     def ask(self, message: Message, told: Callable[[Message], None] = lambda news: None) -> tuple[Message, bytes]:
         """Its answer; `told` gets what it says before.
@@ -129,7 +154,8 @@ class Child:
         except (Broken, ConnectionError):
             self.close()
             remedy = "Re-encode it as H.264 in MP4."
-            unreadable("The file crashes the decoder, or needs too much memory.", None, remedy)
+            said = "The file crashes the decoder, or needs too much memory."
+            raise Died(said, field="file", remedy=remedy) from None
         if "error" in answer:
             _raise(answer["error"])
         return answer, data
@@ -152,6 +178,20 @@ class Child:
         self._wire.close()
         with contextlib.suppress(BufferError):
             self._memory.close()
+
+
+def begin(
+    role: str,
+    task: Message,
+    shared_bytes: int,
+    timeout_s: float = ANSWER_S,
+    told: Callable[[Message], None] = lambda news: None,
+) -> Child:
+    """A child that has begun. One that dies may have been killed, for no fault of its file: a second one decides."""
+    try:
+        return Child(role, task, shared_bytes, timeout_s, told=told)
+    except Died:
+        return Child(role, task, shared_bytes, timeout_s, told=told)
 
 
 def _has_closed(wire: socket.socket) -> bool:

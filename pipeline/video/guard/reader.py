@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Frame
 from pipeline.video.container import Index
-from pipeline.video.guard.nursery import Child
+from pipeline.video.guard.nursery import Child, Died, begin
 from pipeline.video.guard.wire import Message
 from pipeline.video.media import Limits
 
@@ -31,8 +31,9 @@ class GuardedReader:
 
     def __init__(self, path: Path, limits: Limits | None = None) -> None:
         limits = limits or Limits()
-        task = {"path": str(Path(path).absolute()), "limits": asdict(limits)}
-        self._child = Child("video", task, shared_bytes=3 * limits.pixels)
+        self._task = {"path": str(Path(path).absolute()), "limits": asdict(limits)}
+        self._shared_bytes = 3 * limits.pixels
+        self._child = self._begin()
         about, data = self._child.began
         width, height = about["size"]
         self.size: tuple[int, int] = (int(width), int(height))
@@ -44,7 +45,6 @@ class GuardedReader:
         """What would not decode so far."""
         self.position: int | None = about["position"]
         """The first frame that can be read without a seek, or None."""
-        self._reads = 0
 
     def __enter__(self) -> Self:
         return self
@@ -79,16 +79,27 @@ class GuardedReader:
             raise ValueError(f"no frames [{start}, {stop})")
         return self._frames(start, stop if stop is not None else _FOREVER)
 
+    def _begin(self) -> Child:
+        return begin("video", self._task, self._shared_bytes)
+
     def _frames(self, start: int, stop: int) -> Iterator[Frame]:
-        question: dict[str, int] = {"start": start, "stop": stop}
+        question: Message = {"start": start, "stop": stop}
         while True:
-            answer, _ = self._child.ask(question)
-            question = {}
+            answer = self._asked(question, {"start": start, "stop": stop})
+            start, question = start + 1, {}
             self.position = answer["position"]
             self.errors += answer["errors"]
             if answer.get("end"):
                 return
             yield np.asarray(self._child.array(tuple(answer["shape"]), "u1"), np.uint8)
+
+    def _asked(self, question: Message, again: Message) -> Message:
+        """A child's answer; of another one if it has died, which may not have been the file's fault."""
+        try:
+            return self._child.ask(question)[0]
+        except Died:
+            self._child = self._begin()
+            return self._child.ask(again)[0]
 
 
 def _index(about: Message, data: bytes) -> Index:

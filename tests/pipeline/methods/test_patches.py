@@ -13,12 +13,13 @@ import pytest
 
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame
-from pipeline.methods.base import Brief, VideoInfo
+from pipeline.methods.base import Brief, Task, VideoInfo
 from pipeline.methods.patches.grid import Grid
 from pipeline.methods.patches.guidance import label_map, mask_map, style_of, styles_of
 from pipeline.methods.patches.hertzmann import Painter
 from pipeline.methods.patches.lives import FADE, Life, lives
 from pipeline.methods.patches.params import PatchesParams
+from pipeline.methods.patches.scan import run_scan
 from tests.pipeline.methods.bench import FakeBench, painted
 from tests.pipeline.methods.patch_scenes import (
     HIDDEN,
@@ -221,6 +222,7 @@ def test_a_patch_may_have_a_style_of_its_own() -> None:
     [
         ([], "inputs.styles"),
         ({"2": "cubist"}, "inputs.styles.2"),
+        ({"2": ["wash"]}, "inputs.styles.2"),
         ({"sky": "wash"}, "inputs.styles.sky"),
         ({"0": "wash"}, "inputs.styles.0"),
     ],
@@ -243,6 +245,21 @@ def test_a_map_of_another_shape_or_with_colours_is_refused() -> None:
     with pytest.raises(BadParameter) as caught:
         mask_map(np.zeros((100, 100), np.uint8), grid, 2)
     assert caught.value.field == "inputs.masks[2]"
+
+
+@pytest.mark.parametrize(
+    ("inputs", "field"),
+    [
+        ({"labels": {7: np.ones(SIZE[::-1], np.uint8)}}, "inputs.labels[7]"),
+        ({"masks": {0: np.zeros((10, 90), np.uint8)}}, "inputs.masks[0]"),
+        ({"styles": {"background": "cubist"}}, "inputs.styles.background"),
+    ],
+)
+def test_what_the_user_says_is_looked_at_before_anything_is_done(inputs: dict[str, object], field: str) -> None:
+    bench = FakeBench(PatchesParams(), [truth()[0].image] * 2, inputs)
+    with pytest.raises(BadParameter) as caught:
+        run_scan(Task("video"), bench)
+    assert caught.value.field == field and caught.value.remedy
 
 
 # -- artefacts

@@ -129,15 +129,38 @@ def test_joining(tiny_clip: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSEGV])
-def test_a_decoder_that_dies_is_an_error_and_no_more(clip: Path, how: signal.Signals) -> None:
+def test_a_decoder_that_dies_is_an_error_and_no_more(
+    clip: Path, how: signal.Signals, monkeypatch: pytest.MonkeyPatch
+) -> None:
     with GuardedReader(clip) as reader:
         frames = reader.read()
         next(frames)
+        began = reader._begin
+
+        def begin_and_die() -> Child:
+            child = began()
+            os.kill(child._pid, how)
+            return child
+
+        monkeypatch.setattr(reader, "_begin", begin_and_die)
         os.kill(reader._child._pid, how)
         with pytest.raises(UnreadableMedia, match="crashes"):
             list(frames)
     with GuardedReader(clip) as reader:
         assert len(list(reader.read())) == 12
+
+
+def test_a_decoder_that_somebody_killed_is_replaced(clip: Path, tmp_path: Path) -> None:
+    with VideoReader(clip) as plain, GuardedReader(clip) as reader:
+        for index, (frame, other) in enumerate(zip(plain.read(2), reader.read(2), strict=True)):
+            assert same(frame, other)
+            if index in (0, 4):
+                os.kill(reader._child._pid, signal.SIGKILL)
+    path = make_zip(tmp_path / "a.zip", png_frames(3))
+    images = GuardedImages(path, "inputs.masks")
+    os.kill(images._child._pid, signal.SIGKILL)
+    assert images[2].shape == (64, 96, 3)
+    images.close()
 
 
 def test_a_decoder_that_hangs_is_killed(clip: Path, monkeypatch: pytest.MonkeyPatch) -> None:
