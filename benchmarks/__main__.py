@@ -31,10 +31,9 @@ ALL = {
     "kill9": kill9.main,
     "live": live.main,
     "dispatch": dispatch.main,
-    "api": api.main,
-    "speedup": speedup.main,
     "overhead": overhead.main,
     "api": api.main,
+    "speedup": speedup.main,
 }
 
 
