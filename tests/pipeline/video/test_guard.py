@@ -305,7 +305,7 @@ def test_messages_are_checked() -> None:
 
 
 def test_every_role_is_used() -> None:
-    assert set(roles.ROLES) == {"video", "probe", "images", "join"}
+    assert set(roles.ROLES) == {"video", "probe", "images", "pictures", "join"}
     assert _NURSERY is not None
 
 
