@@ -191,6 +191,11 @@ class Child:
         found = np.frombuffer(self._memory, kind, int(np.prod(shape))).reshape(shape)
         return found.copy()
 
+    @property
+    def alive(self) -> bool:
+        """Whether it can be asked: neither dead nor given up."""
+        return self._wire.fileno() >= 0
+
     def close(self) -> None:
         """Kill it, whatever it does."""
         if self._wire.fileno() < 0:
