@@ -37,23 +37,30 @@ class Run:
 
     def __init__(self, folder: Path, clip: Path) -> None:
         self.service = Service(folder / "home", "local", 1)
+        self.prometheus: Any = None
+        try:
+            self._work(folder, clip)
+        except BaseException:
+            self.close()
+            raise
+
+    def _work(self, folder: Path, clip: Path) -> None:
         self.service.start()
         self.service.wait_ready()
         self.http = httpx.Client(base_url=self.service.url, headers={"Authorization": f"Bearer {ADMIN}"}, timeout=30)
-        self.prometheus = self._watch(folder)
+        self._watch(folder)
         self.job = self._paint(clip)
         self._stream()
         self.http.get("/v1/jobs/job_none")
         self.http.get("/v1/jobs", headers={"Authorization": "Bearer wrong"})
         self._settle()
 
-    def _watch(self, folder: Path) -> Prometheus:
+    def _watch(self, folder: Path) -> None:
         body = {"name": "prometheus", "scopes": ["read"]}
         key = self.http.post("/v1/keys", json=body).raise_for_status().json()["secret"]
-        found = Prometheus(folder, key, [self.service.url.removeprefix("http://")])
-        found.start()
-        _until(lambda: found.query('up{job="impasto"} == 1'))
-        return found
+        self.prometheus = Prometheus(folder, key, [self.service.url.removeprefix("http://")])
+        self.prometheus.start()
+        _until(lambda: self.prometheus.query('up{job="impasto"} == 1'))
 
     def _paint(self, clip: Path) -> str:
         asset = self.http.post("/v1/assets", files={"file": ("a.mp4", clip.read_bytes())}).json()["id"]
@@ -81,7 +88,8 @@ class Run:
             time.sleep(0.3)
 
     def close(self) -> None:
-        self.prometheus.close()
+        if self.prometheus is not None:
+            self.prometheus.close()
         self.service.stop()
 
     def log(self) -> list[dict[str, Any]]:

@@ -76,6 +76,15 @@ class _Nursery:
                 self._control = None
                 socket.send_fds(self._open(), [b"!"], fds)
 
+    def end(self) -> None:
+        """Kill it: it starts nobody. The next child has another one."""
+        with self._lock:
+            if self._control is not None and self._process is not None and self._pid == os.getpid():
+                self._process.kill()
+                self._process.wait()
+                self._control.close()
+            self._control = None
+
     def _open(self) -> socket.socket:
         if self._control is None or self._pid != os.getpid():
             ours, theirs = socket.socketpair()
@@ -209,7 +218,9 @@ def begin(
     """A child that has begun. One that dies may have been killed, for no fault of its file: a second one decides."""
     try:
         return Child(role, task, shared_bytes, timeout_s, told=told)
-    except (Died, NotStarted):
+    except (Died, NotStarted) as error:
+        if isinstance(error, NotStarted):
+            _NURSERY.end()
         return Child(role, task, shared_bytes, timeout_s, told=told)
 
 

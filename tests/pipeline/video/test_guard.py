@@ -226,16 +226,26 @@ def test_a_nursery_that_dies_at_this_moment_is_replaced(clip: Path, monkeypatch:
     GuardedReader(clip).close()
     (nursery,) = [p for p in psutil.Process().children() if "pipeline.video.guard.child" in " ".join(p.cmdline())]
     nursery.suspend()
-    asked = _NURSERY.child
+    asked, stuck = _NURSERY.child, [nursery]
 
     def ask_and_kill(*fds: int) -> None:
         asked(*fds)
-        if nursery.is_running() and nursery.status() == psutil.STATUS_STOPPED:
-            nursery.kill()
+        if stuck:
+            stuck.pop().kill()
 
     monkeypatch.setattr(_NURSERY, "child", ask_and_kill)
     with GuardedReader(clip) as reader:
         assert len(list(reader.read())) == 12
+
+
+def test_a_nursery_that_hangs_is_replaced(clip: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    GuardedReader(clip).close()
+    (nursery,) = [p for p in psutil.Process().children() if "pipeline.video.guard.child" in " ".join(p.cmdline())]
+    nursery.suspend()
+    monkeypatch.setattr("pipeline.video.guard.nursery.START_S", 5.0)
+    with GuardedReader(clip) as reader:
+        assert len(list(reader.read())) == 12
+    assert not nursery.is_running()
 
 
 def test_nobody_outlives_us(clip: Path) -> None:
