@@ -111,6 +111,8 @@ def _area_error(total: NDArray[np.float64], xy: Points, side: NDArray[np.float32
 
 def layer_brush(brush: Brush, recipe: Recipe, index: int) -> Brush:
     """The brush of layer `index`: finer, and shorter, though less so."""
+    if index == 0:
+        return brush
     small = recipe.ratio**index
     fine = brush.scaled(small)
     length = np.multiply(brush.length_px, small**0.5)

@@ -65,7 +65,8 @@ class Run:
         async def talk() -> None:
             key = {"additional_headers": {"Authorization": f"Bearer {ADMIN}"}}
             async with live(self.service.url, **key) as client:
-                await client.hello(method="abstraction")
+                await client.say({"type": "hello", "width": 96, "height": 64, "method": "abstraction"})
+                await client.message("ready", 60)
                 for index in range(4):
                     await client.send(jpeg(tiny_frame(index)))
                     await client.answer(60)
@@ -73,9 +74,11 @@ class Run:
         asyncio.run(talk())
 
     def _settle(self) -> None:
-        """Until everything has been scraped, and the rules have been looked at."""
+        """Until everything has been scraped, and the rules have been looked at. Questions come over several scrapes."""
         _until(lambda: self.prometheus.query('increase(impasto_live_frames_total{outcome="painted"}[30s]) > 0'))
-        time.sleep(2.5)
+        for _ in range(12):
+            self.http.get("/v1/jobs").raise_for_status()
+            time.sleep(0.3)
 
     def close(self) -> None:
         self.prometheus.close()
