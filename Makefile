@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: install demo test check bench chaos gallery clean help
+.PHONY: install demo test check audit bench chaos gallery clean help
 
 help: ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
@@ -27,6 +27,9 @@ check: install ## ruff, types, import contracts
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+audit: install ## whether a dependency is known to be vulnerable (needs the network)
+	$(BIN)/python .ci/audit.py
 
 bench: install ## speed, as ratios measured in one run
 	$(BIN)/python -m benchmarks

@@ -4,11 +4,26 @@ from __future__ import annotations
 
 import sys
 
-from benchmarks import abstraction, analogy, dispatch, flow, kill9, live, memory, patches, workers
+from benchmarks import (
+    abstraction,
+    analogy,
+    api,
+    dispatch,
+    flow,
+    kill9,
+    live,
+    memory,
+    multistyle,
+    overhead,
+    patches,
+    speedup,
+    workers,
+)
 
 ALL = {
     "abstraction": abstraction.main,
     "analogy": analogy.main,
+    "multistyle": multistyle.main,
     "patches": patches.main,
     "flow": flow.main,
     "workers": workers.main,
@@ -16,6 +31,9 @@ ALL = {
     "kill9": kill9.main,
     "live": live.main,
     "dispatch": dispatch.main,
+    "overhead": overhead.main,
+    "api": api.main,
+    "speedup": speedup.main,
 }
 
 

@@ -1,5 +1,7 @@
 """Does the memory of a render grow with the length of the video? 10 s against 60 s of the same 720p clip, looped.
 
+`python -m benchmarks.memory METHOD CLIP SECONDS SECONDS` for another method, clip and other lengths.
+
 The same `impasto render` as a user's, one worker: decoding, painting, encoding, joining. Two figures: the peak of the
 resident sets of its process tree, sampled, and the kernel's own peak of the process that renders.
 """
@@ -35,26 +37,26 @@ class Peak:
     process_mib: float
 
 
-def main() -> None:
+def main(method: str = "abstraction", name: str = CLIP, lengths: tuple[int, ...] = SECONDS) -> None:
     """Print both peaks and how much the longer one is above the shorter."""
     with tempfile.TemporaryDirectory(prefix="impasto-memory-") as scratch:
         folder = Path(scratch)
-        clip = source(CLIP, SIZE, folder)
-        peaks = [measure(clip, seconds, folder) for seconds in SECONDS]
+        clip = source(name, SIZE, folder)
+        peaks = [measure(clip, seconds, folder, method) for seconds in lengths]
     print(f"{'video s':>8} {'frames':>7} {'wall s':>7} {'tree MiB':>9} {'process MiB':>12}")
-    for seconds, peak in zip(SECONDS, peaks, strict=True):
+    for seconds, peak in zip(lengths, peaks, strict=True):
         print(f"{seconds:8} {peak.frames:7} {peak.wall_s:7.1f} {peak.tree_mib:9.0f} {peak.process_mib:12.0f}")
     short, long = peaks
     tree, process = long.tree_mib / short.tree_mib - 1, long.process_mib / short.process_mib - 1
     print(f"growth: tree {tree:+.1%}, process {process:+.1%} (at most +10 %)")
 
 
-def measure(clip: Path, seconds: int, folder: Path) -> Peak:
+def measure(clip: Path, seconds: int, folder: Path, method: str) -> Peak:
     """Render the first `seconds` of `clip` without end."""
     with av.open(str(clip)) as video:
         frames = round(seconds * (video.streams.video[0].average_rate or 25))
     long = looped(clip, frames, folder / f"{seconds}.mp4")
-    words = ["render", long, "-o", folder / "out.mp4", "--home", folder / "home", "--quiet"]
+    words = ["render", long, "-o", folder / "out.mp4", "--home", folder / "home", "--quiet", "--method", method]
     began = time.monotonic()
     tree, process = _peaks([sys.executable, "-m", "impasto", *map(str, words)])
     return Peak(frames, time.monotonic() - began, tree / MIB, process / MIB)
@@ -85,3 +87,7 @@ def _resident(root: psutil.Process) -> int:
         except psutil.NoSuchProcess:
             continue
     return total
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:3], lengths=tuple(map(int, sys.argv[3:])) or SECONDS)

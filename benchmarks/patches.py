@@ -36,6 +36,9 @@ class Table:
     seed: int = 0
     stages: dict[str, float] = field(default_factory=lambda: defaultdict(float))
     kept: dict[tuple[str, str], Arrays] = field(default_factory=dict)
+    notes: dict[str, dict[str, Note]] = field(default_factory=dict)
+    spent: dict[str, list[tuple[Task, float]]] = field(default_factory=dict)
+    emitted: dict[int, Frame] = field(default_factory=dict)
     step: str = ""
     held_mb: float = 0.0
 
@@ -64,7 +67,7 @@ class Table:
         return dict(self.kept[step, name])
 
     def emit(self, index: int, frame: Frame) -> None:
-        pass
+        self.emitted[index] = frame
 
     def progress(self, done: float) -> None:
         pass
@@ -80,28 +83,44 @@ def measure(size: tuple[int, int], frames: int = FRAMES) -> dict[str, Any]:
     """CPU seconds of every task, and what follows from them."""
     prepare_process()
     source = [fit(frame, size) for frame in clip(SOURCE, frames)]
-    _run(Table(PatchesParams(), source[:6]))  # compile and load
+    run(Table(PatchesParams(), source[:6]))  # compile and load
     table = Table(PatchesParams(), source)
-    steps = _run(table)
-    one, two = (sum(makespan(tasks, workers) for tasks in steps.values()) for workers in (1, 2))
+    run(table)
+    one, two = (sum(makespan(tasks, workers) for tasks in table.spent.values()) for workers in (1, 2))
     return {
         "size": f"{size[0]}x{size[1]}", "one_s": one / frames, "two_s": two / frames, "ratio": one / two,
-        "steps": {name: sum(cost for _, cost in tasks) / frames for name, tasks in steps.items()},
+        "steps": {name: sum(cost for _, cost in tasks) / frames for name, tasks in table.spent.items()},
         "stages": {name: cost / frames for name, cost in table.stages.items()}, "held_mb": table.held_mb / frames,
+        **relaxation(table),
     }  # fmt: skip
 
 
-def _run(table: Table) -> dict[str, list[tuple[Task, float]]]:
-    notes: dict[str, dict[str, Note]] = {}
-    spent: dict[str, list[tuple[Task, float]]] = {}
+def run(table: Table) -> None:
+    """The method's whole plan; the table keeps what it finds, paints and costs."""
     for step in Patches.steps:
-        tasks = step.plan(Brief(table.params, 0, table.video, frozenset(), notes))
-        table.step, notes[step.name], spent[step.name] = step.name, {}, []
+        tasks = step.plan(Brief(table.params, table.seed, table.video, frozenset(), table.notes))
+        table.step, table.spent[step.name] = step.name, []
         for task in tasks:
             start = time.thread_time()
-            notes[step.name][task.key] = step.run(task, table)  # type: ignore[arg-type]
-            spent[step.name].append((task, time.thread_time() - start))
-    return spent
+            note = step.run(task, table)  # type: ignore[arg-type]
+            table.spent[step.name].append((task, time.thread_time() - start))
+            table.notes.setdefault(step.name, {})[task.key] = note
+
+
+def relaxation(table: Table) -> dict[str, Any]:
+    """Of all patches: by how much energy falls from frame to frame and over all frames, and in how many iterations."""
+    pairs, every = defaultdict[str, list[float]](lambda: [0.0, 0.0, 0, 0]), list[Note]()
+    for note in table.notes.get("register", {}).values():
+        for key, row in note["energies"].items():
+            pairs[key] = [a + b for a, b in zip(pairs[key], row, strict=True)]
+    every = [note for note in table.notes.get("patch", {}).values() if "iterations" in note]
+    lower = [row[1] < row[0] for row in pairs.values()] + [note["after"] < note["before"] for note in every]
+    sums = np.array([*pairs.values()]).sum(axis=0) if pairs else np.ones(4)
+    return {
+        "patches": len(every), "lowered": f"{sum(lower)} of {len(lower)}", "pairs": sums[1] / sums[0],
+        "pair_iterations": sums[2] / sums[3], "iterations": float(np.mean([note["iterations"] for note in every])),
+        "all": sum(note["after"] for note in every) / max(sum(note["before"] for note in every), 1e-9),
+    }  # fmt: skip
 
 
 def makespan(tasks: list[tuple[Task, float]], workers: int) -> float:
@@ -127,3 +146,8 @@ def main() -> None:
         figures = f"{row['one_s']:14.3f} {row['two_s']:10.3f} {row['ratio']:6.2f} {row['held_mb']:8.2f}"
         print(f"{row['size']:>10} {figures}   {steps}")
         print(f"{'':>10} " + "  ".join(f"{name} {cost * 1e3:.1f}" for name, cost in row["stages"].items()))
+        print(
+            f"{'':>10} {row['patches']} patches; energy lowered in {row['lowered']} relaxations; between frames to "
+            f"{row['pairs']:.2f} in {row['pair_iterations']:.1f} iterations, over all to {row['all']:.2f} in "
+            f"{row['iterations']:.1f}"
+        )

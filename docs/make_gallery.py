@@ -26,6 +26,7 @@ from docs.pictures import (
     MEDIA,
     PAINTINGS,
     colours_of,
+    film,
     frames,
     grid,
     length,
@@ -71,8 +72,19 @@ SCENES: Mapping[str, Scene] = {
 HERO = {"bird": (450, 0.5), "brook": (310, 0.5), "coffee": (104, 0.45), "blackswan": (19, 0.42)}
 """Scene -> its frame, and where the line cuts it, share of the width."""
 
+ALIKE = {"bird": 450, "coffee": 104, "blackswan": 19}
+"""Scene -> its frame that every method paints."""
+EXEMPLAR = "starry_night"
+METHODS = {
+    "abstraction": "Cartoon abstraction", "multistyle": "Painting in many styles", "patches": "Painting patches",
+    "analogy": "Style by example: The Starry Night",
+}  # fmt: skip
+
 PRESETS = ("bird", "harbour")
-PICTURES = [*SCENES, *(f"presets_{name}" for name in PRESETS), *(f"colours_{name}" for name in PAINTINGS), "hero"]
+PICTURES = [
+    *(f"methods_{name}" for name in ALIKE), *SCENES, *(f"presets_{name}" for name in PRESETS),
+    *(f"colours_{name}" for name in PAINTINGS), "hero", "methods",
+]  # fmt: skip
 
 
 def main() -> None:
@@ -102,7 +114,7 @@ def draw_all(media: Path, folder: Path) -> None:
 def draw_gallery(media: Path, only: Sequence[str]) -> None:
     """The committed pictures whose names are in `only`, and the page that shows all of them."""
     for name in only:
-        folder, limit = (DOCS / "images", 260_000) if name == "hero" else (GALLERY, LIMIT_BYTES)
+        folder, limit = (DOCS / "images", 260_000) if name in ("hero", "methods") else (GALLERY, LIMIT_BYTES)
         print(save(_picture(name, media), folder / f"{name}.jpg", limit))
     (DOCS / "gallery.md").write_text(page())
 
@@ -111,6 +123,12 @@ def _picture(name: str, media: Path) -> Frame:
     kind, _, rest = name.partition("_")
     if name == "hero":
         return hero(media)
+    if name == "methods":
+        return grid(list(_alike("bird", media, 540).values())[1:], 2, list(METHODS.values()), width=1200)
+    if kind == "methods":
+        tiles = _alike(rest, media, 360)
+        names = ["original", *METHODS.values(), "The Starry Night"]
+        return grid([*tiles.values(), _cropped(painting(media, EXEMPLAR), 1.78)], 2, names)
     if kind == "presets":
         return presets(SCENES[rest], media)
     if kind == "colours":
@@ -132,6 +150,17 @@ def _interleaved(pairs: Sequence[tuple[Frame, Frame]], columns: int) -> list[Fra
     """A row of originals over a row of their cartoons."""
     rows = [pairs[i : i + columns] for i in range(0, len(pairs), columns)]
     return [pair[side] for row in rows for side in (0, 1) for pair in row]
+
+
+def _alike(name: str, media: Path, height: int) -> dict[str, Frame]:
+    """A frame as it is and as each method paints it in its film."""
+    pick = ALIKE[name]
+    source = list(frames(CLIPS[SCENES[name].clip], media, max(0, pick - 11), pick + 1, height))
+    tiles = {"original": source[-1]}
+    for method in METHODS:
+        inputs = {"style_output": media / "style" / "paintings" / f"{EXEMPLAR}.jpg"} if method == "analogy" else {}
+        tiles[method] = film(source, method, **inputs)[-1]
+    return tiles
 
 
 def presets(scene: Scene, media: Path) -> Frame:
@@ -184,21 +213,30 @@ def _split(left: Frame, right: Frame, share: float, slant: float = 0.22) -> Fram
 
 def page() -> str:
     """docs/gallery.md."""
-    return "\n".join([*_head(), *_clips(), *_presets(), *_colours(), ""])
+    return "\n".join([*_head(), *_methods(), *_clips(), *_presets(), *_colours(), ""])
 
 
 def _head() -> Iterator[str]:
     yield "# Gallery"
     yield ""
-    yield "Real renders, original on the left. Drawn by `make gallery MEDIA=../shared/media`; every parameter is at its"
-    yield "default unless a caption says otherwise. What each parameter does: [abstraction.md](abstraction.md)."
+    yield "Real renders. Drawn by `make gallery MEDIA=../shared/media`; every parameter is at its default"
+    yield "unless a caption says otherwise. What each parameter does: [abstraction](abstraction.md),"
+    yield "[multistyle](multistyle.md), [patches](patches.md), [analogy](analogy.md)."
+
+
+def _methods() -> Iterator[str]:
+    yield from ("", "## One frame, every method")
+    for name in ALIKE:
+        yield from ("", f"![The same frame in every method: {name}](gallery/methods_{name}.jpg)", "")
+        yield f"<sub>{CLIPS[SCENES[name].clip].credit} *The Starry Night*, Vincent van Gogh, 1889: public domain.</sub>"
 
 
 def _clips() -> Iterator[str]:
+    yield from ("", "## Cartoons, original on the left")
     for name, scene in SCENES.items():
         clip = CLIPS[scene.clip]
         title = clip.title if clip.title.lower() == name else f"{clip.title}: {name}"
-        yield from ("", f"## {title}", "", f"![{title}: original and cartoon](gallery/{name}.jpg)", "")
+        yield from ("", f"### {title}", "", f"![{title}: original and cartoon](gallery/{name}.jpg)", "")
         yield f"{scene.words} Frames {' and '.join(str(pick) for pick in scene.picks)}.  "
         yield f"<sub>{clip.credit}</sub>"
 

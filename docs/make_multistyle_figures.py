@@ -1,6 +1,8 @@
 """The pictures of docs/multistyle.md, its table of parameters from the schema, and docs/design.schema.json.
 
-python -m docs.make_multistyle_figures [MEDIA] [--only NAME ...]    NAME: styles, renderers, effects, design, table
+python -m docs.make_multistyle_figures [MEDIA] [--only NAME ...]
+
+NAME: styles, renderers, steady, effects, design, table
 """
 
 from __future__ import annotations
@@ -88,6 +90,19 @@ def renderers() -> None:
     save(grid(part, 2, names), FOLDER / "renderers.jpg", LIMIT)
 
 
+def steady() -> None:
+    """A row of pixels over 60 frames, time from above to below: as it is painted, and each frame on its own."""
+    source = list(frames(CLIPS["coffee"], MEDIA, 0, 60, 288))
+    size, tiles = (source[0].shape[1], source[0].shape[0]), []
+    for style in ("van-gogh", "pointillism"):
+        for temporal in ("on", "off"):
+            session = MultistyleSession(MultistyleParams.model_validate({"style": style, "temporal": temporal}), size)
+            rows = np.stack([session.step(frame)[size[1] // 2] for frame in source])
+            tiles.append(cv2.resize(rows, (size[0], 3 * len(rows)), interpolation=cv2.INTER_NEAREST))
+    names = [f"{style}, {how}" for style in ("Van Gogh", "Pointillism") for how in ("over time", "frame by frame")]
+    save(grid([np.asarray(tile, np.uint8) for tile in tiles], 2, names), FOLDER / "steady.jpg", LIMIT)
+
+
 def effects() -> None:
     """Each effect at the start, in the middle and at the end of 60 frames, of which every tenth is looked at."""
     source = list(frames(CLIPS["coffee"], MEDIA, 0, 61, HEIGHT))[::10]
@@ -152,7 +167,7 @@ def table() -> None:
 
 
 ALL: Mapping[str, Callable[[], None]] = {
-    "styles": styles, "renderers": renderers, "effects": effects, "design": design, "table": table,
+    "styles": styles, "renderers": renderers, "steady": steady, "effects": effects, "design": design, "table": table,
 }  # fmt: skip
 
 

@@ -34,7 +34,12 @@ def table(properties: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
     yield "|---|---|---|---|---|---|"
     for name, about in properties.items():
         symbol = SYMBOLS.get(about.get("symbol", ""), about.get("symbol", ""))
-        cells = [f"**{about['title']}**<br>`{name}`", about["description"], about.get("unit", ""), _range(about)]
+        cells = [
+            f"**{about['title']}**<br>`{name}`",
+            about["description"].replace("|", "\\|"),
+            about.get("unit", ""),
+            _range(about),
+        ]
         yield "| " + " | ".join([*cells, f"{_value(about['default'])}", symbol]) + " |"
 
 

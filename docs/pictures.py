@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +18,7 @@ from pipeline.frames import Frame
 from pipeline.methods.abstraction import AbstractionParams, AbstractionSession
 from pipeline.scenes import scene, scenes
 from pipeline.video.reader import VideoReader
+from pipeline.video.stills import encode_png
 
 DOCS = Path(__file__).resolve().parent
 MEDIA = DOCS.parent.parent / "shared" / "media"
@@ -127,6 +131,22 @@ def render(
     for frame in source:
         session = session or session_for(frame, params, scheme)
         yield frame, session.step(frame)
+
+
+def film(
+    source: Iterable[Frame], method: str, params: Mapping[str, Any] | None = None, **inputs: Path
+) -> list[Frame]:  # fmt: skip
+    """Frames as `impasto render` paints them: any method, the whole way."""
+    with tempfile.TemporaryDirectory(prefix="impasto-pictures-") as scratch:
+        shots, out = Path(scratch, "in"), Path(scratch, "out")
+        shots.mkdir()
+        for number, frame in enumerate(source):
+            shots.joinpath(f"{number:04d}.png").write_bytes(encode_png(frame))
+        words = ["render", shots, "-o", f"{out}/", "--method", method, "--workers", 2, "--home", scratch, "--quiet"]
+        words += [word for name, value in (params or {}).items() for word in ("--param", f"{name}={value}")]
+        words += [word for name, path in inputs.items() for word in ("--input", f"{name}={path}")]
+        subprocess.run([sys.executable, "-m", "impasto", *map(str, words)], check=True, stdout=subprocess.DEVNULL)
+        return [cv2.imread(str(path))[..., ::-1] for path in sorted(out.glob("*.png"))]
 
 
 def shrink(frame: Frame, width: int) -> Frame:

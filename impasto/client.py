@@ -22,6 +22,7 @@ import httpx
 
 from impasto import DEFAULT_SERVER, transfer
 from impasto.events import ServerEvent, follow
+from impasto.ops import Ops
 from impasto.problems import ServiceUnreachable, error_of, job_failed
 from pipeline.errors import BadInput
 from workers.errors import NotFound
@@ -139,6 +140,10 @@ class Client:
     def cancel(self, job_id: str) -> Json:
         return self._json("POST", f"/jobs/{job_id}/cancel")
 
+    def requeue(self, task_id: str) -> Json:
+        """Run a failed or cancelled task again; return the task."""
+        return self._json("POST", f"/tasks/{task_id}/requeue")
+
     def retry(self, job_id: str) -> Json:
         """Run again only what failed or was cancelled."""
         return self._json("POST", f"/jobs/{job_id}/retry")
@@ -199,6 +204,13 @@ class Client:
         where = f"/jobs/{job_id}/{name}" if name in PLAIN_FILES else f"/jobs/{job_id}/files/{name}"
         transfer.download(self._http, where, target, progress)
         return target
+
+    # -- operators
+
+    @property
+    def ops(self) -> Ops:
+        """Who works, what failed, and what operators do about it. Needs an admin key."""
+        return Ops(self._json, self._send)
 
     # -- the wire
 

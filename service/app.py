@@ -27,6 +27,7 @@ from service.jobs.tasks import router as tasks
 from service.live.routes import router as live
 from service.live.sessions import Sessions
 from service.methods.routes import router as methods
+from service.ops.fleet import router as fleet
 from service.ops.keys import router as keys
 from service.ops.machine import add_machine
 from service.ops.metrics import FarmMetrics, HttpMetrics, LiveMetrics
@@ -41,7 +42,23 @@ from service.webhooks.secrets import WebhookSecrets
 from workers.farm import Farm
 
 WEB = Path(__file__).parent / "web"
-ROUTERS = (methods, assets, uploads, jobs, tasks, events, files, webhooks, previews, regions, live, keys, ops, pages)
+ROUTERS = (
+    methods,
+    assets,
+    uploads,
+    jobs,
+    tasks,
+    events,
+    files,
+    webhooks,
+    previews,
+    regions,
+    live,
+    keys,
+    ops,
+    fleet,
+    pages,
+)
 
 
 def create_app(settings: Settings, farm: Farm) -> FastAPI:
@@ -69,7 +86,7 @@ def create_app(settings: Settings, farm: Farm) -> FastAPI:
 
 @asynccontextmanager
 async def _life(app: FastAPI) -> AsyncIterator[None]:
-    async with background(app.state.service):
+    async with background(app.state.service, app.state.live):
         try:
             yield
         finally:

@@ -1,4 +1,5 @@
-"""What runs beside the requests: the webhook sender, and the sweeper of forgotten uploads."""
+"""What runs beside the requests: the webhook sender, the sweeper of forgotten uploads, and the register of live
+sessions."""
 
 from __future__ import annotations
 
@@ -6,10 +7,13 @@ import asyncio
 import logging
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
+from functools import partial
 
 from starlette.concurrency import run_in_threadpool
 
 from service.access.depends import Service
+from service.live.register import register
+from service.live.sessions import Sessions
 from service.uploads.store import UploadStore
 from service.webhooks.sender import Sender
 
@@ -20,9 +24,10 @@ PAUSE_S = 5.0
 
 
 @asynccontextmanager
-async def background(parts: Service) -> AsyncIterator[None]:
+async def background(parts: Service, sessions: Sessions) -> AsyncIterator[None]:
     """Work while the app is up."""
-    jobs = (Sender(parts.farm.webhooks, parts.webhook_secrets, parts.settings).run, _sweeper(parts))
+    sender = Sender(parts.farm.webhooks, parts.webhook_secrets, parts.settings)
+    jobs = (sender.run, _sweeper(parts), partial(register, parts.farm, sessions))
     tasks = [asyncio.create_task(_for_ever(job)) for job in jobs]
     try:
         yield

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import secrets
 import time
 
 from starlette.datastructures import Headers, MutableHeaders
@@ -10,6 +12,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from service.errors import SECURITY_HEADERS
 from service.ops.metrics import HttpMetrics
 from service.uploads.headers import VERSION
+from workers.about import about, here, working_for
 
 PAGE_CSP = (
     "default-src 'self'; img-src 'self' blob: data:; media-src 'self' blob:; object-src 'none'; "
@@ -21,6 +24,9 @@ PERMISSIONS = (
 )
 """What pages may ask the browser for: the live page needs a camera or a screen, and nothing hears anyone."""
 TUS = "/v1/uploads"
+_FACTS = {"job_id": "job", "task_id": "task", "asset_id": "asset", "key_id": "key", "upload_id": "upload"}
+"""Parameters of an address, as logs call them."""
+log = logging.getLogger(__name__)
 
 
 class Edge:
@@ -30,9 +36,16 @@ class Edge:
         self._app, self._metrics = app, metrics
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http":
+        if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
+        with working_for({"request": secrets.token_hex(8)}):
+            if scope["type"] == "http":
+                await self._answer(scope, receive, send)
+            else:
+                await self._app(scope, receive, send)
+
+    async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
         began, verb, status = time.perf_counter(), scope["method"], 500
         answered = began
 
@@ -41,6 +54,7 @@ class Edge:
             if message["type"] == "http.response.start":
                 status, answered = message["status"], time.perf_counter()
                 _add(MutableHeaders(scope=message), scope["path"])
+                MutableHeaders(scope=message)["X-Request-Id"] = str(here()["request"])
             await send(message)
 
         _override(scope)
@@ -48,6 +62,17 @@ class Edge:
             await self._app(scope, receive, send_with_headers)
         finally:
             self._metrics.note(verb, _route(scope), status, answered - began)
+            _log(scope, verb, status, answered - began)
+
+
+def _log(scope: Scope, verb: str, status: int, seconds: float) -> None:
+    """One line a request. The route, not the address: a query may hold what is nobody's business."""
+    principal = scope.get("state", {}).get("principal")
+    named = scope.get("path_params") or {}
+    facts = {short: str(named[name]) for name, short in _FACTS.items() if name in named}
+    if principal is not None:
+        facts["owner"] = principal.owner
+    log.info("%s %s", verb, _route(scope), extra=about(status=status, seconds=round(seconds, 4), **facts))
 
 
 def _route(scope: Scope) -> str:

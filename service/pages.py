@@ -1,4 +1,4 @@
-"""The pages: the studio at /, live at /live, and the API's description at /docs, drawn from /openapi.json."""
+"""The pages: the studio at /, live at /live, operations at /ops, and the API's description at /docs."""
 
 from __future__ import annotations
 
@@ -20,6 +20,11 @@ def index() -> FileResponse:
 @router.get("/live")
 def live() -> FileResponse:
     return FileResponse(HERE / "web" / "live.html")
+
+
+@router.get("/ops")
+def ops() -> FileResponse:
+    return FileResponse(HERE / "web" / "ops.html")
 
 
 @router.get("/docs")

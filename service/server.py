@@ -17,6 +17,7 @@ from service.app import create_app
 from service.settings import Settings
 from service.sockets import LiveSocket
 from workers.farm import Farm
+from workers.logs import set_up_logs
 from workers.studio import open_farm
 
 GRACE_S = 10
@@ -34,6 +35,7 @@ def serve(settings: Settings, on_ready: Callable[[str], None] = lambda url: None
         StorageError: the farm cannot be opened.
         OSError: the address cannot be bound.
     """
+    set_up_logs(settings)
     farm = open_farm(settings)
     try:
         _check_way_in(settings, farm)
@@ -51,7 +53,9 @@ def make_server(app: FastAPI, settings: Settings, on_ready: Callable[[str], None
         app,
         host=settings.host,
         port=settings.port,
+        log_config=None,  # ours, made before
         log_level="warning",
+        access_log=False,  # the edge writes a better one
         lifespan="on",
         server_header=False,
         timeout_graceful_shutdown=GRACE_S,

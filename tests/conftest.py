@@ -63,6 +63,26 @@ def _missing_s3() -> str:
     return missing()
 
 
+def _missing_prometheus() -> str:
+    from tests.real.prometheus import missing
+
+    return missing()
+
+
+def _missing_compose() -> str:
+    return "" if shutil.which("docker-compose") else "there is no docker-compose: apt-get install docker-compose"
+
+
+def _missing_nginx() -> str:
+    from tests.real.nginx import missing
+
+    return missing()
+
+
+def _missing_systemd() -> str:
+    return "" if shutil.which("systemd-analyze") else "there is no systemd-analyze: apt-get install systemd"
+
+
 PARTS: dict[str, Callable[[], str]] = {
     "chromium": _missing_chromium,
     "opencl": _missing_opencl,
@@ -70,6 +90,10 @@ PARTS: dict[str, Callable[[], str]] = {
     "ray": _missing_ray,
     "postgres": _missing_postgres,
     "s3": _missing_s3,
+    "prometheus": _missing_prometheus,
+    "systemd": _missing_systemd,
+    "nginx": _missing_nginx,
+    "compose": _missing_compose,
 }
 MAY_BE_ABSENT = {"media"}
 """Test media are not ours to ship: another machine may lack them even where every part must be real."""

@@ -14,7 +14,8 @@ from typing import Any
 from pipeline.errors import UnreadableMedia
 from pipeline.methods.base import Note
 from pipeline.video.contact import contact_sheet, poster
-from pipeline.video.join import MEDIA_TYPES, join
+from pipeline.video.guard.files import guarded_join
+from pipeline.video.join import MEDIA_TYPES
 from pipeline.video.reader import VideoReader
 from pipeline.video.writer import Format, zip_entry
 from workers.bench import PART
@@ -61,7 +62,7 @@ class Assembly:
             starts = self._starts_s([start for start, _stop, _key in segments])
             paths = [stack.enter_context(self._blobs.local(key)) for _start, _stop, key in segments]
             sound = stack.enter_context(self._blobs.local(self._order.inputs["video"]))
-            join(list(zip(starts, paths, strict=True)), out, self._format, sound, progress)
+            guarded_join(list(zip(starts, paths, strict=True)), out, self._format, sound, progress)
         return out
 
     def _starts_s(self, frames: list[int]) -> list[Fraction]:

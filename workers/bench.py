@@ -17,16 +17,17 @@ from pipeline.errors import BadParameter, Cancelled
 from pipeline.frames import Frame
 from pipeline.methods.base import Arrays
 from pipeline.video.container import Index
+from pipeline.video.guard.files import GuardedImages
 from pipeline.video.headers import sniff
 from pipeline.video.shot_files import ShotFiles
 from pipeline.video.writer import SegmentSpec
+from workers.about import belong
 from workers.arrays import read_arrays, write_arrays
 from workers.blobs.base import Blobs
 from workers.decoders import Decoders
 from workers.emission import Emission, EmitError
-from workers.logs import belong
+from workers.logs import attempt_facts
 from workers.model import TaskOrder
-from workers.numbered import NumberedImages
 from workers.planning import video_info
 from workers.pool import Tell
 from workers.shows import Shows
@@ -68,6 +69,7 @@ class TaskBench:
         self.files: dict[str, tuple[str, str]] = {}
         self.warnings: list[str] = []
         self._order = order
+        self._facts = attempt_facts(order.job_id, order.task_id, order.attempt_id)
         self._blobs = blobs
         self._decoders = decoders
         self._scratch = scratch
@@ -115,7 +117,7 @@ class TaskBench:
 
     def images(self, name: str) -> Mapping[int, NDArray[Any]]:
         path = self._life.enter_context(self._blobs.local(self._input(name)))
-        found = NumberedImages(path, f"inputs.{name}")
+        found = GuardedImages(path, f"inputs.{name}")
         self._life.callback(found.close)
         return found
 
@@ -231,7 +233,7 @@ class TaskBench:
     # -- time
 
     def clock(self, stage: str) -> AbstractContextManager[None]:
-        belong(self._order.attempt_id)
+        belong(self._facts)
         return self.stages.clock(stage)
 
     def progress(self, done: float) -> None:
@@ -242,7 +244,7 @@ class TaskBench:
             self._report(self._done)
 
     def _check_cancelled(self) -> None:
-        belong(self._order.attempt_id)
+        belong(self._facts)
         now = time.monotonic()
         if now - self._asked < _ASK_EVERY_S:
             return

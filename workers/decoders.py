@@ -1,4 +1,7 @@
-"""Open decoders, kept between the tasks of one worker: the next run of frames goes on without a seek."""
+"""Open decoders, kept between the tasks of one worker: the next run of frames goes on without a seek.
+
+What users brought is decoded by child processes (`pipeline.video.guard`).
+"""
 
 from __future__ import annotations
 
@@ -7,15 +10,15 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from threading import Lock
 
+from pipeline.video.guard.reader import GuardedReader
 from pipeline.video.media import Limits
-from pipeline.video.reader import VideoReader
 from workers.blobs.base import Blobs
 
 
 @dataclass(frozen=True)
 class _Open:
     key: str
-    reader: VideoReader
+    reader: GuardedReader
     life: ExitStack
     """Closes the reader, then lets go of the local file."""
 
@@ -35,7 +38,7 @@ class Decoders:
         self._lock = Lock()
 
     @contextmanager
-    def reader(self, key: str, start: int = 0) -> Iterator[VideoReader]:
+    def reader(self, key: str, start: int = 0) -> Iterator[GuardedReader]:
         """A reader of the blob, if possible one that stands at frame `start`. Raises KeyError, BadMedia."""
         lent = self._take(key, start) or self._open(key)
         try:
@@ -66,7 +69,7 @@ class Decoders:
     def _open(self, key: str) -> _Open:
         with ExitStack() as stack:
             path = stack.enter_context(self._blobs.local(key))
-            reader = stack.enter_context(VideoReader(path, self._limits))
+            reader = stack.enter_context(GuardedReader(path, self._limits))
             return _Open(key, reader, stack.pop_all())
 
     def _give(self, lent: _Open) -> None:

@@ -7,6 +7,7 @@ store or the blobs are away it waits, longer each time, and loses no outcome mea
 from __future__ import annotations
 
 import logging
+import socket
 import threading
 import time
 from collections import deque
@@ -15,7 +16,9 @@ from dataclasses import dataclass
 
 from pipeline.errors import ImpastoError, StorageError
 from workers import jobs as machine
+from workers.about import About, about
 from workers.faults import failed_outcome, fault_from, is_final, is_storage_away
+from workers.fleet import Enrolment, Place, Slot
 from workers.life import Life
 from workers.model import Fault, TaskOutcome
 from workers.orders import Orders
@@ -28,8 +31,11 @@ log = logging.getLogger(__name__)
 
 _BUSY_TICK_S = 0.4
 """While something runs: how often progress is written and cancelled attempts are looked for."""
+_LIVELY_S = 4.0
+"""How long progress is written at every tick after a rest. Then every third: nobody watches each step of long work, and
+writing it would cost a fast method percents of its time."""
 _IDLE_TICK_S = 1.0
-"""While nothing runs: how soon work that another process has accepted is seen."""
+"""How soon work that another process has accepted is seen."""
 _MAX_BACK_OFF_S = 15.0
 _STORAGE_AWAY_S = 3.0
 """How long a task that met an absent store waits."""
@@ -42,6 +48,7 @@ class _Flight:
     heard: float
     """When it last reported, monotonic s."""
     job_id: str
+    task_id: str
     last_step: bool
     progress: float = 0.0
     preview: str = ""
@@ -60,6 +67,7 @@ class Dispatcher:
         settings: capacity, leases, limits.
         has_room: raises StorageFull when nothing new should begin.
         tidy: told of a job (its id) that succeeded or was deleted: blobs are needed no more. Quick.
+        who: how operators know it.
     """
 
     def __init__(
@@ -69,9 +77,11 @@ class Dispatcher:
         settings: FarmSettings,
         has_room: Callable[[], None] = lambda: None,
         tidy: Callable[[str], None] = lambda job_id: None,
+        who: Enrolment | None = None,
     ) -> None:
         self._store = store
         self._pool = pool
+        self._who = who or Enrolment(socket.gethostname(), "serve", "local", "")
         self._settings = settings
         self._has_room = has_room
         self._tidy = tidy
@@ -80,9 +90,12 @@ class Dispatcher:
         self._reports: deque[Report] = deque()
         self._wake = threading.Event()
         self._stopping = False
+        self._draining = False
+        self._slots: tuple[Slot, ...] | None = None
+        """Those that the store knows."""
         self._thread = threading.Thread(target=self._run, name="impasto-dispatcher", daemon=True)
         self._life: Life | None = None
-        self._renewed = self._told = self._looked = float("-inf")
+        self._renewed = self._told = self._looked = self._rested = float("-inf")
         self._turned = time.monotonic()
         self.trouble = ""
         """What keeps it from working now; empty if nothing does."""
@@ -93,7 +106,7 @@ class Dispatcher:
         """Take up what earlier lives have left, and begin. `stop` ends `life`."""
         self._pool.start(self._hear)
         self._life = life
-        self._turned = time.monotonic()
+        self._turned = self._rested = time.monotonic()
         self._thread.start()
 
     def stop(self, grace_s: float = 5.0) -> None:
@@ -107,6 +120,14 @@ class Dispatcher:
         self._leave()
         self._life.end()
         self._life = None
+
+    def drain(self, timeout_s: float) -> bool:
+        """Take nothing new, and let what runs end; whether all of it did within `timeout_s`. Call `stop` then."""
+        self._draining = True
+        deadline = time.monotonic() + timeout_s
+        while self._flights and time.monotonic() < deadline:
+            time.sleep(0.05)
+        return not self._flights
 
     def poke(self) -> None:
         """Something in the store has changed: look now."""
@@ -134,17 +155,22 @@ class Dispatcher:
     # -- the thread
 
     def _run(self) -> None:
-        back_off = 0.0
+        back_off, woken, sought = 0.0, True, float("-inf")
         while not self._stopping:
             self._wake.clear()
             self._turned = time.monotonic()
             try:
                 self._turn()
+                if woken or back_off or self._turned - sought >= _IDLE_TICK_S:
+                    self._seek()
+                    sought = self._turned
                 back_off, self.trouble = 0.0, ""
             except Exception as error:
                 back_off = min(_MAX_BACK_OFF_S, max(0.5, 2 * back_off))
                 self._note_trouble(error)
-            self._wake.wait(back_off or (_BUSY_TICK_S if self._flights else _IDLE_TICK_S))
+            woken = self._wake.wait(back_off or (_BUSY_TICK_S if self._flights else _IDLE_TICK_S))
+            if not (woken or self._flights):
+                self._rested = time.monotonic()
 
     def _note_trouble(self, error: Exception) -> None:
         self.trouble = str(error) or type(error).__name__
@@ -154,11 +180,15 @@ class Dispatcher:
             log.exception("dispatcher failed; it tries again")
 
     def _turn(self) -> None:
-        """Everything there is to do now. Repeatable: an exception in the middle loses nothing."""
+        """Look after what runs. Repeatable: an exception in the middle loses nothing."""
         self._bring_in()
         self._keep_leases()
+        self._enrol()
         self._tell_progress()
         self._revoke()
+
+    def _seek(self) -> None:
+        """Find new work. Repeatable as well."""
         self._plan()
         self._fill()
 
@@ -180,7 +210,8 @@ class Dispatcher:
         if flight is None:
             return  # given up already; the store would refuse it, too
         flight.heard = time.monotonic()
-        flight.worker = report.worker or flight.worker
+        if report.worker and report.worker != flight.worker:
+            flight.worker, flight.told = report.worker, False
         if report.lost:
             self._settle(report.attempt_id, flight, _lost(report))
         elif report.outcome is not None:
@@ -198,6 +229,7 @@ class Dispatcher:
         except ImpastoError as error:  # what it brought back cannot be kept: a NaN, text that is none
             counted = self._commit(failed_outcome(attempt_id, error), flight.worker)
         self._flights.pop(attempt_id, None)
+        _log_end(attempt_id, flight, outcome, counted)
         jobs = self._store.jobs
         over = jobs.succeeded(flight.job_id) if counted and flight.last_step else not jobs.exists(flight.job_id)
         if over:
@@ -217,9 +249,11 @@ class Dispatcher:
 
     def _tell_progress(self) -> None:
         news = {attempt_id: flight for attempt_id, flight in self._flights.items() if not flight.told}
-        if not news or time.monotonic() - self._told < _BUSY_TICK_S:
+        now = time.monotonic()
+        lively = now - self._rested < _LIVELY_S
+        if not news or now - self._told < _BUSY_TICK_S * (1 if lively else 3):
             return
-        self._told = time.monotonic()
+        self._told = now
         self._store.work.progress(
             {attempt_id: Sign(flight.progress, flight.worker, flight.preview) for attempt_id, flight in news.items()}
         )
@@ -239,6 +273,12 @@ class Dispatcher:
             log.info("%d attempts of dead dispatchers were given back", given_back)
         self._life.forget(dead)
         self._renewed = time.monotonic()
+
+    def _enrol(self) -> None:
+        """Let operators know of our slots."""
+        if (slots := self._pool.slots()) != self._slots:
+            self._store.fleet.enrol(self.id, self._who, slots)
+            self._slots = slots
 
     def _revoke(self) -> None:
         """Tell the pool of attempts that no longer count (their job was cancelled), and of silent ones."""
@@ -271,7 +311,7 @@ class Dispatcher:
         except StorageError:
             raise
         except Exception as error:
-            log.warning("job %s: planning failed: %s", todo.job_id, error)
+            log.warning("planning failed: %s", error, extra=about(job=todo.job_id))
             plans.plan_failed(todo.job_id, todo.step, fault_from(error))
         else:
             plans.planned(todo.job_id, todo.step, tasks)
@@ -279,15 +319,21 @@ class Dispatcher:
 
     def _fill(self) -> None:
         assert self._life is not None
-        while len(self._flights) < self._pool.capacity and not self._stopping:
+        self._pool.hold([drain.name for drain in self._store.fleet.drains() if drain.place is Place.NODE])
+        while self._has_place() and not (self._stopping or self._draining):
             self._has_room()
             claim = self._store.work.claim(self._life.id, self._settings.lease_s)
             if claim is None:
                 return
-            self._flights[claim.attempt_id] = _Flight(
-                time.monotonic(), claim.job_id, claim.step_name == machine.ASSEMBLE
-            )
+            last = claim.step_name == machine.ASSEMBLE
+            flight = _Flight(time.monotonic(), claim.job_id, str(claim.task["id"]), last)
+            self._flights[claim.attempt_id] = flight
+            log.info("attempt begins", extra=_about(claim.attempt_id, flight, step=claim.step_name))
             self._send(claim)
+
+    def _has_place(self) -> bool:
+        """An order that cannot be made out takes no place in the pool, and would let us claim without end."""
+        return len(self._flights) < self._pool.capacity and self._pool.free > 0
 
     def _send(self, claim: Claim) -> None:
         """Hand a claimed task to the pool; what goes wrong is the attempt's outcome, like any other."""
@@ -306,6 +352,19 @@ class Dispatcher:
         except StorageError as error:
             log.warning("could not give running attempts back; the next start does: %s", error)
         self._flights.clear()
+
+
+def _about(attempt_id: str, flight: _Flight, **more: str) -> dict[str, About]:
+    return about(job=flight.job_id, task=flight.task_id, attempt=attempt_id, **more)
+
+
+def _log_end(attempt_id: str, flight: _Flight, outcome: TaskOutcome, counted: bool) -> None:
+    """How an attempt ended, and whether that still counted."""
+    facts = _about(attempt_id, flight, worker=flight.worker, counted=str(counted).lower())
+    if outcome.fault is not None:
+        log.warning("attempt failed, %s: %s", outcome.fault.code, outcome.fault.message, extra=facts)
+    else:
+        log.info("attempt was cancelled" if outcome.cancelled else "attempt succeeded", extra=facts)
 
 
 def _lost(report: Report) -> TaskOutcome:

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from workers.model import Asset, Event, Job, JobRequest, Json, Submitted, TaskView
 
-if TYPE_CHECKING:  # it needs the store, whose records are described here
+if TYPE_CHECKING:  # they need what is described here
+    from workers.fleet import Fleet
     from workers.live.live import Live
 
 
@@ -131,9 +132,25 @@ class Farm(Protocol):
         """Live sessions."""
         ...
 
+    @property
+    def fleet(self) -> Fleet:
+        """Who works where: for operators."""
+        ...
+
+    @property
+    def worker_id(self) -> str:
+        """As the fleet knows this process; empty if it runs nothing."""
+        ...
+
     # -- life
     def start(self) -> None: ...
-    def stop(self) -> None: ...
+    def drain(self, timeout_s: float) -> bool:
+        """Take no new task, and let those that run end; whether all did within `timeout_s`. Call `stop` then."""
+        ...
+
+    def stop(self) -> None:
+        """Give back what still runs, and end."""
+        ...
 
     # -- assets
     def add_asset(self, path: Path, filename: str, owner: str = "") -> Asset:

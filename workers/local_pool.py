@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import queue
+import socket
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Protocol
 
 from workers.faults import failed_outcome
+from workers.fleet import Slot
 from workers.model import TaskOrder, TaskOutcome
 from workers.pool import Report, Tell
 
@@ -42,6 +44,22 @@ class LocalPool:
         self._stopping = threading.Event()
         self._warming = threading.Thread(target=self._warm_up, name="impasto-warm-up", daemon=True)
         self._listen: Listen = lambda report: None
+        self._node = socket.gethostname()
+        self._held = False
+
+    @property
+    def free(self) -> int:
+        with self._lock:
+            return 0 if self._held else self.capacity - len(self._stops) + len(self._abandoned)
+
+    def hold(self, nodes: Collection[str]) -> None:
+        self._held = self._node in nodes
+
+    def slots(self) -> tuple[Slot, ...]:
+        with self._lock:
+            given_up = {self._busy.get(attempt_id) for attempt_id in self._abandoned}
+            names = [thread.name for thread in self._threads if thread.is_alive() and thread.name not in given_up]
+        return tuple(Slot(name, self._node) for name in names)
 
     def start(self, listen: Listen) -> None:
         self._listen = listen

@@ -1,17 +1,68 @@
-"""What a step logs while it runs, kept with the attempt."""
+"""Logs: what a process says on stderr, as text or as JSON lines, and what an attempt says, kept with it."""
 
 from __future__ import annotations
 
+import json
 import logging
+import sys
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
-from contextvars import ContextVar
+from datetime import UTC, datetime
 
+from workers.about import About, here, of, working_for
+from workers.settings import FarmSettings
+
+OURS = ("impasto", "service", "workers", "pipeline")
 _LINES = 400
 _LINE_CHARS = 2000
-_ATTEMPT: ContextVar[str] = ContextVar("impasto_attempt", default="")
-"""The attempt that the current thread works for."""
+_TRACE_CHARS = 20_000
+
+
+def set_up_logs(settings: FarmSettings) -> None:
+    """Let this process log to stderr as its settings say. At a process's entry, once; again it replaces itself."""
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(JsonLines() if settings.log_format == "json" else TextLines())
+    handler.setLevel(settings.log_level.upper())
+    handler.set_name("impasto")
+    root = logging.getLogger()
+    for old in [found for found in root.handlers if found.get_name() == "impasto"]:
+        root.removeHandler(old)
+    root.addHandler(handler)
+    for name in OURS:
+        logging.getLogger(name).setLevel(min(logging.INFO, handler.level))
+
+
+class JsonLines(logging.Formatter):
+    """One JSON object a line: time, level, logger, message, what it is about, the exception.
+
+    A newline in a message stays inside its string: nobody can forge a line.
+    """
+
+    def format(self, record: logging.LogRecord) -> str:
+        row: dict[str, object] = {
+            "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
+            "level": record.levelname.lower(),
+            "logger": record.name,
+            "message": record.getMessage(),
+            **of(record),
+        }
+        if record.exc_info:
+            row["trace"] = self.formatException(record.exc_info)[-_TRACE_CHARS:]
+        return json.dumps(row, default=str)
+
+
+class TextLines(logging.Formatter):
+    """For people: time, level, logger, message, then what it is about in brackets."""
+
+    def __init__(self) -> None:
+        super().__init__("%(asctime)s %(levelname)s %(name)s: %(message)s")
+
+    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802  (the name it overrides)
+        facts = of(record)
+        words = " ".join(f"{name}={value}" for name, value in facts.items())
+        record.message = record.message.replace("\n", "\\n")
+        return super().formatMessage(record) + (f" [{words}]" if words else "")
 
 
 class AttemptLog(logging.Handler):
@@ -26,27 +77,25 @@ class AttemptLog(logging.Handler):
         self._attempt_id = attempt_id
 
     def emit(self, record: logging.LogRecord) -> None:
-        if _ATTEMPT.get() == self._attempt_id:
+        if here().get("attempt") == self._attempt_id:
             self._lines.append(self.format(record)[:_LINE_CHARS])
 
     def text(self) -> str:
         return "\n".join(self._lines)
 
 
-def belong(attempt_id: str) -> None:
-    """From now on the current thread works for this attempt: called whenever a thread uses its bench, so that the
-    helpers which a step starts need not know of it."""
-    _ATTEMPT.set(attempt_id)
+def attempt_facts(job_id: str, task_id: str, attempt_id: str) -> About:
+    """What every line of an attempt is about."""
+    return {"job": job_id, "task": task_id, "attempt": attempt_id}
 
 
 @contextmanager
 def captured(job_id: str, task_id: str, attempt_id: str) -> Iterator[AttemptLog]:
     """Keep what the current thread, and those that join it by `belong`, log at INFO and above."""
     root, handler = logging.getLogger(), AttemptLog(job_id, task_id, attempt_id)
-    mine = _ATTEMPT.set(attempt_id)
     root.addHandler(handler)
     try:
-        yield handler
+        with working_for(attempt_facts(job_id, task_id, attempt_id)):
+            yield handler
     finally:
         root.removeHandler(handler)
-        _ATTEMPT.reset(mine)

@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
+from pipeline.methods.base import Needs
+
 Json = dict[str, Any]
 
 
@@ -200,6 +202,10 @@ class TaskOrder:
     """For "assemble": (start, stop, blob key) of every emitted run, in order."""
     stages: dict[str, dict[str, float]] = field(default_factory=dict)
     """For "assemble": step -> stage -> seconds, summed over the step's tasks."""
+    needs: Needs | None = None
+    """Of a machine; None: what the farm gives to every task."""
+    leads: bool = False
+    """Whether tasks of this step wait for it."""
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from dataclasses import dataclass
 
+from pipeline.methods.base import Needs
 from workers.jobs import ASSEMBLE
 from workers.model import Json, TaskOrder
 from workers.store import Claim, Store
@@ -61,6 +62,8 @@ class Orders:
             after=after,
             segments=before.segments,
             stages=before.stages,
+            needs=None if task["needs"] is None else Needs(**task["needs"]),
+            leads=self._store.context.leads(task["id"]),
         )
 
     def _before(self, job_id: str, step: int, inputs: dict[str, str], name: str) -> _Before:

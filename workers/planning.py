@@ -10,7 +10,7 @@ from graphlib import CycleError, TopologicalSorter
 
 from pipeline.errors import ImpastoError
 from pipeline.methods import method, parse_params
-from pipeline.methods.base import Brief, Method, Note, Task, VideoInfo
+from pipeline.methods.base import Brief, Method, Needs, Note, Task, VideoInfo
 from workers.jobs import ASSEMBLE
 from workers.model import JobRequest, Json
 
@@ -95,12 +95,20 @@ def _check_task(task: Task, keys: set[str], step: str) -> None:
         raise PlanError("A task's key is made of [a-z0-9-].", field=step, value=task.key)
     if not (math.isfinite(task.weight) and task.weight > 0):
         raise PlanError("A task's weight is a positive number.", field=f"{step}/{task.key}", value=task.weight)
+    if task.needs is not None and not _possible(task.needs):
+        raise PlanError("No machine has what a task needs.", field=f"{step}/{task.key}", value=task.needs)
     if unknown := set(task.after) - keys:
         raise PlanError("A task waits for one that is not in its step.", field=f"{step}/{task.key}", value=unknown)
     try:
         json.dumps(task.args, allow_nan=False)
     except (TypeError, ValueError) as error:
         raise PlanError(f"A task's args are not JSON: {error}.", field=f"{step}/{task.key}") from None
+
+
+def _possible(needs: Needs) -> bool:
+    """Some processor, and whole GPUs or a part of one."""
+    whole = needs.gpus <= 1 or float(needs.gpus).is_integer()
+    return 0 < needs.cpus < math.inf and 0 <= needs.gpus < math.inf and whole and needs.memory_bytes >= 0
 
 
 def _check_chains(tasks: Sequence[Task], step: str) -> None:

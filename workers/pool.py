@@ -6,10 +6,11 @@ restart. What is true is in the store; attempt ids fence late answers.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Protocol
 
+from workers.fleet import Slot
 from workers.model import TaskOrder, TaskOutcome
 
 
@@ -46,6 +47,19 @@ class Pool(Protocol):
     @property
     def capacity(self) -> int:
         """Attempts that may run at once; may change."""
+        ...
+
+    @property
+    def free(self) -> int:
+        """Attempts that may begin now."""
+        ...
+
+    def hold(self, nodes: Collection[str]) -> None:
+        """Let nothing begin on these nodes until the next call; what runs there goes on."""
+        ...
+
+    def slots(self) -> tuple[Slot, ...]:
+        """Where attempts run; may change."""
         ...
 
     def start(self, listen: Callable[[Report], None]) -> None: ...

@@ -19,11 +19,12 @@ from pipeline.frames import Frame
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import FoundRegions, Method, Sketcher, sketcher
 from pipeline.video.contact import fit
+from pipeline.video.guard.files import GuardedImages
 from pipeline.video.stills import encode_png
 from workers.blobs.base import Blobs
 from workers.decoders import Decoders
+from workers.glimpse import glimpse
 from workers.model import Asset, JobRequest, Json
-from workers.numbered import NumberedImages
 from workers.orders import asset_key
 from workers.render import prepare_process
 
@@ -50,7 +51,8 @@ class PreviewAsk:
 
 
 class Previews:
-    """Runs a causal method's stream over a frame and the two before it, scaled to fit. Thread-safe, one at a time."""
+    """Runs a causal method's stream over a frame and the two before it, scaled to fit; any other method over the frame
+    alone. Thread-safe, one at a time."""
 
     def __init__(self, blobs: Blobs, find: Callable[[str], Method] = method) -> None:
         prepare_process()
@@ -68,7 +70,7 @@ class Previews:
         Args:
             assets: input name -> asset. Those beside `video` that are pictures are the method's references.
 
-        Raises: BadParameter (parameters, a design, a method that is not causal), BadMedia.
+        Raises: BadParameter (parameters, a design, painted keyframes), BadMedia.
         """
         chosen = self._find(request.method)
         params = parse_params(chosen, request.params)
@@ -79,7 +81,10 @@ class Previews:
                 return encode_png(self._designed(draw, params, request.seed, keys, frames, number, total, ask))
             if ask.design is not None or ask.regions is not None:
                 raise BadParameter("This method takes no design.", field="design", remedy="Leave it out.")
-            return encode_png(self._last(chosen, params, request.seed, keys, frames, ask.max_side_px))
+            painted = self._last(chosen, params, request.seed, keys, frames, ask.max_side_px)
+            if painted is None:
+                painted = self._alone(chosen, params, request.seed, keys, frames[-1], number)
+            return encode_png(painted)
 
     def _designed(
         self, draw: Sketcher, params: Any, seed: int, keys: Mapping[str, str], frames: list[Frame], number: int,
@@ -88,7 +93,7 @@ class Previews:
         with ExitStack() as life:
             masks = None
             if "masks" in keys:
-                masks = NumberedImages(life.enter_context(self._blobs.local(keys["masks"])), "inputs.masks")
+                masks = GuardedImages(life.enter_context(self._blobs.local(keys["masks"])), "inputs.masks")
                 life.callback(masks.close)
             document: Any = ask.design
             if document is None and "design" in keys:
@@ -101,14 +106,34 @@ class Previews:
 
     def _last(
         self, chosen: Method, params: Any, seed: int, keys: Mapping[str, str], frames: list[Frame], side_px: int
-    ) -> Frame:
+    ) -> Frame | None:
+        """By a causal method."""
         size = (frames[0].shape[1], frames[0].shape[0])
         pictures = {spec.name for spec in chosen.inputs if spec.kind != "json" and spec.name != "video"}
         references = {name: self._reference(keys[name], side_px) for name in sorted(pictures & keys.keys())}
         session = chosen.stream(params, size, seed, references)
-        if session is None:
-            raise BadParameter("This method has no preview of one frame.", field="method", value=chosen.name)
-        return [session.step(frame) for frame in frames][-1]
+        return None if session is None else [session.step(frame) for frame in frames][-1]
+
+    def _alone(
+        self, chosen: Method, params: Any, seed: int, keys: Mapping[str, str], frame: Frame, number: int
+    ) -> Frame:
+        """By a method that needs the whole film."""
+        if "keyframes" in keys:
+            raise BadParameter(
+                "Painted keyframes are seen in the film, not in a preview of one frame.", field="inputs.keyframes",
+                remedy="Render a few seconds, or preview without them.",
+            )  # fmt: skip
+        with self._decoders.reader(keys["video"]) as reader:
+            shrunk = max(frame.shape) / max(reader.size)
+        given = [spec for spec in chosen.inputs if spec.name in keys and spec.kind not in ("json", "images")]
+        pictures = {spec.name: self._picture(keys[spec.name], number, shrunk) for spec in given}
+        return glimpse(chosen, params, seed, pictures | {"video": frame})
+
+    def _picture(self, key: str, number: int, shrunk: float) -> Frame:
+        with self._decoders.reader(key) as reader:
+            at = min(number, reader.frames - 1)
+            frame = next(reader.read(at, at + 1))
+        return fit(frame, max(1, round(max(frame.shape) * shrunk)))
 
     def _lead(self, key: str, frame: int, side_px: int) -> tuple[list[Frame], int, int]:
         """The frame and those before it; its number; how many there are."""

@@ -2,6 +2,10 @@
 
 An actor counts as capacity once it has said hello, so that a cluster with fewer processors than workers simply does
 less at once. When an actor dies its attempt is reported as lost and another actor takes its place.
+
+An actor has what its task needs (processors, part of a GPU, memory) from Ray; a task with other needs than any idle
+actor takes the place of one with an actor of its own, which waits for a machine that has that: an autoscaler may make
+one.
 """
 
 from __future__ import annotations
@@ -9,30 +13,40 @@ from __future__ import annotations
 import logging
 import signal
 import threading
-from collections.abc import Callable
-from dataclasses import dataclass
+import time
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import ray
 from ray.exceptions import RayError
 
 from pipeline.errors import StorageError
+from pipeline.methods.base import Needs
 from workers.actors import RenderActor
 from workers.blobs.base import Blobs
 from workers.faults import failed_outcome
+from workers.fleet import Slot
 from workers.local_pool import Listen, Runner
 from workers.model import TaskOrder, TaskOutcome
 from workers.pool import Report
-from workers.render import Renderer
+from workers.render import far_renderer
 from workers.settings import FarmSettings
+from workers.shelf import Handed
 
 log = logging.getLogger(__name__)
 
 _TICK_S = 0.25
 """How often progress is asked for while something runs."""
+_PATIENCE_S = 3.0
+"""How long an actor waits for room before an idle one makes it: as long as one takes to start."""
 _OBJECT_STORE_BYTES = 100 << 20
 """Orders and outcomes are a few kilobytes; blobs go by their own way."""
+
+
+_HANDED_BYTES = 64 << 20
+"""Of artefacts in Ray's shared memory, over all nodes."""
 
 
 @dataclass
@@ -42,8 +56,15 @@ class _Worker:
     actor: Any
     hello: Any
     """Reference to its greeting, until that has come."""
+    needs: Needs
+    """What it has from Ray."""
+    avoids: frozenset[str] = frozenset()
+    """Ids of Ray nodes where it was not to begin."""
     name: str = ""
+    node: str = ""
     attempt_id: str = ""
+    patient_since: float = field(default_factory=time.monotonic)
+    """Since when it has waited for a machine without having been helped."""
     answer: Any = None
     """Reference to the outcome of the attempt."""
 
@@ -57,24 +78,62 @@ class RayPool:
 
     Args:
         blobs: pickled to the actors as it is; on several machines S3, or a folder that they share.
-        make_runner: made once an actor; None: a Renderer over `blobs`.
+        make_runner: from the blobs, called once an actor; None: a Renderer.
     """
 
-    def __init__(self, blobs: Blobs, settings: FarmSettings, make_runner: Callable[[], Runner] | None = None) -> None:
+    def __init__(
+        self, blobs: Blobs, settings: FarmSettings, make_runner: Callable[[Blobs], Runner] | None = None
+    ) -> None:
         self._settings = settings
+        self._blobs = blobs
         here = settings.ray_address == "local"
-        self._make_runner = make_runner or partial(Renderer, blobs, settings.scratch if here else None)
+        self._make_runner = make_runner or partial(
+            far_renderer, settings.for_workers, scratch=settings.scratch if here else None
+        )
+        self._handed = Handed(_HANDED_BYTES)
         self._workers: list[_Worker] = []
         self._lock = threading.RLock()
         self._news = threading.Event()
         self._stopping = False
         self._pump = threading.Thread(target=self._watch, name="impasto-ray", daemon=True)
         self._listen: Listen = lambda report: None
+        self._needs = Needs(settings.task_cpus, settings.task_gpus, settings.task_memory_bytes)
+        self._held: frozenset[str] = frozenset()
+        self._avoided: frozenset[str] = frozenset()
+        """Ids of the nodes that are held."""
+        self._owed = 0
+        """Actors that were ended to make room for others."""
 
     @property
     def capacity(self) -> int:
         with self._lock:
-            return sum(1 for worker in self._workers if worker.name)
+            return sum(1 for worker in self._workers if worker.name or worker.attempt_id)
+
+    @property
+    def free(self) -> int:
+        with self._lock:
+            return len(self._idle())
+
+    def _idle(self) -> list[_Worker]:
+        return [worker for worker in self._workers if worker.idle and worker.node not in self._held]
+
+    def slots(self) -> tuple[Slot, ...]:
+        with self._lock:
+            there = [worker for worker in self._workers if worker.name]
+        return tuple(Slot(w.name, w.node, w.needs.cpus, w.needs.gpus, w.needs.memory_bytes) for w in there)
+
+    def hold(self, nodes: Collection[str]) -> None:
+        """Idle actors of these nodes move to others, as far as there is room."""
+        if self._held == frozenset(nodes):
+            return
+        names = _node_names()
+        with self._lock:
+            self._held = frozenset(nodes)
+            self._avoided = frozenset(node_id for node_id, name in names.items() if name in self._held)
+            for worker in list(self._workers):
+                starting = not worker.name and not worker.attempt_id
+                if (worker.idle and worker.node in self._held) or (starting and worker.avoids != self._avoided):
+                    self._exchange(worker, self._needs)
 
     def start(self, listen: Listen) -> None:
         """Connect, or start a cluster. On the main thread only: Ray aborts the process at its end otherwise."""
@@ -83,18 +142,27 @@ class RayPool:
         self._listen = listen
         _connect(self._settings)
         with self._lock:
-            self._workers = [self._new_worker() for _ in range(self._settings.workers)]
+            self._workers = [self._new_worker(self._needs) for _ in range(self._settings.workers)]
         self._pump.start()
 
     def submit(self, order: TaskOrder) -> None:
         with self._lock:
-            worker = next((worker for worker in self._workers if worker.idle), None)
+            worker = self._place_for(order.needs or self._needs)
             if worker is not None:
                 worker.attempt_id = order.attempt_id
-                worker.answer = worker.actor.run.remote(order)
+                given = self._handed.of(order.artefacts.values()) if order.after else {}
+                worker.answer = worker.actor.run.remote(order, given)
         if worker is None:  # an actor died between the claim and now
             self._listen(Report(order.attempt_id, lost=True))
         self._news.set()
+
+    def _place_for(self, needs: Needs) -> _Worker | None:
+        idle = self._idle()
+        fitting = next((worker for worker in idle if worker.needs == needs), None)
+        if fitting is not None or not idle:
+            return fitting
+        roomy = _roomy(needs)
+        return self._exchange(next((worker for worker in idle if worker.node in roomy), idle[0]), needs)
 
     def cancel(self, attempt_id: str) -> None:
         worker = self._at_work(attempt_id)
@@ -134,6 +202,7 @@ class RayPool:
                 if not self._collect(_TICK_S):
                     self._news.wait(_TICK_S)
                 self._ask_progress()
+                self._make_room()
             except Exception:
                 log.exception("the Ray pool failed; it tries again")
                 self._news.wait(1.0)
@@ -154,24 +223,37 @@ class RayPool:
         try:
             value = ray.get(ref)
         except ray.exceptions.RayTaskError as error:  # the actor lives; our own code has raised
-            value = failed_outcome(worker.attempt_id, error.cause or error)
+            value = failed_outcome(worker.attempt_id, error.cause or error), {}
         except RayError as error:
             log.warning("the worker %s has died: %s", worker.name or "(starting)", type(error).__name__)
             self._replace(worker, lost=worker.attempt_id)
             return
-        if isinstance(value, TaskOutcome):
-            self._answered(worker, value)
+        if worker.hello is None:
+            self._answered(worker, *value)
         else:
-            worker.name, worker.hello = str(value), None
+            self._greeted(worker, *value)
 
-    def _answered(self, worker: _Worker, outcome: TaskOutcome) -> None:
+    def _greeted(self, worker: _Worker, name: str, node_id: str) -> None:
+        node = _node_names().get(node_id, node_id[:12])
+        with self._lock:
+            worker.name, worker.node, worker.hello = name, node, None
+        self._listen(Report("", worker=name))
+
+    def _answered(self, worker: _Worker, outcome: TaskOutcome, made: dict[str, tuple[Any, int]]) -> None:
+        self._handed.add(made)
         with self._lock:
             worker.attempt_id, worker.answer = "", None
+            if worker.node in self._held:
+                self._exchange(worker, self._needs)
         self._listen(Report(outcome.attempt_id, 1.0, outcome, worker=worker.name))
 
     def _ask_progress(self) -> None:
         with self._lock:
-            asked = {worker.actor.progress.remote(): worker for worker in self._workers if worker.attempt_id}
+            busy = [worker for worker in self._workers if worker.attempt_id]
+            asked = {worker.actor.progress.remote(): worker for worker in busy if worker.name}
+        for worker in busy:
+            if not worker.name:  # its actor waits for room: that is no silence
+                self._listen(Report(worker.attempt_id, worker=f"waiting for {_words(worker.needs)}"))
         if not asked:
             return
         come, _ = ray.wait(list(asked), num_returns=len(asked), timeout=_TICK_S)
@@ -188,20 +270,73 @@ class RayPool:
 
     # -- actors
 
-    def _new_worker(self) -> _Worker:
-        actor = RenderActor.options(num_cpus=1).remote(self._make_runner)
-        return _Worker(actor, actor.hello.remote())
+    def _make_room(self) -> None:
+        """End an idle actor where one that has waited a while could begin; once nobody waits, make up for it."""
+        now = time.monotonic()
+        with self._lock:
+            waiting = [worker for worker in self._workers if worker.attempt_id and not worker.name]
+            if not waiting:
+                self._workers += [self._new_worker(self._needs) for _ in range(self._owed)]
+                self._owed = 0
+            for worker in waiting:
+                if now - worker.patient_since > _PATIENCE_S:
+                    worker.patient_since = now
+                    self._end_idle(_roomy(worker.needs))
+
+    def _end_idle(self, nodes: Collection[str]) -> None:
+        """One of these nodes, if there is one."""
+        found = next((worker for worker in self._idle() if worker.node in nodes), None)
+        if found is not None:
+            ray.kill(found.actor)
+            self._workers.remove(found)
+            self._owed += 1
+
+    def _new_worker(self, needs: Needs) -> _Worker:
+        elsewhere = {"ray.io/node-id": f"!in({','.join(sorted(self._avoided))})"} if self._avoided else None
+        actor = RenderActor.options(
+            num_cpus=needs.cpus, num_gpus=needs.gpus, memory=needs.memory_bytes or None, label_selector=elsewhere
+        ).remote(self._make_runner, self._blobs)
+        return _Worker(actor, actor.hello.remote(), needs, self._avoided)
+
+    def _exchange(self, worker: _Worker, needs: Needs) -> _Worker:
+        """End an actor that has nothing to do; another takes its place."""
+        ray.kill(worker.actor)
+        new = self._new_worker(needs)
+        self._workers[self._workers.index(worker)] = new
+        return new
 
     def _replace(self, worker: _Worker, lost: str = "") -> None:
         with self._lock:
             if worker in self._workers:
-                self._workers[self._workers.index(worker)] = self._new_worker()
+                self._workers[self._workers.index(worker)] = self._new_worker(self._needs)
         if lost:
             self._listen(Report(lost, lost=True, worker=worker.name))
 
     def _at_work(self, attempt_id: str) -> _Worker | None:
         with self._lock:
             return next((worker for worker in self._workers if worker.attempt_id == attempt_id), None)
+
+
+def _node_names() -> dict[str, str]:
+    """By the id of every Ray node: the name that it was started with, else its host's."""
+    return {node["NodeID"]: _node_name(node) for node in cast(Any, ray).nodes()}
+
+
+def _node_name(node: dict[str, Any]) -> str:
+    named = node["NodeName"] and node["NodeName"] != node["NodeManagerAddress"]
+    return str(node["NodeName"] if named else node["NodeManagerHostname"])
+
+
+def _roomy(needs: Needs) -> set[str]:
+    """Names of the nodes that have what a task needs, if nothing else runs there."""
+    wanted = {"CPU": needs.cpus, "GPU": needs.gpus, "memory": needs.memory_bytes}
+    alive = (node for node in cast(Any, ray).nodes() if node["Alive"])
+    return {_node_name(n) for n in alive if all(n["Resources"].get(what, 0) >= want for what, want in wanted.items())}
+
+
+def _words(needs: Needs) -> str:
+    memory = f", {needs.memory_bytes >> 20} MiB" if needs.memory_bytes else ""
+    return f"{needs.cpus:g} CPU{f', {needs.gpus:g} GPU' if needs.gpus else ''}{memory}"
 
 
 _LOCAL = {

@@ -18,15 +18,17 @@ import cv2
 from pipeline.errors import BadParameter, Cancelled
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import Method, Step, Task
+from pipeline.video.guard.nursery import get_ready
 from workers.assemble import Assembly
 from workers.bench import TaskBench
 from workers.blobs.base import Blobs
 from workers.decoders import Decoders
 from workers.faults import fault_from
 from workers.jobs import ASSEMBLE
-from workers.logs import AttemptLog, captured
+from workers.logs import AttemptLog, captured, set_up_logs
 from workers.model import TaskOrder, TaskOutcome
 from workers.pool import Tell
+from workers.settings import FarmSettings
 from workers.warmup import warm_up_process
 
 _LOG = logging.getLogger(__name__)
@@ -43,6 +45,7 @@ def prepare_process() -> None:
     """
     cv2.setNumThreads(1)
     sys.setswitchinterval(TURN_S)
+    get_ready()
     logging.getLogger("pipeline").setLevel(logging.INFO)
     _LOG.setLevel(logging.INFO)
 
@@ -87,11 +90,12 @@ class Renderer:
         """Run one attempt. What goes wrong is in the outcome, never raised.
 
         Args:
-            report: told the fraction done, 0..1, a few times a second, and about once a second of a new frame to show.
+            report: told the fraction done, 0..1, a few times a second, and every other second of a new frame to show.
             cancelled: asked ten times a second; once it says yes, the outcome is `cancelled`.
         """
         with captured(order.job_id, order.task_id, order.attempt_id) as log:
             outcome = TaskOutcome(order.attempt_id, {}, {}, {}, None, {}, "")
+            _LOG.info("step %s, task %s", order.step, order.key)
             try:
                 outcome = self._run(order, report, cancelled)
             except Cancelled:
@@ -140,6 +144,12 @@ class Renderer:
             yield folder
         finally:
             shutil.rmtree(folder, ignore_errors=True)
+
+
+def far_renderer(settings: FarmSettings, blobs: Blobs, scratch: Path | None) -> Renderer:
+    """A renderer in a process of its own, whose logs are to be like those of the service."""
+    set_up_logs(settings)
+    return Renderer(blobs, scratch)
 
 
 def _step_of(chosen: Method, name: str) -> Step:

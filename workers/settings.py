@@ -59,8 +59,17 @@ class FarmSettings(BaseModel):
     """Where attempts run: in this process, on a Ray cluster, or nowhere (accept and show only)."""
     workers: int = Field(default=1, ge=1, le=256)
     """Attempts that run at once."""
+    role: Literal["serve", "worker"] = "serve"
+    """Shown to operators: whether the process answers requests, too."""
     ray_address: str = "local"
     """"local" starts a cluster in this machine; else the address of one."""
+
+    task_cpus: float = Field(default=1.0, gt=0, le=256)
+    """What a task has to itself on a Ray cluster, unless it says so itself: processors,"""
+    task_gpus: float = Field(default=0.0, ge=0, le=16)
+    """GPUs (0.25: four tasks share one),"""
+    task_memory_bytes: int = Field(default=0, ge=0)
+    """and memory; 0: nothing in particular."""
 
     attempts: int = Field(default=3, ge=1, le=20)
     """Failures after which a task fails for good."""
@@ -87,8 +96,17 @@ class FarmSettings(BaseModel):
     sweep_s: float = Field(default=6 * 3600.0, gt=0)
     """Between two sweeps for blobs that nobody needs: those of jobs that died while they cleared up."""
 
+    log_format: Literal["text", "json"] = "text"
+    """What a process says on stderr: for people, or one JSON object a line."""
+    log_level: Literal["debug", "info", "warning", "error"] = "warning"
+
     events_kept: int = Field(default=5000, ge=10)
     """Newest events kept per job."""
+
+    @property
+    def for_workers(self) -> FarmSettings:
+        """What a process that only renders needs to know: no address and no secret of a store."""
+        return FarmSettings(home=self.home, log_format=self.log_format, log_level=self.log_level)
 
     @property
     def url(self) -> str:

@@ -1,4 +1,4 @@
-"""What a running task has to show: its newest frame, small, about once a second."""
+"""What a running task has to show: its newest frame, small, about every other second."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pipeline.video.contact import fit
 from pipeline.video.stills import encode_jpeg
 from workers.blobs.base import Blobs
 
-EVERY_S = 1.0
+EVERY_S = 2.0
 SIDE_PX = 854
 """Longest side: 480 lines of a wide picture. Scaling and coding take about 3 ms."""
 KEPT = 3
@@ -23,7 +23,7 @@ class Shows:
         self._blobs = blobs
         self._prefix = prefix
         self._count = 0
-        self._next = time.monotonic() + EVERY_S / 2
+        self._next = time.monotonic() + EVERY_S / 4
 
     def due(self) -> bool:
         """Whether the last picture is old enough."""

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
+import logging
 import shutil
+import socket
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from pathlib import Path
 
-from pipeline.errors import StorageError
+from pipeline.errors import ImpastoError, StorageError
 from pipeline.video.probe import probe_guarded
 from workers import jobs as machine
+from workers.about import about
 from workers.blobs.base import Blobs
 from workers.blobs.opened import open_blobs
 from workers.checks import Checks
 from workers.dispatcher import Dispatcher
 from workers.errors import Conflict, NotFound
 from workers.farm import Farm, Keys, Page, Served, Webhooks
+from workers.fleet import Enrolment, Fleet, Place
 from workers.jobs import Limits
 from workers.life import Life
 from workers.live.live import Live
@@ -36,6 +41,9 @@ from workers.served import served_asset, served_file
 from workers.settings import FarmSettings
 from workers.store import Policy, Store
 from workers.tidy import Tidier
+from workers.versions import version
+
+log = logging.getLogger(__name__)
 
 _CHUNK = 1 << 20
 _PICTURES_KEPT = 128
@@ -69,7 +77,8 @@ class Studio:
         self._checks = Checks(self._parts())
 
     def _make_dispatcher(self, pool: Pool) -> Dispatcher:
-        return Dispatcher(self._store, pool, self._settings, self._blobs.check_room, self._tidier.later)
+        who = Enrolment(socket.gethostname(), self._settings.role, str(pool.describe()["kind"]), version())
+        return Dispatcher(self._store, pool, self._settings, self._blobs.check_room, self._tidier.later, who)
 
     def _parts(self) -> dict[str, Callable[[], None]]:
         parts = {"store": self._store.check, "blobs": self._blobs.check}
@@ -87,6 +96,14 @@ class Studio:
     @property
     def webhooks(self) -> Webhooks:
         return self._store.webhooks
+
+    @property
+    def fleet(self) -> Fleet:
+        return self._store.fleet
+
+    @property
+    def worker_id(self) -> str:
+        return "" if self._dispatcher is None else self._dispatcher.id
 
     @property
     def live(self) -> Live:
@@ -107,6 +124,13 @@ class Studio:
             raise
         self._tidier.start()
         self._live.start()
+
+    def drain(self, timeout_s: float) -> bool:
+        if self._dispatcher is None:
+            return True
+        with contextlib.suppress(ImpastoError):  # for operators to see; what follows needs no store
+            self._store.fleet.drain(Place.WORKER, self.worker_id, reason="It was asked to stop.")
+        return self._dispatcher.drain(timeout_s)
 
     def stop(self) -> None:
         self._live.stop()
@@ -181,6 +205,7 @@ class Studio:
         accepted = check_request(request, self._inputs(request))
         self._blobs.check_room()
         job = self._store.jobs.add(accepted, owner, idempotency_key)
+        log.info("job accepted", extra=about(job=job.id, owner=owner, method=request.method))
         self._poke()
         return job
 

@@ -18,6 +18,7 @@ from impasto.cli import (
     keys,
     live,
     methods,
+    ops,
     render,
     retry,
     scene,
@@ -25,6 +26,7 @@ from impasto.cli import (
     submit,
     version,
     watch,
+    worker,
 )
 from impasto.cli.console import FAILED, INTERRUPTED, Interrupted, fail
 from pipeline.errors import BadInput, ImpastoError
@@ -43,6 +45,7 @@ HERE, AWAY, AROUND = "On this machine", "At a service", "Looking around"
 app.command(epilog=render.EPILOG, rich_help_panel=HERE)(render.render)
 app.command(epilog=live.EPILOG, rich_help_panel=HERE)(live.live)
 app.command(epilog=serve.EPILOG, rich_help_panel=HERE)(serve.serve)
+app.command(epilog=worker.EPILOG, rich_help_panel=HERE)(worker.worker)
 app.command(epilog=scene.EPILOG, rich_help_panel=HERE)(scene.scene)
 app.add_typer(keys.app, name="keys", rich_help_panel=HERE)
 app.command(epilog=submit.EPILOG, rich_help_panel=AWAY)(submit.submit)
@@ -51,6 +54,7 @@ app.command(epilog=get.EPILOG, rich_help_panel=AWAY)(get.get)
 app.command(rich_help_panel=AWAY)(cancel.cancel)
 app.command(rich_help_panel=AWAY)(retry.retry)
 app.command(rich_help_panel=AWAY)(jobs.jobs)
+app.add_typer(ops.app, name="ops", rich_help_panel=AWAY)
 app.command(epilog=methods.EPILOG, rich_help_panel=AROUND)(methods.methods)
 app.command(rich_help_panel=AROUND)(doctor.doctor)
 app.command(rich_help_panel=AROUND)(version.version)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,6 +14,9 @@ from impasto.cli.progress import Show
 from impasto.problems import JobFailed
 from workers.farm import Farm
 from workers.model import Job, JobRequest, TaskView
+
+_BEAT_S = 0.5
+"""Events come in flocks: one look for each flock is enough for the eye, and leaves the processor to the painting."""
 
 
 @contextmanager
@@ -44,9 +48,12 @@ def follow(farm: Farm, job_id: str, show: Show) -> Job:
     try:
         while not (job := farm.job(job_id)).state.final:
             show(dataclasses.asdict(job))
+            beat = time.monotonic() + _BEAT_S
             farm.wait(job_id, seen, timeout_s=0.5)
             events, _ = farm.events(job_id, after=seen)
             seen = events[-1].seq if events else seen
+            if all(event.type != "job.state" for event in events):
+                time.sleep(max(0.0, beat - time.monotonic()))
     except KeyboardInterrupt:
         raise Interrupted(
             f"Interrupted at {farm.job(job_id).progress:.0%}.", remedy="Run the same command again to go on from there."

@@ -79,6 +79,17 @@ class Brief:
 
 
 @dataclass(frozen=True)
+class Needs:
+    """What a task has of a machine to itself while it runs."""
+
+    cpus: float = 1.0
+    gpus: float = 0.0
+    """A part of one (0.25: four such tasks share a GPU), or whole ones."""
+    memory_bytes: int = 0
+    """Its peak; 0: no more than a processor's share."""
+
+
+@dataclass(frozen=True)
 class Task:
     """One unit of a step. `key` is unique in its step, stable, and made of [a-z0-9-]."""
 
@@ -94,6 +105,8 @@ class Task:
     weight: float = 1.0
     """Expected cost, for progress and ETA, in one unit for all steps of the method: what it costs to paint one frame.
     A pass that only decodes and looks is about 0.05 a frame."""
+    needs: Needs | None = None
+    """Where it can run; None: anywhere (what that is, the farm's settings say)."""
 
 
 class Bench(Protocol):

@@ -29,7 +29,7 @@ _COLUMNS = 11
 _NEARBY_SEARCHES = 2
 """Searches around known faces for each search of the whole frame."""
 _MIN_PATIENCE, _MAX_PATIENCE = 1.0, 2.0
-"""How long a face is kept after its first and after many detections, in intervals between whole searches."""
+"""How long a face is kept after its first and after many detections, in parts of `keep_frames`."""
 _SCALE_FACTOR = 1.2
 _FINE_SCALE_FACTOR = 1.08
 _HALF_WIDTH, _HALF_HEIGHT, _RAISE = 0.55, 0.75, 0.1
@@ -58,10 +58,15 @@ class FaceTracker:
         every_frames: frames between searches of the whole frame, counted from the shot's first.
         half_life_frames: of easing boxes and strengths.
         smallest: smallest face, as a fraction of the frame's shorter side.
+        keep_frames: how long a face is kept without being met again, at first; None = `every_frames`.
     """
 
-    def __init__(self, size: tuple[int, int], every_frames: int, half_life_frames: float, smallest: float) -> None:
+    def __init__(
+        self, size: tuple[int, int], every_frames: int, half_life_frames: float, smallest: float,
+        keep_frames: int | None = None,
+    ) -> None:  # fmt: skip
         self._size = size
+        self._keep = every_frames if keep_frames is None else keep_frames
         self._every = every_frames
         self._gain = 1.0 - 0.5 ** (1.0 / half_life_frames) if half_life_frames > 0 else 1.0
         self._smallest = smallest
@@ -203,7 +208,7 @@ class FaceTracker:
 
     def _ease(self) -> None:
         tracks = self.tracks
-        patience = self._every * np.clip(tracks[:, _HITS] / 4, _MIN_PATIENCE, _MAX_PATIENCE)
+        patience = self._keep * np.clip(tracks[:, _HITS] / 4, _MIN_PATIENCE, _MAX_PATIENCE)
         held = tracks[:, _UNSEEN] <= patience
         tracks[:, _BOX] += self._gain * (tracks[:, _GOAL] - tracks[:, _BOX])
         tracks[:, _STRENGTH] += self._gain * (held - tracks[:, _STRENGTH])

@@ -25,8 +25,6 @@ from pipeline.segmentation.faces import FaceTracker
 from pipeline.segmentation.motion import median_motion
 from pipeline.segmentation.saliency import spectral_residual
 
-DETECTION_SIDE_PX = 256
-"""Longer side of the picture that faces are looked for in."""
 MAP_SIDE_PX = 96
 """Longer side of the map itself before it is stretched to the frame; I(p) is smooth, so this loses nothing."""
 CUES_EVERY_FRAMES = 3
@@ -44,6 +42,10 @@ class ImportanceParams:
     """Frames after which what was seen counts half; 0 = no smoothing."""
     detect_every_frames: int = 48
     """Frames between two searches of the whole frame for faces, 1 or more; known faces are looked after more often."""
+    keep_frames: int | None = None
+    """Frames that a face is kept after it was first met, up to twice as many later; None = `detect_every_frames`."""
+    detection_side_px: int = 256
+    """Longer side of the picture that faces are looked for in: more find smaller ones, for more time."""
     smallest_face: float = 0.1
     """Smallest face, as a fraction of the frame's shorter side, 0..1."""
     full_motion: float = 0.002
@@ -61,12 +63,14 @@ class ImportanceTracker:
     def __init__(self, params: ImportanceParams, size: tuple[int, int]) -> None:
         self._params = params
         self._size = size
-        self._small = _fit(size, DETECTION_SIDE_PX)
+        self._small = _fit(size, params.detection_side_px)
         self.map_size = _fit(size, MAP_SIDE_PX)
         self._gain = np.float32(
             1.0 - 0.5 ** (CUES_EVERY_FRAMES / params.half_life_frames) if params.half_life_frames > 0 else 1.0
         )
-        self._faces = FaceTracker(size, params.detect_every_frames, params.half_life_frames, params.smallest_face)
+        self._faces = FaceTracker(
+            size, params.detect_every_frames, params.half_life_frames, params.smallest_face, params.keep_frames
+        )
         self._age = 0
         self._cues: Plane = np.zeros(self.map_size[::-1], np.float32)
         self._mask: Plane | None = None

@@ -31,7 +31,7 @@ times its share of the pixel; and the share of the pixel that is still bare, 1 a
 
 _HALF, _ONE, _ZERO = np.float32(0.5), np.float32(1.0), np.float32(0.0)
 _TIP = np.float32(0.3)
-_DONE = np.float32(0.004)
+_DONE = np.float32(0.01)
 _NO_GUIDE: Frame = np.zeros((1, 1, 3), np.uint8)
 
 
@@ -137,7 +137,7 @@ def _drag(
         for y in range(first_row - band_top, last_row + 1 - band_top):
             rows[y, 0] = width
             rows[y, 1] = -1
-        before = _ZERO
+        before, past_x, past_y = _ZERO, _ZERO, _ZERO
         for i in range(max(n - 1, 1)):
             x0, y0 = points[k, i, 0], points[k, i, 1]
             last = min(i + 1, n - 1)
@@ -148,6 +148,12 @@ def _drag(
             else:
                 ax, ay = _ONE, _ZERO
             ends = i >= n - 2
+            # Behind its start a segment covers what the bend leaves open, and in front of its end nothing.
+            first_s = -reach if i == 0 else -(reach * abs(past_x * ay - past_y * ax) + _HALF)
+            if past_x * ax + past_y * ay < _ZERO:
+                first_s = -reach
+            last_s = length + reach if ends else length
+            past_x, past_y = ax, ay
             x1, y1 = x0 + ax * length, y0 + ay * length
             low = max(int(np.ceil(min(y0, y1) - reach)), band_top)
             high = min(int(np.floor(max(y0, y1) + reach)), band_bottom - 1)
@@ -158,6 +164,10 @@ def _drag(
                     # Where this row crosses the segment's strip, of infinite length.
                     middle, half = x0 + ax * fy / ay, reach / abs(ay)
                     left, right = max(left, middle - half), min(right, middle + half)
+                if abs(ax) > np.float32(0.05):
+                    # And where it enters and leaves the segment's length.
+                    enter, leave = x0 + (first_s - fy * ay) / ax, x0 + (last_s - fy * ay) / ax
+                    left, right = max(left, min(enter, leave)), min(right, max(enter, leave))
                 start, final = max(int(np.ceil(left)), 0), min(int(np.floor(right)), width - 1)
                 row = y - band_top
                 for x in range(start, final + 1):

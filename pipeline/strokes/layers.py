@@ -111,6 +111,8 @@ def _area_error(total: NDArray[np.float64], xy: Points, side: NDArray[np.float32
 
 def layer_brush(brush: Brush, recipe: Recipe, index: int) -> Brush:
     """The brush of layer `index`: finer, and shorter, though less so."""
+    if index == 0:
+        return brush
     small = recipe.ratio**index
     fine = brush.scaled(small)
     length = np.multiply(brush.length_px, small**0.5)
@@ -126,9 +128,15 @@ def spacing_px(brush: Brush, recipe: Recipe) -> Field:
     return np.asarray(np.sqrt(area / recipe.overlap), np.float32)
 
 
+def typical(size_px: Field) -> float:
+    """The median of a field, about: of every eighth pixel."""
+    plane = np.asarray(size_px, np.float32)
+    return float(np.median(plane[::8, ::8] if plane.ndim else plane))
+
+
 def layer_reference(picture: Frame, brush: Brush, recipe: Recipe) -> Frame:
     """What a layer paints: the picture without what is smaller than its strokes. One blur, by the median size."""
-    sigma = recipe.blur * float(np.median(brush.size_px)) / 2
+    sigma = recipe.blur * typical(brush.size_px) / 2
     return np.asarray(cv2.GaussianBlur(picture, (0, 0), sigma), np.uint8) if sigma > 0.3 else picture
 
 

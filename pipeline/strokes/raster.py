@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.frames import Frame
+from pipeline.frames import Frame, Plane
 from pipeline.segmentation.jit import kernel
 from pipeline.strokes.bristles import Tile, hair, tile
 from pipeline.strokes.brush import Canvas, Strokes
@@ -35,6 +36,14 @@ class Touch:
     dry: float = 0.6
 
 
+def slopes_of(guide: Frame) -> Plane:
+    """How much a picture's colours change in a px, RGB distance: float32 (h, w)."""
+    around = np.ones((3, 3), np.uint8)
+    span = cv2.subtract(cv2.dilate(guide, around), cv2.erode(guide, around)).astype(np.float32)
+    square = span[..., 0] * span[..., 0] + span[..., 1] * span[..., 1] + span[..., 2] * span[..., 2]
+    return np.asarray(np.sqrt(square) * _HALF, np.float32)
+
+
 def painting_order(ids: Ids, seed: int = 0) -> NDArray[np.intp]:
     """Which stroke is painted first: at random by name, so two strokes lie upon each other alike in every frame."""
     return np.argsort(draws(ids, seed, Purpose.ORDER)[:, 0], kind="stable")
@@ -42,7 +51,7 @@ def painting_order(ids: Ids, seed: int = 0) -> NDArray[np.intp]:
 
 def paint(
     canvas: Canvas, strokes: Strokes, *, seed: int = 0, touch: Touch | None = None, guide: Frame | None = None,
-    tolerance: float = 80.0, order: NDArray[np.intp] | None = None,
+    tolerance: float = 80.0, slopes: Plane | None = None, order: NDArray[np.intp] | None = None,
 ) -> Canvas:  # fmt: skip
     """Paint the strokes on the canvas, in place; returns it.
 
@@ -52,6 +61,8 @@ def paint(
     Args:
         guide: uint8 (h, w, 3): strokes keep off pixels whose colour in the guide is further than `tolerance` from
             theirs (Euclidean in RGB, fading over a quarter of it): clean silhouettes.
+        slopes: float32 (h, w), RGB distance that the guide changes by in a px, see `slopes_of`: strokes fade over at
+            least so much, so that silhouettes have no stairs; None = 0.
         order: int (n,), which stroke comes first; None = `painting_order`.
     """
     if len(strokes) == 0:
@@ -65,6 +76,7 @@ def paint(
         canvas, strokes.points, strokes.counts, strokes.radius_px, strokes.colours, strokes.aims, strokes.opacity,
         strokes.relief_px, strokes.grain, turn, offset, tile(seed),
         np.zeros((1, 1, 3), np.uint8) if guide is None else guide,
+        np.zeros((height, width), np.float32) if slopes is None else slopes,
         guide is not None, np.float32(tolerance), np.float32(touch.taper[0]), np.float32(touch.taper[1]),
         np.float32(touch.streaks), np.float32(touch.dry), scratch, rows,
     )  # fmt: skip
@@ -76,13 +88,12 @@ def _paint(
     canvas: Canvas, points: NDArray[np.float32], counts: NDArray[np.int32], radius: NDArray[np.float32],
     colours: NDArray[np.float32], aims: NDArray[np.float32], opacity: NDArray[np.float32],
     relief: NDArray[np.float32], grain: NDArray[np.float32], order: NDArray[np.intp], offset: NDArray[np.int32],
-    hairs: Tile, guide: Frame,
+    hairs: Tile, guide: Frame, slopes: Plane,
     guided: bool, tolerance: np.float32, taper_start: np.float32, taper_end: np.float32, streaks: np.float32,
     dry: np.float32, scratch: NDArray[np.float32], rows: NDArray[np.int32],
 ) -> None:  # fmt: skip
     height, width = canvas.shape[:2]
     cover, along, across = scratch[0], scratch[1], scratch[2]
-    outer2 = tolerance * tolerance * np.float32(1.5625)
     for k in order:
         n, r = counts[k], radius[k]
         total = _ZERO
@@ -176,10 +187,11 @@ def _paint(
                     eg = np.float32(guide[y, x, 1]) - aim_g
                     eb = np.float32(guide[y, x, 2]) - aim_b
                     e2 = er * er + eg * eg + eb * eb
-                    if e2 >= outer2:
+                    soft = max(tolerance * np.float32(0.25), slopes[y, x])
+                    fit = _HALF + (tolerance * np.float32(1.125) - np.sqrt(e2)) / soft
+                    if fit <= _ZERO:
                         continue
-                    if e2 > tolerance * tolerance:
-                        a *= (tolerance * np.float32(1.25) - np.sqrt(e2)) / (tolerance * np.float32(0.25))
+                    a *= min(fit, _ONE)
                 t = across[y, x]
                 shade, ridge = _ZERO, _ONE - t * t * t * t
                 if g > _ZERO:

@@ -116,7 +116,6 @@ def _place(
     grid = (layer & 0xFF) | (int(cell * 64.0) << 8)
     for i in range(rows):
         for j in range(columns):
-            words = philox(j, i, grid, 0, key[0], key[1])
             x, y = (j + 0.5) * cell - 0.5, (i + 0.5) * cell - 0.5
             px, py = min(int(x + 0.5), width - 1), min(int(y + 0.5), height - 1)
             step = max(np.float64(spacing[py, px]), cell)
@@ -124,6 +123,9 @@ def _place(
             for k in range(_LEVELS):
                 a, b = (j >> k) & 1, (i >> k) & 1
                 rank = rank * 4 + ((a ^ b) * 2 + b)
+            if rank / 4.0**_LEVELS * step * step >= cell * cell:
+                continue  # whatever it draws
+            words = philox(j, i, grid, 0, key[0], key[1])
             rank_unit = (rank + words[2] * _UNIT) / 4.0**_LEVELS
             if rank_unit * step * step >= cell * cell:
                 continue

@@ -2,26 +2,19 @@
 
 `probe` works in this process. `probe_guarded` works in a child that can be killed and has little memory, because
 decoders may hang, crash or allocate without end on hostile bytes: the service uses that one.
-Run as a module it is that child: a question as JSON on stdin, an answer as JSON on stdout.
 """
 
 from __future__ import annotations
 
 import json
-import resource
-import subprocess
-import sys
 from contextlib import closing
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
 
-import psutil
-
-from pipeline.errors import BadMedia, MediaTooLarge, NoVideoStream, UnreadableMedia
 from pipeline.video.archive import entry_stream, open_archive
 from pipeline.video.clip import Clip
 from pipeline.video.container import open_container, video_stream
+from pipeline.video.guard.nursery import begin
 from pipeline.video.headers import IMAGE_TYPES, image_header, is_still, sniff
 from pipeline.video.media import (
     Limits,
@@ -34,10 +27,6 @@ from pipeline.video.media import (
 from pipeline.video.sequence import Sequence, open_still, open_zip
 from pipeline.video.shot import check_pictures, read_shot
 from pipeline.video.shot_files import ShotFiles, is_shot
-
-_ERRORS = {kind.__name__: kind for kind in (BadMedia, MediaTooLarge, NoVideoStream, UnreadableMedia)}
-_MEMORY_BYTES = 4 << 30
-"""What the guarded child may allocate beyond what its libraries have reserved at their start."""
 
 
 def probe(path: Path, limits: Limits | None = None) -> MediaInfo:
@@ -160,41 +149,7 @@ def probe_guarded(path: Path, limits: Limits | None = None, timeout_s: float = 6
 
     Raises: what `probe` raises; UnreadableMedia too if the decoder hangs, crashes or wants too much memory.
     """
-    question = {"path": str(path), "limits": asdict(limits or Limits()), "seconds": timeout_s}
-    command = [sys.executable, "-m", "pipeline.video.probe"]
-    try:
-        done = subprocess.run(  # noqa: S603  (our own module, a fixed command)
-            command, input=json.dumps(question).encode(), capture_output=True, timeout=timeout_s, check=False
-        )
-    except subprocess.TimeoutExpired:
-        unreadable("The file takes too long to decode.", f"{timeout_s:g} s", "Re-encode it as H.264 in MP4.")
-    try:
-        answer = json.loads(done.stdout)
-    except ValueError:
-        value = f"exit status {done.returncode}"
-        unreadable("The file crashes the decoder, or needs too much memory.", value, "Re-encode it as H.264 in MP4.")
-    if "info" in answer:
-        return MediaInfo(**answer["info"])
-    raise _ERRORS[answer["kind"]](**answer["error"])
-
-
-def _answer(question: dict[str, Any]) -> dict[str, Any]:
-    try:
-        return {"info": probe(Path(question["path"]), Limits(**question["limits"])).as_json()}
-    except BadMedia as error:
-        fields = {"message": error.message, "field": error.field, "value": error.value, "remedy": error.remedy}
-        return {"kind": type(error).__name__, "error": fields}
-
-
-def _main() -> None:
-    question = json.load(sys.stdin)
-    seconds = int(question["seconds"]) + 1
-    memory = psutil.Process().memory_info().vms + _MEMORY_BYTES
-    resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
-    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    json.dump(_answer(question), sys.stdout)
-
-
-if __name__ == "__main__":
-    _main()
+    task = {"path": str(path.absolute()), "limits": asdict(limits or Limits())}
+    child = begin("probe", task, 1, timeout_s)
+    child.close()
+    return MediaInfo(**child.began[0]["info"])

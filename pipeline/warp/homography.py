@@ -111,27 +111,56 @@ def shift(vector: Points) -> Homography:
 
 
 def _doubt(u: Points, v: Points, matrix: Homography, scale: float, noise_px: float) -> NDArray[np.float64]:
-    residual2 = np.square((apply(matrix, u) - v) * scale).sum(axis=-1)
-    return np.asarray(1 / np.square(1 + residual2 / noise_px**2))
+    """Geman and McClure's weight of each point, by how far the matrix leaves it from its target."""
+    out = np.empty(len(u))
+    _weigh(u, v, np.ascontiguousarray(matrix), (scale / noise_px) ** 2, out)
+    return out
+
+
+RIDGE = np.array([1, 1, 0.01, 1, 1, 0.01, 30, 30.0])
+"""Pull of each coefficient towards the identity's: shifts are free, perspective is not."""
 
 
 def _solve(u: Points, v: Points, share: NDArray[np.float64], *, affine: bool) -> Homography:
     """Weighted least squares of the linear equations, normalised points; ridge towards the identity."""
-    x, y, one, zero = u[:, 0], u[:, 1], np.ones(len(u)), np.zeros(len(u))
-    across = np.stack([x, y, one, zero, zero, zero, -v[:, 0] * x, -v[:, 0] * y], axis=1)
-    down = np.stack([zero, zero, zero, x, y, one, -v[:, 1] * x, -v[:, 1] * y], axis=1)
     size = 6 if affine else 8
-    rows = np.concatenate([across, down])[:, :size] * np.sqrt(np.tile(share, 2))[:, None]
-    right = np.concatenate([v[:, 0], v[:, 1]]) * np.sqrt(np.tile(share, 2))
-    ridge = 1e-4 * max(float(share.sum()), 1e-6)
-    start = np.array([1.0, 0, 0, 0, 1, 0, 0, 0])[:size]
-    # einsum, not a matrix product: a threaded library may sum in another order on another machine.
-    normal = np.einsum("ni,nj->ij", rows, rows) + ridge * np.diag(np.array([1, 1, 0.01, 1, 1, 0.01, 30, 30.0])[:size])
-    pull = np.einsum("ni,n->i", rows, right) + ridge * np.array([1, 1, 0.01, 1, 1, 0.01, 30, 30.0])[:size] * start
-    found = np.linalg.solve(normal, pull)
+    normal, pull = np.zeros((8, 8)), np.zeros(8)
+    _add_up(u, v, share, size, normal, pull)
+    ridge = 1e-4 * max(float(share.sum()), 1e-6) * RIDGE
+    start = np.array([1.0, 0, 0, 0, 1, 0, 0, 0])
     out = np.eye(3).ravel()
-    out[:size] = found
+    out[:size] = np.linalg.solve((normal + np.diag(ridge))[:size, :size], (pull + ridge * start)[:size])
     return out.reshape(3, 3)
+
+
+@kernel
+def _weigh(u: Points, v: Points, m: Homography, scale2: float, out: NDArray[np.float64]) -> None:
+    for n in range(len(out)):
+        x, y = u[n, 0], u[n, 1]
+        depth = 1.0 / (m[2, 0] * x + m[2, 1] * y + m[2, 2])
+        across = (m[0, 0] * x + m[0, 1] * y + m[0, 2]) * depth - v[n, 0]
+        down = (m[1, 0] * x + m[1, 1] * y + m[1, 2]) * depth - v[n, 1]
+        trust = 1.0 + (across * across + down * down) * scale2
+        out[n] = 1.0 / (trust * trust)
+
+
+@kernel
+def _add_up(
+    u: Points, v: Points, share: NDArray[np.float64], size: int, normal: NDArray[np.float64],
+    pull: NDArray[np.float64],
+) -> None:  # fmt: skip
+    """Point by point, always in the same order, which a threaded library does not promise."""
+    across, down = np.zeros(8), np.zeros(8)
+    across[2] = down[5] = 1.0
+    for n in range(len(share)):
+        across[0] = down[3] = u[n, 0]
+        across[1] = down[4] = u[n, 1]
+        across[6], across[7] = -v[n, 0] * u[n, 0], -v[n, 0] * u[n, 1]
+        down[6], down[7] = -v[n, 1] * u[n, 0], -v[n, 1] * u[n, 1]
+        for i in range(size):
+            for j in range(size):
+                normal[i, j] += share[n] * (across[i] * across[j] + down[i] * down[j])
+            pull[i] += share[n] * (across[i] * v[n, 0] + down[i] * v[n, 1])
 
 
 __all__ = ["IDENTITY", "Homography", "apply", "deviation", "dominant", "fit", "lattice", "shift"]

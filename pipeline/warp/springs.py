@@ -103,27 +103,27 @@ def relax(sheets: Sequence[Sheet], cell: float = 1.0, most: int = MOST_ITERATION
 
 
 def _bounds(sheets: Sequence[Sheet]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    inside = [sheet.targets[sheet.inside] for sheet in sheets if sheet.inside.any()]
-    if not inside:
-        return np.zeros(2, np.float32), np.ones(2, np.float32)
-    return np.min([p.min(axis=0) for p in inside], axis=0), np.max([p.max(axis=0) for p in inside], axis=0)
+    """Least and greatest (x, y) that any pixel hangs on; 0 and 1 if there is none."""
+    ends = np.array([np.inf, np.inf, -np.inf, -np.inf], np.float32)
+    for sheet in sheets:
+        _bound(sheet.targets, sheet.inside, ends)
+    return (ends[:2], ends[2:]) if ends[0] <= ends[2] else (np.zeros(2, np.float32), np.ones(2, np.float32))
 
 
 def _pull(
     sheets: Sequence[Sheet], grid: Relaxed, shifts: NDArray[np.float32]
 ) -> tuple[float, float, NDArray[np.float32]]:
     """Energy, the norm of the force on the corners, and the step that it asks for."""
-    total = np.zeros((*shifts.shape[:2], 3))
+    total = np.zeros((*shifts.shape[:2], 3), np.float32)
     energy = 0.0
     for sheet in sheets:
         laid = np.empty_like(sheet.targets)
         _move(sheet.targets, shifts, *grid._place, laid)
-        energy += _gather(
-            laid, sheet.targets, sheet.inside, sheet.stiffness, np.float32(sheet.rest), *grid._place, total
-        )
-    share = np.where(total[..., 2:] > 0, total[..., 2:], 1)
-    force = float(np.sqrt(np.square(total[..., :2]).sum()))
-    return energy, force, (total[..., :2] / share).astype(np.float32)
+        force = np.zeros((*sheet.inside.shape, 3), np.float32)
+        energy += _strain(laid, sheet.targets, sheet.inside, sheet.stiffness, np.float32(sheet.rest), force)
+        _gather(sheet.targets, sheet.inside, force, *grid._place, total)
+    step = np.zeros_like(shifts)
+    return energy, float(np.sqrt(_steps(total, step))), step
 
 
 def distortion(sheet: Sheet, positions: Positions) -> Plane:
@@ -154,50 +154,92 @@ def _move(
 
 
 @kernel
-def _gather(
-    laid: Positions, targets: Positions, inside: Mask, stiffness: Plane, rest: np.float32, ox: np.float32,
-    oy: np.float32, per_cell: np.float32, total: NDArray[np.float64],
-) -> float:  # fmt: skip
-    """Add each pixel's force (half of -dE/dx) and stiffness to the corners of its cell; returns the energy."""
+def _bound(targets: Positions, inside: Mask, ends: NDArray[np.float32]) -> None:
+    for y in range(inside.shape[0]):
+        for x in range(inside.shape[1]):
+            if inside[y, x]:
+                for c in range(2):
+                    ends[c] = min(ends[c], targets[y, x, c])
+                    ends[2 + c] = max(ends[2 + c], targets[y, x, c])
+
+
+@kernel
+def _strain(
+    laid: Positions, targets: Positions, inside: Mask, stiffness: Plane, rest: np.float32, force: NDArray[np.float32]
+) -> float:
+    """Add each pixel's force (half of -dE/dx) and stiffness to `force`, zeros before; returns the energy.
+
+    Each spring is met once, from the pixel above or left of it.
+    """
     height, width = inside.shape
-    rows, columns = total.shape[:2]
     energy = 0.0
     diagonal = rest * np.float32(1.4142135)
     for y in range(height):
         for x in range(width):
             if not inside[y, x]:
                 continue
-            px, py = laid[y, x, 0], laid[y, x, 1]
-            k = stiffness[y, x]
+            px, py, k = laid[y, x, 0], laid[y, x, 1], stiffness[y, x]
             ex, ey = targets[y, x, 0] - px, targets[y, x, 1] - py
             fx, fy, held = k * ex, k * ey, k
             energy += k * (ex * ex + ey * ey)
-            for n in range(9):
-                dy, dx = n // 3 - 1, n % 3 - 1
-                ny, nx = y + dy, x + dx
-                if n == 4 or ny < 0 or nx < 0 or ny >= height or nx >= width or not inside[ny, nx]:
+            for n in range(4):
+                ny, nx = (y, x + 1) if n == 0 else (y + 1, x + n - 2)
+                if ny >= height or nx < 0 or nx >= width or not inside[ny, nx]:
                     continue
                 ax, ay = laid[ny, nx, 0] - px, laid[ny, nx, 1] - py
                 length = np.sqrt(ax * ax + ay * ay)
-                natural = rest if dy == 0 or dx == 0 else diagonal
-                strain = length - natural
-                energy += np.float32(0.5) * strain * strain  # each spring is met from both ends
-                if length > np.float32(1e-6):
-                    fx += strain * ax / length
-                    fy += strain * ay / length
+                strain = length - (rest if n % 2 == 0 else diagonal)
+                energy += strain * strain
+                pull = strain / max(length, np.float32(1e-6))
+                fx += pull * ax
+                fy += pull * ay
                 held += np.float32(1.0)
+                force[ny, nx, 0] -= pull * ax
+                force[ny, nx, 1] -= pull * ay
+                force[ny, nx, 2] += np.float32(1.0)
+            force[y, x, 0] += fx
+            force[y, x, 1] += fy
+            force[y, x, 2] += held
+    return energy
+
+
+@kernel
+def _gather(
+    targets: Positions, inside: Mask, force: NDArray[np.float32], ox: np.float32, oy: np.float32,
+    per_cell: np.float32, total: NDArray[np.float32],
+) -> None:  # fmt: skip
+    """Add each pixel's force and stiffness to the corners of its cell."""
+    rows, columns = total.shape[:2]
+    one = np.float32(1.0)
+    for y in range(inside.shape[0]):
+        for x in range(inside.shape[1]):
+            if not inside[y, x]:
+                continue
             u = (targets[y, x, 0] - ox) * per_cell
             v = (targets[y, x, 1] - oy) * per_cell
             u = min(max(u, np.float32(0.0)), np.float32(columns - 1.001))
             v = min(max(v, np.float32(0.0)), np.float32(rows - 1.001))
             i, j = int(v), int(u)
             b, a = v - np.float32(i), u - np.float32(j)
-            for q in range(4):
-                w = (b if q >= 2 else 1 - b) * (a if q % 2 else 1 - a)
-                total[i + q // 2, j + q % 2, 0] += w * fx
-                total[i + q // 2, j + q % 2, 1] += w * fy
-                total[i + q // 2, j + q % 2, 2] += w * held
-    return energy
+            for c in range(3):
+                low, high = force[y, x, c] * (one - b), force[y, x, c] * b
+                total[i, j, c] += low * (one - a)
+                total[i, j + 1, c] += low * a
+                total[i + 1, j, c] += high * (one - a)
+                total[i + 1, j + 1, c] += high * a
+
+
+@kernel
+def _steps(total: NDArray[np.float32], step: NDArray[np.float32]) -> float:
+    """Each corner's force over its stiffness; returns the sum of the forces' squares."""
+    result = 0.0
+    for i in range(total.shape[0]):
+        for j in range(total.shape[1]):
+            if total[i, j, 2] > 0:
+                step[i, j, 0] = total[i, j, 0] / total[i, j, 2]
+                step[i, j, 1] = total[i, j, 1] / total[i, j, 2]
+                result += total[i, j, 0] * total[i, j, 0] + total[i, j, 1] * total[i, j, 1]
+    return result
 
 
 @kernel

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Annotated, cast
@@ -63,15 +63,15 @@ class Service:
     """Set when the process is about to stop: long answers end."""
 
 
-def _service(request: Request) -> Service:
+async def _service(request: Request) -> Service:  # not on a thread: it waits for nothing
     return cast(Service, request.app.state.service)
 
 
 bearer = HTTPBearer(auto_error=False, description="An API key; not needed on loopback unless the operator says so.")
 
 
-def _needs(scope: Scope) -> Callable[..., Principal]:
-    def caller(
+def _needs(scope: Scope) -> Callable[..., Awaitable[Principal]]:
+    async def caller(
         request: Request, _documented: Annotated[HTTPAuthorizationCredentials | None, Security(bearer)] = None
     ) -> Principal:
         principal = cast(Principal, request.state.principal)

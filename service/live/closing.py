@@ -15,6 +15,7 @@ _CODES = {
     "going-away": GOING_AWAY,
     "bad-message": 4400,
     "hello-timeout": 4408,
+    "dismissed": 4403,
     "taken-over": 4409,
     "idle": 4410,
     "too-large": 4413,

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import time
 from collections.abc import Mapping
 from typing import Protocol
 
 from service.access.keys import Principal
 from service.live.closing import Ending
 from service.ops.metrics import LiveMetrics
+from workers.fleet import LiveView
 from workers.ids import new_id
 from workers.live.live import Live, Place
 from workers.live.stream import Stream
@@ -45,6 +47,7 @@ class LiveSession:
         """Asset ids by input name."""
         self.connection: Connected | None = None
         self.expiry: asyncio.TimerHandle | None = None
+        self.opened_at = time.time()
         self.counted = (0, 0, 0)
         """Frames received, painted and dropped that metrics know of."""
 
@@ -93,6 +96,19 @@ class Sessions:
         session.stream.detach()
         session.expiry = asyncio.get_running_loop().call_later(self._resume_s, self.end, session)
 
+    def views(self) -> list[LiveView]:
+        """Those that are at work, for operators. Their process is left for the caller to name."""
+        return [_view(session, session.stream) for session in self._sessions.values() if session.stream is not None]
+
+    async def dismiss(self, session_id: str) -> None:
+        """End a session because an operator wants that. Nothing if there is none."""
+        session = self._sessions.get(session_id)
+        if session is None:
+            return
+        if session.connection is not None:
+            await session.connection.stop(Ending("dismissed", "An operator has ended this session."))
+        self.end(session)
+
     def end(self, session: LiveSession) -> None:
         """Forget it; its worker is given back in the background, then its place is free."""
         if self._sessions.pop(session.id, None) is None:
@@ -136,3 +152,18 @@ class Sessions:
 
 def _counts(figures: Json) -> tuple[int, int, int]:
     return figures["received"], figures["painted"], figures["dropped"]
+
+
+def _view(session: LiveSession, stream: Stream) -> LiveView:
+    order = stream.order
+    return LiveView(
+        id=session.id,
+        process="",
+        owner=session.owner,
+        method=order.method,
+        width=order.size[0],
+        height=order.size[1],
+        opened_at=session.opened_at,
+        connected=session.connection is not None,
+        figures=dict(stream.figures()),
+    )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterable, Iterator
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from prometheus_client import CollectorRegistry, Gauge, ProcessCollector
@@ -13,12 +12,13 @@ from prometheus_client.metrics_core import Metric
 from prometheus_client.registry import Collector
 
 from service.settings import Settings
+from workers.versions import version
 
 
 def add_machine(registry: CollectorRegistry, settings: Settings) -> None:
     """Register what this process and its disks have to tell."""
     ProcessCollector(registry=registry)
-    Gauge("impasto_build_info", "1, with the version.", ("version",), registry=registry).labels(_version()).set(1)
+    Gauge("impasto_build_info", "1, with the version.", ("version",), registry=registry).labels(version()).set(1)
     registry.register(DiskMetrics(settings))
 
 
@@ -52,10 +52,3 @@ def _existing(path: Path) -> Path:
     while not path.exists() and path != path.parent:
         path = path.parent
     return path
-
-
-def _version() -> str:
-    try:
-        return version("impasto")
-    except PackageNotFoundError:  # run from a checkout that nobody installed
-        return "unknown"

@@ -18,6 +18,7 @@ from starlette.concurrency import run_in_threadpool
 from service.settings import Settings
 from service.webhooks.connect import open_pool
 from service.webhooks.secrets import WebhookSecrets
+from workers.about import about
 from workers.errors import NotFound
 from workers.farm import Delivery, Webhooks
 
@@ -64,9 +65,9 @@ class Sender:
             status, error = await self._post(pool, delivery)
             await run_in_threadpool(self._outbox.record, delivery.id, status, error)
         except NotFound:
-            log.info("The job of webhook %s has been deleted", delivery.id)
+            log.info("The job of webhook %s has been deleted", delivery.id, extra=about(job=delivery.job_id))
         except Exception:  # not recorded: its lease ends and it is tried again
-            log.exception("The outcome of webhook %s cannot be kept", delivery.id)
+            log.exception("The outcome of webhook %s cannot be kept", delivery.id, extra=about(job=delivery.job_id))
         finally:
             self._free += 1
 

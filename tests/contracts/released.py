@@ -28,7 +28,7 @@ def _task(task_id: str, position: int, state: str, attempt: str = "NULL") -> str
         {attempt})"""
 
 
-ROWS = (
+_ROWS = (
     f"""INSERT INTO assets (id, sha256, size_bytes, filename, media_type, kind, info, created_at, owner)
         VALUES ('ast_{ASSET}', '{ASSET}', 10, 'cat.mp4', 'video/mp4', 'video', '{{"width": 64}}', 1.5, 'anna')""",
     f"""INSERT INTO asset_owners (owner, asset_id, filename, created_at)
@@ -40,8 +40,25 @@ ROWS = (
     *(_step("job_2", step, 0, 0) for step in (0, 1)),
     _task("tsk_1", 1, "running", "'att_1'"),
     _task("tsk_2", 2, "ready"),
-    """INSERT INTO attempts (id, task_id, job_id, number, dispatcher, worker, outcome, started_at, lease_until, log)
-        VALUES ('att_1', 'tsk_1', 'job_1', 1, 'dsp_old@host', 'w', 'running', 1, 30, '')""",
     """INSERT INTO events (job_id, seq, at, type, data) VALUES ('job_1', 1, 1, 'job.state', '{"state": "queued"}')""",
 )
-"""A job at work (one task runs, one is ready), one to be planned, one paused. Of revision 0001, and good for 0002."""
+
+_LEASED_ATTEMPTS = (
+    """INSERT INTO attempts (id, task_id, job_id, number, dispatcher, worker, outcome, started_at, lease_until, log)
+        VALUES ('att_1', 'tsk_1', 'job_1', 1, 'dsp_old@host', 'w', 'running', 1, 30, '')""",
+)
+_LEASED_DISPATCHERS = (
+    """INSERT INTO attempts (id, task_id, job_id, number, dispatcher, worker, outcome, started_at, log)
+        VALUES ('att_1', 'tsk_1', 'job_1', 1, 'dsp_old@host', 'w', 'running', 1, '')""",
+    "INSERT INTO dispatchers (id, started_at, lease_until) VALUES ('dsp_old@host', 1, 30)",
+    "UPDATE jobs SET ready = 1 WHERE id = 'job_1'",
+)
+"""Who runs something has had its lease in a table of its own since 0003."""
+
+RELEASED = {
+    "0001": _ROWS + _LEASED_ATTEMPTS,
+    "0002": _ROWS + _LEASED_ATTEMPTS,
+    "0003": _ROWS + _LEASED_DISPATCHERS,
+}
+"""By the revision of their database: a job at work (one task runs, one is ready), one to be planned, one paused. These
+were in a version that somebody may have; each is tested for ever."""

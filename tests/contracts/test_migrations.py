@@ -15,14 +15,11 @@ from sqlalchemy import create_engine, text
 from pipeline.errors import BadParameter, StorageError
 from pipeline.methods.base import Task
 from tests.contracts.databases import DATABASES
-from tests.contracts.released import ROWS
+from tests.contracts.released import RELEASED
 from tests.real.postgres import Postgres
 from workers import store as package
 from workers.model import TaskOutcome
 from workers.store import Store, schema
-
-RELEASED = ("0001", "0002")
-"""Revisions that were in a version that somebody may have; each is tested for ever."""
 
 
 @pytest.fixture(params=DATABASES)
@@ -38,7 +35,7 @@ def _at(url: str, revision: str) -> None:
     with engine.begin() as connection:
         config.attributes["connection"] = connection
         command.upgrade(config, revision)
-        for row in ROWS:
+        for row in RELEASED[revision]:
             connection.execute(text(row.replace(":", r"\:")))
     engine.dispose()
 

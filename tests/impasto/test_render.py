@@ -20,7 +20,7 @@ import pytest
 from impasto.cli.app import run
 from tests.conftest import TINY_FRAMES, TINY_HEIGHT, TINY_WIDTH, tiny_frame
 
-LONG_FRAMES = 200
+LONG_FRAMES = 480
 
 
 def impasto(*words: str | Path, home: Path) -> list[str]:

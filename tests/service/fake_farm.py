@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +21,13 @@ from pipeline.methods import method as find_method
 from pipeline.methods import parse_params
 from workers.errors import Conflict, IdempotencyMismatch, NotFound
 from workers.farm import ApiKey, Delivery, Page, Served
+from workers.fleet import Fleet
 from workers.ids import new_id
 from workers.live.live import Live
 from workers.live.seats import NoSeat, Seat
 from workers.model import Asset, Event, Fault, Job, JobRequest, RunState, Submitted, TaskState, TaskView
 from workers.settings import FarmSettings
+from workers.store import Store
 
 MAGIC = b"CLIP"
 """What bytes begin with that this farm takes for a video."""
@@ -145,7 +148,18 @@ class FakeFarm:
 
     # -- Farm
 
+    worker_id = ""
+
+    @cached_property
+    def fleet(self) -> Fleet:
+        """The real one, over a database of its own."""
+        return Store(f"sqlite:///{tempfile.mkdtemp()}/fleet.db").fleet
+
     def start(self) -> None: ...
+
+    def drain(self, timeout_s: float) -> bool:
+        return True
+
     def stop(self) -> None: ...
 
     def add_asset(self, path: Path, filename: str, owner: str = "") -> Asset:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 import pytest
@@ -13,6 +13,7 @@ from pipeline.errors import StorageError, StorageFull
 from tests.workers.conftest import finished, request_on, until
 from tests.workers.toy import ToyRunner
 from workers.blobs.disk import DiskBlobs
+from workers.fleet import Slot
 from workers.life import Life
 from workers.local_pool import Listen
 from workers.model import TaskOrder, TaskOutcome
@@ -30,6 +31,15 @@ class ByHand:
         self.cancelled: list[str] = []
         self.abandoned: list[str] = []
         self.listen: Listen = lambda report: None
+
+    @property
+    def free(self) -> int:
+        return self.capacity
+
+    def hold(self, nodes: Collection[str]) -> None: ...
+
+    def slots(self) -> tuple[Slot, ...]:
+        return tuple(Slot(f"hand-{i}", "here") for i in range(self.capacity))
 
     def start(self, listen: Listen) -> None:
         self.listen = listen

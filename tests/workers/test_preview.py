@@ -15,8 +15,10 @@ import pytest
 
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame
-from pipeline.methods.base import InputSpec, Params
+from pipeline.methods.analogy import Analogy
+from pipeline.methods.base import InputSpec, Method, Params
 from pipeline.methods.multistyle import Multistyle
+from pipeline.methods.patches import Patches
 from pipeline.video.stills import encode_png
 from tests.conftest import tiny_frame
 from workers.blobs.disk import DiskBlobs
@@ -82,9 +84,32 @@ def test_references_reach_the_method(previews: Previews) -> None:
     assert shown(previews, 3, names=("video", "style"))[0, 0, 1] == 77
 
 
-def test_a_method_that_is_not_causal_says_so(previews: Previews) -> None:
-    with pytest.raises(BadParameter, match="no preview"):
-        shown(previews, 3, seed=1)
+@pytest.mark.parametrize("chosen", [Patches(), Analogy()])
+def test_a_method_that_needs_the_whole_film_shows_the_frame_on_its_own(
+    home: Path, previews: Previews, chosen: Method
+) -> None:
+    whole = Previews(DiskBlobs(home), lambda name: chosen)
+    request = JobRequest(chosen.name, {"video": "ast_video"})
+    shots = [whole.png(request, {"video": asset("video")}, PreviewAsk(at, 48)) for at in (3, 3, 20)]
+    whole.close()
+    painted = cv2.imdecode(np.frombuffer(shots[0], np.uint8), cv2.IMREAD_COLOR)
+    assert painted.shape == (32, 48, 3) and painted.std() > 5
+    assert shots[0] == shots[1] != shots[2]
+
+
+def test_paintings_shrink_with_the_frame(previews: Previews, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: dict[str, Any] = {}
+    monkeypatch.setattr(
+        "workers.preview.glimpse", lambda chosen, params, seed, pictures: seen.update(pictures) or seen["video"]
+    )
+    shown(previews, 3, side=48, seed=1, names=("video", "style"))
+    assert {name: picture.shape for name, picture in seen.items()} == {"video": (32, 48, 3), "style": (16, 16, 3)}
+
+
+def test_keyframes_are_not_for_one_frame(previews: Previews) -> None:
+    with pytest.raises(BadParameter) as caught:
+        shown(previews, 3, seed=1, names=("video", "keyframes"))
+    assert caught.value.field == "inputs.keyframes"
 
 
 def test_a_method_without_designs_refuses_one(previews: Previews) -> None:

@@ -17,7 +17,7 @@ from pydantic import Field
 
 from pipeline.errors import BadInput, Cancelled, StorageError, StorageFull
 from pipeline.frames import Frame
-from pipeline.methods.base import Brief, Example, InputSpec, Note, Params, Session, Step, Task, seeded
+from pipeline.methods.base import Brief, Example, InputSpec, Needs, Note, Params, Session, Step, Task, seeded
 from workers.blobs.base import Blobs
 from workers.faults import failed_outcome
 from workers.jobs import ASSEMBLE
@@ -31,6 +31,10 @@ class ToyParams(Params):
     sleep_s: float = Field(default=0.0, ge=0)
     trouble: str = ""
     """What task "run-1" meets: "raise", "bad-input", "full", "away", "once", "die", "cycle" (in the plan)."""
+    gpus: float = Field(default=0.0, ge=0)
+    """What its tasks need of a machine;"""
+    memory_mib: int = Field(default=0, ge=0)
+    """0 and 0: nothing in particular."""
     mark: str = ""
     """A file that "once" leaves behind, so that it happens once only."""
 
@@ -48,7 +52,10 @@ def _plan_draw(brief: Brief) -> list[Task]:
     after = {i: (f"run-{i - 1}",) for i in range(1, n) if brief.params.chain}
     if brief.params.trouble == "cycle":
         after[0] = (f"run-{n - 1}",)
-    return [Task(f"run-{i}", {"i": i}, after.get(i, ()), (i, i + 1), weight=1.0 + i % 2) for i in range(n)]
+    params = brief.params
+    asked = params.gpus or params.memory_mib
+    needs = Needs(1.0, params.gpus, params.memory_mib << 20) if asked else None
+    return [Task(f"run-{i}", {"i": i}, after.get(i, ()), (i, i + 1), 1.0 + i % 2, needs) for i in range(n)]
 
 
 def _draw(task: Task, bench: Any) -> Note:
@@ -120,7 +127,7 @@ class _Bench:
         self._report(done)
 
     def save(self, name: str, data: bytes) -> None:
-        key = f"jobs/{self._order.job_id}/{self._order.attempt_id}/{name}"
+        key = f"jobs/{self._order.job_id}/{self._order.attempt_id}/{name}.npz"
         self._blobs.put(key, data)
         self.artefacts[f"{self._order.step}/{name}"] = key
 

@@ -8,6 +8,7 @@ from workers.store.bell import Bell
 from workers.store.book import Policy
 from workers.store.context import Context
 from workers.store.database import Database
+from workers.store.fleet import Fleet
 from workers.store.history import History
 from workers.store.jobs import Accepted, Jobs
 from workers.store.keys import Keys
@@ -41,6 +42,7 @@ class Store:
         self.work = Work(*shared, tally)
         self.context = Context(*shared)
         self.overview = Overview(*shared, tally)
+        self.fleet = Fleet(*shared)
         self.keys = Keys(*shared)
         self.webhooks = Webhooks(*shared)
 

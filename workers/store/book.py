@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import Connection, RowMapping, delete, insert, select, update
+from sqlalchemy import Connection, RowMapping, bindparam, delete, insert, select, update
 
 from workers import jobs as machine
 from workers.errors import NotFound
@@ -24,6 +24,12 @@ RUNNING = "running"
 """The outcome of an attempt that has none yet."""
 LONGEST_WAIT_S = 300.0
 """No task waits longer between attempts; one that seems to has been put off before the clock was set back."""
+# Made once: to put a statement together takes longer than to answer it.
+_LOCKED = select(schema.jobs).where(schema.jobs.c.id == bindparam("id")).with_for_update()
+_TASK = select(schema.tasks).where(schema.tasks.c.id == bindparam("id"), schema.tasks.c.job_id == bindparam("job_id"))
+_STEP = select(schema.steps).where(
+    schema.steps.c.job_id == bindparam("job_id"), schema.steps.c.step == bindparam("step")
+)
 ACTIVE = (RunState.QUEUED.value, RunState.RUNNING.value)
 """States of jobs that are planned and run."""
 
@@ -54,8 +60,7 @@ class JobBook:
     @classmethod
     def open(cls, connection: Connection, job_id: str, now: float, policy: Policy) -> JobBook | None:
         """Lock the job; None if there is no such job."""
-        query = select(schema.jobs).where(schema.jobs.c.id == job_id).with_for_update()
-        row = connection.execute(query).mappings().first()
+        row = connection.execute(_LOCKED, {"id": job_id}).mappings().first()
         return None if row is None else cls(connection, row, now, policy)
 
     @property
@@ -69,17 +74,13 @@ class JobBook:
 
     def task(self, task_id: str) -> dict[str, Any]:
         """The row of a task of this job."""
-        tasks = schema.tasks
-        found = self.connection.execute(select(tasks).where(tasks.c.id == task_id, tasks.c.job_id == self.job_id))
-        row = found.mappings().first()
+        row = self.connection.execute(_TASK, {"id": task_id, "job_id": self.job_id}).mappings().first()
         if row is None:
             raise NotFound(f"There is no task {task_id}.", field="task", value=task_id)
         return dict(row)
 
     def step_row(self, step: int) -> RowMapping:
-        steps = schema.steps
-        where = (steps.c.job_id == self.job_id, steps.c.step == step)
-        return self.connection.execute(select(steps).where(*where)).mappings().one()
+        return self.connection.execute(_STEP, {"job_id": self.job_id, "step": step}).mappings().one()
 
     def happen(self, event: Happening, task: dict[str, Any] | None = None) -> State:
         """Apply `event` (about the row `task`, if given), write what follows. Raises Conflict."""

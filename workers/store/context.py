@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from sqlalchemy import and_, select
+from sqlalchemy import and_, bindparam, select
 
 from workers.errors import NotFound
 from workers.model import Json
 from workers.store import schema
 from workers.store.base import Base
 
+_WAITING = select(schema.task_edges.c.task_id).where(schema.task_edges.c.before_id == bindparam("task_id")).limit(1)
+
 
 class Context(Base):
     """Read-only; what it says of finished steps never changes."""
 
     def before(self, job_id: str, step: int) -> tuple[dict[str, dict[str, Json]], dict[str, str]]:
-        """Notes (step -> key -> note) and artefacts ("step/name" -> blob key) of the steps before `step`."""
+        """Notes (step -> key -> note) and artefacts ("step/name" -> blob key) of the steps before `step`: of each of
+        them, also of one that had no tasks."""
         tasks, steps = schema.tasks, schema.steps
         query = (
             select(steps.c.name, tasks.c.key, tasks.c.note, tasks.c.artefacts)
@@ -24,11 +27,12 @@ class Context(Base):
             .where(tasks.c.job_id == job_id, tasks.c.step < step)
             .order_by(tasks.c.position)
         )
-        notes: dict[str, dict[str, Json]] = {}
+        names = select(steps.c.name).where(steps.c.job_id == job_id, steps.c.step < step).order_by(steps.c.step)
         artefacts: dict[str, str] = {}
         with self._db.read() as connection:
+            notes: dict[str, dict[str, Json]] = {name: {} for name in connection.execute(names).scalars()}
             for name, key, note, made in connection.execute(query):
-                notes.setdefault(name, {})[key] = note or {}
+                notes[name][key] = note or {}
                 artefacts.update(made or {})
         return notes, artefacts
 
@@ -45,6 +49,11 @@ class Context(Base):
             found = connection.execute(query).all()
         artefacts = {name: key for row in found for name, key in (row.artefacts or {}).items()}
         return tuple(row.key for row in found), artefacts
+
+    def leads(self, task_id: str) -> bool:
+        """Whether others wait for this task."""
+        with self._db.read() as connection:
+            return connection.execute(_WAITING, {"task_id": task_id}).first() is not None
 
     def segments(self, job_id: str) -> tuple[tuple[int, int, str], ...]:
         """(start, stop, blob key) of every emitted run of frames, in order."""

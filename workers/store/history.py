@@ -23,11 +23,12 @@ class History(Base):
     def tasks(self, job_id: str, state: str | None = None, cursor: str | None = None, limit: int = 100) -> Page:
         """TaskView items in plan order."""
         table = schema.tasks
-        where = [table.c.job_id == job_id]
+        after = 0 if cursor is None else unpack_cursor(cursor, int)[0]
+        where = [table.c.job_id == job_id, table.c.position > after]
         if state is not None:
             where.append(table.c.state == known_state(TaskState, state))
-        if cursor is not None:
-            where.append(table.c.position > unpack_cursor(cursor, int)[0])
+        else:  # positions have no gaps; so PostgreSQL reads a page, and not a job, before it has statistics
+            where.append(table.c.position <= after + limit + 1)
         query = _tasks().where(*where).order_by(table.c.position).limit(limit + 1)
         with self._db.read() as connection:
             _newest_seq(connection, job_id)

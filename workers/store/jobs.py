@@ -7,7 +7,7 @@ import json
 from dataclasses import dataclass, fields
 from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, delete, func, insert, select
+from sqlalchemy import ColumnElement, Connection, bindparam, delete, func, insert, select
 from sqlalchemy.exc import IntegrityError
 
 from pipeline.errors import BadParameter
@@ -21,6 +21,8 @@ from workers.store.base import Base
 from workers.store.bell import GONE
 from workers.store.records import Row, pack_cursor, request_to_json, unpack_cursor
 from workers.store.views import job_views
+
+_JOB = select(schema.jobs).where(schema.jobs.c.id == bindparam("id"))
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,7 @@ class Jobs(Base):
 
     def get(self, job_id: str) -> Job:
         with self._db.read() as connection:
-            found = connection.execute(select(schema.jobs).where(schema.jobs.c.id == job_id)).mappings().all()
+            found = connection.execute(_JOB, {"id": job_id}).mappings().all()
             if not found:
                 raise NotFound(f"There is no job {job_id}.", field="job", value=job_id)
             return job_views(connection, found)[0]

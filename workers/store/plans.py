@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from sqlalchemy import Connection, func, insert, select, text, update
@@ -101,6 +101,7 @@ def _task_row(job_id: str, step: int, position: int, task: Task) -> dict[str, An
         "emit_stop": stop,
         "weight": task.weight,
         "chained": bool(task.after),
+        "needs": None if task.needs is None else asdict(task.needs),
         "state": (TaskState.WAITING if task.after else TaskState.READY).value,
         "blockers": len(set(task.after)),
     }

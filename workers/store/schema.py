@@ -5,7 +5,9 @@
          --< steps --< tasks --< attempts
                        tasks --< task_edges (which task waits for which)
     api_keys
-    dispatchers (who is alive)
+    dispatchers (workers that are alive) --< slots (where they run something)
+    drains (where nothing new may start)
+    live_sessions (of every process, as of a moment ago)
 
 Counts of tasks by state are kept in `steps`, updated in the transaction that moves a task, so that neither claiming
 nor showing a job counts rows; `jobs.ready` repeats the current step's if the job may start tasks now, so that an index
@@ -174,6 +176,7 @@ tasks = Table(
     Column("emit_stop", Integer),
     Column("weight", Double, nullable=False),
     Column("chained", Boolean, nullable=False),
+    Column("needs", JSON(none_as_null=True)),
     Column("state", String(12), nullable=False),
     Column("blockers", Integer, nullable=False),
     Column("failures", Integer, nullable=False, default=0),
@@ -214,6 +217,7 @@ attempts = Table(
     Index(None, "outcome", "dispatcher"),
     Index(None, "outcome", "finished_at"),
     Index(None, "job_id", "finished_at"),
+    Index(None, "job_id", "started_at"),
 )
 
 dispatchers = Table(
@@ -222,6 +226,48 @@ dispatchers = Table(
     Column("id", String(80), primary_key=True),
     Column("started_at", Double, nullable=False),
     Column("lease_until", Double, nullable=False),
+    Column("seen_at", Double, nullable=False, server_default="0"),
+    Column("host", String(120), nullable=False, server_default=""),
+    Column("role", String(12), nullable=False, server_default=""),
+    Column("kind", String(12), nullable=False, server_default=""),
+    Column("version", String(40), nullable=False, server_default=""),
+)
+
+slots = Table(
+    "slots",
+    metadata,
+    Column("dispatcher", String(80), ForeignKey("dispatchers.id", ondelete="CASCADE"), primary_key=True),
+    Column("name", String(120), primary_key=True),
+    Column("node", String(120), nullable=False),
+    Column("cpus", Double, nullable=False),
+    Column("gpus", Double, nullable=False),
+    Column("memory_bytes", BigInteger, nullable=False),
+)
+
+drains = Table(
+    "drains",
+    metadata,
+    Column("place", String(12), primary_key=True),
+    Column("name", String(120), primary_key=True),
+    Column("at", Double, nullable=False),
+    Column("by", String(80), nullable=False),
+    Column("reason", Text, nullable=False),
+)
+
+live_sessions = Table(
+    "live_sessions",
+    metadata,
+    Column("id", String(40), primary_key=True),
+    Column("process", String(120), nullable=False),
+    Column("owner", String(80), nullable=False),
+    Column("method", String(80), nullable=False),
+    Column("width", Integer, nullable=False),
+    Column("height", Integer, nullable=False),
+    Column("opened_at", Double, nullable=False),
+    Column("connected", Boolean, nullable=False),
+    Column("figures", JSON, nullable=False),
+    Column("ending", Boolean, nullable=False),
+    Column("seen_at", Double, nullable=False),
 )
 
 files = Table(

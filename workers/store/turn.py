@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import CTE, Connection, RowMapping, ScalarSelect, Select, exists, func, or_, select, text
+from sqlalchemy import CTE, Connection, RowMapping, ScalarSelect, Select, bindparam, exists, func, or_, select, text
 
 from workers.model import TaskState
 from workers.store import schema
@@ -47,7 +47,7 @@ def lanes(connection: Connection, most: int | None = None) -> list[Lane]:
     Args:
         most: tasks that an owner may have at work, unless the owner's key says otherwise.
     """
-    found = connection.execute(_lanes()).all()
+    found = connection.execute(_LANES).all()
     running = _running(connection) if found else {}
     made = (
         Lane(row.priority, row.owner, row.id, running.get(row.owner, 0), (row.quotas or {}).get(RUNNING_TASKS, most))
@@ -62,23 +62,32 @@ def job_in(connection: Connection, lane: Lane, now: float, wait: bool) -> RowMap
     Args:
         wait: for the lock, if another dispatcher has it; otherwise such a job is passed over.
     """
+    values = {"priority": lane.priority, "owner": lane.owner, **moment(now)}
+    return connection.execute(_JOB_IN[wait], values).mappings().first()
+
+
+def due() -> tuple[Any, ...]:
+    """Of a task: it may run now, as `moment` says."""
+    tasks = schema.tasks
+    in_time = or_(tasks.c.ready_at <= bindparam("now"), tasks.c.ready_at > bindparam("too_late"))
+    return tasks.c.state == TaskState.READY.value, in_time
+
+
+def moment(now: float) -> dict[str, float]:
+    """What `due` asks for."""
+    return {"now": now, "too_late": now + LONGEST_WAIT_S}
+
+
+def _job_in(wait: bool) -> Select[Any]:
     jobs = schema.jobs
-    query = (
+    return (
         select(jobs)
-        .where(text("jobs.ready > 0"), jobs.c.priority == lane.priority, jobs.c.owner == lane.owner)
-        .where(exists().where(schema.tasks.c.job_id == jobs.c.id, *due(now)))
+        .where(text("jobs.ready > 0"), jobs.c.priority == bindparam("priority"), jobs.c.owner == bindparam("owner"))
+        .where(exists().where(schema.tasks.c.job_id == jobs.c.id, *due()))
         .order_by(jobs.c.id)
         .limit(1)
         .with_for_update(skip_locked=not wait)
     )
-    return connection.execute(query).mappings().first()
-
-
-def due(now: float) -> tuple[Any, ...]:
-    """Of a task: it may run now."""
-    tasks = schema.tasks
-    in_time = or_(tasks.c.ready_at <= now, tasks.c.ready_at > now + LONGEST_WAIT_S)
-    return tasks.c.state == TaskState.READY.value, in_time
 
 
 def _lanes() -> Select[Any]:
@@ -110,11 +119,15 @@ def _first(name: str, at: Any = None, same_priority: bool = False) -> ScalarSele
 
 def _running(connection: Connection) -> dict[str, int]:
     """Tasks at work by owner."""
-    jobs, attempts = schema.jobs, schema.attempts
-    query = (
-        select(jobs.c.owner, func.count())
-        .join(attempts, attempts.c.job_id == jobs.c.id)
-        .where(attempts.c.outcome == RUNNING)
-        .group_by(jobs.c.owner)
-    )
-    return {owner: int(n) for owner, n in connection.execute(query)}
+    return {owner: int(n) for owner, n in connection.execute(_RUNNING)}
+
+
+# Made once: to put a statement together takes longer than to answer it.
+_LANES = _lanes()
+_JOB_IN = {wait: _job_in(wait) for wait in (False, True)}
+_RUNNING = (
+    select(schema.jobs.c.owner, func.count())
+    .join(schema.attempts, schema.attempts.c.job_id == schema.jobs.c.id)
+    .where(schema.attempts.c.outcome == RUNNING)
+    .group_by(schema.jobs.c.owner)
+)

@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 from typing import Any
 
-from sqlalchemy import Connection, func, select
+from sqlalchemy import BindParameter, Connection, bindparam, func, select
 
 from workers.model import Job, RunState, StepView, TaskState
 from workers.progress import StepMeter, job_eta_s, job_progress
@@ -15,17 +15,35 @@ from workers.store.records import Row, fault_of, request_of
 
 ByJob = dict[str, list[Row]]
 
+_MAY_RUN = (RunState.RUNNING.value, RunState.PAUSED.value)
+"""States of jobs with attempts at work."""
+_IDS: BindParameter[Any] = bindparam("ids", expanding=True)
+# Made once: to put a statement together costs several times what SQLite takes to answer it.
+_STEPS = select(schema.steps).where(schema.steps.c.job_id.in_(_IDS)).order_by(schema.steps.c.step)
+_FILES = select(schema.files.c.job_id, schema.files.c.name).where(schema.files.c.job_id.in_(_IDS))
+_RUNNING = (
+    select(schema.tasks.c.job_id, schema.tasks.c.weight, schema.tasks.c.progress, schema.attempts.c.started_at)
+    .join(schema.attempts, schema.attempts.c.id == schema.tasks.c.attempt_id)
+    .where(schema.tasks.c.job_id.in_(_IDS), schema.tasks.c.state == TaskState.RUNNING.value)
+)
+_ENDED = (
+    select(schema.jobs.c.id, func.count())
+    .join(
+        schema.attempts,
+        (schema.attempts.c.job_id == schema.jobs.c.id) & (schema.attempts.c.finished_at == schema.jobs.c.updated_at),
+    )
+    .where(schema.jobs.c.id.in_(_IDS))
+    .group_by(schema.jobs.c.id)
+)
+"""Attempts that ended with the newest change of their job."""
+
 
 def job_views(connection: Connection, rows: Sequence[Row]) -> list[Job]:
     """A Job for every row of `jobs`."""
     ids = [row["id"] for row in rows]
-    steps = _grouped(
-        connection, select(schema.steps).where(schema.steps.c.job_id.in_(ids)).order_by(schema.steps.c.step)
-    )
-    running, ended = _grouped(connection, _running(ids)), _just_ended(connection, ids)
-    files = _grouped(
-        connection, select(schema.files.c.job_id, schema.files.c.name).where(schema.files.c.job_id.in_(ids))
-    )
+    at_work = [row["id"] for row in rows if row["state"] in _MAY_RUN]
+    steps, files = _grouped(connection, _STEPS, ids), _grouped(connection, _FILES, ids)
+    running, ended = _grouped(connection, _RUNNING, at_work), _just_ended(connection, at_work)
     return [_job(row, steps[row["id"]], running[row["id"]], ended.get(row["id"], 0), files[row["id"]]) for row in rows]
 
 
@@ -45,37 +63,19 @@ def step_meters(job: Row, steps: Sequence[Row], running: Sequence[Row], ended: i
 
 def meters_of(connection: Connection, job: Row, told_at: float) -> list[StepMeter]:
     """Measures of every step of the job whose row is `job`."""
-    steps = connection.execute(
-        select(schema.steps).where(schema.steps.c.job_id == job["id"]).order_by(schema.steps.c.step)
-    )
-    running = connection.execute(_running([job["id"]])).mappings().all()
-    return step_meters(job, steps.mappings().all(), running, 0, told_at)
+    steps, running = (_grouped(connection, query, [job["id"]])[job["id"]] for query in (_STEPS, _RUNNING))
+    return step_meters(job, steps, running, 0, told_at)
 
 
-def _running(job_ids: Sequence[str]) -> Any:
-    tasks, attempts = schema.tasks, schema.attempts
-    return (
-        select(tasks.c.job_id, tasks.c.weight, tasks.c.progress, attempts.c.started_at)
-        .join(attempts, attempts.c.id == tasks.c.attempt_id)
-        .where(tasks.c.job_id.in_(job_ids), tasks.c.state == TaskState.RUNNING.value)
-    )
+def _just_ended(connection: Connection, ids: Sequence[str]) -> dict[str, int]:
+    return {job_id: int(n) for job_id, n in connection.execute(_ENDED, {"ids": ids})} if ids else {}
 
 
-def _just_ended(connection: Connection, job_ids: Sequence[str]) -> dict[str, int]:
-    jobs, attempts = schema.jobs, schema.attempts
-    query = (
-        select(jobs.c.id, func.count())
-        .join(attempts, (attempts.c.job_id == jobs.c.id) & (attempts.c.finished_at == jobs.c.updated_at))
-        .where(jobs.c.id.in_(job_ids))
-        .group_by(jobs.c.id)
-    )
-    return {job_id: int(n) for job_id, n in connection.execute(query)}
-
-
-def _grouped(connection: Connection, query: Any) -> ByJob:
+def _grouped(connection: Connection, query: Any, ids: Sequence[str]) -> ByJob:
     found: ByJob = defaultdict(list)
-    for row in connection.execute(query).mappings():
-        found[row["job_id"]].append(row)
+    if ids:
+        for row in connection.execute(query, {"ids": ids}).mappings():
+            found[row["job_id"]].append(row)
     return found
 
 

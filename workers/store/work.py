@@ -7,9 +7,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import Connection, RowMapping, delete, func, insert, or_, select, update
+from sqlalchemy import Connection, RowMapping, bindparam, delete, func, insert, or_, select, update
 
 from workers import jobs as machine
+from workers.fleet import Place
 from workers.ids import new_id
 from workers.jobs import Happening
 from workers.model import TaskOutcome, TaskState
@@ -19,6 +20,7 @@ from workers.store.base import Base, Clock
 from workers.store.bell import Bell
 from workers.store.book import ACTIVE, RUNNING, JobBook, Policy
 from workers.store.database import Database
+from workers.store.fleet import held_back
 from workers.store.records import fault_to_json
 from workers.store.tally import Tally
 from workers.store.views import meters_of
@@ -70,7 +72,7 @@ class Work(Base):
         for _ in range(_CLAIMS):
             with self._db.write() as connection:
                 self._enlist(connection, dispatcher, lease_s)
-                row = self._next_job(connection)
+                row = None if held_back(connection, dispatcher) else self._next_job(connection)
                 if row is None:
                     return None
                 book = JobBook(connection, row, self._now(), self._policy)
@@ -100,9 +102,9 @@ class Work(Base):
 
     def _renew(self, connection: Connection, dispatcher: str, lease_s: float) -> None:
         table, now = schema.dispatchers, self._now()
-        known = update(table).where(table.c.id == dispatcher).values(lease_until=now + lease_s)
-        if not connection.execute(known).rowcount:
-            connection.execute(insert(table).values(id=dispatcher, started_at=now, lease_until=now + lease_s))
+        lease = {"lease_until": now + lease_s, "seen_at": now}
+        if not connection.execute(update(table).where(table.c.id == dispatcher).values(lease)).rowcount:
+            connection.execute(insert(table).values(id=dispatcher, started_at=now, **lease))
         self._enlisted.add(dispatcher)
 
     def _enlist(self, connection: Connection, dispatcher: str, lease_s: float) -> None:
@@ -114,6 +116,7 @@ class Work(Base):
         """The dispatcher ends: what it still has, if anything, is given back by the others at once."""
         with self._db.write() as connection:
             connection.execute(delete(schema.dispatchers).where(schema.dispatchers.c.id == dispatcher))
+            _forget_drains(connection)
         self._enlisted.discard(dispatcher)
 
     def dispatchers(self) -> list[str]:
@@ -185,7 +188,8 @@ class Work(Base):
         given_back = sum(self.finish(TaskOutcome(i, {}, {}, {}, None, {}, log), machine.Interrupted()) for i in ids)
         with self._db.write() as connection:
             gone = or_(leases.c.id.in_(dispatchers), leases.c.lease_until < now - _FORGOTTEN_S)
-            connection.execute(delete(leases).where(gone))
+            if connection.execute(delete(leases).where(gone)).rowcount:
+                _forget_drains(connection)
         return given_back
 
     def put_off(self, attempt_id: str, seconds: float, log: str) -> bool:
@@ -204,8 +208,7 @@ class Work(Base):
     def _held(self, attempt_id: str) -> Iterator[_Held | None]:
         """The attempt with its task and job, if it is the task's current one and running: only then it counts."""
         with self._db.read() as connection:
-            attempts = schema.attempts
-            job_id = connection.execute(select(attempts.c.job_id).where(attempts.c.id == attempt_id)).scalar()
+            job_id = connection.execute(_JOB_OF, {"id": attempt_id}).scalar()
         if job_id is None:
             yield None
             return
@@ -223,14 +226,20 @@ class _Held:
 
 
 def _current(book: JobBook, attempt_id: str) -> _Held | None:
-    table = schema.attempts
-    attempt = book.connection.execute(select(table).where(table.c.id == attempt_id)).mappings().first()
+    attempt = book.connection.execute(_ATTEMPT, {"id": attempt_id}).mappings().first()
     if attempt is None or attempt["outcome"] != RUNNING:
         return None
     task = book.task(attempt["task_id"])
     if task["attempt_id"] != attempt_id or task["state"] != TaskState.RUNNING.value:
         return None
     return _Held(book, task, dict(attempt))
+
+
+def _forget_drains(connection: Connection) -> None:
+    """Of workers that are no more; a node's stays, since the machine may come back."""
+    drains, workers = schema.drains, schema.dispatchers
+    gone = (drains.c.place == Place.WORKER.value, drains.c.name.not_in(select(workers.c.id)))
+    connection.execute(delete(drains).where(*gone))
 
 
 # -- claiming
@@ -254,16 +263,36 @@ def _claim_in(book: JobBook, dispatcher: str) -> Claim | None:
 
 
 def _first_ready(book: JobBook) -> dict[str, Any] | None:
-    tasks = schema.tasks
-    query = select(tasks).where(tasks.c.job_id == book.job_id, *turn.due(book.now)).order_by(tasks.c.position).limit(1)
-    row = book.connection.execute(query).mappings().first()
+    row = book.connection.execute(_FIRST_READY, {"job_id": book.job_id, **turn.moment(book.now)}).mappings().first()
     return None if row is None else dict(row)
 
 
 def _next_number(connection: Connection, task_id: str) -> int:
-    table = schema.attempts
-    made = select(func.coalesce(func.max(table.c.number), 0)).where(table.c.task_id == task_id)
-    return int(connection.execute(made).scalar_one()) + 1
+    return int(connection.execute(_MADE, {"task_id": task_id}).scalar_one()) + 1
+
+
+# Made once: to put a statement together takes longer than to answer it.
+_FIRST_READY = (
+    select(schema.tasks)
+    .where(schema.tasks.c.job_id == bindparam("job_id"), *turn.due())
+    .order_by(schema.tasks.c.position)
+    .limit(1)
+)
+_MADE = select(func.coalesce(func.max(schema.attempts.c.number), 0)).where(
+    schema.attempts.c.task_id == bindparam("task_id")
+)
+_ATTEMPT = select(schema.attempts).where(schema.attempts.c.id == bindparam("id"))
+_JOB_OF = select(schema.attempts.c.job_id).where(schema.attempts.c.id == bindparam("id"))
+_FREES = (
+    select(func.count())
+    .select_from(schema.task_edges.join(schema.tasks, schema.tasks.c.id == schema.task_edges.c.task_id))
+    .where(
+        schema.task_edges.c.before_id == bindparam("task_id"),
+        schema.tasks.c.blockers == 1,
+        schema.tasks.c.state == TaskState.WAITING.value,
+    )
+)
+"""How many tasks wait for this one only."""
 
 
 # -- while it runs
@@ -310,13 +339,7 @@ def _add_measures(book: JobBook, task: dict[str, Any], stages: Mapping[str, floa
 
 def _frees(connection: Connection, task_id: str) -> int:
     """How many tasks wait for this one only."""
-    tasks, edges = schema.tasks, schema.task_edges
-    query = (
-        select(func.count())
-        .select_from(edges.join(tasks, tasks.c.id == edges.c.task_id))
-        .where(edges.c.before_id == task_id, tasks.c.blockers == 1, tasks.c.state == TaskState.WAITING.value)
-    )
-    return int(connection.execute(query).scalar_one())
+    return int(connection.execute(_FREES, {"task_id": task_id}).scalar_one())
 
 
 def _end(held: _Held, event: Happening, outcome: TaskOutcome, worker: str = "") -> None:

@@ -25,8 +25,7 @@ from pipeline.methods.base import Bench
 from pipeline.synthesis.distance import Sites, extrapolated, nearest, within
 from pipeline.synthesis.images import Bytes, stacked
 from pipeline.video.exr import signed
-from pipeline.video.media import Limits
-from pipeline.video.stills import decode_raw
+from pipeline.video.guard.pictures import guarded_raw
 
 BEYOND_PX = 64
 """How far beyond the paint a layer's colours go on: as far as a patch of the coarsest level sees."""
@@ -242,4 +241,4 @@ class LayerSource:
         return np.dstack([eight] * 3) if eight.ndim == 2 else np.ascontiguousarray(eight[..., :3])
 
     def _raw(self, path: str) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
-        return decode_raw(self._layer.all[path], Limits(), path)
+        return guarded_raw(self._layer.all[path], path)

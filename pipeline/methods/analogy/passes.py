@@ -14,10 +14,9 @@ from pipeline.methods.analogy.keys import OPAQUE, eight_bit
 from pipeline.methods.analogy.layers import Layer
 from pipeline.methods.analogy.sources import coded
 from pipeline.synthesis.images import Bytes
-from pipeline.video.exr import EXR_MAGIC, Exr, normals, object_ids, pixels, raw_vectors, read_exr
-from pipeline.video.media import Limits
+from pipeline.video.exr import EXR_MAGIC, Exr, normals, object_ids, pixels, raw_vectors
+from pipeline.video.guard.pictures import guarded_exr, guarded_raw
 from pipeline.video.shot_files import FRAMES
-from pipeline.video.stills import decode_raw
 
 _KEPT = 3
 """Decoded EXR images that stay: a frame and its neighbours."""
@@ -103,7 +102,7 @@ class Passes:
         """
         paths = self._paths("ids")
         if paths and not self._is_exr(paths[index]):
-            raw = decode_raw(self._layer.all[paths[index]], Limits(), paths[index])
+            raw = self._raw(paths[index])
             return (raw if raw.ndim == 2 else raw[..., 0]).astype(np.int32)
         for exr in self._images_of("ids", index):
             if (found := object_ids(exr)) is not None:
@@ -157,7 +156,7 @@ class Passes:
     # -- files
 
     def _raw(self, path: str) -> NDArray[Any]:
-        return decode_raw(self._layer.all[path], Limits(), path)
+        return guarded_raw(self._layer.all[path], path)
 
     @staticmethod
     def _is_exr(path: str) -> bool:
@@ -168,7 +167,7 @@ class Passes:
             data = self._layer.all[path]
             if not data.startswith(EXR_MAGIC):
                 raise BadInput("The file is named .exr and is none.", field=path, remedy="Save it as OpenEXR.")
-            self._images[path] = read_exr(data, Limits(), path)
+            self._images[path] = guarded_exr(data, path)
             if len(self._images) > _KEPT:
                 self._images.popitem(last=False)
         return self._images[path]

@@ -10,11 +10,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.frames import Mask, Plane
 from pipeline.methods.multistyle.carrier import Map
 from pipeline.methods.multistyle.design import Design, DirectionKey, ElementAt, around
+from pipeline.methods.multistyle.shares import Shares, mixed, softened, spread, widened
 from pipeline.methods.multistyle.styles import FIELDS, Style, vector
-from pipeline.solvers import Multigrid
+from pipeline.solvers import Solution
 from pipeline.strokes.seeds import Field
 from pipeline.tensors.elements import Element, design_field, follow
 from pipeline.tensors.ellipses import Ellipse
@@ -49,10 +49,15 @@ class Designer:
         design: checked.
         base: the job's own style: of what no key reaches, and of keys that name no style.
         size: (width, height) of the frames; small: of the orientation field, px.
+
+    Attributes:
+        residual: the largest that was left of Laplace's equations so far, as part of the first; `cycles`: the most
+            V-cycles that any took.
     """
 
     def __init__(self, design: Design, base: Style, size: tuple[int, int], small: tuple[int, int]) -> None:
         self.design, self.base, self.size, self.small = design, base, size, small
+        self.residual, self.cycles = 0.0, 0
 
     # -- style
 
@@ -63,7 +68,6 @@ class Designer:
         """
         table, known = self.table(placed.number)
         there = np.unique(placed.map)
-        free = [int(k) for k in there if not known[k]]
         out: dict[str, Field] = {}
         varying = []
         for column, name in enumerate(FIELDS):
@@ -73,7 +77,11 @@ class Designer:
             else:
                 varying.append(column)
         if varying:
-            out |= self._planes(placed.map, table, varying, free)
+            keys = [int(k) for k in there if known[k]]
+            shares = self._shares(placed.map, keys)
+            for column in varying:
+                base = getattr(self.base, FIELDS[column])
+                out[FIELDS[column]] = mixed(shares, np.array([*table[keys, column], base], np.float32))
         return out
 
     def table(self, frame: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
@@ -89,19 +97,20 @@ class Designer:
                 table[index], known[index] = one + np.float32(t) * (other - one), True
         return table, known
 
-    def _planes(self, found: Map, table: NDArray[np.float32], columns: list[int], free: list[int]) -> dict[str, Plane]:
-        planes = {FIELDS[c]: table[:, c][found] for c in columns}
-        if free:
-            coarse = np.asarray(cv2.resize(found, self.small, interpolation=cv2.INTER_NEAREST), np.uint8)
-            key = ~np.isin(coarse, free)
-            solver = Multigrid(key, **self._walls(coarse))
-            given = np.stack([table[:, c][coarse] for c in columns])
-            solved = np.where(solver.adrift, given, solver.solve(given, tolerance=1e-4).x)
-            missing = np.isin(found, free)
-            for plane, name in zip(solved.astype(np.float32), planes, strict=True):
-                wide = cv2.resize(plane, self.size, interpolation=cv2.INTER_LINEAR)
-                planes[name] = np.where(missing, wide, planes[name])
-        return self._softened(found, planes)
+    def _shares(self, found: Map, keys: list[int]) -> Shares:
+        coarse = np.asarray(cv2.resize(found, self.small, interpolation=cv2.INTER_NEAREST), np.uint8)
+        shares, solution = spread(coarse, keys, self._walls(coarse))
+        if solution is not None:
+            self._noted(solution)
+        shares = widened(shares, found, keys)
+        soft = self._with_border("soft")
+        return softened(shares, np.isin(found, soft), SOFT * self.size[1], self.small) if soft else shares
+
+    def _noted(self, solution: Solution) -> NDArray[np.float32]:
+        """What was solved; how far, and in how many cycles, is told with the task."""
+        self.residual = max(self.residual, solution.residual)
+        self.cycles = max(self.cycles, solution.cycles)
+        return solution.x
 
     def _walls(self, coarse: Map) -> dict[str, NDArray[np.float32]]:
         """Weights of the edges between pixels: 0 over a sharp border."""
@@ -113,17 +122,6 @@ class Designer:
     def _with_border(self, kind: str) -> list[int]:
         regions = self.design.regions
         return [k for k, name in enumerate(self.design.names) if name in regions and regions[name].border == kind]
-
-    def _softened(self, found: Map, planes: dict[str, Plane]) -> dict[str, Plane]:
-        soft = self._with_border("soft")
-        if not soft:
-            return planes
-        sigma = SOFT * self.size[1]
-        band = _band(np.isin(found, soft), sigma)
-        return {
-            name: np.asarray(plane + band * (cv2.GaussianBlur(plane, (0, 0), sigma) - plane), np.float32)
-            for name, plane in planes.items()
-        }
 
     # -- direction
 
@@ -151,7 +149,7 @@ class Designer:
                 field = field + np.float32(t) * (self._of_key(edges, after, placed) - field)
             out[:, inside] = field[:, inside]
         if free.any() and not free.all():
-            solved = fill_free(out, ~free, **self._walls(coarse)).x
+            solved = self._noted(fill_free(out, ~free, **self._walls(coarse)))
             alone = free & (np.abs(solved).sum(axis=0) == 0)
             out = np.where(alone, edges, solved)
         return np.asarray(out, np.float32)
@@ -178,9 +176,3 @@ class Designer:
             element.pattern, (element.x + 0.5) * sx - 0.5, (element.y + 0.5) * sy - 0.5, element.angle_rad,
             element.decay_per_px / sy, element.strength,
         )  # fmt: skip
-
-
-def _band(inside: Mask, sigma_px: float) -> Plane:
-    """1 at the border of a region, falling to 0 within about 2 sigma of it."""
-    near = cv2.GaussianBlur(inside.astype(np.float32), (0, 0), sigma_px)
-    return np.asarray(np.clip(4 * near * (1 - near), 0, 1), np.float32)

@@ -19,16 +19,15 @@ from pipeline.methods.abstraction.state import Clock, State, flatten, part
 from pipeline.methods.multistyle.design import Design
 from pipeline.methods.multistyle.designer import Designer, Placed
 from pipeline.methods.multistyle.fields import SMALLEST_PX, StyleFields, chosen_style, style_fields, uniform
-from pipeline.methods.multistyle.held import hold, hold_field
+from pipeline.methods.multistyle.held import hold, hold_field, rest
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.sight import COLUMNS, Marks, Sight
 from pipeline.methods.multistyle.styles import STYLES, pigment
 from pipeline.segmentation.cuts import is_cut, thumbnail
 from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker
-from pipeline.segmentation.motion import hold_still
 from pipeline.strokes.brush import Brush, tint
 from pipeline.strokes.carry import Habits, Living, begin, carry, tend
-from pipeline.strokes.layers import area_error, layer_brush, layer_threshold, spacing_px
+from pipeline.strokes.layers import area_error, layer_brush, layer_threshold, spacing_px, typical
 from pipeline.strokes.random import Purpose, draws
 from pipeline.strokes.seeds import Seeds, place, sample
 from pipeline.tensors.edges import edge_field, gradient_tensor, remember
@@ -47,6 +46,8 @@ LEAST_BREAK = 45.0
 """Change of colour, RGB distance, that no stroke is lifted for."""
 DIRECTION_HOLD = 0.2
 """Change of (cos 2a, sin 2a) up to which a direction stays as it was: 6 degrees."""
+FACES_EVERY, FACES_KEPT, FACES_SIDE_PX = 12, 60, 400
+"""Faces are looked for more often and in a larger picture than a cartoon's: a lost face is the first thing seen."""
 LEAST_BLUR = 0.3
 """Sigma, px, below which a picture is not blurred at all."""
 COARSE_ROWS = 160
@@ -108,17 +109,21 @@ class Eye:
         fresh = self._begins_shot(frame)
         gray = np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.uint8)
         flow = self._flow(gray, fresh)
-        picture = self._hold(frame, flow)
+        back = None if flow is None else _backwards(flow, self.work)
+        picture = self._hold(frame, back)
         detail = self._detail(gray, flow, fresh)
         field = self._directions(picture, flow, placed)
         with self.clock("style"):
             values = uniform(self.style) if placed is None or self.designer is None else self.designer.values(placed)
             fields = style_fields(values, detail, self.size[1])
         with self.clock("strokes"):
-            layers = self._strokes(picture, fields, flow)
+            layers = self._strokes(picture, fields, flow, back)
             length = self._shrunk(fields.brush.length_px)
         self.gray, self.age = gray, self.age + 1
-        return Sight(picture, np.ascontiguousarray(field.transpose(1, 2, 0), np.float16), length, layers)
+        field16 = np.ascontiguousarray(field.transpose(1, 2, 0), np.float16)
+        return Sight(
+            self.age, picture, field16, length, layers, None if back is None else back.astype(np.float16),
+        )  # fmt: skip
 
     def _begins_shot(self, frame: Frame) -> bool:
         before, self.thumbnail = self.thumbnail, thumbnail(frame)
@@ -131,14 +136,14 @@ class Eye:
             return None
         with self.clock("flow"):
             flow = estimate(self.gray, gray, self.params.flow)
-            return hold_still(flow, self.gray, gray, self.params.stillness)
+            return rest(flow, self.gray, gray, self.params.stillness)
 
-    def _hold(self, frame: Frame, flow: Flow | None) -> Frame:
+    def _hold(self, frame: Frame, back: Flow | None) -> Frame:
         """The held picture, uint8 at the working size."""
         with self.clock("hold"):
             now = _shrunk(frame, self.work).astype(np.float32)
-            if flow is not None and self.held is not None:
-                now, self.other = hold(now, self.held, _backwards(flow, self.work), self.params.hold)
+            if back is not None and self.held is not None:
+                now, self.other = hold(now, self.held, back, self.params.hold)
             self.held = now
             return np.asarray(np.rint(now), np.uint8)
 
@@ -178,18 +183,20 @@ class Eye:
                 return field
             return _unit(self.designer.directions(field, placed))
 
-    def _strokes(self, picture: Frame, fields: StyleFields, flow: Flow | None) -> tuple[Marks, ...]:
+    def _strokes(
+        self, picture: Frame, fields: StyleFields, flow: Flow | None, before: Flow | None
+    ) -> tuple[Marks, ...]:  # fmt: skip
         if flow is None:
             self.living, self.errors = [], []
         brushes = [layer_brush(fields.brush, self.manner.recipe, k) for k in range(self._count(fields))]
-        before = None if flow is None else _backwards(flow, self.work)
         scale = self.work[1] / self.size[1]
         out, marks, below = [], [], picture
+        revealed = None if flow is None else self._revealed(flow)
         for index, brush in enumerate(brushes):
-            width = float(np.median(brush.size_px)) * scale
+            width = typical(brush.size_px) * scale
             sigma = self.manner.recipe.blur * width / 2
             reference = _stretched(_blurred(picture, sigma) if sigma > LEAST_BLUR else picture, self.size)
-            living = self._layer(index, brush, reference, fields, flow, picture, below, before)
+            living = self._layer(index, brush, reference, fields, flow, picture, below, before, revealed)
             out.append(living)
             marks.append(self._marks(living, brush, sigma if sigma > LEAST_BLUR else 0.0, index))
             below = np.asarray(_blurred(picture, max(width / 2, 0.5)), np.uint8)
@@ -204,7 +211,7 @@ class Eye:
 
     def _layer(
         self, index: int, brush: Brush, reference: Frame, fields: StyleFields, flow: Flow | None, picture: Frame,
-        below: Frame, before: Flow | None,
+        below: Frame, before: Flow | None, revealed: Mask | None,
     ) -> Living:  # fmt: skip
         spacing, recipe = spacing_px(brush, self.manner.recipe), self.manner.recipe
         candidates = place(
@@ -222,7 +229,7 @@ class Eye:
         living = carry(self.living[index], flow)
         keep = None if limit is None else self._missing(living.seeds, limit[0], brush, limit[1], HOLD)
         habits = replace(self.habits, break_off=max(recipe.edge * EDGE_SHRINKS**index, LEAST_BREAK))
-        return tend(living, candidates, reference, spacing, habits=habits, wanted=keep, revealed=self._revealed(flow))
+        return tend(living, candidates, reference, spacing, habits=habits, wanted=keep, revealed=revealed)
 
     def _revealed(self, flow: Flow) -> Mask:
         """What has come into the picture, or into view, bool (h, w): strokes come up at once there."""
@@ -343,4 +350,7 @@ def _blurred(image: NDArray[Any], sigma_px: float) -> NDArray[Any]:
 
 
 def _importance(params: MultistyleParams) -> ImportanceParams:
-    return ImportanceParams(face=params.face_detail, saliency=params.saliency_detail, motion=params.motion_detail)
+    return ImportanceParams(
+        face=params.face_detail, saliency=params.saliency_detail, motion=params.motion_detail,
+        detect_every_frames=FACES_EVERY, keep_frames=FACES_KEPT, detection_side_px=FACES_SIDE_PX,
+    )  # fmt: skip

@@ -1,7 +1,8 @@
-"""The painter: one frame and what the eye knows of it become one picture. It has no memory."""
+"""The painter: a frame and what the eye knows of it become a picture. It remembers the last few paintings, no more."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import cv2
@@ -9,14 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Plane
-from pipeline.methods.abstraction.state import Clock, no_clock
+from pipeline.methods.abstraction.state import Clock, State, flatten, no_clock, part
 from pipeline.methods.multistyle.params import MultistyleParams
-from pipeline.methods.multistyle.sight import Marks, Sight
+from pipeline.methods.multistyle.sight import Marks, Sight, unpack
 from pipeline.methods.multistyle.styles import STYLES, pigment
 from pipeline.strokes.brush import Canvas, Direction
 from pipeline.strokes.carry import present
 from pipeline.strokes.drag import bare, drag, lay_on
 from pipeline.strokes.emboss import emboss, settle_pigment
+from pipeline.strokes.linger import Layout, linger
 from pipeline.strokes.raster import paint
 from pipeline.strokes.trace import draw_out
 
@@ -27,7 +29,9 @@ RIM, RIM_DEPTH = 0.008, 22.0
 
 
 class Painter:
-    """Paints frames; safe to call from several threads.
+    """Paints frame after frame of one size. Not thread-safe.
+
+    Its memory is what lingers: a painter that was shown the last frames before (`recall`) goes on with the same bytes.
 
     Args:
         params: the method's.
@@ -41,18 +45,58 @@ class Painter:
     ) -> None:  # fmt: skip
         self.params, self.size, self.seed, self.clock, self.threads = params, size, seed, clock, threads
         self.manner = STYLES[params.style].manner
+        lingers = params.temporal == "on" and params.renderer == "implicit"
+        self.linger = params.linger if lingers else 0
+        self.past: list[tuple[Sight, Layout]] = []
 
     def paint(self, sight: Sight) -> Frame:
         """The picture of what was seen: uint8 (h, w, 3)."""
+        now = self._layout(sight)
+        picture = now.paint
+        if self.linger:
+            with self.clock("linger"):
+                picture = linger(now, [before for _, before in self._before(sight)])
+            self._keep(sight, now)
+        if not self.manner.paper:
+            return picture
+        with self.clock("paper"):
+            return settle_pigment(picture, self._rims(sight), GRAIN * self.manner.paper)
+
+    def recall(self, sight: Sight) -> None:
+        """Paint a frame only to remember it."""
+        if self.linger:
+            self._keep(sight, self._layout(sight))
+
+    def state(self) -> State:
+        """The frames it remembers, as they were seen."""
+        return flatten({str(index): sight.pack() for index, (sight, _) in enumerate(self.past)})
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        self.past = []
+        count = len({name.partition(".")[0] for name in state})
+        for index in reversed(range(count)):
+            self.recall(unpack(part(state, str(index))))
+
+    def _before(self, sight: Sight) -> list[tuple[Sight, Layout]]:
+        """What it remembers of the frames right before, the latest first."""
+        follows = bool(self.past) and self.past[0][0].number == sight.number - 1 and sight.back is not None
+        return self.past if follows else []
+
+    def _keep(self, sight: Sight, now: Layout) -> None:
+        self.past = [(sight, now), *self._before(sight)][: self.linger]
+
+    def _layout(self, sight: Sight) -> Layout:
+        canvas = self._lay(sight)
+        with self.clock("light"):
+            lit = emboss(canvas, self.manner.light)
+        return Layout(lit, sight.picture, None if sight.back is None else sight.back.astype(np.float32))
+
+    def _lay(self, sight: Sight) -> Canvas:
         with self.clock("ground"):
             direction, bottom = sight.direction(self.size), self._ground(sight)
         if self.params.renderer == "implicit":
-            canvas = self._implicit(sight, direction, bottom)
-        else:
-            canvas = self._explicit(sight, direction, bottom)
-        with self.clock("light"):
-            lit = emboss(canvas, self.manner.light)
-            return settle_pigment(lit, self._rims(sight), GRAIN * self.manner.paper) if self.manner.paper else lit
+            return self._implicit(sight, direction, bottom)
+        return self._explicit(sight, direction, bottom)
 
     def _rims(self, sight: Sight) -> Plane:
         """Where wet paint has run to the edge of its area and dried, 0..1: the darker side of a border."""

@@ -106,12 +106,17 @@ class MultistyleParams(Params):
         "gray levels", "Time",
     )  # fmt: skip
     stroke_fade: float = _number(
-        0.18, 0.02, 1, "Stroke fade", "How much of a new stroke comes up, or of an old one goes, in a frame.", "ratio",
+        0.3, 0.02, 1, "Stroke fade", "How much of a new stroke comes up, or of an old one goes, in a frame.", "ratio",
         "Time",
     )  # fmt: skip
     colour_follow: float = _number(
         0.15, 0.01, 1, "Colour follow", "How far a stroke's colour goes towards the picture's in a frame.", "ratio",
         "Time",
+    )  # fmt: skip
+    linger: int = _number(
+        2, 0, 4, "Paint lingers",
+        "Each painting is averaged with so many before it, carried along the motion, where they show the same thing; "
+        "for the implicit renderer.", "frames", "Time",
     )  # fmt: skip
     cut_sensitivity: float = _number(
         1, 0, 3, "Cut sensitivity", "How readily a hard cut is called, which starts everything afresh; 0 = never.",

@@ -5,15 +5,16 @@
               `fore-n` carries label maps and tubes forwards from run to run, `back-n` backwards from later keyframes
     maps      the same runs: the region map of every frame, and the ellipse of every region; then their list
     paint     the same runs, two tasks each: `look-n` goes on from the state that the run before it saved, and keeps
-              what it saw of every frame; `run-n` paints from that, whenever it likes
+              what it saw of every frame; `run-n` paints from that, whenever it likes, and once more the two frames
+              before, which linger
 
-Looking costs a fifth of painting, so that the chain of one long shot keeps five workers busy with painting. Shots are
-independent of each other. The result is byte for byte what one session over the whole video gives.
+Looking costs half of painting, so that the chain of one long shot keeps three workers busy. Shots are independent of
+each other. The result is byte for byte what one session over the whole video gives.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 
 from pipeline.errors import BadInput
 from pipeline.frames import Plane
+from pipeline.methods.abstraction.state import part
 from pipeline.methods.base import Bench, Brief, Note, Task
 from pipeline.methods.multistyle import mapping
 from pipeline.methods.multistyle.design import Design, parse
@@ -28,12 +30,14 @@ from pipeline.methods.multistyle.effects import effect_design
 from pipeline.methods.multistyle.look import Eye
 from pipeline.methods.multistyle.paint import Painter
 from pipeline.methods.multistyle.params import MultistyleParams
-from pipeline.methods.multistyle.sight import unpack
+from pipeline.methods.multistyle.sight import Sight, unpack
 from pipeline.segmentation.cuts import is_cut, thumbnail
 
-RUN_FRAMES = 16
-"""Frames a task: about 3 s of painting at 720p, which is the most a restart repeats. Two workers even out soon."""
-LOOKING = 0.2
+RUN_FRAMES = 12
+"""Frames a task: about 3 s of work at 720p, which is the most a restart repeats. Two workers even out soon."""
+LONGEST_LINGER = 4
+"""Frames before a run that may linger in it: the most that the parameter `linger` takes."""
+LOOKING = 0.35
 """What it costs to look at a frame, where painting it costs 1."""
 
 
@@ -86,9 +90,9 @@ def plan_paint(brief: Brief) -> list[Task]:
         )
         after = (_look_key(start - RUN_FRAMES),) if start > shot[0] else ()
         looks.append(Task(_look_key(start), args, after, weight=LOOKING * (stop - start)))
-        args = {"start": start, "stop": stop}
+        args = {"start": start, "stop": stop, "before": after[0] if after else None}
         weight = (1 - LOOKING) * (stop - start)
-        paints.append(Task(f"run-{start:07d}", args, (_look_key(start),), (start, stop), weight=weight))
+        paints.append(Task(f"run-{start:07d}", args, (_look_key(start), *after), (start, stop), weight=weight))
     return looks + paints
 
 
@@ -118,22 +122,37 @@ def _look(task: Task, bench: Bench) -> Note:
         count += 1
         bench.progress(count / (stop - start))
     bench.save(task.key, kept)
+    bench.save(f"last-{task.key}", _last(kept, count))
     if not task.args["last"]:
         bench.save(f"state-{task.key}", eye.state())
-    return {"frames": count}
+    if eye.designer is None:
+        return {"frames": count}
+    return {"frames": count, "laplace_residual": eye.designer.residual, "laplace_cycles": eye.designer.cycles}
+
+
+def _last(kept: dict[str, NDArray[Any]], count: int) -> dict[str, NDArray[Any]]:
+    """Of the frames of a run, those that linger in the next one."""
+    return {name: array for name, array in kept.items() if int(name.partition(".")[0]) >= count - LONGEST_LINGER}
 
 
 def _paint(task: Task, bench: Bench) -> Note:
-    """Paint frames [start, stop) from what was seen of them."""
+    """Paint frames [start, stop) from what was seen of them, and of the few before."""
     start, stop = task.args["start"], task.args["stop"]
-    seen = bench.load("paint", task.after[0])
+    seen = bench.load("paint", _look_key(start))
     painter = Painter(bench.params, bench.size, bench.seed, bench.clock)
-    count = len({name.partition(".")[0] for name in seen})
-    for k in range(count):
-        mine = {name.partition(".")[2]: array for name, array in seen.items() if name.startswith(f"{k}.")}
-        bench.emit(start + k, painter.paint(unpack(mine)))
+    if painter.linger and task.args["before"]:
+        for sight in _sights(bench.load("paint", f"last-{task.args['before']}"))[-painter.linger :]:
+            painter.recall(sight)
+    sights = _sights(seen)
+    for k, sight in enumerate(sights):
+        bench.emit(start + k, painter.paint(sight))
         bench.progress((k + 1) / (stop - start))
-    return {"frames": count}
+    return {"frames": len(sights)}
+
+
+def _sights(kept: Mapping[str, NDArray[Any]]) -> list[Sight]:
+    """The sights of some frames, in order."""
+    return [unpack(part(kept, str(number))) for number in sorted({int(name.partition(".")[0]) for name in kept})]
 
 
 def plan_regions(brief: Brief) -> list[Task]:

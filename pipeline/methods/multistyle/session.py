@@ -9,7 +9,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame
-from pipeline.methods.abstraction.state import Clock, State, no_clock
+from pipeline.methods.abstraction.state import Clock, State, flatten, no_clock, part
 from pipeline.methods.multistyle.look import Eye
 from pipeline.methods.multistyle.paint import Painter
 from pipeline.methods.multistyle.params import MultistyleParams
@@ -39,7 +39,7 @@ class MultistyleSession:
     def follow(
         self, params: Any, size: tuple[int, int], references: Mapping[str, Iterator[Frame]] | None = None
     ) -> MultistyleSession:
-        """Strokes live on with other parameters; at another size they are laid afresh."""
+        """Strokes live on with other parameters, though no paint lingers; at another size they are laid afresh."""
         after = MultistyleSession(params, size, self.seed, self.eye.clock)
         after.painter.threads = self.painter.threads
         if size == self.size:
@@ -48,7 +48,8 @@ class MultistyleSession:
 
     def state(self) -> State:
         """All it remembers, as arrays by name; a session restored from it goes on with the same bytes."""
-        return self.eye.state()
+        return flatten({"eye": self.eye.state(), "painter": self.painter.state()})
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        self.eye.restore(state)
+        self.eye.restore(part(state, "eye"))
+        self.painter.restore(part(state, "painter"))

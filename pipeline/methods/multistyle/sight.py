@@ -1,6 +1,7 @@
 """What the eye hands to the painter for one frame: every stroke that is there, and which way strokes run.
 
-With it a frame is painted without a past: frames of one shot can be painted at the same time, in any order.
+With it a frame is painted without a past, but for what lingers of the last few: runs of frames of one shot can be
+painted at the same time, in any order.
 """
 
 from __future__ import annotations
@@ -77,16 +78,20 @@ class Sight:
     """One frame as the painter needs to know it.
 
     Attributes:
+        number: of the frame, as the eye has counted; a shot's frames follow each other.
         picture: uint8 (h', w', 3): the held picture, perhaps at half the frame's size.
         field: float16 (h', w', 2): (u, v) of the strokes' tensors, coarser than the frame.
         length: float16 (h', w'): length of the coarsest layer's strokes, px.
         layers: from coarse to fine.
+        back: float16 (h', w', 2), from this frame to the one before, px of `picture`; None = a shot begins.
     """
 
+    number: int
     picture: Frame
     field: Half
     length: Half
     layers: tuple[Marks, ...]
+    back: Half | None
 
     def direction(self, size: tuple[int, int]) -> Direction:
         """float32 (h, w, 2) for frames of `size` (width, height)."""
@@ -99,7 +104,10 @@ class Sight:
         """As arrays by name. All are floats: those are stored as they are, which is faster than to deflate them."""
         out: dict[str, NDArray[Any]] = {
             "picture": self.picture.astype(np.float16), "field": self.field, "length": self.length,
+            "number": np.array(float(self.number)),
         }  # fmt: skip
+        if self.back is not None:
+            out["back"] = self.back
         for index, marks in enumerate(self.layers):
             out[f"{index}.xy"], out[f"{index}.table"] = marks.xy, marks.table
             out[f"{index}.ids"] = np.ascontiguousarray(marks.ids).view(np.float64)
@@ -114,7 +122,10 @@ def unpack(arrays: Mapping[str, NDArray[Any]]) -> Sight:
         Marks(arrays[f"{k}.xy"], arrays[f"{k}.ids"].view(np.uint64), arrays[f"{k}.table"], float(arrays[f"{k}.sigma"]))
         for k in range(count)
     )
-    return Sight(arrays["picture"].astype(np.uint8), arrays["field"], arrays["length"], layers)
+    return Sight(
+        int(arrays["number"]), arrays["picture"].astype(np.uint8), arrays["field"], arrays["length"], layers,
+        arrays.get("back"),
+    )  # fmt: skip
 
 
 def _stretched(plane: Half, size: tuple[int, int]) -> NDArray[np.float32]:

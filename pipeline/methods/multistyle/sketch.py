@@ -30,7 +30,7 @@ def sketch(
     """The last of a few consecutive frames, painted.
 
     Args:
-        frames: uint8 (h, w, 3), the frame and some before it, so that strokes have settled.
+        frames: uint8 (h, w, 3), the frame and some before it, which are not looked at: strokes would only fade in.
         number: of the last one in the video; total: frames of the video.
         document: the design, parsed JSON; None: the parameters' effect, if any.
         masks: label maps by frame number. Frames between keys take those of the nearest, as outlines do.
@@ -45,8 +45,7 @@ def sketch(
         design = parse(document, frames=total, masks=masks is not None)
     eye = Eye(params, size, seed, no_clock, design)
     placed = None if design is None else _placed(design, masks or {}, found, number, size)
-    sight = [eye.step(frame, placed) for frame in frames][-1]
-    return Painter(params, size, seed).paint(sight)
+    return Painter(params, size, seed, threads=2).paint(eye.step(frames[-1], placed))
 
 
 def _placed(

@@ -1,8 +1,8 @@
 """patches: painterly video with painting patches that are painted once and carried (zhang2011patches).
 
 scan      how many frames there are, and where shots begin
-flow      motion between all frames of a window, and how far it can be trusted
-cluster   what moves together, by random walks; labels keep their meaning over the whole shot
+cluster   motion between all frames of a window, and how far it can be trusted; what moves together, by random walks;
+          labels keep their meaning over the whole shot
 correct   frames between label maps that the user has corrected, again
 register  the warp of every cluster from frame to frame, with little distortion
 patch     each cluster's frames in one panorama, relaxed, and painted once
@@ -23,7 +23,7 @@ from pipeline.methods.patches.composite import plan_paint, run_paint
 from pipeline.methods.patches.correct import plan_correct, run_correct
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.register import plan_register, run_register
-from pipeline.methods.patches.scan import plan_flow, plan_scan, run_flow, run_scan
+from pipeline.methods.patches.scan import plan_scan, run_scan
 
 __all__ = ["Patches", "PatchesParams"]
 
@@ -55,8 +55,7 @@ class Patches:
     )  # fmt: skip
     steps: ClassVar[tuple[Step, ...]] = (
         Step("scan", "Find the shots", plan_scan, run_scan, weight=0.02),
-        Step("flow", "See what moves", plan_flow, run_flow, weight=0.3),
-        Step("cluster", "Find what moves together", plan_cluster, run_cluster, weight=0.15),
+        Step("cluster", "See what moves together", plan_cluster, run_cluster, weight=0.45),
         Step("correct", "Follow your corrections", plan_correct, run_correct, weight=0.0),
         Step("register", "Lay frames over each other", plan_register, run_register, weight=0.3),
         Step("patch", "Paint each patch", plan_patch, run_patch, weight=0.2),

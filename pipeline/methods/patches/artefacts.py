@@ -54,13 +54,10 @@ def keep_labels(bench: Bench, key: str, maps: Mapping[int, bytes]) -> None:
         bench.save_file(f"labels-{key}", pack({f"{index:06d}.png": data for index, data in maps.items()}), _ZIP)
 
 
-def keep_patch(bench: Bench, key: str, looks: list[tuple[Frame, Frame]]) -> None:
+def keep_patch(bench: Bench, key: str, panorama: Frame, painting: Frame) -> None:
     """Keep a patch's pictures, if the job asked for them."""
     if bench.wants("patches"):
-        files = {}
-        for number, (panorama, painting) in enumerate(looks):
-            files[f"{key}-age{number}-panorama.png"] = png(panorama)
-            files[f"{key}-age{number}-painting.png"] = png(painting)
+        files = {f"{key}-panorama.png": png(panorama), f"{key}-painting.png": png(painting)}
         bench.save_file(f"patches-{key}", pack(files), _ZIP)
 
 

@@ -1,7 +1,10 @@
 """Step "cluster": label maps of all frames, run after run of a shot, so that a label means the same in all of them.
 
-A run goes on from the label maps of the window before it: identity needs no matching afterwards. It is a chain, and
-cheap beside what flow, warps and paint cost, which are parallel.
+    flow-<run>   how everything in the windows of a run moves
+    run-<run>    its label maps; it goes on from those of the run before, so that identity needs no matching afterwards
+
+Label maps are a chain; flow is parallel, and costs twice as much. Both are one step, so that while one worker follows
+the chain the others are not idle.
 """
 
 from __future__ import annotations
@@ -17,22 +20,34 @@ from pipeline.methods.patches.grid import Grid
 from pipeline.methods.patches.guidance import label_map, mask_map
 from pipeline.methods.patches.links import Links
 from pipeline.methods.patches.params import PatchesParams
-from pipeline.methods.patches.scan import RUN, run_key, run_of, runs
+from pipeline.methods.patches.scan import RUN, flow_key, run_flow, run_key, run_of, runs
 from pipeline.methods.patches.tracking import Tracker, track
 
 
 def plan_cluster(brief: Brief) -> list[Task]:
-    if brief.params.temporal != "on":
+    if brief.params.temporal == "off":
         return []
-    tasks = []
+    tasks, chain = list[Task](), list[Task]()
     for start, stop, begin, end in runs(brief):
-        after = (run_key(start - RUN),) if start > begin else ()
         args = {"start": start, "stop": stop, "begin": begin, "end": end}
-        tasks.append(Task(run_key(start), args, after, weight=0.15 * (stop - start)))
-    return tasks
+        tasks.append(Task(flow_key(start), args, weight=0.3 * (stop - start)))
+        tasks += chain
+        chain = [_labelling(args)] if brief.params.temporal == "on" else []
+    return tasks + chain
+
+
+def _labelling(args: dict[str, int]) -> Task:
+    start, before = args["start"], args["start"] - RUN
+    after = [flow_key(start)] + ([flow_key(before), run_key(before)] if start > args["begin"] else [])
+    return Task(run_key(start), args, tuple(after), weight=0.15 * (args["stop"] - start))
 
 
 def run_cluster(task: Task, bench: Bench) -> Note:
+    """Flow, or label maps: artefacts are those of `run_flow` and of `run_labels`."""
+    return run_flow(task, bench) if task.key.startswith("flow") else run_labels(task, bench)
+
+
+def run_labels(task: Task, bench: Bench) -> Note:
     """Label maps "labels-<frame>", uint16 (h, w), of frames [start, stop); the note tells where each label is."""
     params: PatchesParams = bench.params
     start, stop, begin = task.args["start"], task.args["stop"], task.args["begin"]
@@ -60,9 +75,9 @@ def run_cluster(task: Task, bench: Bench) -> Note:
 
 
 def _resume(bench: Bench, task: Task, params: PatchesParams) -> Tracker:
-    if not task.after:
+    if task.args["start"] == task.args["begin"]:
         return Tracker(begin=task.args["begin"])
-    kept = bench.load("cluster", task.after[0])
+    kept = bench.load("cluster", run_key(task.args["start"] - RUN))
     maps, grounds = (
         {int(key.removeprefix(kind)): value.astype(np.int32) for key, value in kept.items() if key.startswith(kind)}
         for kind in ("labels-", "ground-")
@@ -76,7 +91,7 @@ def _resume(bench: Bench, task: Task, params: PatchesParams) -> Tracker:
 def count(census: dict[str, list[float]], labels: Labels, links: Links, index: int) -> None:
     """Per label: first and last frame, total area, frame of the largest area, that area, and how far it has moved."""
     pair = links.ahead(index)
-    speed = np.zeros(labels.shape) if pair is None else np.abs(pair[0]).sum(axis=-1)
+    speed = np.zeros(labels.shape) if pair is None else np.abs(pair[0][..., 0]) + np.abs(pair[0][..., 1])
     areas, travel = np.bincount(labels.ravel()), np.bincount(labels.ravel(), weights=speed.ravel())
     for label in np.flatnonzero(areas[1:]) + 1:
         area, way = int(areas[label]), round(float(travel[label] / areas[label]), 3)

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Labels, Plane
 from pipeline.methods.base import Bench, Brief, Note, Task
+from pipeline.methods.patches.ages import fine_px, presence
 from pipeline.methods.patches.artefacts import keep_labels, label_png
-from pipeline.methods.patches.build import fine_px, presence
 from pipeline.methods.patches.carried import CarriedStrokes
 from pipeline.methods.patches.clusters import LabelMaps
 from pipeline.methods.patches.grid import Grid
 from pipeline.methods.patches.hertzmann import Painter
+from pipeline.methods.patches.join import load_lays
 from pipeline.methods.patches.links import Links, norm
 from pipeline.methods.patches.lives import Life, lives
 from pipeline.methods.patches.params import PatchesParams
@@ -140,11 +141,7 @@ class Painted:
     @classmethod
     def load(cls, life: Life, note: Note, start: int, stop: int, bench: Bench) -> Painted:
         """What frames [start, stop), of one run, need of a patch; `note` is its task's."""
-        found, lays = bench.load("patch", f"{life.key}-{run_key(start)}"), {}
-        for name in (key[:-3] for key in found if key.endswith("-at")):
-            left, top, right, bottom = (int(value) for value in found[f"{name}-at"])
-            lays[int(name)] = Lay((left, top, right, bottom), found[f"{name}-m"], found[f"{name}-d"])
-        looks = {}
+        lays, looks = load_lays(bench, life, start, stop), {}
         for number, (first, last) in enumerate(note["ages"]):
             if first - TURN < stop and last + TURN > start:
                 kept = bench.load("patch", f"{life.key}-age{number}")
@@ -225,7 +222,9 @@ class Compositor:
     def _fit(self, frame: Frame, picture: NDArray[np.float32]) -> Plane:
         """How well the patch shows what is in the frame, 0..1: it falls from `misfit` to half as much again.
 
-        Departure: the paper leaves out no pixel of a cluster; a mouth that opens is then never seen.
+        Departure: the paper leaves out no pixel of a cluster; a mouth that opens is then never seen. Without this the
+        painting's worst half per cent is 57 gray levels off the video, with it 39 (foreman, at sigma 3 px); flicker
+        falls by 6 %, but so does the structure that an outside measure sees, from 0.943 to 0.926.
         """
         mean = cv2.GaussianBlur(frame.astype(np.float32) - picture, (0, 0), fine_px(self._grid))
         off = norm(mean) / np.float32(self._params.misfit)

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Frame
 
-CELLS = 60_000
-"""Working pixels of a frame of the paper's size, about: 640 x 344 px by two."""
+CELLS = 45_000
+"""Working pixels of a small frame, about; 640 x 344 px are 320 x 172."""
 
 
 @dataclass(frozen=True)
@@ -27,18 +27,18 @@ class Grid:
 
     Attributes:
         width, height: of the frame, px.
-        scale: about how many px a working pixel is wide: 1, 2, 3 ...
+        scale: about how many px a working pixel is wide: 1, 1.5, 2, 2.5 ...
     """
 
     width: int
     height: int
-    scale: int
+    scale: float
 
     @classmethod
     def of(cls, size: tuple[int, int]) -> Grid:
         """For frames of (width, height). The scale grows slower than the frame: details of motion matter too."""
         width, height = size
-        return cls(width, height, max(1, round((width * height / CELLS) ** 0.4)))
+        return cls(width, height, max(1.0, round(2 * (width * height / CELLS) ** 0.4) / 2))
 
     @property
     def size(self) -> tuple[int, int]:
@@ -52,19 +52,19 @@ class Grid:
 
     def small(self, frame: Frame) -> Frame:
         """The frame at the working size."""
-        if self.scale == 1:
+        if self.size == (self.width, self.height):
             return frame
         return np.asarray(cv2.resize(frame, self.size, interpolation=cv2.INTER_AREA), np.uint8)
 
     def shrink_flow(self, flow: NDArray[np.float32]) -> NDArray[np.float32]:
         """A flow of the frame, px, as one of the grid, working px."""
-        if self.scale == 1:
+        if self.size == (self.width, self.height):
             return flow
         small = cv2.resize(flow, self.size, interpolation=cv2.INTER_AREA)
         return np.asarray(small / np.array(self.ratio, np.float32), np.float32)
 
     def enlarge(self, plane: NDArray[Any]) -> NDArray[Any]:
         """A smooth plane of the grid at the frame's size, bilinear."""
-        if self.scale == 1:
+        if self.size == (self.width, self.height):
             return plane
         return np.asarray(cv2.resize(plane, (self.width, self.height), interpolation=cv2.INTER_LINEAR))

@@ -20,8 +20,32 @@ MOST_LABELS = 65535
 
 
 def keyframes(bench: Bench, name: str, frames: int) -> list[int]:
-    """Numbers of the frames that the user has drawn on, ascending; those beyond the video do not count."""
-    return [number for number in sorted(bench.images(name)) if number < frames] if bench.has(name) else []
+    """Numbers of the frames that the user has drawn on, ascending.
+
+    Raises:
+        BadParameter: a frame is beyond the video.
+    """
+    found = sorted(bench.images(name)) if bench.has(name) else []
+    if found and found[-1] >= frames:
+        raise BadParameter(
+            "There is no such frame.", field=f"inputs.{name}[{found[-1]}]", value=found[-1],
+            remedy=f"Frames of this video are 0 to {frames - 1}; an image's number is the last one in its name.",
+        )  # fmt: skip
+    return found
+
+
+def check(bench: Bench, frames: int) -> None:
+    """Look at all that the user says, before anything else is done.
+
+    Raises:
+        BadParameter: a map is on no frame, or of another shape, or has colours; or a style is none.
+    """
+    grid = Grid.of(bench.size)
+    for name, read in (("labels", label_map), ("masks", mask_map)):
+        images = bench.images(name) if bench.has(name) else {}
+        for number in keyframes(bench, name, frames):
+            read(images[number], grid, number)
+    styles_of(bench)
 
 
 def label_map(image: NDArray[Any], grid: Grid, number: int) -> Labels:
@@ -82,7 +106,7 @@ def styles_of(bench: Bench) -> Mapping[int, str]:
                            remedy='For example {"background": "wash", "3": "circles"}.')  # fmt: skip
     found = {}
     for key, style in given.items():
-        if style not in STYLES:
+        if not isinstance(style, str) or style not in STYLES:
             raise BadParameter("There is no such style.", field=f"inputs.styles.{key}", value=style,
                                remedy=f"Use one of: {', '.join(STYLES)}.")  # fmt: skip
         number = 1 if key == "background" else int(key) if key.isdecimal() else 0

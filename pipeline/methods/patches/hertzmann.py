@@ -15,7 +15,7 @@ from pipeline.strokes.brush import Brush, Canvas, Direction, blank, colours_at
 from pipeline.strokes.carry import present
 from pipeline.strokes.emboss import Light, emboss
 from pipeline.strokes.layers import Recipe, layer_brush, layer_reference, layer_threshold, spacing_px, wanted
-from pipeline.strokes.raster import Touch, paint
+from pipeline.strokes.raster import Touch, paint, slopes_of
 from pipeline.strokes.seeds import Seeds, place
 from pipeline.strokes.trace import trace
 from pipeline.tensors.structure import structure_tensor, tangent_field
@@ -108,7 +108,9 @@ class Painter:
         )  # fmt: skip
         if presence is not None:
             strokes = present(strokes, presence)
-        paint(canvas, strokes, seed=self.seed, touch=Touch(), guide=reference, tolerance=edge)
+        paint(
+            canvas, strokes, seed=self.seed, touch=Touch(), guide=reference, tolerance=edge, slopes=slopes_of(reference)
+        )
 
     def picture(self, picture: Frame, where: Mask | None = None) -> Frame:
         """The painting in the light, uint8 (h, w, 3)."""

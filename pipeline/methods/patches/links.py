@@ -82,26 +82,32 @@ def pack(pair: Pair, index: int, gap: int) -> dict[str, NDArray[Any]]:
 
     `ahead` is kept for neighbours only: over a gap only `back` is followed.
     """
-    half = {"b": pair.back} | ({"f": pair.ahead} if gap == 1 else {})
-    bytes_ = {"t": pair.there, "h": pair.home}
+    half, bytes_ = {"b": pair.back}, {"h": pair.home}
+    if gap == 1:
+        half["f"], bytes_["t"] = pair.ahead, pair.there
     return {f"{k}-{index}-{gap}": np.clip(v, -6e4, 6e4).astype(np.float16) for k, v in half.items()} | {
         f"{k}-{index}-{gap}": np.rint(v * 255).astype(np.uint8) for k, v in bytes_.items()
     }
 
 
+MOST_PAIRS = 10
+"""Pairs that are held as they are used: those of a frame's window, both ways."""
+
+
 class Links:
-    """Reads what the flow step has kept, run by run, holding at most `most` runs in memory."""
+    """Reads what the tasks "flow-..." have kept, run by run, holding at most `most` runs in memory."""
 
     def __init__(self, bench: Bench, begin: int, run: int, most: int = 3) -> None:
         self._bench, self._begin, self._run, self._most = bench, begin, run, most
         self._held: OrderedDict[int, dict[str, NDArray[Any]]] = OrderedDict()
+        self._pairs: OrderedDict[str, tuple[Flow, Plane] | None] = OrderedDict()
 
     def _get(self, name: str, index: int) -> NDArray[Any] | None:
         start = self._begin + (index - self._begin) // self._run * self._run
         if index < self._begin:
             return None
         if start not in self._held:
-            self._held[start] = self._bench.load("flow", f"run-{start:07d}")
+            self._held[start] = self._bench.load("cluster", f"flow-{start:07d}")
             while len(self._held) > self._most:
                 self._held.popitem(last=False)
         return self._held[start].get(name)
@@ -120,13 +126,19 @@ class Links:
         """Flow from frame `index` to the next and its reliability; None at the end of the shot."""
         return self._pair("f", "t", index, 1)
 
-    def home(self, index: int, gap: int) -> Plane | None:
-        """Reliability of the links from frame `index` to `index + gap`."""
-        found = self._get(f"t-{index}-{gap}", index)
-        return None if found is None else found.astype(np.float32) / np.float32(255)
-
     def _pair(self, flow: str, trust: str, index: int, gap: int) -> tuple[Flow, Plane] | None:
-        found, reliable = self._get(f"{flow}-{index}-{gap}", index), self._get(f"{trust}-{index}-{gap}", index)
+        name = f"{flow}-{index}-{gap}"
+        if name not in self._pairs:
+            self._pairs[name] = self._read(name, f"{trust}-{index}-{gap}", index)
+            while len(self._pairs) > MOST_PAIRS:
+                self._pairs.popitem(last=False)
+        return self._pairs[name]
+
+    def _read(self, flow: str, trust: str, index: int) -> tuple[Flow, Plane] | None:
+        found, reliable = self._get(flow, index), self._get(trust, index)
         if found is None or reliable is None:
             return None
-        return found.astype(np.float32), reliable.astype(np.float32) / np.float32(255)
+        pair = found.astype(np.float32), reliable.astype(np.float32) / np.float32(255)
+        for array in pair:
+            array.setflags(write=False)
+        return pair

@@ -75,7 +75,7 @@ def lives(brief: Brief) -> list[Life]:
     """All painting patches of a video, in the order of their shots and labels."""
     scan = brief.notes["scan"]["video"]
     edges = [0, *scan["cuts"], scan["frames"]]
-    census = brief.notes["correct"] or brief.notes["cluster"]
+    census = brief.notes.get("correct") or brief.notes["cluster"]
     found = []
     for begin, end in pairwise(edges):
         for label, rows in sorted(_census(census, begin, end).items()):

@@ -116,7 +116,7 @@ class PatchesParams(Params):
         "Patches", "k",
     )  # fmt: skip
     rigidity: float = _number(
-        0.3, 0, 3, "Rigidity",
+        0.15, 0, 3, "Rigidity",
         "Flow that differs by less from its cluster's homography is taken for noise; 0 = never, as printed.",
         "px at the working size", "Patches",
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Steps "scan" and "flow": what is in the video, and how everything in a window moves.
+"""Step "scan" and the tasks "flow-...": what is in the video, and how everything in a window moves.
 
 Both are shared by all that follows. Flow is computed once for each pair of frames that a window holds, by the run of
 frames that the earlier of the two belongs to.
@@ -16,7 +16,7 @@ from pipeline.flow import estimate
 from pipeline.frames import Flow, Frame, Plane
 from pipeline.methods.base import Bench, Brief, Note, Task
 from pipeline.methods.patches.grid import Grid
-from pipeline.methods.patches.guidance import keyframes
+from pipeline.methods.patches.guidance import check, keyframes
 from pipeline.methods.patches.links import Pair, pack, reliability
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.segmentation.cuts import is_cut, thumbnail
@@ -30,7 +30,7 @@ def plan_scan(brief: Brief) -> list[Task]:
 
 
 def run_scan(task: Task, bench: Bench) -> Note:
-    """Count the frames and call the cuts."""
+    """Count the frames, call the cuts, and look at what the user says."""
     before: Plane | None = None
     cuts: list[int] = []
     count = 0
@@ -44,6 +44,7 @@ def run_scan(task: Task, bench: Bench) -> Note:
             bench.progress(min(1.0, count / max(bench.video.frames, count)))
     if not count:
         raise BadInput("The video has no frames.", field="inputs.video", remedy="Upload a video that plays.")
+    check(bench, count)
     return {"frames": count, "cuts": cuts, "keys": keyframes(bench, "labels", count)}
 
 
@@ -59,18 +60,13 @@ def run_key(start: int) -> str:
     return f"run-{start:07d}"
 
 
+def flow_key(start: int) -> str:
+    return f"flow-{start:07d}"
+
+
 def run_of(frame: int, begin: int) -> int:
     """Start of the run that a frame is in; `begin` is its shot's."""
     return begin + (frame - begin) // RUN * RUN
-
-
-def plan_flow(brief: Brief) -> list[Task]:
-    if brief.params.temporal == "off":
-        return []
-    return [
-        Task(run_key(start), {"start": start, "stop": stop, "begin": begin, "end": end}, weight=0.3 * (stop - start))
-        for start, stop, begin, end in runs(brief)
-    ]
 
 
 def run_flow(task: Task, bench: Bench) -> Note:
@@ -110,4 +106,4 @@ def link(first: tuple[Frame, Frame], second: tuple[Frame, Frame], gap: int, grid
     return Pair(ahead, back, there, home)
 
 
-__all__ = ["RUN", "link", "plan_flow", "plan_scan", "run_flow", "run_key", "run_of", "run_scan", "runs"]
+__all__ = ["RUN", "flow_key", "link", "plan_scan", "run_flow", "run_key", "run_of", "run_scan", "runs"]

@@ -15,7 +15,7 @@ class Style:
         opacity: 0..1.
         curvature: the filter f_c: 1 = strokes follow the gradient's normal, towards 0 they stay straight.
         jitter: added to the parameter.
-        value_shift, saturation_shift: of the colours, parts of the full range.
+        saturation_shift: of the colours, part of the full range.
         overlap: see `Recipe`.
         threshold: factor on T.
     """

@@ -21,6 +21,7 @@ from pipeline.methods.patches.newcomers import newcomers
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.segmentation.components import absorb_specks
 from pipeline.segmentation.foreground import CERTAIN, carry_foreground
+from pipeline.segmentation.jit import kernel
 from pipeline.segmentation.random_walk import Edges, motion_edges, vote
 from pipeline.warp.homography import deviation, dominant, fit
 
@@ -189,12 +190,21 @@ def link_votes(
     return np.stack(choices), np.stack(weights)
 
 
-def carry_labels(labels: Labels, flow: Flow) -> Labels:
-    """The label where each pixel's flow leads, to the nearest pixel: int32 (h, w)."""
+def carry_labels(labels: Labels, flow: Flow, at: tuple[int, int] = (0, 0)) -> Labels:
+    """The label where each pixel's flow leads, to the nearest pixel: int32 (h, w); `at` is (x, y) of the first one."""
+    out = np.empty(flow.shape[:2], np.int32)
+    _follow(labels, flow, *at, out)
+    return out
+
+
+@kernel
+def _follow(labels: Labels, flow: Flow, left: int, top: int, out: Labels) -> None:
     height, width = labels.shape
-    x = np.clip(np.rint(np.arange(width) + flow[..., 0]), 0, width - 1).astype(np.intp)
-    y = np.clip(np.rint(np.arange(height)[:, None] + flow[..., 1]), 0, height - 1).astype(np.intp)
-    return np.asarray(labels[y, x], np.int32)
+    for y in range(out.shape[0]):
+        for x in range(out.shape[1]):
+            column = int(np.rint(left + x + flow[y, x, 0]))
+            row = int(np.rint(top + y + flow[y, x, 1]))
+            out[y, x] = labels[min(max(row, 0), height - 1), min(max(column, 0), width - 1)]
 
 
 @dataclass(frozen=True)
@@ -257,7 +267,7 @@ def abrupt(sight: Sight) -> Mask:
     around = np.ones((BLUR_PX, BLUR_PX), np.uint8)
     for flow, _ in sight.known:
         span = cv2.dilate(flow, around) - cv2.erode(flow, around)
-        found |= span.max(axis=-1) > ABRUPT_PX
+        found |= np.maximum(span[..., 0], span[..., 1]) > ABRUPT_PX
     return found
 
 

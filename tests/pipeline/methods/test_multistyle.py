@@ -22,6 +22,7 @@ from pipeline.methods.abstraction.state import no_clock
 from pipeline.methods.multistyle import MultistyleParams, MultistyleSession, plan
 from pipeline.methods.multistyle.design import parse
 from pipeline.methods.multistyle.designer import Designer, Placed
+from pipeline.methods.multistyle.held import rest
 from pipeline.methods.multistyle.look import Eye
 from pipeline.methods.multistyle.sight import unpack
 from pipeline.methods.multistyle.styles import STYLE_NAMES, STYLES, vector
@@ -194,6 +195,48 @@ def test_noise_is_not_painted() -> None:
     assert calm < 0.25 * alone and calm < 3 * math.sqrt(2)
 
 
+@cache
+def pan() -> list[Frame]:
+    """A camera that pans by 2 px a frame, with a sensor's noise."""
+    wide, rng = scene("harbour", (200, 100), frames=1).image(0).astype(float), np.random.default_rng(9)
+    return [
+        np.clip(part + rng.normal(0, 2, part.shape), 0, 255).astype(np.uint8)
+        for part in (wide[:, 2 * k : 2 * k + 176] for k in range(10))
+    ]
+
+
+def swimming(**values: Any) -> float:
+    """How much a painting of the pan changes beyond its motion, gray levels."""
+    session = MultistyleSession(MultistyleParams(**values), (176, 100))
+    made = [session.step(frame).astype(float) for frame in pan()]
+    return float(np.sqrt(np.mean([np.square(b[8:-8, 8:-10] - a[8:-8, 10:-8]).mean() for a, b in pairwise(made[4:])])))
+
+
+@pytest.mark.parametrize("style", ["van-gogh", "impressionism"])
+def test_paint_that_lingers_swims_less_than_strokes_do(style: str) -> None:
+    implicit, without, explicit, alone = (
+        swimming(style=style, **values) for values in ({}, {"linger": 0}, {"renderer": "explicit"}, {"temporal": "off"})
+    )
+    assert implicit < 0.95 * without and implicit < 0.95 * explicit and implicit < 0.5 * alone, (
+        implicit, without, explicit, alone,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("moved", "sky"), [(240, -3), (0, 0), (120, None)])
+def test_a_plain_sky_goes_with_the_camera_and_rests_where_it_rests(moved: int, sky: float | None) -> None:
+    """Above nothing shows; below, a texture moves by 3 px as far as `moved` and rests beyond."""
+    rough = cv2.GaussianBlur(np.random.default_rng(4).normal(0, 900, (160, 260)), (0, 0), 2) + 128
+    rough = np.clip(rough, 0, 255).astype(np.uint8)
+    before, after = rough[:, :240].copy(), rough[:, :240].copy()
+    after[:, :moved] = rough[:, 3 : moved + 3]
+    before[:60], after[:60] = 200, 200
+    flow = rest(np.full((160, 240, 2), (-3, 0), np.float32), before, after, 2)[..., 0]
+    if sky is not None:
+        assert (flow[:60] == sky).mean() > 0.9, "edges along the motion look as if they rested"
+    assert (flow[52:60, 16:104] == (-3 if moved else 0)).mean() > 0.9, "the sky does what is below it"
+    assert (flow[52:60, 136:224] == (-3 if moved == 240 else 0)).mean() > 0.9
+
+
 # -- regions
 
 
@@ -316,6 +359,26 @@ def test_directions_break_at_borders_and_free_regions_take_their_neighbours() ->
     )
     angle = np.degrees(angle_of(field))
     assert np.abs(angle[:, :9]).max() < 1 and np.abs(angle[:, 11:] - 90).max() < 1
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_spreads_is_solved_to_six_digits_in_twelve_cycles(seed: int) -> None:
+    """Regions of every kind: with a style and without, behind sharp borders and not, in pieces and within others."""
+    noise = cv2.GaussianBlur(np.random.default_rng(seed).normal(size=(240, 320)), (0, 0), 13 + 4 * seed)
+    ranks = np.searchsorted(np.quantile(noise, [0.3, 0.5, 0.7, 0.85]), noise)
+    regions = {name: {"label": k + 1, "border": kind} for k, (name, kind) in enumerate(
+        {"a": "plain", "b": "sharp", "c": "plain", "d": "sharp"}.items())}  # fmt: skip
+    keys = [{"region": "a", "set": {"size": 10}}, {"region": "d", "set": {"size": 40, "hue": 20}}]
+    element = {"pattern": "center", "at": [0.5, 0.5]}
+    directions = [{"region": "a", "elements": [element]}, *({"region": name, "free": True} for name in "bc")]
+    document = {"version": 1, "regions": regions, "keys": keys, "directions": directions}
+    chosen = Designer(parse(document), STYLES["van-gogh"].style, (320, 240), (213, 160))
+    placed = Placed(0, ranks.astype(np.uint8), {}, {})
+    size = np.asarray(chosen.values(placed)["size"])
+    chosen.directions(np.ones((2, 160, 213), np.float32), placed)
+    assert 0 < chosen.cycles <= 12 and chosen.residual <= 1e-6
+    assert (size[ranks == 1] == 10).all() and (size[ranks == 4] == 40).all()
+    assert (size >= 10 - 1e-4).all() and (size <= 40 + 1e-4).all()
 
 
 # -- a moving, turning object

@@ -13,12 +13,15 @@ import pytest
 
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame
-from pipeline.methods.base import Brief, VideoInfo
+from pipeline.methods.base import Brief, Task, VideoInfo
+from pipeline.methods.patches import build
+from pipeline.methods.patches.clusters import plan_cluster
 from pipeline.methods.patches.grid import Grid
 from pipeline.methods.patches.guidance import label_map, mask_map, style_of, styles_of
 from pipeline.methods.patches.hertzmann import Painter
 from pipeline.methods.patches.lives import FADE, Life, lives
 from pipeline.methods.patches.params import PatchesParams
+from pipeline.methods.patches.scan import run_scan
 from tests.pipeline.methods.bench import FakeBench, painted
 from tests.pipeline.methods.patch_scenes import (
     HIDDEN,
@@ -221,6 +224,7 @@ def test_a_patch_may_have_a_style_of_its_own() -> None:
     [
         ([], "inputs.styles"),
         ({"2": "cubist"}, "inputs.styles.2"),
+        ({"2": ["wash"]}, "inputs.styles.2"),
         ({"sky": "wash"}, "inputs.styles.sky"),
         ({"0": "wash"}, "inputs.styles.0"),
     ],
@@ -243,6 +247,21 @@ def test_a_map_of_another_shape_or_with_colours_is_refused() -> None:
     with pytest.raises(BadParameter) as caught:
         mask_map(np.zeros((100, 100), np.uint8), grid, 2)
     assert caught.value.field == "inputs.masks[2]"
+
+
+@pytest.mark.parametrize(
+    ("inputs", "field"),
+    [
+        ({"labels": {7: np.ones(SIZE[::-1], np.uint8)}}, "inputs.labels[7]"),
+        ({"masks": {0: np.zeros((10, 90), np.uint8)}}, "inputs.masks[0]"),
+        ({"styles": {"background": "cubist"}}, "inputs.styles.background"),
+    ],
+)
+def test_what_the_user_says_is_looked_at_before_anything_is_done(inputs: dict[str, object], field: str) -> None:
+    bench = FakeBench(PatchesParams(), [truth()[0].image] * 2, inputs)
+    with pytest.raises(BadParameter) as caught:
+        run_scan(Task("video"), bench)
+    assert caught.value.field == field and caught.value.remedy
 
 
 # -- artefacts
@@ -279,6 +298,26 @@ def test_lives_are_short_enough_and_fade_into_each_other() -> None:
     assert all(life.stop - life.start <= 40 + FADE for life in found)
     for index in range(100):
         assert sum(life.weight(index) for life in found if life.start <= index < life.stop) == pytest.approx(1)
+
+
+def test_a_patch_is_the_same_in_one_task_and_in_many(monkeypatch: pytest.MonkeyPatch) -> None:
+    frames = [shot.image for shot in truth()[:10]]
+    made = []
+    for small in (0.0, 1e9):
+        monkeypatch.setattr(build, "SMALL", small)
+        made.append(paint(frames))
+    (many, one), names = made, [{key for step, key in bench.kept if step == "patch"} for bench in made]
+    assert any("-sum-" in key for key in names[0]) and not any("-sum-" in key for key in names[1])
+    np.testing.assert_array_equal(painted(many), painted(one))
+
+
+def test_flow_waits_for_nothing_and_label_maps_for_what_they_read_only() -> None:
+    tasks = {task.key: task for task in plan_cluster(brief(30))}
+    assert [task.after for key, task in tasks.items() if key.startswith("flow")] == [(), (), ()]
+    assert tasks["run-0000000"].after == ("flow-0000000",)
+    assert set(tasks["run-0000024"].after) == {"flow-0000024", "flow-0000012", "run-0000012"}
+    places = list(tasks)
+    assert all(places.index(need) < places.index(key) for key, task in tasks.items() for need in task.after)
 
 
 def test_what_travels_far_has_more_lives() -> None:

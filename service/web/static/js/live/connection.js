@@ -177,6 +177,7 @@ const TOO_LARGE = ["The picture is too large", "The service does not take frames
 
 const SAID = {
   1009: TOO_LARGE,
+  4403: ["The session was ended", "An operator of the service has ended it.", "Ask them why, or try again later."],
   4404: ["Something is missing", "The service does not have what this session asks for.", "Remove the colour reference and drop it again."],
   4409: ["It goes on elsewhere", "Another page or program has taken this session up.", "Start again to have one of your own."],
   4413: TOO_LARGE,

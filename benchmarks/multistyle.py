@@ -1,0 +1,134 @@
+"""What a painted frame costs, by stage; what two workers make of it; and what OpenCV's painting filters take.
+
+Every task of the plan runs alone, in one process, on decoded frames; its CPU seconds are taken, so that other work on
+the machine does not count. One worker against two is then played through as in `benchmarks.patches`. Decoding (once to
+scan, once to look) and encoding are timed beside it, and shared evenly.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from benchmarks.clips import clip, fit
+from benchmarks.patches import Table, makespan
+from pipeline.frames import Frame
+from pipeline.methods.base import Brief, Note, Task
+from pipeline.methods.multistyle import Multistyle, MultistyleParams, MultistyleSession
+from pipeline.methods.multistyle.styles import STYLE_NAMES
+from pipeline.video.reader import VideoReader
+from pipeline.video.writer import SegmentSpec, segment_writer
+from workers.render import prepare_process
+
+SIZES = ((320, 240), (640, 480), (1280, 960))
+SOURCE = (640, 480)
+FRAMES = 96
+FEW = 8
+
+
+@dataclass
+class Canvas(Table):
+    """Keeps what was painted."""
+
+    painted: list[Frame] = field(default_factory=list)
+
+    def emit(self, index: int, frame: Frame) -> None:
+        self.painted.append(frame)
+
+
+def measure(size: tuple[int, int], frames: int = FRAMES, **values: Any) -> dict[str, Any]:
+    """CPU seconds a frame with one worker, seconds with two, and CPU seconds by stage."""
+    prepare_process()
+    source = [fit(frame, size) for frame in clip(SOURCE, frames)]
+    _run(_table(source[:3], values))  # compile and load
+    table = _table(source, values)
+    steps = _run(table)
+    coding = _coding(table.painted)
+    outside = sum(coding.values())
+    one, two = (sum(makespan(tasks, workers) for tasks in steps.values()) / frames for workers in (1, 2))
+    one, two = one + outside, two + outside / 2
+    stages = {name: cost / frames for name, cost in table.stages.items()} | coding
+    return {"size": size, "one_s": one, "two_s": two, "ratio": one / two, "stages": stages}
+
+
+def _table(source: list[Frame], values: dict[str, Any]) -> Canvas:
+    return Canvas(MultistyleParams(**values), source)  # type: ignore[arg-type]
+
+
+def _run(table: Canvas) -> dict[str, list[tuple[Task, float]]]:
+    """Every task of every step, with the CPU seconds it took."""
+    notes: dict[str, dict[str, Note]] = {}
+    spent: dict[str, list[tuple[Task, float]]] = {}
+    for step in Multistyle.steps:
+        tasks = step.plan(Brief(table.params, 0, table.video, frozenset(), notes))
+        table.step, spent[step.name] = step.name, []
+        for task in tasks:
+            start = time.thread_time()
+            notes.setdefault(step.name, {})[task.key] = step.run(task, table)  # type: ignore[arg-type]
+            spent[step.name].append((task, time.thread_time() - start))
+        notes.setdefault(step.name, {})
+    return spent
+
+
+def _coding(painted: list[Frame]) -> dict[str, float]:
+    """CPU seconds a frame of encoding, and of decoding twice."""
+    count, size = len(painted), (painted[0].shape[1], painted[0].shape[0])
+    with tempfile.TemporaryDirectory(prefix="impasto-multistyle-") as folder:
+        path = Path(folder) / "clip.mp4"
+        start = time.process_time()
+        with segment_writer(path, SegmentSpec("mp4", size, Fraction(1, 25), 25)) as writer:
+            for index, frame in enumerate(painted):
+                writer.write(index, frame, index, index + 1)
+        written = time.process_time()
+        with VideoReader(path) as reader:
+            for _ in reader.read():
+                pass
+        read = time.process_time()
+    return {"encode": (written - start) / count, "decode": 2 * (read - written) / count}
+
+
+def beside(size: tuple[int, int]) -> dict[str, float]:
+    """CPU seconds a frame of what else paints: each frame on its own, and OpenCV's filters."""
+    frames = [fit(frame, size) for frame in clip(SOURCE, FEW)]
+    alone = MultistyleSession(MultistyleParams(temporal="off"), size)
+    painters: dict[str, Callable[[Frame], Any]] = {
+        "each frame on its own": alone.step, "cv2.stylization": cv2.stylization,
+        "cv2.xphoto.oilPainting": lambda frame: cv2.xphoto.oilPainting(frame, 7, 1),
+    }  # fmt: skip
+    return {name: _cpu(paint, frames) for name, paint in painters.items()}
+
+
+def _cpu(paint: Callable[[Frame], Any], frames: list[Frame]) -> float:
+    paint(frames[0])
+    start = time.process_time()
+    for frame in frames:
+        paint(frame)
+    return (time.process_time() - start) / len(frames)
+
+
+def main() -> None:
+    """Print the tables."""
+    print(f"{'size':>10} {'CPU s':>7} {'2 workers s':>12} {'ratio':>6} {'us/px':>6}   CPU ms a frame by stage")
+    for size in SIZES:
+        row = measure(size, FRAMES if size[0] <= 640 else FRAMES // 2)
+        per_px = row["one_s"] / np.prod(size) * 1e6
+        stages = "  ".join(f"{name} {cost * 1e3:.1f}" for name, cost in row["stages"].items())
+        shape = f"{size[0]}x{size[1]}"
+        print(f"{shape:>10} {row['one_s']:7.3f} {row['two_s']:12.3f} {row['ratio']:6.2f} {per_px:6.3f}   {stages}")
+    print("640x480 by style, CPU s a frame, two workers s: ", end="")
+    rows = ((name, measure(SOURCE, FRAMES // 2, style=name)) for name in STYLE_NAMES)
+    print(", ".join(f"{name} {row['one_s']:.3f} {row['two_s']:.3f}" for name, row in rows))
+    print("640x480 otherwise, CPU s a frame: ", end="")
+    print(", ".join(f"{name} {cost:.3f}" for name, cost in beside(SOURCE).items()))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,120 @@
+"""What do the farm and its stores cost? The share of a render's CPU time that is not decoding, painting and encoding.
+
+A job of every method in a farm in this process, SQLite and a disk. Counted as overhead: all CPU of the farm's own
+threads (dispatching, events, leases, clearing up, waiting), and in workers' threads what goes into keeping and
+fetching artefacts, blobs, segments and the pictures that show progress, and into joining the film.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import sys
+import tempfile
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+from benchmarks.loops import looped, source
+
+CLIP, SIZE = "dog_720p_audio.mp4", "1280x720"
+FRAMES = {"abstraction": 300, "multistyle": 300, "patches": 60, "analogy": 40}
+"""The slow ones are shorter: what a job costs once weighs more in a short one, so that this is no favour."""
+
+
+def main() -> None:
+    """Print a row for each method; `python -m benchmarks.overhead METHOD FRAMES` does one."""
+    wanted = {sys.argv[1]: int(sys.argv[2])} if __name__ == "__main__" and len(sys.argv) > 2 else FRAMES
+    print(f"{'method':>12} {'frames':>7} {'wall s':>7} {'CPU s':>8} {'overhead s':>11} {'share':>7}   where, CPU s")
+    spawn = multiprocessing.get_context("spawn")
+    with tempfile.TemporaryDirectory(prefix="impasto-overhead-") as scratch:
+        folder = Path(scratch)
+        clip = source(CLIP, SIZE, folder)
+        for name, frames in wanted.items():
+            long = looped(clip, frames, folder / f"{name}.mp4")
+            with spawn.Pool(1) as one:
+                wall, total, parts = one.apply(measure, (name, long, folder / f"home-{name}"))
+            cost = sum(parts.values())
+            where = "  ".join(f"{part} {seconds:.2f}" for part, seconds in sorted(parts.items()))
+            figures = f"{wall:7.1f} {total:8.1f} {cost:11.2f} {cost / total:7.2%}"
+            print(f"{name:>12} {frames:7} {figures}   {where}", flush=True)
+
+
+def measure(name: str, clip: Path, home: Path) -> tuple[float, float, dict[str, float]]:
+    """Of a job: wall seconds, CPU seconds of the process, those of the overhead by part."""
+    from impasto.cli import embedded
+    from pipeline.methods import method, parse_params
+    from workers.model import JobRequest
+    from workers.warmup import warm_up
+
+    warm_up(method(name), parse_params(method(name), {}))
+    counted = _count_stores()
+    with embedded.opened(home, 1) as farm:
+        video = farm.add_asset(clip, clip.name).id
+        since, began, before = time.monotonic(), time.process_time(), _threads()
+        counted.clear()
+        job = farm.submit(JobRequest(name, {"video": video}))
+        embedded.follow(farm, job.id, lambda state: None)
+        total, after, wall = time.process_time() - began, _threads(), time.monotonic() - since
+    parts = Counter(counted)
+    for thread, seconds in after.items():
+        if thread in OF_THE_FARM:
+            parts[OF_THE_FARM[thread]] += seconds - before.get(thread, 0.0)
+    return wall, total, dict(parts)
+
+
+OF_THE_FARM = {
+    "impasto-dispatcher": "dispatch", "impasto-tidier": "tidy", "impasto-bell": "events", "MainThread": "client",
+}  # fmt: skip
+
+
+def _threads() -> dict[str, float]:
+    """CPU seconds of this process's threads that Python knows, by name."""
+    known = {thread.native_id: thread.name for thread in threading.enumerate()}
+    spent: Counter[str] = Counter()
+    for row in psutil.Process().threads():
+        if row.id in known:
+            spent[known[row.id]] += row.user_time + row.system_time
+    return dict(spent)
+
+
+def _count_stores() -> Counter[str]:
+    """Count, from now on, the CPU seconds of whatever keeps and fetches."""
+    from workers.bench import TaskBench
+    from workers.blobs.disk import DiskBlobs
+    from workers.render import Renderer
+    from workers.shows import Shows
+
+    counted: Counter[str] = Counter()
+    inside = threading.local()
+
+    def count(owner: type, name: str, part: str) -> None:
+        does: Callable[..., Any] = getattr(owner, name)
+
+        def counting(*args: Any, **more: Any) -> Any:
+            if getattr(inside, "on", False) or not threading.current_thread().name.startswith("impasto-worker"):
+                return does(*args, **more)
+            inside.on, began = True, time.thread_time()
+            try:
+                return does(*args, **more)
+            finally:
+                counted[part] += time.thread_time() - began
+                inside.on = False
+
+        setattr(owner, name, counting)
+
+    for name in ("save", "load", "save_file"):
+        count(TaskBench, name, "artefacts")
+    for name in ("put", "get", "size"):
+        count(DiskBlobs, name, "blobs")
+    count(Shows, "put", "shows")
+    count(Renderer, "_assemble", "join")
+    return counted
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,308 @@
+"""How much faster is a job with 1 to 512 workers, and what is in the way? A simulation over recorded tasks.
+
+    python -m benchmarks.speedup record METHOD ...     run a short job of the method, one task after another; keep what
+                                                       each took in benchmarks/recorded/METHOD.json
+    python -m benchmarks.speedup                       print the table
+
+Recorded are real jobs on a real film with cuts (small frames), through the store, planning, decoding, encoding and
+blobs, as a worker runs them; in CPU seconds, so that other work on the machine does not count. The simulation does what
+dispatchers do: steps one after the other, a task when those of its chain are done, ready tasks in plan order to
+whichever worker is free, and between two tasks the claim and the answer, which the database settles one by one.
+
+A short job has few tasks. A *film* is as if so many such clips were one: a step that planned several tasks has so many
+times as many, a step that planned one (it reads the whole video) has one that takes so many times as long. Its frames
+are 1280 px wide, and every task takes longer by the number of pixels.
+"""
+
+from __future__ import annotations
+
+import heapq
+import json
+import sys
+import tempfile
+import time
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+RECORDED = Path(__file__).parent / "recorded"
+METHODS = ("abstraction", "patches", "analogy", "multistyle")
+WORKERS = (1, 2, 4, 8, 16, 32, 64, 128, 256, 512)
+WARM_FRAMES = 40
+"""The film's first cut is at frame 30."""
+FILMS = (1, 100)
+"""Clips in the simulated films."""
+FILM_WIDTH_PX = 1280
+"""Of their frames: tasks take longer by the number of pixels, the database does not."""
+CLIP = "bikes_scene_cuts.mp4"
+SIZES = {"abstraction": (250, 640), "patches": (96, 192), "analogy": (96, 128), "multistyle": (96, 192)}
+"""(frames, width in px): what is done in a minute or two."""
+STYLE = "paintings"
+
+
+@dataclass(frozen=True)
+class Timed:
+    """A task of a recorded job."""
+
+    step: int
+    key: str
+    seconds: float
+    after: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Recorded:
+    method: str
+    clip: str
+    frames: int
+    size: tuple[int, int]
+    steps: tuple[str, ...]
+    dispatch_s: float
+    """Of the database, a task: one claim and one answer."""
+    tasks: tuple[Timed, ...]
+
+    @property
+    def work_s(self) -> float:
+        return sum(task.seconds for task in self.tasks)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A simulated run."""
+
+    seconds: float
+    limit: str
+    """What keeps more workers from making it faster."""
+
+
+# -- the simulation
+
+
+def simulate(job: Recorded, workers: int, dispatch_s: float | None = None) -> float:
+    """Seconds from the first claim to the last answer."""
+    cost = job.dispatch_s if dispatch_s is None else dispatch_s
+    now = 0.0
+    for step in range(len(job.steps)):
+        now = _run_step([task for task in job.tasks if task.step == step], workers, cost, now)
+    return now
+
+
+def _run_step(tasks: Sequence[Timed], workers: int, cost: float, now: float) -> float:
+    """When the last of the step's tasks is answered. Ready ones go in plan order to whoever is free."""
+    blockers = {task.key: len(task.after) for task in tasks}
+    order = {task.key: place for place, task in enumerate(tasks)}
+    waiting_for: dict[str, list[str]] = defaultdict(list)
+    for task in tasks:
+        for key in task.after:
+            waiting_for[key].append(task.key)
+    ready = [order[key] for key, n in blockers.items() if not n]
+    heapq.heapify(ready)
+    running: list[tuple[float, int]] = []
+    database = last = now
+    while ready or running:
+        if ready and len(running) < workers:  # each pays for its claim, and for the answer before it
+            database = max(database, now) + cost
+            place = heapq.heappop(ready)
+            heapq.heappush(running, (database + tasks[place].seconds, place))
+            continue
+        now, place = heapq.heappop(running)
+        last = max(last, now)
+        for key in waiting_for[tasks[place].key]:
+            blockers[key] -= 1
+            if not blockers[key]:
+                heapq.heappush(ready, order[key])
+    return last
+
+
+def explain(job: Recorded, workers: int) -> Outcome:
+    """The run, and the largest of the bounds that it cannot beat."""
+    seconds = simulate(job, workers)
+    chains = [_longest_chain(job, step) for step in range(len(job.steps))]
+    bounds = {"workers": job.work_s / workers, "the database's claims": len(job.tasks) * job.dispatch_s}
+    for step, chain in enumerate(chains):
+        bounds[_name(job, step)] = chain
+    path = sum(chains)
+    if max(bounds["workers"], bounds["the database's claims"]) >= path:
+        return Outcome(seconds, max(("workers", "the database's claims"), key=lambda name: bounds[name]))
+    worst = max(range(len(chains)), key=lambda step: chains[step])
+    return Outcome(seconds, f"{_name(job, worst)}: {100 * chains[worst] / path:.0f} % of the longest path")
+
+
+def _name(job: Recorded, step: int) -> str:
+    tasks = [task for task in job.tasks if task.step == step]
+    if len(tasks) == 1:
+        return f"`{job.steps[step]}`, one task"
+    kind = "the longest chain" if any(task.after for task in tasks) else "the longest task"
+    return f"`{job.steps[step]}`, {kind} of {len(tasks)} tasks"
+
+
+def _longest_chain(job: Recorded, step: int) -> float:
+    ends: dict[str, float] = {}
+    for task in (task for task in job.tasks if task.step == step):
+        ends[task.key] = task.seconds + max((ends[key] for key in task.after), default=0.0)
+    return max(ends.values(), default=0.0)
+
+
+def larger(job: Recorded, width_px: int) -> Recorded:
+    """The same job on larger frames."""
+    times = (width_px / job.size[0]) ** 2
+    size = (width_px, round(job.size[1] * width_px / job.size[0]))
+    tasks = tuple(replace(task, seconds=times * task.seconds) for task in job.tasks)
+    return replace(job, size=size, tasks=tasks)
+
+
+def film(job: Recorded, clips: int) -> Recorded:
+    """A job on so many such clips in a row."""
+    tasks: list[Timed] = []
+    for step in range(len(job.steps)):
+        mine = [task for task in job.tasks if task.step == step]
+        if len(mine) == 1:
+            tasks.append(replace(mine[0], seconds=clips * mine[0].seconds))
+            continue
+        for clip in range(clips):
+            tasks += [
+                replace(task, key=f"{task.key}-{clip}", after=tuple(f"{key}-{clip}" for key in task.after))
+                for task in mine
+            ]
+    return replace(job, tasks=tuple(tasks), frames=clips * job.frames)
+
+
+# -- recording
+
+
+def record(name: str) -> Recorded:
+    """Run a job of the method here, one task after another."""
+    from workers.orders import Orders
+    from workers.render import Renderer
+    from workers.settings import FarmSettings
+    from workers.studio import Studio
+
+    with tempfile.TemporaryDirectory(prefix="impasto-speedup-") as folder:
+        settings = FarmSettings(home=Path(folder), pool="none", reserve_bytes=0)
+        farm = Studio(settings, None)
+        clip, size = _clip(Path(folder), *SIZES[name])
+        inputs = {"video": farm.add_asset(clip, clip.name).id}
+        if style := _style(name):
+            inputs["style_output"] = farm.add_asset(style, style.name).id
+        with Renderer(farm._blobs, settings.scratch) as renderer:
+            warm = _clip(Path(folder), WARM_FRAMES, SIZES[name][1])[0]  # compilers have done their work after it
+            _submit(farm, name, {**inputs, "video": farm.add_asset(warm, warm.name).id})
+            _run(farm, Orders(farm._store), renderer)
+            print("  now for the record", flush=True)
+            job = _submit(farm, name, inputs)
+            timed, dispatch_s = _run(farm, Orders(farm._store), renderer)
+        state = farm.job(job)
+        farm.stop()
+    if state.state != "succeeded":
+        raise SystemExit(f"The job {state.state}: {state.error}")
+    steps = tuple(step.name for step in state.steps)
+    return Recorded(name, CLIP, SIZES[name][0], size, steps, dispatch_s, tuple(timed))
+
+
+def _submit(farm: Any, name: str, inputs: dict[str, str]) -> str:
+    from workers.model import JobRequest
+
+    return str(farm.submit(JobRequest(name, inputs)).id)
+
+
+def _run(farm: Any, orders: Any, renderer: Any) -> tuple[list[Timed], float]:
+    """Do what a dispatcher and one worker do, in turn."""
+    store, timed, costs = farm._store, [], []
+    while True:
+        _plan(store)
+        began = time.process_time()
+        claim = store.work.claim("benchmark", 3600.0)
+        cost = time.process_time() - began
+        if claim is None:
+            break
+        order = orders.order(claim)
+        began = time.process_time()
+        outcome = renderer.run(order)
+        seconds = time.process_time() - began
+        if outcome.fault is not None:
+            raise SystemExit(f"{order.step}/{order.key}: {outcome.fault}\n{outcome.log}")
+        began = time.process_time()
+        store.work.finish(outcome)
+        costs.append(cost + time.process_time() - began)
+        timed.append(Timed(claim.task["step"], order.key, round(seconds, 4), order.after))
+        print(f"    {order.step}/{order.key}: {seconds:.2f} s", flush=True)
+    return timed, round(sorted(costs)[len(costs) // 2], 5)
+
+
+def _plan(store: Any) -> None:
+    from workers.planning import plan_step
+
+    while todos := store.plans.to_plan():
+        for todo in todos:
+            notes, _ = store.context.before(todo.job_id, todo.step)
+            info = store.context.input_info(todo.request.inputs)
+            tasks = plan_step(todo.step, todo.request, todo.params, info, notes)
+            store.plans.planned(todo.job_id, todo.step, tasks)
+
+
+def _clip(folder: Path, frames: int, width: int) -> tuple[Path, tuple[int, int]]:
+    """The first frames of the film, small."""
+    import av
+
+    from benchmarks.loops import source
+
+    path = folder / f"small-{frames}.mp4"
+    with av.open(str(source(CLIP, "640x272", folder))) as given, av.open(str(path), "w") as out:
+        height = round(width * given.streams.video[0].height / given.streams.video[0].width / 2) * 2
+        stream = out.add_stream("libx264", rate=given.streams.video[0].average_rate)
+        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+        for number, frame in enumerate(given.decode(video=0)):
+            if number == frames:
+                break
+            out.mux(stream.encode(frame.reformat(width, height, "yuv420p", interpolation="AREA")))
+        out.mux(stream.encode(None))
+    return path, (width, height)
+
+
+def _style(name: str) -> Path | None:
+    """A picture of strokes for the method that needs one."""
+    from benchmarks.clips import MEDIA
+
+    if name != "analogy":
+        return None
+    return next(iter(sorted((MEDIA.parent / "style" / STYLE).glob("*.[jp][pn]g"))), None)
+
+
+# -- the table
+
+
+def main() -> None:
+    """Print the table; with `record`, make the recordings first."""
+    if "record" in sys.argv:
+        for name in sys.argv[sys.argv.index("record") + 1 :] or METHODS:
+            print(name)
+            RECORDED.mkdir(exist_ok=True)
+            (RECORDED / f"{name}.json").write_text(json.dumps(asdict(record(name)), indent=1) + "\n")
+        return
+    print("| method | film | tasks | alone | " + " | ".join(map(str, WORKERS)) + " | with 512, the limit is |")
+    print("|---|---|---|---|" + "---|" * (len(WORKERS) + 1))
+    for name in METHODS:
+        if (RECORDED / f"{name}.json").is_file():
+            for clips in FILMS:
+                print(_row(film(larger(load(name), FILM_WIDTH_PX), clips)))
+
+
+def load(name: str) -> Recorded:
+    """A recording that is in the repository."""
+    given = json.loads((RECORDED / f"{name}.json").read_text())
+    tasks = tuple(Timed(**{**task, "after": tuple(task["after"])}) for task in given.pop("tasks"))
+    return Recorded(**{**given, "size": tuple(given["size"]), "steps": tuple(given["steps"]), "tasks": tasks})
+
+
+def _row(job: Recorded) -> str:
+    alone = simulate(job, 1)
+    runs = [explain(job, workers) for workers in WORKERS]
+    speeds = " | ".join(f"{alone / run.seconds:.1f}" for run in runs)
+    about = f"{job.frames:,} frames | {len(job.tasks):,} | {alone / 3600:.2f} h"
+    return f"| {job.method} | {about} | {speeds} | {runs[-1].limit} |"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,21 @@
+"""Prints what an image needs besides ourselves: `requirements.py cpu` or `requirements.py gpu`."""
+
+from __future__ import annotations
+
+import sys
+import tomllib
+from pathlib import Path
+
+EXTRAS = {"cpu": ("cpu",), "gpu": ()}
+
+
+def requirements(project: Path, device: str) -> list[str]:
+    """The dependencies in `project`, with those that a device of this kind wants."""
+    found = tomllib.loads(project.read_text("utf-8"))["project"]
+    return [*found["dependencies"], *(row for extra in EXTRAS[device] for row in found["optional-dependencies"][extra])]
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 2 or sys.argv[1] not in EXTRAS:
+        sys.exit(f"usage: requirements.py {'|'.join(EXTRAS)}")
+    print("\n".join(requirements(Path("pyproject.toml"), sys.argv[1])))

@@ -1,0 +1,137 @@
+"""`impasto ops`: what operators look at and steer, with an admin key."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from impasto.cli.console import emit, out, say
+from impasto.cli.options import JsonFlag, KeyOption, ServerOption, client_of
+
+app = typer.Typer(no_args_is_help=True, help="Look at a service's queue, workers and failures; pause, drain, requeue.")
+
+PlaceArgument = Annotated[
+    str, typer.Argument(metavar="PLACE", help="A worker's id (dsp_...), a machine's name, or `queue` for all of it.")
+]
+
+
+@app.command()
+def status(server: ServerOption = None, api_key: KeyOption = None, as_json: JsonFlag = False) -> None:
+    """Show the queue, tasks by state, workers and machines."""
+    with client_of(server, api_key) as client:
+        found: dict[str, Any] = {
+            "snapshot": client.ops.snapshot(),
+            "queue": client.ops.queue(),
+            "workers": client.ops.workers(),
+            "nodes": client.ops.nodes(),
+            "live": client.ops.live(),
+        }
+    if as_json:
+        emit(found)
+        return
+    out.print(_queue_line(found), markup=False)
+    out.print(_workers(found["workers"]))
+    out.print(_nodes(found["nodes"]))
+
+
+@app.command()
+def failures(
+    job: Annotated[str | None, typer.Option(help="Of this job only.")] = None,
+    limit: Annotated[int, typer.Option(min=1, max=200, help="How many at most.")] = 20,
+    server: ServerOption = None,
+    api_key: KeyOption = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """List attempts that failed, newest first."""
+    with client_of(server, api_key) as client:
+        found = client.ops.failures(job, limit)
+    if as_json:
+        emit(found)
+        return
+    table = Table("attempt", "task", "job", "step", "when", "code", box=None, header_style="bold")
+    for one in found:
+        code = (one["error"] or {}).get("code", one["outcome"])
+        table.add_row(one["attempt_id"], one["task_id"], one["job_id"], one["step"], _time(one["finished_at"]), code)
+    out.print(table)
+
+
+@app.command()
+def log(
+    attempt: Annotated[str, typer.Argument(metavar="ATTEMPT", help="An attempt's id (att_...).")],
+    server: ServerOption = None,
+    api_key: KeyOption = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """Print what an attempt said."""
+    with client_of(server, api_key) as client:
+        found = client.ops.log(attempt)
+    emit(found) if as_json else out.print(found["log"], markup=False)
+
+
+@app.command()
+def drain(
+    place: PlaceArgument,
+    reason: Annotated[str, typer.Option(help="Why, for the other operators.")] = "",
+    server: ServerOption = None,
+    api_key: KeyOption = None,
+) -> None:
+    """Start nothing new there; what runs is finished. With `queue`: hand out no task at all."""
+    with client_of(server, api_key) as client:
+        client.ops.drain(place, reason)
+    say(f"{place}: nothing new starts. `impasto ops resume {place}` ends that.")
+
+
+@app.command()
+def resume(place: PlaceArgument, server: ServerOption = None, api_key: KeyOption = None) -> None:
+    """Start work there again."""
+    with client_of(server, api_key) as client:
+        client.ops.resume(place)
+    say(f"{place}: work may start again.")
+
+
+@app.command()
+def requeue(
+    task: Annotated[str, typer.Argument(metavar="TASK", help="A task's id (tsk_...).")],
+    server: ServerOption = None,
+    api_key: KeyOption = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """Run a failed or cancelled task again."""
+    with client_of(server, api_key) as client:
+        found = client.requeue(task)
+    emit(found) if as_json else say(f"{task} is {found['state']}.")
+
+
+def _queue_line(found: dict[str, Any]) -> str:
+    jobs, tasks, queue = (found["snapshot"][name] for name in ("jobs", "tasks", "queue"))
+    state = "PAUSED" if found["queue"]["paused"] else "open"
+    return (
+        f"queue {state}: {jobs['queued']} jobs queued, {jobs['running']} running; {queue['ready_tasks']} tasks ready, "
+        f"{tasks['running']} running, {tasks['failed']} failed; {len(found['live'])} live sessions"
+    )
+
+
+def _workers(workers: list[dict[str, Any]]) -> Table:
+    table = Table("worker", "host", "role", "state", "slots", "version", "since", box=None, header_style="bold")
+    for one in workers:
+        slots = f"{len(one['at_work'])}/{len(one['slots'])}"
+        row = (one["id"], one["host"], one["role"], one["state"], slots, one["version"], _time(one["started_at"]))
+        table.add_row(*row)
+    return table
+
+
+def _nodes(nodes: list[dict[str, Any]]) -> Table:
+    table = Table("machine", "state", "slots", "cpus", "gpus", "workers", box=None, header_style="bold")
+    for one in nodes:
+        slots = f"{one['busy']}/{one['slots']}"
+        table.add_row(
+            one["name"], one["state"], slots, f"{one['cpus']:g}", f"{one['gpus']:g}", str(len(one["workers"]))
+        )
+    return table
+
+
+def _time(at: float) -> str:
+    return datetime.fromtimestamp(at).astimezone().strftime("%Y-%m-%d %H:%M:%S")

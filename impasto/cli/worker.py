@@ -1,0 +1,141 @@
+"""`impasto worker`: more muscle for a farm that exists, on this machine or another."""
+
+from __future__ import annotations
+
+import signal
+import socket
+import threading
+import time
+from collections.abc import Callable
+from types import FrameType
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from impasto.cli.console import say
+from impasto.cli.options import DatabaseOption, HomeOption, home_of
+
+if TYPE_CHECKING:
+    from service.settings import Settings
+
+EPILOG = """[bold]Examples[/bold]
+
+impasto worker --database postgresql://impasto@db/impasto --blobs s3://films/impasto --workers 4
+
+impasto worker --ray-address head.internal:6379 --workers 8 --gpus 1
+
+The first asks the stores for tasks, as `impasto serve` does: the same stores, a home of its own on a local disk.
+The second makes this machine a node of a Ray cluster, which `impasto serve --farm ray --ray-address` uses.
+
+SIGTERM or Ctrl-C lets running tasks end and takes no new ones; a second one gives them back at once. Nothing is lost.
+"""
+GRACE_S = 3600.0
+
+
+def worker(
+    home: HomeOption = None,
+    workers: Annotated[int | None, typer.Option(min=1, max=256, help="Tasks that run at once; else 1.")] = None,
+    database: DatabaseOption = None,
+    blobs: Annotated[str | None, typer.Option(metavar="URL", help="s3://bucket/prefix; else in the home.")] = None,
+    s3_endpoint: Annotated[str | None, typer.Option(metavar="URL", help="An S3 server that is not Amazon's.")] = None,
+    ray_address: Annotated[str | None, typer.Option(help="HOST:PORT of a Ray cluster that this machine joins.")] = None,
+    gpus: Annotated[float | None, typer.Option(min=0, help="With --ray-address: GPUs to offer; else all.")] = None,
+    name: Annotated[str | None, typer.Option(help="With --ray-address: the node's name; else the host's.")] = None,
+    grace_s: Annotated[float, typer.Option(min=0, help="How long running tasks may take to end.")] = GRACE_S,
+    metrics_port: Annotated[
+        int | None, typer.Option(min=1, max=65535, help="Answer with Prometheus metrics at this port.")
+    ] = None,
+) -> None:
+    """Join a farm: run tasks, answer no requests.
+
+    Its name is the one line on stdout, printed once it works.
+    """
+    from impasto.settings import load
+    from service.settings import Settings
+    from workers.logs import set_up_logs
+
+    settings = load(
+        Settings,
+        home=home_of(home),
+        role="worker",
+        pool="local",
+        workers=workers,
+        database_url=database,
+        blob_url=blobs,
+        s3_endpoint_url=s3_endpoint,
+    )
+    set_up_logs(settings)
+    if ray_address is not None:
+        _join_cluster(settings, ray_address, name or socket.gethostname(), gpus, grace_s)
+        return
+    _join_farm(settings, grace_s, metrics_port)
+
+
+def _join_farm(settings: Settings, grace_s: float, metrics_port: int | None) -> None:
+    """Take tasks from the stores until a signal comes."""
+    from service.ops.expose import expose
+    from workers.studio import open_farm
+
+    signals = _Signals()
+    farm = open_farm(settings)
+    with expose(farm, settings, metrics_port):
+        try:
+            farm.start()
+            typer.echo(farm.worker_id)
+            signals.first.wait()
+            say("Running tasks may end; no new ones are taken. A second signal gives them back at once.")
+            signals.until_second(lambda: farm.drain(1.0), grace_s)
+        finally:
+            farm.stop()
+
+
+def _join_cluster(settings: Settings, address: str, name: str, gpus: float | None, grace_s: float) -> None:
+    """Be a node of a Ray cluster until a signal comes; then let what runs here end, if the database can be asked."""
+    from workers.ray_node import RayNode
+
+    signals = _Signals()
+    with RayNode(address, name, settings.workers, gpus) as node:
+        typer.echo(name)
+        while not signals.first.wait(0.5):
+            node.check()
+        if settings.database_url:
+            _empty(settings, name, signals, grace_s)
+
+
+def _empty(settings: Settings, name: str, signals: _Signals, grace_s: float) -> None:
+    """Drain this node and wait until nothing runs on it."""
+    from workers.fleet import Place
+    from workers.studio import open_farm
+
+    farm = open_farm(settings.model_copy(update={"pool": "none"}))
+    try:
+        ours = not any(drain.name == name for drain in farm.fleet.drains())
+        farm.fleet.drain(Place.NODE, name, reason="It was asked to stop.")
+
+        def empty() -> bool:
+            signals.second.wait(1.0)
+            return not any(node.busy for node in farm.fleet.nodes() if node.name == name)
+
+        signals.until_second(empty, grace_s)
+        if ours:  # the next life of this machine is welcome
+            farm.fleet.resume(Place.NODE, name)
+    finally:
+        farm.stop()
+
+
+class _Signals:
+    """The first SIGTERM or SIGINT, and the second."""
+
+    def __init__(self) -> None:
+        self.first, self.second = threading.Event(), threading.Event()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._hear)
+
+    def _hear(self, _number: int, _frame: FrameType | None) -> None:
+        (self.second if self.first.is_set() else self.first).set()
+
+    def until_second(self, done: Callable[[], bool], patience_s: float) -> None:
+        """Ask `done`, which takes its time, until it says yes, a second signal comes or patience ends."""
+        deadline = time.monotonic() + patience_s
+        while not self.second.is_set() and time.monotonic() < deadline and not done():
+            pass

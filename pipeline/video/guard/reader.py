@@ -1,0 +1,110 @@
+"""`GuardedReader`: the frames of a video, decoded by a child."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Frame
+from pipeline.video.container import Index
+from pipeline.video.guard.nursery import Child, Died, begin
+from pipeline.video.guard.wire import Message
+from pipeline.video.media import Limits
+
+_FOREVER = 1 << 62
+
+
+class GuardedReader:
+    """What `VideoReader` is, of hostile files: each decoder has a process of its own, which may be killed.
+
+    Costs a fork at the start and a copy a frame. Not thread-safe. Close it.
+
+    Raises: what `VideoReader` does; UnreadableMedia too if the decoder hangs, crashes or wants too much memory.
+    """
+
+    def __init__(self, path: Path, limits: Limits | None = None) -> None:
+        limits = limits or Limits()
+        self._task = {"path": str(Path(path).absolute()), "limits": asdict(limits)}
+        self._shared_bytes = 3 * limits.pixels
+        self._child = self._begin()
+        about, data = self._child.began
+        width, height = about["size"]
+        self.size: tuple[int, int] = (int(width), int(height))
+        """(width, height) of every frame, px."""
+        self.rotation_deg = int(about["rotation_deg"])
+        self.pixel_format = str(about["pixel_format"])
+        self.index = _index(about, data)
+        self.errors: list[str] = []
+        """What would not decode so far."""
+        self.position: int | None = about["position"]
+        """The first frame that can be read without a seek, or None."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        self._child.close()
+
+    @property
+    def frames(self) -> int:
+        return len(self.index.pts)
+
+    @property
+    def timestamps(self) -> NDArray[np.int64]:
+        return self.index.pts
+
+    @property
+    def time_base(self) -> Fraction:
+        return self.index.time_base
+
+    @property
+    def fps(self) -> float:
+        return self.index.fps
+
+    def read(self, start: int = 0, stop: int | None = None) -> Iterator[Frame]:
+        """Frames [start, stop) in order; fewer if the video ends earlier. Start another read only after this one."""
+        if start < 0 or (stop is not None and stop < start):
+            raise ValueError(f"no frames [{start}, {stop})")
+        return self._frames(start, stop if stop is not None else _FOREVER)
+
+    def _begin(self) -> Child:
+        return begin("video", self._task, self._shared_bytes)
+
+    def _frames(self, start: int, stop: int) -> Iterator[Frame]:
+        question: Message = {"start": start, "stop": stop}
+        while True:
+            answer = self._asked(question, {"start": start, "stop": stop})
+            start, question = start + 1, {}
+            self.position = answer["position"]
+            self.errors += answer["errors"]
+            if answer.get("end"):
+                return
+            yield np.asarray(self._child.array(tuple(answer["shape"]), "u1"), np.uint8)
+
+    def _asked(self, question: Message, again: Message) -> Message:
+        """A child's answer; of another one if it has died, which may not have been the file's fault."""
+        try:
+            return self._child.ask(question)[0]
+        except Died:
+            self._child = self._begin()
+            return self._child.ask(again)[0]
+
+
+def _index(about: Message, data: bytes) -> Index:
+    """The times of the frames, from their bytes."""
+    times = np.frombuffer(data, "<i8").astype(np.int64)
+    count = int(about["frames"])
+    above, below = about["tick"]
+    return Index(times[:count], times[count:], int(about["end"]), Fraction(above, below), bool(about["exact"]))

@@ -1,0 +1,1 @@
+"""What is in deploy/ and docker/, against the real thing or its schema."""

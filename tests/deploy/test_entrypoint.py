@@ -1,0 +1,145 @@
+"""docker/entrypoint.sh with a real Ray: a service joins a cluster as a node, works, and ends in order."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import psutil
+import pytest
+
+from impasto import Client
+from tests.real.processes import free_port
+
+pytestmark = [pytest.mark.slow, pytest.mark.real("ray")]
+ROOT = Path(__file__).resolve().parents[2]
+
+
+class Containers:
+    """What containers would run, as processes of one machine."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.port, self.head_port, self.agent_port = folder, free_port(), free_port(), free_port()
+        self.url = f"http://127.0.0.1:{self.port}"
+        self._started: list[psutil.Popen] = []
+        tools = f"{ROOT / 'docker'}:{Path(sys.executable).parent}:{os.environ['PATH']}"
+        self.env = {
+            **os.environ,
+            "PATH": tools,
+            "PYTHONPATH": str(ROOT),
+            "RAY_AUTH_MODE": "token",
+            "RAY_AUTH_TOKEN": "0123456789abcdef" * 4,
+            "IMPASTO_RAY_ADDRESS": f"127.0.0.1:{self.head_port}",
+            "IMPASTO_HOME": str(folder / "home"),
+            "IMPASTO_PORT": str(self.port),
+            "IMPASTO_LOG_FORMAT": "json",
+            "IMPASTO_LOG_LEVEL": "info",
+            "RAY_AGENT_PORT": str(self.agent_port),
+        }
+
+    def start(self, *command: str) -> psutil.Popen:
+        with (self.folder / f"{command[1]}.log").open("wb") as log:
+            process = psutil.Popen(command, env=self.env, stdout=log, stderr=log, cwd=ROOT)
+        self._started.append(process)
+        return process
+
+    def head(self) -> None:
+        """As `entrypoint.sh head`, but with a processor, and away from the ports of others."""
+        small = ["--num-cpus=1", "--include-dashboard=false", "--object-store-memory=80000000"]
+        where = [f"--port={self.head_port}", f"--temp-dir={self.folder / 'r'}"]
+        where.append(f"--dashboard-agent-listen-port={self.agent_port}")
+        self.start("ray", "start", "--head", "--block", "--disable-usage-stats", *where, *small)
+
+    def service(self) -> psutil.Popen:
+        return self.start("entrypoint.sh", "service")
+
+    def ready(self) -> bool:
+        try:
+            return httpx.get(f"{self.url}/readyz", timeout=5).is_success
+        except httpx.TransportError:
+            return False
+
+    def close(self) -> None:
+        for process in self._started:
+            for child in [*_tree(process), process]:
+                with_no_fuss(child.kill)
+
+
+def _tree(process: psutil.Process) -> list[psutil.Process]:
+    try:
+        return list(process.children(recursive=True))
+    except psutil.NoSuchProcess:
+        return []
+
+
+def with_no_fuss(act: Callable[[], None]) -> None:
+    try:
+        act()
+    except psutil.NoSuchProcess:
+        return
+
+
+def until(done: Callable[[], bool], timeout_s: float = 90) -> None:
+    deadline = time.monotonic() + timeout_s
+    while not done():
+        assert time.monotonic() < deadline
+        time.sleep(0.2)
+
+
+@pytest.fixture
+def containers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Containers]:
+    found = Containers(tmp_path_factory.mktemp("e"))
+    yield found
+    found.close()
+
+
+def test_a_service_is_a_node_of_its_cluster(containers: Containers, tiny_clip: Path) -> None:
+    containers.head()
+    service = containers.service()
+    until(containers.ready)
+    assert subprocess.run(["healthy.py", "service"], env=containers.env).returncode == 0
+    client = Client(containers.url)
+    asset = client.upload(tiny_clip)["id"]
+    job = client.submit("abstraction", {"video": asset})
+    until(lambda: client.job(job["id"])["state"] == "succeeded")
+    _check_logs(containers, job["id"])
+    service.send_signal(signal.SIGTERM)
+    assert service.wait(40) == 0
+    assert not containers.ready()
+
+    service = containers.service()
+    until(containers.ready)
+    (node,) = [child for child in _tree(service) if child.name() == "raylet"]
+    node.kill()
+    assert service.wait(60) == 1, "a service without its node ends, so that it is started again"
+
+
+def _check_logs(containers: Containers, job: str) -> None:
+    """What the service says of an attempt and what its worker says of it name the same things."""
+    service = _lines(containers.folder / "service.log")
+    began = {row["attempt"] for row in service if row["message"] == "attempt begins" and row["job"] == job}
+    logs = [path for path in containers.folder.rglob("worker-*.err") if "session_latest" not in path.parts]
+    worker = [row for path in logs for row in _lines(path) if row.get("job") == job]
+    assert began and began == {row["attempt"] for row in worker}
+    assert all(row["task"].startswith("tsk_") for row in worker)
+
+
+def _lines(path: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in path.read_text().splitlines() if line.startswith("{")]
+
+
+def test_a_stranger_does_not_join(containers: Containers) -> None:
+    containers.head()
+    until(lambda: subprocess.run(["healthy.py", "worker"], env=containers.env, capture_output=True).returncode == 0)
+    containers.env["RAY_AUTH_TOKEN"] = "fedcba9876543210" * 4
+    stranger = containers.start("entrypoint.sh", "worker")
+    assert stranger.wait(90) != 0
+    assert "InvalidAuthToken" in (containers.folder / "worker.log").read_text()

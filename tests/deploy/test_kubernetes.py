@@ -1,0 +1,139 @@
+"""deploy/kubernetes against Kubernetes' own schemas; what KubeRay reads, as far as Kubernetes knows it."""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+from typing import Any
+
+import kubernetes_validate
+import pytest
+import yaml
+
+from service.settings import Settings
+
+HERE = Path(__file__).resolve().parents[2] / "deploy" / "kubernetes"
+VERSION = "1.33"
+
+
+def documents() -> list[dict[str, Any]]:
+    """Everything that the base lists, in its order."""
+    listed = yaml.safe_load((HERE / "base" / "kustomization.yaml").read_text())["resources"]
+    return [row for name in listed for row in yaml.safe_load_all((HERE / "base" / name).read_text())]
+
+
+def of(kind: str, name: str = "") -> dict[str, Any]:
+    return next(row for row in documents() if row["kind"] == kind and name in ("", row["metadata"]["name"]))
+
+
+def cluster() -> dict[str, Any]:
+    """The RayCluster with the group of the GPU overlay."""
+    found = copy.deepcopy(of("RayCluster"))
+    (patch,) = yaml.safe_load((HERE / "gpu" / "workers.yaml").read_text())
+    assert (patch["op"], patch["path"]) == ("add", "/spec/workerGroupSpecs/-")
+    found["spec"]["workerGroupSpecs"].append(patch["value"])
+    return found
+
+
+def templates() -> dict[str, dict[str, Any]]:
+    """Every pod that we ask for, by name."""
+    spec = cluster()["spec"]
+    groups = {group["groupName"]: group["template"] for group in spec["workerGroupSpecs"]}
+    return {"service": of("Deployment")["spec"]["template"], "head": spec["headGroupSpec"]["template"], **groups}
+
+
+def test_every_file_is_listed() -> None:
+    for folder in ("base", "gpu"):
+        told = yaml.safe_load((HERE / folder / "kustomization.yaml").read_text())
+        named = {*told["resources"], *(patch["path"] for patch in told.get("patches", ()))}
+        files = {path.name for path in (HERE / folder).glob("*.yaml")} - {"kustomization.yaml"}
+        assert files <= named
+        assert all((HERE / folder / name).exists() for name in named)
+
+
+@pytest.mark.parametrize("document", documents(), ids=lambda row: f"{row['kind']}-{row['metadata']['name']}")
+def test_it_is_what_kubernetes_expects(document: dict[str, Any]) -> None:
+    if document["kind"] != "RayCluster":  # an operator's own kind: its pods are checked below
+        kubernetes_validate.validate(document, VERSION, strict=True)
+
+
+@pytest.mark.parametrize("name", templates())
+def test_its_pods_are_what_kubernetes_expects(name: str) -> None:
+    template = templates()[name]
+    pod = {
+        "apiVersion": "v1",
+        "kind": "Pod",
+        "metadata": {"name": "x", **template["metadata"]},
+        "spec": template["spec"],
+    }
+    kubernetes_validate.validate(pod, VERSION, strict=True)
+    wrong = copy.deepcopy(pod)
+    wrong["spec"]["containers"][0]["imgae"] = "x"
+    with pytest.raises(kubernetes_validate.ValidationError):
+        kubernetes_validate.validate(wrong, VERSION, strict=True)
+
+
+@pytest.mark.parametrize("name", templates())
+def test_pods_satisfy_the_restricted_standard(name: str) -> None:
+    spec = templates()[name]["spec"]
+    assert spec["securityContext"]["runAsNonRoot"] and spec["securityContext"]["runAsUser"] == 10001
+    assert spec["securityContext"]["seccompProfile"] == {"type": "RuntimeDefault"}
+    mounted = {volume["name"] for volume in spec["volumes"]}
+    for container in spec["containers"]:
+        assert container["securityContext"]["allowPrivilegeEscalation"] is False
+        assert container["securityContext"]["capabilities"] == {"drop": ["ALL"]}
+        assert container["resources"]["limits"]["memory"]
+        assert container["livenessProbe"] and container["readinessProbe"]
+        assert {mount["name"] for mount in container["volumeMounts"]} == mounted
+    assert not {"hostNetwork", "hostPID", "hostIPC"} & spec.keys()
+
+
+def test_ray_scales_itself_and_wants_a_token() -> None:
+    spec = cluster()["spec"]
+    assert spec["enableInTreeAutoscaling"] and spec["authOptions"]["mode"] == "token"
+    assert spec["headGroupSpec"]["rayStartParams"]["num-cpus"] == "0"
+    for group in spec["workerGroupSpecs"]:
+        assert 0 <= group["minReplicas"] <= group["replicas"] <= group["maxReplicas"]
+        (container,) = group["template"]["spec"]["containers"]
+        assert container["resources"]["requests"]["cpu"] == container["resources"]["limits"]["cpu"]
+    gpu = spec["workerGroupSpecs"][1]["template"]["spec"]["containers"][0]["resources"]["limits"]
+    assert gpu["nvidia.com/gpu"] == "1"
+    assert all(isinstance(value, str) for value in spec["headGroupSpec"]["rayStartParams"].values())
+
+
+def test_services_outlive_a_drained_node() -> None:
+    deployment, budget = of("Deployment"), of("PodDisruptionBudget")
+    assert deployment["spec"]["replicas"] >= 2 > budget["spec"]["minAvailable"] >= 1
+    chosen = deployment["spec"]["selector"]["matchLabels"]
+    assert budget["spec"]["selector"]["matchLabels"] == chosen == of("Service")["spec"]["selector"]
+    assert chosen.items() <= deployment["spec"]["template"]["metadata"]["labels"].items()
+
+
+def test_secrets_are_referred_to_and_settings_are_ours() -> None:
+    assert not [row for row in documents() if row["kind"] == "Secret"]
+    settings = of("ConfigMap")["data"]
+    assert {name.removeprefix("IMPASTO_").lower() for name in settings} <= set(Settings.model_fields)
+    assert not [name for name in settings if "SECRET" in name or "KEY" in name or "DATABASE" in name]
+    given = {name.removeprefix("IMPASTO_").lower(): value for name, value in settings.items()}
+    assert Settings.model_validate(given).workers == 8
+    (container,) = of("Deployment")["spec"]["template"]["spec"]["containers"]
+    assert {"secretRef": {"name": "impasto-secrets"}} in container["envFrom"]
+    host = settings["IMPASTO_RAY_ADDRESS"].partition(":")[0]
+    assert host == f"{cluster()['metadata']['name']}-head-svc.{of('Namespace')['metadata']['name']}.svc.cluster.local"
+
+
+def test_nothing_comes_in_unless_it_is_said() -> None:
+    policies = [row for row in documents() if row["kind"] == "NetworkPolicy"]
+    closed = [row for row in policies if row["spec"]["podSelector"] == {} and "Ingress" in row["spec"]["policyTypes"]]
+    assert len(closed) == 1 and "ingress" not in closed[0]["spec"]
+    among = next(row for row in policies if row["metadata"]["name"] == "ray-among-itself")["spec"]
+    (who,) = among["podSelector"]["matchExpressions"]
+    assert among["ingress"] == [{"from": [{"podSelector": {"matchExpressions": [who]}}]}]
+    names = {template["metadata"]["labels"]["app.kubernetes.io/name"] for template in templates().values()}
+    assert set(who["values"]) == names
+
+
+def test_images_are_named_in_one_place() -> None:
+    told = {row["name"] for row in yaml.safe_load((HERE / "base" / "kustomization.yaml").read_text())["images"]}
+    used = {c["image"].partition(":")[0] for template in templates().values() for c in template["spec"]["containers"]}
+    assert used == told

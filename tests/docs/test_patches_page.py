@@ -1,0 +1,67 @@
+"""docs/patches.md tells of every parameter, input, artefact and step as they are; its pictures are there."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+
+from docs.make_patches_figures import ALL, FOLDER, MARKS, PAGE, SHOWN, TOLD, parameters_table
+from docs.pictures import CLIPS
+from pipeline.methods import parse_params
+from pipeline.methods.base import Brief, VideoInfo
+from pipeline.methods.patches import Patches, PatchesParams
+from pipeline.methods.patches.guidance import styles_of
+from pipeline.scenes import scene
+from tests.pipeline.methods.bench import FakeBench
+
+TEXT = PAGE.read_text()
+
+
+def test_the_table_is_what_the_code_gives() -> None:
+    """If this fails: `python -m docs.make_patches_figures --only table`."""
+    begin, end = MARKS
+    assert TEXT.partition(begin)[2].partition(end)[0].strip() == "\n".join(parameters_table()).strip()
+
+
+def test_every_row_of_every_table_has_as_many_cells_as_its_head() -> None:
+    for table in re.findall(r"(?:^\|.*\n)+", TEXT, re.M):
+        cells = {len(re.findall(r"(?<!\\)\|", row)) for row in table.splitlines()}
+        assert len(cells) == 1, table[:80]
+
+
+def test_every_picture_is_there_small_and_of_a_clip_that_may_be_shown() -> None:
+    named = re.findall(r"\(patches/(\w+\.jpg)\)", TEXT)
+    assert len(named) == len(set(named)) and sorted(named) == sorted(path.name for path in FOLDER.iterdir())
+    assert all(path.stat().st_size < 260_000 for path in FOLDER.iterdir())
+    assert all(CLIPS[clip].credit for clip in SHOWN)
+
+
+@pytest.mark.parametrize("part", ["inputs", "artefacts", "steps"])
+def test_every_input_artefact_and_step_is_told(part: str) -> None:
+    names = {
+        "inputs": [spec.name for spec in Patches.inputs if spec.name != "video"],
+        "artefacts": Patches.artefacts, "steps": [step.name for step in Patches.steps],
+    }[part]  # fmt: skip
+    for name in names:
+        assert re.search(rf"^\| `?{name}`? \|", TEXT, re.M), name
+
+
+def test_the_styles_by_example_are_sound() -> None:
+    example = re.search(r'`(\{"background".*?\})`', TEXT)
+    assert example
+    bench = FakeBench(PatchesParams(), [scene("shapes", size=(64, 48)).image(0)], {"styles": json.loads(example[1])})
+    assert set(styles_of(bench)) == {1, 3}
+
+
+def test_every_parameter_of_a_command_is_one() -> None:
+    for name, value in re.findall(r"--param (\w+)=(\S+)", TEXT):
+        parse_params(Patches(), {name: value})
+    assert Patches.steps[0].plan(Brief(PatchesParams(), 0, VideoInfo(64, 48, 2, 25.0, 0.1)))
+
+
+def test_every_mode_of_time_is_shown() -> None:
+    modes = set(PatchesParams.model_json_schema()["properties"]["temporal"]["enum"])
+    assert modes == set(TOLD) - {"video"} and all(f"temporal={mode}" in TEXT for mode in modes - {"on"})
+    assert "pipeline" in ALL

@@ -1,0 +1,189 @@
+"""The operations page in Chromium, over a real service and a second worker: real jobs, a real failure, real drains."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import httpx
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from tests.e2e.test_page import KEY, ROOT, Watched, browser, clip, make_clip, open_page, phone, serve, watched
+
+__all__ = ["browser", "clip", "phone", "watched"]
+
+pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(240)]
+
+SOON_MS = 60_000
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("ops") / "home"
+
+
+@pytest.fixture(scope="module")
+def service(home: Path) -> Iterator[str]:
+    yield from serve(home, AUTH="required", ADMIN_KEY=KEY, RETRY_DELAY_S="0.05")
+
+
+@pytest.fixture(scope="module")
+def http(service: str) -> Iterator[httpx.Client]:
+    with httpx.Client(base_url=service, headers={"Authorization": f"Bearer {KEY}"}, timeout=60) as client:
+        yield client
+
+
+@contextmanager
+def second_worker(home: Path) -> Iterator[str]:
+    """`impasto worker` on the same stores; its id."""
+    command = [sys.executable, "-m", "impasto", "worker", "--home", str(home), "--workers", "1"]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, env=os.environ)
+    try:
+        assert process.stdout is not None
+        yield process.stdout.readline().strip()
+    finally:
+        process.terminate()
+        assert process.wait(60) == 0
+
+
+def upload(http: httpx.Client, clip: Path) -> str:
+    return str(http.post("/v1/assets", files={"file": (clip.name, clip.read_bytes())}).json()["id"])
+
+
+def submit(http: httpx.Client, asset: str, name: str, seed: int = 0) -> str:
+    body = {"method": "abstraction", "inputs": {"video": asset}, "name": name, "seed": seed}
+    return str(http.post("/v1/jobs", json=body).json()["id"])
+
+
+def enter(page: Page, service: str, key: str = KEY) -> None:
+    page.goto(f"{service}/ops")
+    page.get_by_label("API key").fill(key)
+    page.get_by_role("button", name="Continue").click()
+    expect(page.get_by_role("heading", name="Operations")).to_be_visible()
+
+
+def open_ops(browser: Browser, service: str, **options: object) -> Watched:
+    """The board, with the key in the tab already: nothing that the service refuses is in the console."""
+    watched = open_page(browser, **options)
+    watched.page.add_init_script(f"sessionStorage.setItem('impasto.key', '{KEY}')")
+    watched.page.goto(f"{service}/ops")
+    expect(watched.page.get_by_role("heading", name="Operations")).to_be_visible()
+    return watched
+
+
+def state_of(page: Page, name: str) -> object:
+    row = page.locator("#jobs tr", has=page.get_by_role("button", name=name, exact=True))
+    return row.locator(".badge")
+
+
+def test_it_opens_to_admins_only(browser: Browser, service: str, http: httpx.Client) -> None:
+    key = http.post("/v1/keys", json={"name": "reader", "scopes": ["read"]}).json()["secret"]
+    page = open_page(browser).page
+    page.goto(f"{service}/ops")
+    page.get_by_label("API key").fill(key)
+    page.get_by_role("button", name="Continue").click()
+    expect(page.get_by_role("alert")).to_contain_text("lacks the scope 'admin'")
+    page.get_by_role("button", name="Use another key").click()
+    page.get_by_label("API key").fill(KEY)
+    page.get_by_role("button", name="Continue").click()
+    expect(page.get_by_role("heading", name="Operations")).to_be_visible()
+    page.context.close()
+
+
+def test_a_job_and_its_timeline(browser: Browser, service: str, http: httpx.Client, clip: Path) -> None:
+    watched = open_ops(browser, service)
+    page = watched.page
+    job = submit(http, upload(http, clip), "a disc")
+    expect(state_of(page, "a disc")).to_have_text("succeeded", timeout=SOON_MS)  # type: ignore[arg-type]
+    page.locator("#jobs").get_by_role("button", name="a disc").click()
+    bars = page.locator("#timeline rect.bar")
+    tasks = http.get(f"/v1/jobs/{job}/tasks").json()["items"]
+    expect(bars).to_have_count(sum(len(task["attempts"]) for task in tasks))
+    expect(page.get_by_role("heading", name="Timeline of a disc, succeeded")).to_be_visible()
+    told = bars.first.locator("title").text_content() or ""
+    assert re.search(r"attempt 1 succeeded\n[\d.]+ s\nimpasto-worker-0 of dsp_", told), told
+    assert len({bars.nth(i).get_attribute("class") for i in range(bars.count())}) == len({t["step"] for t in tasks})
+    bars.last.click()
+    expect(page.locator(".timeline-chosen .log")).to_be_visible()
+    watched.check()
+    page.context.close()
+
+
+def test_a_failure_is_read_and_run_again(
+    browser: Browser, service: str, http: httpx.Client, home: Path, tmp_path: Path
+) -> None:
+    clip = make_clip(tmp_path / "lost.mp4", frames=6)
+    asset = upload(http, clip)
+    blob = next(file for file in (home / "blobs").rglob("*") if file.is_file() and asset[4:] in str(file))
+    kept = blob.rename(tmp_path / "kept")
+    watched = open_ops(browser, service)
+    page = watched.page
+    submit(http, asset, "a lost film")
+    expect(state_of(page, "a lost film")).to_have_text("failed", timeout=SOON_MS)  # type: ignore[arg-type]
+    failed = page.locator(".failed", has_text="a lost film").first
+    failed.get_by_role("button", name="Log").click()
+    expect(failed.locator(".log")).to_contain_text(asset[4:20])
+    kept.rename(blob)
+    failed.get_by_role("button", name="Run again").click()
+    expect(state_of(page, "a lost film")).to_have_text("succeeded", timeout=SOON_MS)  # type: ignore[arg-type]
+    expect(failed.locator(".failure-head .badge")).to_have_text("task succeeded", timeout=SOON_MS)
+    expect(failed.locator(".log")).to_be_visible()
+    watched.check()
+    page.context.close()
+
+
+def test_a_worker_is_drained_and_the_queue_paused(
+    browser: Browser, service: str, http: httpx.Client, home: Path, clip: Path
+) -> None:
+    watched = open_ops(browser, service)
+    page = watched.page
+    asset = upload(http, clip)
+    with second_worker(home) as worker:
+        row = page.locator("#workers tbody tr", has_text="service")
+        other = page.locator("#workers tbody tr", has_text=worker.split("@")[0][-6:])
+        expect(other.locator(".badge")).to_have_text("live", timeout=SOON_MS)
+        row.get_by_role("button", name="Drain").click()
+        page.get_by_label("Why").fill("a new kernel")
+        page.get_by_role("dialog").get_by_role("button", name="Drain").click()
+        expect(row.locator(".badge")).to_have_text("drained")
+        expect(row).to_contain_text("a new kernel")
+        job = submit(http, asset, "elsewhere", seed=2)
+        expect(state_of(page, "elsewhere")).to_have_text("succeeded", timeout=SOON_MS)  # type: ignore[arg-type]
+        bars = http.get(f"/v1/ops/jobs/{job}/timeline").json()["items"]
+        assert {bar["worker"] for bar in bars} == {worker}
+        page.get_by_role("button", name="Pause the queue").click()
+        page.get_by_role("dialog").get_by_role("button", name="Leave it").click()
+        assert not http.get("/v1/ops/queue").json()["paused"]
+        page.get_by_role("button", name="Pause the queue").click()
+        page.get_by_role("dialog").get_by_role("button", name="Pause the queue").click()
+        expect(page.get_by_role("button", name="Resume the queue")).to_be_visible()
+        row.get_by_role("button", name="Resume").click()
+        expect(row.locator(".badge")).to_have_text("live")
+        job = submit(http, asset, "waits", seed=3)
+        page.wait_for_timeout(3000)
+        assert http.get(f"/v1/ops/jobs/{job}/timeline").json()["items"] == []
+        page.get_by_role("button", name="Resume the queue").click()
+        expect(state_of(page, "waits")).to_have_text("succeeded", timeout=SOON_MS)  # type: ignore[arg-type]
+    expect(other).to_have_count(0, timeout=SOON_MS)
+    watched.check()
+    page.context.close()
+
+
+def test_it_fits_a_phone(browser: Browser, service: str, http: httpx.Client) -> None:
+    watched = open_ops(
+        browser, service, viewport={"width": 390, "height": 844}, is_mobile=True, has_touch=True, color_scheme="dark"
+    )
+    page = watched.page
+    page.locator("#jobs .link").first.click()
+    expect(page.locator("#timeline svg")).to_be_visible()
+    assert page.evaluate("document.documentElement.scrollWidth") == 390
+    box = page.locator("#timeline svg").bounding_box()
+    assert box is not None and box["x"] >= 0 and box["x"] + box["width"] <= 390
+    watched.check()
+    page.context.close()

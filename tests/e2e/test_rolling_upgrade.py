@@ -1,0 +1,125 @@
+"""The documented way to upgrade without losing work: a new process starts, the old one is told to stop and ends what it
+runs. No attempt is cut off; the films have the bytes of an undisturbed run. Then the same by an operator's drain."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from impasto import Client
+from impasto.cli.app import run
+from tests.e2e.processes import ROOT
+from tests.e2e.test_page import serve
+from tests.workers.conftest import until
+
+FRAMES, JOBS = 240, 3
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("rolling") / "cut.mp4"
+    assert run(["scene", "cut", "-o", str(path), "--size", "96x64", "--frames", str(FRAMES), "--quiet"]) == 0
+    return path
+
+
+@pytest.fixture
+def home(tmp_path: Path) -> Path:
+    return tmp_path / "home"
+
+
+@pytest.fixture
+def client(home: Path) -> Iterator[Client]:
+    """Of a service that accepts and shows only: all work is done by workers."""
+    served = serve(home, POOL="none")
+    with Client(next(served)) as client:
+        yield client
+    next(served, None)
+
+
+class Worker:
+    """`impasto worker`, a process of its own."""
+
+    def __init__(self, home: Path) -> None:
+        command = [sys.executable, "-m", "impasto", "worker", "--home", str(home)]
+        self.process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
+        assert self.process.stdout is not None
+        self.id = self.process.stdout.readline().strip()
+
+    def end(self) -> int:
+        return self.process.wait(60)
+
+
+def _undisturbed(clip: Path, out: Path) -> bytes:
+    assert run(["render", str(clip), "-o", str(out), "--seed", "5", "--quiet", "--home", f"{out}.home"]) == 0
+    return out.read_bytes()
+
+
+def _submit(client: Client, clip: Path) -> list[str]:
+    video = client.upload(clip)["id"]
+    return [client.submit("abstraction", {"video": video}, seed=5)["id"] for _ in range(JOBS)]
+
+
+def _check(client: Client, jobs: list[str], clip: Path, tmp_path: Path, workers: set[str]) -> None:
+    """Every job has the right bytes, no attempt was cut off, and each of the workers took part."""
+    alone = _undisturbed(clip, tmp_path / "alone.mp4")
+    bars = []
+    for job in jobs:
+        client.wait(job, 120)
+        assert client.download(job, tmp_path / f"{job}.mp4").read_bytes() == alone
+        bars += client.ops.timeline(job)
+    assert {bar["outcome"] for bar in bars} == {"succeeded"}
+    assert {bar["worker"] for bar in bars} == workers
+
+
+def _at_work(client: Client, worker: str) -> int:
+    return sum(len(one["at_work"]) for one in client.ops.workers() if one["id"] == worker)
+
+
+def test_the_new_starts_and_the_old_ends_what_it_runs(client: Client, home: Path, clip: Path, tmp_path: Path) -> None:
+    old = Worker(home)
+    jobs = _submit(client, clip)
+    until(lambda: _at_work(client, old.id), 30)
+    new = Worker(home)
+    until(lambda: _at_work(client, old.id), 30)
+    old.process.terminate()
+    assert old.end() == 0
+    assert [worker["id"] for worker in client.ops.workers()] == [new.id]
+    _check(client, jobs, clip, tmp_path, {old.id, new.id})
+    new.process.terminate()
+    assert new.end() == 0
+
+
+def test_a_drained_worker_can_be_killed_without_a_trace(client: Client, home: Path, clip: Path, tmp_path: Path) -> None:
+    old = Worker(home)
+    jobs = _submit(client, clip)
+    until(lambda: _at_work(client, old.id), 30)
+    client.ops.drain(old.id, "upgrade")
+    new = Worker(home)
+    until(lambda: [w["state"] for w in client.ops.workers() if w["id"] == old.id] == ["drained"], 60)
+    old.process.kill()
+    old.end()
+    _check(client, jobs, clip, tmp_path, {old.id, new.id})
+    new.process.terminate()
+    assert new.end() == 0
+
+
+def test_a_second_signal_gives_back_at_once(client: Client, home: Path, clip: Path, tmp_path: Path) -> None:
+    client.ops.drain("queue")
+    worker = Worker(home)
+    jobs = _submit(client, clip)
+    client.ops.resume("queue")
+    until(lambda: _at_work(client, worker.id), 30)
+    worker.process.terminate()
+    worker.process.terminate()
+    assert worker.end() == 0
+    other = Worker(home)
+    alone = _undisturbed(clip, tmp_path / "alone.mp4")
+    for job in jobs:
+        client.wait(job, 120)
+        assert client.download(job, tmp_path / f"{job}.mp4").read_bytes() == alone
+    other.process.terminate()
+    assert other.end() == 0

@@ -1,0 +1,235 @@
+"""Bytes and words that nobody sane would send: every reader of them says no in our words, and never anything else."""
+
+from __future__ import annotations
+
+import io
+import ipaddress
+import json
+import math
+import socket
+import struct
+import zipfile
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as some
+from starlette.datastructures import Headers
+
+from pipeline.errors import BadInput, ImpastoError
+from pipeline.video.archive import open_archive, read_entry
+from pipeline.video.guard.wire import Broken, receive
+from pipeline.video.headers import IMAGE_TYPES, image_header, sniff
+from pipeline.video.media import Limits
+from pipeline.video.stills import decode_rgb, encode_png
+from service.access.gate import KEY_PROTOCOL, _bearer, _offered
+from service.bodies import strict_json
+from service.errors import RangeNotSatisfiable
+from service.serving import disposition, wanted
+from service.uploads.headers import Checksum, filename, whole_number
+from service.uploads.names import check_filename
+from service.webhooks.targets import check_target, is_public
+from tests.conftest import tiny_frame
+from workers.arrays import read_arrays
+from workers.blobs.keys import check_key
+
+CHEAP = settings(
+    max_examples=200, deadline=None, derandomize=True, database=None, suppress_health_check=list(HealthCheck)
+)
+SMALL = Limits(size_bytes=1 << 20, pixels=1 << 16, side_px=1024, frames=100)
+latin = some.text(some.characters(max_codepoint=255), max_size=60)
+"""What a header can hold."""
+LOCAL = ("127.0.0.1", "10.1.2.3", "169.254.169.254", "0.0.0.0", "224.0.0.1")
+LOCAL_6 = ("::1", "fe80::1", "fd00::1", "::ffff:10.0.0.1", "64:ff9b::7f00:1", "2002:7f00:1::")
+
+
+@CHEAP
+@given(latin, some.integers(0, 10**12))
+def test_ranges(text: str, size: int) -> None:
+    try:
+        span = wanted(Headers({"range": text}), size, '"tag"')
+    except RangeNotSatisfiable:
+        return
+    assert span is None or 0 <= span.start < span.stop <= size
+
+
+@CHEAP
+@given(some.integers(-5, 10**20), some.integers(-5, 10**20), some.integers(0, 1000))
+def test_ranges_of_any_numbers(first: int, last: int, size: int) -> None:
+    try:
+        span = wanted(Headers({"range": f"bytes={first}-{last}"}), size, '"tag"')
+    except RangeNotSatisfiable:
+        return
+    assert span is None or 0 <= span.start < span.stop <= size
+
+
+@CHEAP
+@given(some.text(max_size=80), some.booleans())
+def test_a_name_never_breaks_out_of_its_header(name: str, attachment: bool) -> None:
+    try:
+        check_filename(name)
+    except BadInput:
+        return
+    line = disposition(name, attachment)
+    assert line.isascii() and not {"\r", "\n", "\0"} & set(line)
+    assert line.count('"') == 2
+
+
+@CHEAP
+@given(some.text(max_size=120))
+def test_no_key_of_a_blob_leads_elsewhere(key: str) -> None:
+    try:
+        check_key(key)
+    except BadInput:
+        return
+    root = Path("/blobs")
+    assert (root / key).is_relative_to(root) and ".." not in key.split("/") and "\0" not in key
+
+
+@CHEAP
+@given(latin, latin, latin)
+def test_headers_of_uploads(metadata: str, checksum: str, length: str) -> None:
+    headers = Headers({"upload-checksum": checksum, "upload-length": length})
+    for read in (
+        lambda: filename(metadata),
+        lambda: Checksum.of(headers),
+        lambda: whole_number(headers, "Upload-Length"),
+    ):
+        try:
+            found = read()
+        except ImpastoError:
+            continue
+        assert not isinstance(found, int) or 0 <= found < 10**18
+        assert not isinstance(found, str) or check_filename(found) == found
+
+
+@CHEAP
+@given(latin, some.lists(latin, max_size=4))
+def test_keys_in_headers(text: str, protocols: list[str]) -> None:
+    assert _bearer(Headers({"authorization": text})) is None or text.lower().startswith("bearer ")
+    found = _offered({"type": "websocket", "subprotocols": protocols})
+    assert found is None or KEY_PROTOCOL + found in protocols
+    assert _offered({"type": "http", "subprotocols": protocols}) is None
+
+
+@CHEAP
+@given(
+    some.binary(max_size=200)
+    | some.recursive(some.none() | some.floats(), some.lists, max_leaves=5).map(
+        lambda value: json.dumps(value).encode()
+    )
+)
+def test_json_is_strict(body: bytes) -> None:
+    try:
+        found = strict_json(body)
+    except ImpastoError:
+        return
+    assert all(math.isfinite(number) for number in _numbers(found))
+
+
+def _numbers(value: object) -> list[float]:
+    if isinstance(value, list):
+        return [number for item in value for number in _numbers(item)]
+    return [value] if isinstance(value, float) else []
+
+
+def test_json_does_not_nest_without_end() -> None:
+    with pytest.raises(ImpastoError):
+        strict_json(b"[" * 100_000 + b"]" * 100_000)
+
+
+@CHEAP
+@given(some.ip_addresses())
+def test_no_address_of_ours_is_public_however_it_is_written(
+    address: ipaddress.IPv4Address | ipaddress.IPv6Address,
+) -> None:
+    if not is_public(str(address)):
+        return
+    assert address.is_global and not address.is_loopback and not address.is_link_local and not address.is_multicast
+
+
+@pytest.mark.parametrize("address", LOCAL + LOCAL_6)
+def test_targets_inside_are_refused_by_address_and_by_name(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = [(socket.AF_INET, socket.SOCK_STREAM, 6, "", (address, 443))]
+    monkeypatch.setattr(socket, "getaddrinfo", lambda *_args, **_more: found)
+    with pytest.raises(BadInput, match="private"):
+        check_target("https://innocent.example/hook", private=False)
+    check_target("https://innocent.example/hook", private=True)
+
+
+@CHEAP
+@given(some.text(max_size=80))
+def test_any_text_is_a_target_or_refused(url: str) -> None:
+    try:
+        check_target(url, private=True)
+    except BadInput:
+        return
+    assert not url or url.lower().startswith(("http://", "https://"))
+
+
+PNG = encode_png(tiny_frame(0))
+
+
+@CHEAP
+@given(some.binary(max_size=300), some.integers(0, len(PNG) - 1), some.binary(min_size=1, max_size=8))
+def test_pictures_that_are_none(noise: bytes, at: int, wrong: bytes) -> None:
+    """Noise, and a real picture with some bytes changed: a picture within limits, or our error."""
+    changed = PNG[:at] + wrong + PNG[at + len(wrong) :]
+    for data in (
+        noise,
+        b"\x89PNG\r\n\x1a\n" + noise,
+        b"\xff\xd8\xff" + noise,
+        b"RIFF" + noise,
+        b"II*\0" + noise,
+        changed,
+    ):
+        try:
+            media_type = sniff(io.BytesIO(data))
+            if media_type in IMAGE_TYPES:
+                image_header(io.BytesIO(data), media_type)
+            frame = decode_rgb(data, SMALL)
+        except ImpastoError:
+            continue
+        assert frame.shape[0] * frame.shape[1] <= SMALL.pixels
+
+
+@CHEAP
+@given(names=some.lists(some.text(min_size=1, max_size=30), min_size=1, max_size=3), tail=some.binary(max_size=40))
+def test_archives_that_are_none(names: list[str], tail: bytes, tmp_path_factory: pytest.TempPathFactory) -> None:
+    path = tmp_path_factory.mktemp("z") / "a.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        for name in names:
+            archive.writestr(zipfile.ZipInfo(name), PNG)
+    path.write_bytes(path.read_bytes() + tail)
+    try:
+        opened, members = open_archive(path, SMALL)
+    except ImpastoError:
+        return
+    with opened:
+        for member in members:
+            assert ".." not in member.filename.split("/") and not member.filename.startswith("/")
+            assert len(read_entry(opened, member)) <= member.file_size
+
+
+@CHEAP
+@given(some.binary(max_size=100))
+def test_arrays_that_are_none(data: bytes) -> None:
+    """`read_arrays` reads our own blobs only; even so it unpickles nothing."""
+    for bytes_ in (data, b"\x93NUMPY" + data, b"PK\x03\x04" + data):
+        with pytest.raises(Exception) as caught:
+            read_arrays(bytes_)
+        assert not isinstance(caught.value, SystemExit | MemoryError)
+
+
+@CHEAP
+@given(some.binary(max_size=60))
+def test_messages_of_a_child_that_was_taken_over(data: bytes) -> None:
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        theirs.sendall(struct.pack("!II", len(data), 0) + data)
+        theirs.shutdown(socket.SHUT_WR)
+        try:
+            found, _ = receive(ours)
+        except Broken:
+            return
+        assert isinstance(found, dict)

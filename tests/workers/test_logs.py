@@ -1,0 +1,93 @@
+"""Logs: every line of an attempt says which job, task and attempt it is about, in JSON that cannot be forged."""
+
+from __future__ import annotations
+
+import json
+import logging
+import threading
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from workers.about import about, belong, here, working_for
+from workers.logs import OURS, attempt_facts, captured, set_up_logs
+from workers.settings import FarmSettings
+
+LOG = logging.getLogger("workers.test")
+
+
+@pytest.fixture
+def lines(capsys: pytest.CaptureFixture[str]) -> Iterator[Callable[..., list[str]]]:
+    """What was said since; logging is as before at the end."""
+    levels = {name: logging.getLogger(name).level for name in OURS}
+
+    yield lambda: capsys.readouterr().err.splitlines()
+    root = logging.getLogger()
+    for handler in [h for h in root.handlers if h.get_name() == "impasto"]:
+        root.removeHandler(handler)
+    for name, level in levels.items():
+        logging.getLogger(name).setLevel(level)
+
+
+def rows(said: list[str]) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in said]
+
+
+def test_a_line_of_an_attempt_names_job_task_and_attempt(lines: Callable[[], list[str]]) -> None:
+    set_up_logs(FarmSettings(log_format="json", log_level="info"))
+    with captured("job_1", "tsk_2", "att_3"):
+        LOG.info("painting %d", 7)
+        helper = threading.Thread(target=lambda: (belong(attempt_facts("job_1", "tsk_2", "att_3")), LOG.info("helped")))
+        helper.start()
+        helper.join()
+    LOG.info("outside")
+    inside, helped, outside = rows(lines())
+    assert inside["message"] == "painting 7" and helped["message"] == "helped"
+    for row in (inside, helped):
+        assert (row["job"], row["task"], row["attempt"]) == ("job_1", "tsk_2", "att_3")
+    assert "job" not in outside
+    assert {"time", "level", "logger", "message"} <= outside.keys()
+
+
+def test_what_is_said_with_a_line_goes_before_what_its_context_works_for(lines: Callable[[], list[str]]) -> None:
+    set_up_logs(FarmSettings(log_format="json", log_level="info"))
+    with working_for({"request": "r1", "job": "job_a"}):
+        LOG.info("x", extra=about(job="job_b", seconds=0.5))
+    (row,) = rows(lines())
+    assert (row["request"], row["job"], row["seconds"]) == ("r1", "job_b", 0.5)
+    assert here() == {}
+
+
+@pytest.mark.parametrize("kind", ["json", "text"])
+def test_nobody_forges_a_line(lines: Callable[[], list[str]], kind: str) -> None:
+    set_up_logs(FarmSettings.model_validate({"log_format": kind, "log_level": "info"}))
+    LOG.info("the name is %s", 'a"}\n{"level": "error", "message": "forged"}')
+    said = lines()
+    assert len(said) == 1
+    assert kind == "text" or json.loads(said[0])["level"] == "info"
+
+
+def test_a_failure_keeps_its_trace_in_one_line(lines: Callable[[], list[str]]) -> None:
+    set_up_logs(FarmSettings(log_format="json"))
+    try:
+        raise ValueError("no such colour")
+    except ValueError:
+        LOG.exception("it failed", extra=about(job="job_9"))
+    (row,) = rows(lines())
+    assert "no such colour" in row["trace"] and row["job"] == "job_9" and row["level"] == "error"
+
+
+def test_levels_and_settings_again(lines: Callable[[], list[str]]) -> None:
+    set_up_logs(FarmSettings(log_format="text", log_level="warning"))
+    LOG.info("quiet")
+    set_up_logs(FarmSettings(log_format="text", log_level="info"))
+    LOG.info("loud", extra=about(job="job_1"))
+    (line,) = lines()
+    assert line.endswith("INFO workers.test: loud [job=job_1]")
+
+
+def test_workers_are_told_no_secret() -> None:
+    settings = FarmSettings(database_url="postgresql://a:secret@b/c", log_format="json")
+    told = settings.for_workers
+    assert (told.database_url, told.log_format) == ("", "json")

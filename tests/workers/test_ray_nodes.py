@@ -1,0 +1,137 @@
+"""A real Ray cluster of several nodes: drained and lost ones, and what tasks need of them."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.workers.conftest import finished, request_on, result, until
+from tests.workers.toy import ToyRunner
+from workers.blobs.disk import DiskBlobs
+from workers.fleet import Place
+from workers.settings import FarmSettings
+from workers.studio import Studio
+
+pytestmark = [pytest.mark.real("ray"), pytest.mark.slow]
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Any]:
+    """A head that runs nothing, and two nodes of two processors, one with a GPU (Ray only counts it)."""
+    from ray.cluster_utils import Cluster
+
+    handler = signal.getsignal(signal.SIGTERM)  # Ray's test cluster takes it
+    made = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, "node_name": "head"})
+    made.named = {
+        name: made.add_node(num_cpus=2, num_gpus=gpus, node_name=name, object_store_memory=80 << 20)
+        for name, gpus in (("east", 0), ("west", 1))
+    }
+    made.wait_for_nodes()
+    signal.signal(signal.SIGTERM, handler)
+    yield made
+    made.shutdown()
+    signal.signal(signal.SIGTERM, handler)
+
+
+@pytest.fixture(scope="module")
+def farm(cluster: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Studio]:
+    from workers.ray_pool import RayPool
+
+    home = tmp_path_factory.mktemp("nodes")
+    settings = FarmSettings(
+        home=home, pool="ray", workers=3, ray_address=cluster.address, reserve_bytes=0, retry_delay_s=0.02
+    )
+    blobs = DiskBlobs(settings.blobs_at)
+    studio = Studio(settings, RayPool(blobs, settings, ToyRunner))
+    studio.start()
+    until(lambda: len(_slots(studio)) == 3, 60)
+    yield studio
+    studio.stop()
+
+
+def _slots(farm: Studio) -> list[Any]:
+    return [slot for worker in farm.fleet.workers().items for slot in worker.slots]
+
+
+def _bars(farm: Studio, job: str) -> list[Any]:
+    return [bar for bar in farm.fleet.timeline(job).items if bar.step == "draw"]
+
+
+def _nodes_of(farm: Studio, bars: list[Any], known: dict[str, str]) -> set[str]:
+    known.update({slot.name: slot.node for slot in _slots(farm)})
+    return {known[bar.slot] for bar in bars}
+
+
+def test_a_drained_node_is_left_and_its_actors_go_where_there_is_room(farm: Studio, data: Path) -> None:
+    known = {slot.name: slot.node for slot in _slots(farm)}
+    assert set(known.values()) == {"east", "west"}
+    running = farm.submit(request_on(farm, data, params={"tasks": 6, "sleep_s": 1.0})).id
+    until(lambda: farm.job(running).counts["running"] == 3, 30)
+    farm.fleet.drain(Place.NODE, "east", reason="a new kernel")
+    until(lambda: {slot.node for slot in _slots(farm)} == {"west"}, 60)
+    assert [node.state for node in farm.fleet.nodes() if node.name == "east"] == ["drained"]
+    assert finished(farm, running, 60).state == "succeeded"
+    assert {bar.outcome for bar in _bars(farm, running)} == {"succeeded"}, "what ran there was finished"
+    job = finished(farm, farm.submit(request_on(farm, data, seed=8, params={"tasks": 4, "sleep_s": 0.3})).id, 60)
+    assert _nodes_of(farm, _bars(farm, job.id), known) == {"west"}
+    farm.fleet.resume(Place.NODE, "east")
+    until(lambda: len(_slots(farm)) == 3, 60)
+    assert {slot.node for slot in _slots(farm)} == {"east", "west"}
+
+
+def test_a_task_runs_where_there_is_what_it_needs(farm: Studio, data: Path) -> None:
+    params = {"tasks": 2, "sleep_s": 0.5, "gpus": 0.5, "memory_mib": 64}
+    job = finished(farm, farm.submit(request_on(farm, data, seed=9, params=params)).id, 60)
+    assert job.state == "succeeded", job.error
+    slots = [slot for slot in _slots(farm) if slot.gpus == 0.5]
+    assert slots and {slot.node for slot in slots} == {"west"}
+    assert {(slot.cpus, slot.memory_bytes) for slot in slots} == {(1.0, 64 << 20)}
+
+
+def test_a_node_joins_works_and_leaves_with_its_work_done(
+    farm: Studio, cluster: Any, data: Path, tmp_path: Path
+) -> None:
+    """`impasto worker --ray-address` as an operator starts and stops it."""
+    command = [sys.executable, "-m", "impasto", "worker", "--ray-address", cluster.address, "--name", "north"]
+    database = f"sqlite:///{farm._settings.home.absolute() / 'impasto.db'}"
+    more = ["--workers", "3", "--gpus", "0", "--database", database, "--home", str(tmp_path / "north")]
+    for name in ("east", "west"):
+        farm.fleet.drain(Place.NODE, name)
+    with subprocess.Popen([*command, *more], cwd=ROOT, stdout=subprocess.PIPE, text=True) as node:
+        try:
+            until(lambda: {slot.node for slot in _slots(farm)} == {"north"}, 90)
+            before = finished(farm, farm.submit(request_on(farm, data, seed=10)).id, 60)
+            running = farm.submit(request_on(farm, data, seed=11, params={"tasks": 3, "sleep_s": 2})).id
+            until(lambda: farm.job(running).counts["running"] == 3, 30)
+            node.terminate()
+            assert node.wait(60) == 0
+        finally:
+            node.kill()
+    for name in ("east", "west"):
+        farm.fleet.resume(Place.NODE, name)
+    assert before.state == finished(farm, running, 90).state == "succeeded"
+    assert {bar.outcome for bar in _bars(farm, running)} == {"succeeded"}
+    assert [node.name for node in farm.fleet.nodes() if node.drain] == []
+
+
+def test_a_node_that_dies_loses_its_tasks_to_others(farm: Studio, cluster: Any, data: Path) -> None:
+    until(lambda: len(_slots(farm)) == 3, 60)
+    params = {"tasks": 6, "sleep_s": 1.5}
+    job = farm.submit(request_on(farm, data, seed=12, params=params)).id
+    until(lambda: farm.job(job).counts["running"] == 3, 30)
+    until(lambda: all(work.node for worker in farm.fleet.workers().items for work in worker.at_work), 10)
+    busy = {work.node for worker in farm.fleet.workers().items for work in worker.at_work}
+    cluster.remove_node(cluster.named[min(busy)], allow_graceful=False)
+    ended = finished(farm, job, 120)
+    assert ended.state == "succeeded", ended.error
+    assert {"failed", "succeeded"} == {bar.outcome for bar in _bars(farm, job)}
+    again = finished(farm, farm.submit(request_on(farm, data, seed=12, params=params)).id, 120)
+    assert result(farm, job) == result(farm, again.id)

@@ -1,0 +1,68 @@
+"""This machine as a node of a Ray cluster: Ray's own command, watched. Ray itself is not imported."""
+
+from __future__ import annotations
+
+import logging
+import subprocess
+import sys
+import tempfile
+from types import TracebackType
+from typing import Self
+
+from pipeline.errors import StorageError
+
+log = logging.getLogger(__name__)
+
+STOP_S = 20.0
+
+
+class RayNode:
+    """A raylet, from `with` to its end. Raises StorageError if it does not come up, or goes.
+
+    Args:
+        address: host:port of the cluster's head.
+        name: as operators know the node.
+        cpus: tasks that may run here at once, of one processor each.
+        gpus: to offer; None: those that Ray finds.
+    """
+
+    def __init__(self, address: str, name: str, cpus: int, gpus: float | None = None) -> None:
+        self._command = [
+            *(sys.executable, "-c", "from ray.scripts.scripts import main; main()", "start", "--block"),
+            *("--address", address, "--node-name", name, "--num-cpus", str(cpus), "--disable-usage-stats"),
+            *(() if gpus is None else ("--num-gpus", f"{gpus:g}")),
+        ]
+        self._said = tempfile.TemporaryFile()  # noqa: SIM115  (closed by __exit__)
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def __enter__(self) -> Self:
+        self._process = subprocess.Popen(  # noqa: S603  (our own arguments)
+            self._command, stdin=subprocess.DEVNULL, stdout=self._said, stderr=subprocess.STDOUT, start_new_session=True
+        )
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """End it: SIGTERM lets `ray start --block` end the raylet that it began."""
+        assert self._process is not None
+        self._process.terminate()
+        try:
+            self._process.wait(STOP_S)
+        except subprocess.TimeoutExpired:
+            log.warning("the Ray node does not end; it is killed")
+            self._process.kill()
+            self._process.wait()
+        self._said.close()
+
+    def check(self) -> None:
+        """Raise StorageError if the node has gone: the head may have."""
+        assert self._process is not None
+        if self._process.poll() is not None:
+            self._said.seek(0)
+            last = self._said.read()[-2000:].decode("utf-8", "replace").strip()
+            raise StorageError(
+                f"The Ray node has ended: {last or 'it said nothing'}.",
+                field="ray_address",
+                remedy="Check that the cluster's head is up and can be reached, then start again.",
+            )
