@@ -11,7 +11,7 @@ import pytest
 from pipeline.errors import BadInput
 from pipeline.frames import Frame
 from pipeline.methods import method, parse_params
-from pipeline.methods.analogy.exemplar import own_pair
+from pipeline.methods.analogy.exemplar import painted as in_strokes
 from pipeline.methods.analogy.interval import PIECE, pieces
 from pipeline.methods.analogy.plan import run_frames
 from pipeline.scenes import scene
@@ -31,7 +31,7 @@ def shot(count: int = 6) -> list[Frame]:
 
 @cache
 def painting() -> Frame:
-    return np.ascontiguousarray(own_pair()[1][40:200, 60:260])
+    return in_strokes(scene("portrait", (480, 320), frames=1).image(0))[40:200, 60:260].copy()
 
 
 def rendered(inputs: dict[str, Any] | None = None, frames: list[Frame] | None = None, **params: Any) -> np.ndarray:
