@@ -37,13 +37,19 @@ def median_motion(flow: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.asarray(np.partition(rows, middle, axis=0)[middle], np.float32)
 
 
-def hold_still(flow: Flow, previous_gray: NDArray[np.uint8], gray: NDArray[np.uint8], tolerance: float) -> Flow:
+def hold_still(
+    flow: Flow, previous_gray: NDArray[np.uint8], gray: NDArray[np.uint8], tolerance: float,
+    moving: NDArray[np.uint8] | None = None,
+) -> Flow:  # fmt: skip
     """Set `flow` (float32 (h, w, 2), px) to exactly zero where nothing moves; return it (changed in place).
 
     A pixel stands still when the mean absolute difference of the two grays over 5x5 is at most `tolerance`
-    (levels, 0..255), or when its displacement is under a tenth of a pixel.
+    (levels, 0..255), or when its displacement is under a tenth of a pixel. Where `moving` (uint8 (h, w)) is not 0, only
+    the latter counts.
     """
     difference = np.asarray(cv2.boxFilter(cv2.absdiff(gray, previous_gray), -1, (5, 5)), np.uint8)
+    if moving is not None:
+        difference = np.asarray(np.where(moving, np.uint8(255), difference), np.uint8)
     _zero_still(flow, difference, np.uint8(tolerance))
     return flow
 

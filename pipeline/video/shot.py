@@ -205,7 +205,8 @@ class _Tree:
             number = number_of(path.name)
             if number is None or number in found:
                 fault = "without a number in its name" if number is None else "with a number that another has"
-                _refuse(f"{who} has a picture {fault}.", str(path), None, "Number pictures by their frames.")
+                other = None if number is None else found[number]
+                _refuse(f"{who} has a picture {fault}.", str(path), other, "Number pictures by their frames.")
             found[number] = str(path)
         return found
 

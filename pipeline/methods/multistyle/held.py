@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Mask
 from pipeline.segmentation.jit import kernel
+from pipeline.segmentation.motion import hold_still
 
 MOVING = 0.25
 """What is carried by bilinear samples goes at least so far towards the new picture, or it would blur away."""
@@ -22,8 +23,37 @@ TURNING = 0.3
 """The same for a direction."""
 MARGIN, NOISY = 1.4, 2.5
 """The tolerance is at least so many times the median difference, and at most so many times what was asked for."""
+TEXTURE = 64.0
+"""Slope, by Sobel's filter at a quarter of the size, from which on a motion would show."""
+ABOUT, EVERYWHERE = 0.15, 0.03
+"""Side, in heights, of the window in which textures tell whether a plain pixel rests; weight of all the picture's."""
 QUICKLY = 0.75
 """How far a pixel that is plainly different goes towards the new picture in a frame."""
+
+
+def rest(flow: Flow, before: NDArray[np.uint8], gray: NDArray[np.uint8], tolerance: float) -> Flow:
+    """The flow, exactly 0 where things rest: float32 (h, w, 2), px; changed in place.
+
+    A pixel that does not change may rest, or be a part of a plain thing that moves, as the sky does in a pan. So what
+    does not change rests only if things with a texture about it do not change either: those would, if they moved.
+
+    Args:
+        before, gray: uint8 (h, w), the last frame and this one.
+        tolerance: mean absolute difference over 5 x 5 px up to which a pixel does not change, gray levels.
+    """
+    size = (gray.shape[1], gray.shape[0])
+    small = (max(1, size[0] // 4), max(1, size[1] // 4))
+    change = cv2.resize(cv2.absdiff(gray, before), small, interpolation=cv2.INTER_AREA)
+    coarse = cv2.resize(gray, small, interpolation=cv2.INTER_AREA)
+    across, down = (np.abs(cv2.Sobel(coarse, cv2.CV_32F, *way)) for way in ((1, 0), (0, 1)))
+    texture = (across + down > np.float32(TEXTURE)).astype(np.float32)
+    resting = texture * (change <= np.uint8(tolerance))
+    side = max(3, round(ABOUT * small[1])) | 1
+    near, all_near = (cv2.boxFilter(plane, -1, (side, side)) for plane in (resting, texture))
+    far, all_far = (np.float32(EVERYWHERE * plane.mean() + 1e-6) for plane in (resting, texture))
+    moving = (2 * (near + far) <= all_near + all_far).astype(np.uint8)
+    wide = cv2.resize(moving, size, interpolation=cv2.INTER_NEAREST)
+    return hold_still(flow, before, gray, tolerance, np.asarray(wide, np.uint8))
 
 
 def hold(

@@ -19,13 +19,12 @@ from pipeline.methods.abstraction.state import Clock, State, flatten, part
 from pipeline.methods.multistyle.design import Design
 from pipeline.methods.multistyle.designer import Designer, Placed
 from pipeline.methods.multistyle.fields import SMALLEST_PX, StyleFields, chosen_style, style_fields, uniform
-from pipeline.methods.multistyle.held import hold, hold_field
+from pipeline.methods.multistyle.held import hold, hold_field, rest
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.sight import COLUMNS, Marks, Sight
 from pipeline.methods.multistyle.styles import STYLES, pigment
 from pipeline.segmentation.cuts import is_cut, thumbnail
 from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker
-from pipeline.segmentation.motion import hold_still
 from pipeline.strokes.brush import Brush, tint
 from pipeline.strokes.carry import Habits, Living, begin, carry, tend
 from pipeline.strokes.layers import area_error, layer_brush, layer_threshold, spacing_px, typical
@@ -137,7 +136,7 @@ class Eye:
             return None
         with self.clock("flow"):
             flow = estimate(self.gray, gray, self.params.flow)
-            return hold_still(flow, self.gray, gray, self.params.stillness)
+            return rest(flow, self.gray, gray, self.params.stillness)
 
     def _hold(self, frame: Frame, back: Flow | None) -> Frame:
         """The held picture, uint8 at the working size."""

@@ -22,6 +22,7 @@ from pipeline.methods.abstraction.state import no_clock
 from pipeline.methods.multistyle import MultistyleParams, MultistyleSession, plan
 from pipeline.methods.multistyle.design import parse
 from pipeline.methods.multistyle.designer import Designer, Placed
+from pipeline.methods.multistyle.held import rest
 from pipeline.methods.multistyle.look import Eye
 from pipeline.methods.multistyle.sight import unpack
 from pipeline.methods.multistyle.styles import STYLE_NAMES, STYLES, vector
@@ -192,6 +193,48 @@ def restlessness(**values: Any) -> float:
 def test_noise_is_not_painted() -> None:
     calm, alone = restlessness(), restlessness(temporal="off")
     assert calm < 0.25 * alone and calm < 3 * math.sqrt(2)
+
+
+@cache
+def pan() -> list[Frame]:
+    """A camera that pans by 2 px a frame, with a sensor's noise."""
+    wide, rng = scene("harbour", (200, 100), frames=1).image(0).astype(float), np.random.default_rng(9)
+    return [
+        np.clip(part + rng.normal(0, 2, part.shape), 0, 255).astype(np.uint8)
+        for part in (wide[:, 2 * k : 2 * k + 176] for k in range(10))
+    ]
+
+
+def swimming(**values: Any) -> float:
+    """How much a painting of the pan changes beyond its motion, gray levels."""
+    session = MultistyleSession(MultistyleParams(**values), (176, 100))
+    made = [session.step(frame).astype(float) for frame in pan()]
+    return float(np.sqrt(np.mean([np.square(b[8:-8, 8:-10] - a[8:-8, 10:-8]).mean() for a, b in pairwise(made[4:])])))
+
+
+@pytest.mark.parametrize("style", ["van-gogh", "impressionism"])
+def test_paint_that_lingers_swims_less_than_strokes_do(style: str) -> None:
+    implicit, without, explicit, alone = (
+        swimming(style=style, **values) for values in ({}, {"linger": 0}, {"renderer": "explicit"}, {"temporal": "off"})
+    )
+    assert implicit < 0.95 * without and implicit < 0.95 * explicit and implicit < 0.5 * alone, (
+        implicit, without, explicit, alone,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("moved", "sky"), [(240, -3), (0, 0), (120, None)])
+def test_a_plain_sky_goes_with_the_camera_and_rests_where_it_rests(moved: int, sky: float | None) -> None:
+    """Above nothing shows; below, a texture moves by 3 px as far as `moved` and rests beyond."""
+    rough = cv2.GaussianBlur(np.random.default_rng(4).normal(0, 900, (160, 260)), (0, 0), 2) + 128
+    rough = np.clip(rough, 0, 255).astype(np.uint8)
+    before, after = rough[:, :240].copy(), rough[:, :240].copy()
+    after[:, :moved] = rough[:, 3 : moved + 3]
+    before[:60], after[:60] = 200, 200
+    flow = rest(np.full((160, 240, 2), (-3, 0), np.float32), before, after, 2)[..., 0]
+    if sky is not None:
+        assert (flow[:60] == sky).mean() > 0.9, "edges along the motion look as if they rested"
+    assert (flow[52:60, 16:104] == (-3 if moved else 0)).mean() > 0.9, "the sky does what is below it"
+    assert (flow[52:60, 136:224] == (-3 if moved == 240 else 0)).mean() > 0.9
 
 
 # -- regions

@@ -315,3 +315,36 @@ def test_every_role_is_used() -> None:
     """A role that nobody asks for is a door that nobody watches."""
     asked = "".join(path.read_text() for path in (ROOT / "pipeline" / "video").rglob("*.py"))
     assert [role for role in roles.ROLES if f'("{role}", ' not in asked] == []
+
+
+# -- pictures of a shot
+
+
+def test_pictures_are_what_they_are_in_our_own_process(tmp_path: Path) -> None:
+    gray = np.arange(40 * 30, dtype=np.uint16).reshape(30, 40) * 40
+    data = cv2.imencode(".png", gray)[1].tobytes()
+    assert same(guarded_raw(data, "a.png"), decode_raw(data, Limits(), "a.png"))
+    planes = {f"ViewLayer.Combined.{name}": np.full((20, 24), i / 4, np.float32) for i, name in enumerate("RGB")}
+    write_exr(tmp_path / "a.exr", planes)
+    image, plain = (read((tmp_path / "a.exr").read_bytes(), name="a.exr") for read in (guarded_exr, read_exr))
+    assert image.size == plain.size == (24, 20) and list(image.planes) == list(plain.planes)
+    assert all(np.array_equal(image.planes[name], plain.planes[name]) for name in planes)
+
+
+def test_a_bad_picture_is_named_and_the_next_one_comes_through() -> None:
+    data = cv2.imencode(".png", np.zeros((32, 32), np.uint8))[1].tobytes()
+    guarded_raw(data, "good.png")
+    pid = _DESK.child._pid if _DESK.child else 0
+    with pytest.raises(UnreadableMedia) as caught:
+        guarded_raw(data[: len(data) // 2], "masks/0007.png")
+    assert "masks/0007.png" in f"{caught.value.field} {caught.value.value} {caught.value.message}"
+    assert guarded_raw(data, "good.png").shape == (32, 32)
+    assert _DESK.child and _DESK.child._pid == pid, "it was not at fault"
+
+
+def test_a_killed_decoder_of_pictures_is_replaced() -> None:
+    data = cv2.imencode(".png", np.zeros((32, 32), np.uint8))[1].tobytes()
+    guarded_raw(data, "good.png")
+    assert _DESK.child
+    os.kill(_DESK.child._pid, signal.SIGKILL)
+    assert guarded_raw(data, "good.png").shape == (32, 32)
