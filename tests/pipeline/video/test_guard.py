@@ -20,9 +20,11 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.errors import BadFrame, Cancelled, MediaTooLarge, UnreadableMedia
+from pipeline.video.exr import read_exr, write_exr
 from pipeline.video.guard import roles
 from pipeline.video.guard.files import GuardedImages, guarded_join
 from pipeline.video.guard.nursery import _NURSERY, Child
+from pipeline.video.guard.pictures import _DESK, guarded_exr, guarded_raw
 from pipeline.video.guard.reader import GuardedReader
 from pipeline.video.guard.wire import Broken, receive, send
 from pipeline.video.join import join
@@ -30,6 +32,7 @@ from pipeline.video.media import Limits
 from pipeline.video.numbered import NumberedImages
 from pipeline.video.probe import probe_guarded
 from pipeline.video.reader import VideoReader
+from pipeline.video.stills import decode_raw
 from pipeline.video.writer import SegmentSpec, segment_writer
 from tests.pipeline.video.making import make_video, make_zip, picture, png_frames
 
