@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
-from concurrent.futures import Executor, Future
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Frame
 from pipeline.methods.analogy import Analogy, AnalogyParams
-from pipeline.methods.base import Arrays, Brief, Note, Step, Task, VideoInfo
+from pipeline.methods.base import Arrays, Brief, Note, VideoInfo
 
 
 class Memory:
@@ -87,20 +86,12 @@ def render(bench: Memory) -> list[Frame]:
     return [bench.painted[index] for index in sorted(bench.painted)]
 
 
-def together(bench: Memory, pool: Executor) -> list[Frame]:
-    """The whole plan, each task as soon as those it goes on from are done, on a pool of workers."""
+def some(bench: Memory, which: Sequence[int]) -> None:
+    """The scan, and only these tasks of the step `synthesise`: a worker's part."""
+    scan, synthesise = Analogy.steps[:2]
     notes: dict[str, dict[str, Note]] = {}
-    for step in Analogy.steps:
+    for step in (scan, synthesise):
         bench.step, notes[step.name] = step.name, {}
         tasks = step.plan(Brief(bench.params, 0, bench.video, frozenset(bench.inputs), notes))
-        running: dict[str, Future[Note]] = {}
-
-        def run(task: Task, step: Step = step, running: dict[str, Future[Note]] = running) -> Note:
-            for name in task.after:
-                running[name].result()
-            return step.run(task, bench)
-
-        for task in tasks:
-            running[task.key] = pool.submit(run, task)
-        notes[step.name] = {key: future.result() for key, future in running.items()}
-    return [bench.painted[index] for index in sorted(bench.painted)]
+        for task in tasks if step is scan else [tasks[index] for index in which]:
+            notes[step.name][task.key] = step.run(task, bench)
