@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# What a container does: `service`, `worker` (joins a Ray cluster), `head` (is one's head), or any command.
+# What a container does: `service`, `worker` (joins a Ray cluster, or, without one, takes tasks from the stores), `head`
+# (is a cluster's head), or any command.
 #
 # A driver of Ray must be on a node of the cluster, so a service on a cluster is a node without processors. Either of
 # the two ending ends the container: half of it would look alive and do nothing.
@@ -27,6 +28,9 @@ case "${1:-}" in
         ;;
     worker)
         shift
+        if [[ -z "${IMPASTO_RAY_ADDRESS:-}" ]]; then # no cluster: takes tasks from the stores by itself
+            exec impasto worker "$@"
+        fi
         join --metrics-export-port=8080 "$@"
         ;;
     service)

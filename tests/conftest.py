@@ -69,6 +69,10 @@ def _missing_prometheus() -> str:
     return missing()
 
 
+def _missing_compose() -> str:
+    return "" if shutil.which("docker-compose") else "there is no docker-compose: apt-get install docker-compose"
+
+
 def _missing_nginx() -> str:
     from tests.real.nginx import missing
 
@@ -89,6 +93,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "prometheus": _missing_prometheus,
     "systemd": _missing_systemd,
     "nginx": _missing_nginx,
+    "compose": _missing_compose,
 }
 MAY_BE_ABSENT = {"media"}
 """Test media are not ours to ship: another machine may lack them even where every part must be real."""

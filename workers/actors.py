@@ -12,16 +12,21 @@ from functools import partial
 from typing import Any, cast
 
 import ray
+from ray.exceptions import RayError
 
+from workers.blobs.base import Blobs
 from workers.live.local_seats import Painter
 from workers.live.model import LiveOrder, Painted, Work
 from workers.local_pool import Runner
 from workers.model import Json, TaskOrder, TaskOutcome
+from workers.shelf import Shelf
 from workers.watch import Watch
 
 CONTROL = "control"
 RENDER_NICENESS = 10
 """Live sessions and the service's answers go before renders."""
+FETCH_S = 10.0
+"""Longer than this, the blob store is quicker."""
 LOOK, PAINT = "look", "paint"
 LOWEST = 19
 """Nice."""
@@ -30,15 +35,23 @@ LOWEST = 19
 class _RenderActor:
     """Runs one order at a time; answers in between, from a thread of its own, how far it is."""
 
-    def __init__(self, make_runner: Callable[[], Runner]) -> None:
+    def __init__(self, make_runner: Callable[[Blobs], Runner], blobs: Blobs) -> None:
         os.nice(RENDER_NICENESS)
         self._watch = Watch()
-        self._runner = make_runner()
+        self._shelf = Shelf(blobs)
+        self._runner = make_runner(self._shelf)
         warm_up = partial(self._runner.warm_up, lambda: False)
         threading.Thread(target=warm_up, name="impasto-warm-up", daemon=True).start()
 
-    def run(self, order: TaskOrder) -> TaskOutcome:
-        return self._watch.run(self._runner, order)
+    def run(self, order: TaskOrder, given: Mapping[str, Any]) -> tuple[TaskOutcome, dict[str, tuple[Any, int]]]:
+        """The outcome; and of what others of its step will load, by blob key: a reference, and how many bytes.
+
+        Args:
+            given: by blob key, references that orders before it have left.
+        """
+        self._shelf.begin({key: partial(_fetch, reference) for key, reference in given.items()}, order.leads)
+        outcome = self._watch.run(self._runner, order)
+        return outcome, {key: (ray.put(data), len(data)) for key, data in self._shelf.end().items()}
 
     @ray.method(concurrency_group=CONTROL)
     def hello(self) -> tuple[str, str]:
@@ -53,6 +66,14 @@ class _RenderActor:
     @ray.method(concurrency_group=CONTROL)
     def cancel(self, attempt_id: str) -> None:
         self._watch.cancel(attempt_id)
+
+
+def _fetch(reference: Any) -> bytes | None:
+    """What was put; None if it was lost with the actor that had put it."""
+    try:
+        return cast(bytes, ray.get(reference, timeout=FETCH_S))
+    except (RayError, TimeoutError):
+        return None
 
 
 class _LiveActor:

@@ -18,6 +18,8 @@ from pipeline.frames import Frame
 from pipeline.methods.base import Arrays
 from pipeline.video.container import Index
 from pipeline.video.guard.files import GuardedImages
+from pipeline.video.headers import sniff
+from pipeline.video.shot_files import ShotFiles
 from pipeline.video.writer import SegmentSpec
 from workers.about import belong
 from workers.arrays import read_arrays, write_arrays
@@ -119,6 +121,15 @@ class TaskBench:
         self._life.callback(found.close)
         return found
 
+    def entries(self, name: str) -> Mapping[str, bytes]:
+        path = self._life.enter_context(self._blobs.local(self._input(name)))
+        with path.open("rb") as stream:
+            if sniff(stream) != "application/zip":
+                return {}
+        found = ShotFiles(path)
+        self._life.callback(found.close)
+        return found
+
     def _input(self, name: str) -> str:
         if name not in self._order.inputs:
             raise BadParameter(
@@ -173,6 +184,10 @@ class TaskBench:
         with self.stages.waiting("encode"):
             self._emission = self._emission or self._start_emission()
             self._emission.take(index, frame)
+        self.show(frame)
+
+    def show(self, frame: Frame) -> None:
+        self._check_cancelled()
         if self._shows.due():
             with self.stages.waiting("store"):
                 preview = self._shows.put(frame)

@@ -66,6 +66,12 @@ class _Bench:
     def images(self, name: str) -> Mapping[int, NDArray[Any]]:
         return {0: self.image(name)}
 
+    def entries(self, name: str) -> Mapping[str, bytes]:
+        return {}
+
+    def show(self, frame: Frame) -> None:
+        pass
+
     def save(self, name: str, arrays: Arrays) -> None:
         self._saved[self.step, name] = dict(arrays)
 

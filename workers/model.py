@@ -204,6 +204,8 @@ class TaskOrder:
     """For "assemble": step -> stage -> seconds, summed over the step's tasks."""
     needs: Needs | None = None
     """Of a machine; None: what the farm gives to every task."""
+    leads: bool = False
+    """Whether tasks of this step wait for it."""
 
 
 @dataclass(frozen=True)

@@ -63,6 +63,7 @@ class Orders:
             segments=before.segments,
             stages=before.stages,
             needs=None if task["needs"] is None else Needs(**task["needs"]),
+            leads=self._store.context.leads(task["id"]),
         )
 
     def _before(self, job_id: str, step: int, inputs: dict[str, str], name: str) -> _Before:

@@ -33,6 +33,7 @@ from workers.model import TaskOrder, TaskOutcome
 from workers.pool import Report
 from workers.render import far_renderer
 from workers.settings import FarmSettings
+from workers.shelf import Handed
 
 log = logging.getLogger(__name__)
 
@@ -42,6 +43,10 @@ _PATIENCE_S = 3.0
 """How long an actor waits for room before an idle one makes it: as long as one takes to start."""
 _OBJECT_STORE_BYTES = 100 << 20
 """Orders and outcomes are a few kilobytes; blobs go by their own way."""
+
+
+_HANDED_BYTES = 64 << 20
+"""Of artefacts in Ray's shared memory, over all nodes."""
 
 
 @dataclass
@@ -73,15 +78,19 @@ class RayPool:
 
     Args:
         blobs: pickled to the actors as it is; on several machines S3, or a folder that they share.
-        make_runner: made once an actor; None: a Renderer over `blobs`.
+        make_runner: from the blobs, called once an actor; None: a Renderer.
     """
 
-    def __init__(self, blobs: Blobs, settings: FarmSettings, make_runner: Callable[[], Runner] | None = None) -> None:
+    def __init__(
+        self, blobs: Blobs, settings: FarmSettings, make_runner: Callable[[Blobs], Runner] | None = None
+    ) -> None:
         self._settings = settings
+        self._blobs = blobs
         here = settings.ray_address == "local"
         self._make_runner = make_runner or partial(
-            far_renderer, settings.for_workers, blobs, settings.scratch if here else None
+            far_renderer, settings.for_workers, scratch=settings.scratch if here else None
         )
+        self._handed = Handed(_HANDED_BYTES)
         self._workers: list[_Worker] = []
         self._lock = threading.RLock()
         self._news = threading.Event()
@@ -141,7 +150,8 @@ class RayPool:
             worker = self._place_for(order.needs or self._needs)
             if worker is not None:
                 worker.attempt_id = order.attempt_id
-                worker.answer = worker.actor.run.remote(order)
+                given = self._handed.of(order.artefacts.values()) if order.after else {}
+                worker.answer = worker.actor.run.remote(order, given)
         if worker is None:  # an actor died between the claim and now
             self._listen(Report(order.attempt_id, lost=True))
         self._news.set()
@@ -213,13 +223,13 @@ class RayPool:
         try:
             value = ray.get(ref)
         except ray.exceptions.RayTaskError as error:  # the actor lives; our own code has raised
-            value = failed_outcome(worker.attempt_id, error.cause or error)
+            value = failed_outcome(worker.attempt_id, error.cause or error), {}
         except RayError as error:
             log.warning("the worker %s has died: %s", worker.name or "(starting)", type(error).__name__)
             self._replace(worker, lost=worker.attempt_id)
             return
-        if isinstance(value, TaskOutcome):
-            self._answered(worker, value)
+        if worker.hello is None:
+            self._answered(worker, *value)
         else:
             self._greeted(worker, *value)
 
@@ -229,7 +239,8 @@ class RayPool:
             worker.name, worker.node, worker.hello = name, node, None
         self._listen(Report("", worker=name))
 
-    def _answered(self, worker: _Worker, outcome: TaskOutcome) -> None:
+    def _answered(self, worker: _Worker, outcome: TaskOutcome, made: dict[str, tuple[Any, int]]) -> None:
+        self._handed.add(made)
         with self._lock:
             worker.attempt_id, worker.answer = "", None
             if worker.node in self._held:
@@ -284,7 +295,7 @@ class RayPool:
         elsewhere = {"ray.io/node-id": f"!in({','.join(sorted(self._avoided))})"} if self._avoided else None
         actor = RenderActor.options(
             num_cpus=needs.cpus, num_gpus=needs.gpus, memory=needs.memory_bytes or None, label_selector=elsewhere
-        ).remote(self._make_runner)
+        ).remote(self._make_runner, self._blobs)
         return _Worker(actor, actor.hello.remote(), needs, self._avoided)
 
     def _exchange(self, worker: _Worker, needs: Needs) -> _Worker:

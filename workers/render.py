@@ -18,6 +18,7 @@ import cv2
 from pipeline.errors import BadParameter, Cancelled
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import Method, Step, Task
+from pipeline.video.guard.nursery import get_ready
 from workers.assemble import Assembly
 from workers.bench import TaskBench
 from workers.blobs.base import Blobs
@@ -44,6 +45,7 @@ def prepare_process() -> None:
     """
     cv2.setNumThreads(1)
     sys.setswitchinterval(TURN_S)
+    get_ready()
     logging.getLogger("pipeline").setLevel(logging.INFO)
     _LOG.setLevel(logging.INFO)
 

@@ -52,3 +52,10 @@ def quantiles(metric: str, where: str = "") -> tuple[Line, ...]:
     """p50, p95 and p99 of a histogram over every process."""
     rate = f"sum by (le) (rate({metric}_bucket{{{where}}}[$__rate_interval]))"
     return tuple(Line(f"histogram_quantile({q}, {rate})", f"p{round(100 * q)}") for q in (0.5, 0.95, 0.99))
+
+
+ONE = 'instance=~"$instance"'
+RATE = "[$__rate_interval]"
+BAD = ((1.0, "red"),)
+ASKED = f'{ONE}, route!~".*(uploads|assets|previews|frame|thumbnail|result|files|content|regions|metrics|readyz).*"'
+"""Questions, as the alert ImpastoSlow has them: uploads and pictures are work."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.errors import BadInput
+from pipeline.video.shot_files import FRAMES
 
 EPOCH = (1980, 1, 1, 0, 0, 0)
 
@@ -23,7 +24,8 @@ class Material:
 
 
 def gather(field: str, path: Path, scratch: Path) -> Material:
-    """The file at `path`; a folder is zipped into `scratch` first (its files, not those of folders in it).
+    """The file at `path`; a folder is zipped into `scratch` first (its files, not those of folders in it, unless it is
+    a shot: see `pipeline.video.shot`).
 
     Raises: BadInput that names `field`: nothing there, an empty folder, neither file nor folder.
     """
@@ -49,15 +51,24 @@ def plain(name: str) -> str:
 
 def _zip(field: str, folder: Path, target: Path) -> None:
     """Zip the visible files of `folder` by name, stored as they are, with a fixed date and mode: no clock, no umask."""
-    files = sorted(p for p in folder.iterdir() if p.is_file() and not p.name.startswith("."))
+    files = _files(folder)
     if not files:
         raise BadInput("There are no files in the folder.", field=field, value=folder, remedy="Put the frames in it.")
     with zipfile.ZipFile(target, "w", zipfile.ZIP_STORED) as archive:
         for file in files:
-            entry = zipfile.ZipInfo(file.name, EPOCH)
+            entry = zipfile.ZipInfo(file.relative_to(folder).as_posix(), EPOCH)
             entry.external_attr = 0o644 << 16
             with file.open("rb") as source, archive.open(entry, "w", force_zip64=True) as sink:
                 shutil.copyfileobj(source, sink, 1 << 20)
+
+
+def _files(folder: Path) -> list[Path]:
+    """Visible files, in the order of their names; those in its folders too if it is a shot."""
+    deep = (folder / FRAMES).is_dir()
+    return sorted(
+        p for p in (folder.rglob("*") if deep else folder.iterdir())
+        if p.is_file() and not any(part.startswith(".") for part in p.relative_to(folder).parts)
+    )  # fmt: skip
 
 
 def _sha256(path: Path) -> str:

@@ -52,6 +52,7 @@ def worker(
     """
     from impasto.settings import load
     from service.settings import Settings
+    from workers.logs import set_up_logs
 
     settings = load(
         Settings,
@@ -63,6 +64,7 @@ def worker(
         blob_url=blobs,
         s3_endpoint_url=s3_endpoint,
     )
+    set_up_logs(settings)
     if ray_address is not None:
         _join_cluster(settings, ray_address, name or socket.gethostname(), gpus, grace_s)
         return

@@ -138,6 +138,11 @@ class Bench(Protocol):
         """The images of the input `name` by the number in their file name, as stored: 8 or 16 bit, alpha kept."""
         ...
 
+    def entries(self, name: str) -> Mapping[str, bytes]:
+        """The files in the input `name` if it is an archive, by their path in it (folders that all share left out),
+        read when asked for; empty if it is none."""
+        ...
+
     def save(self, name: str, arrays: Arrays) -> None:
         """Keep arrays as the artefact `name` of this step (unique over the step's tasks)."""
         ...
@@ -157,6 +162,10 @@ class Bench(Protocol):
 
     def emit(self, index: int, frame: Frame) -> None:
         """Hand over finished frame `index`, in order. Fast: encoding is done outside the method's clocks."""
+        ...
+
+    def show(self, frame: Frame) -> None:
+        """Show a picture of work that goes on, of any size: a coarse preview before anything can be emitted."""
         ...
 
     def clock(self, stage: str) -> AbstractContextManager[None]:

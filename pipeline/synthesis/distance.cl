@@ -22,13 +22,14 @@ kernel void columns(global const uchar *set, global int *rows, const int width, 
     }
 }
 
-/* The nearest set pixel, (-1, -1) where there is none: columns from here outward, the left one first. */
-kernel void nearest(global const int *rows, global int2 *out, const int width, const int height)
+/* The nearest set pixel less than sqrt(most) away, (-1, -1) where there is none: columns from here outward, the left
+   one first. */
+kernel void nearest(global const int *rows, global int2 *out, const int most, const int width, const int height)
 {
     const int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)
         return;
-    int best = INT_MAX;
+    int best = most;
     int2 found = (int2)(-1);
     for (int far = 0; far < width && far * far < best; far++)
         for (int side = 0; side < (far ? 2 : 1); side++) {

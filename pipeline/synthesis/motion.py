@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.flow import FlowMethod, estimate
 from pipeline.flow.reliability import chi_minus, chi_plus
-from pipeline.frames import Flow, Frame
+from pipeline.frames import Flow
 from pipeline.synthesis.images import Bytes, halved
 
 
@@ -33,11 +32,6 @@ def between(velocity_plus: Flow, velocity_minus: Flow, epsilon_px2: float) -> tu
     forth = chi_plus(velocity_plus, velocity_minus, epsilon_px2)
     back = chi_minus(velocity_minus, velocity_plus, epsilon_px2)
     return Motion(velocity_plus, forth.astype(np.uint8)), Motion(-velocity_minus, back.astype(np.uint8))
-
-
-def estimated(first: Frame, second: Frame, method: FlowMethod, epsilon_px2: float) -> tuple[Motion, Motion]:
-    """`between` by optical flow in both directions."""
-    return between(estimate(first, second, method), -estimate(second, first, method), epsilon_px2)
 
 
 def coarser(velocity: Flow, levels: int) -> Flow:

@@ -1,4 +1,4 @@
-"""Zip archives of numbered PNG or JPEG images, as sequences: checked before a byte of them is unpacked.
+"""Zip archives of numbered PNG, JPEG or EXR images, as sequences: checked before a byte of them is unpacked.
 
 Nothing is ever extracted to disk, so a name cannot escape; names that try are refused all the same.
 """
@@ -17,7 +17,9 @@ from typing import BinaryIO, cast
 from pipeline.errors import MediaTooLarge
 from pipeline.video.media import Limits, unreadable
 
-_IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg"})
+IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".exr"})
+MANIFEST = "shot.json"
+"""The one file of an archive that may be something else than an image: see `pipeline.video.shot`."""
 _BOMB_RATIO = 200
 _BOMB_FLOOR_BYTES = 1 << 20
 _DAMAGE = (zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, NotImplementedError)
@@ -50,7 +52,9 @@ def _checked(archive: zipfile.ZipFile, limits: Limits) -> list[zipfile.ZipInfo]:
     if total > limits.size_bytes:
         _too_large("The archive unpacks to too many bytes.", total, f"At most {limits.size_bytes}.")
     if not images:
-        unreadable("The archive holds no images.", len(members), "Zip PNG or JPEG frames, numbered in their names.")
+        unreadable(
+            "The archive holds no images.", len(members), "Zip PNG, JPEG or EXR frames, numbered in their names."
+        )
     return sorted(images, key=lambda m: natural_key(m.filename))
 
 
@@ -60,8 +64,12 @@ def _is_wanted(member: zipfile.ZipInfo) -> bool:
     parts = PurePosixPath(member.filename).parts
     if member.is_dir() or "__MACOSX" in parts or parts[-1].startswith(".") or parts[-1] == "Thumbs.db":
         return False
-    if PurePosixPath(member.filename).suffix.lower() not in _IMAGE_SUFFIXES:
-        unreadable("The archive holds something other than PNG or JPEG images.", member.filename, "Remove that entry.")
+    if parts[-1] == MANIFEST:
+        _check_bomb(member)
+        return False
+    if PurePosixPath(member.filename).suffix.lower() not in IMAGE_SUFFIXES:
+        unreadable("The archive holds something else than PNG, JPEG or EXR images.", member.filename,
+                   "Remove that entry.")  # fmt: skip
     return True
 
 

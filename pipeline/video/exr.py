@@ -21,18 +21,20 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
-from pipeline.errors import BadInput, UnreadableMedia
+from pipeline.errors import BadInput, MediaTooLarge, UnreadableMedia
 from pipeline.frames import Flow, Frame, Plane
-from pipeline.video.media import Limits, check_size
+from pipeline.video.media import Limits
 
 Convention = Literal["auto", "cycles", "eevee", "nuke"]
 Planes = Mapping[str, Plane]
+Linear = NDArray[np.float32]
 
 EXR_MAGIC = b"\x76\x2f\x31\x01"
 _BACK = (("x", "y"), ("u", "v"), ("r", "g"))
 _VECTOR = (("x", "y", "z", "w"), ("r", "g", "b", "a"))
 _FORTH_NAMES = ("forward", "motion_next", "velocity_next", "motionforward", "fwd", "velocity", "motion", "motionvector")
 _BACK_NAMES = ("backward", "motion_previous", "velocity_previous", "motionbackward", "bwd", "back")
+_PICTURES = ("combined", "beauty", "rgba", "image", "")
 _NORMALS = ("normal", "n", "normals", "worldnormal", "cameranormal")
 _IDS = ("indexob", "objectid", "id", "object_id", "objectindex", "object")
 _DEPTHS = ("z", "depth", "mist")
@@ -88,7 +90,14 @@ def _check_window(path: Path, limits: Limits, name: str) -> None:
     if not head.startswith(EXR_MAGIC) or not windows:
         raise _unreadable(name, "not an EXR")
     for left, top, right, bottom in windows:
-        check_size(right - left + 1, bottom - top + 1, limits, f"The image {name}")
+        width, height = right - left + 1, bottom - top + 1
+        if width < 1 or height < 1:
+            raise _unreadable(name, f"a window of {width}x{height}")
+        if width * height > limits.pixels or max(width, height) > limits.side_px:
+            raise MediaTooLarge(
+                f"The image {name} has too many pixels.", field=name, value=f"{width}x{height}",
+                remedy=f"At most {limits.pixels / 1e6:g} megapixels and {limits.side_px} px a side: scale it down.",
+            )  # fmt: skip
 
 
 def _extent(window: Any) -> tuple[int, int]:
@@ -130,13 +139,33 @@ def _within(pixels: NDArray[Any], shift: tuple[int, int], size: tuple[int, int])
 
 
 def beauty(image: Exr) -> Frame | None:
-    """The picture itself as a frame: linear light to sRGB, clipped to 0..1; None where there is no R, G, B."""
-    found = _group(image.planes, ("combined", "beauty", "rgba", "image", ""), ("r", "g", "b"))
+    """The picture itself as a frame, without its opacity; see `pixels`."""
+    found = pixels(image)
+    return None if found is None else np.ascontiguousarray(found[..., :3])
+
+
+def pixels(image: Exr) -> NDArray[np.uint8] | None:
+    """The picture itself, uint8 (h, w, 3), or (h, w, 4) with straight opacity where it has an alpha channel; None where
+    there is no R, G, B. Linear light becomes sRGB, clipped to 0..1; EXR's colours are stored multiplied by opacity."""
+    found = _group(image.planes, _PICTURES, ("r", "g", "b"))
     if found is None:
         return None
-    linear = np.clip(np.nan_to_num(np.stack(found, -1)), 0, 1)
-    encoded = np.where(linear <= 0.0031308, linear * 12.92, 1.055 * np.power(linear, 1 / 2.4) - 0.055)
-    return np.asarray(np.rint(encoded * 255), np.uint8)
+    alpha = _group(image.planes, _PICTURES, ("a",))
+    linear: Linear = np.nan_to_num(np.stack(found, -1)).astype(np.float32)
+    if alpha is None:
+        return _eight_bit(_encoded(linear))
+    clear = np.clip(np.nan_to_num(alpha[0]), 0, 1)[..., None]
+    straight: Linear = (linear / np.maximum(clear, np.float32(1e-4))).astype(np.float32)
+    return np.ascontiguousarray(np.concatenate([_eight_bit(_encoded(straight)), _eight_bit(clear)], -1))
+
+
+def _encoded(linear: Linear) -> Linear:
+    light = np.clip(linear, 0, 1)
+    return np.where(light <= 0.0031308, light * 12.92, 1.055 * np.power(light, 1 / 2.4) - 0.055).astype(np.float32)
+
+
+def _eight_bit(values: Linear) -> NDArray[np.uint8]:
+    return np.asarray(np.rint(values * 255), np.uint8)
 
 
 def normals(image: Exr) -> NDArray[np.float32] | None:
@@ -263,3 +292,11 @@ def _unlike(here: Frame, there: Frame, way: Flow) -> float:
     y, x = np.mgrid[:height, :width].astype(np.float32)
     found = cv2.remap(there, x + way[..., 0], y + way[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return float(np.abs(found.astype(np.float32) - here).mean())
+
+
+def write_exr(path: Path, planes: Planes, half: bool = False) -> None:
+    """Save planes by their full names, "pass.X", zipped: what `read_exr` reads."""
+    kind = np.float16 if half else np.float32
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with OpenEXR.File(header, {name: np.ascontiguousarray(plane, kind) for name, plane in planes.items()}) as file:
+        file.write(str(path))

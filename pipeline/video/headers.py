@@ -11,8 +11,9 @@ from typing import BinaryIO
 
 from pipeline.video.media import unreadable
 
-IMAGE_TYPES = ("image/png", "image/jpeg", "image/webp", "image/tiff", "image/bmp")
+IMAGE_TYPES = ("image/png", "image/jpeg", "image/webp", "image/tiff", "image/bmp", "image/x-exr")
 _MAGIC = (
+    (b"\x76\x2f\x31\x01", "image/x-exr"),
     (b"\x89PNG\r\n\x1a\n", "image/png"),
     (b"\xff\xd8\xff", "image/jpeg"),
     (b"II*\x00", "image/tiff"),
@@ -159,8 +160,21 @@ def _gif(stream: BinaryIO) -> tuple[int, int, bool]:
     return width, height, True
 
 
+_EXR_WINDOW = b"displayWindow\0box2i\0\x10\0\0\0"
+
+
+def _exr(stream: BinaryIO) -> tuple[int, int, bool]:
+    head = stream.read(1 << 20)
+    at = head.find(_EXR_WINDOW)
+    if at < 0:
+        raise ValueError("no display window")
+    left, top, right, bottom = struct.unpack_from("<4i", head, at + len(_EXR_WINDOW))
+    return right - left + 1, bottom - top + 1, False
+
+
 _PARSERS = {
     "image/gif": _gif,
+    "image/x-exr": _exr,
     "image/png": _png,
     "image/jpeg": _jpeg,
     "image/webp": _webp,

@@ -7,6 +7,7 @@ decoders may hang, crash or allocate without end on hostile bytes: the service u
 from __future__ import annotations
 
 import json
+from contextlib import closing
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -24,6 +25,8 @@ from pipeline.video.media import (
     unreadable,
 )
 from pipeline.video.sequence import Sequence, open_still, open_zip
+from pipeline.video.shot import check_pictures, read_shot
+from pipeline.video.shot_files import ShotFiles, is_shot
 
 
 def probe(path: Path, limits: Limits | None = None) -> MediaInfo:
@@ -69,6 +72,10 @@ def _probe_zip(path: Path, limits: Limits) -> MediaInfo:
 def _check_members(path: Path, limits: Limits) -> None:
     """Every image's header: one of another size would stop a job half-way."""
     archive, members = open_archive(path, limits)
+    if is_shot([member.filename for member in members]):
+        archive.close()
+        _check_shot(path, limits)
+        return
     first: tuple[int, int] | None = None
     with archive:
         for member in members:
@@ -83,6 +90,14 @@ def _check_members(path: Path, limits: Limits) -> None:
             if size != first:
                 value = f"{member.filename}: {size[0]}x{size[1]} instead of {first[0]}x{first[1]}"
                 unreadable("The images of the archive have several sizes.", value, "Make all frames one size.")
+
+
+def _check_shot(path: Path, limits: Limits) -> None:
+    """A shot's layout, and the header of every picture in it."""
+    with closing(ShotFiles(path, limits)) as files, closing(open_zip(path, limits)) as frames:
+        layout = read_shot(files)
+        check_size(*frames.geometry.size, limits)
+        check_pictures(files, layout, frames.geometry.size)
 
 
 def _probe_video(path: Path, media_type: str, limits: Limits) -> MediaInfo:

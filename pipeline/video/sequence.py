@@ -14,9 +14,10 @@ from pipeline.video.archive import natural_key, open_archive, read_entry
 from pipeline.video.container import Index
 from pipeline.video.geometry import Geometry
 from pipeline.video.media import SEQUENCE_FPS, Limits, check_bytes, unreadable
+from pipeline.video.shot_files import FRAMES, is_shot, pictures_of
 from pipeline.video.stills import decode_rgb
 
-_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp"})
+_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".exr"})
 _IMAGE_BYTES = 1 << 30
 Loader = tuple[str, Callable[[], bytes]]
 """An image's name, and what gives its encoded bytes."""
@@ -59,8 +60,10 @@ def open_still(path: Path, limits: Limits) -> Sequence:
 
 
 def open_folder(path: Path, limits: Limits) -> Sequence:
-    """The images of a folder, in the order of the numbers in their names."""
-    files = [p for p in path.iterdir() if p.suffix.lower() in _SUFFIXES and not p.name.startswith(".")]
+    """The images of a folder, in the order of the numbers in their names; of a shot, those in its `frames`."""
+    below = [str(p.relative_to(path)) for p in (*path.glob("*"), *path.glob("*/*"))]
+    found = path / FRAMES if is_shot(below) else path
+    files = [p for p in found.iterdir() if p.suffix.lower() in _SUFFIXES and not p.name.startswith(".")]
     if not files:
         unreadable("The folder holds no images.", path, "Number PNG or JPEG frames in their names.")
     files.sort(key=lambda p: natural_key(p.name))
@@ -68,10 +71,11 @@ def open_folder(path: Path, limits: Limits) -> Sequence:
 
 
 def open_zip(path: Path, limits: Limits) -> Sequence:
-    """The images of a zip archive, in the order of the numbers in their names."""
+    """The images of a zip archive, in the order of the numbers in their names; of a shot, those in its `frames`."""
     archive, members = open_archive(path, limits)
     try:
-        loaders: list[Loader] = [(m.filename, partial(read_entry, archive, m)) for m in members]
+        frames = {member.filename: member for member in members}
+        loaders: list[Loader] = [(name, partial(read_entry, archive, frames[name])) for name in pictures_of(frames)]
         return Sequence(loaders, limits, archive.close)
     except BaseException:
         archive.close()

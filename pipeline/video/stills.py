@@ -1,6 +1,7 @@
 """Still images from bytes: checked against their header first, then decoded to RGB.
 
-Orientation (EXIF) is applied, alpha is composited over white, 16 bits become 8. ICC profiles are ignored.
+Orientation (EXIF) is applied, alpha is composited over white, 16 bits become 8. ICC profiles are ignored. Of an EXR,
+the picture itself is taken, linear light made sRGB.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame
+from pipeline.video.exr import EXR_MAGIC, pixels, read_exr
 from pipeline.video.headers import IMAGE_TYPES, ImageHeader, image_header, sniff
 from pipeline.video.media import Limits, check_size, unreadable
 
@@ -42,6 +44,9 @@ def _check_end(data: bytes, media_type: str, name: str) -> None:
 def decode_rgb(data: bytes, limits: Limits, name: str = "image") -> Frame:
     """An encoded image as a frame. Raises UnreadableMedia, MediaTooLarge."""
     check_image(data, limits, name)
+    if data.startswith(EXR_MAGIC):
+        straight = _exr(data, limits, name)
+        return over_white(straight) if straight.shape[2] == 4 else straight
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if image is not None and image.ndim == 3 and image.shape[2] == 4:
         return over_white(_to_8_bit(cv2.cvtColor(image, cv2.COLOR_BGRA2RGBA)))
@@ -54,6 +59,8 @@ def decode_rgb(data: bytes, limits: Limits, name: str = "image") -> Frame:
 def decode_raw(data: bytes, limits: Limits, name: str = "image") -> NDArray[Any]:
     """An encoded image as stored: (h, w), (h, w, 3) RGB or (h, w, 4) RGBA; uint8 or uint16; orientation not applied."""
     check_image(data, limits, name)
+    if data.startswith(EXR_MAGIC):
+        return _exr(data, limits, name)
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None:
         unreadable("The image cannot be decoded.", name, "Export it again as PNG or JPEG.")
@@ -61,6 +68,13 @@ def decode_raw(data: bytes, limits: Limits, name: str = "image") -> NDArray[Any]
         return image
     code = cv2.COLOR_BGRA2RGBA if image.shape[2] == 4 else cv2.COLOR_BGR2RGB
     return np.asarray(cv2.cvtColor(image, code))
+
+
+def _exr(data: bytes, limits: Limits, name: str) -> NDArray[np.uint8]:
+    found = pixels(read_exr(data, limits, name))
+    if found is None:
+        unreadable("The EXR holds no picture.", name, "Render the Combined pass, or channels R, G and B, into it.")
+    return found
 
 
 def _to_8_bit(image: NDArray[Any]) -> NDArray[np.uint8]:
@@ -85,6 +99,11 @@ def encode_png(frame: Frame, level: int = 1) -> bytes:
     return cv2.imencode(".png", cv2.cvtColor(frame, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_PNG_COMPRESSION, level])[
         1
     ].tobytes()
+
+
+def encode_gray_png(plane: NDArray[np.uint8], level: int = 1) -> bytes:
+    """One channel as PNG bytes."""
+    return cv2.imencode(".png", plane, [cv2.IMWRITE_PNG_COMPRESSION, level])[1].tobytes()
 
 
 def encode_jpeg(frame: Frame, quality: int = 85) -> bytes:

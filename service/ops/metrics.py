@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
+from collections import Counter as Counts
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
@@ -13,6 +14,7 @@ from prometheus_client.metrics_core import Metric
 from prometheus_client.registry import Collector
 
 from workers.farm import Farm
+from workers.fleet import Place
 
 log = logging.getLogger(__name__)
 
@@ -74,14 +76,17 @@ class FarmMetrics(Collector):
         began = time.perf_counter()
         try:
             snapshot = self._farm.snapshot()
+            drained = Counts(drain.place.value for drain in self._farm.fleet.drains())
         except Exception:  # the store is away: say what can be said
             log.exception("The farm gave no snapshot")
-            snapshot = {}
+            snapshot, drained = {}, Counts()
         text = "The store took this long for the figures of this scrape."
         yield _single("impasto_store_answer_seconds", text, time.perf_counter() - began)
         yield from _ready(snapshot.get("ready") or self._farm.ready())
         if snapshot:
             yield from _families(snapshot)
+            places = {place.value: float(drained[place.value]) for place in Place}
+            yield _gauge("impasto_drained", "Places that an operator lets start nothing new.", "place", places)
 
 
 def _ready(parts: Mapping[str, str]) -> Iterator[Metric]:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import os
 import re
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -90,7 +93,7 @@ def test_containers_have_no_more_than_they_need(services: dict[str, Any]) -> Non
     outside = {name for name, row in services.items() if "front" in row["networks"]}
     assert outside == {"service", "prometheus", "grafana"}
     for row in services.values():
-        assert all(port["host_ip"] == "127.0.0.1" for port in row.get("ports", ()))
+        assert all(str(port).startswith("127.0.0.1:") for port in row.get("ports", ()))
 
 
 def test_images_have_names_and_no_registry(services: dict[str, Any]) -> None:
@@ -121,3 +124,33 @@ def test_prometheus_is_told_the_same_twice() -> None:
     assert [job["job_name"] for job in ours["scrape_configs"]] == [job["job_name"] for job in plain["scrape_configs"]]
     names = {name for job in ours["scrape_configs"] for row in job.get("dns_sd_configs", ()) for name in row["names"]}
     assert names <= set(yaml.safe_load(TEXT)["services"])
+
+
+@pytest.mark.real("compose")
+def test_compose_itself_reads_it(tmp_path: Path) -> None:
+    """The program from Debian, which needs no engine for this; it puts variables in by its own rules."""
+    given = tmp_path / "env"
+    given.write_text("".join(f"{name}={value}\n" for name, value in GIVEN.items()))
+    command = ["docker-compose", "--env-file", str(given), "-f", str(DEPLOY / "compose.yaml"), "config"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    theirs, ours = yaml.safe_load(done.stdout), yaml.safe_load(filled(TEXT, GIVEN))
+    for name, row in ours["services"].items():
+        assert theirs["services"][name]["image"] == row["image"]
+        environment = {key: str(value) for key, value in row.get("environment", {}).items()}
+        assert theirs["services"][name].get("environment", {}) == environment
+    given.write_text("")
+    empty = subprocess.run(command, capture_output=True, text=True, env={"PATH": os.environ["PATH"]})
+    assert empty.returncode != 0 and "put it in deploy/.env" in empty.stderr
+
+
+def test_the_keys_of_the_s3_server(services: dict[str, Any], tmp_path: Path) -> None:
+    (script,) = services["s3"]["command"]
+    script = script.replace("$$", "$").replace("/tmp/", f"{tmp_path}/").replace("exec weed", "echo weed")
+    env = {"PATH": os.environ["PATH"], **services["s3"]["environment"]}
+    done = subprocess.run([*services["s3"]["entrypoint"], script], env=env, capture_output=True, text=True, check=True)
+    assert done.stdout.startswith(f"weed server -s3 -dir=/data -s3.config={tmp_path}/s3.json")
+    (identity,) = json.loads((tmp_path / "s3.json").read_text())["identities"]
+    assert identity["credentials"] == [{"accessKey": "impasto", "secretKey": "s3cret"}]
+    worker = services["worker"]["environment"]
+    assert (worker["IMPASTO_S3_ACCESS_KEY"], worker["IMPASTO_S3_SECRET_KEY"]) == ("impasto", "s3cret")

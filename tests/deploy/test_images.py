@@ -162,6 +162,24 @@ def test_secrets_come_from_files_too(tmp_path: Path) -> None:
     assert "_FILE" not in done.stdout
 
 
+def test_what_a_container_does(tmp_path: Path) -> None:
+    """Which command each word becomes; the commands themselves are tested where they are."""
+    for name in ("ray", "impasto"):
+        (tmp_path / name).write_text('#!/bin/sh\necho "$(basename $0)" "$@"\n')
+        (tmp_path / name).chmod(0o755)
+    cases = {
+        ("worker", "--workers=3"): ("", "impasto worker --workers=3"),
+        ("worker", "--num-cpus=2"): ("head:6379", "--address=head:6379 --object-store-memory=268435456"),
+        ("head",): ("", "ray start --block --disable-usage-stats --include-log-monitor=false --head"),
+        ("service", "--workers=1"): ("local", "impasto serve --workers=1"),
+        ("echo", "anything"): ("", "anything"),
+    }
+    for words, (address, said) in cases.items():
+        env = {"PATH": f"{tmp_path}:{os.environ['PATH']}", "IMPASTO_RAY_ADDRESS": address}
+        done = subprocess.run([DOCKER / "entrypoint.sh", *words], env=env, capture_output=True, text=True, check=True)
+        assert said in done.stdout, (words, done.stdout)
+
+
 @pytest.mark.real("s3")
 def test_the_bucket_is_made_once(s3: Swift) -> None:
     env = {

@@ -37,23 +37,30 @@ class Run:
 
     def __init__(self, folder: Path, clip: Path) -> None:
         self.service = Service(folder / "home", "local", 1)
+        self.prometheus: Any = None
+        try:
+            self._work(folder, clip)
+        except BaseException:
+            self.close()
+            raise
+
+    def _work(self, folder: Path, clip: Path) -> None:
         self.service.start()
         self.service.wait_ready()
         self.http = httpx.Client(base_url=self.service.url, headers={"Authorization": f"Bearer {ADMIN}"}, timeout=30)
-        self.prometheus = self._watch(folder)
+        self._watch(folder)
         self.job = self._paint(clip)
         self._stream()
         self.http.get("/v1/jobs/job_none")
         self.http.get("/v1/jobs", headers={"Authorization": "Bearer wrong"})
         self._settle()
 
-    def _watch(self, folder: Path) -> Prometheus:
+    def _watch(self, folder: Path) -> None:
         body = {"name": "prometheus", "scopes": ["read"]}
         key = self.http.post("/v1/keys", json=body).raise_for_status().json()["secret"]
-        found = Prometheus(folder, key, [self.service.url.removeprefix("http://")])
-        found.start()
-        _until(lambda: found.query('up{job="impasto"} == 1'))
-        return found
+        self.prometheus = Prometheus(folder, key, [self.service.url.removeprefix("http://")])
+        self.prometheus.start()
+        _until(lambda: self.prometheus.query('up{job="impasto"} == 1'))
 
     def _paint(self, clip: Path) -> str:
         asset = self.http.post("/v1/assets", files={"file": ("a.mp4", clip.read_bytes())}).json()["id"]
@@ -65,7 +72,8 @@ class Run:
         async def talk() -> None:
             key = {"additional_headers": {"Authorization": f"Bearer {ADMIN}"}}
             async with live(self.service.url, **key) as client:
-                await client.hello(method="abstraction")
+                await client.say({"type": "hello", "width": 96, "height": 64, "method": "abstraction"})
+                await client.message("ready", 60)
                 for index in range(4):
                     await client.send(jpeg(tiny_frame(index)))
                     await client.answer(60)
@@ -73,12 +81,15 @@ class Run:
         asyncio.run(talk())
 
     def _settle(self) -> None:
-        """Until everything has been scraped, and the rules have been looked at."""
+        """Until everything has been scraped, and the rules have been looked at. Questions come over several scrapes."""
         _until(lambda: self.prometheus.query('increase(impasto_live_frames_total{outcome="painted"}[30s]) > 0'))
-        time.sleep(2.5)
+        for _ in range(12):
+            self.http.get("/v1/jobs").raise_for_status()
+            time.sleep(0.3)
 
     def close(self) -> None:
-        self.prometheus.close()
+        if self.prometheus is not None:
+            self.prometheus.close()
         self.service.stop()
 
     def log(self) -> list[dict[str, Any]]:

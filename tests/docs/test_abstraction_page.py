@@ -16,7 +16,7 @@ from pipeline.methods.abstraction import Abstraction, AbstractionParams
 
 PARAMETERS = list(AbstractionParams.model_fields)
 PAGES = [PAGE, DOCS / "gallery.md", DOCS / "architecture.md", DOCS.parent / "README.md"]
-COMMITTED_BYTES = 5 << 20
+COMMITTED_BYTES = 6 << 20
 
 
 def test_the_parameters_section_is_what_the_schema_gives() -> None:

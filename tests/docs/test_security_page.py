@@ -81,6 +81,24 @@ def _imports(tree: ast.Module) -> Iterator[str]:
             yield node.module or ""
 
 
+def test_who_decodes_is_known() -> None:
+    """What users bring is decoded by children; these few read what we have made ourselves, or a live frame."""
+    decoders = {
+        "VideoReader",
+        "NumberedImages",
+        "decode_rgb",
+        "decode_raw",
+        "cv2.imdecode",
+        "open_container",
+        "av.open",
+    }
+    decoders |= {"read_exr", "join", "probe"}
+    found = {(path, name) for path, name, _ in calls() if name in decoders and path.startswith(("workers", "service"))}
+    ours = {("workers/assemble.py", "VideoReader"), ("workers/preview.py", "cv2.imdecode")}
+    live = {("workers/live/codecs.py", "cv2.imdecode")}
+    assert found == ours | live
+
+
 def test_secrets_are_compared_in_constant_time() -> None:
     where = {path for path, name, _ in calls() if name.endswith("compare_digest")}
     assert {"service/access/gate.py", "workers/store/keys.py"} <= where

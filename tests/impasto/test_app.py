@@ -15,7 +15,7 @@ from pipeline.errors import BadMedia, DeviceError, ImpastoError
 from workers.errors import NotFound
 
 COMMANDS = (
-    *("render", "serve", "scene", "keys", "submit", "watch", "get"),
+    *("render", "serve", "worker", "scene", "keys", "ops", "submit", "watch", "get"),
     *("cancel", "retry", "jobs", "methods", "doctor", "version"),
 )
 

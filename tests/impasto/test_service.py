@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import httpx
 import pytest
 
 from impasto import Client
@@ -151,3 +153,47 @@ def test_a_bad_setting_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.
     monkeypatch.setenv("IMPASTO_PORT", "many")
     assert run(["serve"]) == 2
     assert "IMPASTO_PORT" in capsys.readouterr().err
+
+
+def test_operators_look_and_steer(impasto: Client, address: str, capsys: pytest.CaptureFixture[str]) -> None:
+    at = ["--server", address]
+    assert run(["ops", "status", "--json", *at]) == 0
+    found = json.loads(capsys.readouterr().out)
+    (worker,) = found["workers"]
+    assert (worker["role"], worker["state"], len(worker["slots"])) == ("serve", "live", 1)
+    node = found["nodes"][0]["name"]
+    for place in ("queue", worker["id"], node):
+        assert run(["ops", "drain", place, "--reason", "a test", *at]) == 0
+    assert impasto.ops.queue()["drain"]["reason"] == "a test"
+    assert impasto.ops.workers()[0]["state"] == "drained" and impasto.ops.nodes()[0]["state"] == "drained"
+    assert run(["ops", "status", *at]) == 0
+    assert "queue PAUSED" in capsys.readouterr().out
+    for place in ("queue", worker["id"], node):
+        assert run(["ops", "resume", place, *at]) == 0
+    assert not impasto.ops.queue()["paused"]
+    assert impasto.ops.workers()[0]["state"] == "live" and impasto.ops.nodes()[0]["state"] == "open"
+    assert run(["ops", "failures", *at]) == 0
+    assert run(["ops", "drain", "nobody", *at]) == 1
+    assert run(["ops", "log", "att_none", *at]) == 1
+    assert run(["ops", "requeue", "tsk_none", *at]) == 1
+    capsys.readouterr()
+
+
+def test_a_worker_tells_its_metrics(tmp_path: Path, serve: Serve) -> None:
+    home = tmp_path / "home"
+    serve(home=home)
+    port = str(free_port())
+    command = [sys.executable, "-m", "impasto", "worker", "--home", str(home), "--metrics-port", port]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as worker:
+        assert worker.stdout is not None
+        assert worker.stdout.readline().startswith("dsp_")
+        text = httpx.get(f"http://127.0.0.1:{port}/metrics").text
+        worker.terminate()
+        assert worker.wait(30) == 0
+    assert "impasto_workers 1.0" in text and 'impasto_ready{part="pool"} 1.0' in text
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import httpx
 import numpy as np
 import psutil
 import pytest
@@ -252,3 +253,28 @@ def test_a_client_that_vanishes_is_missed_by_a_ping(home: Path) -> None:
 
 def test_the_picture_of_the_tests_is_what_it_says() -> None:
     assert PICTURE.shape == (SIZE[1], SIZE[0], 3)
+
+
+def test_an_operator_sees_a_session_and_ends_it(url: str) -> None:
+    @looped
+    async def run() -> None:
+        async with live(url) as client:
+            ready = await hello(client)
+            await client.send(FRAME)
+            async with asyncio.timeout(20):
+                while not (found := await asyncio.to_thread(_sessions, url)):
+                    await asyncio.sleep(0.1)
+            (session,) = found
+            assert (session["id"], session["method"], session["connected"]) == (ready["session"], "echo", True)
+            assert (session["width"], session["height"]) == SIZE
+            told = await asyncio.to_thread(httpx.post, f"{url}/v1/ops/live/{session['id']}/end")
+            assert told.status_code == 202
+            assert (await ended(client))[:2] == (4403, "dismissed")
+
+    run()
+    assert free(url) == 2
+
+
+def _sessions(url: str) -> list[dict[str, Any]]:
+    items: list[dict[str, Any]] = httpx.get(f"{url}/v1/ops/live").json()["items"]
+    return items

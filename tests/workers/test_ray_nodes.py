@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +50,7 @@ def farm(cluster: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stu
         home=home, pool="ray", workers=3, ray_address=cluster.address, reserve_bytes=0, retry_delay_s=0.02
     )
     blobs = DiskBlobs(settings.blobs_at)
-    studio = Studio(settings, RayPool(blobs, settings, partial(ToyRunner, blobs)))
+    studio = Studio(settings, RayPool(blobs, settings, ToyRunner))
     studio.start()
     until(lambda: len(_slots(studio)) == 3, 60)
     yield studio

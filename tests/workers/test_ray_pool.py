@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Callable, Iterator
-from functools import partial
 from pathlib import Path
 
 import pytest
@@ -14,9 +13,20 @@ from tests.workers.conftest import finished, request_on, result, until
 from tests.workers.toy import ToyRunner
 from workers.blobs.disk import DiskBlobs
 from workers.settings import FarmSettings
+from workers.shelf import Handed
 from workers.studio import Studio
 
 pytestmark = pytest.mark.real("ray")
+
+
+class Watched(DiskBlobs):
+    """Notes which artefacts were fetched from it."""
+
+    def get(self, key: str) -> bytes:
+        if key.endswith(".npz"):
+            with (self.root.parent / "fetched").open("a") as file:
+                file.write(f"{key}\n")
+        return super().get(key)
 
 
 @pytest.fixture(scope="module")
@@ -26,8 +36,8 @@ def ray_farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Studio]:
 
     home = tmp_path_factory.mktemp("ray")
     settings = FarmSettings(home=home, pool="ray", workers=2, reserve_bytes=0, retry_delay_s=0.02)
-    blobs = DiskBlobs(settings.blobs_at)
-    farm = Studio(settings, RayPool(blobs, settings, partial(ToyRunner, blobs)))
+    blobs = Watched(settings.blobs_at)
+    farm = Studio(settings, RayPool(blobs, settings, ToyRunner))
     farm.start()
     yield farm
     farm.stop()
@@ -43,6 +53,20 @@ def test_ray_and_the_local_pool_give_the_same_bytes(
         assert job.state == "succeeded", job.error
         results.add(result(farm, job.id))
     assert len(results) == 1
+
+
+def test_a_chain_hands_its_state_on_without_the_blob_store(ray_farm: Studio, data: Path) -> None:
+    fetched = ray_farm._settings.home / "fetched"
+    results = []
+    for most_bytes in (1 << 20, 0):
+        fetched.unlink(missing_ok=True)
+        ray_farm._pool._handed = Handed(most_bytes)  # type: ignore[union-attr]
+        job = finished(ray_farm, ray_farm.submit(request_on(ray_farm, data, params={"tasks": 6, "chain": True})).id, 60)
+        assert job.state == "succeeded", job.error
+        results.append(result(ray_farm, job.id))
+        assert fetched.exists() == (not most_bytes)
+    assert len(fetched.read_text().splitlines()) == 5, "each but the first loads its neighbour's"
+    assert results[0] == results[1]
 
 
 def test_cancel_reaches_an_actor_within_a_second(ray_farm: Studio, data: Path) -> None:

@@ -127,7 +127,7 @@ class _Bench:
         self._report(done)
 
     def save(self, name: str, data: bytes) -> None:
-        key = f"jobs/{self._order.job_id}/{self._order.attempt_id}/{name}"
+        key = f"jobs/{self._order.job_id}/{self._order.attempt_id}/{name}.npz"
         self._blobs.put(key, data)
         self.artefacts[f"{self._order.step}/{name}"] = key
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from sqlalchemy import and_, select
+from sqlalchemy import and_, bindparam, select
 
 from workers.errors import NotFound
 from workers.model import Json
 from workers.store import schema
 from workers.store.base import Base
+
+_WAITING = select(schema.task_edges.c.task_id).where(schema.task_edges.c.before_id == bindparam("task_id")).limit(1)
 
 
 class Context(Base):
@@ -47,6 +49,11 @@ class Context(Base):
             found = connection.execute(query).all()
         artefacts = {name: key for row in found for name, key in (row.artefacts or {}).items()}
         return tuple(row.key for row in found), artefacts
+
+    def leads(self, task_id: str) -> bool:
+        """Whether others wait for this task."""
+        with self._db.read() as connection:
+            return connection.execute(_WAITING, {"task_id": task_id}).first() is not None
 
     def segments(self, job_id: str) -> tuple[tuple[int, int, str], ...]:
         """(start, stop, blob key) of every emitted run of frames, in order."""

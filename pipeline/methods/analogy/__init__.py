@@ -10,9 +10,11 @@ from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar
 
 from pipeline.frames import Frame
+from pipeline.methods.analogy.composite import run_composite
 from pipeline.methods.analogy.params import AnalogyParams
-from pipeline.methods.analogy.plan import plan_scan, plan_synthesis, run_scan
+from pipeline.methods.analogy.plan import plan_composite, plan_synthesis
 from pipeline.methods.analogy.run import run_synthesis
+from pipeline.methods.analogy.scan import plan_scan, run_scan
 from pipeline.methods.base import Example, InputSpec, Params, Session, Step
 
 __all__ = ["Analogy", "AnalogyParams"]
@@ -37,7 +39,9 @@ class Analogy:
     Params: ClassVar[type[Params]] = AnalogyParams
     inputs: ClassVar[tuple[InputSpec, ...]] = (
         InputSpec(
-            "video", "video", True, "Video", "The video, GIF, image or zip of numbered images to paint.",
+            "video", "video", True, "Video",
+            "The video, GIF, image, zip of numbered PNG or EXR images, or shot (frames with passes, layers, styles and "
+            "keyframes in folders) to paint.",
         ),
         InputSpec(
             "style_output", "image", False, "Painting",
@@ -70,6 +74,7 @@ class Analogy:
     steps: ClassVar[tuple[Step, ...]] = (
         Step("scan", "Find the shots", plan_scan, run_scan, weight=0.05),
         Step("synthesise", "Paint", plan_synthesis, run_synthesis),
+        Step("composite", "Lay layers over each other", plan_composite, run_composite, weight=0.0),
     )
     artefacts: ClassVar[tuple[str, ...]] = ()
     examples: ClassVar[tuple[Example, ...]] = (

@@ -8,22 +8,31 @@ each begins with the frame that the piece nearer to the key has ended with, as i
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from pipeline.methods.analogy.keys import Key, keyframe
+from pipeline.methods.analogy.keys import Key
 from pipeline.methods.analogy.shots import Shot, Stills
-from pipeline.methods.analogy.styles import Pair
+from pipeline.methods.analogy.sources import Pair, Source
 from pipeline.methods.base import Bench
 from pipeline.synthesis.atlas import Atlas, atlas, coarser
-from pipeline.synthesis.images import NOWHERE, Bytes, Offsets
+from pipeline.synthesis.images import NOWHERE, Offsets
 from pipeline.synthesis.motion import Motion
 
 PIECE = 48
 """Frames of a piece at most, all of which a task holds at one level: the paper paints every 10 to 20."""
+PIECE_BYTES = 3 << 30
+_BYTES_A_PIXEL = 60
+"""Of a frame at the finest level: offsets, pictures, motions both ways, two ribbons."""
+_LEAST = 8
+
+
+def piece_frames(size: tuple[int, int]) -> int:
+    """Frames of a piece of this size, (width, height) px: 24 at 1080p."""
+    return max(_LEAST, min(PIECE, PIECE_BYTES // (size[0] * size[1] * _BYTES_A_PIXEL)))
 
 
 @dataclass(frozen=True)
@@ -42,13 +51,20 @@ class Piece:
     keys: tuple[int, ...]
     held: int = -1
     task: str = ""
+    layer: int = -1
 
     def args(self) -> dict[str, Any]:
         return {"piece": asdict(self)}
 
 
-def pieces(begin: int, end: int, keys: list[tuple[int, bool]]) -> Iterator[tuple[str, Piece]]:
-    """A shot's frames [begin, end), cut at keys that are painted all over; yields (task key, piece)."""
+def pieces(
+    begin: int, end: int, keys: list[tuple[int, bool]], most: int = PIECE, layer: int = -1
+) -> Iterator[tuple[str, Piece]]:
+    """A shot's frames [begin, end), cut at keys that are painted all over; yields (task key, piece).
+
+    Args:
+        most: frames of a piece.
+    """
     full = [index for index, whole in keys if whole]
     edges = sorted({begin, *full, end})
     for left, right in pairwise(edges):
@@ -56,15 +72,19 @@ def pieces(begin: int, end: int, keys: list[tuple[int, bool]]) -> Iterator[tuple
         inside = tuple(index for index, _ in keys if left <= index < stop)
         style = inside or tuple(index for index, _ in keys)
         backward = left not in full and right in full
-        yield from _cut(left, right, stop, style, backward)
+        for key, piece in _cut(left, right, stop, style, backward, most):
+            prefix = f"layer-{layer}-" if layer >= 0 else ""
+            yield prefix + key, replace(piece, task=prefix + piece.task if piece.task else "", layer=layer)
 
 
-def _cut(left: int, right: int, stop: int, keys: tuple[int, ...], backward: bool) -> Iterator[tuple[str, Piece]]:
-    """Pieces of at most PIECE frames, from the key on. Neighbours share the frame between them."""
-    starts = list(range(left, right, PIECE))
+def _cut(
+    left: int, right: int, stop: int, keys: tuple[int, ...], backward: bool, most: int
+) -> Iterator[tuple[str, Piece]]:
+    """Pieces of at most so many frames, from the key on. Neighbours share the frame between them."""
+    starts = list(range(left, right, most))
     before: tuple[int, str] | None = None
     for start in reversed(starts) if backward else starts:
-        inner = min(start + PIECE, right)
+        inner = min(start + most, right)
         name = f"keyed-{start:07d}"
         lent = before or (-1, "")
         if backward:
@@ -85,9 +105,9 @@ class KeyedShot(Shot):
         level: this one.
     """
 
-    def __init__(self, stills: Stills, params: Any, clock: Callable[[str], Any], given: dict[int, Offsets],
-                 level: int) -> None:  # fmt: skip
-        super().__init__(stills, params, clock)
+    def __init__(self, stills: Stills, clock: Callable[[str], Any], anywhere: tuple[int, int],
+                 given: dict[int, Offsets], level: int) -> None:  # fmt: skip
+        super().__init__(stills, clock, anywhere)
         self._given, self._level = given, level
         self.full = sorted(i for i, offsets in given.items() if (offsets[..., 0] > NOWHERE).all())
         self.carried: dict[int, Offsets] = {}
@@ -101,7 +121,11 @@ class KeyedShot(Shot):
         return self._kept[first][0 if index < other else 1]
 
     def given(self, index: int) -> Offsets | None:
-        return coarser(self._given[index], self._level) if index in self._given else None
+        outside = super().given(index)
+        if index not in self._given:
+            return outside
+        painted = coarser(self._given[index], self._level)
+        return painted if outside is None else np.where(painted > NOWHERE, painted, outside)
 
     def share(self, index: int, forward: bool) -> float:
         """Section 4.1: the nearer key's sweep is likelier."""
@@ -125,12 +149,10 @@ class Painted:
     given: dict[int, Offsets]
 
 
-def painted(bench: Bench, piece: Piece, levels: int, pad_px: int, match: Callable[[Bytes], Bytes],
-            extra: Pair | None) -> Painted:  # fmt: skip
+def painted(bench: Bench, source: Source, piece: Piece, levels: int, pad_px: int, extra: Pair | None) -> Painted:
     """Keys (and a style pair that was given beside them) as one style, and where their pixels lie in it."""
-    images = bench.images("keyframes")
-    keys = [keyframe(bench, images, index) for index in piece.keys]
-    pairs = [_as_pair(bench, key, match) for key in keys] + ([extra] if extra else [])
+    keys = [source.key(index) for index in piece.keys]
+    pairs = [_as_pair(bench, source, key) for key in keys] + ([extra] if extra else [])
     places = atlas([(p.output.shape[1], p.output.shape[0]) for p in pairs], levels, 2 * pad_px)
     usable = places.usable([p.usable for p in pairs])
     colours = np.asarray(places.lay([p.output for p in pairs]), np.uint8)
@@ -146,8 +168,8 @@ def painted(bench: Bench, piece: Piece, levels: int, pad_px: int, match: Callabl
     return Painted(Pair(colours, guide, False, further, usable), places, given)
 
 
-def _as_pair(bench: Bench, key: Key, match: Callable[[Bytes], Bytes]) -> Pair:
-    still = Stills(bench, key.index, key.index + 1, 0, match)
+def _as_pair(bench: Bench, source: Source, key: Key) -> Pair:
+    still = Stills(source, bench.clock, key.index, key.index + 1, 0, lambda guide: guide)
     guide = still.guides[key.index]
     extra = np.ascontiguousarray(guide[..., 3:]) if guide.shape[2] > 3 else None
     return Pair(key.colours, np.ascontiguousarray(guide[..., :3]), False, extra, key.painted)

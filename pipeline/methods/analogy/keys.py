@@ -1,18 +1,18 @@
-"""Painted keyframes: read, checked, laid out as style, and the interval between two of them painted as one task."""
+"""Painted keyframes: read and checked."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import BadInput
-from pipeline.frames import Frame
-from pipeline.methods.base import Bench
 from pipeline.synthesis.images import Bytes
+
+if TYPE_CHECKING:
+    from pipeline.methods.analogy.sources import Source
 
 OPAQUE = 128
 """From this opacity on a pixel is painted (8 bit)."""
@@ -23,7 +23,8 @@ class Key:
     """A painted frame."""
 
     index: int
-    colours: Frame
+    colours: Bytes
+    """uint8 (h, w, 3), or (h, w, 4) with opacity: the key of a layer."""
     painted: Bytes | None
     """uint8 (h, w), 0 where it is not painted; None = painted all over."""
 
@@ -72,27 +73,18 @@ def _mask(index: int, mask: NDArray[Any], size: tuple[int, int]) -> Bytes:
     return eight if eight.ndim == 2 else np.ascontiguousarray(eight[..., 0])
 
 
-def key_numbers(bench: Bench, frames: int) -> list[tuple[int, bool]]:
-    """(frame, painted all over) of each keyframe.
+def key_numbers(source: Source, frames: int) -> list[tuple[int, bool]]:
+    """(frame, painted all over) of each keyframe of a source.
 
     Raises:
         BadInput: a keyframe of a frame that there is not, one of another size, an empty one.
     """
-    if not bench.has("keyframes"):
-        return []
     found = []
-    images = bench.images("keyframes")
-    for index in images:
+    for index in source.key_frames():
         if index >= frames:
             raise BadInput(
                 f"There is a keyframe {index}, but no such frame.", field="inputs.keyframes", value=index,
                 remedy=f"Name keyframes by frame numbers, 0 to {frames - 1}.",
             )  # fmt: skip
-        found.append((index, keyframe(bench, images, index).full))
+        found.append((index, source.key(index).full))
     return found
-
-
-def keyframe(bench: Bench, images: Mapping[int, NDArray[Any]], index: int) -> Key:
-    """The keyframe of a frame, with its mask if there is one."""
-    masks = bench.images("masks") if bench.has("masks") else {}
-    return read_key(index, images[index], bench.size, masks.get(index), "inputs.keyframes")

@@ -100,10 +100,15 @@ class AnalogyParams(Params):
         "on", "Temporal coherence", "off = every frame on its own: the honest baseline, and it flickers.", "Time"
     )
     steadiness: float = _number(
-        2, 0, 100, "Steadiness", "How little a place's colour may change along the motion.",
+        0.5, 0, 100, "Steadiness", "How little a place's colour may change along the motion.",
         "per squared gray level", "Time", "w_tc",
     )  # fmt: skip
     flow: FlowName = _choice("dis-medium", "Optical flow", "How motion is found where no velocities are given.", "Time")
+    vectors: Literal["auto", "cycles", "eevee", "nuke"] = _choice(
+        "auto", "Sign of motion vectors",
+        "How a renderer's vectors are stored. auto = all signs are tried on two frames, and the job says which fit.",
+        "Time",
+    )  # fmt: skip
     occlusion: Switch = _choice(
         "on", "Occlusion", "off = nothing is taken to be hidden, and what appears drags trails (for comparison).",
         "Time",
@@ -118,8 +123,17 @@ class AnalogyParams(Params):
     )  # fmt: skip
 
     # -- keyframes
+    key_guide_weight: float = _number(
+        2, 0, 50, "Likeness between keys", "`guide_weight` where painted keys are the style.",
+        "per squared gray level", "Keyframes", "w_in",
+    )  # fmt: skip
+    key_colour_weight: float = _number(
+        2, 0, 4, "Likeness in colour between keys",
+        "`colour_weight` where painted keys are the style: what was painted and what comes have the same hues.",
+        "ratio", "Keyframes",
+    )  # fmt: skip
     change_weight: float = _number(
-        1, 0, 50, "Change as the scene does", "Between keys: the style changes as the scene does.",
+        0.2, 0, 50, "Change as the scene does", "Between keys: the style changes as the scene does.",
         "ratio to the likeness", "Keyframes", "w_din",
     )  # fmt: skip
     change_out_weight: float = _number(

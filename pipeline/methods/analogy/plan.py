@@ -1,55 +1,28 @@
-"""What is done in which order: scan, then a chain of levels and sweeps for each shot.
+"""What is done in which order: scan, then a chain of levels and sweeps for each shot of each layer, then composite.
 
-scan         one pass over the video: its frames, its shots, its tones
-synthesise   each shot for itself: from the coarsest level to the finest, forward then backward through time, in
-             runs of frames. A task is one run of one sweep: it goes on from what the run before has saved, so that
-             a restart repeats at most one run. Frames on their own (temporal = off, stills): runs, no chain
+scan         one pass over the video and its layers: frames, shots, tones, keys
+synthesise   each layer of each shot for itself, and each interval between painted keys. Without keys: from the
+             coarsest level to the finest, forward then backward through time, in runs of frames. A task is one run of
+             one sweep: it goes on from what the run before has saved, so that a restart repeats at most one run.
+             Frames on their own (temporal = off, stills): runs, no chain
+composite    layers over each other, in runs of frames; nothing to do where there are none
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from typing import Any
 
-from pipeline.errors import BadInput
-from pipeline.frames import Plane
-from pipeline.methods.analogy.interval import Piece, pieces
-from pipeline.methods.analogy.keys import key_numbers
+from pipeline.methods.analogy.interval import Piece, piece_frames, pieces
 from pipeline.methods.analogy.params import AnalogyParams
-from pipeline.methods.base import Bench, Brief, Note, Task
-from pipeline.segmentation.cuts import is_cut, thumbnail
-from pipeline.synthesis.tones import Tally, lab_guide
+from pipeline.methods.base import Brief, Note, Task
 
 RUN_BYTES = 160 << 20
 """What a run's offsets take at most, at the finest level: it decides how many frames a run has."""
 MOST_RUN = 32
 _BYTES_A_PIXEL = 11
-
-
-def plan_scan(brief: Brief) -> list[Task]:
-    return [Task("video", weight=0.05 * max(brief.video.frames, 1))]
-
-
-def run_scan(task: Task, bench: Bench) -> Note:
-    """Count the frames, call the cuts, and learn the video's tones."""
-    params: AnalogyParams = bench.params
-    before: Plane | None = None
-    cuts: list[int] = []
-    tally, count = Tally(), 0
-    for index, frame in enumerate(bench.frames("video")):
-        with bench.clock("scan"):
-            now = thumbnail(frame)
-            if before is not None and is_cut(before, now, params.cut_sensitivity):
-                cuts.append(index)
-            tally.add(lab_guide(frame))
-        before, count = now, index + 1
-        bench.progress(min(1.0, count / max(bench.video.frames, count)))
-    if not count:
-        raise BadInput("The video has no frames.", field="inputs.video", remedy="Upload a video that plays.")
-    bench.save("tones", vars(tally.tones()))
-    return {"frames": count, "cuts": cuts, "keys": key_numbers(bench, count)}
 
 
 @dataclass(frozen=True)
@@ -74,6 +47,7 @@ class Job:
     coarser: bool = False
     """What is known is of the level above."""
     sweep: int = 0
+    layer: int = -1
 
     def args(self) -> dict[str, Any]:
         return asdict(self)
@@ -86,29 +60,59 @@ def run_frames(size: tuple[int, int]) -> int:
 
 def plan_synthesis(brief: Brief) -> list[Task]:
     scan = brief.notes["scan"]["video"]
+    layers = scan["layers"]
+    if not layers:
+        return _layer(brief, scan, scan["keys"], -1)
+    return [task for number, layer in enumerate(layers) for task in _layer(brief, scan, layer["keys"], number)]
+
+
+def _layer(brief: Brief, scan: Note, painted: list[Any], layer: int) -> list[Task]:
+    """The tasks of one layer (-1: the whole picture)."""
     size = (brief.video.width, brief.video.height)
-    edges = [0, *scan["cuts"], scan["frames"]]
     tasks: list[Task] = []
-    for begin, end in pairwise(edges):
-        keys = [(int(index), bool(full)) for index, full in scan["keys"] if begin <= index < end]
+    for begin, end in pairwise([0, *scan["cuts"], scan["frames"]]):
+        keys = [(int(index), bool(full)) for index, full in painted if begin <= index < end]
         if keys:
-            tasks += [_keyed(key, piece) for key, piece in pieces(begin, end, keys)]
+            tasks += [_keyed(key, piece) for key, piece in pieces(begin, end, keys, piece_frames(size), layer)]
             continue
         alone = brief.params.temporal == "off" or end - begin == 1
         jobs = _alone(begin, end, size) if alone else _chain(brief.params, begin, end, size)
-        tasks += [_task(key, job) for key, job in jobs]
+        tasks += [_task(key, job) for key, job in _of_layer(jobs, layer)]
     return tasks
+
+
+def _of_layer(jobs: Iterator[tuple[str, Job]], layer: int) -> Iterator[tuple[str, Job]]:
+    prefix = f"layer-{layer}-" if layer >= 0 else ""
+
+    def named(key: str) -> str:
+        return prefix + key if key else ""
+
+    for key, job in jobs:
+        yield named(key), replace(job, layer=layer, known=named(job.known), neighbour=named(job.neighbour))
+
+
+def plan_composite(brief: Brief) -> list[Task]:
+    """Runs of frames, if there are layers."""
+    scan = brief.notes["scan"]["video"]
+    step = run_frames((brief.video.width, brief.video.height))
+    starts = range(0, scan["frames"], step) if scan["layers"] else ()
+    runs = [(start, min(start + step, scan["frames"])) for start in starts]
+    return [
+        Task(f"frames-{start:07d}", {"layers": len(scan["layers"])}, (), (start, stop), 0.05 * (stop - start))
+        for start, stop in runs
+    ]
 
 
 def _keyed(key: str, piece: Piece) -> Task:
     frames = piece.last - piece.first
-    return Task(key, piece.args(), (piece.task,) if piece.task else (), (piece.first, piece.last), weight=1.3 * frames)
+    emits = (piece.first, piece.last) if piece.layer < 0 else None
+    return Task(key, piece.args(), (piece.task,) if piece.task else (), emits, weight=1.3 * frames)
 
 
 def _task(key: str, job: Job) -> Task:
     frames = job.stop - job.start
     after = tuple(dict.fromkeys(name for name in (job.known, job.neighbour) if name))
-    emits = (job.start, job.stop) if job.level < 0 or job.last else None
+    emits = (job.start, job.stop) if job.layer < 0 and (job.level < 0 or job.last) else None
     cost = 1.0 if job.level < 0 else 0.375 * 0.25**job.level
     return Task(key, job.args(), after, emits, weight=frames * cost)
 

@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from typing import Any
 
-import cv2
 import numpy as np
 
-from pipeline.errors import BadInput
-from pipeline.frames import Frame, Plane
+from pipeline.compute import device
+from pipeline.flow import estimate
+from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.methods.analogy.params import AnalogyParams
-from pipeline.methods.analogy.styles import Pair, given_guides, has_lines, line_distance
-from pipeline.methods.base import Bench
-from pipeline.synthesis.images import Bytes, Offsets, Target, halved, stacked
-from pipeline.synthesis.motion import Motion, estimated
+from pipeline.methods.analogy.sources import Pair, Picture, Source
+from pipeline.synthesis.distance import extrapolated, nearest
+from pipeline.synthesis.images import NOWHERE, Bytes, Offsets, Target, halved, stacked
+from pipeline.synthesis.motion import Motion, between, coarser
 from pipeline.synthesis.orientation import orientation
 from pipeline.synthesis.tones import Matched, Tones, lab_guide, tones_of
 
 SMALLEST_PX = 24
 """The shorter side of the coarsest level is at least this: below, there is nothing to match and no flow to find."""
+_SPREAD_PX = 600
 
 
 def levels_of(params: AnalogyParams, size: tuple[int, int], style_px: int) -> int:
@@ -29,42 +30,53 @@ def levels_of(params: AnalogyParams, size: tuple[int, int], style_px: int) -> in
     return max(1, min(params.levels, fits + 1))
 
 
-def matching(params: AnalogyParams, pair: Pair, tones: Mapping[str, Any]) -> Callable[[Bytes], Bytes]:
+def matching(params: AnalogyParams, pair: Pair, tones: Tones) -> Callable[[Bytes], Bytes]:
     """How the video's guide is given the style's tones, if it is."""
     if params.tone_match == "off" or (params.tone_match == "auto" and not pair.derived):
         return lambda guide: guide
-    return Matched(Tones(**tones), tones_of([pair.guide]))
+    return Matched(tones, tones_of([pair.guide]))
 
 
 class Stills:
-    """Frames [start, stop) of a job, halved to a level, with their guides.
+    """Frames [start, stop) of a source, halved to a level, with their guides.
 
     Args:
         match: gives a guide the style's tones.
         level: 0 = full size.
     """
 
-    def __init__(self, bench: Bench, start: int, stop: int, level: int, match: Callable[[Bytes], Bytes]) -> None:
-        self._params: AnalogyParams = bench.params
-        self._match = match
+    def __init__(
+        self, source: Source, clock: Callable[[str], Any], start: int, stop: int, level: int,
+        match: Callable[[Bytes], Bytes],
+    ) -> None:  # fmt: skip
+        self.source, self.level = source, level
         self.frames: dict[int, Frame] = {}
         self.guides: dict[int, Bytes] = {}
-        sources = [bench.frames(f"guide_{name}", start, stop) for name in given_guides(bench)]
         self.distances: dict[int, Plane] = {}
-        drawn = bench.frames("lines", start, stop) if has_lines(bench) else None
-        for index, frame in enumerate(bench.frames("video", start, stop), start):
-            with bench.clock("guides"):
-                if drawn is not None:
-                    self.distances[index] = _shrunk(line_distance(_frame(drawn, "lines", frame)), level)
-                extra = [_next(source, name, frame) for source, name in zip(sources, given_guides(bench), strict=True)]
-                guide = stacked([match(lab_guide(frame)), *extra])
-                self.frames[index], self.guides[index] = _down(frame, level), _down(guide, level)
+        self.regions: dict[int, Bytes] = {}
+        self.masks: dict[int, Bytes] = {}
+        pictures = source.pictures(start, stop)
+        for index in range(start, stop):
+            with clock("guides"):
+                if (picture := next(pictures, None)) is None:
+                    return
+                self._add(index, picture, match)
+
+    def _add(self, index: int, picture: Picture, match: Callable[[Bytes], Bytes]) -> None:
+        level = self.level
+        guide = match(lab_guide(picture.frame))
+        guide = guide if picture.further is None else stacked([guide, picture.further])
+        self.frames[index], self.guides[index] = _down(picture.frame, level), _down(guide, level)
+        if picture.distance is not None:
+            self.distances[index] = _shrunk(picture.distance, level)
+        if picture.region is not None and picture.mask is not None:
+            self.regions[index] = _thinned(picture.region, level)
+            self.masks[index] = _thinned(picture.mask, level)
 
     def target(self, index: int) -> Target:
-        guide = self.guides[index]
-        turning = self._params.rotation == "on"
+        guide, params = self.guides[index], self.source.params
         gray = np.ascontiguousarray(guide[..., 0])
-        bins = orientation(gray, self._params.rotation_sigma) if turning else None
+        bins = orientation(gray, params.rotation_sigma) if params.rotation == "on" else None
         return Target(guide, bins, self.distances.get(index))
 
 
@@ -74,34 +86,28 @@ def _down(image: Bytes, level: int) -> Bytes:
     return image
 
 
+def _thinned(mask: Mask, level: int) -> Bytes:
+    found = mask.astype(np.uint8)
+    for _ in range(level):
+        found = np.asarray(halved(found, nearest=True), np.uint8)
+    return found
+
+
 def _shrunk(distances: Plane, level: int) -> Plane:
     for _ in range(level):
         distances = np.asarray(halved(distances), np.float32) / np.float32(2)
     return distances
 
 
-def _next(source: Iterator[Frame], name: str, frame: Frame) -> Bytes:
-    """A guide's next frame as a plane."""
-    return np.asarray(cv2.cvtColor(_frame(source, f"guide_{name}", frame), cv2.COLOR_RGB2GRAY), np.uint8)
-
-
-def _frame(source: Iterator[Frame], name: str, frame: Frame) -> Frame:
-    """The next frame of an input that goes with the video."""
-    found = next(source, None)
-    if found is None or found.shape != frame.shape:
-        what = "ends before the video" if found is None else f"is {found.shape[1]}x{found.shape[0]}"
-        raise BadInput(
-            f"The input {name} {what}.", field=f"inputs.{name}",
-            remedy=f"Give as many frames of {frame.shape[1]}x{frame.shape[0]} as the video has.",
-        )  # fmt: skip
-    return found
-
-
 class Shot:
-    """`pipeline.synthesis.sweeps.Shot` over decoded frames, motion by optical flow."""
+    """`pipeline.synthesis.sweeps.Shot` over decoded frames; motion by their velocities, or by optical flow.
 
-    def __init__(self, stills: Stills, params: AnalogyParams, clock: Callable[[str], Any]) -> None:
-        self._stills, self._params, self._clock = stills, params, clock
+    Args:
+        anywhere: a place of the style, for pixels where there is no paint.
+    """
+
+    def __init__(self, stills: Stills, clock: Callable[[str], Any], anywhere: tuple[int, int] = (0, 0)) -> None:
+        self._stills, self._clock, self._anywhere = stills, clock, anywhere
         self._motions: dict[int, tuple[Motion, Motion]] = {}
 
     def target(self, index: int) -> Target:
@@ -112,16 +118,56 @@ class Shot:
         first = min(index, other)
         if first not in self._motions:
             with self._clock("flow"):
-                pair = self._stills.frames[first], self._stills.frames[first + 1]
-                epsilon = self._params.occlusion_epsilon if self._params.occlusion == "on" else math.inf
-                self._motions = {first: estimated(*pair, self._params.flow, epsilon)}
+                self._motions = {first: self._between(first)}
         return self._motions[first][0 if index < other else 1]
 
+    def _between(self, first: int) -> tuple[Motion, Motion]:
+        """From frame `first` to the next one, and back."""
+        stills, params = self._stills, self._stills.source.params
+        epsilon = params.occlusion_epsilon if params.occlusion == "on" else math.inf
+        known = stills.source.velocities(first)
+        if known is None:
+            plus = estimate(stills.frames[first], stills.frames[first + 1], params.flow)
+            minus = -estimate(stills.frames[first + 1], stills.frames[first], params.flow)
+            plus, minus = self._spread(plus, first), self._spread(minus, first + 1)
+        else:
+            plus, minus = coarser(known[0], stills.level), coarser(known[1], stills.level)
+        forth, back = between(plus, minus, epsilon)
+        return self._within(forth, first + 1), self._within(back, first)
+
+    def _spread(self, velocity: Flow, index: int) -> Flow:
+        """A layer's velocity beyond its silhouette: benard2013stylizing, section 4."""
+        mask = self._stills.masks.get(index)
+        if mask is None:
+            return velocity
+        return extrapolated(velocity, nearest(mask > 0, device(), _SPREAD_PX))
+
+    def _within(self, motion: Motion, other: int) -> Motion:
+        """What comes from where there is no paint comes from nowhere."""
+        region = self._stills.regions.get(other)
+        if region is None:
+            return motion
+        return Motion(motion.way, motion.visible & fetch_nearest(region, motion.way))
+
     def given(self, index: int) -> Offsets | None:
-        return None
+        """Where there is no paint there is nothing to find."""
+        region = self._stills.regions.get(index)
+        if region is None:
+            return None
+        free = (region > 0)[..., None]
+        return np.where(free, NOWHERE, np.asarray(self._anywhere, np.float32)).astype(np.float32)
 
     def share(self, index: int, forward: bool) -> float:
         return 0.5
 
     def ribbons(self, index: int) -> Offsets | None:
         return None
+
+
+def fetch_nearest(image: Bytes, way: Flow) -> Bytes:
+    """An image's value at the pixel that each pixel goes to, 0 outside."""
+    height, width = image.shape
+    x = np.rint(way[..., 0] + np.arange(width, dtype=np.float32)).astype(np.int64)
+    y = np.rint(way[..., 1] + np.arange(height, dtype=np.float32)[:, None]).astype(np.int64)
+    inside = (x >= 0) & (y >= 0) & (x < width) & (y < height)
+    return np.where(inside, image[y.clip(0, height - 1), x.clip(0, width - 1)], np.uint8(0))

@@ -49,6 +49,10 @@ class Died(UnreadableMedia):
     """A child has died: of its file, or because somebody killed it."""
 
 
+class NotStarted(ImpastoError):
+    """No child has come up, which no file is at fault for."""
+
+
 class _Nursery:
     """One a process: started at first use, again if it has died or if we are a fork."""
 
@@ -58,6 +62,11 @@ class _Nursery:
         self._control: socket.socket | None = None
         self._process: subprocess.Popen[bytes] | None = None
 
+    def get_ready(self) -> None:
+        """Start it, unless it is there: its imports take a while, and others may take theirs meanwhile."""
+        with self._lock:
+            self._open()
+
     def child(self, *fds: int) -> None:
         """Fork a child that has these open files. Raises OSError."""
         with self._lock:
@@ -66,6 +75,15 @@ class _Nursery:
             except OSError:  # it has died since: another one
                 self._control = None
                 socket.send_fds(self._open(), [b"!"], fds)
+
+    def end(self) -> None:
+        """Kill it: it starts nobody. The next child has another one."""
+        with self._lock:
+            if self._control is not None and self._process is not None and self._pid == os.getpid():
+                self._process.kill()
+                self._process.wait()
+                self._control.close()
+            self._control = None
 
     def _open(self) -> socket.socket:
         if self._control is None or self._pid != os.getpid():
@@ -85,6 +103,11 @@ class _Nursery:
 
 
 _NURSERY = _Nursery()
+
+
+def get_ready() -> None:
+    """Start the nursery of this process in the background: the first file waits less."""
+    _NURSERY.get_ready()
 
 
 class Child:
@@ -127,13 +150,13 @@ class Child:
             raise
 
     def _greet(self, message: Message) -> int:
-        """Its process id. Raises ImpastoError: that none could be started is not the file's fault."""
+        """Its process id. Raises NotStarted."""
         try:
             send(self._wire, message)
             return int(receive(self._wire)[0]["pid"])
         except (Broken, OSError, KeyError) as error:
             remedy = "See whether the machine lacks memory or processes."
-            raise ImpastoError(f"No decoder could be started: {error}.", remedy=remedy) from error
+            raise NotStarted(f"No decoder could be started: {error}.", remedy=remedy) from error
 
     def ask(self, message: Message, told: Callable[[Message], None] = lambda news: None) -> tuple[Message, bytes]:
         """Its answer; `told` gets what it says before.
@@ -168,6 +191,11 @@ class Child:
         found = np.frombuffer(self._memory, kind, int(np.prod(shape))).reshape(shape)
         return found.copy()
 
+    @property
+    def alive(self) -> bool:
+        """Whether it can be asked: neither dead nor given up."""
+        return self._wire.fileno() >= 0
+
     def close(self) -> None:
         """Kill it, whatever it does."""
         if self._wire.fileno() < 0:
@@ -190,7 +218,9 @@ def begin(
     """A child that has begun. One that dies may have been killed, for no fault of its file: a second one decides."""
     try:
         return Child(role, task, shared_bytes, timeout_s, told=told)
-    except Died:
+    except (Died, NotStarted) as error:
+        if isinstance(error, NotStarted):
+            _NURSERY.end()
         return Child(role, task, shared_bytes, timeout_s, told=told)
 
 

@@ -21,12 +21,14 @@ import psutil
 from numpy.typing import NDArray
 
 from pipeline.errors import BadInput, Cancelled, MediaTooLarge
+from pipeline.video.exr import read_exr
 from pipeline.video.guard.wire import Broken, Message, receive, send
 from pipeline.video.join import join
 from pipeline.video.media import Limits
 from pipeline.video.numbered import NumberedImages
 from pipeline.video.probe import probe
 from pipeline.video.reader import VideoReader
+from pipeline.video.stills import decode_raw
 
 _PR_SET_PDEATHSIG, _PR_SET_NO_NEW_PRIVS = 1, 38
 _M_ARENA_MAX = -8
@@ -95,6 +97,24 @@ def _images(desk: Desk) -> None:
         desk.say(desk.leave(found[desk.next()["number"]]))
 
 
+def _pictures(desk: Desk) -> None:
+    """One encoded picture after another: {"kind", "path", "name"} gives it as stored, or every plane of an EXR."""
+    limits = _limits(desk.next())
+    desk.say({})
+    while True:
+        task = desk.next()
+        path, name = Path(task["path"]), str(task["name"])
+        try:
+            if task["kind"] == "raw":
+                desk.say(desk.leave(decode_raw(path.read_bytes(), limits, name)))
+            else:
+                image = read_exr(path, limits, name)
+                left = desk.leave(np.stack(list(image.planes.values())))
+                desk.say(left | {"size": image.size, "names": list(image.planes)})
+        except BadInput as error:  # of this picture: the next one may be sound
+            desk.say({"error": _described(error)})
+
+
 def _join(desk: Desk) -> None:
     task = desk.next()
     segments = [(Fraction(above, below), Path(path)) for above, below, path in task["segments"]]
@@ -103,7 +123,13 @@ def _join(desk: Desk) -> None:
     desk.say({})
 
 
-ROLES: dict[str, Callable[[Desk], None]] = {"video": _video, "probe": _probe, "images": _images, "join": _join}
+ROLES: dict[str, Callable[[Desk], None]] = {
+    "video": _video,
+    "probe": _probe,
+    "images": _images,
+    "pictures": _pictures,
+    "join": _join,
+}
 _WRITERS = frozenset({"join"})
 """Roles that make files; no other writes a byte."""
 

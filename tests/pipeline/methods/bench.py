@@ -35,6 +35,7 @@ class FakeBench:
         self.emitted: dict[int, Frame] = {}
         self.order: list[int] = []
         self.done: list[float] = []
+        self.shown = 0
 
     def frames(self, name: str = "video", start: int = 0, stop: int | None = None) -> Iterator[Frame]:
         return iter([frame.copy() for frame in self.inputs[name][start:stop]])
@@ -51,6 +52,14 @@ class FakeBench:
     def images(self, name: str) -> Mapping[int, NDArray[Any]]:
         found: Mapping[int, NDArray[Any]] = self.inputs[name]
         return found
+
+    def entries(self, name: str) -> Mapping[str, bytes]:
+        found: Mapping[str, bytes] = self.inputs.get(f"{name}.entries", {})
+        return found
+
+    def show(self, frame: Frame) -> None:
+        assert frame.ndim == 3 and frame.dtype == np.uint8
+        self.shown += 1
 
     def save(self, name: str, arrays: Arrays) -> None:
         assert (self.step, name) not in self.kept

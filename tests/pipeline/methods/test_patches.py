@@ -14,6 +14,8 @@ import pytest
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame
 from pipeline.methods.base import Brief, Task, VideoInfo
+from pipeline.methods.patches import build
+from pipeline.methods.patches.clusters import plan_cluster
 from pipeline.methods.patches.grid import Grid
 from pipeline.methods.patches.guidance import label_map, mask_map, style_of, styles_of
 from pipeline.methods.patches.hertzmann import Painter
@@ -296,6 +298,26 @@ def test_lives_are_short_enough_and_fade_into_each_other() -> None:
     assert all(life.stop - life.start <= 40 + FADE for life in found)
     for index in range(100):
         assert sum(life.weight(index) for life in found if life.start <= index < life.stop) == pytest.approx(1)
+
+
+def test_a_patch_is_the_same_in_one_task_and_in_many(monkeypatch: pytest.MonkeyPatch) -> None:
+    frames = [shot.image for shot in truth()[:10]]
+    made = []
+    for small in (0.0, 1e9):
+        monkeypatch.setattr(build, "SMALL", small)
+        made.append(paint(frames))
+    (many, one), names = made, [{key for step, key in bench.kept if step == "patch"} for bench in made]
+    assert any("-sum-" in key for key in names[0]) and not any("-sum-" in key for key in names[1])
+    np.testing.assert_array_equal(painted(many), painted(one))
+
+
+def test_flow_waits_for_nothing_and_label_maps_for_what_they_read_only() -> None:
+    tasks = {task.key: task for task in plan_cluster(brief(30))}
+    assert [task.after for key, task in tasks.items() if key.startswith("flow")] == [(), (), ()]
+    assert tasks["run-0000000"].after == ("flow-0000000",)
+    assert set(tasks["run-0000024"].after) == {"flow-0000024", "flow-0000012", "run-0000012"}
+    places = list(tasks)
+    assert all(places.index(need) < places.index(key) for key, task in tasks.items() for need in task.after)
 
 
 def test_what_travels_far_has_more_lives() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline.strokes.brush import Brush, Canvas, Strokes, blank, discs, tint
-from pipeline.strokes.raster import Touch, paint, painting_order
+from pipeline.strokes.raster import Touch, paint, painting_order, slopes_of
 from pipeline.strokes.seeds import Seeds
 
 PLAIN = Touch(taper=(0, 0), streaks=0, dry=0)
@@ -121,3 +121,23 @@ def test_colour_shift_and_jitter() -> None:
     stray = tint(aims, seeds, Brush(jitter=0.5)) - aims
     assert np.abs(stray.mean(axis=0)).max() < 2.5 and 5 < stray.std() < 20
     assert stray.tobytes() != (tint(aims, seeds, Brush(jitter=0.5), seed=1) - aims).tobytes()
+
+
+def test_a_slanted_silhouette_has_no_stairs_with_slopes() -> None:
+    """Where it ends, row by row, to a fraction of a px: a straight line."""
+    y, x = np.mgrid[: ODD[0], : ODD[1]].astype(float)
+    inside = np.clip((40 + 0.3 * (y - 30) - x) / 3 + 0.5, 0, 1)  # an edge as soft as a camera's, three px wide
+    guide = np.rint(inside[..., None] * (200, 100, 50)).astype(np.uint8)
+    rows, off = np.arange(20, 41), []
+    for slopes in (None, slopes_of(guide)):
+        canvas = paint(black(), line([(10, 30), (75, 30)], 30), touch=PLAIN, guide=guide, tolerance=60, slopes=slopes)
+        ends = canvas[rows, 20:60, 0].sum(axis=1) / 200
+        off.append(np.abs(ends - np.polyval(np.polyfit(rows, ends, 1), rows)).max())
+    assert off[1] < 0.1 < 0.3 < off[0]
+
+
+def test_slopes_are_the_change_in_a_px() -> None:
+    ramp = np.zeros((*ODD, 3), np.uint8)
+    ramp[..., 0] = np.arange(ODD[1]) * 3
+    np.testing.assert_allclose(slopes_of(ramp)[:, 1:-1], 3)
+    np.testing.assert_array_equal(slopes_of(np.full((*ODD, 3), 7, np.uint8)), 0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.compute import device
-from pipeline.synthesis.distance import distance, extrapolated, nearest
+from pipeline.synthesis.distance import distance, extrapolated, nearest, within
 
 SIZES = [(1, 1), (1, 9), (9, 1), (17, 23), (40, 31)]
 
@@ -42,6 +42,16 @@ def test_a_field_goes_on_beyond_what_is_known_of_it() -> None:
     field[:, 2], field[:, 7] = (1, 2), (3, 4)
     known = np.zeros((8, 10), bool)
     known[:, [2, 7]] = True
-    found = extrapolated(field, known)
+    found = extrapolated(field, nearest(known))
     assert (found[:, :5] == (1, 2)).all() and (found[:, 5:] == (3, 4)).all()
-    assert (extrapolated(field, np.zeros_like(known)) == 0).all()
+    assert (extrapolated(field, nearest(np.zeros_like(known))) == 0).all()
+
+
+@pytest.mark.real("opencl")
+@pytest.mark.parametrize("reach", [1, 4])
+def test_beyond_its_reach_nothing_is_found(reach: int) -> None:
+    mask = a_mask((40, 31), 0.01)
+    found = nearest(mask, reach_px=reach)
+    np.testing.assert_array_equal(found[..., 0] >= 0, distance(mask) <= reach)
+    np.testing.assert_array_equal(found, nearest(mask, device(), reach))
+    np.testing.assert_array_equal(within(nearest(mask), reach), distance(mask) <= reach)

@@ -70,7 +70,7 @@ def test_what_is_no_exr_or_cut_off_or_too_large_is_refused(tmp_path: Path) -> No
         with pytest.raises(UnreadableMedia):
             read_exr(wrong, name="frame 7")
     with pytest.raises(MediaTooLarge):
-        read_exr(path, Limits(width=20, height=20))
+        read_exr(path, Limits(side_px=20))
 
 
 def test_passes_are_found_by_their_names() -> None:

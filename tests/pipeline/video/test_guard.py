@@ -20,9 +20,11 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.errors import BadFrame, Cancelled, MediaTooLarge, UnreadableMedia
+from pipeline.video.exr import read_exr, write_exr
 from pipeline.video.guard import roles
 from pipeline.video.guard.files import GuardedImages, guarded_join
 from pipeline.video.guard.nursery import _NURSERY, Child
+from pipeline.video.guard.pictures import _DESK, guarded_exr, guarded_raw
 from pipeline.video.guard.reader import GuardedReader
 from pipeline.video.guard.wire import Broken, receive, send
 from pipeline.video.join import join
@@ -30,6 +32,7 @@ from pipeline.video.media import Limits
 from pipeline.video.numbered import NumberedImages
 from pipeline.video.probe import probe_guarded
 from pipeline.video.reader import VideoReader
+from pipeline.video.stills import decode_raw
 from pipeline.video.writer import SegmentSpec, segment_writer
 from tests.pipeline.video.making import make_video, make_zip, picture, png_frames
 
@@ -218,6 +221,33 @@ def test_a_nursery_that_died_is_started_again(clip: Path) -> None:
         assert len(list(reader.read())) == 12
 
 
+def test_a_nursery_that_dies_at_this_moment_is_replaced(clip: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It takes the request and dies before it has forked."""
+    GuardedReader(clip).close()
+    (nursery,) = [p for p in psutil.Process().children() if "pipeline.video.guard.child" in " ".join(p.cmdline())]
+    nursery.suspend()
+    asked, stuck = _NURSERY.child, [nursery]
+
+    def ask_and_kill(*fds: int) -> None:
+        asked(*fds)
+        if stuck:
+            stuck.pop().kill()
+
+    monkeypatch.setattr(_NURSERY, "child", ask_and_kill)
+    with GuardedReader(clip) as reader:
+        assert len(list(reader.read())) == 12
+
+
+def test_a_nursery_that_hangs_is_replaced(clip: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    GuardedReader(clip).close()
+    (nursery,) = [p for p in psutil.Process().children() if "pipeline.video.guard.child" in " ".join(p.cmdline())]
+    nursery.suspend()
+    monkeypatch.setattr("pipeline.video.guard.nursery.START_S", 5.0)
+    with GuardedReader(clip) as reader:
+        assert len(list(reader.read())) == 12
+    assert not nursery.is_running()
+
+
 def test_nobody_outlives_us(clip: Path) -> None:
     code = f"""
 import os, sys
@@ -285,5 +315,38 @@ def test_messages_are_checked() -> None:
 
 
 def test_every_role_is_used() -> None:
-    assert set(roles.ROLES) == {"video", "probe", "images", "join"}
+    assert set(roles.ROLES) == {"video", "probe", "images", "pictures", "join"}
     assert _NURSERY is not None
+
+
+# -- pictures of a shot
+
+
+def test_pictures_are_what_they_are_in_our_own_process(tmp_path: Path) -> None:
+    gray = np.arange(40 * 30, dtype=np.uint16).reshape(30, 40) * 40
+    data = cv2.imencode(".png", gray)[1].tobytes()
+    assert same(guarded_raw(data, "a.png"), decode_raw(data, Limits(), "a.png"))
+    planes = {f"ViewLayer.Combined.{name}": np.full((20, 24), i / 4, np.float32) for i, name in enumerate("RGB")}
+    write_exr(tmp_path / "a.exr", planes)
+    image, plain = (read((tmp_path / "a.exr").read_bytes(), name="a.exr") for read in (guarded_exr, read_exr))
+    assert image.size == plain.size == (24, 20) and list(image.planes) == list(plain.planes)
+    assert all(np.array_equal(image.planes[name], plain.planes[name]) for name in planes)
+
+
+def test_a_bad_picture_is_named_and_the_next_one_comes_through() -> None:
+    data = cv2.imencode(".png", np.zeros((32, 32), np.uint8))[1].tobytes()
+    guarded_raw(data, "good.png")
+    pid = _DESK.child._pid if _DESK.child else 0
+    with pytest.raises(UnreadableMedia) as caught:
+        guarded_raw(data[: len(data) // 2], "masks/0007.png")
+    assert "masks/0007.png" in f"{caught.value.field} {caught.value.value} {caught.value.message}"
+    assert guarded_raw(data, "good.png").shape == (32, 32)
+    assert _DESK.child and _DESK.child._pid == pid, "it was not at fault"
+
+
+def test_a_killed_decoder_of_pictures_is_replaced() -> None:
+    data = cv2.imencode(".png", np.zeros((32, 32), np.uint8))[1].tobytes()
+    guarded_raw(data, "good.png")
+    assert _DESK.child
+    os.kill(_DESK.child._pid, signal.SIGKILL)
+    assert guarded_raw(data, "good.png").shape == (32, 32)

@@ -41,7 +41,7 @@ export function createTimeline() {
     element,
     update(job, bars, now) {
       if (last?.job.id !== job.id) fill(chosen);
-      last = { job, bars, now };
+      last = { job, bars: bars.filter((bar) => bar.slot || bar.outcome !== "running"), now }; // on its way to a slot
       draw();
     },
   };
@@ -52,13 +52,16 @@ const colour = (index) => `step-${((index % COLOURS) + COLOURS) % COLOURS}`;
 /** Slots in the order of their names, each with its bars. */
 function lanesOf(bars) {
   const lanes = new Map();
+  const several = new Set(bars.map((bar) => bar.worker)).size > 1;
   for (const bar of bars) {
     const name = `${bar.worker.split("@")[1] ?? bar.worker} ${shortId(bar.worker)} ${bar.slot}`;
-    if (!lanes.has(name)) lanes.set(name, { name, short: `${bar.slot.replace(/^impasto-worker-/, "slot ") || "no slot"}`, bars: [] });
+    if (!lanes.has(name)) lanes.set(name, { name, short: (several ? `${shortId(bar.worker)} · ` : "") + slotName(bar.slot), bars: [] });
     lanes.get(name).bars.push(bar);
   }
   return [...lanes.values()].sort((a, b) => a.name.localeCompare(b.name, undefined, { numeric: true }));
 }
+
+const slotName = (slot) => slot.replace(/^impasto-worker-/, "slot ") || "no slot";
 
 function spanOf(bars, now) {
   const from = Math.min(...bars.map((bar) => bar.started_at));

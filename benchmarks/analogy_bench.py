@@ -1,0 +1,106 @@
+"""A bench in memory for the analogy method, and its whole plan on one worker."""
+
+from __future__ import annotations
+
+import time
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from concurrent.futures import Executor, Future
+from contextlib import contextmanager
+from typing import Any
+
+from numpy.typing import NDArray
+
+from pipeline.frames import Frame
+from pipeline.methods.analogy import Analogy, AnalogyParams
+from pipeline.methods.base import Arrays, Brief, Note, Step, Task, VideoInfo
+
+
+class Memory:
+    """A bench in memory that times its stages, wall seconds."""
+
+    def __init__(
+        self, params: AnalogyParams, inputs: Mapping[str, list[Frame]], files: Mapping[str, bytes] | None = None,
+        numbered: Mapping[str, Mapping[int, NDArray[Any]]] | None = None,
+    ) -> None:  # fmt: skip
+        self.params, self.seed, self.inputs = params, 0, inputs
+        self._files, self._numbered = files or {}, numbered or {}
+        height, width = inputs["video"][0].shape[:2]
+        self.size = (width, height)
+        count = len(inputs["video"])
+        self.video = VideoInfo(width, height, count, 25.0, count / 25)
+        self.step = ""
+        self.kept: dict[tuple[str, str], dict[str, NDArray[Any]]] = {}
+        self.painted: dict[int, Frame] = {}
+        self.stages: dict[str, float] = defaultdict(float)
+
+    def frames(self, name: str = "video", start: int = 0, stop: int | None = None) -> Iterator[Frame]:
+        return iter(self.inputs[name][start:stop])
+
+    def has(self, name: str) -> bool:
+        return name in self.inputs or name in self._numbered
+
+    def image(self, name: str) -> Frame:
+        return self.inputs[name][0]
+
+    def json(self, name: str) -> Any:
+        raise KeyError(name)
+
+    def images(self, name: str) -> Mapping[int, NDArray[Any]]:
+        return self._numbered[name]
+
+    def entries(self, name: str) -> Mapping[str, bytes]:
+        return self._files if name == "video" else {}
+
+    def save(self, name: str, arrays: Arrays) -> None:
+        self.kept[self.step, name] = dict(arrays)
+
+    def load(self, step: str, name: str) -> dict[str, NDArray[Any]]:
+        return self.kept[step, name]
+
+    def save_file(self, name: str, data: bytes, media_type: str) -> None: ...
+
+    def wants(self, artefact: str) -> bool:
+        return False
+
+    def emit(self, index: int, frame: Frame) -> None:
+        self.painted[index] = frame
+
+    def show(self, frame: Frame) -> None: ...
+
+    def progress(self, done: float) -> None: ...
+
+    @contextmanager
+    def clock(self, stage: str) -> Iterator[None]:
+        start = time.perf_counter()
+        yield
+        self.stages[stage] += time.perf_counter() - start
+
+
+def render(bench: Memory) -> list[Frame]:
+    """The whole plan, on one worker."""
+    notes: dict[str, dict[str, Note]] = {}
+    for step in Analogy.steps:
+        bench.step, notes[step.name] = step.name, {}
+        for task in step.plan(Brief(bench.params, 0, bench.video, frozenset(bench.inputs), notes)):
+            notes[step.name][task.key] = step.run(task, bench)
+    return [bench.painted[index] for index in sorted(bench.painted)]
+
+
+def together(bench: Memory, pool: Executor) -> list[Frame]:
+    """The whole plan, each task as soon as those it goes on from are done, on a pool of workers."""
+    notes: dict[str, dict[str, Note]] = {}
+    for step in Analogy.steps:
+        bench.step, notes[step.name] = step.name, {}
+        tasks = step.plan(Brief(bench.params, 0, bench.video, frozenset(bench.inputs), notes))
+        running: dict[str, Future[Note]] = {}
+
+        def run(task: Task, step: Step = step, running: dict[str, Future[Note]] = running) -> Note:
+            for name in task.after:
+                running[name].result()
+            return step.run(task, bench)
+
+        for task in tasks:
+            running[task.key] = pool.submit(run, task)
+        notes[step.name] = {key: future.result() for key, future in running.items()}
+    return [bench.painted[index] for index in sorted(bench.painted)]

@@ -1,0 +1,204 @@
+"""What the analogy method claims, as figures: steadiness, trails, variety, keys without pops, two workers.
+
+`python -m benchmarks.analogy_claims [NAME ...]`. Flicker and likeness are measured by the tools of a `shared` folder
+beside the project, from outside; without it those columns are left out.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from benchmarks.analogy_bench import Memory, render, together
+from benchmarks.clips import MEDIA
+from pipeline.frames import Frame
+from pipeline.methods.analogy import AnalogyParams
+from pipeline.methods.analogy.exemplar import own_pair
+from pipeline.scenes import scene
+from pipeline.scenes.shot import shot_files
+from pipeline.video.reader import VideoReader
+
+TOOLS = Path(__file__).resolve().parents[2] / "shared" / "tools"
+COUNT = 8
+SIZE = (480, 270)
+
+
+def painting(name: str) -> Frame:
+    """A painting of the media folder, or our own."""
+    path = MEDIA.parent / "style" / "paintings" / f"{name}.jpg"
+    if not path.is_file():
+        return own_pair()[1]
+    with VideoReader(path) as reader:
+        return next(reader.read(0, 1))
+
+
+def film(name: str, height: int, start: int = 10) -> list[Frame]:
+    """Frames of a clip of the media folder, scaled to a height."""
+    with VideoReader(MEDIA / name) as reader:
+        found = list(reader.read(start, start + COUNT))
+    size = (round(found[0].shape[1] * height / found[0].shape[0]), height)
+    return [np.asarray(cv2.resize(frame, size, interpolation=cv2.INTER_AREA), np.uint8) for frame in found]
+
+
+def shot(name: str, size: tuple[int, int] = SIZE, count: int = COUNT) -> tuple[list[Frame], Mapping[str, bytes]]:
+    """A scene's frames, and its files with exact vectors, without layers."""
+    made = scene(name, size, frames=count)
+    files = dict(shot_files(made))
+    del files["shot.json"]
+    return [made.image(index) for index in range(count)], files
+
+
+def painted(
+    frames: Sequence[Frame], style: Frame, files: Mapping[str, bytes] | None = None, **params: Any
+) -> list[Frame]:
+    bench = Memory(AnalogyParams(**params), {"video": list(frames), "style_output": [style]}, files)
+    return render(bench)
+
+
+# -- measured from outside
+
+
+def _saved(folder: Path, frames: Sequence[Frame]) -> Path:
+    folder.mkdir(parents=True)
+    for index, frame in enumerate(frames):
+        cv2.imwrite(str(folder / f"{index:04d}.png"), cv2.cvtColor(frame, cv2.COLOR_RGB2BGR))
+    return folder
+
+
+def _asked(tool: str, *paths: Path) -> list[Mapping[str, float]]:
+    if not (TOOLS / tool).is_file():
+        return [{} for _ in paths[1:]]
+    done = subprocess.run([sys.executable, TOOLS / tool, *paths, "--json"], check=True, capture_output=True)
+    found: list[Mapping[str, float]] = json.loads(done.stdout)
+    return found
+
+
+def compare(source: Sequence[Frame], style: Frame, outputs: Mapping[str, Sequence[Frame]]) -> None:
+    """Print a row for each output."""
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        plain = _saved(folder / "source", source)
+        made = [_saved(folder / name, frames) for name, frames in outputs.items()]
+        _saved(folder / "style", [style])
+        steady = _asked("coherence.py", plain, *made)
+        alike = _asked("style_fidelity.py", folder / "style" / "0000.png", *(m / "0004.png" for m in made))
+    for name, one, other in zip(outputs, steady, alike, strict=True):
+        keys = ("flicker", "structure", "detail"), ("fidelity", "variety", "palette_max")
+        cells = [f"{key} {row[key]:.3g}" for part, row in zip(keys, (one, other), strict=True) for key in part if row]
+        print(f"  {name:>12}  " + "  ".join(cells), flush=True)
+
+
+# -- claims
+
+
+def clip() -> None:
+    """A live-action clip with nothing but a painting."""
+    source, style = film("coffee_720p_audio.mp4", 432), painting("delaunay_1906")
+    compare(source, style, {name: painted(source, style, temporal=name) for name in ("on", "off")})
+
+
+def stage() -> None:
+    """A procedural scene with exact velocities."""
+    (source, files), style = shot("harbour"), painting("delaunay_1906")
+    compare(source, style, {name: painted(source, style, files, temporal=name) for name in ("on", "off")})
+
+
+def trails() -> None:
+    """Lightness that is wrong where the background has just come out, as a multiple of what it is elsewhere."""
+    (source, files), style = shot("shapes"), painting("delaunay_1906")
+    made = scene("shapes", SIZE, frames=COUNT)
+    for name in ("on", "off"):
+        out = painted(source, style, files, occlusion=name, **TRAILING)
+        print(f"  occlusion {name:>3}: {trail(made, source, out):.2f}", flush=True)
+
+
+TRAILING = {"steadiness": 20, "guide_weight": 2, "tone_match": "off"}
+"""Firm enough that what is carried stays."""
+
+
+def trail(made: Any, source: Sequence[Frame], out: Sequence[Frame]) -> float:
+    """Mean lightness error where a pixel was hidden a frame ago, over that of all other pixels."""
+    fresh, rest = [], []
+    for index in range(1, len(out)):
+        new = made.frame(index).occluded_previous.copy()
+        new[:, :12] = new[:, -12:] = False
+        new[:12] = new[-12:] = False
+        wrong = np.abs(_soft(out[index]) - _soft(source[index]))
+        fresh.append(wrong[new])
+        rest.append(wrong[~new])
+    return float(np.concatenate(fresh).mean() / np.concatenate(rest).mean())
+
+
+def _soft(frame: Frame) -> Frame:
+    return cv2.GaussianBlur(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY).astype(np.float32), (0, 0), 2)
+
+
+def variety() -> None:
+    """The histogram term."""
+    source, style = film("coffee_720p_audio.mp4", 270)[:1] * 5, painting("water_lilies")
+    found = {f"h_s {w}": painted(source[:1], style, variety_weight=w) * 5 for w in (0, 200, 1000)}
+    compare(source, style, found)
+
+
+def keys() -> None:
+    """Two painted keys across a shading change: mean difference of neighbouring frames at the keys and elsewhere."""
+    source, images = shaded_keys()
+    bench = Memory(AnalogyParams(), {"video": source}, numbered={"keyframes": images})
+    out = np.stack(render(bench)).astype(int)
+    steps = np.abs(np.diff(out, axis=0)).mean((1, 2, 3))
+    at = [k for k in range(len(steps)) if k in images or k + 1 in images]
+    others = [k for k in range(len(steps)) if k not in at]
+    exact = all((out[k] == image).all() for k, image in images.items())
+    print(f"  keys exact: {exact}; steps of frames, gray levels: {' '.join(f'{s:.1f}' for s in steps)}")
+    print(f"  at a key {steps[at].max():.2f} at most, elsewhere {steps[others].max():.2f} at most", flush=True)
+
+
+def shaded_keys() -> tuple[list[Frame], dict[int, Frame]]:
+    """Eleven frames of the portrait whose light falls by a third, and its first and last in short strokes."""
+    from pipeline.methods.multistyle import MultistyleParams, MultistyleSession
+
+    made = scene("portrait", (320, 240), frames=11)
+    source = [np.asarray(np.rint(made.image(k) * (1 - 0.035 * k)), np.uint8) for k in range(11)]
+    first = MultistyleSession(MultistyleParams(style="impressionism"), (320, 240))
+    last = MultistyleSession(MultistyleParams(style="impressionism"), (320, 240))
+    return source, {0: first.step(source[0]), 10: last.step(source[10])}
+
+
+def workers() -> None:
+    """Two intervals between keys by one worker and by two: seconds, and whether the bytes are the same."""
+    source, images = shaded_keys()
+    given = {0: images[0], 5: source[5], 10: images[10]}
+    seconds, outs = [], []
+    for count in (1, 1, 2):
+        bench = Memory(AnalogyParams(), {"video": source}, numbered={"keyframes": given})
+        start = time.perf_counter()
+        with ThreadPoolExecutor(count) as pool:
+            outs.append(together(bench, pool))
+        seconds.append(time.perf_counter() - start)
+    same = all((a == b).all() for a, b in zip(outs[1], outs[2], strict=True))
+    print(f"  one {seconds[1]:.1f} s, two {seconds[2]:.1f} s: {seconds[1] / seconds[2]:.2f} times; same bytes: {same}")
+
+
+CLAIMS: Mapping[str, Callable[[], None]] = {
+    "clip": clip, "scene": stage, "trails": trails, "variety": variety, "keys": keys, "workers": workers,
+}  # fmt: skip
+
+
+def main() -> None:
+    for name in sys.argv[1:] or CLAIMS:
+        print(f"{name}: {CLAIMS[name].__doc__}")
+        CLAIMS[name]()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,132 @@
+"""Stills against EbSynth's CPU build on EbSynth's own examples: CPU seconds, and how much each looks like the style.
+
+EbSynth is taken from the PATH (`bin/ebsynth` of a build of its repository, with `examples` beside `bin`), and measured
+by the same tool, `style_fidelity.py` of a `shared` folder beside the project. What is missing is said and left out.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from benchmarks.analogy_bench import Memory, render
+from pipeline.frames import Frame
+from pipeline.methods.analogy import AnalogyParams
+
+TOOL = Path(__file__).resolve().parents[2] / "shared" / "tools" / "style_fidelity.py"
+PORTRAIT = {
+    "guide_weight": 1.0, "colour_weight": 0, "guide_a_weight": 0.75, "guide_b_weight": 0.75, "levels": 6,
+    "iterations": 6, "coherence_weight": 40, "variety_weight": 100,
+}  # fmt: skip
+"""The three guides in the proportion that EbSynth's documentation gives."""
+LIT = {
+    "guide_weight": 0.5, "colour_weight": 1.0, "guide_a_weight": 0.5, "guide_b_weight": 0.5, "levels": 6,
+    "iterations": 6, "coherence_weight": 5, "variety_weight": 20, "patch_radius": 6, "patch_sigma": 4.5,
+}  # fmt: skip
+"""Long strokes want large patches."""
+NUMBERS = {
+    "guide_weight": 2.0, "colour_weight": 2.0, "levels": 5, "iterations": 6, "coherence_weight": 40,
+    "variety_weight": 100,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Still:
+    """An example: pictures by name without their "source_" and "target_", and how EbSynth is told of them."""
+
+    folder: str
+    style: str
+    guides: tuple[tuple[str, float], ...]
+    """The first one is our video, the others guides a and b; with EbSynth's weights."""
+    params: Mapping[str, Any]
+    options: tuple[str, ...] = ()
+
+
+STILLS = (
+    Still("facestyle", "painting", (("Gapp", 2.0), ("Gseg", 1.5), ("Gpos", 1.5)), PORTRAIT),
+    Still("stylit", "style", (("fullgi", 0.66), ("dirdif", 0.66), ("indirb", 0.66)), LIT),
+    Still("texbynum", "photo", (("segment", 1.0),), NUMBERS, ("-patchsize", "3", "-uniformity", "1000")),
+)
+
+
+def ours(still: Still, examples: Path, out: Path) -> float:
+    """CPU seconds for our still, which is written to `out`."""
+    folder = examples / still.folder
+    inputs = {"style_output": [_read(folder / f"source_{still.style}.png")]}
+    for (name, _), (video, style) in zip(still.guides, _NAMES, strict=False):
+        inputs |= {video: [_read(folder / f"target_{name}.png")], style: [_read(folder / f"source_{name}.png")]}
+    render(Memory(AnalogyParams(**{**still.params, "levels": 2, "iterations": 1}), inputs))  # compiles
+    bench = Memory(AnalogyParams(**still.params), inputs)
+    start = time.process_time()
+    picture = render(bench)[0]
+    cv2.imwrite(str(out), cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
+    return time.process_time() - start
+
+
+_NAMES = (("video", "style"), ("guide_a", "style_guide_a"), ("guide_b", "style_guide_b"))
+
+
+def theirs(still: Still, program: str, examples: Path, out: Path) -> float:
+    """CPU seconds for EbSynth's."""
+    guides = [("-guide", f"source_{name}.png", f"target_{name}.png", "-weight", str(w)) for name, w in still.guides]
+    command = [program, "-style", f"source_{still.style}.png", *(part for guide in guides for part in guide)]
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run(
+        [*command, *still.options, "-output", str(out), "-backend", "cpu"], check=True, cwd=examples / still.folder,
+        stdout=subprocess.DEVNULL, env={**os.environ, "OMP_NUM_THREADS": str(os.cpu_count())},
+    )  # fmt: skip
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def _read(path: Path) -> Frame:
+    return np.asarray(cv2.cvtColor(cv2.imread(str(path)), cv2.COLOR_BGR2RGB), np.uint8)
+
+
+def _likeness(style: Path, outputs: list[Path]) -> list[Mapping[str, float]]:
+    if not TOOL.is_file():
+        return [{} for _ in outputs]
+    done = subprocess.run([sys.executable, TOOL, style, *outputs, "--json"], check=True, capture_output=True)
+    found: list[Mapping[str, float]] = json.loads(done.stdout)
+    return found
+
+
+def _told(seconds: float, likeness: Mapping[str, float]) -> str:
+    figures = "  ".join(f"{name} {likeness[name]:.3g}" for name in ("fidelity", "variety", "palette_mean") if likeness)
+    return f"{seconds:6.1f} CPU s  {figures}"
+
+
+def main(names: tuple[str, ...] = ()) -> None:
+    """Print the comparison, for all examples or those named."""
+    program = shutil.which("ebsynth")
+    examples = Path(program).resolve().parents[1] / "examples" if program else Path()
+    if program is None or not examples.is_dir():
+        print("EbSynth is not on the PATH: its examples are left out.")
+        return
+    for still in STILLS:
+        if names and still.folder not in names:
+            continue
+        with tempfile.TemporaryDirectory() as folder:
+            mine, other = Path(folder) / "ours.png", Path(folder) / "theirs.png"
+            seconds = ours(still, examples, mine), theirs(still, program, examples, other)
+            style = examples / still.folder / f"source_{still.style}.png"
+            rows = [_told(s, row) for s, row in zip(seconds, _likeness(style, [mine, other]), strict=True)]
+        print(f"{still.folder:>10}  ours    {rows[0]}")
+        print(f"{'':>10}  EbSynth {rows[1]}   {seconds[1] / seconds[0]:.1f} times ours")
+
+
+if __name__ == "__main__":
+    main(tuple(sys.argv[1:]))

@@ -1,0 +1,71 @@
+"""Pictures of a shot, each decoded by a child: what `decode_raw` and `read_exr` give, of bytes that may be hostile."""
+
+from __future__ import annotations
+
+import tempfile
+import threading
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from pipeline.errors import BadInput
+from pipeline.video.exr import Exr
+from pipeline.video.guard.nursery import Child, Died, begin
+from pipeline.video.guard.wire import Message
+from pipeline.video.media import Limits
+
+SHARED_BYTES = 1 << 30
+"""For all channels of an image; memory is taken only where something is written."""
+
+
+class _Desk(threading.local):
+    """A child a thread, which stays: a shot has thousands of pictures."""
+
+    child: Child | None = None
+
+    def ask(self, task: Message) -> tuple[Message, Child]:
+        """Its answer, and who has it in its shared memory."""
+        try:
+            return self._ask(task)
+        except Died:  # perhaps not the picture's fault
+            return self._ask(task)
+
+    def _ask(self, task: Message) -> tuple[Message, Child]:
+        child, self.child = self.child, None
+        if child is None:
+            child = begin("pictures", {"limits": asdict(Limits())}, SHARED_BYTES)
+        try:
+            answer, _ = child.ask(task)
+        except BadInput:
+            self.child = child if child.alive else None
+            raise
+        except BaseException:
+            child.close()
+            raise
+        self.child = child
+        return answer, child
+
+
+_DESK = _Desk()
+
+
+def guarded_raw(data: bytes, name: str) -> NDArray[Any]:
+    """As `pipeline.video.stills.decode_raw`. Raises UnreadableMedia, MediaTooLarge."""
+    return _decoded("raw", data, name)[1]
+
+
+def guarded_exr(data: bytes, name: str) -> Exr:
+    """As `pipeline.video.exr.read_exr`. Raises UnreadableMedia, MediaTooLarge."""
+    answer, planes = _decoded("exr", data, name)
+    width, height = answer["size"]
+    return Exr((int(width), int(height)), dict(zip(map(str, answer["names"]), planes, strict=True)))
+
+
+def _decoded(kind: str, data: bytes, name: str) -> tuple[Message, NDArray[Any]]:
+    with tempfile.NamedTemporaryFile() as file:
+        file.write(data)
+        file.flush()
+        answer, child = _DESK.ask({"kind": kind, "path": str(Path(file.name).absolute()), "name": name})
+        return answer, child.array(tuple(answer["shape"]), str(answer["dtype"]))

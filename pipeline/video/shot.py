@@ -1,0 +1,246 @@
+"""A shot: rendered frames with their passes, layers, styles and painted keyframes, in folders of one archive.
+
+    shot.json               optional: the order of layers and what is particular to each, see `ShotJson`
+    frames/0001.png         the whole picture, PNG, JPEG or EXR; every other numbered file has one of these numbers
+    vectors/0001.exr        motion vectors; EXR frames may hold them themselves
+    normals/0001.png        normals as colours, or EXR with a Normal pass; EXR frames may hold them themselves
+    ids/0001.png            number of the object at each pixel, 8 or 16 bit, or EXR with IndexOB
+    lines/0001.png          black lines on white
+    guides/NAME/0001.png    any further picture of the scene
+    keyframes/0001.png      painted frames, some of them
+    painted/0001.png        white where the keyframe of that number is painted, if not all over
+    style/output.png        the painting; style/input.png: what it is of; style/NAME.png: what guide NAME shows of it;
+                            style/lines.png: its lines; style/mask.png: white where its subject is
+    layers/LAYER/...        any of the above for one layer, and masks/0001.png: white where it is
+
+What a layer does not have it takes from the shot. `read_shot` reads names only; `check_pictures` every header.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import PurePosixPath
+from typing import Any, Literal, NoReturn
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from pipeline.errors import UnreadableMedia
+from pipeline.video.archive import MANIFEST, number_of
+from pipeline.video.headers import image_header, sniff
+from pipeline.video.shot_files import FRAMES, LAYERS, PASSES, Files
+
+NUMBERED = ("masks", "vectors", "normals", "ids", "lines", "keyframes", "painted")
+SPARSE = frozenset({"keyframes", "painted"})
+"""Passes that need not have every frame."""
+WHOLE = ""
+"""Name of the layer that is the whole picture."""
+
+
+class LayerJson(BaseModel):
+    """What shot.json says of a layer."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    name: str = Field(min_length=1, description="Its folder in layers/, or any name if `ids` says what it is.")
+    ids: tuple[int, ...] = Field((), description="Objects of the ids pass that make up the layer.")
+    params: dict[str, Any] = Field({}, description="Parameters of the method that differ for this layer.")
+    guides: dict[str, float] = Field({}, description="Weights of its guides by name; 0 leaves one out.")
+    overpaint_px: float | None = Field(None, ge=0, le=500, description="How far paint may lie outside; None = as keys.")
+
+
+class ShotJson(BaseModel):
+    """The file shot.json."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    version: Literal[1] = 1
+    vectors: Literal["auto", "cycles", "eevee", "nuke"] | tuple[float, float, float] | None = Field(
+        None,
+        description="How motion vectors are stored; or three factors: of those to the next frame, of those of the "
+        "previous one, and of every y.",
+    )
+    background: str = Field("#ffffff", pattern="^#[0-9a-fA-F]{6}$", description="What is seen where no layer is.")
+    layers: tuple[LayerJson, ...] | None = Field(None, description="From back to front. None: by name.")
+
+
+@dataclass(frozen=True)
+class LayerFiles:
+    """A layer's files: pass -> frame (counted from 0) -> path."""
+
+    name: str
+    passes: Mapping[str, Mapping[int, str]]
+    guides: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
+    style: Mapping[str, str] = field(default_factory=dict)
+    """Stem -> path."""
+    says: LayerJson | None = None
+
+    @property
+    def where(self) -> str:
+        """How errors call it."""
+        return f"layer {self.name}" if self.name else "shot"
+
+
+@dataclass(frozen=True)
+class ShotLayout:
+    """What an archive holds."""
+
+    whole: LayerFiles
+    layers: tuple[LayerFiles, ...]
+    """From back to front; none: the whole picture is all there is."""
+    says: ShotJson
+
+    @property
+    def frames(self) -> int:
+        return len(self.whole.passes[FRAMES])
+
+
+def read_shot(files: Files) -> ShotLayout:
+    """The layout of a shot's files, by their names alone.
+
+    Raises:
+        UnreadableMedia: names the layer, the pass and the frame that is missing, doubled or unknown.
+    """
+    tree = _Tree(files)
+    says = _manifest(files)
+    numbers = tree.numbers()
+    whole = tree.layer(WHOLE, "", numbers, None)
+    return ShotLayout(whole, tuple(_layers(tree, says, numbers)), says)
+
+
+def _layers(tree: _Tree, says: ShotJson, numbers: Mapping[int, int]) -> Iterable[LayerFiles]:
+    folders = tree.layer_names()
+    if says.layers is None:
+        for name in folders:
+            yield tree.layer(name, f"{LAYERS}/{name}/", numbers, None)
+        return
+    listed = [layer.name for layer in says.layers]
+    for name in {n for n in listed if listed.count(n) > 1}:
+        _refuse(f"Layer {name} is listed twice.", f"{MANIFEST}: layers", name, "List each layer once.")
+    for name in folders:
+        if name not in listed:
+            _refuse(f"Layer {name} is not listed.", f"{MANIFEST}: layers", name, "List it, or remove its folder.")
+    for index, layer in enumerate(says.layers):
+        if layer.name not in folders and not layer.ids:
+            _refuse(
+                f"Layer {layer.name} has no folder.", f"{MANIFEST}: layers[{index}]", layer.name,
+                f"Put its pictures in {LAYERS}/{layer.name}/, or say which ids it has.",
+            )  # fmt: skip
+        yield tree.layer(layer.name, f"{LAYERS}/{layer.name}/", numbers, layer)
+
+
+def _manifest(files: Files) -> ShotJson:
+    if MANIFEST not in files:
+        return ShotJson()
+    try:
+        return ShotJson.model_validate(json.loads(files[MANIFEST]))
+    except ValidationError as error:
+        first = error.errors()[0]
+        path = "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in first["loc"]).lstrip(".")
+        _refuse(f"{MANIFEST} is wrong: {first['msg']}.", f"{MANIFEST}: {path}", first.get("input"), "See its schema.")
+    except ValueError as error:
+        _refuse(f"{MANIFEST} is not JSON: {error}.", MANIFEST, None, "Check it with a JSON validator.")
+
+
+class _Tree:
+    """The names of a shot's files, taken apart."""
+
+    def __init__(self, files: Files) -> None:
+        self._paths = [PurePosixPath(name) for name in sorted(files) if name != MANIFEST]
+        for path in self._paths:
+            self._check(path)
+
+    def _check(self, path: PurePosixPath) -> None:
+        parts = path.parts[2:] if path.parts[0] == LAYERS else path.parts
+        depth = 3 if parts[:1] == ("guides",) else 2
+        if not parts or parts[0] not in (FRAMES, *PASSES) or len(parts) != depth:
+            _refuse(
+                "The shot holds a file that has no place in it.", "file", path,
+                f"Folders are: {', '.join((FRAMES, *PASSES, LAYERS))}, with pictures in them.",
+            )  # fmt: skip
+
+    def layer_names(self) -> list[str]:
+        return sorted({path.parts[1] for path in self._paths if path.parts[0] == LAYERS})
+
+    def numbers(self) -> dict[int, int]:
+        """Number in a file's name -> frame, from the whole picture's frames."""
+        found = self._numbered(f"{FRAMES}/", "The shot")
+        if not found:
+            _refuse("The shot has no pictures.", "file", f"{FRAMES}/", "Number the rendered frames in frames/.")
+        return {number: index for index, number in enumerate(sorted(found))}
+
+    def layer(self, name: str, root: str, numbers: Mapping[int, int], says: LayerJson | None) -> LayerFiles:
+        who = f"Layer {name}" if name else "The shot"
+        passes = {kind: self._pass(f"{root}{kind}/", numbers, who, kind in SPARSE) for kind in (FRAMES, *NUMBERED)}
+        names = sorted({p.parent.name for p in self._paths if str(p.parent.parent) == f"{root}guides"})
+        guides = {guide: self._pass(f"{root}guides/{guide}/", numbers, who, False) for guide in names}
+        style = {p.stem: str(p) for p in self._paths if str(p.parent) == f"{root}style"}
+        for index in passes["painted"]:
+            if index not in passes["keyframes"]:
+                path = passes["painted"][index]
+                _refuse(f"{who} has no keyframe for the mask {path}.", path, None, "Name both by the same frame.")
+        return LayerFiles(name, passes, guides, style, says)
+
+    def _pass(self, folder: str, numbers: Mapping[int, int], who: str, sparse: bool) -> dict[int, str]:
+        found = self._numbered(folder, who)
+        for number, path in found.items():
+            if number not in numbers:
+                _refuse(
+                    f"{who} has a picture for a frame that there is not.", path, number,
+                    f"Number it as one of {FRAMES}/: {min(numbers)} to {max(numbers)}.",
+                )  # fmt: skip
+        missing = sorted(set(numbers) - set(found))
+        if found and missing and not sparse:
+            _refuse(f"{who} has no picture for frame {missing[0]}.", folder, f"{len(missing)} missing: "
+                    f"{', '.join(map(str, missing[:5]))}", "Render every frame of the shot.")  # fmt: skip
+        return {numbers[number]: path for number, path in sorted(found.items())}
+
+    def _numbered(self, folder: str, who: str) -> dict[int, str]:
+        found: dict[int, str] = {}
+        for path in self._paths:
+            if f"{path.parent}/" != folder:
+                continue
+            number = number_of(path.name)
+            if number is None or number in found:
+                fault = "without a number in its name" if number is None else "with a number that another has"
+                other = None if number is None else found[number]
+                _refuse(f"{who} has a picture {fault}.", str(path), other, "Number pictures by their frames.")
+            found[number] = str(path)
+        return found
+
+
+def check_pictures(files: Files, layout: ShotLayout, size: tuple[int, int]) -> None:
+    """Every numbered picture is an image of the frames' size, by its header.
+
+    Args:
+        size: (width, height), px.
+
+    Raises:
+        UnreadableMedia: names the file and its size.
+    """
+    for layer in (layout.whole, *layout.layers):
+        for paths in (*layer.passes.values(), *layer.guides.values()):
+            for path in paths.values():
+                _check_picture(files, path, size)
+
+
+def _check_picture(files: Files, path: str, size: tuple[int, int]) -> None:
+    data = io.BytesIO(files[path][: 1 << 20])
+    kind = sniff(data)
+    try:
+        header = image_header(data, kind)
+    except KeyError:
+        _refuse("A file of the shot is not an image.", path, kind or "unknown", "Save it as PNG, JPEG or EXR.")
+    except UnreadableMedia as error:
+        _refuse(error.message, path, error.value, error.remedy)
+    if (header.width, header.height) != size:
+        _refuse(
+            "A picture of the shot has another size than its frames.", path, f"{header.width}x{header.height}",
+            f"Make it {size[0]}x{size[1]}.",
+        )  # fmt: skip
+
+
+def _refuse(message: str, where: str, value: object, remedy: str) -> NoReturn:
+    raise UnreadableMedia(message, field=where, value=value, remedy=remedy)

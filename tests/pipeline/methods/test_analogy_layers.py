@@ -1,0 +1,176 @@
+"""Layers: each in its own style, moved by its own velocities, over each other; and what is wrong is named."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipeline.errors import BadInput, ImpastoError
+from pipeline.methods import method
+from pipeline.methods.analogy.exemplar import own_pair
+from pipeline.methods.analogy.layer_source import LayerSource
+from pipeline.methods.analogy.layers import Found, shot_of
+from pipeline.methods.analogy.opened import source_of
+from pipeline.methods.analogy.sources import coded
+from pipeline.scenes import scene
+from pipeline.synthesis.distance import nearest, within
+from tests.pipeline.methods.bench import FakeBench, painted, run_plan
+from tests.pipeline.methods.shots import SIZE, pictures, png, scene_files, shot_bench
+
+pytestmark = pytest.mark.real("opencl")
+
+
+def texture(seed: int, tint: tuple[int, int, int]) -> np.ndarray:
+    """A style of one tint, so that one sees whose paint it is."""
+    made = own_pair()[1][40:140, 60:180] // 3
+    return np.ascontiguousarray(made // 2 + np.array(tint, np.uint8) + np.uint8(seed))
+
+
+RED, BLUE = texture(0, (120, 0, 0)), texture(0, (0, 0, 120))
+
+
+def styled() -> dict[str, bytes]:
+    return {
+        **scene_files(), "layers/back/style/output.png": png(RED), "layers/front/style/output.png": png(BLUE),
+    }  # fmt: skip
+
+
+def rendered(files: dict[str, bytes], frames: int = 4, **params: Any) -> FakeBench:
+    bench = shot_bench(files, frames, **params)
+    run_plan(method("analogy"), bench, shuffle=params.get("seed"))
+    return bench
+
+
+def front(index: int) -> np.ndarray:
+    return np.isin(scene("shapes", SIZE, frames=4, fps=24).frame(index).ids, (4, 5, 6, 7))
+
+
+def colours(image: np.ndarray) -> set[bytes]:
+    return {pixel.tobytes() for pixel in np.unique(image[..., :3].reshape(-1, 3), axis=0)}
+
+
+def test_each_layer_is_painted_in_its_own_style_and_where_it_is() -> None:
+    out = painted(rendered(styled()))
+    for index in range(4):
+        mask = front(index)
+        assert colours(out[index][mask][None]) <= colours(BLUE)
+        assert colours(out[index][~mask][None]) <= colours(RED)
+
+
+def test_layers_are_independent_tasks_whose_order_changes_nothing() -> None:
+    chosen = method("analogy")
+    first, second = shot_bench(styled()), shot_bench(styled())
+    tasks = run_plan(chosen, first)["synthesise"]
+    run_plan(chosen, second, shuffle=7)
+    assert (painted(first) == painted(second)).all()
+    layers = {task.key: task.args["layer"] for task in tasks}
+    assert set(layers.values()) == {0, 1}
+    assert all(layers[name] == layers[task.key] for task in tasks for name in task.after)
+
+
+def test_a_coarse_picture_is_shown_before_anything_is_emitted() -> None:
+    bench = shot_bench(styled())
+    run_plan(method("analogy"), bench)
+    assert bench.shown > 0
+
+
+def test_velocities_of_the_renderer_are_used_and_go_on_outside_the_silhouette() -> None:
+    bench = shot_bench(styled())
+    bench.step = "scan"
+    method("analogy").steps[0].run(method("analogy").steps[0].plan(_brief(bench))[0], bench)
+    source = source_of(bench, 1)
+    known = source.velocities(1)
+    truth, mask = scene("shapes", SIZE, frames=4, fps=24).frame(1), front(1)
+    assert known is not None
+    np.testing.assert_allclose(known[0][mask], truth.velocity_next[mask], atol=1e-5)
+    near = nearest(mask)
+    around = within(near, 20) & ~mask
+    expected = truth.velocity_next[near[around][:, 1], near[around][:, 0]]
+    np.testing.assert_allclose(known[0][around], expected, atol=1e-5)
+
+
+def _brief(bench: FakeBench) -> Any:
+    from pipeline.methods.base import Brief
+
+    return Brief(bench.params, 0, bench.video)
+
+
+# -- keys of a layer
+
+
+def key_of(index: int, reach: int, tint: tuple[int, int, int]) -> np.ndarray:
+    """A layer painted in one colour with noise, `reach` px beyond its outline, clear elsewhere."""
+    mask = front(index)
+    noise = np.random.default_rng(3).integers(0, 40, (*mask.shape, 3), dtype=np.uint8)
+    image = noise + np.array(tint, np.uint8)
+    return np.dstack([image, np.where(within(nearest(mask), reach), 255, 0).astype(np.uint8)])
+
+
+def keyed() -> dict[str, bytes]:
+    key = key_of(0, 5, (30, 200, 30))
+    return {**scene_files(), "layers/back/style/output.png": png(RED), "layers/front/keyframes/0000.png": png(key)}
+
+
+def test_overpaint_moves_with_its_layer() -> None:
+    """Paint up to 5 px outside the silhouette at the key is there, around the moved silhouette, three frames later."""
+    bench = rendered(keyed())
+    key = key_of(0, 5, (30, 200, 30))
+    first = bench.kept["synthesise", "paint-1-0000000"]["rgba"]
+    np.testing.assert_array_equal(first[..., 3], key[..., 3])
+    np.testing.assert_array_equal(first[key[..., 3] > 0], key[key[..., 3] > 0])
+    last = bench.kept["synthesise", "paint-1-0000003"]["rgba"][..., 3] > 0
+    truth = within(nearest(front(3)), 5)
+    assert (last & truth).sum() / (last | truth).sum() > 0.93
+
+
+def test_a_key_of_a_layer_is_matched_exactly_in_the_whole() -> None:
+    out = painted(rendered(keyed()))
+    key = key_of(0, 5, (30, 200, 30))
+    seen = key[..., 3] > 0
+    np.testing.assert_array_equal(out[0][seen], key[seen][:, :3])
+
+
+# -- one layer, and none
+
+
+def test_a_shot_without_layers_uses_its_vectors_and_emits_at_once() -> None:
+    files = {name: data for name, data in scene_files().items() if name != "shot.json"}
+    bench = rendered({**files, "style/output.png": png(RED)})
+    assert colours(painted(bench)) <= colours(RED)
+    assert not [name for step, name in bench.kept if name.startswith("paint")]
+    assert len(bench.kept["scan", "tones"]["factors"]) == 3
+
+
+def test_a_guide_of_a_shot_needs_its_counterpart() -> None:
+    files = {**styled(), **{f"layers/front/guides/heat/{k:04d}.png": png(pictures()[k]) for k in range(4)}}
+    with pytest.raises(BadInput) as caught:
+        rendered(files)
+    assert "heat" in str(caught.value) and "front" in str(caught.value)
+
+
+def test_normals_are_a_guide_where_the_style_shows_them() -> None:
+    normals = np.full((100, 120, 3), 127, np.uint8)
+    bench = shot_bench({**styled(), "layers/front/style/normals.png": png(normals)})
+    run_plan(method("analogy"), bench)
+    shot = shot_of(bench)
+    assert shot is not None
+    found = Found.of(bench.load("scan", "tones-1"))
+    assert [guide.name for guide in LayerSource(bench, shot.layers[1], found).guides] == ["normals"]
+    assert [guide.name for guide in LayerSource(bench, shot.layers[0], found).guides] == []
+
+
+def test_parameters_of_a_layer_are_checked_by_their_place() -> None:
+    says = json.loads(scene_files()["shot.json"])
+    says["layers"][1]["params"] = {"guide_weight": -3}
+    with pytest.raises(ImpastoError) as caught:
+        rendered({**styled(), "shot.json": json.dumps(says).encode()})
+    assert caught.value.field == "shot.json: layers.front.params.guide_weight"
+
+
+def test_numbers_of_objects_become_colours_that_lie_apart() -> None:
+    found = coded(np.arange(64)).astype(int)
+    apart = np.abs(found[:, None] - found[None]).max(-1)[np.triu_indices(64, 1)]
+    assert apart.min() >= 32
