@@ -20,7 +20,7 @@ from docs import parameters
 from docs.pictures import CLIPS, DOCS, MEDIA, frames, grid, painting, save
 from pipeline.frames import Frame
 from pipeline.methods.analogy import AnalogyParams
-from pipeline.methods.analogy.exemplar import own_pair
+from pipeline.methods.analogy.exemplar import painted as in_strokes
 from pipeline.methods.multistyle import MultistyleParams, MultistyleSession
 from pipeline.scenes import scene
 from pipeline.scenes.shot import shot_files
@@ -214,7 +214,7 @@ def overpaint() -> None:
     )
     key = np.dstack([rough, np.where(within(nearest(mask), 9), 255, 0).astype(np.uint8)])
     files["layers/star/keyframes/0000.png"] = cv2.imencode(".png", cv2.cvtColor(key, cv2.COLOR_RGBA2BGRA))[1].tobytes()
-    files["layers/wall/style/output.png"] = encode_png(own_pair()[1])
+    files["layers/wall/style/output.png"] = encode_png(in_strokes(scene("portrait", (480, 320), frames=1).image(0)))
     with_reach = shot(files, source)
     alone = {name: data for name, data in files.items() if not name.startswith("layers/star/")}
     for k in range(count):

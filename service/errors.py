@@ -127,6 +127,7 @@ TABLE: dict[str, tuple[int, str]] = {
     "bad-message": (400, "The message cannot be understood"),
     "unauthorized": (401, "A key is needed"),
     "forbidden": (403, "Not allowed"),
+    "dismissed": (403, "An operator has ended it"),
     "not-found": (404, "There is no such thing"),
     "method-not-allowed": (405, "This address does not do that"),
     "request-timeout": (408, "The request took too long to arrive"),

@@ -45,7 +45,8 @@ class Analogy:
         ),
         InputSpec(
             "style_output", "image", False, "Painting",
-            "The style: every pixel of the result is one of this picture's. Without one, our own painting is used.",
+            "The style: every pixel of the result is one of this picture's. Without one, a frame of the video is "
+            "painted in strokes, and is the style.",
         ),
         InputSpec(
             "style", "image", False, "What the painting is of",

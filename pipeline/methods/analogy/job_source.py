@@ -106,7 +106,7 @@ class JobSource:
                     "A style input needs its output: the painting of it.", field="inputs.style_output",
                     remedy="Give style_output too, or give the painting alone as style_output.",
                 )  # fmt: skip
-            plain, painting = own_pair()
+            plain, painting = own_pair(bench)
             return Pair(painting, lab_guide(plain), True, self._extra(painting), None, self._lines(painting))
         painting = bench.image("style_output")
         check_length(painting, "inputs.style_output")

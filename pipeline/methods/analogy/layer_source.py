@@ -220,7 +220,7 @@ class LayerSource:
             )  # fmt: skip
         if self._bench.has("style_output") or self._bench.has("style"):
             return JobSource(self._bench).pair()
-        plain, painting = own_pair()
+        plain, painting = own_pair(self._bench)
         return as_pair(painting, plain, 0.0, None, None)
 
     def _style_lines(self, painting: Bytes) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:

@@ -6,6 +6,7 @@ from typing import cast
 
 from pipeline.errors import BadInput
 from pipeline.frames import Plane
+from pipeline.methods.analogy.exemplar import keep_own
 from pipeline.methods.analogy.job_source import JobSource
 from pipeline.methods.analogy.keys import key_numbers
 from pipeline.methods.analogy.layer_source import LayerSource
@@ -30,6 +31,9 @@ def run_scan(task: Task, bench: Bench) -> Note:
     """Count the frames, call the cuts, and learn the tones of the video and of each layer."""
     shot = shot_of(bench)
     frames, cuts, tones = _watch(bench)
+    if not bench.has("style_output"):
+        with bench.clock("style"):
+            keep_own(bench, frames)
     if shot is None:
         bench.save("tones", Found(tones).arrays())
         return {"frames": frames, "cuts": cuts, "keys": key_numbers(JobSource(bench), frames), "layers": []}

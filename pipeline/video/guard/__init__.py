@@ -6,4 +6,5 @@ roles     its loop, and what children do: one role on one file, within limits, t
 wire      what is said between us: JSON, and arrays in shared memory; never pickle
 reader    `GuardedReader`, the face of a `VideoReader` whose work a child does
 files     numbered images, and joining with the source's sound
+pictures  pictures of a shot, EXR among them
 """

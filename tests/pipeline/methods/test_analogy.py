@@ -13,7 +13,7 @@ from pipeline.compute import Device
 from pipeline.errors import BadInput, DeviceError
 from pipeline.frames import Frame
 from pipeline.methods import method, parse_params
-from pipeline.methods.analogy.exemplar import own_pair
+from pipeline.methods.analogy.exemplar import painted as in_strokes
 from pipeline.methods.analogy.interval import PIECE, pieces
 from pipeline.methods.analogy.plan import run_frames
 from pipeline.methods.analogy.studio import check_memory
@@ -35,7 +35,7 @@ def shot(count: int = 6) -> list[Frame]:
 
 @cache
 def painting() -> Frame:
-    return np.ascontiguousarray(own_pair()[1][40:200, 60:260])
+    return in_strokes(scene("portrait", (480, 320), frames=1).image(0))[40:200, 60:260].copy()
 
 
 def rendered(inputs: dict[str, Any] | None = None, frames: list[Frame] | None = None, **params: Any) -> np.ndarray:

@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.errors import BadInput, ImpastoError
 from pipeline.methods import method
-from pipeline.methods.analogy.exemplar import own_pair
+from pipeline.methods.analogy.exemplar import painted as in_strokes
 from pipeline.methods.analogy.layer_source import LayerSource
 from pipeline.methods.analogy.layers import Found, shot_of
 from pipeline.methods.analogy.opened import source_of
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.real("opencl")
 
 def texture(seed: int, tint: tuple[int, int, int]) -> np.ndarray:
     """A style of one tint, so that one sees whose paint it is."""
-    made = own_pair()[1][40:140, 60:180] // 3
+    made = in_strokes(scene("portrait", (480, 320), frames=1).image(0))[40:140, 60:180] // 3
     return np.ascontiguousarray(made // 2 + np.array(tint, np.uint8) + np.uint8(seed))
 
 
