@@ -45,6 +45,7 @@ class Device:
             handle = self._find(found)
             self._context = self._cl.Context([handle])
             self._queue = self._cl.CommandQueue(self._context)
+            self.memory_bytes = int(handle.global_mem_size)
             self._pool = self._cl.tools.MemoryPool(self._cl.tools.ImmediateAllocator(self._queue))
         rounding = self._cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT
         exact = handle.single_fp_config & rounding

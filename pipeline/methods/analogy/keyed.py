@@ -42,11 +42,15 @@ class KeyedStudio(Studio):
         pad = goal_of(source.params, source.guides, 0).pad
         extra = _beside(bench, source) if source.layer < 0 and source.has_pair() else None
         found = painted(bench, source, piece, levels, pad, extra)
+        self.piece = piece
         super().__init__(bench, source, found.pair)
-        self.levels, self.piece, self._given = levels, piece, found.given
+        self.levels, self._given = levels, found.given
         if piece.held >= 0:
             edge = bench.load(STEP, f"{piece.task}-edge")[str(piece.held)]
             self._given[piece.held] = restored(edge, self._longest(0))
+
+    def _frames_held(self) -> int:
+        return self.piece.stop - self.piece.start
 
     def paint(self, key: str) -> None:
         """All levels and sweeps, then emit, and save the frame that the next piece goes on from."""

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.compute import device
+from pipeline.compute import Device, device
+from pipeline.errors import DeviceError
 from pipeline.frames import Frame
 from pipeline.methods.analogy.composite import paint_name
 from pipeline.methods.analogy.layers import Found
@@ -30,6 +31,29 @@ COARSE_ROUNDS = 2
 STEP = "synthesise"
 
 
+BYTES_AT_WORK = 120
+"""A pixel of the frame being worked at: packed colours and guides, offsets before and after, motion, ribbons, costs."""
+BYTES_HELD = 12
+BYTES_OF_STYLE = 28
+"""A pixel of the style: packed, directions, distances, histogram."""
+
+
+def check_memory(on: Device, size: tuple[int, int], style: Bytes, held: int) -> None:
+    """What a task keeps on the device at its finest level fits there, with a third for coarser ones.
+
+    Raises:
+        DeviceError: how much is needed and how much there is.
+    """
+    pixels = size[0] * size[1]
+    needed = 4 * (pixels * (BYTES_AT_WORK + held * BYTES_HELD) + style.shape[0] * style.shape[1] * BYTES_OF_STYLE) // 3
+    if needed > on.memory_bytes:
+        raise DeviceError(
+            f"Frames of {size[0]}x{size[1]} with this style do not fit into the memory of {on.name}.",
+            field="device", value=f"{needed / 2**20:.0f} MiB needed, {on.memory_bytes / 2**20:.0f} MiB there",
+            remedy="Render at a smaller size, give a smaller painting, paint keys closer together, or use the CPU.",
+        )  # fmt: skip
+
+
 class Studio:
     """A task's style and device."""
 
@@ -43,7 +67,12 @@ class Studio:
             self.styles = Styles(self.pair, self.params)
         self.levels = levels_of(self.params, bench.size, min(self.pair.output.shape[:2]))
         self.ops = Kernels(device())
+        check_memory(self.ops.device, bench.size, self.pair.output, self._frames_held())
         self._loaded: dict[int, Loaded[Any]] = {}
+
+    def _frames_held(self) -> int:
+        """Frames whose offsets are on the device at once."""
+        return 2
 
     def style(self, level: int) -> Loaded[Any]:
         if level not in self._loaded:

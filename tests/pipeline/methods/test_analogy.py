@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
-from pipeline.errors import BadInput
+from pipeline.compute import Device
+from pipeline.errors import BadInput, DeviceError
 from pipeline.frames import Frame
 from pipeline.methods import method, parse_params
 from pipeline.methods.analogy.exemplar import painted as in_strokes
 from pipeline.methods.analogy.interval import PIECE, pieces
 from pipeline.methods.analogy.plan import run_frames
+from pipeline.methods.analogy.studio import check_memory
 from pipeline.scenes import scene
+from pipeline.scenes.shot import shot_files
 from tests.pipeline.methods.bench import FakeBench, painted, run_plan
 
 pytestmark = pytest.mark.real("opencl")
@@ -66,6 +70,21 @@ def test_frames_of_a_shot_are_steadier_than_frames_on_their_own() -> None:
 
 def test_a_still_is_a_clip_of_one_frame() -> None:
     assert rendered(frames=shot()[:1]).shape == (1, SIZE[1], SIZE[0], 3)
+
+
+def test_trails_vanish_with_the_occlusion_term() -> None:
+    """Of exact masks: where the background has just come out, what was in front of it is not held on to."""
+    from benchmarks.analogy_claims import trail
+
+    made = scene("shapes", (160, 120), frames=6, fps=12)
+    files = dict(shot_files(made))
+    del files["shot.json"]
+    source = [made.image(index) for index in range(6)]
+    wrong = {}
+    for name in ("on", "off"):
+        given = {"style": source[:1], "style_output": source[:1], "video.entries": files}
+        wrong[name] = trail(made, source, list(rendered(given, source, occlusion=name, steadiness=20)))
+    assert wrong["on"] < 0.85 * wrong["off"]
 
 
 # -- keyframes
@@ -193,6 +212,15 @@ def test_lines_of_the_video_alone_are_refused() -> None:
     with pytest.raises(BadInput) as caught:
         rendered({"style_output": [painting()], "lines": shot()})
     assert caught.value.field == "inputs.style_lines"
+
+
+def test_what_does_not_fit_into_the_device_is_said() -> None:
+    small = cast(Device, SimpleNamespace(name="a card", memory_bytes=256 << 20))
+    style = np.zeros((800, 1000, 3), np.uint8)
+    check_memory(small, (640, 480), style, 2)
+    with pytest.raises(DeviceError, match="1920x1080") as caught:
+        check_memory(small, (1920, 1080), style, 20)
+    assert "256 MiB" in str(caught.value) and caught.value.remedy
 
 
 def test_a_run_has_as_many_frames_as_memory_allows() -> None:

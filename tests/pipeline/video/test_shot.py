@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from impasto.cli.materials import gather
 from pipeline.errors import BadMedia
 from pipeline.video.probe import probe
 from pipeline.video.reader import VideoReader
@@ -138,3 +139,19 @@ def test_what_is_wrong_is_named(change: Callable[[Files], None], words: list[str
 def test_a_wrong_shot_is_refused_when_it_is_uploaded(tmp_path: Path) -> None:
     with pytest.raises(BadMedia, match="front"):
         probe(zipped(tmp_path / "a.zip", edited(lose)))
+
+
+def test_a_folder_on_disk_is_read_as_its_archive_is(tmp_path: Path) -> None:
+    folder = tmp_path / "shot"
+    for name, data in scene_files().items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(data)
+    with VideoReader(folder) as reader:
+        np.testing.assert_array_equal(next(reader.read(2, 3)), pictures()[2])
+    sent = gather("IN", folder, _made(tmp_path / "scratch"))
+    assert set(ShotFiles(sent.path)) == set(scene_files()) and probe(sent.path).frames == 4
+
+
+def _made(folder: Path) -> Path:
+    folder.mkdir()
+    return folder
