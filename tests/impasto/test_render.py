@@ -20,7 +20,8 @@ import pytest
 from impasto.cli.app import run
 from tests.conftest import TINY_FRAMES, TINY_HEIGHT, TINY_WIDTH, tiny_frame
 
-LONG_FRAMES = 480
+LONG_FRAMES = 400
+LONG_SIZE = (384, 256)
 
 
 def impasto(*words: str | Path, home: Path) -> list[str]:
@@ -184,9 +185,10 @@ def long_clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("long") / "long.mp4"
     with av.open(str(path), "w") as out:
         video = out.add_stream("libx264", rate=24, options={"crf": "16"})
-        video.width, video.height, video.pix_fmt = TINY_WIDTH, TINY_HEIGHT, "yuv420p"
+        video.width, video.height, video.pix_fmt = *LONG_SIZE, "yuv420p"
         for index in range(LONG_FRAMES):
-            out.mux(video.encode(av.VideoFrame.from_ndarray(tiny_frame(abs(index % 60 - 30)), format="rgb24")))
+            frame = cv2.resize(tiny_frame(abs(index % 60 - 30)), LONG_SIZE)
+            out.mux(video.encode(av.VideoFrame.from_ndarray(frame, format="rgb24")))
         out.mux(video.encode(None))
     return path
 
