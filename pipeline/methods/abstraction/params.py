@@ -2,139 +2,128 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
 from pydantic import Field
 
 from pipeline.methods.base import Params
+from pipeline.methods.fields import choice, number
 
 Switch = Literal["on", "off"]
 FlowName = Literal["dis-ultrafast", "dis-fast", "dis-medium", "tvl1"]
-
-
-def _number(
-    default: float, low: float, high: float, title: str, help_: str, unit: str, group: str, symbol: str = ""
-) -> Any:
-    """A field with limits and what a form or a command line needs to show it."""
-    extra: dict[str, Any] = {"unit": unit, "group": group, **({"symbol": symbol} if symbol else {})}
-    return Field(default, ge=low, le=high, title=title, description=help_, json_schema_extra=extra)
-
-
-def _choice(default: str, title: str, help_: str, group: str) -> Any:
-    return Field(default, title=title, description=help_, json_schema_extra={"group": group})
 
 
 class AbstractionParams(Params):
     """Parameters of online video stream abstraction (zhang2011online)."""
 
     # -- regions
-    growing_limit: float = _number(
+    growing_limit: float = number(
         20, 4, 60, "Region tolerance",
         "How far a pixel's colour may be from its region's: the 20 in 20 (1.2 - I(p)). Larger = fewer, larger regions.",
         "CIELAB", "Regions", "20",
     )  # fmt: skip
-    core_tolerance: float = _number(
+    core_tolerance: float = number(
         0.4, 0.2, 1.5, "Core tolerance",
         "Share of the region tolerance that a new region's core must keep to. Smaller = more shades in a gradient.",
         "ratio", "Regions",
     )  # fmt: skip
-    smallest_region: float = _number(
+    smallest_region: float = number(
         0.2, 0, 5, "Smallest region",
         "Regions under this share of the frame join a neighbour; a fifth of it where importance is 1.",
         "per mille of the frame", "Regions",
     )  # fmt: skip
-    merge_similar: float = _number(
+    merge_similar: float = number(
         5, 0, 30, "Merge look-alikes",
         "A new region joins a neighbour whose mean colour is nearer than this.", "CIELAB", "Regions",
     )  # fmt: skip
-    edge_threshold: float = _number(
+    edge_threshold: float = number(
         90, 10, 1000, "Edge threshold",
         "Upper hysteresis threshold of the edges that hold regions apart, where importance is 0.8; "
         "it varies per pixel, inversely with importance.", "gray levels", "Regions",
     )  # fmt: skip
-    boundary_smoothing: float = _number(
+    boundary_smoothing: float = number(
         6, 0, 20, "Boundary smoothing",
         "Radius of the low-pass filter over region boundaries; 0 = off.", "per mille of the height", "Regions",
     )  # fmt: skip
 
     # -- time
-    temporal: Switch = _choice(
+    temporal: Switch = choice(
         "on", "Temporal coherence", "off = every frame on its own: the honest baseline, and it flickers.", "Time"
     )
-    flow: FlowName = _choice(
+    flow: FlowName = choice(
         "dis-ultrafast", "Optical flow",
         "Motion from frame to frame: dense inverse search (fast) or TV-L1 (the paper's, OpenCL).", "Time",
     )  # fmt: skip
-    flow_error_limit: float = _number(
+    flow_error_limit: float = number(
         12, 1, 60, "Flow error limit",
         "A label is not carried to a pixel that differs by more from where it came from (the paper: 5 to 20).",
         "CIELAB", "Time", "T_f",
     )  # fmt: skip
-    steadiness: float = _number(
+    steadiness: float = number(
         0.85, 0, 0.95, "Steadiness",
         "Weight of the past, along the motion, in what regions and lines are made from: removes sensor noise.",
         "ratio", "Time",
     )  # fmt: skip
-    stillness: float = _number(
+    stillness: float = number(
         2, 0, 20, "Stillness",
         "A pixel whose 5x5 surroundings changed by at most this stands still.", "gray levels", "Time",
     )  # fmt: skip
-    boundary_margin: float = _number(
+    boundary_margin: float = number(
         7, 0, 60, "Boundary margin",
         "A boundary pixel changes region only if the other fits better by more than this.", "CIELAB", "Time",
     )  # fmt: skip
-    paint_memory: float = _number(
+    paint_memory: float = number(
         0.7, 0, 0.95, "Paint memory",
         "Weight of the last frame's paint where the source agrees with its past: what changes there fades, not pops.",
         "ratio", "Time",
     )  # fmt: skip
-    colour_half_life: float = _number(
+    colour_half_life: float = number(
         3, 0, 60, "Colour half-life",
         "A region's colour follows the picture with this half-life, on top of eq. 4; 0 = eq. 4 alone.",
         "frames", "Time",
     )  # fmt: skip
-    cut_sensitivity: float = _number(
+    cut_sensitivity: float = number(
         1, 0, 3, "Cut sensitivity",
         "How readily a hard cut is called, which starts everything afresh; 0 = never: residuals alone re-segment.",
         "ratio", "Time",
     )  # fmt: skip
 
     # -- importance
-    face_importance: float = _number(
+    face_importance: float = number(
         1.0, 0, 1, "Faces", "Importance of faces, which get finer regions and lines.", "ratio", "Importance"
     )
-    saliency_importance: float = _number(
+    saliency_importance: float = number(
         0.4, 0, 1, "Salient things", "Importance of what stands out in a frame (spectral residual).", "ratio",
         "Importance",
     )  # fmt: skip
-    motion_importance: float = _number(
+    motion_importance: float = number(
         0.4, 0, 1, "Moving things", "Importance of what moves against the camera.", "ratio", "Importance"
     )
-    importance_half_life: float = _number(
+    importance_half_life: float = number(
         6, 0, 60, "Importance half-life", "Importance is smoothed over past frames, so that detail does not pop.",
         "frames", "Importance",
     )  # fmt: skip
 
     # -- lines
-    lines: Literal["dog", "flow", "off"] = _choice(
+    lines: Literal["dog", "flow", "off"] = choice(
         "dog", "Lines",
         "dog = difference of Gaussians; flow = smoothed along the edge direction: longer, calmer lines, and 10 to 20 "
         "ms a frame more.", "Lines",
     )  # fmt: skip
-    line_width: float = _number(
+    line_width: float = number(
         2.6, 0.5, 10, "Line width", "Standard deviation of the narrower Gaussian.", "per mille of the height",
         "Lines", "sigma_e",
     )  # fmt: skip
-    line_threshold: float = _number(
+    line_threshold: float = number(
         1.1, 0, 10, "Line threshold", "Response below which nothing is drawn; lower where it matters more.",
         "gray levels", "Lines", "epsilon",
     )  # fmt: skip
-    line_sharpness: float = _number(
+    line_sharpness: float = number(
         0.65, 0.05, 10, "Line sharpness", "How fast ink saturates above the threshold.", "1/gray level", "Lines",
         "phi_e",
     )  # fmt: skip
-    line_opacity: float = _number(0.92, 0, 1, "Line opacity", "Opacity of full ink.", "ratio", "Lines")
-    line_length: float = _number(
+    line_opacity: float = number(0.92, 0, 1, "Line opacity", "Opacity of full ink.", "ratio", "Lines")
+    line_length: float = number(
         40, 0, 300, "Shortest line", "Strokes shorter than this are not drawn.", "per mille of the height", "Lines"
     )
 
@@ -143,14 +132,14 @@ class AbstractionParams(Params):
         3, ge=0, le=20, title="Hue steps", description="Mean-shift iterations towards the reference's hues (eq. 1).",
         json_schema_extra={"unit": "steps", "group": "Colour", "symbol": "k"},
     )  # fmt: skip
-    hue_neighbourhood: float = _number(
+    hue_neighbourhood: float = number(
         30, 1, 180, "Hue neighbourhood", "Width of the neighbourhood mean shift looks at (eq. 1).", "degrees",
         "Colour", "N(h)",
     )  # fmt: skip
-    keep_brightness: float = _number(
+    keep_brightness: float = number(
         2 / 3, 0, 1, "Keep brightness", "How much of its own brightness the video keeps beside a reference (eq. 3).",
         "ratio", "Colour", "lambda",
     )  # fmt: skip
-    vividness: float = _number(
+    vividness: float = number(
         1.0, 0, 3, "Vividness", "Factor on the chroma of every region; 1 = as it is.", "ratio", "Colour"
     )

@@ -2,141 +2,130 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
 from pydantic import Field
 
 from pipeline.methods.base import Params
+from pipeline.methods.fields import choice, number
 
 Switch = Literal["on", "off"]
 FlowName = Literal["dis-ultrafast", "dis-fast", "dis-medium", "tvl1"]
-
-
-def _number(
-    default: float, low: float, high: float, title: str, help_: str, unit: str, group: str, symbol: str = ""
-) -> Any:
-    """A field with limits and what a form or a command line needs to show it."""
-    extra: dict[str, Any] = {"unit": unit, "group": group, **({"symbol": symbol} if symbol else {})}
-    return Field(default, ge=low, le=high, title=title, description=help_, json_schema_extra=extra)
-
-
-def _choice(default: str, title: str, help_: str, group: str) -> Any:
-    return Field(default, title=title, description=help_, json_schema_extra={"group": group})
 
 
 class AnalogyParams(Params):
     """Parameters of stylising animation by example (benard2013stylizing)."""
 
     # -- likeness
-    guide_weight: float = _number(
+    guide_weight: float = number(
         4, 0, 50, "Likeness to the scene",
         "How much a place's look in the video must be like the style input's: higher keeps the subject, lower keeps "
         "the brush strokes.", "per squared gray level", "Likeness", "w_in",
     )  # fmt: skip
-    colour_weight: float = _number(
+    colour_weight: float = number(
         0.25, 0, 4, "Likeness in colour", "Weight of the guides' hue beside their lightness.", "ratio", "Likeness"
     )
-    texture_weight: float = _number(
+    texture_weight: float = number(
         1, 0, 50, "Likeness to the style",
         "How much each neighbourhood of the result must look like one of the style's.",
         "per squared gray level", "Likeness", "w_out",
     )  # fmt: skip
-    coherence_weight: float = _number(
+    coherence_weight: float = number(
         15, 0, 500, "Whole strokes", "How much neighbours should come from neighbouring places of the style.",
         "per px^2", "Likeness", "w_sc",
     )  # fmt: skip
-    coherence_limit: float = _number(
+    coherence_limit: float = number(
         16, 1, 400, "Reach of whole strokes", "Squared distance in the style beyond which it does not matter how far.",
         "px^2", "Likeness", "r_max",
     )  # fmt: skip
-    variety_weight: float = _number(
+    variety_weight: float = number(
         0, 0, 5000, "Variety", "Penalty on using the same place of the style again and again; 0 = off.",
         "per use", "Likeness", "h_s",
     )  # fmt: skip
-    variety_limit: float = _number(
+    variety_limit: float = number(
         2, 0, 100, "Uses that are free",
         "How often a place may be used without penalty, as a multiple of what is even.", "ratio", "Likeness", "h_tau",
     )  # fmt: skip
-    colours: Literal["rgb", "lab"] = _choice(
+    colours: Literal["rgb", "lab"] = choice(
         "rgb", "Colour space", "What differences between the result's and the style's colours are measured in.",
         "Likeness",
     )  # fmt: skip
-    rotation: Switch = _choice(
+    rotation: Switch = choice(
         "off", "Turn strokes",
         "on = patches turn by the smallest angle that aligns the style's direction with the picture's.", "Likeness",
     )  # fmt: skip
-    rotation_sigma: float = _number(
+    rotation_sigma: float = number(
         3, 0.5, 20, "Smoothness of directions", "Of the Gaussian that directions are averaged with.", "px", "Likeness"
     )
 
     # -- style
-    tone_match: Literal["auto", "on", "off"] = _choice(
+    tone_match: Literal["auto", "on", "off"] = choice(
         "auto", "Match tones",
         "Give the video's guide the lightness and hue of the style's. auto = unless a style input was given.", "Style",
     )  # fmt: skip
-    style_smoothing: float = _number(
+    style_smoothing: float = number(
         1, 0, 10, "Smoothing of the style input",
         "Where no style input is given: of the painting that takes its place.", "px", "Style",
     )  # fmt: skip
-    guide_a_weight: float = _number(4, 0, 50, "Weight of guide a", "Weight of the input guide_a.",
+    guide_a_weight: float = number(4, 0, 50, "Weight of guide a", "Weight of the input guide_a.",
                                     "per squared gray level", "Style")  # fmt: skip
-    guide_b_weight: float = _number(4, 0, 50, "Weight of guide b", "Weight of the input guide_b.",
+    guide_b_weight: float = number(4, 0, 50, "Weight of guide b", "Weight of the input guide_b.",
                                     "per squared gray level", "Style")  # fmt: skip
-    guide_c_weight: float = _number(4, 0, 50, "Weight of guide c", "Weight of the input guide_c.",
+    guide_c_weight: float = number(4, 0, 50, "Weight of guide c", "Weight of the input guide_c.",
                                     "per squared gray level", "Style")  # fmt: skip
 
     # -- lines
-    lines_weight: float = _number(
+    lines_weight: float = number(
         200, 0, 5000, "Lines",
         "How firmly lines of the input `lines` are drawn as those of `style_lines` are painted; 0 = off.",
         "per px^2", "Lines", "w_dt",
     )  # fmt: skip
-    lines_reach: float = _number(
+    lines_reach: float = number(
         10, 1, 100, "Reach of lines", "Distance from a line beyond which it does not matter.", "px", "Lines", "d_max"
     )
 
     # -- time
-    temporal: Switch = _choice(
+    temporal: Switch = choice(
         "on", "Temporal coherence", "off = every frame on its own: the honest baseline, and it flickers.", "Time"
     )
-    steadiness: float = _number(
+    steadiness: float = number(
         0.5, 0, 100, "Steadiness", "How little a place's colour may change along the motion.",
         "per squared gray level", "Time", "w_tc",
     )  # fmt: skip
-    flow: FlowName = _choice("dis-medium", "Optical flow", "How motion is found where no velocities are given.", "Time")
-    vectors: Literal["auto", "cycles", "eevee", "nuke"] = _choice(
+    flow: FlowName = choice("dis-medium", "Optical flow", "How motion is found where no velocities are given.", "Time")
+    vectors: Literal["auto", "cycles", "eevee", "nuke"] = choice(
         "auto", "Sign of motion vectors",
         "How a renderer's vectors are stored. auto = all signs are tried on two frames, and the job says which fit.",
         "Time",
     )  # fmt: skip
-    occlusion: Switch = _choice(
+    occlusion: Switch = choice(
         "on", "Occlusion", "off = nothing is taken to be hidden, and what appears drags trails (for comparison).",
         "Time",
     )  # fmt: skip
-    occlusion_epsilon: float = _number(
+    occlusion_epsilon: float = number(
         2, 0.1, 100, "Occlusion tolerance", "Squared disagreement of both motions beyond which a place was hidden.",
         "px^2", "Time", "epsilon",
     )  # fmt: skip
-    cut_sensitivity: float = _number(
+    cut_sensitivity: float = number(
         1, 0, 3, "Cut sensitivity", "How readily a hard cut is called, at which all begins afresh; 0 = never.",
         "ratio", "Time",
     )  # fmt: skip
 
     # -- keyframes
-    key_guide_weight: float = _number(
+    key_guide_weight: float = number(
         2, 0, 50, "Likeness between keys", "`guide_weight` where painted keys are the style.",
         "per squared gray level", "Keyframes", "w_in",
     )  # fmt: skip
-    key_colour_weight: float = _number(
+    key_colour_weight: float = number(
         2, 0, 4, "Likeness in colour between keys",
         "`colour_weight` where painted keys are the style: what was painted and what comes have the same hues.",
         "ratio", "Keyframes",
     )  # fmt: skip
-    change_weight: float = _number(
+    change_weight: float = number(
         0.2, 0, 50, "Change as the scene does", "Between keys: the style changes as the scene does.",
         "ratio to the likeness", "Keyframes", "w_din",
     )  # fmt: skip
-    change_out_weight: float = _number(
+    change_out_weight: float = number(
         0.1, 0, 50, "Change as the style does", "Between keys: the result changes as the style does from place to "
         "place.", "per squared gray level", "Keyframes", "w_dout",
     )  # fmt: skip
@@ -146,7 +135,7 @@ class AnalogyParams(Params):
         4, ge=1, le=7, title="Patch radius", description="Neighbourhoods are 2 radius + 1 px wide.",
         json_schema_extra={"unit": "px", "group": "Search", "symbol": "Omega"},
     )  # fmt: skip
-    patch_sigma: float = _number(
+    patch_sigma: float = number(
         3, 0.5, 10, "Patch fall-off", "Of the Gaussian that a patch's pixels are weighted with.", "px", "Search",
         "sigma",
     )  # fmt: skip
@@ -162,6 +151,6 @@ class AnalogyParams(Params):
         1, ge=1, le=4, title="Sweeps", description="Pairs of passes forward and backward through time a level.",
         json_schema_extra={"unit": "pairs", "group": "Search"},
     )  # fmt: skip
-    search_radius: float = _number(
+    search_radius: float = number(
         128, 1, 4096, "Search radius", "Of the random search at all but the coarsest level.", "px", "Search"
     )
