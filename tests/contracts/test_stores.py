@@ -206,6 +206,72 @@ def test_cancelling_ends_attempts_and_a_retry_starts_the_rest(store: Store) -> N
         store.jobs.remove(job_id)
 
 
+def _states(store: Store, job_id: str, state: str | None = None) -> dict[str, str]:
+    return {task.key: task.state.value for task in store.history.tasks(job_id, state).items}
+
+
+def test_tasks_of_a_cancelled_job_are_cancelled_however_they_are_asked_for(store: Store) -> None:
+    job_id = _job(store)
+    _plan(store, Task("a"), Task("b"), Task("c", after=("b",)), Task("d"))
+    store.work.finish(_answer(_claim(store)))
+    running = _claim(store)
+    store.jobs.command(job_id, machine.Cancel())
+    wanted = {"a": "succeeded", "b": "cancelled", "c": "cancelled", "d": "cancelled"}
+    assert _states(store, job_id) == wanted
+    for state in ("waiting", "ready", "running", "succeeded", "failed", "cancelled"):
+        assert _states(store, job_id, state) == {key: is_in for key, is_in in wanted.items() if is_in == state}
+    assert store.history.task(running.task["id"]).attempts[0]["outcome"] == "cancelled"
+    assert store.overview.snapshot()["tasks"]["cancelled"] == 3
+    assert store.work.claim("me", 30) is None
+
+
+def test_one_task_of_a_cancelled_job_runs_again_alone(store: Store) -> None:
+    job_id = _job(store)
+    _plan(store, Task("a"), Task("b"), Task("c", after=("b",)), Task("d"))
+    store.jobs.command(job_id, machine.Cancel())
+    ids = {task.key: task.id for task in store.history.tasks(job_id).items}
+    with pytest.raises(Conflict, match="waits"):
+        store.jobs.requeue(ids["c"])
+    store.jobs.requeue(ids["b"])
+    assert _states(store, job_id) == {"a": "cancelled", "b": "ready", "c": "cancelled", "d": "cancelled"}
+    claim = _claim(store)
+    assert claim.task["key"] == "b" and store.work.claim("me", 30) is None
+    store.work.finish(_answer(claim))
+    assert store.jobs.get(job_id).state == "cancelled", "the rest of it is, still"
+    store.jobs.retry(job_id)
+    assert _states(store, job_id) == {"a": "ready", "b": "succeeded", "c": "ready", "d": "ready"}
+
+
+def test_a_retry_after_a_cancel_keeps_chains_and_gives_a_fresh_budget(store: Store, clock: Clock) -> None:
+    job_id = _job(store)
+    _plan(store, Task("a"), Task("b", after=("a",)))
+    store.work.finish(_answer(_claim(store)), machine.Failed(FAULT))
+    store.jobs.command(job_id, machine.Cancel())
+    store.jobs.retry(job_id)
+    counts = store.jobs.get(job_id).counts
+    assert (counts["ready"], counts["waiting"], counts["cancelled"]) == (1, 1, 0)
+    claim = _claim(store)
+    assert (claim.task["key"], claim.task["failures"]) == ("a", 0), "at once, as if it had not failed"
+    store.work.finish(_answer(claim))
+    assert _claim(store).task["key"] == "b"
+
+
+def test_to_cancel_a_large_job_changes_as_few_rows_as_a_small_one(store: Store) -> None:
+    changed = []
+    engine = store._db._engine
+    event.listen(engine, "after_cursor_execute", lambda c, cursor, *_: changed.append(max(0, cursor.rowcount)))
+    found = []
+    for tasks in (4, 400):
+        job_id = _job(store)
+        _plan(store, *(Task(f"t-{i}", after=("t-0",) if i > 2 else ()) for i in range(tasks)))
+        _claim(store)
+        changed.clear()
+        store.jobs.command(job_id, machine.Cancel())
+        found.append(sum(changed))
+        assert store.jobs.get(job_id).counts["cancelled"] == tasks
+    assert found[0] == found[1]
+
+
 def test_nothing_is_claimed_of_a_paused_job(store: Store) -> None:
     job_id = _job(store)
     _plan(store)

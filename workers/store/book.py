@@ -9,14 +9,14 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import Connection, RowMapping, bindparam, delete, insert, select, update
+from sqlalchemy import Connection, RowMapping, and_, bindparam, delete, insert, or_, select, update
 
 from workers import jobs as machine
 from workers.errors import NotFound
 from workers.ids import new_id
 from workers.jobs import Counts, Happening, JobMark, Limits, State, TaskMark
 from workers.model import Json, RunState, TaskState
-from workers.store import schema
+from workers.store import schema, states
 from workers.store.records import counts_of, fault_to_json
 
 _PRUNE_EVERY = 100
@@ -192,19 +192,31 @@ class JobBook:
         self.connection.execute(update(tasks).where(*freed).values(state=TaskState.READY.value))
 
     def _stop_everything(self) -> None:
-        tasks, attempts = schema.tasks, schema.attempts
+        """End what runs. Tasks that have not begun are cancelled because their job is (see `states`): to write a row
+        for each of a hundred thousand would keep the user waiting for seconds."""
+        attempts = schema.attempts
         running = (attempts.c.job_id == self.job_id, attempts.c.outcome == RUNNING)
         ended = {"outcome": "cancelled", "finished_at": self.now}
         self.connection.execute(update(attempts).where(*running).values(ended))
-        states = [state.value for state in (TaskState.WAITING, TaskState.READY, TaskState.RUNNING)]
-        open_tasks = (tasks.c.job_id == self.job_id, tasks.c.state.in_(states))
+        self._cancel_tasks(TaskState.RUNNING)
+
+    def _cancel_tasks(self, *states: TaskState) -> None:
+        tasks = schema.tasks
+        where = (tasks.c.job_id == self.job_id, tasks.c.state.in_([state.value for state in states]))
         values = {"state": TaskState.CANCELLED.value, "attempt_id": None, "progress": 0.0}
-        self.connection.execute(update(tasks).where(*open_tasks).values(values))
+        self.connection.execute(update(tasks).where(*where).values(values))
+
+    def spell_out(self) -> None:
+        """Write the state of every task of a cancelled job, before one of them alone is to run again."""
+        if self.row["state"] == RunState.CANCELLED.value:
+            self._cancel_tasks(*states.UNBEGUN)
 
     def _start_again(self) -> None:
         tasks = schema.tasks
-        ended = [TaskState.FAILED.value, TaskState.CANCELLED.value]
-        where = (tasks.c.job_id == self.job_id, tasks.c.state.in_(ended))
+        ended = tasks.c.state.in_([TaskState.FAILED.value, TaskState.CANCELLED.value])
+        used = or_(tasks.c.failures > 0, tasks.c.interruptions > 0, tasks.c.ready_at > 0)
+        unbegun = tasks.c.state.in_([state.value for state in states.UNBEGUN])
+        where = (tasks.c.job_id == self.job_id, or_(ended, and_(unbegun, used)))
         fresh = {"failures": 0, "interruptions": 0, "ready_at": 0.0}
         blocked = {"state": TaskState.WAITING.value, **fresh}
         free = {"state": TaskState.READY.value, **fresh}

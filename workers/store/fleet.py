@@ -24,7 +24,7 @@ from workers.fleet import (
     Slot,
     WorkerView,
 )
-from workers.store import schema
+from workers.store import schema, states
 from workers.store.base import Base
 from workers.store.book import RUNNING
 from workers.store.records import Row, pack_cursor, unpack_cursor
@@ -283,7 +283,7 @@ def _failed() -> Any:
         select(
             attempts.c.id.label("attempt_id"), attempts.c.task_id, attempts.c.job_id,
             jobs.c.request["name"].as_string().label("job_name"), jobs.c.state.label("job_state"), jobs.c.owner,
-            jobs.c.method, steps.c.name.label("step"), tasks.c.key, tasks.c.state.label("task_state"),
+            jobs.c.method, steps.c.name.label("step"), tasks.c.key, states.of_task(jobs.c.state).label("task_state"),
             attempts.c.number, attempts.c.outcome, attempts.c.dispatcher.label("worker"),
             attempts.c.worker.label("slot"), attempts.c.started_at, attempts.c.finished_at,
             attempts.c.fault.label("error"),

@@ -10,8 +10,8 @@ from sqlalchemy import Connection, func, select
 
 from workers.errors import NotFound
 from workers.farm import Page
-from workers.model import Event, Json, TaskState, TaskView
-from workers.store import schema
+from workers.model import Event, Json, RunState, TaskState, TaskView
+from workers.store import schema, states
 from workers.store.base import Base
 from workers.store.jobs import known_state
 from workers.store.records import Row, event_of, pack_cursor, unpack_cursor
@@ -25,13 +25,16 @@ class History(Base):
         table = schema.tasks
         after = 0 if cursor is None else unpack_cursor(cursor, int)[0]
         where = [table.c.job_id == job_id, table.c.position > after]
-        if state is not None:
-            where.append(table.c.state == known_state(TaskState, state))
-        else:  # positions have no gaps; so PostgreSQL reads a page, and not a job, before it has statistics
+        wanted = None if state is None else TaskState(known_state(TaskState, state))
+        if (
+            wanted is None
+        ):  # positions have no gaps; so PostgreSQL reads a page, and not a job, before it has statistics
             where.append(table.c.position <= after + limit + 1)
-        query = _tasks().where(*where).order_by(table.c.position).limit(limit + 1)
         with self._db.read() as connection:
-            _newest_seq(connection, job_id)
+            job = _state(connection, job_id)
+            if wanted is not None:
+                where.append(states.are(wanted, job))
+            query = _tasks().where(*where).order_by(table.c.position).limit(limit + 1)
             rows = connection.execute(query).mappings().all()
             views = _task_views(connection, rows[:limit])
         return Page(tuple(views), pack_cursor(rows[limit - 1]["position"]) if len(rows) > limit else None)
@@ -83,10 +86,12 @@ class History(Base):
 
 
 def _tasks() -> Any:
-    tasks, steps = schema.tasks, schema.steps
-    columns = (tasks.c.id, tasks.c.job_id, tasks.c.key, tasks.c.state, tasks.c.progress, tasks.c.position)
-    return select(*columns, steps.c.name.label("step_name")).join(
-        steps, (steps.c.job_id == tasks.c.job_id) & (steps.c.step == tasks.c.step)
+    tasks, steps, jobs = schema.tasks, schema.steps, schema.jobs
+    columns = (tasks.c.id, tasks.c.job_id, tasks.c.key, tasks.c.progress, tasks.c.position)
+    return (
+        select(*columns, states.of_task(jobs.c.state).label("state"), steps.c.name.label("step_name"))
+        .join(steps, (steps.c.job_id == tasks.c.job_id) & (steps.c.step == tasks.c.step))
+        .join(jobs, jobs.c.id == tasks.c.job_id)
     )
 
 
@@ -108,6 +113,13 @@ def _task_view(row: Row, attempts: tuple[Json, ...]) -> TaskView:
 def _attempt(row: Row) -> Json:
     shown = {name: row[name] for name in ("id", "number", "worker", "started_at", "finished_at", "outcome")}
     return {**shown, "error": row["fault"]}
+
+
+def _state(connection: Connection, job_id: str) -> RunState:
+    found = connection.execute(select(schema.jobs.c.state).where(schema.jobs.c.id == job_id)).scalar()
+    if found is None:
+        raise NotFound(f"There is no job {job_id}.", field="job", value=job_id)
+    return RunState(found)
 
 
 def _newest_seq(connection: Connection, job_id: str) -> int:

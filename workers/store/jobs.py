@@ -16,7 +16,7 @@ from workers.errors import Conflict, IdempotencyMismatch, NotFound
 from workers.farm import Page
 from workers.ids import new_id
 from workers.model import Job, JobRequest, Json, RunState, Submitted, TaskState
-from workers.store import schema
+from workers.store import schema, states
 from workers.store.base import Base
 from workers.store.bell import GONE
 from workers.store.records import Row, pack_cursor, request_to_json, unpack_cursor
@@ -109,7 +109,7 @@ class Jobs(Base):
         """Start again what failed or was cancelled. Raises Conflict, NotFound (an input was deleted since)."""
         with self._book(job_id) as book:
             _need_assets(book.connection, book.row["request"]["inputs"])
-            blocked = _blocked(book.connection, job_id)
+            blocked = _blocked(book.connection, job_id, RunState(book.row["state"]))
             book.happen(machine.Retry(blocked[TaskState.FAILED], blocked[TaskState.CANCELLED]))
         return self.get(job_id)
 
@@ -119,6 +119,7 @@ class Jobs(Base):
             job_id = _job_of_task(connection, task_id)
         with self._book(job_id) as book:
             _need_assets(book.connection, book.row["request"]["inputs"])
+            book.spell_out()
             task = book.task(task_id)
             book.happen(machine.Requeue(), task)
             book.delay(task, 0.0)
@@ -246,17 +247,15 @@ def known_state(states: type[RunState] | type[TaskState], state: str) -> str:
         raise BadParameter(f"There is no state {state!r}.", field="state", value=state, remedy=remedy) from None
 
 
-def _blocked(connection: Connection, job_id: str) -> dict[TaskState, int]:
+def _blocked(connection: Connection, job_id: str, job: RunState) -> dict[TaskState, int]:
     """How many failed and how many cancelled tasks still wait for others."""
+    return {state: _count_blocked(connection, job_id, job, state) for state in (TaskState.FAILED, TaskState.CANCELLED)}
+
+
+def _count_blocked(connection: Connection, job_id: str, job: RunState, state: TaskState) -> int:
     tasks = schema.tasks
-    ended = [TaskState.FAILED, TaskState.CANCELLED]
-    query = (
-        select(tasks.c.state, func.count())
-        .where(tasks.c.job_id == job_id, tasks.c.state.in_([state.value for state in ended]), tasks.c.blockers > 0)
-        .group_by(tasks.c.state)
-    )
-    found = {TaskState(state): int(n) for state, n in connection.execute(query)}
-    return {state: found.get(state, 0) for state in ended}
+    where = (tasks.c.job_id == job_id, states.are(state, job), tasks.c.blockers > 0)
+    return int(connection.execute(select(func.count()).select_from(tasks).where(*where)).scalar_one())
 
 
 def _job_of_task(connection: Connection, task_id: str) -> str:
