@@ -40,6 +40,12 @@ CLIP = "bikes_scene_cuts.mp4"
 SIZES = {"abstraction": (250, 640), "patches": (96, 192), "analogy": (96, 128), "multistyle": (96, 192)}
 """(frames, width in px): what is done in a minute or two."""
 STYLE = "paintings"
+EXTRAPOLATED = f"""\
+Not measured but simulated, and extrapolated: recorded is one short clip of small frames a method (4 to 10 s, 128 to 640
+px wide). Rows of {FILMS[-1] * min(frames for frames, _ in SIZES.values()):,} and more frames repeat its tasks
+{FILMS[-1]} times, and let a step of one task take {FILMS[-1]} times as long; times grow with the pixels, to
+{FILM_WIDTH_PX} px. Machines share nothing in it: no disk, network or cache is full.
+"""
 
 
 @dataclass(frozen=True)
@@ -182,16 +188,16 @@ def record(name: str) -> Recorded:
     with tempfile.TemporaryDirectory(prefix="impasto-speedup-") as folder:
         settings = FarmSettings(home=Path(folder), pool="none", reserve_bytes=0)
         farm = Studio(settings, None)
-        clip, size = _clip(Path(folder), *SIZES[name])
+        clip, size = short(Path(folder), *SIZES[name])
         inputs = {"video": farm.add_asset(clip, clip.name).id}
-        if style := _style(name):
+        if style := style_of(name):
             inputs["style_output"] = farm.add_asset(style, style.name).id
         with Renderer(farm._blobs, settings.scratch) as renderer:
-            warm = _clip(Path(folder), WARM_FRAMES, SIZES[name][1])[0]  # compilers have done their work after it
-            _submit(farm, name, {**inputs, "video": farm.add_asset(warm, warm.name).id})
+            warm = short(Path(folder), WARM_FRAMES, SIZES[name][1])[0]  # compilers have done their work after it
+            submit(farm, name, {**inputs, "video": farm.add_asset(warm, warm.name).id})
             _run(farm, Orders(farm._store), renderer)
             print("  now for the record", flush=True)
-            job = _submit(farm, name, inputs)
+            job = submit(farm, name, inputs)
             timed, dispatch_s = _run(farm, Orders(farm._store), renderer)
         state = farm.job(job)
         farm.stop()
@@ -201,7 +207,7 @@ def record(name: str) -> Recorded:
     return Recorded(name, CLIP, SIZES[name][0], size, steps, dispatch_s, tuple(timed))
 
 
-def _submit(farm: Any, name: str, inputs: dict[str, str]) -> str:
+def submit(farm: Any, name: str, inputs: dict[str, str]) -> str:
     from workers.model import JobRequest
 
     return str(farm.submit(JobRequest(name, inputs)).id)
@@ -211,7 +217,7 @@ def _run(farm: Any, orders: Any, renderer: Any) -> tuple[list[Timed], float]:
     """Do what a dispatcher and one worker do, in turn."""
     store, timed, costs = farm._store, [], []
     while True:
-        _plan(store)
+        plan(store)
         began = time.process_time()
         claim = store.work.claim("benchmark", 3600.0)
         cost = time.process_time() - began
@@ -231,7 +237,7 @@ def _run(farm: Any, orders: Any, renderer: Any) -> tuple[list[Timed], float]:
     return timed, round(sorted(costs)[len(costs) // 2], 5)
 
 
-def _plan(store: Any) -> None:
+def plan(store: Any) -> None:
     from workers.planning import plan_step
 
     while todos := store.plans.to_plan():
@@ -242,7 +248,7 @@ def _plan(store: Any) -> None:
             store.plans.planned(todo.job_id, todo.step, tasks)
 
 
-def _clip(folder: Path, frames: int, width: int) -> tuple[Path, tuple[int, int]]:
+def short(folder: Path, frames: int, width: int) -> tuple[Path, tuple[int, int]]:
     """The first frames of the film, small."""
     import av
 
@@ -261,7 +267,7 @@ def _clip(folder: Path, frames: int, width: int) -> tuple[Path, tuple[int, int]]
     return path, (width, height)
 
 
-def _style(name: str) -> Path | None:
+def style_of(name: str) -> Path | None:
     """A picture of strokes for the method that needs one."""
     from benchmarks.clips import MEDIA
 
@@ -281,6 +287,7 @@ def main() -> None:
             RECORDED.mkdir(exist_ok=True)
             (RECORDED / f"{name}.json").write_text(json.dumps(asdict(record(name)), indent=1) + "\n")
         return
+    print(EXTRAPOLATED)
     print("| method | film | tasks | alone | " + " | ".join(map(str, WORKERS)) + " | with 512, the limit is |")
     print("|---|---|---|---|" + "---|" * (len(WORKERS) + 1))
     for name in METHODS:

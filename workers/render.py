@@ -15,7 +15,7 @@ from typing import Self
 
 import cv2
 
-from pipeline.errors import BadParameter, Cancelled
+from pipeline.errors import BadFrame, BadInput, BadParameter, Cancelled
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import Method, Step, Task
 from pipeline.video.guard.nursery import get_ready
@@ -23,6 +23,7 @@ from workers.assemble import Assembly
 from workers.bench import TaskBench
 from workers.blobs.base import Blobs
 from workers.decoders import Decoders
+from workers.errors import NotFound
 from workers.faults import fault_from
 from workers.jobs import ASSEMBLE
 from workers.logs import AttemptLog, captured, set_up_logs
@@ -101,7 +102,7 @@ class Renderer:
             except Cancelled:
                 outcome = replace(outcome, cancelled=True)
             except Exception as error:
-                _LOG.exception("step %s, task %s failed", order.step, order.key)
+                _log_failure(order, error)
                 outcome = replace(outcome, fault=fault_from(error))
             return _with_log(outcome, log)
 
@@ -157,6 +158,15 @@ def _step_of(chosen: Method, name: str) -> Step:
         if step.name == name:
             return step
     raise BadParameter(f"The method {chosen.name!r} has no such step.", field="step", value=name)
+
+
+def _log_failure(order: TaskOrder, error: Exception) -> None:
+    """What the user is to mend is said in a line. All else may be ours to mend: where it broke is said as well, and so
+    it is of an array that is no frame, since here a method has made it."""
+    if isinstance(error, BadInput | NotFound) and not isinstance(error, BadFrame):
+        _LOG.warning("step %s, task %s failed: %s", order.step, order.key, error)
+    else:
+        _LOG.error("step %s, task %s failed", order.step, order.key, exc_info=error)
 
 
 def _with_log(outcome: TaskOutcome, log: AttemptLog) -> TaskOutcome:

@@ -20,6 +20,7 @@ import cv2
 import numpy as np
 import pytest
 
+from pipeline.errors import BadMedia
 from pipeline.methods.base import Bench, Brief, Note, Params, Step, Task
 from pipeline.video.media import MediaInfo
 from pipeline.video.probe import probe
@@ -103,6 +104,10 @@ def _raise(bench: Bench, index: int, painted: Any) -> None:
     raise RuntimeError("the brush broke")
 
 
+def _unwilling(bench: Bench, index: int, painted: Any) -> None:
+    raise BadMedia("There is no cat in it.", field="inputs.video", remedy="Add a cat.")
+
+
 def _hang(bench: Bench, index: int, painted: Any) -> None:
     while True:
         bench.progress(0.5)
@@ -116,6 +121,7 @@ FAULTS = {
     "drop-last": _drop_last,
     "small": _small,
     "raise": _raise,
+    "unwilling": _unwilling,
     "hang": _hang,
 }
 
@@ -273,6 +279,26 @@ def test_a_faulty_step_is_a_fault(fault: str, code: str, renderer: Renderer, inf
     assert outcome.segment is None
     assert not outcome.cancelled
     assert "Traceback" in outcome.log
+
+
+def test_what_the_user_is_to_mend_is_a_warning_of_one_line(
+    renderer: Renderer, info: MediaInfo, caplog: pytest.LogCaptureFixture
+) -> None:
+    outcome = renderer.run(order_of(info, tasks_of(info)[0], params={"fault": "unwilling"}))
+    assert outcome.fault and outcome.fault.code == "bad-media"
+    said = [record for record in caplog.records if "failed" in record.getMessage()]
+    assert [(record.levelname, record.exc_info) for record in said] == [("WARNING", None)]
+    assert "There is no cat in it." in outcome.log and "Add a cat." in outcome.log
+    assert "Traceback" not in outcome.log
+
+
+def test_what_nobody_expected_is_an_error_with_its_trace(
+    renderer: Renderer, info: MediaInfo, caplog: pytest.LogCaptureFixture
+) -> None:
+    outcome = renderer.run(order_of(info, tasks_of(info)[0], params={"fault": "raise"}))
+    (said,) = [record for record in caplog.records if "failed" in record.getMessage()]
+    assert said.levelname == "ERROR" and said.exc_info
+    assert "in _raise" in outcome.log
 
 
 def test_bad_parameters_and_missing_inputs_name_their_field(renderer: Renderer, info: MediaInfo) -> None:
