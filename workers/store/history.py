@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Collection
 from typing import Any
 
-from sqlalchemy import Connection, func, select
+from sqlalchemy import Connection, func, select, union_all
 
 from workers.errors import NotFound
 from workers.farm import Page
@@ -24,16 +24,13 @@ class History(Base):
         """TaskView items in plan order."""
         table = schema.tasks
         after = 0 if cursor is None else unpack_cursor(cursor, int)[0]
-        where = [table.c.job_id == job_id, table.c.position > after]
         wanted = None if state is None else TaskState(known_state(TaskState, state))
-        if (
-            wanted is None
-        ):  # positions have no gaps; so PostgreSQL reads a page, and not a job, before it has statistics
-            where.append(table.c.position <= after + limit + 1)
         with self._db.read() as connection:
             job = _state(connection, job_id)
-            if wanted is not None:
-                where.append(states.are(wanted, job))
+            if wanted is None:  # positions have no gaps; so PostgreSQL reads a page, and not a job, without statistics
+                where = (table.c.job_id == job_id, table.c.position > after, table.c.position <= after + limit + 1)
+            else:
+                where = (table.c.id.in_(_first(job_id, states.stored_as(wanted, job), after, limit + 1)),)
             query = _tasks().where(*where).order_by(table.c.position).limit(limit + 1)
             rows = connection.execute(query).mappings().all()
             views = _task_views(connection, rows[:limit])
@@ -93,6 +90,20 @@ def _tasks() -> Any:
         .join(steps, (steps.c.job_id == tasks.c.job_id) & (steps.c.step == tasks.c.step))
         .join(jobs, jobs.c.id == tasks.c.job_id)
     )
+
+
+def _first(job_id: str, stored: Collection[TaskState], after: int, limit: int) -> Any:
+    """Ids of the first tasks of each of these states: by the index of states, however many there are."""
+    table = schema.tasks
+    each = [
+        select(table.c.id)
+        .where(table.c.job_id == job_id, table.c.state == state.value, table.c.position > after)
+        .order_by(table.c.position)
+        .limit(limit)
+        .subquery()
+        for state in stored
+    ]
+    return union_all(*(select(one.c.id) for one in each)) if each else []
 
 
 def _task_views(connection: Connection, rows: Any) -> list[TaskView]:

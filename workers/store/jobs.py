@@ -254,7 +254,8 @@ def _blocked(connection: Connection, job_id: str, job: RunState) -> dict[TaskSta
 
 def _count_blocked(connection: Connection, job_id: str, job: RunState, state: TaskState) -> int:
     tasks = schema.tasks
-    where = (tasks.c.job_id == job_id, states.are(state, job), tasks.c.blockers > 0)
+    stored = [each.value for each in states.stored_as(state, job)]
+    where = (tasks.c.job_id == job_id, tasks.c.state.in_(stored), tasks.c.blockers > 0)
     return int(connection.execute(select(func.count()).select_from(tasks).where(*where)).scalar_one())
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from sqlalchemy import ColumnElement, case, false
+from sqlalchemy import ColumnElement, case
 
 from workers.model import RunState, TaskState
 from workers.store import schema
@@ -23,12 +23,10 @@ def of_task(job_state: Any) -> ColumnElement[str]:
     return case((follows, TaskState.CANCELLED.value), else_=tasks.c.state)
 
 
-def are(wanted: TaskState, job: RunState) -> ColumnElement[bool]:
-    """Rows of `tasks` that are in the state `wanted`, of a job in the state `job`: columns as they are, for the sake
-    of their index."""
-    tasks = schema.tasks
+def stored_as(wanted: TaskState, job: RunState) -> tuple[TaskState, ...]:
+    """What rows of `tasks` say that are in the state `wanted`, of a job in the state `job`: none, one, or several."""
     if job is not RunState.CANCELLED:
-        return tasks.c.state == wanted.value
+        return (wanted,)
     if wanted is TaskState.CANCELLED:
-        return tasks.c.state.in_([state.value for state in (TaskState.CANCELLED, *UNBEGUN)])
-    return false() if wanted in UNBEGUN else tasks.c.state == wanted.value
+        return (TaskState.CANCELLED, *UNBEGUN)
+    return () if wanted in UNBEGUN else (wanted,)
