@@ -139,8 +139,8 @@ class Dispatcher:
         silent_s = time.monotonic() - self._turned
         if not self._thread.is_alive() or silent_s > 4 * _MAX_BACK_OFF_S:
             raise StorageError(f"The dispatcher has been silent for {silent_s:.0f} s.", remedy="Restart the service.")
-        if self.trouble:
-            raise StorageError(self.trouble)
+        if trouble := self.trouble or str(self._pool.describe().get("lacking", "")):
+            raise StorageError(trouble)
 
     @property
     def id(self) -> str:

@@ -4,6 +4,7 @@ ImpastoError
 ├── NotFound                    no such job, task, asset, result            404
 ├── Conflict                    not in this state; or the same key with another body   409 / 422
 │   └── IdempotencyMismatch
+├── NoRoom                      no machine has what a task needs            (of a task, never answered)
 └── QuotaExceeded               a key's quota or rate is used up            429
 """
 
@@ -22,6 +23,10 @@ class Conflict(ImpastoError):
 
 class IdempotencyMismatch(Conflict):
     code = "idempotency-mismatch"
+
+
+class NoRoom(ImpastoError):
+    code = "no-room"
 
 
 class QuotaExceeded(ImpastoError):

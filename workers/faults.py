@@ -6,7 +6,7 @@ import traceback
 
 from pipeline.errors import BadInput, Cancelled, ImpastoError, StorageError
 from workers.blobs.keys import NoBlob
-from workers.errors import NotFound
+from workers.errors import NoRoom, NotFound
 from workers.model import Fault, TaskOutcome
 
 
@@ -44,4 +44,4 @@ def _codes(kind: type[ImpastoError]) -> set[str]:
     return {kind.code}.union(*(_codes(child) for child in kind.__subclasses__()))
 
 
-_FINAL = _codes(BadInput) | {NotFound.code}
+_FINAL = _codes(BadInput) | {NotFound.code, NoRoom.code}

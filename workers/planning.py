@@ -6,11 +6,12 @@ import json
 import math
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from graphlib import CycleError, TopologicalSorter
 
 from pipeline.errors import ImpastoError
 from pipeline.methods import method, parse_params
-from pipeline.methods.base import Brief, Method, Needs, Note, Task, VideoInfo
+from pipeline.methods.base import Brief, Method, Needs, Note, Task, VideoInfo, needs_of, working
 from workers.jobs import ASSEMBLE
 from workers.model import JobRequest, Json
 
@@ -18,6 +19,8 @@ _KEY = re.compile(r"[a-z0-9-]{1,200}")
 _ASSEMBLE_TITLE = "Join frames and sound"
 _ASSEMBLE_WEIGHT = 0.05
 """A frame: see `pipeline.methods.base.Task.weight`."""
+_ASSEMBLE_BYTES = 100.0
+"""A pixel: a few decoded frames for the poster and the contact sheet."""
 
 
 class PlanError(ImpastoError):
@@ -58,10 +61,13 @@ def plan_step(
     """
     chosen = method(request.method)
     if index == len(chosen.steps):
-        return [Task(ASSEMBLE, weight=expected_weights(chosen, info.get("video", {}))[-1])]
+        weight = expected_weights(chosen, info.get("video", {}))[-1]
+        return [Task(ASSEMBLE, weight=weight, needs=working(_video(info), _ASSEMBLE_BYTES))]
     brief = Brief(parse_params(chosen, params), request.seed, _video(info), frozenset(request.inputs), notes)
-    tasks = list(chosen.steps[index].plan(brief))
-    _check(tasks, chosen.steps[index].name)
+    step = chosen.steps[index]
+    needs = needs_of(chosen, step.name, brief)
+    tasks = [task if task.needs else replace(task, needs=needs) for task in step.plan(brief)]
+    _check(tasks, step.name)
     return tasks
 
 
@@ -107,8 +113,9 @@ def _check_task(task: Task, keys: set[str], step: str) -> None:
 
 def _possible(needs: Needs) -> bool:
     """Some processor, and whole GPUs or a part of one."""
-    whole = needs.gpus <= 1 or float(needs.gpus).is_integer()
-    return 0 < needs.cpus < math.inf and 0 <= needs.gpus < math.inf and whole and needs.memory_bytes >= 0
+    cpus, gpus = (1.0 if needs.cpus is None else needs.cpus), (0.0 if needs.gpus is None else needs.gpus)
+    whole = gpus <= 1 or float(gpus).is_integer()
+    return 0 < cpus < math.inf and 0 <= gpus < math.inf and whole and needs.memory_bytes >= 0
 
 
 def _check_chains(tasks: Sequence[Task], step: str) -> None:

@@ -24,13 +24,18 @@ class RayNode:
         name: as operators know the node.
         cpus: tasks that may run here at once, of one processor each.
         gpus: to offer; None: those that Ray finds.
+        memory_gib: to offer; None: what Ray finds free, less its object store.
     """
 
-    def __init__(self, address: str, name: str, cpus: int, gpus: float | None = None) -> None:
+    def __init__(
+        self, address: str, name: str, cpus: int, gpus: float | None = None, memory_gib: float | None = None
+    ) -> None:
+        self.name = name
         self._command = [
             *(sys.executable, "-c", "from ray.scripts.scripts import main; main()", "start", "--block"),
             *("--address", address, "--node-name", name, "--num-cpus", str(cpus), "--disable-usage-stats"),
             *(() if gpus is None else ("--num-gpus", f"{gpus:g}")),
+            *(() if memory_gib is None else ("--memory", str(int(memory_gib * (1 << 30))))),
         ]
         self._said = tempfile.TemporaryFile()  # noqa: SIM115  (closed by __exit__)
         self._process: subprocess.Popen[bytes] | None = None

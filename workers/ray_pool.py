@@ -3,9 +3,9 @@
 An actor counts as capacity once it has said hello, so that a cluster with fewer processors than workers simply does
 less at once. When an actor dies its attempt is reported as lost and another actor takes its place.
 
-An actor has what its task needs (processors, part of a GPU, memory) from Ray; a task with other needs than any idle
-actor takes the place of one with an actor of its own, which waits for a machine that has that: an autoscaler may make
-one.
+An actor has its room (processors, part of a GPU, memory) from Ray, so that no machine is given more than it has. A
+task that fits into no idle actor's room takes the place of one with an actor of its own, which waits for a machine with
+room: an autoscaler may make one. If none of now could ever hold it, the task says so while it waits, and fails at last.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import logging
 import signal
 import threading
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, cast
@@ -23,15 +23,16 @@ import ray
 from ray.exceptions import RayError
 
 from pipeline.errors import StorageError
-from pipeline.methods.base import Needs
 from workers.actors import RenderActor
 from workers.blobs.base import Blobs
+from workers.errors import NoRoom
 from workers.faults import failed_outcome
 from workers.fleet import Slot
 from workers.local_pool import Listen, Runner
 from workers.model import TaskOrder, TaskOutcome
 from workers.pool import Report
 from workers.render import far_renderer
+from workers.room import Machines, Room, able, lacking, room_for, usual
 from workers.settings import FarmSettings
 from workers.shelf import Handed
 
@@ -43,8 +44,6 @@ _PATIENCE_S = 3.0
 """How long an actor waits for room before an idle one makes it: as long as one takes to start."""
 _OBJECT_STORE_BYTES = 100 << 20
 """Orders and outcomes are a few kilobytes; blobs go by their own way."""
-
-
 _HANDED_BYTES = 64 << 20
 """Of artefacts in Ray's shared memory, over all nodes."""
 
@@ -56,7 +55,7 @@ class _Worker:
     actor: Any
     hello: Any
     """Reference to its greeting, until that has come."""
-    needs: Needs
+    room: Room
     """What it has from Ray."""
     avoids: frozenset[str] = frozenset()
     """Ids of Ray nodes where it was not to begin."""
@@ -65,6 +64,8 @@ class _Worker:
     attempt_id: str = ""
     patient_since: float = field(default_factory=time.monotonic)
     """Since when it has waited for a machine without having been helped."""
+    hopeless_since: float | None = None
+    """Since when no machine of the cluster could hold it, however idle."""
     answer: Any = None
     """Reference to the outcome of the attempt."""
 
@@ -97,7 +98,9 @@ class RayPool:
         self._stopping = False
         self._pump = threading.Thread(target=self._watch, name="impasto-ray", daemon=True)
         self._listen: Listen = lambda report: None
-        self._needs = Needs(settings.task_cpus, settings.task_gpus, settings.task_memory_bytes)
+        self._usual = usual(settings)
+        self._lacking = ""
+        """What keeps every worker from starting, in words."""
         self._held: frozenset[str] = frozenset()
         self._avoided: frozenset[str] = frozenset()
         """Ids of the nodes that are held."""
@@ -120,7 +123,7 @@ class RayPool:
     def slots(self) -> tuple[Slot, ...]:
         with self._lock:
             there = [worker for worker in self._workers if worker.name]
-        return tuple(Slot(w.name, w.node, w.needs.cpus, w.needs.gpus, w.needs.memory_bytes) for w in there)
+        return tuple(Slot(w.name, w.node, w.room.cpus, w.room.gpus, w.room.memory_bytes) for w in there)
 
     def hold(self, nodes: Collection[str]) -> None:
         """Idle actors of these nodes move to others, as far as there is room."""
@@ -133,7 +136,7 @@ class RayPool:
             for worker in list(self._workers):
                 starting = not worker.name and not worker.attempt_id
                 if (worker.idle and worker.node in self._held) or (starting and worker.avoids != self._avoided):
-                    self._exchange(worker, self._needs)
+                    self._exchange(worker, self._usual)
 
     def start(self, listen: Listen) -> None:
         """Connect, or start a cluster. On the main thread only: Ray aborts the process at its end otherwise."""
@@ -142,12 +145,12 @@ class RayPool:
         self._listen = listen
         _connect(self._settings)
         with self._lock:
-            self._workers = [self._new_worker(self._needs) for _ in range(self._settings.workers)]
+            self._workers = [self._new_worker(self._usual) for _ in range(self._settings.workers)]
         self._pump.start()
 
     def submit(self, order: TaskOrder) -> None:
         with self._lock:
-            worker = self._place_for(order.needs or self._needs)
+            worker = self._place_for(room_for(order.needs, self._settings))
             if worker is not None:
                 worker.attempt_id = order.attempt_id
                 given = self._handed.of(order.artefacts.values()) if order.after else {}
@@ -156,13 +159,13 @@ class RayPool:
             self._listen(Report(order.attempt_id, lost=True))
         self._news.set()
 
-    def _place_for(self, needs: Needs) -> _Worker | None:
+    def _place_for(self, room: Room) -> _Worker | None:
         idle = self._idle()
-        fitting = next((worker for worker in idle if worker.needs == needs), None)
-        if fitting is not None or not idle:
-            return fitting
-        roomy = _roomy(needs)
-        return self._exchange(next((worker for worker in idle if worker.node in roomy), idle[0]), needs)
+        fitting = [worker for worker in idle if worker.room.covers(room)]
+        if fitting or not idle:  # the least that will do: the others may be wanted for more
+            return min(fitting, key=lambda worker: (worker.room.gpus, worker.room.memory_bytes), default=None)
+        roomy = able(room, _machines())
+        return self._exchange(next((worker for worker in idle if worker.node in roomy), idle[0]), room)
 
     def cancel(self, attempt_id: str) -> None:
         worker = self._at_work(attempt_id)
@@ -178,7 +181,8 @@ class RayPool:
     def describe(self) -> dict[str, object]:
         with self._lock:
             busy = {worker.attempt_id: worker.name for worker in self._workers if worker.attempt_id}
-        return {"kind": "ray", "workers": self.capacity, "wanted": self._settings.workers, "busy": busy}
+        wanted = self._settings.workers
+        return {"kind": "ray", "workers": self.capacity, "wanted": wanted, "busy": busy, "lacking": self._lacking}
 
     def stop(self, grace_s: float = 5.0) -> None:
         with self._lock:
@@ -236,7 +240,7 @@ class RayPool:
     def _greeted(self, worker: _Worker, name: str, node_id: str) -> None:
         node = _node_names().get(node_id, node_id[:12])
         with self._lock:
-            worker.name, worker.node, worker.hello = name, node, None
+            worker.name, worker.node, worker.hello, worker.hopeless_since = name, node, None, None
         self._listen(Report("", worker=name))
 
     def _answered(self, worker: _Worker, outcome: TaskOutcome, made: dict[str, tuple[Any, int]]) -> None:
@@ -244,7 +248,7 @@ class RayPool:
         with self._lock:
             worker.attempt_id, worker.answer = "", None
             if worker.node in self._held:
-                self._exchange(worker, self._needs)
+                self._exchange(worker, self._usual)
         self._listen(Report(outcome.attempt_id, 1.0, outcome, worker=worker.name))
 
     def _ask_progress(self) -> None:
@@ -253,7 +257,8 @@ class RayPool:
             asked = {worker.actor.progress.remote(): worker for worker in busy if worker.name}
         for worker in busy:
             if not worker.name:  # its actor waits for room: that is no silence
-                self._listen(Report(worker.attempt_id, worker=f"waiting for {_words(worker.needs)}"))
+                none = "" if worker.hopeless_since is None else ": no machine has that"
+                self._listen(Report(worker.attempt_id, worker=f"waiting for {worker.room}{none}"))
         if not asked:
             return
         come, _ = ray.wait(list(asked), num_returns=len(asked), timeout=_TICK_S)
@@ -274,41 +279,75 @@ class RayPool:
         """End an idle actor where one that has waited a while could begin; once nobody waits, make up for it."""
         now = time.monotonic()
         with self._lock:
-            waiting = [worker for worker in self._workers if worker.attempt_id and not worker.name]
-            if not waiting:
-                self._workers += [self._new_worker(self._needs) for _ in range(self._owed)]
+            unborn = [worker for worker in self._workers if not worker.name]
+            if not any(worker.attempt_id for worker in unborn):
+                self._workers += [self._new_worker(self._usual) for _ in range(self._owed)]
                 self._owed = 0
-            for worker in waiting:
-                if now - worker.patient_since > _PATIENCE_S:
-                    worker.patient_since = now
-                    self._end_idle(_roomy(worker.needs))
+            late = [worker for worker in unborn if now - worker.patient_since > _PATIENCE_S]
+        machines = _machines() if late else []
+        for worker in late:
+            worker.patient_since = now
+            self._help(worker, machines, now)
+        if not unborn or late:
+            self._note_lack(machines)
+
+    def _help(self, worker: _Worker, machines: Machines, now: float) -> None:
+        """See to an actor that waits for room."""
+        roomy = able(worker.room, machines)
+        if roomy:
+            worker.hopeless_since = None
+            if worker.attempt_id:
+                self._end_idle(roomy)
+            return
+        worker.hopeless_since = worker.hopeless_since or now
+        if worker.attempt_id and now - worker.hopeless_since > self._settings.room_s:
+            self._give_up(worker, machines)
+
+    def _give_up(self, worker: _Worker, machines: Machines) -> None:
+        """Fail the attempt of an actor that has waited long enough for a machine that there is not."""
+        remedy = "Add such a machine to the cluster, or choose a smaller video, then retry the job."
+        error = NoRoom(f"{lacking(worker.room, machines)}.", field="needs", value=str(worker.room), remedy=remedy)
+        attempt_id, worker.attempt_id = worker.attempt_id, ""
+        ray.kill(worker.actor)
+        self._replace(worker)
+        self._listen(Report(attempt_id, outcome=failed_outcome(attempt_id, error), worker="none"))
+
+    def _note_lack(self, machines: Machines) -> None:
+        """Operators are told, once, when no worker can start on any machine."""
+        with self._lock:
+            hopeless = bool(self._workers) and all(worker.hopeless_since is not None for worker in self._workers)
+        said = f"{lacking(self._usual, machines)}: no worker can start." if hopeless else ""
+        if said and not self._lacking:
+            log.warning("%s", said)
+        self._lacking = said
 
     def _end_idle(self, nodes: Collection[str]) -> None:
         """One of these nodes, if there is one."""
-        found = next((worker for worker in self._idle() if worker.node in nodes), None)
-        if found is not None:
-            ray.kill(found.actor)
-            self._workers.remove(found)
-            self._owed += 1
+        with self._lock:
+            found = next((worker for worker in self._idle() if worker.node in nodes), None)
+            if found is not None:
+                ray.kill(found.actor)
+                self._workers.remove(found)
+                self._owed += 1
 
-    def _new_worker(self, needs: Needs) -> _Worker:
+    def _new_worker(self, room: Room) -> _Worker:
         elsewhere = {"ray.io/node-id": f"!in({','.join(sorted(self._avoided))})"} if self._avoided else None
         actor = RenderActor.options(
-            num_cpus=needs.cpus, num_gpus=needs.gpus, memory=needs.memory_bytes or None, label_selector=elsewhere
+            num_cpus=room.cpus, num_gpus=room.gpus, memory=room.memory_bytes or None, label_selector=elsewhere
         ).remote(self._make_runner, self._blobs)
-        return _Worker(actor, actor.hello.remote(), needs, self._avoided)
+        return _Worker(actor, actor.hello.remote(), room, self._avoided)
 
-    def _exchange(self, worker: _Worker, needs: Needs) -> _Worker:
+    def _exchange(self, worker: _Worker, room: Room) -> _Worker:
         """End an actor that has nothing to do; another takes its place."""
         ray.kill(worker.actor)
-        new = self._new_worker(needs)
+        new = self._new_worker(room)
         self._workers[self._workers.index(worker)] = new
         return new
 
     def _replace(self, worker: _Worker, lost: str = "") -> None:
         with self._lock:
             if worker in self._workers:
-                self._workers[self._workers.index(worker)] = self._new_worker(self._needs)
+                self._workers[self._workers.index(worker)] = self._new_worker(self._usual)
         if lost:
             self._listen(Report(lost, lost=True, worker=worker.name))
 
@@ -327,16 +366,13 @@ def _node_name(node: dict[str, Any]) -> str:
     return str(node["NodeName"] if named else node["NodeManagerHostname"])
 
 
-def _roomy(needs: Needs) -> set[str]:
-    """Names of the nodes that have what a task needs, if nothing else runs there."""
-    wanted = {"CPU": needs.cpus, "GPU": needs.gpus, "memory": needs.memory_bytes}
-    alive = (node for node in cast(Any, ray).nodes() if node["Alive"])
-    return {_node_name(n) for n in alive if all(n["Resources"].get(what, 0) >= want for what, want in wanted.items())}
+def _machines() -> list[tuple[str, Room]]:
+    """What each node that is alive has to give, if nothing runs there."""
+    return [(_node_name(node), _has(node["Resources"])) for node in cast(Any, ray).nodes() if node["Alive"]]
 
 
-def _words(needs: Needs) -> str:
-    memory = f", {needs.memory_bytes >> 20} MiB" if needs.memory_bytes else ""
-    return f"{needs.cpus:g} CPU{f', {needs.gpus:g} GPU' if needs.gpus else ''}{memory}"
+def _has(resources: Mapping[str, float]) -> Room:
+    return Room(resources.get("CPU", 0.0), resources.get("GPU", 0.0), int(resources.get("memory", 0)))
 
 
 _LOCAL = {

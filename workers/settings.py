@@ -67,9 +67,11 @@ class FarmSettings(BaseModel):
     task_cpus: float = Field(default=1.0, gt=0, le=256)
     """What a task has to itself on a Ray cluster, unless it says so itself: processors,"""
     task_gpus: float = Field(default=0.0, ge=0, le=16)
-    """GPUs (0.25: four tasks share one),"""
-    task_memory_bytes: int = Field(default=0, ge=0)
-    """and memory; 0: nothing in particular."""
+    """GPUs (0.25: four tasks share one), if it computes on a compute device: with 0, that is a processor,"""
+    task_memory_bytes: int = Field(default=1 << 30, ge=0)
+    """and memory, at least."""
+    room_s: float = Field(default=600.0, ge=1)
+    """How long a task waits for a machine that no cluster of now has (an autoscaler may bring one) before it fails."""
 
     attempts: int = Field(default=3, ge=1, le=20)
     """Failures after which a task fails for good."""

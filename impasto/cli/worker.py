@@ -17,12 +17,13 @@ from impasto.cli.options import DatabaseOption, HomeOption, home_of
 
 if TYPE_CHECKING:
     from service.settings import Settings
+    from workers.ray_node import RayNode
 
 EPILOG = """[bold]Examples[/bold]
 
 impasto worker --database postgresql://impasto@db/impasto --blobs s3://films/impasto --workers 4
 
-impasto worker --ray-address head.internal:6379 --workers 8 --gpus 1
+impasto worker --ray-address head.internal:6379 --workers 8 --gpus 1 --memory 24
 
 The first asks the stores for tasks, as `impasto serve` does: the same stores, a home of its own on a local disk.
 The second makes this machine a node of a Ray cluster, which `impasto serve --farm ray --ray-address` uses.
@@ -40,6 +41,9 @@ def worker(
     s3_endpoint: Annotated[str | None, typer.Option(metavar="URL", help="An S3 server that is not Amazon's.")] = None,
     ray_address: Annotated[str | None, typer.Option(help="HOST:PORT of a Ray cluster that this machine joins.")] = None,
     gpus: Annotated[float | None, typer.Option(min=0, help="With --ray-address: GPUs to offer; else all.")] = None,
+    memory: Annotated[
+        float | None, typer.Option(min=0.5, help="With --ray-address: GiB for tasks; else most of what is free.")
+    ] = None,
     name: Annotated[str | None, typer.Option(help="With --ray-address: the node's name; else the host's.")] = None,
     grace_s: Annotated[float, typer.Option(min=0, help="How long running tasks may take to end.")] = GRACE_S,
     metrics_port: Annotated[
@@ -53,6 +57,7 @@ def worker(
     from impasto.settings import load
     from service.settings import Settings
     from workers.logs import set_up_logs
+    from workers.ray_node import RayNode
 
     settings = load(
         Settings,
@@ -66,7 +71,8 @@ def worker(
     )
     set_up_logs(settings)
     if ray_address is not None:
-        _join_cluster(settings, ray_address, name or socket.gethostname(), gpus, grace_s)
+        node = RayNode(ray_address, name or socket.gethostname(), settings.workers, gpus, memory)
+        _join_cluster(settings, node, grace_s)
         return
     _join_farm(settings, grace_s, metrics_port)
 
@@ -89,17 +95,15 @@ def _join_farm(settings: Settings, grace_s: float, metrics_port: int | None) -> 
             farm.stop()
 
 
-def _join_cluster(settings: Settings, address: str, name: str, gpus: float | None, grace_s: float) -> None:
+def _join_cluster(settings: Settings, node: RayNode, grace_s: float) -> None:
     """Be a node of a Ray cluster until a signal comes; then let what runs here end, if the database can be asked."""
-    from workers.ray_node import RayNode
-
     signals = _Signals()
-    with RayNode(address, name, settings.workers, gpus) as node:
-        typer.echo(name)
+    with node:
+        typer.echo(node.name)
         while not signals.first.wait(0.5):
             node.check()
         if settings.database_url:
-            _empty(settings, name, signals, grace_s)
+            _empty(settings, node.name, signals, grace_s)
 
 
 def _empty(settings: Settings, name: str, signals: _Signals, grace_s: float) -> None:

@@ -80,13 +80,14 @@ class Brief:
 
 @dataclass(frozen=True)
 class Needs:
-    """What a task has of a machine to itself while it runs."""
+    """What a task has of a machine to itself while it runs. What is not said here, the farm's settings say."""
 
-    cpus: float = 1.0
-    gpus: float = 0.0
-    """A part of one (0.25: four such tasks share a GPU), or whole ones."""
+    cpus: float | None = None
+    gpus: float | None = None
+    """A part of one (0.25: four such tasks share a GPU), or whole ones. 0: it computes on processors, whatever there
+    is; None: it computes on the process's compute device, and takes of a GPU what the farm gives to such tasks."""
     memory_bytes: int = 0
-    """Its peak; 0: no more than a processor's share."""
+    """Its peak, and that of the process that it runs in; 0: nothing in particular."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +107,8 @@ class Task:
     """Expected cost, for progress and ETA, in one unit for all steps of the method: what it costs to paint one frame.
     A pass that only decodes and looks is about 0.05 a frame."""
     needs: Needs | None = None
-    """Where it can run; None: anywhere (what that is, the farm's settings say)."""
+    """What it has of a machine; None: what the method's `needs` says of its step, if it has such, else what the farm's
+    settings say."""
 
 
 class Bench(Protocol):
@@ -301,6 +303,29 @@ def input_schemas(chosen: Method) -> Mapping[str, Callable[[], Note]]:
     attribute `input_schemas`."""
     found: Mapping[str, Callable[[], Note]] = getattr(chosen, "input_schemas", {})
     return found
+
+
+PROCESS_BYTES = 512 << 20
+"""Of a process that runs tasks, before its first: our libraries, compiled kernels, and the children that decode."""
+
+
+def needs_of(chosen: Method, step: str, brief: Brief) -> Needs | None:
+    """What a task of a step has of a machine, where the method can say: its attribute `needs`, called with the step's
+    name and the brief. Memory goes by the size of the frames and of the window, never by the video's length."""
+    says: Callable[[str, Brief], Needs] | None = getattr(chosen, "needs", None)
+    return None if says is None else says(step, brief)
+
+
+def working(video: VideoInfo, bytes_a_pixel: float, device: bool = False) -> Needs:
+    """Needs of a task that keeps so many bytes for each pixel of a frame.
+
+    Args:
+        device: it computes on the process's compute device.
+    """
+    return Needs(
+        gpus=None if device else 0.0,
+        memory_bytes=PROCESS_BYTES + int(bytes_a_pixel * video.width * video.height),
+    )
 
 
 def seeded(seed: int, *purpose: int) -> np.random.Generator:

@@ -31,7 +31,7 @@ def cluster() -> Iterator[Any]:
     handler = signal.getsignal(signal.SIGTERM)  # Ray's test cluster takes it
     made = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, "node_name": "head"})
     made.named = {
-        name: made.add_node(num_cpus=2, num_gpus=gpus, node_name=name, object_store_memory=80 << 20)
+        name: made.add_node(num_cpus=2, num_gpus=gpus, node_name=name, object_store_memory=80 << 20, memory=2200 << 20)
         for name, gpus in (("east", 0), ("west", 1))
     }
     made.wait_for_nodes()
@@ -47,8 +47,9 @@ def farm(cluster: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stu
 
     home = tmp_path_factory.mktemp("nodes")
     settings = FarmSettings(
-        home=home, pool="ray", workers=3, ray_address=cluster.address, reserve_bytes=0, retry_delay_s=0.02
-    )
+        home=home, pool="ray", workers=3, ray_address=cluster.address, reserve_bytes=0, retry_delay_s=0.02,
+        task_memory_bytes=64 << 20, room_s=8,
+    )  # fmt: skip
     blobs = DiskBlobs(settings.blobs_at)
     studio = Studio(settings, RayPool(blobs, settings, ToyRunner))
     studio.start()
@@ -93,7 +94,36 @@ def test_a_task_runs_where_there_is_what_it_needs(farm: Studio, data: Path) -> N
     assert job.state == "succeeded", job.error
     slots = [slot for slot in _slots(farm) if slot.gpus == 0.5]
     assert slots and {slot.node for slot in slots} == {"west"}
-    assert {(slot.cpus, slot.memory_bytes) for slot in slots} == {(1.0, 64 << 20)}
+    assert {(slot.cpus, slot.memory_bytes) for slot in slots} == {(1.0, 512 << 20)}
+
+
+def test_no_machine_is_given_more_than_it_has(farm: Studio, data: Path) -> None:
+    """Two machines of 2.2 GiB, three workers, tasks of 2 GiB: one on each machine, while the third waits."""
+    params = {"tasks": 6, "sleep_s": 1.0, "memory_mib": 2048}
+    job = farm.submit(request_on(farm, data, seed=13, params=params)).id
+    most = 0
+    while not farm.job(job).state.final:
+        large = [slot.node for slot in _slots(farm) if slot.memory_bytes == 2 << 30]
+        most = max(most, len(large))
+        assert len(large) == len(set(large)), "two large tasks on one machine"
+    assert farm.job(job).state == "succeeded", farm.job(job).error
+    assert most == 2
+
+
+def test_what_no_machine_could_hold_says_so_and_fails_and_the_farm_goes_on(farm: Studio, data: Path) -> None:
+    job = farm.submit(request_on(farm, data, seed=14, params={"tasks": 2, "memory_mib": 64 << 10})).id
+
+    def waits() -> bool:
+        attempts = [attempt for task in farm.tasks(job).items for attempt in task.attempts]
+        return any("65536 MiB: no machine has that" in attempt["worker"] for attempt in attempts)
+
+    until(waits, 30)
+    ended = finished(farm, job, 60)
+    assert ended.state == "failed" and ended.error is not None
+    assert ended.error.code == "no-room" and "65536 MiB" in ended.error.message and "east" in ended.error.message
+    after = finished(farm, farm.submit(request_on(farm, data, seed=15)).id, 60)
+    assert after.state == "succeeded"
+    until(lambda: len(_slots(farm)) == 3, 60)
 
 
 def test_a_node_joins_works_and_leaves_with_its_work_done(

@@ -21,7 +21,7 @@ from pipeline.methods.abstraction.plan import (
     run_scan,
 )
 from pipeline.methods.abstraction.session import AbstractionSession
-from pipeline.methods.base import Example, InputSpec, Params, Step
+from pipeline.methods.base import Brief, Example, InputSpec, Needs, Params, Step, working
 
 __all__ = ["Abstraction", "AbstractionParams", "AbstractionSession"]
 
@@ -65,6 +65,12 @@ class Abstraction:
         Example("watercolour", "Soft shapes, no lines", {"lines": "off", "growing_limit": 14, "boundary_smoothing": 9}),
         Example("fine", "Fine detail", {"growing_limit": 12, "smallest_region": 0.05, "line_width": 1.8}),
     )
+
+    @staticmethod
+    def needs(step: str, brief: Brief) -> Needs:
+        """Peaks by `python -m benchmarks.needs`, and a fifth more. Lines along the flow are made on the device."""
+        painting = step == "abstract"
+        return working(brief.video, 450 if painting else 60, device=painting and brief.params.lines == "flow")
 
     def stream(
         self, params: Any, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]

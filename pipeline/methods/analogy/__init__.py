@@ -12,10 +12,10 @@ from typing import Any, ClassVar
 from pipeline.frames import Frame
 from pipeline.methods.analogy.composite import run_composite
 from pipeline.methods.analogy.params import AnalogyParams
-from pipeline.methods.analogy.plan import plan_composite, plan_synthesis
+from pipeline.methods.analogy.plan import plan_composite, plan_synthesis, run_frames
 from pipeline.methods.analogy.run import run_synthesis
 from pipeline.methods.analogy.scan import plan_scan, run_scan
-from pipeline.methods.base import Example, InputSpec, Params, Session, Step
+from pipeline.methods.base import Brief, Example, InputSpec, Needs, Params, Session, Step, working
 
 __all__ = ["Analogy", "AnalogyParams"]
 
@@ -85,6 +85,13 @@ class Analogy:
         Example("varied", "No repeats", {"variety_weight": 200}),
         Example("frames", "Each frame on its own", {"temporal": "off"}),
     )
+
+    @staticmethod
+    def needs(step: str, brief: Brief) -> Needs:
+        """Peaks by `python -m benchmarks.needs`, and a fifth more: what is worked at, and the offsets of a run as they
+        were and as they become. All but the scan computes on the device."""
+        at_work = 60 if step == "scan" else 400 + 24 * run_frames((brief.video.width, brief.video.height))
+        return working(brief.video, at_work, device=step != "scan")
 
     def stream(
         self, params: Any, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]

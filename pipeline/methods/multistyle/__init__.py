@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any, ClassVar
 
 from pipeline.frames import Frame
-from pipeline.methods.base import Example, InputSpec, Params, Step
+from pipeline.methods.base import Brief, Example, InputSpec, Needs, Params, Step, working
 from pipeline.methods.multistyle.design import schema
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.plan import (
@@ -61,6 +61,11 @@ class Multistyle:
 
     sketch = staticmethod(sketch)
     input_schemas: ClassVar[Mapping[str, Callable[[], dict[str, Any]]]] = {"design": schema}
+
+    @staticmethod
+    def needs(step: str, brief: Brief) -> Needs:
+        """Peaks by `python -m benchmarks.needs`, and a fifth more."""
+        return working(brief.video, 60 if step == "scan" else 300)
 
     def stream(
         self, params: Any, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]

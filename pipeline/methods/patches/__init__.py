@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar
 
 from pipeline.frames import Frame
-from pipeline.methods.base import Example, InputSpec, Params, Session, Step
+from pipeline.methods.base import Brief, Example, InputSpec, Needs, Params, Session, Step, working
 from pipeline.methods.patches.artefacts import ARTEFACTS
 from pipeline.methods.patches.build import plan_patch, run_patch
 from pipeline.methods.patches.clusters import plan_cluster, run_cluster
@@ -68,6 +68,11 @@ class Patches:
         Example("broad", "Broad strokes", {"stroke_size": 1.6, "threshold": 40}),
         Example("wash", "A washed background", {"background_style": "wash"}),
     )
+
+    @staticmethod
+    def needs(step: str, brief: Brief) -> Needs:
+        """Peaks by `python -m benchmarks.needs`, and a fifth more."""
+        return working(brief.video, 60 if step == "scan" else 500)
 
     def stream(
         self, params: Any, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]

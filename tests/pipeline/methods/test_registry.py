@@ -16,7 +16,7 @@ import pipeline
 from pipeline.errors import BadInput, BadParameter
 from pipeline.frames import Frame
 from pipeline.methods import method, methods, parse_params
-from pipeline.methods.base import Method, VideoInfo, seeded
+from pipeline.methods.base import PROCESS_BYTES, Brief, Method, VideoInfo, needs_of, seeded
 from pipeline.scenes import scene
 from tests.pipeline.methods.bench import FakeBench, painted, run_plan
 
@@ -83,6 +83,20 @@ def test_its_examples_are_valid_and_differ(chosen: Method) -> None:
     assert all(example.title for example in chosen.examples)
     for example in chosen.examples:
         jsonschema.validate(example.params, chosen.Params.model_json_schema())
+
+
+@every_method
+def test_what_a_step_needs_goes_by_the_size_of_frames_and_not_by_their_number(chosen: Method) -> None:
+    def asked(step: str, width: int, height: int, frames: int = 100) -> int:
+        brief = Brief(chosen.Params(), 0, VideoInfo(width, height, frames, 25.0, frames / 25))
+        needs = needs_of(chosen, step, brief)
+        assert needs is not None and needs.gpus in (None, 0.0)
+        return needs.memory_bytes
+
+    for step in (step.name for step in chosen.steps):
+        assert PROCESS_BYTES < asked(step, 64, 48) < 2 * PROCESS_BYTES
+        assert asked(step, 640, 360) < asked(step, 1280, 720) < asked(step, 3840, 2160) < 16 << 30
+        assert asked(step, 640, 360) == asked(step, 640, 360, 100_000)
 
 
 # -- what is refused
