@@ -6,7 +6,8 @@
 Two farms stand side by side, each a Ray cluster of its own with one worker and with two, and take turns at the same
 job. A worker is one processor here: it and its decoders are bound to one (one worker alone would else use both, since a
 task has threads of its own). What a step took is read from the farm's own record of attempts, from the first one's
-start to the last one's end; a step whose tasks come one after the other (`scan`, `assemble`) cannot gain and is told apart.
+start to the last one's end; a step of one task (`scan`, `assemble`) cannot gain, and steps of several are summed up
+apart.
 """
 
 from __future__ import annotations

@@ -1,17 +1,24 @@
-"""`python -m tests.chaos --seeds 10 --faults 12 --away 5 20`: many runs, and a table of what they have shown."""
+"""`python -m tests.chaos --seeds 10 --faults 12 --away 5 20`: many runs, and a table of what they have shown.
+
+`--only kill_worker` does one fault again and again, `--cluster` lets tasks run on a Ray cluster of several nodes.
+"""
 
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 
 import pipeline.methods
 from pipeline.video.probe import probe
-from tests.chaos.run import SHAPES, Outcome, run, submit
+from tests.chaos.faults import BY_NAME, FAULTS, OF_A_CLUSTER, OF_ROOT, SHAPES, Scene
+from tests.chaos.raylets import Raylets
+from tests.chaos.run import Outcome, run, submit
 from tests.real.postgres import Postgres
 from tests.real.swift import Swift
 from tests.workers.real_farm import real_settings
@@ -47,6 +54,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--seeds", type=int, default=10, help="runs, one a seed")
     parser.add_argument("--first", type=int, default=1, help="the first seed")
     parser.add_argument("--faults", type=int, default=9, help="faults a run")
+    parser.add_argument("--only", nargs="+", choices=sorted(BY_NAME), help="these faults; else all that can be done")
+    parser.add_argument("--cluster", action="store_true", help="tasks run on a Ray cluster of several nodes")
     parser.add_argument("--away", type=float, nargs=2, default=(0.5, 5.0), help="s that stores stay away")
     return parser
 
@@ -54,14 +63,24 @@ def _parser() -> argparse.ArgumentParser:
 def _runs(given: argparse.Namespace, folder: Path, postgres: Postgres, s3: Swift) -> list[Outcome]:
     expected = undisturbed(folder)
     found = []
+    raylets = Raylets() if given.cluster else None
     for seed in range(given.first, given.first + given.seeds):
         place = folder / f"run-{seed}"
         place.mkdir()
         settings = real_settings(postgres, s3, place / "home")
-        began = time.monotonic()
-        found.append(run(settings, place, postgres, s3, expected, seed, given.faults, tuple(given.away)))
+        began, away = time.monotonic(), tuple(given.away)
+        faults = _faults(given)
+        found.append(run(settings, place, postgres, s3, expected, seed, given.faults, away, faults, raylets))
         print(f"seed {seed}: {time.monotonic() - began:.0f} s, lost {found[-1].lost}", flush=True)
+    if raylets is not None:
+        raylets.close()
     return found
+
+
+def _faults(given: argparse.Namespace) -> tuple[Callable[[Scene], None], ...]:
+    if given.only:
+        return tuple(BY_NAME[name] for name in given.only)
+    return (*FAULTS, *(OF_A_CLUSTER if given.cluster else ()), *(() if os.getuid() else OF_ROOT))
 
 
 def undisturbed(folder: Path) -> list[bytes]:

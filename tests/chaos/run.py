@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import StorageError
-from tests.chaos.faults import FAULTS, Scene
+from tests.chaos.faults import FAULTS, SHAPES, Scene
+from tests.chaos.raylets import Raylets
 from tests.real.postgres import Postgres
 from tests.real.swift import Swift
 from tests.workers.real_farm import Worker
@@ -19,12 +20,6 @@ from workers.model import Job, JobRequest
 from workers.settings import FarmSettings
 from workers.studio import Studio
 
-SHAPES: tuple[dict[str, Any], ...] = (
-    {"tasks": 10, "chain": True, "sleep_s": 0.05},
-    {"tasks": 16, "sleep_s": 0.1},
-    {"tasks": 8, "chain": True, "sleep_s": 0.1},
-)
-"""Parameters of the toy method."""
 PATIENCE_S = 180.0
 
 
@@ -35,7 +30,7 @@ class Outcome:
     faults: Counter[str]
     jobs: int
     lost: int
-    """Jobs that did not succeed, or made other bytes."""
+    """Jobs that did not succeed, or made other bytes; of those with a task that always fails, that did not fail so."""
     attempts: Counter[str]
     """Ended attempts by outcome."""
     running: int
@@ -55,6 +50,8 @@ def run(
     seed: int,
     times: int,
     away_s: tuple[float, float] = (0.5, 2.0),
+    faults: Sequence[Callable[[Scene], None]] = FAULTS,
+    raylets: Raylets | None = None,
 ) -> Outcome:
     """`times` times: submit a job of every shape, and do a fault to those who work. Then look at what is left.
 
@@ -63,25 +60,35 @@ def run(
         folder: for the workers' homes and the input.
         expected: bytes that undisturbed jobs of `SHAPES` make.
         seed: of faults, their order, their victims and their times.
+        faults: that are done.
+        raylets: nodes for the tasks; None: they run in the workers.
     """
-    chance = random.Random(seed)
     asking = Studio(settings, None)
     asking.start()
-    workers = [Worker(settings, folder / name) for name in ("one", "two")]
+    theirs = settings if raylets is None else _on(settings, raylets)
+    workers = [Worker(theirs, folder / name) for name in ("one", "two")]
     for worker in workers:
         worker.start()
     for worker in workers:
         worker.wait_up()
-    scene = Scene(asking, workers, postgres, s3, chance, settings.lease_s, away_s)
+    chance = random.Random(seed)
+    scene = Scene(settings, folder, asking, workers, postgres, s3, chance, settings.lease_s, away_s, raylets)
     try:
-        faults, jobs = _do(scene, folder, times)
-        ended = [_patiently(lambda job=job: _final(asking, job)) for job in jobs]  # type: ignore[misc]
-        return _patiently(lambda: _judge(asking, ended, [*expected] * times, faults))
+        done = _do(scene, times, faults)
+        ended = [_patiently(lambda job=job: _final(asking, job)) for job, _ in scene.jobs]  # type: ignore[misc]
+        poisoned = [_patiently(lambda job=job: _final(asking, job)) for job in scene.poisoned]  # type: ignore[misc]
+        wanted = [expected[shape] for _, shape in scene.jobs]
+        return _patiently(lambda: _judge(asking, ended, wanted, poisoned, done))
     finally:
         for worker in workers:
             worker.thaw()
             worker.kill()
         asking.stop()
+
+
+def _on(settings: FarmSettings, raylets: Raylets) -> FarmSettings:
+    changes = {"pool": "ray", "ray_address": raylets.address, "task_memory_bytes": 0, "live_sessions": 0}
+    return settings.model_copy(update=changes)
 
 
 def submit(farm: Studio, folder: Path, shape: dict[str, Any]) -> str:
@@ -91,18 +98,18 @@ def submit(farm: Studio, folder: Path, shape: dict[str, Any]) -> str:
     return farm.submit(JobRequest("toy", {"data": asset.id}, shape, seed=7)).id
 
 
-def _do(scene: Scene, folder: Path, times: int) -> tuple[Counter[str], list[str]]:
-    """Faults in a shuffled order, each as often as the others if there are so many; and the jobs they came upon."""
-    whole = list(FAULTS) * (times // len(FAULTS))
-    order = [*whole, *scene.chance.sample(FAULTS, times - len(whole))]
+def _do(scene: Scene, times: int, faults: Sequence[Callable[[Scene], None]]) -> Counter[str]:
+    """Faults in a shuffled order, each as often as the others if there are so many; jobs come before each."""
+    whole = list(faults) * (times // len(faults))
+    order = [*whole, *scene.chance.sample(faults, times - len(whole))]
     scene.chance.shuffle(order)
-    jobs: list[str] = []
     for fault in order:
-        for shape in SHAPES:
-            jobs.append(_patiently(lambda shape=shape: submit(scene.asking, folder, shape)))  # type: ignore[misc]
+        for number, shape in enumerate(SHAPES):
+            job = _patiently(lambda shape=shape: submit(scene.asking, scene.folder, shape))  # type: ignore[misc]
+            scene.jobs.append((job, number))
         time.sleep(scene.chance.uniform(0.1, 0.8))
         fault(scene)
-    return Counter(fault.__name__ for fault in order), jobs
+    return Counter(fault.__name__ for fault in order)
 
 
 def _patiently(ask: Callable[[], Any]) -> Any:
@@ -123,13 +130,26 @@ def _final(farm: Studio, job_id: str) -> Job | None:
     return job if job.state.final else None
 
 
-def _judge(farm: Studio, jobs: list[Job], expected: Sequence[bytes], faults: Counter[str]) -> Outcome:
+def _judge(
+    farm: Studio, jobs: list[Job], expected: Sequence[bytes], poisoned: list[Job], faults: Counter[str]
+) -> Outcome:
     made = [b"".join(farm.read(farm.file(job.id, "result"))) if job.results else b"" for job in jobs]
     lost = sum(job.state != "succeeded" or got != want for job, got, want in zip(jobs, made, expected, strict=True))
+    lost += sum(not _failed_as_it_should(farm, job) for job in poisoned)
     tasks = [task for job in jobs for task in farm.tasks(job.id, limit=200).items]
     found = Counter(attempt["outcome"] for task in tasks for attempt in task.attempts)
     twice = sum([a["outcome"] for a in task.attempts].count("succeeded") != 1 for task in tasks)
     farm._tidier.sweep()
     kept = {key for job in jobs for key in farm._store.jobs.blob_keys(job.id)}
-    orphans = len(set(farm._blobs.keys("jobs/")) - kept)
-    return Outcome(faults, len(jobs), lost, found, found.pop("running", 0), twice, orphans)
+    mine = {key for job in poisoned for key in farm._blobs.keys(f"jobs/{job.id}/")}
+    orphans = len(set(farm._blobs.keys("jobs/")) - kept - mine)
+    return Outcome(faults, len(jobs) + len(poisoned), lost, found, found.pop("running", 0), twice, orphans)
+
+
+def _failed_as_it_should(farm: Studio, job: Job) -> bool:
+    """One task has used up its attempts, each with a log; what others have done is kept."""
+    tasks = {task.key: task for task in farm.tasks(job.id, limit=200).items}
+    bad = tasks["run-1"]
+    failures = [attempt for attempt in bad.attempts if attempt["outcome"] == "failed"]
+    kept = tasks["run-0"].state == "succeeded"
+    return job.state == "failed" and len(failures) == 3 and "keyboard" in farm.task_log(bad.id) and kept

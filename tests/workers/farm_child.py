@@ -1,29 +1,69 @@
-"""A farm as a process of its own, to be killed, frozen and started again: its settings come on stdin, as JSON."""
+"""A farm as a process of its own, to be killed, frozen and started again: its settings come on stdin, as JSON.
+
+With the pool "none" it accepts: every further line is a request, answered with the id of the job once that is accepted.
+SIGUSR1 sets its clock an hour forward, and back at the next one.
+"""
 
 from __future__ import annotations
 
+import json
+import signal
 import sys
 import threading
+import time
+from types import FrameType
 
 import pipeline.methods
 from pipeline.video.probe import probe
 from tests.workers.toy import Toy, ToyRunner
 from workers import studio as studio_module
+from workers.blobs.base import Blobs
 from workers.blobs.opened import open_blobs
 from workers.local_pool import LocalPool
+from workers.model import JobRequest
+from workers.pool import Pool
 from workers.settings import FarmSettings
 from workers.studio import Studio
+
+STEP_S = 3600.0
+_told_time = time.time
+_ahead_s = 0.0
 
 
 def main() -> None:
     pipeline.methods.methods = lambda: {"toy": Toy()}  # type: ignore[assignment]
     studio_module.probe_guarded = probe
+    time.time = lambda: _told_time() + _ahead_s
+    signal.signal(signal.SIGUSR1, _step)
     settings = FarmSettings.model_validate_json(sys.stdin.readline())
-    blobs = open_blobs(settings)
-    farm = Studio(settings, LocalPool(lambda: ToyRunner(blobs), settings.workers))
+    farm = Studio(settings, _pool(settings, open_blobs(settings)))
     farm.start()
     print("up", flush=True)
+    if settings.pool == "none":
+        _accept(farm)
     threading.Event().wait()
+
+
+def _step(number: int, frame: FrameType | None) -> None:
+    global _ahead_s
+    _ahead_s = 0.0 if _ahead_s else STEP_S
+
+
+def _pool(settings: FarmSettings, blobs: Blobs) -> Pool | None:
+    if settings.pool == "none":
+        return None
+    if settings.pool == "local":
+        return LocalPool(lambda: ToyRunner(blobs), settings.workers)
+    from workers.ray_pool import RayPool
+
+    return RayPool(blobs, settings, ToyRunner)
+
+
+def _accept(farm: Studio) -> None:
+    for line in sys.stdin:
+        asked = json.loads(line)
+        request = JobRequest("toy", {"data": asked["asset"]}, asked["params"], seed=7)
+        print(farm.submit(request, idempotency_key=asked["key"]).id, flush=True)
 
 
 if __name__ == "__main__":

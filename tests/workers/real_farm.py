@@ -65,6 +65,10 @@ class Worker:
         if self._process is not None:
             self._process.wait()
 
+    def step_clock(self) -> None:
+        """Its clock jumps an hour: forward, and back at the next call."""
+        self._signal(signal.SIGUSR1)
+
     def freeze(self) -> None:
         self._signal(signal.SIGSTOP)
 
@@ -74,3 +78,21 @@ class Worker:
     def _signal(self, which: signal.Signals) -> None:
         if self._process is not None and self._process.poll() is None:
             self._process.send_signal(which)
+
+
+class Accepting(Worker):
+    """A farm that runs nothing and accepts jobs, as a service does."""
+
+    def __init__(self, settings: FarmSettings, home: Path) -> None:
+        super().__init__(settings.model_copy(update={"pool": "none"}), home)
+
+    def submit(self, asset: str, params: dict[str, Any], key: str) -> str:
+        """The id of the accepted job; empty if the process has died before it said so."""
+        assert self._process is not None and self._process.stdin is not None and self._process.stdout is not None
+        try:
+            self._process.stdin.write(json.dumps({"asset": asset, "params": params, "key": key}) + "\n")
+            self._process.stdin.flush()
+        except BrokenPipeError:
+            return ""
+        line = self._process.stdout.readline()
+        return line.strip() if line.endswith("\n") else ""

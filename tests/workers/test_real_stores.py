@@ -15,7 +15,8 @@ from sqlalchemy import make_url
 from pipeline.video.probe import probe
 from tests.chaos import run as chaos
 from tests.chaos.__main__ import undisturbed
-from tests.chaos.run import SHAPES, submit
+from tests.chaos.faults import SHAPES
+from tests.chaos.run import submit
 from tests.real.postgres import Postgres
 from tests.real.swift import Swift
 from tests.workers.conftest import finished, request_on, result, until
