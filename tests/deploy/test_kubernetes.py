@@ -122,6 +122,31 @@ def test_secrets_are_referred_to_and_settings_are_ours() -> None:
     assert host == f"{cluster()['metadata']['name']}-head-svc.{of('Namespace')['metadata']['name']}.svc.cluster.local"
 
 
+def test_with_gpus_tasks_are_lent_a_part_of_one() -> None:
+    told = yaml.safe_load((HERE / "gpu" / "kustomization.yaml").read_text())["patches"]
+    targets = {patch["path"]: patch["target"] for patch in told}
+    assert targets["settings.yaml"] == {
+        "version": "v1",
+        "kind": "ConfigMap",
+        "name": of("ConfigMap")["metadata"]["name"],
+    }
+    (patch,) = yaml.safe_load((HERE / "gpu" / "settings.yaml").read_text())
+    name = patch["path"].rpartition("/")[2].removeprefix("IMPASTO_").lower()
+    settings = Settings.model_validate({name: patch["value"]})
+    group = next(row for row in cluster()["spec"]["workerGroupSpecs"] if row["groupName"] == "gpu")
+    (container,) = group["template"]["spec"]["containers"]
+    assert 0 < settings.task_gpus <= int(container["resources"]["limits"]["nvidia.com/gpu"])
+
+
+def test_a_worker_has_memory_for_a_task_a_processor() -> None:
+    """What Ray gives out is the container's, less its object store."""
+    for group in cluster()["spec"]["workerGroupSpecs"]:
+        (container,) = group["template"]["spec"]["containers"]
+        limits = container["resources"]["limits"]
+        left = (int(limits["memory"].removesuffix("Gi")) << 30) - int(group["rayStartParams"]["object-store-memory"])
+        assert 0.8 * left >= int(limits["cpu"]) * Settings().task_memory_bytes
+
+
 def test_nothing_comes_in_unless_it_is_said() -> None:
     policies = [row for row in documents() if row["kind"] == "NetworkPolicy"]
     closed = [row for row in policies if row["spec"]["podSelector"] == {} and "Ingress" in row["spec"]["policyTypes"]]
