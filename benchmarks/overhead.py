@@ -22,29 +22,60 @@ import psutil
 from benchmarks.loops import looped, source
 
 CLIP, SIZE = "dog_720p_audio.mp4", "1280x720"
-FRAMES = {"abstraction": 300, "multistyle": 300, "patches": 60, "analogy": 40}
-"""The slow ones are shorter: what a job costs once weighs more in a short one, so that this is no favour."""
+FRAMES = {"abstraction": (60, 120), "multistyle": (36, 72), "patches": (24, 48), "analogy": (3, 6)}
+"""Two lengths of a method: what a job costs once and what a frame costs follow from them."""
+LONG = 300
 
 
 def main() -> None:
-    """Print a row for each method; `python -m benchmarks.overhead METHOD FRAMES` does one."""
-    wanted = {sys.argv[1]: int(sys.argv[2])} if __name__ == "__main__" and len(sys.argv) > 2 else FRAMES
+    """Print two rows for each method, and what follows from them for LONG frames: a job of so many frames of analogy
+    would take an hour. About four minutes on two quiet processors.
+
+    `python -m benchmarks.overhead METHOD` does one of them, `METHOD FRAMES` a job of that length.
+    """
+    words = sys.argv[1:] if __name__ == "__main__" else []
+    names = words[:1] or list(FRAMES)
     print(f"{'method':>12} {'frames':>7} {'wall s':>7} {'CPU s':>8} {'overhead s':>11} {'share':>7}   where, CPU s")
-    spawn = multiprocessing.get_context("spawn")
     with tempfile.TemporaryDirectory(prefix="impasto-overhead-") as scratch:
-        folder = Path(scratch)
-        clip = source(CLIP, SIZE, folder)
-        for name, frames in wanted.items():
-            long = looped(clip, frames, folder / f"{name}.mp4")
-            with spawn.Pool(1) as one:
-                wall, total, parts = one.apply(measure, (name, long, folder / f"home-{name}"))
-            cost = sum(parts.values())
-            where = "  ".join(f"{part} {seconds:.2f}" for part, seconds in sorted(parts.items()))
-            figures = f"{wall:7.1f} {total:8.1f} {cost:11.2f} {cost / total:7.2%}"
-            print(f"{name:>12} {frames:7} {figures}   {where}", flush=True)
+        clip = source(CLIP, SIZE, Path(scratch))
+        for name in names:
+            lengths = (int(words[1]),) if len(words) > 1 else FRAMES[name]
+            runs = [(frames, _job(name, frames, clip, Path(scratch))) for frames in lengths]
+            for frames, run in runs:
+                _row(name, f"{frames}", *run)
+            if len(runs) == 2:
+                _row(name, f"~{LONG}", *_prolonged(*runs))
 
 
-def measure(name: str, clip: Path, home: Path) -> tuple[float, float, dict[str, float]]:
+Run = tuple[float, float, dict[str, float]]
+"""Wall seconds, CPU seconds, those of the overhead by part."""
+
+
+def _job(name: str, frames: int, clip: Path, folder: Path) -> Run:
+    """In a process of its own."""
+    long = looped(clip, frames, folder / f"{name}-{frames}.mp4")
+    with multiprocessing.get_context("spawn").Pool(1) as one:
+        return one.apply(measure, (name, long, folder / f"home-{name}-{frames}"))
+
+
+def _prolonged(first: tuple[int, Run], second: tuple[int, Run]) -> Run:
+    """A job of LONG frames, by the straight line through two shorter ones: computed, not run."""
+    (a, (wall_a, total_a, parts_a)), (b, (wall_b, total_b, parts_b)) = first, second
+
+    def at(of_a: float, of_b: float) -> float:
+        return max(of_b, of_b + (of_b - of_a) * (LONG - b) / (b - a))
+
+    parts = {part: at(parts_a.get(part, 0.0), seconds) for part, seconds in parts_b.items()}
+    return at(wall_a, wall_b), at(total_a, total_b), parts
+
+
+def _row(name: str, frames: str, wall: float, total: float, parts: dict[str, float]) -> None:
+    cost = sum(parts.values())
+    where = "  ".join(f"{part} {seconds:.2f}" for part, seconds in sorted(parts.items()))
+    print(f"{name:>12} {frames:>7} {wall:7.1f} {total:8.1f} {cost:11.2f} {cost / total:7.2%}   {where}", flush=True)
+
+
+def measure(name: str, clip: Path, home: Path) -> Run:
     """Of a job: wall seconds, CPU seconds of the process, those of the overhead by part."""
     from impasto.cli import embedded
     from pipeline.methods import method, parse_params

@@ -31,9 +31,9 @@ log = logging.getLogger(__name__)
 
 _BUSY_TICK_S = 0.4
 """While something runs: how often progress is written and cancelled attempts are looked for."""
-_LIVELY_S = 4.0
-"""How long progress is written at every tick after a rest. Then every third: nobody watches each step of long work, and
-writing it would cost a fast method percents of its time."""
+_PACES = ((4.0, 1), (30.0, 3), (float("inf"), 6))
+"""So long after a rest, progress is written at every tick, then at every third, then every sixth: nobody watches each
+step of long work, and to write it and have it read would cost a fast method percents of its time."""
 _IDLE_TICK_S = 1.0
 """How soon work that another process has accepted is seen."""
 _MAX_BACK_OFF_S = 15.0
@@ -250,8 +250,8 @@ class Dispatcher:
     def _tell_progress(self) -> None:
         news = {attempt_id: flight for attempt_id, flight in self._flights.items() if not flight.told}
         now = time.monotonic()
-        lively = now - self._rested < _LIVELY_S
-        if not news or now - self._told < _BUSY_TICK_S * (1 if lively else 3):
+        ticks = next(ticks for until_s, ticks in _PACES if now - self._rested < until_s)
+        if not news or now - self._told < _BUSY_TICK_S * ticks:
             return
         self._told = now
         self._store.work.progress(

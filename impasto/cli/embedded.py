@@ -17,6 +17,8 @@ from workers.model import Job, JobRequest, TaskView
 
 _BEAT_S = 0.5
 """Events come in flocks: one look for each flock is enough for the eye, and leaves the processor to the painting."""
+_LOOK_S = 5.0
+"""When the job is looked at again though nothing has been heard of it."""
 
 
 @contextmanager
@@ -49,7 +51,7 @@ def follow(farm: Farm, job_id: str, show: Show) -> Job:
         while not (job := farm.job(job_id)).state.final:
             show(dataclasses.asdict(job))
             beat = time.monotonic() + _BEAT_S
-            farm.wait(job_id, seen, timeout_s=0.5)
+            farm.wait(job_id, seen, timeout_s=_LOOK_S)
             events, _ = farm.events(job_id, after=seen)
             seen = events[-1].seq if events else seen
             if all(event.type != "job.state" for event in events):

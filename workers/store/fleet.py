@@ -185,6 +185,9 @@ _HELD_BACK = (
 )
 
 
+_DRAINS = select(schema.drains).order_by(schema.drains.c.at)
+
+
 def _need_place(connection: Connection, place: Place, name: str) -> None:
     """Raise NotFound unless there is one of that name."""
     workers, slots = schema.dispatchers, schema.slots
@@ -198,7 +201,7 @@ def _need_place(connection: Connection, place: Place, name: str) -> None:
 
 
 def _drained(connection: Connection) -> Drained:
-    found = connection.execute(select(schema.drains).order_by(schema.drains.c.at)).mappings()
+    found = connection.execute(_DRAINS).mappings()
     return {(row["place"], row["name"]): Drain(**{**row, "place": Place(row["place"])}) for row in found}
 
 

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from sqlalchemy import Connection, func, insert, select, text, update
+from sqlalchemy import Connection, bindparam, func, insert, select, text, update
 
 from pipeline.methods.base import Task
 from workers import jobs as machine
@@ -17,6 +17,14 @@ from workers.store import schema
 from workers.store.base import Base
 from workers.store.book import JobBook
 from workers.store.records import request_of
+
+# Made once: to put a statement together takes longer than to answer it.
+_TO_PLAN = (
+    select(schema.jobs)
+    .where(text(schema.ACTIVE_TEXT), ~schema.jobs.c.planned)
+    .order_by(schema.jobs.c.priority.desc(), schema.jobs.c.id)
+    .limit(bindparam("most"))
+)
 
 
 @dataclass(frozen=True)
@@ -36,15 +44,8 @@ class Plans(Base):
 
     def to_plan(self, limit: int = 4) -> list[StepToPlan]:
         """Steps to be planned now, most urgent jobs first."""
-        table = schema.jobs
-        query = (
-            select(table)
-            .where(text(schema.ACTIVE_TEXT), ~table.c.planned)
-            .order_by(table.c.priority.desc(), table.c.id)
-            .limit(limit)
-        )
         with self._db.read() as connection:
-            return [_step_to_plan(row) for row in connection.execute(query).mappings()]
+            return [_step_to_plan(row) for row in connection.execute(_TO_PLAN, {"most": limit}).mappings()]
 
     def planned(self, job_id: str, step: int, tasks: Sequence[Task]) -> bool:
         """Keep the tasks of a step; False if another did, or the job has ended since. `tasks` have been checked."""

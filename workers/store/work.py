@@ -128,17 +128,13 @@ class Work(Base):
 
     def mine(self, dispatcher: str) -> set[str]:
         """The dispatcher's attempts that still count."""
-        table = schema.attempts
-        query = select(table.c.id).where(table.c.dispatcher == dispatcher, table.c.outcome == RUNNING)
         with self._db.read() as connection:
-            return set(connection.execute(query).scalars())
+            return set(connection.execute(_MINE, {"dispatcher": dispatcher}).scalars())
 
     def progress(self, signs: Mapping[str, Sign]) -> None:
         """Note how far attempts are (by id), where, and what there is to see; skips those that no longer count."""
-        table = schema.attempts
-        query = select(table.c.id, table.c.job_id).where(table.c.id.in_(signs), table.c.outcome == RUNNING)
         with self._db.read() as connection:
-            rows = connection.execute(query).all()
+            rows = connection.execute(_STILL_RUNNING, {"ids": list(signs)}).all()
         for job_id in {row.job_id for row in rows}:
             self._progress_in(job_id, {row.id: signs[row.id] for row in rows if row.job_id == job_id})
 
@@ -282,6 +278,18 @@ _MADE = select(func.coalesce(func.max(schema.attempts.c.number), 0)).where(
     schema.attempts.c.task_id == bindparam("task_id")
 )
 _ATTEMPT = select(schema.attempts).where(schema.attempts.c.id == bindparam("id"))
+_MINE = select(schema.attempts.c.id).where(
+    schema.attempts.c.dispatcher == bindparam("dispatcher"), schema.attempts.c.outcome == RUNNING
+)
+_STILL_RUNNING = select(schema.attempts.c.id, schema.attempts.c.job_id).where(
+    schema.attempts.c.id.in_(bindparam("ids", expanding=True)), schema.attempts.c.outcome == RUNNING
+)
+_NOTE_PROGRESS = (
+    update(schema.tasks).where(schema.tasks.c.id == bindparam("task_id")).values(progress=bindparam("done"))
+)
+_NOTE_WORKER = (
+    update(schema.attempts).where(schema.attempts.c.id == bindparam("attempt_id")).values(worker=bindparam("by"))
+)
 _JOB_OF = select(schema.attempts.c.job_id).where(schema.attempts.c.id == bindparam("id"))
 _FREES = (
     select(func.count())
@@ -299,9 +307,10 @@ _FREES = (
 
 
 def _note_sign(held: _Held, sign: Sign) -> None:
-    tasks, attempts, connection = schema.tasks, schema.attempts, held.book.connection
-    connection.execute(update(tasks).where(tasks.c.id == held.task["id"]).values(progress=sign.done))
-    connection.execute(update(attempts).where(attempts.c.id == held.attempt["id"]).values(worker=sign.worker))
+    connection = held.book.connection
+    connection.execute(_NOTE_PROGRESS, {"task_id": held.task["id"], "done": sign.done})
+    if sign.worker != held.attempt["worker"]:
+        connection.execute(_NOTE_WORKER, {"attempt_id": held.attempt["id"], "by": sign.worker})
     if sign.preview:
         _keep_file(held.book, "preview", sign.preview, "image/jpeg")
 
