@@ -5,8 +5,8 @@ seconds more than two, and more than one in twenty, were late, or of those of te
 when one of the two halves of the work takes more than a period, at the median of half a second, so that frames are
 dropped. A step may skip rungs.
 
-Up by one rung, when the next size up is expected to fit well for some seconds; twice as many for each time that this
-size was tried and did not hold.
+Up by one rung, when the next size up is expected to fit well for some seconds, the slowest twentieth of its frames
+too; twice as many for each time that this size was tried and did not hold.
 
 Cost, but for decoding, is taken to grow with the side of a frame to the power of 1.2. Measured, 352x288 to 640x480, it
 grows with the pixels to the power of 0.5 to 0.7; a step down that did not suffice is followed by another.
@@ -36,6 +36,10 @@ LATE_WINDOWS = ((2.0, 2, 0.05), (10.0, 3, 0.01))
 """(seconds, late frames, share of all): so that in the long run fewer than one in a hundred frames are late."""
 MARGIN = 0.85
 """A size is chosen so that frames are expected to take this part of what they may."""
+TAIL = 0.95
+AIM = 0.9
+"""Frames that took longer than this part of the deadline count as late: sending takes time as well, and so do tries of
+a larger size."""
 PATIENCE_S, MOST_PATIENCE_S = 3.0, 120.0
 FAILED_WITHIN_S = 20.0
 """A step up that is taken back this soon has failed."""
@@ -184,9 +188,10 @@ class Ladder:
 
     def _often_late(self, now_s: float, period_s: float) -> bool:
         """More than a few frames, and more than a share of all, missed the deadline."""
-        if self._seen[-1].latency_s <= deadline_s(period_s):
+        aim_s = AIM * deadline_s(period_s)
+        if self._seen[-1].latency_s <= aim_s:
             return False
-        ages = [(now_s - seen.at_s, seen.latency_s > deadline_s(period_s)) for seen in self._seen]
+        ages = [(now_s - seen.at_s, seen.latency_s > aim_s) for seen in self._seen]
         for window_s, few, share in LATE_WINDOWS:
             recent = [late for age_s, late in ages if age_s <= window_s]
             if sum(recent) > max(few, share * len(recent)):
@@ -199,7 +204,14 @@ class Ladder:
         patience_s = min(PATIENCE_S * 2 ** self._fails[self.rung - 1], MOST_PATIENCE_S)
         if now_s - self._since_s < patience_s:
             return False
-        return self._usual(0.75, now_s).at(SCALES[self.rung - 1] / self.scale).fits(period_s)
+        growth = SCALES[self.rung - 1] / self.scale
+        usual = self._usual(0.75, now_s)
+        return usual.at(growth).fits(period_s) and self._tail_s(now_s) * growth <= AIM * deadline_s(period_s)
+
+    def _tail_s(self, now_s: float) -> float:
+        """What one in twenty of the latest frames took longer than, from arrival to answer."""
+        latest = sorted(seen.latency_s for seen in self._seen if seen.at_s >= now_s - PATIENCE_S)
+        return latest[int(TAIL * (len(latest) - 1))]
 
     def _usual(self, part: float, now_s: float) -> Cost:
         """What `part` of the latest frames do not exceed."""
