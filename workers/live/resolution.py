@@ -41,10 +41,10 @@ AIM = 0.9
 """Frames that took longer than this part of the deadline count as late: sending takes time as well, and so do tries of
 a larger size."""
 PATIENCE_S, MOST_PATIENCE_S = 3.0, 120.0
-FAILED_WITHIN_S = 20.0
-"""A step up that is taken back this soon has failed."""
 HELD_S = 60.0
-"""A step up that lasts this long makes up for those that failed."""
+"""A step up that is taken back sooner has failed; one that lasts this long makes up for those that did."""
+ENOUGH = 4
+"""Frames, for a median."""
 MIN_SIDE_PX = 16
 _LATE_PERIODS = 2.0
 _RATE_WINDOW_S = 1.0
@@ -154,7 +154,7 @@ class Ladder:
             period_s: of the client's frames.
             latency_s: from its arrival until it was painted.
         """
-        if not self.adaptive or rung != self.rung:
+        if rung != self.rung:
             return None
         if self._since_s is None:
             self._since_s = now_s + SETTLE_S
@@ -162,9 +162,16 @@ class Ladder:
             return None
         self._keep(_Seen(now_s, latency_s, cost))
         self._late = self._late + 1 if latency_s > _LATE_PERIODS * period_s else 0
+        if not self.adaptive:
+            return None
         if self._slow(now_s, period_s):
             return self._fall(now_s, period_s)
         return self._rise(now_s) if self._room(now_s, period_s) else None
+
+    def hurried(self, now_s: float, period_s: float) -> bool:
+        """Whether a frame takes so long that the next must begin before it is painted; False until that is known."""
+        recent = [seen.cost.whole_s for seen in self._seen if seen.at_s >= now_s - LOOK_BACK_S]
+        return len(recent) >= ENOUGH and median(recent) > MARGIN * period_s
 
     def restart(self) -> None:
         """Another worker goes on: what was measured before says nothing of its first frames."""
@@ -221,8 +228,8 @@ class Ladder:
 
     def _fall(self, now_s: float, period_s: float) -> Reason:
         held_s = HELD_S if self._rose_s is None else now_s - self._rose_s
-        self._fails[self.rung] += held_s < FAILED_WITHIN_S
-        self.rung = self.rung + 1 if held_s < FAILED_WITHIN_S else self._fitting(now_s, period_s)
+        self._fails[self.rung] += held_s < HELD_S
+        self.rung = self.rung + 1 if held_s < HELD_S else self._fitting(now_s, period_s)
         self._rose_s = None
         self._measure_anew(now_s)
         return "slow"
