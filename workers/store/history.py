@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Collection
 from typing import Any
 
-from sqlalchemy import Connection, func, select, union_all
+from sqlalchemy import ColumnElement, Connection, func, select, union_all
 
 from workers.errors import NotFound
 from workers.farm import Page
@@ -25,12 +25,13 @@ class History(Base):
         table = schema.tasks
         after = 0 if cursor is None else unpack_cursor(cursor, int)[0]
         wanted = None if state is None else TaskState(known_state(TaskState, state))
+        where: list[ColumnElement[bool]]
         with self._db.read() as connection:
             job = _state(connection, job_id)
-            if wanted is None:  # positions have no gaps; so PostgreSQL reads a page, and not a job, without statistics
-                where = (table.c.job_id == job_id, table.c.position > after, table.c.position <= after + limit + 1)
-            else:
-                where = (table.c.id.in_(_first(job_id, states.stored_as(wanted, job), after, limit + 1)),)
+            if wanted is not None:
+                where = [table.c.id.in_(_first(job_id, states.stored_as(wanted, job), after, limit + 1))]
+            else:  # positions have no gaps; so PostgreSQL reads a page, and not a job, before it has statistics
+                where = [table.c.job_id == job_id, table.c.position > after, table.c.position <= after + limit + 1]
             query = _tasks().where(*where).order_by(table.c.position).limit(limit + 1)
             rows = connection.execute(query).mappings().all()
             views = _task_views(connection, rows[:limit])
