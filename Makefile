@@ -34,8 +34,9 @@ audit: install ## whether a dependency is known to be vulnerable (needs the netw
 bench: install ## speed, as ratios measured in one run
 	$(BIN)/python -m benchmarks
 
-chaos: install ## faults of every part of a farm on real PostgreSQL and S3, ten seeded runs
+chaos: install ## faults of every part of a farm on real PostgreSQL and S3, ten seeded runs; then three on a Ray cluster
 	$(BIN)/python -m tests.chaos
+	$(BIN)/python -m tests.chaos --cluster --seeds 3
 
 gallery: install ## docs/gallery from real renders of the media folder: make gallery MEDIA=...
 	$(BIN)/python -m docs.make_gallery $(MEDIA)

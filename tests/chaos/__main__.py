@@ -53,7 +53,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=10, help="runs, one a seed")
     parser.add_argument("--first", type=int, default=1, help="the first seed")
-    parser.add_argument("--faults", type=int, default=9, help="faults a run")
+    parser.add_argument("--faults", type=int, default=13, help="faults a run")
     parser.add_argument("--only", nargs="+", choices=sorted(BY_NAME), help="these faults; else all that can be done")
     parser.add_argument("--cluster", action="store_true", help="tasks run on a Ray cluster of several nodes")
     parser.add_argument("--away", type=float, nargs=2, default=(0.5, 5.0), help="s that stores stay away")
