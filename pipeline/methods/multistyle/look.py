@@ -52,6 +52,8 @@ LEAST_BLUR = 0.3
 """Sigma, px, below which a picture is not blurred at all."""
 COARSE_ROWS = 160
 """Directions are found at about this many rows: strokes are wider than what is lost."""
+BACK_ROWS = 160
+"""The way back that paint lingers along is kept at about this many rows."""
 BROAD = 6.0
 """Where the picture runs nowhere by itself, it runs as its surroundings do: sigma of these, in those of the edges."""
 BROADLY, BY_DEFAULT = 0.15, 0.012
@@ -121,9 +123,7 @@ class Eye:
             length = self._shrunk(fields.brush.length_px)
         self.gray, self.age = gray, self.age + 1
         field16 = np.ascontiguousarray(field.transpose(1, 2, 0), np.float16)
-        return Sight(
-            self.age, picture, field16, length, layers, None if back is None else back.astype(np.float16),
-        )  # fmt: skip
+        return Sight(self.age, picture, field16, length, layers, None if back is None else _coarser(back))
 
     def _begins_shot(self, frame: Frame) -> bool:
         before, self.thumbnail = self.thumbnail, thumbnail(frame)
@@ -343,6 +343,13 @@ def _backwards(flow: Flow, size: tuple[int, int]) -> Flow:
     """The way back, at another size; flow varies slowly, so it is taken where it arrives."""
     scale = np.float32(-size[1] / flow.shape[0])
     return np.asarray(cv2.resize(flow, size, interpolation=cv2.INTER_AREA) * scale, np.float32)
+
+
+def _coarser(back: Flow) -> NDArray[np.float16]:
+    """For what lingers: a way back is smooth, and this is kept for every frame."""
+    by = max(1, back.shape[0] // BACK_ROWS)
+    size = (max(1, back.shape[1] // by), max(1, back.shape[0] // by))
+    return np.asarray(cv2.resize(back, size, interpolation=cv2.INTER_AREA), np.float16)
 
 
 def _blurred(image: NDArray[Any], sigma_px: float) -> NDArray[Any]:

@@ -28,6 +28,11 @@ RIM, RIM_DEPTH = 0.008, 22.0
 """Width of the rim at which paint dries, in heights; and the step, gray levels, that makes a full one."""
 
 
+def frames_that_linger(params: MultistyleParams) -> int:
+    """How many paintings are averaged with the one after them."""
+    return params.linger if params.temporal == "on" and params.renderer == "implicit" else 0
+
+
 class Painter:
     """Paints frame after frame of one size. Not thread-safe.
 
@@ -45,8 +50,7 @@ class Painter:
     ) -> None:  # fmt: skip
         self.params, self.size, self.seed, self.clock, self.threads = params, size, seed, clock, threads
         self.manner = STYLES[params.style].manner
-        lingers = params.temporal == "on" and params.renderer == "implicit"
-        self.linger = params.linger if lingers else 0
+        self.linger = frames_that_linger(params)
         self.past: list[tuple[Sight, Layout]] = []
 
     def paint(self, sight: Sight) -> Frame:
@@ -89,7 +93,7 @@ class Painter:
         canvas = self._lay(sight)
         with self.clock("light"):
             lit = emboss(canvas, self.manner.light)
-        return Layout(lit, sight.picture, None if sight.back is None else sight.back.astype(np.float32))
+        return Layout(lit, sight.picture, sight.way_back())
 
     def _lay(self, sight: Sight) -> Canvas:
         with self.clock("ground"):

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.frames import Frame, Plane
+from pipeline.frames import Flow, Frame, Plane
 from pipeline.strokes.brush import Direction, Strokes
 from pipeline.strokes.random import Ids
 
@@ -83,7 +83,8 @@ class Sight:
         field: float16 (h', w', 2): (u, v) of the strokes' tensors, coarser than the frame.
         length: float16 (h', w'): length of the coarsest layer's strokes, px.
         layers: from coarse to fine.
-        back: float16 (h', w', 2), from this frame to the one before, px of `picture`; None = a shot begins.
+        back: float16 (h", w", 2), from this frame to the one before, px of `picture`, coarser than that; None = a shot
+            begins.
     """
 
     number: int
@@ -97,20 +98,23 @@ class Sight:
         """float32 (h, w, 2) for frames of `size` (width, height)."""
         return _stretched(self.field, size)
 
+    def way_back(self) -> Flow | None:
+        """float32, of the picture's size and in its px; None = a shot begins."""
+        return None if self.back is None else _stretched(self.back, (self.picture.shape[1], self.picture.shape[0]))
+
     def length_px(self, size: tuple[int, int]) -> Plane:
         return _stretched(self.length, size)
 
     def pack(self) -> dict[str, NDArray[Any]]:
-        """As arrays by name. All are floats: those are stored as they are, which is faster than to deflate them."""
+        """As arrays by name. What is stored costs time: this is little of a painting's, as long as it is small."""
         out: dict[str, NDArray[Any]] = {
-            "picture": self.picture.astype(np.float16), "field": self.field, "length": self.length,
+            "picture": self.picture, "field": self.field, "length": self.length,
             "number": np.array(float(self.number)),
         }  # fmt: skip
         if self.back is not None:
             out["back"] = self.back
         for index, marks in enumerate(self.layers):
-            out[f"{index}.xy"], out[f"{index}.table"] = marks.xy, marks.table
-            out[f"{index}.ids"] = np.ascontiguousarray(marks.ids).view(np.float64)
+            out[f"{index}.xy"], out[f"{index}.table"], out[f"{index}.ids"] = marks.xy, marks.table, marks.ids
             out[f"{index}.sigma"] = np.array(marks.sigma_px)
         return out
 
@@ -119,11 +123,11 @@ def unpack(arrays: Mapping[str, NDArray[Any]]) -> Sight:
     """What `Sight.pack` packed."""
     count = sum(name.endswith(".xy") for name in arrays)
     layers = tuple(
-        Marks(arrays[f"{k}.xy"], arrays[f"{k}.ids"].view(np.uint64), arrays[f"{k}.table"], float(arrays[f"{k}.sigma"]))
+        Marks(arrays[f"{k}.xy"], arrays[f"{k}.ids"], arrays[f"{k}.table"], float(arrays[f"{k}.sigma"]))
         for k in range(count)
     )
     return Sight(
-        int(arrays["number"]), arrays["picture"].astype(np.uint8), arrays["field"], arrays["length"], layers,
+        int(arrays["number"]), arrays["picture"], arrays["field"], arrays["length"], layers,
         arrays.get("back"),
     )  # fmt: skip
 
