@@ -36,6 +36,8 @@ from pipeline.tensors.field import field_of
 
 LARGE_ROWS = 400
 """From so many rows on, the picture is worked from at half its size: strokes are wider than what is lost."""
+LEAST_COLUMNS = 64
+"""But not of a strip: motion is not found in less than 16 px."""
 WISH_HOLD, WISH_FOLLOW = 0.06, 0.25
 """Wished detail that changes by less stays as it is; more is gone after by so much a frame."""
 EDGE_SHRINKS, STRICTER = 0.85, 0.5
@@ -85,7 +87,7 @@ class Eye:
         self.small = (max(1, size[0] // self.factor), max(1, size[1] // self.factor))
         self.style = chosen_style(params)
         self.designer = None if design is None else Designer(design, self.style, size, self.small)
-        by = 2 if size[1] >= LARGE_ROWS else 1
+        by = 2 if size[1] >= LARGE_ROWS and size[0] >= LEAST_COLUMNS else 1
         self.work = (size[0] // by, size[1] // by)
         self.importance = ImportanceTracker(_importance(params), size)
         self.age = 0
@@ -135,7 +137,8 @@ class Eye:
         if fresh or self.gray is None:
             return None
         with self.clock("flow"):
-            flow = estimate(self.gray, gray, self.params.flow)
+            before, now = (_shrunk(plane, self.work) for plane in (self.gray, gray))
+            flow = _enlarged(estimate(before, now, self.params.flow), self.size)
             return rest(flow, self.gray, gray, self.params.stillness)
 
     def _hold(self, frame: Frame, back: Flow | None) -> Frame:
@@ -343,6 +346,13 @@ def _backwards(flow: Flow, size: tuple[int, int]) -> Flow:
     """The way back, at another size; flow varies slowly, so it is taken where it arrives."""
     scale = np.float32(-size[1] / flow.shape[0])
     return np.asarray(cv2.resize(flow, size, interpolation=cv2.INTER_AREA) * scale, np.float32)
+
+
+def _enlarged(flow: Flow, size: tuple[int, int]) -> Flow:
+    if (flow.shape[1], flow.shape[0]) == size:
+        return flow
+    scale = np.array([size[0] / flow.shape[1], size[1] / flow.shape[0]], np.float32)
+    return np.asarray(cv2.resize(flow, size, interpolation=cv2.INTER_LINEAR) * scale, np.float32)
 
 
 def _coarser(back: Flow) -> NDArray[np.float16]:

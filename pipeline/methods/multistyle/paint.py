@@ -56,15 +56,12 @@ class Painter:
     def paint(self, sight: Sight) -> Frame:
         """The picture of what was seen: uint8 (h, w, 3)."""
         now = self._layout(sight)
-        picture = now.paint
-        if self.linger:
-            with self.clock("linger"):
-                picture = linger(now, [before for _, before in self._before(sight)])
-            self._keep(sight, now)
-        if not self.manner.paper:
-            return picture
-        with self.clock("paper"):
-            return settle_pigment(picture, self._rims(sight), GRAIN * self.manner.paper)
+        if not self.linger:
+            return now.paint
+        with self.clock("linger"):
+            picture = linger(now, [before for _, before in self._before(sight)])
+        self._keep(sight, now)
+        return picture
 
     def recall(self, sight: Sight) -> None:
         """Paint a frame only to remember it."""
@@ -93,6 +90,9 @@ class Painter:
         canvas = self._lay(sight)
         with self.clock("light"):
             lit = emboss(canvas, self.manner.light)
+        if self.manner.paper:
+            with self.clock("paper"):
+                lit = settle_pigment(lit, self._rims(sight), GRAIN * self.manner.paper)
         return Layout(lit, sight.picture, sight.way_back())
 
     def _lay(self, sight: Sight) -> Canvas:
