@@ -24,8 +24,6 @@ from pipeline.strokes.trace import draw_out
 
 GRAIN = 0.09
 """How much darker thick paint is in a hollow of paper, of one deviation, where the paper shows fully."""
-RIM, RIM_DEPTH = 0.008, 22.0
-"""Width of the rim at which paint dries, in heights; and the step, gray levels, that makes a full one."""
 
 
 def frames_that_linger(params: MultistyleParams) -> int:
@@ -90,10 +88,7 @@ class Painter:
         canvas = self._lay(sight)
         with self.clock("light"):
             lit = emboss(canvas, self.manner.light)
-        if self.manner.paper:
-            with self.clock("paper"):
-                lit = settle_pigment(lit, self._rims(sight), GRAIN * self.manner.paper)
-        return Layout(lit, sight.picture, sight.way_back())
+        return Layout(self._dried(lit, sight), sight.picture, sight.way_back())
 
     def _lay(self, sight: Sight) -> Canvas:
         with self.clock("ground"):
@@ -102,13 +97,13 @@ class Painter:
             return self._implicit(sight, direction, bottom)
         return self._explicit(sight, direction, bottom)
 
-    def _rims(self, sight: Sight) -> Plane:
-        """Where wet paint has run to the edge of its area and dried, 0..1: the darker side of a border."""
-        gray = cv2.cvtColor(sight.picture, cv2.COLOR_RGB2GRAY).astype(np.float32)
-        wide = RIM * gray.shape[0]
-        lack = cv2.GaussianBlur(gray, (0, 0), wide) - cv2.GaussianBlur(gray, (0, 0), max(wide / 3, 0.5))
-        rims = np.clip(lack * np.float32(self.manner.rim / RIM_DEPTH), 0, np.float32(self.manner.rim))
-        return np.asarray(_stretched(rims, self.size), np.float32)
+    def _dried(self, lit: Frame, sight: Sight) -> Frame:
+        """On paper, if the manner has any."""
+        if not self.manner.paper:
+            return lit
+        with self.clock("paper"):
+            grain = GRAIN * self.manner.paper
+            return settle_pigment(lit, sight.rims_of(self.size, self.manner.rim), grain, *sight.grain(self.size))
 
     def _implicit(self, sight: Sight, direction: Direction, bottom: Plane) -> Canvas:
         """From the uppermost stroke of the finest layer down to the ground."""

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Frame, Plane
 from pipeline.strokes.brush import Direction, Strokes
+from pipeline.strokes.granulation import shares_of
 from pipeline.strokes.random import Ids
 
 Half = NDArray[np.float16]
@@ -85,6 +86,9 @@ class Sight:
         layers: from coarse to fine.
         back: float16 (h", w", 2), from this frame to the one before, px of `picture`, coarser than that; None = a shot
             begins.
+        rims: uint8 (h', w'), where wet paint has run to the edge of its area and dried: 255 = as dark as the manner has
+            it; None = there is no paper.
+        slips: float16 (h", w", 4), see `granulation`; None = there is no paper, or it lies still.
     """
 
     number: int
@@ -93,6 +97,8 @@ class Sight:
     length: Half
     layers: tuple[Marks, ...]
     back: Half | None
+    rims: NDArray[np.uint8] | None = None
+    slips: Half | None = None
 
     def direction(self, size: tuple[int, int]) -> Direction:
         """float32 (h, w, 2) for frames of `size` (width, height)."""
@@ -101,6 +107,18 @@ class Sight:
     def way_back(self) -> Flow | None:
         """float32, of the picture's size and in its px; None = a shot begins."""
         return None if self.back is None else _stretched(self.back, (self.picture.shape[1], self.picture.shape[0]))
+
+    def grain(self, size: tuple[int, int]) -> tuple[NDArray[np.float32] | None, tuple[float, float]]:
+        """Slips for frames of `size`, and the phases' shares."""
+        if self.slips is None:
+            return None, (1.0, 0.0)
+        return _stretched(self.slips, size), shares_of(self.number)
+
+    def rims_of(self, size: tuple[int, int], most: float) -> Plane:
+        """How much darker the rims are, float32 (h, w), 0..`most`."""
+        if self.rims is None:
+            return np.zeros(size[::-1], np.float32)
+        return np.asarray(_stretched(self.rims, size) * np.float32(most / 255), np.float32)
 
     def length_px(self, size: tuple[int, int]) -> Plane:
         return _stretched(self.length, size)
@@ -113,6 +131,10 @@ class Sight:
         }  # fmt: skip
         if self.back is not None:
             out["back"] = self.back
+        if self.rims is not None:
+            out["rims"] = self.rims
+        if self.slips is not None:
+            out["slips"] = self.slips
         for index, marks in enumerate(self.layers):
             out[f"{index}.xy"], out[f"{index}.table"], out[f"{index}.ids"] = marks.xy, marks.table, marks.ids
             out[f"{index}.sigma"] = np.array(marks.sigma_px)
@@ -128,9 +150,9 @@ def unpack(arrays: Mapping[str, NDArray[Any]]) -> Sight:
     )
     return Sight(
         int(arrays["number"]), arrays["picture"], arrays["field"], arrays["length"], layers,
-        arrays.get("back"),
+        arrays.get("back"), arrays.get("rims"), arrays.get("slips"),
     )  # fmt: skip
 
 
-def _stretched(plane: Half, size: tuple[int, int]) -> NDArray[np.float32]:
+def _stretched(plane: Half | NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.float32]:
     return np.asarray(cv2.resize(plane.astype(np.float32), size, interpolation=cv2.INTER_LINEAR), np.float32)
