@@ -49,7 +49,7 @@ def _write(target: zipfile.ZipFile, stream: IO[bytes], name: str, array: NDArray
     if _repeats(array):
         entry.compress_type = zipfile.ZIP_DEFLATED
     else:
-        entry.extra = _padding(stream.tell() + len(entry.FileHeader()))
+        entry.extra = _padding(stream.tell() + _LOCAL.size + len(name))
     with target.open(entry, "w") as member:
         member.write(head)
         member.write(array.reshape(-1).view(np.uint8).data)
@@ -92,7 +92,7 @@ def _member(source: zipfile.ZipFile, entry: zipfile.ZipInfo, whole: memoryview) 
     if entry.compress_type != zipfile.ZIP_STORED:
         return memoryview(bytearray(source.read(entry)))
     name, fields = _LOCAL.unpack_from(whole, entry.header_offset)
-    start = entry.header_offset + 30 + name + fields
+    start = entry.header_offset + _LOCAL.size + name + fields
     found = whole[start : start + entry.file_size]
     if len(found) != entry.file_size or zlib.crc32(found) != entry.CRC:
         raise zipfile.BadZipFile(f"{entry.filename} is damaged.")
