@@ -128,14 +128,18 @@ def test_a_restored_session_goes_on_to_the_bit_and_another_seed_paints_otherwise
         assert (mine != other.step(frame)).any()
 
 
-def test_what_was_seen_is_what_was_stored() -> None:
-    eye = Eye(MultistyleParams(), SIZE, 0, no_clock)
-    sight = eye.step(shots()[0])
+@pytest.mark.parametrize("style", ["van-gogh", "watercolor"])
+def test_what_was_seen_is_what_was_stored(style: Any) -> None:
+    eye = Eye(MultistyleParams(style=style), SIZE, 0, no_clock)
+    sight = [eye.step(frame) for frame in shots()[:2]][-1]
     again = unpack({name: array.copy() for name, array in sight.pack().items()})
     assert (again.picture == sight.picture).all() and (again.field == sight.field).all()
     for mine, theirs in zip(sight.layers, again.layers, strict=True):
         assert (mine.ids == theirs.ids).all() and (mine.table == theirs.table).all() and (mine.xy == theirs.xy).all()
-    assert all(array.dtype.kind == "f" for array in sight.pack().values())
+    paper = ("rims", "slips") if style == "watercolor" else ()
+    assert sight.pack().keys() == again.pack().keys() >= {"back", *paper}
+    for name in ("back", *paper):
+        np.testing.assert_array_equal(getattr(sight, name), getattr(again, name))
 
 
 def test_a_session_goes_on_with_other_parameters() -> None:
@@ -235,6 +239,23 @@ def test_a_plain_sky_goes_with_the_camera_and_rests_where_it_rests(moved: int, s
         assert (flow[:60] == sky).mean() > 0.9, "edges along the motion look as if they rested"
     assert (flow[52:60, 16:104] == (-3 if moved else 0)).mean() > 0.9, "the sky does what is below it"
     assert (flow[52:60, 136:224] == (-3 if moved == 240 else 0)).mean() > 0.9
+
+
+@pytest.mark.parametrize(("flow_px", "goes"), [(-3.0, True), (-0.2, False)])
+def test_a_plain_thing_goes_past_things_at_rest_if_the_flow_says_so(flow_px: float, goes: bool) -> None:
+    """A stripe with a rough edge moves by 3 px over a rough wall; its plain middle does not change."""
+    rough = np.clip(cv2.GaussianBlur(np.random.default_rng(4).normal(0, 900, (160, 260)), (0, 0), 2) + 128, 0, 255)
+    before = rough[:, :240].astype(np.uint8)
+    after = before.copy()
+    before[64:80], after[64:80] = 128, 128
+    edge = np.random.default_rng(5).integers(0, 255, (4, 243), np.uint8)
+    for top in (64, 76):
+        before[top : top + 4], after[top : top + 4] = edge[:, :240], edge[:, 3:]
+    flow = np.zeros((160, 240, 2), np.float32)
+    flow[64:80, :, 0] = flow_px
+    found = rest(flow, before, after, 2)[..., 0]
+    assert (found[71:73, 30:210] == (flow_px if goes else 0)).mean() > 0.9
+    assert (found[:40] == 0).all() and (found[120:] == 0).all()
 
 
 # -- regions
