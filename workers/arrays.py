@@ -84,7 +84,9 @@ def read_arrays(data: bytes) -> dict[str, NDArray[Any]]:
     """What `write_arrays` wrote; the arrays can be written to. Raises ValueError or BadZipFile for what is damaged."""
     whole = memoryview(bytearray(data))
     with zipfile.ZipFile(io.BytesIO(data)) as source:
-        return {entry.filename.removesuffix(".npy"): _array(_member(source, entry, whole)) for entry in source.infolist()}
+        return {
+            entry.filename.removesuffix(".npy"): _array(_member(source, entry, whole)) for entry in source.infolist()
+        }
 
 
 def _member(source: zipfile.ZipFile, entry: zipfile.ZipInfo, whole: memoryview) -> memoryview:
@@ -100,7 +102,7 @@ def _member(source: zipfile.ZipFile, entry: zipfile.ZipInfo, whole: memoryview) 
 
 
 def _array(data: memoryview) -> NDArray[Any]:
-    head = io.BytesIO(bytes(data[:_most_of_a_head(data)]))
+    head = io.BytesIO(bytes(data[: _most_of_a_head(data)]))
     if np.lib.format.read_magic(head) != (1, 0):
         raise ValueError("Arrays are stored as version 1.0 of the npy format.")
     shape, fortran, dtype = np.lib.format.read_array_header_1_0(head)

@@ -147,7 +147,9 @@ def _hollow(sheet: Plane, x: np.float32, y: np.float32) -> np.float32:
 
 
 @kernel
-def _two_hollows(sheet: Plane, x: int, y: int, slip: NDArray[np.float32], one: np.float32, two: np.float32) -> np.float32:
+def _two_hollows(
+    sheet: Plane, x: int, y: int, slip: NDArray[np.float32], one: np.float32, two: np.float32
+) -> np.float32:
     """Both phases' grain, as strong as one alone."""
     fx, fy = np.float32(x), np.float32(y)
     dx, dy = slip[0] - slip[2], slip[1] - slip[3]

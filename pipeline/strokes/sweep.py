@@ -122,9 +122,10 @@ def _launch(
     device.kernel(_SOURCE, "ways")((width, height), field, way, width, height)
     traits = np.stack([starts.radius_px, starts.opacity, starts.relief_px, starts.grain], axis=1)
     strokes = (starts.points[:, 0], starts.colours, starts.aims, traits, order.astype(np.int32), offset, hairs, guide)
+    uploaded = [device.upload(array) for array in strokes]
     painted, out = device.upload(canvas), device.upload(np.full((height, width), OPEN, np.int32))
     device.kernel(_SOURCE, "sweep")(
-        (width, height), first, way, lengths, away, *map(device.upload, strokes), *limits, painted, out, width, height
+        (width, height), first, way, lengths, away, *uploaded, *limits, painted, out, width, height
     )
     canvas[...] = device.download(painted)
     return device.download(out)

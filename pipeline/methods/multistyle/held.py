@@ -57,9 +57,10 @@ def rest(flow: Flow, before: NDArray[np.uint8], gray: NDArray[np.uint8], toleran
     far, all_far = (np.float32(EVERYWHERE * plane.mean() + 1e-6) for plane in (resting, texture))
     votes = near + far, all_near + all_far
     moving = (2 * votes[0] <= votes[1]).astype(np.uint8) + (votes[0] < np.float32(CONTESTED) * votes[1])
-    wide = cv2.resize(np.asarray(moving, np.uint8), size, interpolation=cv2.INTER_NEAREST)
+    small_calls = np.asarray(moving, np.uint8)
+    wide = np.asarray(cv2.resize(small_calls, size, interpolation=cv2.INTER_NEAREST), np.uint8)
     _call_contested(flow, np.float32((STRAYS * size[1]) ** 2), wide)
-    return hold_still(flow, before, gray, tolerance, np.asarray(wide, np.uint8))
+    return hold_still(flow, before, gray, tolerance, wide)
 
 
 @kernel

@@ -18,6 +18,7 @@ from pipeline.frames import Flow, Frame, Mask, Plane, same_size
 from pipeline.methods.abstraction.state import Clock, State, flatten, part
 from pipeline.methods.multistyle.design import Design
 from pipeline.methods.multistyle.designer import Designer, Placed
+from pipeline.methods.multistyle.drying import Drying
 from pipeline.methods.multistyle.fields import SMALLEST_PX, StyleFields, chosen_style, style_fields, uniform
 from pipeline.methods.multistyle.held import hold, hold_field, rest
 from pipeline.methods.multistyle.params import MultistyleParams
@@ -27,7 +28,6 @@ from pipeline.segmentation.cuts import is_cut, thumbnail
 from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker
 from pipeline.strokes.brush import Brush, tint
 from pipeline.strokes.carry import Habits, Living, begin, carry, tend
-from pipeline.strokes.granulation import Slips, carry_slips
 from pipeline.strokes.layers import area_error, layer_brush, layer_threshold, spacing_px, typical
 from pipeline.strokes.random import Purpose, draws
 from pipeline.strokes.seeds import Seeds, place, sample
@@ -55,9 +55,6 @@ LEAST_BLUR = 0.3
 """Sigma, px, below which a picture is not blurred at all."""
 COARSE_ROWS = 160
 """Directions are found at about this many rows: strokes are wider than what is lost."""
-RIM, RIM_DEPTH, RIM_FOLLOW = 0.008, 22.0, 0.25
-"""Width of the rim at which paint dries, in heights; the step, gray levels, that makes a full one; and how far it goes
-towards what the picture says in a frame: what has dried does not run."""
 BACK_ROWS = 160
 """The way back that paint lingers along is kept at about this many rows."""
 BROAD = 6.0
@@ -103,8 +100,7 @@ class Eye:
         self.held: NDArray[np.float32] | None = None
         self.wish: Plane | None = None
         self.wished: Plane | None = None
-        self.slips: Slips | None = None
-        self.rims: Plane | None = None
+        self.drying = Drying(bool(self.manner.paper))
         self.errors: list[Plane] = []
         self.living: list[Living] = []
 
@@ -128,35 +124,11 @@ class Eye:
             fields = style_fields(values, detail, self.size[1])
         with self.clock("strokes"):
             layers = self._strokes(picture, fields, flow, back)
-            length = self._shrunk(fields.brush.length_px)
         self.gray, self.age = gray, self.age + 1
         field16 = np.ascontiguousarray(field.transpose(1, 2, 0), np.float16)
         way = None if back is None else _coarser(back)
-        return Sight(self.age, picture, field16, length, layers, way, self._rims(picture, back), self._slips(way))
-
-    def _rims(self, picture: Frame, back: Flow | None) -> NDArray[np.uint8] | None:
-        """Where wet paint has run to the edge of its area and dried: the darker side of a border."""
-        if not self.manner.paper:
-            return None
-        gray = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY).astype(np.float32)
-        wide = RIM * gray.shape[0]
-        lack = cv2.GaussianBlur(gray, (0, 0), wide) - cv2.GaussianBlur(gray, (0, 0), max(wide / 3, 0.5))
-        now = np.asarray(np.clip(lack * np.float32(1 / RIM_DEPTH), 0, 1), np.float32)
-        if back is not None and self.rims is not None and self.other is not None:
-            past = fetch(self.rims, back)
-            now = past + np.where(self.other, np.float32(1), np.float32(RIM_FOLLOW)) * (now - past)
-        self.rims = np.asarray(now, np.float32)
-        return np.asarray(np.rint(self.rims * 255), np.uint8)
-
-    def _slips(self, back: NDArray[np.float16] | None) -> NDArray[np.float16] | None:
-        """Where the paper's grain is that goes with things."""
-        if back is None or not self.manner.paper:
-            self.slips = None
-            return None
-        scale = back.shape[0] / self.work[1]
-        way = back.astype(np.float32) * np.float32(scale)
-        self.slips = carry_slips(self.slips, way, self.age, self.size[1] / back.shape[0])
-        return self.slips.astype(np.float16)
+        dried = self.drying.step(picture, back, self.other, way, self.age, self.size[1])
+        return Sight(self.age, picture, field16, layers, way, *dried)
 
     def _begins_shot(self, frame: Frame) -> bool:
         before, self.thumbnail = self.thumbnail, thumbnail(frame)
@@ -315,10 +287,6 @@ class Eye:
         table[:, 13] = manner.recipe.edge * EDGE_SHRINKS**index * (1 - strict)
         return Marks(seeds.xy, seeds.ids, table, sigma_px)
 
-    def _shrunk(self, field: Any) -> NDArray[np.float16]:
-        plane = np.broadcast_to(np.asarray(field, np.float32), self.size[::-1])
-        return np.asarray(plane[:: self.factor, :: self.factor][: self.small[1], : self.small[0]], np.float16)
-
     def state(self) -> State:
         """All it remembers; an eye restored from it goes on with the same bytes."""
         own: State = {"age": np.array(self.age)}
@@ -328,19 +296,17 @@ class Eye:
             "tensors": self.tensors,
             "held": self.held,
             "field": self.field,
-            "slips": self.slips,
-            "rims": self.rims,
         }
         own |= {name: array for name, array in (memories | {"wish": self.wish}).items() if array is not None}
         layers = {f"living{k}": _living_state(living) for k, living in enumerate(self.living)}
         errors = {"errors": {str(k): error for k, error in enumerate(self.errors)}}
-        return own | flatten({"importance": self.importance.state()} | layers | errors)
+        return own | flatten({"importance": self.importance.state(), "drying": self.drying.state()} | layers | errors)
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         self.age = int(state["age"])
         self.gray, self.thumbnail, self.tensors = (state.get(name) for name in ("gray", "thumbnail", "tensors"))
         self.held, self.wish, self.field = state.get("held"), state.get("wish"), state.get("field")
-        self.slips, self.rims = state.get("slips"), state.get("rims")
+        self.drying.restore(part(state, "drying"))
         self.importance.restore(part(state, "importance"))
         errors = part(state, "errors")
         self.errors = [errors[str(k)] for k in range(len(errors))]

@@ -82,7 +82,6 @@ class Sight:
         number: of the frame, as the eye has counted; a shot's frames follow each other.
         picture: uint8 (h', w', 3): the held picture, perhaps at half the frame's size.
         field: float16 (h', w', 2): (u, v) of the strokes' tensors, coarser than the frame.
-        length: float16 (h', w'): length of the coarsest layer's strokes, px.
         layers: from coarse to fine.
         back: float16 (h", w", 2), from this frame to the one before, px of `picture`, coarser than that; None = a shot
             begins.
@@ -94,7 +93,6 @@ class Sight:
     number: int
     picture: Frame
     field: Half
-    length: Half
     layers: tuple[Marks, ...]
     back: Half | None
     rims: NDArray[np.uint8] | None = None
@@ -120,13 +118,10 @@ class Sight:
             return np.zeros(size[::-1], np.float32)
         return np.asarray(_stretched(self.rims, size) * np.float32(most / 255), np.float32)
 
-    def length_px(self, size: tuple[int, int]) -> Plane:
-        return _stretched(self.length, size)
-
     def pack(self) -> dict[str, NDArray[Any]]:
         """As arrays by name. What is stored costs time: this is little of a painting's, as long as it is small."""
         out: dict[str, NDArray[Any]] = {
-            "picture": self.picture, "field": self.field, "length": self.length,
+            "picture": self.picture, "field": self.field,
             "number": np.array(float(self.number)),
         }  # fmt: skip
         if self.back is not None:
@@ -149,7 +144,7 @@ def unpack(arrays: Mapping[str, NDArray[Any]]) -> Sight:
         for k in range(count)
     )
     return Sight(
-        int(arrays["number"]), arrays["picture"], arrays["field"], arrays["length"], layers,
+        int(arrays["number"]), arrays["picture"], arrays["field"], layers,
         arrays.get("back"), arrays.get("rims"), arrays.get("slips"),
     )  # fmt: skip
 
