@@ -112,67 +112,25 @@ def paper(seed: int = 0) -> Plane:
     return out
 
 
-def settle_pigment(
-    picture: Frame, rims: Plane, grain: float, slips: NDArray[np.float32] | None = None,
-    shares: tuple[float, float] = (1.0, 0.0),
-) -> Frame:  # fmt: skip
+def settle_pigment(picture: Frame, rims: Plane, grain: float) -> Frame:
     """Transparent paint as it dries on paper: darker at the rims of wet areas and in the paper's hollows.
 
     Args:
         picture: uint8 (h, w, 3).
         rims: float32 (h, w), how much darker it is there, 0..1.
         grain: how much darker it is in a hollow of one deviation, where the paint is darkest, 0..1; hills are lighter.
-        slips: float32 (h, w, 4): where on the sheet each pixel's grain is, in two phases (see `granulation`); None: at
-            the pixel. `shares`: of the phases.
     """
-    out, slips = np.empty_like(picture), _NO_SLIPS if slips is None else slips
-    _settle(picture, rims, np.float32(grain), paper(), slips, np.float32(shares[0]), np.float32(shares[1]), out)
+    out = np.empty_like(picture)
+    _settle(picture, rims, np.float32(grain), paper(), out)
     return out
 
 
-_NO_SLIPS = np.zeros((0, 0, 4), np.float32)
-_ALIKE_PX2 = np.float32(9.0)
-"""Squared distance on the sheet from which on two places have nothing in common."""
-
-
 @kernel
-def _hollow(sheet: Plane, x: np.float32, y: np.float32) -> np.float32:
-    """The sheet between its pixels, bilinear."""
-    left, top = np.floor(x), np.floor(y)
-    a, b, i, j = x - left, y - top, int(left), int(top)
-    upper = sheet[j & 255, i & 255] * (_ONE - a) + sheet[j & 255, (i + 1) & 255] * a
-    lower = sheet[(j + 1) & 255, i & 255] * (_ONE - a) + sheet[(j + 1) & 255, (i + 1) & 255] * a
-    found: np.float32 = upper * (_ONE - b) + lower * b
-    return found
-
-
-@kernel
-def _two_hollows(
-    sheet: Plane, x: int, y: int, slip: NDArray[np.float32], one: np.float32, two: np.float32
-) -> np.float32:
-    """Both phases' grain, as strong as one alone."""
-    fx, fy = np.float32(x), np.float32(y)
-    dx, dy = slip[0] - slip[2], slip[1] - slip[3]
-    apart = min((dx * dx + dy * dy) / _ALIKE_PX2, _ONE)
-    both = one * _hollow(sheet, fx + slip[0], fy + slip[1]) + two * _hollow(sheet, fx + slip[2], fy + slip[3])
-    found: np.float32 = both / np.sqrt(_ONE - (one * two + one * two) * apart)
-    return found
-
-
-@kernel
-def _settle(
-    picture: Frame, rims: Plane, grain: np.float32, sheet: Plane, slips: NDArray[np.float32], one: np.float32,
-    two: np.float32, out: Frame,
-) -> None:  # fmt: skip
+def _settle(picture: Frame, rims: Plane, grain: np.float32, sheet: Plane, out: Frame) -> None:
     height, width = rims.shape
-    still = slips.shape[0] == 0
     for y in range(height):
         for x in range(width):
             hollow = sheet[y & 255, x & 255]
-            if not still:
-                slip = slips[y, x]
-                if slip[0] != _ZERO or slip[1] != _ZERO or slip[2] != _ZERO or slip[3] != _ZERO:
-                    hollow = _two_hollows(sheet, x, y, slip, one, two)
             for c in range(3):
                 value = np.float32(picture[y, x, c])
                 thick = np.float32(0.3) + np.float32(0.7) * (_ONE - value * np.float32(1 / 255))

@@ -1,4 +1,4 @@
-"""How transparent paint dries on paper: where it leaves rims, and where its grain settles. Both go with the motion."""
+"""How transparent paint dries on paper: where it leaves rims, which go with the motion and do not run."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.methods.abstraction.state import State
-from pipeline.strokes.granulation import Slips, carry_slips
 
 RIM, RIM_DEPTH = 0.008, 22.0
 """Width of the rim at which paint dries, in heights; and the step, gray levels, that makes a full one."""
@@ -30,42 +29,29 @@ class Drying:
     def __init__(self, paper: bool) -> None:
         self.paper = paper
         self.rims: Plane | None = None
-        self.slips: Slips | None = None
 
-    def step(
-        self, picture: Frame, back: Flow | None, other: Mask | None, coarse: NDArray[np.float16] | None, number: int,
-        rows: int,
-    ) -> tuple[NDArray[np.uint8] | None, NDArray[np.float16] | None]:  # fmt: skip
-        """Rims and slips of frame `number`, as `Sight` has them.
+    def step(self, picture: Frame, back: Flow | None, other: Mask | None) -> NDArray[np.uint8] | None:
+        """The next frame's rims, as `Sight` has them; None: there is no paper.
 
         Args:
             picture: uint8 (h, w, 3), the held picture.
             back: float32 (h, w, 2), from this frame to the one before; None = a shot begins.
             other: bool (h, w), where it shows something else than before.
-            coarse: float16, `back` at the size that slips have, in px of the picture.
-            rows: of the frame.
         """
         if not self.paper:
-            return None, None
-        if back is None or coarse is None:
-            self.rims = self.slips = None
+            return None
         now = _rims(picture)
         if back is not None and self.rims is not None and other is not None:
             past = fetch(self.rims, back)
             now = np.asarray(past + np.where(other, np.float32(1), np.float32(FOLLOW)) * (now - past), np.float32)
         self.rims = now
-        rims = np.asarray(np.rint(now * 255), np.uint8)
-        if coarse is None:
-            return rims, None
-        way = coarse.astype(np.float32) * np.float32(coarse.shape[0] / picture.shape[0])
-        self.slips = carry_slips(self.slips, way, number, rows / coarse.shape[0])
-        return rims, self.slips.astype(np.float16)
+        return np.asarray(np.rint(now * 255), np.uint8)
 
     def state(self) -> State:
-        return {name: array for name, array in (("rims", self.rims), ("slips", self.slips)) if array is not None}
+        return {} if self.rims is None else {"rims": self.rims}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        self.rims, self.slips = state.get("rims"), state.get("slips")
+        self.rims = state.get("rims")
 
 
 def _rims(picture: Frame) -> Plane:

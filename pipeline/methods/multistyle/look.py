@@ -127,8 +127,8 @@ class Eye:
         self.gray, self.age = gray, self.age + 1
         field16 = np.ascontiguousarray(field.transpose(1, 2, 0), np.float16)
         way = None if back is None else _coarser(back)
-        dried = self.drying.step(picture, back, self.other, way, self.age, self.size[1])
-        return Sight(self.age, picture, field16, layers, way, *dried)
+        rims = self.drying.step(picture, back, self.other)
+        return Sight(self.age, picture, field16, layers, way, rims)
 
     def _begins_shot(self, frame: Frame) -> bool:
         before, self.thumbnail = self.thumbnail, thumbnail(frame)

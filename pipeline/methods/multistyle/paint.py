@@ -103,7 +103,7 @@ class Painter:
             return lit
         with self.clock("paper"):
             grain = GRAIN * self.manner.paper
-            return settle_pigment(lit, sight.rims_of(self.size, self.manner.rim), grain, *sight.grain(self.size))
+            return settle_pigment(lit, sight.rims_of(self.size, self.manner.rim), grain)
 
     def _implicit(self, sight: Sight, direction: Direction, bottom: Plane) -> Canvas:
         """From the uppermost stroke of the finest layer down to the ground."""

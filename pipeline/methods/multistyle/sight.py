@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Frame, Plane
 from pipeline.strokes.brush import Direction, Strokes
-from pipeline.strokes.granulation import shares_of
 from pipeline.strokes.random import Ids
 
 Half = NDArray[np.float16]
@@ -87,7 +86,6 @@ class Sight:
             begins.
         rims: uint8 (h', w'), where wet paint has run to the edge of its area and dried: 255 = as dark as the manner has
             it; None = there is no paper.
-        slips: float16 (h", w", 4), see `granulation`; None = there is no paper, or it lies still.
     """
 
     number: int
@@ -96,7 +94,6 @@ class Sight:
     layers: tuple[Marks, ...]
     back: Half | None
     rims: NDArray[np.uint8] | None = None
-    slips: Half | None = None
 
     def direction(self, size: tuple[int, int]) -> Direction:
         """float32 (h, w, 2) for frames of `size` (width, height)."""
@@ -105,12 +102,6 @@ class Sight:
     def way_back(self) -> Flow | None:
         """float32, of the picture's size and in its px; None = a shot begins."""
         return None if self.back is None else _stretched(self.back, (self.picture.shape[1], self.picture.shape[0]))
-
-    def grain(self, size: tuple[int, int]) -> tuple[NDArray[np.float32] | None, tuple[float, float]]:
-        """Slips for frames of `size`, and the phases' shares."""
-        if self.slips is None:
-            return None, (1.0, 0.0)
-        return _stretched(self.slips, size), shares_of(self.number)
 
     def rims_of(self, size: tuple[int, int], most: float) -> Plane:
         """How much darker the rims are, float32 (h, w), 0..`most`."""
@@ -128,8 +119,6 @@ class Sight:
             out["back"] = self.back
         if self.rims is not None:
             out["rims"] = self.rims
-        if self.slips is not None:
-            out["slips"] = self.slips
         for index, marks in enumerate(self.layers):
             out[f"{index}.xy"], out[f"{index}.table"], out[f"{index}.ids"] = marks.xy, marks.table, marks.ids
             out[f"{index}.sigma"] = np.array(marks.sigma_px)
@@ -145,7 +134,7 @@ def unpack(arrays: Mapping[str, NDArray[Any]]) -> Sight:
     )
     return Sight(
         int(arrays["number"]), arrays["picture"], arrays["field"], layers,
-        arrays.get("back"), arrays.get("rims"), arrays.get("slips"),
+        arrays.get("back"), arrays.get("rims"),
     )  # fmt: skip
 
 
