@@ -62,7 +62,7 @@ BROAD = 6.0
 BROADLY, BY_DEFAULT = 0.15, 0.012
 """Weights of the surroundings' direction and of the default one, beside a clear edge's 1."""
 DETAIL_MEMORY = 0.8
-"""Weight of the past, along the motion, in what finer layers are to add."""
+"""Weight of the past, along the motion, in what finer layers are to add; nothing where something else has come."""
 HOLD = 0.6
 """A finer stroke that is there stays down to this part of the error threshold."""
 
@@ -263,7 +263,8 @@ class Eye:
         now = np.sqrt(red * red + green * green + blue * blue)
         if before is not None and len(self.errors) >= index:
             past = fetch(self.errors[index - 1], before)
-            now = now + np.float32(DETAIL_MEMORY) * (past - now)
+            share = np.float32(DETAIL_MEMORY) if self.other is None else np.float32(DETAIL_MEMORY) * ~self.other
+            now = now + share * (past - now)
         now = np.asarray(now, np.float32)
         self.errors = [*self.errors[: index - 1], now, *self.errors[index:]]
         return now

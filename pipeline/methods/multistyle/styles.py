@@ -151,7 +151,7 @@ STYLES: Mapping[str, Named] = MappingProxyType({
         ),
         Manner(
             Recipe(most=4, ratio=0.5, overlap=3.9, edge=50, scatter=1.0), Touch((0, 0), streaks=0, dry=0),
-            Light(strength=0, gloss=0), ground=(250, 248, 242), cover=0.4, vivid=1.3, mingle=300, hold=2.25,
+            Light(strength=0, gloss=0), ground=(250, 248, 242), cover=0.4, vivid=1.3, mingle=300, hold=1.5,
             rim=0.55, paper=0.8,
         ),
     ),
