@@ -22,6 +22,7 @@ from pipeline.methods.abstraction.state import no_clock
 from pipeline.methods.multistyle import MultistyleParams, MultistyleSession, plan
 from pipeline.methods.multistyle.design import parse
 from pipeline.methods.multistyle.designer import Designer, Placed
+from pipeline.methods.multistyle.drying import Drying
 from pipeline.methods.multistyle.held import rest
 from pipeline.methods.multistyle.look import Eye
 from pipeline.methods.multistyle.sight import unpack
@@ -224,6 +225,23 @@ def test_paint_that_lingers_swims_less_than_strokes_do(style: str) -> None:
     assert implicit < 0.95 * without and implicit < 0.95 * explicit and implicit < 0.5 * alone, (
         implicit, without, explicit, alone,
     )  # fmt: skip
+
+
+def test_rims_are_on_the_darker_side_go_with_the_motion_and_do_not_run() -> None:
+    def picture(edge: int, dark: int = 60) -> Frame:
+        out = np.full((96, 128, 3), 200, np.uint8)
+        out[:, :edge] = dark
+        return out
+
+    drying, nothing_else = Drying(True), np.zeros((96, 128), np.bool_)
+    first = drying.step(picture(60), None, None)
+    assert first is not None and first[48, 59] > 100 and first[48, 61] == 0
+    moved = drying.step(picture(64), np.full((96, 128, 2), (-4, 0), np.float32), nothing_else)
+    assert moved is not None and np.abs(moved[:, 50:80].astype(int) - first[:, 46:76]).max() <= 2
+    paler = drying.step(picture(64, 190), np.zeros((96, 128, 2), np.float32), nothing_else)
+    other = drying.step(picture(64, 190), np.zeros((96, 128, 2), np.float32), ~nothing_else)
+    assert paler is not None and other is not None and paler[48, 63] > 0.7 * moved[48, 63] > 2 * other[48, 63]
+    assert Drying(False).step(picture(60), None, None) is None
 
 
 @pytest.mark.parametrize(("moved", "sky"), [(240, -3), (0, 0), (120, None)])
