@@ -15,7 +15,7 @@ import numpy as np
 
 from pipeline.flow.warp import fetch
 from pipeline.synthesis.engine import refine
-from pipeline.synthesis.images import NOWHERE, Offsets, Target, padded
+from pipeline.synthesis.images import NOWHERE, Offsets, Target
 from pipeline.synthesis.motion import Motion
 from pipeline.synthesis.operations import Key, Loaded, Operations, Past, Sitting, T
 
@@ -119,7 +119,8 @@ class Sweep(Generic[T]):
             return None
         motion, there = self.shot.motion(index, self.last.index), self.last
         way, visible = self.ops.upload(motion.way), self.ops.upload(motion.visible)
-        return self.ops.advect(self.style, sitting, there.offsets, there.sitting.bins, way, visible)
+        found = self.ops.advect(self.style, sitting, there.offsets, there.sitting.bins, way, visible)
+        return self.ops.settle(self.style, sitting, found, way)
 
     def _merged(self, index: int, sitting: Sitting[T], known: T | None, advected: T | None) -> T:
         """Section 3.3: advected or known, at random; anywhere where there is neither."""
@@ -155,7 +156,7 @@ class Sweep(Generic[T]):
         then = self.ops.seat(self.style, Target(np.asarray(seen, np.uint8)))
         then.bins = self.last.sitting.bins
         self.ops.render(self.style, then, advected)
-        return Past(then.packed, self.ops.upload(padded(motion.visible, self.style.goal.radius)))
+        return Past(then.packed, self.ops.margined(motion.visible, self.style.goal.radius))
 
 
 def carried_ribbons(

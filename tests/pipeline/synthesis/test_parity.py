@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from pipeline.compute import device
-from pipeline.synthesis.engine import refine
+from pipeline.synthesis.bands import Bands, bands
+from pipeline.synthesis.engine import FARTHEST_PX, refine
 from pipeline.synthesis.goal import Goal
 from pipeline.synthesis.images import NOWHERE, Style, Target, packed
 from pipeline.synthesis.opencl import Kernels
@@ -69,6 +70,9 @@ def worked(ops: Operations[Any], goal: Goal, turned: bool, holes: bool, rounds: 
     visible = (np.random.default_rng(6).random((23, 31)) < 0.8).astype(np.uint8)
     old = ops.scatter(style, before.size, (1, 2))
     advected = ops.advect(style, now, old, before.bins, ops.upload(a_way()), ops.upload(visible))
+    way = a_way()
+    way[8:14] = 0
+    advected = ops.settle(style, now, advected, ops.upload(way))
     offsets = ops.merge(style, now.size, advected, ops.scatter(style, now.size, (3, 4)), 0.5, (5, 6))
     found = {"old": old, "advected": advected, "merged": offsets}
     if goal.w_tc or goal.keyed:
@@ -77,9 +81,7 @@ def worked(ops: Operations[Any], goal: Goal, turned: bool, holes: bool, rounds: 
         now.before = found["before"] = ops.recall(style, now.size, advected)
     if goal.keyed:
         ops.render(style, before, advected)
-        margin = np.pad(visible, goal.radius, "edge")
-        flat = isinstance(ops, Kernels)
-        now.past = Past(before.packed, ops.upload(margin.reshape(-1) if flat else margin))
+        now.past = Past(before.packed, ops.margined(visible, goal.radius))
         ribbons = np.stack([a_way() * 8 + 20, a_way() * 6 + 15])
         ribbons[:, :4] = NOWHERE
         now.ribbons = ops.upload(ribbons)
@@ -95,10 +97,36 @@ def worked(ops: Operations[Any], goal: Goal, turned: bool, holes: bool, rounds: 
     return {name: ops.fetch(array) for name, array in found.items()}
 
 
-def same(goal: Goal, turned: bool, holes: bool, rounds: int) -> None:
-    kernels = worked(Kernels(device()), goal, turned, holes, rounds)
+def same(goal: Goal, turned: bool, holes: bool, rounds: int, ops: Operations[Any] | None = None) -> None:
+    kernels = worked(ops or Kernels(device()), goal, turned, holes, rounds)
     for name, expected in worked(Reference(), goal, turned, holes, rounds).items():
         np.testing.assert_array_equal(kernels[name], expected, err_msg=name)
+
+
+@pytest.mark.parametrize("pixels", [1, 31 * 20, 31 * 23])
+def test_a_frame_in_bands_of_rows_is_the_same_frame(pixels: int) -> None:
+    same(GOALS["all"], True, True, 3, Bands(device(), pixels))
+
+
+@pytest.mark.parametrize(("pixels", "expected"), [(100 * 90, 1), (100 * 46, 3), (100 * 17, 90), (1, 90)])
+def test_bands_cover_every_row_once_and_fit(pixels: int, expected: int) -> None:
+    found = list(bands((100, 90), pixels))
+    assert [row for start, stop in found for row in range(start, stop)] == list(range(90)) and len(found) == expected
+    if 1 < expected < 90:
+        assert all((stop - start + 2 * FARTHEST_PX) * 100 <= pixels for start, stop in found)
+
+
+def test_what_moves_goes_over_to_the_next_pixel_as_a_whole_and_what_stands_stays() -> None:
+    ops, goal = Reference(), PLAIN
+    style, noise = ops.load(a_style(goal, False, False), goal), np.random.default_rng(8).normal(0, 0.1, (23, 31, 2))
+    y, x = np.mgrid[7:30, 7:38]
+    ragged = (np.stack([x + 0.45, y], -1) + noise).astype(np.float32)
+    way = np.full((23, 31, 2), 0.3, np.float32)
+    way[:11] = 0
+    settled = ops.settle(style, ops.seat(style, a_target(goal, False)), ragged, way)
+    np.testing.assert_array_equal(settled[:11], ragged[:11])
+    moved = (np.rint(ragged) != np.stack([x, y], -1)).any(-1)[14:].mean()
+    assert (np.rint(settled) != np.stack([x, y], -1)).any(-1)[14:].mean() < 0.2 * moved
 
 
 @pytest.mark.parametrize("turned", [False, True], ids=["straight", "turned"])
