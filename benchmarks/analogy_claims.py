@@ -104,9 +104,19 @@ def compare(source: Sequence[Frame], style: Frame, outputs: Mapping[str, Sequenc
 
 
 def clip() -> None:
-    """A live-action clip with nothing but a painting."""
-    source, style = film("coffee_720p_audio.mp4", 270), painting("the_scream")
-    compare(source, style, {name: painted(source, style, temporal=name) for name in ("on", "off")})
+    """Live-action clips with nothing but a painting."""
+    for name, height, style in CLIPS:
+        print(f"  {name}, {height} lines, {style}")
+        source, exemplar = film(name, height), painting(style)
+        compare(source, exemplar, {how: painted(source, exemplar, temporal=how) for how in ("on", "off")})
+
+
+CLIPS = (
+    ("coffee_720p_audio.mp4", 270, "the_scream"),
+    ("coffee_720p_audio.mp4", 270, "delaunay_1906"),
+    ("asl_walk_640x480.mkv", 300, "delaunay_1906"),
+    ("face_portrait_768x1024.mp4", 384, "delaunay_1906"),
+)
 
 
 def stage() -> None:

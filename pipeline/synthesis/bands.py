@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -96,4 +97,4 @@ def bands(size: tuple[int, int], pixels: int) -> Iterator[tuple[int, int]]:
     most = height if width * height <= pixels else max(1, pixels // width - 2 * FARTHEST_PX)
     count = -(-height // most)
     edges = [height * k // count for k in range(count + 1)]
-    yield from zip(edges, edges[1:], strict=False)
+    yield from pairwise(edges)

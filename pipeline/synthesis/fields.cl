@@ -125,43 +125,6 @@ kernel void advect(global const float2 *offsets, global const uchar *bins, globa
     out[here] = found;
 }
 
-/* Advected offsets, each moved to the mean of what its neighbours would have it be, of those that agree within a pixel.
-   Where nothing moves, as it is. */
-#define SETTLE_REACH 3
-#define SETTLE_STEPS 256
-
-kernel void settle(global const float2 *offsets, global const uchar *bins, global const float2 *way,
-                   global const uchar *style_bins, constant float2 *cosines, global const uchar *holes,
-                   global float2 *out, const int style_width, const int style_height, const int width,
-                   const int height)
-{
-    const int x = get_global_id(0), y = get_global_id(1);
-    if (x >= width || y >= height)
-        return;
-    const int here = y * width + x;
-    const float2 mine = offsets[here];
-    out[here] = mine;
-    if (mine.x <= NOWHERE || (way[here].x == 0.0f && way[here].y == 0.0f))
-        return;
-    int2 sum = (int2)(0);
-    int count = 0;
-    for (int row = max(y - SETTLE_REACH, 0); row <= min(y + SETTLE_REACH, height - 1); row++)
-        for (int column = max(x - SETTLE_REACH, 0); column <= min(x + SETTLE_REACH, width - 1); column++) {
-            const int other = row * width + column;
-            if (offsets[other].x <= NOWHERE)
-                continue;
-            const float2 apart = carried(offsets[other], (float2)(x - column, y - row), ROTATE ? bins[other] : 255,
-                                         style_bins, cosines, style_width, style_height) - mine;
-            if (fabs(apart.x) < 1.0f && fabs(apart.y) < 1.0f) {
-                sum += convert_int2_rte(apart * (float)SETTLE_STEPS);
-                count++;
-            }
-        }
-    const float2 settled = mine + convert_float2(sum / count) * (1.0f / SETTLE_STEPS);
-    if (usable(rounded(settled), holes, style_width, style_height))
-        out[here] = settled;
-}
-
 /* A coarser level's offsets at twice the size, extrapolated from the nearest sample. Style sizes are the coarse one's
    for the directions and the fine one's for what may be used. */
 kernel void upsample(global const float2 *coarse, global const uchar *bins, global const uchar *style_bins,

@@ -48,8 +48,8 @@ def stilled(velocity: Flow, here: Bytes, there: Bytes) -> Flow:
         velocity: float32 (h, w, 2), px, as estimated.
         here, there: uint8 (h, w), both frames' grays.
 
-    Departure: an estimated velocity is a few hundredths of a pixel wherever nothing moves, and strokes that are carried
-    by it slip to and fro by a pixel. Up to `STILL_PX` it is taken for 0, and up to `BARELY_PX` where the pictures do not
+    Departure: an estimated velocity is a few hundredths of a pixel wherever nothing moves, and strokes that it carries
+    slip to and fro by a pixel. Up to `STILL_PX` it is taken for 0, and up to `BARELY_PX` where the pictures do not
     differ. A flat part of what moves faster goes on moving with the rest of it.
     """
     squares = np.square(velocity).sum(-1)

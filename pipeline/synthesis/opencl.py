@@ -184,26 +184,6 @@ class Kernels:
         self.device.run(self._at(style, "advect", sitting.size, *args))
         return out
 
-    def settle(
-        self, style: Loaded[DeviceArray], sitting: Sitting[DeviceArray], offsets: DeviceArray, way: DeviceArray
-    ) -> DeviceArray:
-        """Advected offsets whose fractions agree with those of the patch around, where there is motion.
-
-        Departure: optical flow is never quite even, so neighbours of one stroke would pass from one pixel of the
-        style to the next at different times, and tear it. Each offset takes the mean of what the 7x7 around would
-        have it be, of those that say the same within a pixel: a stroke then goes over as a whole. In whole numbers of
-        1/256 px, so that the mean is exact.
-
-        Args:
-            way: as for `advect`. Where it is 0 nothing is changed: what stands still stands.
-        """
-        out = self.device.empty((sitting.size[1], sitting.size[0], 2))
-        args = (
-            offsets, sitting.bins or self._nothing, way, style.bins, self._cosines, style.usable, out, *style.size,
-        )  # fmt: skip
-        self.device.run(self._at(style, "settle", sitting.size, *args))
-        return out
-
     def upsample(
         self, coarse: Loaded[DeviceArray], sitting: Sitting[DeviceArray], offsets: DeviceArray,
         style: Loaded[DeviceArray], to: Sitting[DeviceArray],

@@ -113,12 +113,6 @@ class Reference:
         _advect(offsets, there, way, visible, turned, cosines(), usable, out, style.size)
         return out
 
-    def settle(self, style: Loaded[Array], sitting: Sitting[Array], offsets: Array, way: Array) -> Array:
-        out = np.empty_like(offsets)
-        there = _or(sitting.bins, np.zeros((0, 0), np.uint8))
-        _settle(offsets, there, way, style.bins, cosines(), style.usable, out, style.size)
-        return out
-
     def upsample(
         self, coarse: Loaded[Array], sitting: Sitting[Array], offsets: Array, style: Loaded[Array], to: Sitting[Array]
     ) -> Array:
@@ -237,46 +231,6 @@ def _advect(
                 if not _usable(int(np.rint(found_x)), int(np.rint(found_y)), usable, size[0], size[1]):
                     found_x, found_y = _NOWHERE, _NOWHERE
             out[y, x, 0], out[y, x, 1] = found_x, found_y
-
-
-@kernel
-def _settle(
-    offsets: Offsets, bins: Array, way: Array, style_bins: Array, cosines: Array, usable: Array, out: Offsets,
-    size: tuple[int, int],
-) -> None:  # fmt: skip
-    steps, step, one = np.float32(256), np.float32(1 / 256), np.float32(1)
-    height, width = out.shape[:2]
-    for y in range(height):
-        for x in range(width):
-            mine_x, mine_y = offsets[y, x, 0], offsets[y, x, 1]
-            out[y, x, 0], out[y, x, 1] = mine_x, mine_y
-            if mine_x <= _NOWHERE or (way[y, x, 0] == 0 and way[y, x, 1] == 0):
-                continue
-            sum_x, sum_y, count = 0, 0, 0
-            for row in range(max(y - 3, 0), min(y + 4, height)):
-                for column in range(max(x - 3, 0), min(x + 4, width)):
-                    if offsets[row, column, 0] <= _NOWHERE:
-                        continue
-                    direction = bins[row, column] if bins.size else NO_DIRECTION
-                    from_x, from_y = carried(
-                        offsets[row, column, 0], offsets[row, column, 1], np.float32(x - column), np.float32(y - row),
-                        direction, style_bins, cosines, size[0], size[1],
-                    )  # fmt: skip
-                    apart_x, apart_y = from_x - mine_x, from_y - mine_y
-                    if abs(apart_x) < one and abs(apart_y) < one:
-                        sum_x += int(np.rint(apart_x * steps))
-                        sum_y += int(np.rint(apart_y * steps))
-                        count += 1
-            to_x = mine_x + np.float32(_quotient(sum_x, count)) * step
-            to_y = mine_y + np.float32(_quotient(sum_y, count)) * step
-            if _usable(int(np.rint(to_x)), int(np.rint(to_y)), usable, size[0], size[1]):
-                out[y, x, 0], out[y, x, 1] = to_x, to_y
-
-
-@kernel
-def _quotient(whole: int, by: int) -> int:
-    """Rounded towards zero, as in C."""
-    return whole // by if whole >= 0 else -(-whole // by)
 
 
 @kernel

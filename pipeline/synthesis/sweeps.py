@@ -119,8 +119,7 @@ class Sweep(Generic[T]):
             return None
         motion, there = self.shot.motion(index, self.last.index), self.last
         way, visible = self.ops.upload(motion.way), self.ops.upload(motion.visible)
-        found = self.ops.advect(self.style, sitting, there.offsets, there.sitting.bins, way, visible)
-        return self.ops.settle(self.style, sitting, found, way)
+        return self.ops.advect(self.style, sitting, there.offsets, there.sitting.bins, way, visible)
 
     def _merged(self, index: int, sitting: Sitting[T], known: T | None, advected: T | None) -> T:
         """Section 3.3: advected or known, at random; anywhere where there is neither."""

@@ -50,9 +50,9 @@ def operations(on: Device, size: tuple[int, int], style: Bytes, held: int) -> tu
         )  # fmt: skip
     count = sum(1 for _ in bands(size, pixels))
     says = (
-        f"Frames of {size[0]}x{size[1]} with this style need {_mib(needed)}, and {on.name} has {_mib(there)}: each is "
-        f"painted in {count} {'band' if count == 1 else 'bands'} of rows, one after the other, and waits in main memory. "
-        "That takes longer and changes nothing in the result."
+        f"Frames of {size[0]}x{size[1]} with this style need {_mib(needed)}, and {on.name} has {_mib(there)}: each "
+        f"waits in main memory and is painted in {count} {'band' if count == 1 else 'bands'} of rows, one after the "
+        "other. That takes longer and changes nothing in the result."
     )
     _LOG.warning(says)
     return Bands(on, pixels), says
@@ -64,7 +64,7 @@ def _with_levels(finest: int) -> int:
 
 
 def _of(style: Bytes) -> int:
-    return style.shape[0] * style.shape[1] * BYTES_OF_STYLE
+    return int(style.shape[0] * style.shape[1]) * BYTES_OF_STYLE
 
 
 def _mib(count: int) -> str:

@@ -6,11 +6,11 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-import cv2
 import numpy as np
 
 from pipeline.compute import device
 from pipeline.flow import estimate
+from pipeline.flow.gray import to_gray
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.sources import Pair, Picture, Source
@@ -128,7 +128,7 @@ class Shot:
         epsilon = params.occlusion_epsilon if params.occlusion == "on" else math.inf
         known = stills.source.velocities(first)
         if known is None:
-            here, there = (cv2.cvtColor(stills.frames[k], cv2.COLOR_RGB2GRAY) for k in (first, first + 1))
+            here, there = (to_gray(stills.frames[k]) for k in (first, first + 1))
             plus = stilled(estimate(here, there, params.flow), here, there)
             minus = stilled(-estimate(there, here, params.flow), there, here)
             plus, minus = self._spread(plus, first), self._spread(minus, first + 1)

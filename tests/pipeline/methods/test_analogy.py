@@ -229,11 +229,15 @@ SMALL_BYTES = 2_250_000
 """Of a device on which the painting and half a frame fit."""
 
 
-def test_keyframes_are_matched_in_bands_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_keyframes_are_matched_in_bands_as_well(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
     keys = {0: key(0, 1), 3: key(3, 1)}
     whole = rendered({"keyframes": keys}, shot(4), rotation="on")
     monkeypatch.setattr(device(), "memory_bytes", SMALL_BYTES)
-    banded = rendered({"keyframes": keys}, shot(4), rotation="on")
+    with caplog.at_level("WARNING", "pipeline"):
+        banded = rendered({"keyframes": keys}, shot(4), rotation="on")
+    assert "of rows" in caplog.text
     np.testing.assert_array_equal(banded, whole)
     assert all((banded[index] == image).all() for index, image in keys.items())
 

@@ -70,9 +70,6 @@ def worked(ops: Operations[Any], goal: Goal, turned: bool, holes: bool, rounds: 
     visible = (np.random.default_rng(6).random((23, 31)) < 0.8).astype(np.uint8)
     old = ops.scatter(style, before.size, (1, 2))
     advected = ops.advect(style, now, old, before.bins, ops.upload(a_way()), ops.upload(visible))
-    way = a_way()
-    way[8:14] = 0
-    advected = ops.settle(style, now, advected, ops.upload(way))
     offsets = ops.merge(style, now.size, advected, ops.scatter(style, now.size, (3, 4)), 0.5, (5, 6))
     found = {"old": old, "advected": advected, "merged": offsets}
     if goal.w_tc or goal.keyed:
@@ -114,19 +111,6 @@ def test_bands_cover_every_row_once_and_fit(pixels: int, expected: int) -> None:
     assert [row for start, stop in found for row in range(start, stop)] == list(range(90)) and len(found) == expected
     if 1 < expected < 90:
         assert all((stop - start + 2 * FARTHEST_PX) * 100 <= pixels for start, stop in found)
-
-
-def test_what_moves_goes_over_to_the_next_pixel_as_a_whole_and_what_stands_stays() -> None:
-    ops, goal = Reference(), PLAIN
-    style, noise = ops.load(a_style(goal, False, False), goal), np.random.default_rng(8).normal(0, 0.1, (23, 31, 2))
-    y, x = np.mgrid[7:30, 7:38]
-    ragged = (np.stack([x + 0.45, y], -1) + noise).astype(np.float32)
-    way = np.full((23, 31, 2), 0.3, np.float32)
-    way[:11] = 0
-    settled = ops.settle(style, ops.seat(style, a_target(goal, False)), ragged, way)
-    np.testing.assert_array_equal(settled[:11], ragged[:11])
-    moved = (np.rint(ragged) != np.stack([x, y], -1)).any(-1)[14:].mean()
-    assert (np.rint(settled) != np.stack([x, y], -1)).any(-1)[14:].mean() < 0.2 * moved
 
 
 @pytest.mark.parametrize("turned", [False, True], ids=["straight", "turned"])
