@@ -89,7 +89,7 @@ class AnalogyParams(Params):
         "on", "Temporal coherence", "off = every frame on its own: the honest baseline, and it flickers.", "Time"
     )
     steadiness: float = number(
-        3, 0, 100, "Steadiness", "How little a place's colour may change along the motion.",
+        1.5, 0, 100, "Steadiness", "How little a place's colour may change along the motion.",
         "per squared gray level", "Time", "w_tc",
     )  # fmt: skip
     flow: FlowName = choice("dis-medium", "Optical flow", "How motion is found where no velocities are given.", "Time")
