@@ -14,8 +14,8 @@ from pipeline.synthesis.orientation import orientation
 
 MOST_CHANNELS = 16
 _LOOSER = 2
-"""Steadiness is a quarter at each coarser level. Departure: the paper has one weight. What goes where is decided there, by
-likeness to every frame; that strokes stand still, at the finest."""
+"""Steadiness is a quarter at each coarser level. Departure: the paper has one weight. What goes where is decided there,
+by likeness to every frame; that strokes stand still, at the finest."""
 
 
 def goal_of(
