@@ -25,7 +25,7 @@ from benchmarks.analogy_bench import Memory, render, some
 from benchmarks.clips import MEDIA
 from pipeline.frames import Frame
 from pipeline.methods.analogy import AnalogyParams
-from pipeline.methods.analogy.exemplar import own_pair
+from pipeline.methods.analogy.exemplar import painted as in_strokes
 from pipeline.scenes import scene
 from pipeline.scenes.shot import shot_files
 from pipeline.video.reader import VideoReader
@@ -39,7 +39,7 @@ def painting(name: str) -> Frame:
     """A painting of the media folder, or our own."""
     path = MEDIA.parent / "style" / "paintings" / f"{name}.jpg"
     if not path.is_file():
-        return own_pair()[1]
+        return in_strokes(scene("portrait", (480, 320), frames=1).image(0))
     with VideoReader(path) as reader:
         return next(reader.read(0, 1))
 

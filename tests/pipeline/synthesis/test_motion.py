@@ -12,7 +12,8 @@ def pictures(shift: int = 0, noise: float = 1.0) -> tuple[np.ndarray, np.ndarray
     rng = np.random.default_rng(1)
     plain = np.repeat(np.repeat(rng.integers(40, 216, (12, 16)), 4, 0), 4, 1)
     there = np.roll(plain, shift, axis=1)
-    return tuple(np.clip(p + rng.normal(0, noise, p.shape), 0, 255).astype(np.uint8) for p in (plain, there))
+    here, after = (np.clip(p + rng.normal(0, noise, p.shape), 0, 255).astype(np.uint8) for p in (plain, there))
+    return here, after
 
 
 @pytest.mark.parametrize(("speed", "shift", "stays"), [(0.06, 0, 0), (0.4, 0, 0), (0.4, 4, 1), (0.8, 0, 1)])
