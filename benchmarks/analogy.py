@@ -15,6 +15,8 @@ from benchmarks.analogy_bench import Memory, render
 from benchmarks.clips import clip
 from pipeline.frames import Frame
 from pipeline.methods.analogy import AnalogyParams
+from pipeline.methods.analogy.exemplar import painted
+from pipeline.scenes import scene
 
 SIZES = ((640, 480), (1280, 720), (1920, 1080))
 FRAMES = 3
@@ -22,9 +24,7 @@ FRAMES = 3
 
 def painting(side_px: int = 800) -> Frame:
     """A style with texture at every scale, px on its long side."""
-    from pipeline.methods.analogy.exemplar import own_pair
-
-    own = own_pair()[1]
+    own = painted(scene("portrait", (480, 320), frames=1).image(0))
     scale = side_px / max(own.shape[:2])
     return np.asarray(cv2.resize(own, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC), np.uint8)
 

@@ -25,7 +25,7 @@ from benchmarks.analogy_bench import Memory, render, some
 from benchmarks.clips import MEDIA
 from pipeline.frames import Frame
 from pipeline.methods.analogy import AnalogyParams
-from pipeline.methods.analogy.exemplar import own_pair
+from pipeline.methods.analogy.exemplar import painted as in_strokes
 from pipeline.scenes import scene
 from pipeline.scenes.shot import shot_files
 from pipeline.video.reader import VideoReader
@@ -39,7 +39,7 @@ def painting(name: str) -> Frame:
     """A painting of the media folder, or our own."""
     path = MEDIA.parent / "style" / "paintings" / f"{name}.jpg"
     if not path.is_file():
-        return own_pair()[1]
+        return in_strokes(scene("portrait", (480, 320), frames=1).image(0))
     with VideoReader(path) as reader:
         return next(reader.read(0, 1))
 
@@ -104,9 +104,19 @@ def compare(source: Sequence[Frame], style: Frame, outputs: Mapping[str, Sequenc
 
 
 def clip() -> None:
-    """A live-action clip with nothing but a painting."""
-    source, style = film("coffee_720p_audio.mp4", 270), painting("the_scream")
-    compare(source, style, {name: painted(source, style, temporal=name) for name in ("on", "off")})
+    """Live-action clips with nothing but a painting."""
+    for name, height, style in CLIPS:
+        print(f"  {name}, {height} lines, {style}")
+        source, exemplar = film(name, height), painting(style)
+        compare(source, exemplar, {how: painted(source, exemplar, temporal=how) for how in ("on", "off")})
+
+
+CLIPS = (
+    ("coffee_720p_audio.mp4", 270, "the_scream"),
+    ("coffee_720p_audio.mp4", 270, "delaunay_1906"),
+    ("asl_walk_640x480.mkv", 300, "delaunay_1906"),
+    ("face_portrait_768x1024.mp4", 384, "delaunay_1906"),
+)
 
 
 def stage() -> None:

@@ -10,6 +10,8 @@ from pipeline.synthesis.images import Bytes, Offsets, Style
 from pipeline.synthesis.operations import Key, Loaded, Operations, Search, Sitting, T
 
 _JUMPS = (8, 4, 2, 1)
+FARTHEST_PX = max(_JUMPS)
+"""How far from a pixel the offsets come from that it is proposed."""
 
 
 def refine(

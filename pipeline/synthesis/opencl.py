@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.compute import Device, DeviceArray, Launch
 from pipeline.synthesis.goal import SCALE_SHIFT, STEP_SCALE, Goal, cosines, steps_table, tables, taps
-from pipeline.synthesis.images import TAIL, Style, Target, padded
+from pipeline.synthesis.images import TAIL, Bytes, Style, Target, padded
 from pipeline.synthesis.images import packed as pack
 from pipeline.synthesis.operations import Key, Loaded, Search, Sitting
 
@@ -36,6 +36,10 @@ class Kernels:
     def fetch(self, array: DeviceArray) -> NDArray[Any]:
         return self.device.download(array)
 
+    def finish(self) -> None:
+        """Wait for what has been handed over."""
+        self.device.finish()
+
     def _tables(self, goal: Goal) -> tuple[DeviceArray, ...]:
         if goal not in self._constants:
             made = tables(goal)
@@ -57,6 +61,10 @@ class Kernels:
 
     def _or_nothing(self, array: NDArray[Any] | None) -> DeviceArray:
         return self._nothing if array is None else self.upload(array)
+
+    def margined(self, plane: Bytes, margin_px: int) -> DeviceArray:
+        """A plane with its border repeated around it."""
+        return self.upload(padded(plane, margin_px))
 
     def seat(self, style: Loaded[DeviceArray], target: Target) -> Sitting[DeviceArray]:
         """A frame, its colours not yet rendered."""
@@ -115,9 +123,13 @@ class Kernels:
 
     def improve(
         self, style: Loaded[DeviceArray], sitting: Sitting[DeviceArray], offsets: DeviceArray,
-        penalty: DeviceArray | None, key: Key, round_: int, search: Search,
+        penalty: DeviceArray | None, key: Key, round_: int, search: Search, top: int = 0,
     ) -> DeviceArray:  # fmt: skip
-        """One iteration: every pixel's offset, or a better one from its neighbours, the ribbons or chance."""
+        """One iteration: every pixel's offset, or a better one from its neighbours, the ribbons or chance.
+
+        Args:
+            top: row of the frame that is the first one here; chance is keyed by the frame's rows.
+        """
         goal, made, none = style.goal, tables(style.goal), self._nothing
         out = self.device.empty((sitting.size[1], sitting.size[0], 2))
         self.costs = self.device.empty((sitting.size[1], sitting.size[0]))
@@ -132,7 +144,7 @@ class Kernels:
             round(goal.r_max_px2),
             np.float32(goal.w_sc * made.unit / STEP_SCALE), np.float32(goal.w_tc / goal.colours * made.centre),
             np.float32(goal.d_max_px), np.float32(goal.w_dt * made.centre), search.jump, np.float32(search.search_px),
-            np.float32(search.ribbon_px), *_words(key), np.uint32(round_), *style.size,
+            np.float32(search.ribbon_px), *_words(key), np.uint32(round_), top, *style.size,
         )  # fmt: skip
         kernel = self.device.kernel(_PATCHES, "improve", self._terms(style, sitting, penalty), _COMMON)
         self.device.run(kernel.at(sitting.size, *args, *sitting.size))

@@ -252,8 +252,8 @@ improve(global const float2 *offsets, global float2 *improved, global float *cos
         global const uchar *visible, constant short *keyed_weights, global const float2 *ribbons,
         global const float2 *given, const int reach, const float coherence, const float steadiness,
         const float line_limit, const float line_weight, const int jump, const float search_px,
-        const float ribbon_px, const uint seed, const uint stream, const uint round_, const int style_width,
-        const int style_height, const int width, const int height)
+        const float ribbon_px, const uint seed, const uint stream, const uint round_, const int top,
+        const int style_width, const int style_height, const int width, const int height)
 {
     const int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)
@@ -316,13 +316,13 @@ improve(global const float2 *offsets, global float2 *improved, global float *cos
         const float2 ribbon = ribbons[k * width * height + here];
         if (ribbon.x <= NOWHERE)
             continue;
-        const uint4 words = philox((uint4)(x, y, round_, 0x41BB0000u + k), (uint2)(seed, stream));
+        const uint4 words = philox((uint4)(x, y + top, round_, 0x41BB0000u + k), (uint2)(seed, stream));
         const float2 draw = (float2)(unit(words.x), unit(words.y)) * 2.0f - 1.0f;
         consider(&spot, &best, ribbon);
         consider(&spot, &best, ribbon + convert_float2(convert_int2_rte(draw * ribbon_px)));
     }
 #endif
-    search(&spot, &best, search_px, (uint4)(x, y, round_, 0), (uint2)(seed, stream));
+    search(&spot, &best, search_px, (uint4)(x, y + top, round_, 0), (uint2)(seed, stream));
     improved[here] = best.offset;
     costs[here] = best.cost;
 }

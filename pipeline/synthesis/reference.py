@@ -37,6 +37,9 @@ class Reference:
     def fetch(self, array: Array) -> Array:
         return array
 
+    def finish(self) -> None:
+        """Nothing goes on behind."""
+
     def load(self, style: Style, goal: Goal) -> Loaded[Array]:
         def there(array: Array | None, like: Any = np.uint8) -> Array:
             return np.zeros((0, 0), like) if array is None else array
@@ -44,6 +47,9 @@ class Reference:
         features = _spread(style.features, goal.pad)
         distance = there(style.distance, np.float32)
         return Loaded(style, goal, features, there(style.bins), there(style.usable), distance, taps(goal.radius), _NONE)
+
+    def margined(self, plane: Array, margin_px: int) -> Array:
+        return _spread(plane, margin_px)
 
     def seat(self, style: Loaded[Array], target: Target) -> Sitting[Array]:
         goal, (width, height) = style.goal, target.size
@@ -102,7 +108,9 @@ class Reference:
     ) -> Array:  # fmt: skip
         out = np.empty((sitting.size[1], sitting.size[0], 2), np.float32)
         there = _or(bins, np.zeros((0, 0), np.uint8))
-        _advect(offsets, there, way, visible, style.bins, cosines(), style.usable, out, style.size)
+        turned = style.bins if style.style.bins is not None else np.zeros((0, 0), np.uint8)
+        usable = style.usable if style.style.usable is not None else np.zeros((0, 0), np.uint8)
+        _advect(offsets, there, way, visible, turned, cosines(), usable, out, style.size)
         return out
 
     def upsample(

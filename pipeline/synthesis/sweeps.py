@@ -15,7 +15,7 @@ import numpy as np
 
 from pipeline.flow.warp import fetch
 from pipeline.synthesis.engine import refine
-from pipeline.synthesis.images import NOWHERE, Offsets, Target, padded
+from pipeline.synthesis.images import NOWHERE, Offsets, Target
 from pipeline.synthesis.motion import Motion
 from pipeline.synthesis.operations import Key, Loaded, Operations, Past, Sitting, T
 
@@ -155,7 +155,7 @@ class Sweep(Generic[T]):
         then = self.ops.seat(self.style, Target(np.asarray(seen, np.uint8)))
         then.bins = self.last.sitting.bins
         self.ops.render(self.style, then, advected)
-        return Past(then.packed, self.ops.upload(padded(motion.visible, self.style.goal.radius)))
+        return Past(then.packed, self.ops.margined(motion.visible, self.style.goal.radius))
 
 
 def carried_ribbons(

@@ -27,8 +27,9 @@ def run_piece(task: Task, bench: Bench) -> Note:
     """The frames between two keys, or a part of them."""
     found = dict(task.args["piece"])
     piece = Piece(**{**found, "keys": tuple(found["keys"])})
-    KeyedStudio(bench, piece).paint(task.key)
-    return {"frames": piece.last - piece.first}
+    studio = KeyedStudio(bench, piece)
+    studio.paint(task.key)
+    return studio.note(piece.last - piece.first)
 
 
 class KeyedStudio(Studio):

@@ -89,7 +89,7 @@ class AnalogyParams(Params):
         "on", "Temporal coherence", "off = every frame on its own: the honest baseline, and it flickers.", "Time"
     )
     steadiness: float = number(
-        0.5, 0, 100, "Steadiness", "How little a place's colour may change along the motion.",
+        1.5, 0, 100, "Steadiness", "How little a place's colour may change along the motion.",
         "per squared gray level", "Time", "w_tc",
     )  # fmt: skip
     flow: FlowName = choice("dis-medium", "Optical flow", "How motion is found where no velocities are given.", "Time")
@@ -148,7 +148,7 @@ class AnalogyParams(Params):
         json_schema_extra={"unit": "rounds", "group": "Search"},
     )  # fmt: skip
     sweeps: int = Field(
-        1, ge=1, le=4, title="Sweeps", description="Pairs of passes forward and backward through time a level.",
+        1, ge=1, le=4, title="Sweeps", description="Pairs of passes backward and forward through time a level.",
         json_schema_extra={"unit": "pairs", "group": "Search"},
     )  # fmt: skip
     search_radius: float = number(

@@ -10,15 +10,12 @@ from pipeline.methods.base import Bench, Note, Task
 
 
 def run_synthesis(task: Task, bench: Bench) -> Note:
-    """One run of one sweep, frames on their own, or a piece between painted keys."""
+    """One run of one sweep (or all sweeps of coarse levels), frames on their own, or a piece between painted keys."""
     if "piece" in task.args:
         return run_piece(task, bench)
-    job = Job(**task.args)
+    args = dict(task.args)
+    earlier = [(key, Job(**each)) for key, each in args.pop("before", [])]
+    job = Job(**args)
     studio = Studio(bench, source_of(bench, job.layer))
-    if job.level < 0:
-        studio.alone(job)
-    elif job.level >= studio.levels:
-        studio.pass_on(task.key)
-    else:
-        studio.sweep(task.key, job)
-    return {"frames": job.stop - job.start}
+    studio.do([*earlier, (task.key, job)])
+    return studio.note(job.stop - job.start)

@@ -10,12 +10,13 @@ import numpy as np
 
 from pipeline.compute import device
 from pipeline.flow import estimate
+from pipeline.flow.gray import to_gray
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.sources import Pair, Picture, Source
 from pipeline.synthesis.distance import extrapolated, nearest
 from pipeline.synthesis.images import NOWHERE, Bytes, Offsets, Target, halved, stacked
-from pipeline.synthesis.motion import Motion, between, coarser
+from pipeline.synthesis.motion import Motion, between, coarser, stilled
 from pipeline.synthesis.orientation import orientation
 from pipeline.synthesis.tones import Matched, Tones, lab_guide, tones_of
 
@@ -127,8 +128,9 @@ class Shot:
         epsilon = params.occlusion_epsilon if params.occlusion == "on" else math.inf
         known = stills.source.velocities(first)
         if known is None:
-            plus = estimate(stills.frames[first], stills.frames[first + 1], params.flow)
-            minus = -estimate(stills.frames[first + 1], stills.frames[first], params.flow)
+            here, there = (to_gray(stills.frames[k]) for k in (first, first + 1))
+            plus = stilled(estimate(here, there, params.flow), here, there)
+            minus = stilled(-estimate(there, here, params.flow), there, here)
             plus, minus = self._spread(plus, first), self._spread(minus, first + 1)
         else:
             plus, minus = coarser(known[0], stills.level), coarser(known[1], stills.level)

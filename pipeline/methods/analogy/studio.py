@@ -2,56 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.compute import Device, device
-from pipeline.errors import DeviceError
+from pipeline.compute import device
 from pipeline.frames import Frame
 from pipeline.methods.analogy.composite import paint_name
 from pipeline.methods.analogy.layers import Found
+from pipeline.methods.analogy.memory import operations
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.plan import Job
 from pipeline.methods.analogy.shots import Shot, Stills, levels_of, matching
 from pipeline.methods.analogy.sources import Pair, Source
 from pipeline.methods.analogy.styles import Styles, goal_of
-from pipeline.methods.base import Bench
+from pipeline.methods.base import Arrays, Bench, Note
 from pipeline.synthesis.engine import colours
 from pipeline.synthesis.images import Bytes, Offsets
 from pipeline.synthesis.keeping import kept, restored
-from pipeline.synthesis.opencl import Kernels
 from pipeline.synthesis.operations import Loaded, Sitting
 from pipeline.synthesis.sweeps import Rounds, Seated, Sweep, order
 
 COARSE_ROUNDS = 2
 """Times as many iterations at the coarsest level, where all begins at random and a round costs next to nothing."""
 STEP = "synthesise"
-
-
-BYTES_AT_WORK = 120
-"""A pixel of the frame being worked at: packed colours and guides, offsets before and after, motion, ribbons, costs."""
-BYTES_HELD = 12
-BYTES_OF_STYLE = 28
-"""A pixel of the style: packed, directions, distances, histogram."""
-
-
-def check_memory(on: Device, size: tuple[int, int], style: Bytes, held: int) -> None:
-    """What a task keeps on the device at its finest level fits there, with a third for coarser ones.
-
-    Raises:
-        DeviceError: how much is needed and how much there is.
-    """
-    pixels = size[0] * size[1]
-    needed = 4 * (pixels * (BYTES_AT_WORK + held * BYTES_HELD) + style.shape[0] * style.shape[1] * BYTES_OF_STYLE) // 3
-    if needed > on.memory_bytes:
-        raise DeviceError(
-            f"Frames of {size[0]}x{size[1]} with this style do not fit into the memory of {on.name}.",
-            field="device", value=f"{needed / 2**20:.0f} MiB needed, {on.memory_bytes / 2**20:.0f} MiB there",
-            remedy="Render at a smaller size, give a smaller painting, paint keys closer together, or use the CPU.",
-        )  # fmt: skip
 
 
 class Studio:
@@ -66,13 +42,19 @@ class Studio:
             self.pair = pair or source.pair()
             self.styles = Styles(self.pair, self.params)
         self.levels = levels_of(self.params, bench.size, min(self.pair.output.shape[:2]))
-        self.ops = Kernels(device())
-        check_memory(self.ops.device, bench.size, self.pair.output, self._frames_held())
+        self.ops, self.says = operations(device(), bench.size, self.pair.output, self._frames_held())
         self._loaded: dict[int, Loaded[Any]] = {}
+        self._part, self._parts = 0, 1
+        self._between: dict[str, Arrays] = {}
+        """What jobs of this task have left for the next one of it."""
 
     def _frames_held(self) -> int:
-        """Frames whose offsets are on the device at once."""
+        """Frames whose offsets are kept at once."""
         return 2
+
+    def note(self, frames: int) -> Note:
+        """What a task has to tell."""
+        return {"frames": frames} | ({"says": self.says} if self.says else {})
 
     def style(self, level: int) -> Loaded[Any]:
         if level not in self._loaded:
@@ -98,6 +80,25 @@ class Studio:
         reach = float(max(self.style(level).size)) if coarsest else self.params.search_radius
         return Rounds(iterations, reach, self.bench.seed & 0xFFFFFFFF, stream)
 
+    def do(self, jobs: Sequence[tuple[str, Job]]) -> None:
+        """The jobs of a task, by their names, in order. What any but the last leaves is for the next ones alone."""
+        for self._part, (key, job) in enumerate(jobs):
+            self._parts = len(jobs)
+            if job.level < 0:
+                self.alone(job)
+            elif job.level < self.levels:
+                self.sweep(key, job)
+            else:
+                self._progress(1.0)  # a level coarser than fits
+
+    def _progress(self, done: float) -> None:
+        """Of the job that is being done, 0..1."""
+        self.bench.progress((self._part + done) / self._parts)
+
+    @property
+    def _last_part(self) -> bool:
+        return self._part + 1 == self._parts
+
     # -- each frame on its own
 
     def alone(self, job: Job) -> None:
@@ -117,7 +118,7 @@ class Studio:
             sweep = Sweep(self.ops, self.style(level), self.shot(stills[level]), known, rounds, True)
             with self.bench.clock("synthesis"):
                 above = level, next(sweep.run([index]))
-                self.ops.device.finish()
+                self.ops.finish()
             self.bench.progress(done)
         assert above is not None
         found: Offsets = self.ops.fetch(above[1].offsets)
@@ -175,7 +176,7 @@ class Studio:
         """What is known of a frame: the sweep before, or the coarser level, whose sittings only its directions need."""
         if job.first or not job.known or (job.coarser and job.level + 1 >= self.levels):
             return lambda index, sitting: None
-        saved = self.bench.load(STEP, job.known)
+        saved = self._between[job.known] if job.known in self._between else self.bench.load(STEP, job.known)
         if not job.coarser:
             return lambda index, sitting: self.ops.upload(self._offsets(saved, index, job.level))
         above = self.stills(job.start, job.stop, job.level + 1, match)
@@ -205,20 +206,21 @@ class Studio:
             with self.bench.clock("synthesis"):
                 seen = next(steps)
                 found[seen.index] = self.ops.fetch(seen.offsets)
-            self.bench.progress((done + 1) / count)
+            self._progress((done + 1) / count)
         return found
 
     def _hand_over(self, key: str, job: Job, found: dict[int, Offsets], stills: Stills) -> None:
         longest = self._longest(job.level)
         edge = job.stop - 1 if job.forward else job.start
-        self.bench.save(f"{key}-edge", {str(edge): kept(found[edge], longest)})
+        if (job.stop < job.end) if job.forward else (job.start > job.begin):
+            self.bench.save(f"{key}-edge", {str(edge): kept(found[edge], longest)})
         if job.last:
             for index in range(job.start, job.stop):
                 self.hand_out(index, found[index], stills)
             return
-        self.bench.save(key, {str(index): kept(offsets, longest) for index, offsets in found.items()})
+        arrays = {str(index): kept(offsets, longest) for index, offsets in found.items()}
+        if self._last_part:
+            self.bench.save(key, arrays)
+        else:
+            self._between[key] = arrays
         self.preview(job.level, found[edge])
-
-    def pass_on(self, key: str) -> None:
-        """A level coarser than fits: nothing to do."""
-        self.bench.progress(1.0)

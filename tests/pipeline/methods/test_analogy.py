@@ -9,14 +9,14 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from pipeline.compute import Device
+from pipeline.compute import Device, device
 from pipeline.errors import BadInput, DeviceError
 from pipeline.frames import Frame
 from pipeline.methods import method, parse_params
 from pipeline.methods.analogy.exemplar import painted as in_strokes
 from pipeline.methods.analogy.interval import PIECE, pieces
+from pipeline.methods.analogy.memory import operations
 from pipeline.methods.analogy.plan import run_frames
-from pipeline.methods.analogy.studio import check_memory
 from pipeline.scenes import scene
 from pipeline.scenes.shot import shot_files
 from tests.pipeline.methods.bench import FakeBench, painted, run_plan
@@ -214,13 +214,48 @@ def test_lines_of_the_video_alone_are_refused() -> None:
     assert caught.value.field == "inputs.style_lines"
 
 
-def test_what_does_not_fit_into_the_device_is_said() -> None:
-    small = cast(Device, SimpleNamespace(name="a card", memory_bytes=256 << 20))
+@pytest.mark.parametrize("params", [{}, {"rotation": "on", "variety_weight": 50}, {"temporal": "off"}], ids=str)
+def test_a_frame_that_does_not_fit_is_painted_in_bands_to_the_same_bytes(
+    params: dict[str, Any], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    whole = rendered(**params)
+    monkeypatch.setattr(device(), "memory_bytes", SMALL_BYTES)
+    with caplog.at_level("WARNING", "pipeline"):
+        np.testing.assert_array_equal(rendered(**params), whole)
+    assert "96x72" in caplog.text and "in 2 bands" in caplog.text
+
+
+SMALL_BYTES = 2_250_000
+"""Of a device on which the painting and half a frame fit."""
+
+
+def test_keyframes_are_matched_in_bands_as_well(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    keys = {0: key(0, 1), 3: key(3, 1)}
+    whole = rendered({"keyframes": keys}, shot(4), rotation="on")
+    monkeypatch.setattr(device(), "memory_bytes", 1_750_000)
+    with caplog.at_level("WARNING", "pipeline"):
+        banded = rendered({"keyframes": keys}, shot(4), rotation="on")
+    assert "in 2 bands" in caplog.text
+    np.testing.assert_array_equal(banded, whole)
+    assert all((banded[index] == image).all() for index, image in keys.items())
+
+
+def test_what_does_not_fit_into_the_device_in_any_way_is_said() -> None:
+    small = cast(Device, SimpleNamespace(name="a card", memory_bytes=16 << 20))
     style = np.zeros((800, 1000, 3), np.uint8)
-    check_memory(small, (640, 480), style, 2)
     with pytest.raises(DeviceError, match="1920x1080") as caught:
-        check_memory(small, (1920, 1080), style, 20)
-    assert "256 MiB" in str(caught.value) and caught.value.remedy
+        operations(small, (1920, 1080), style, 20)
+    assert "16 MiB" in str(caught.value) and caught.value.remedy
+
+
+def test_the_coarse_levels_of_a_short_shot_are_one_task() -> None:
+    chosen = method("analogy")
+    bench = FakeBench(parse_params(chosen, QUICK), shot(), {"style_output": [painting()]})
+    tasks = run_plan(chosen, bench)["synthesise"]
+    assert len(tasks) == 5 and len(tasks[0].args["before"]) == 1
+    assert not [name for _, name in bench.kept if name.endswith("-edge")], "nothing is kept that no task asks for"
 
 
 def test_a_run_has_as_many_frames_as_memory_allows() -> None:

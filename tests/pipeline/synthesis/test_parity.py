@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from pipeline.compute import device
-from pipeline.synthesis.engine import refine
+from pipeline.synthesis.bands import Bands, bands
+from pipeline.synthesis.engine import FARTHEST_PX, refine
 from pipeline.synthesis.goal import Goal
 from pipeline.synthesis.images import NOWHERE, Style, Target, packed
 from pipeline.synthesis.opencl import Kernels
@@ -77,9 +78,7 @@ def worked(ops: Operations[Any], goal: Goal, turned: bool, holes: bool, rounds: 
         now.before = found["before"] = ops.recall(style, now.size, advected)
     if goal.keyed:
         ops.render(style, before, advected)
-        margin = np.pad(visible, goal.radius, "edge")
-        flat = isinstance(ops, Kernels)
-        now.past = Past(before.packed, ops.upload(margin.reshape(-1) if flat else margin))
+        now.past = Past(before.packed, ops.margined(visible, goal.radius))
         ribbons = np.stack([a_way() * 8 + 20, a_way() * 6 + 15])
         ribbons[:, :4] = NOWHERE
         now.ribbons = ops.upload(ribbons)
@@ -95,10 +94,23 @@ def worked(ops: Operations[Any], goal: Goal, turned: bool, holes: bool, rounds: 
     return {name: ops.fetch(array) for name, array in found.items()}
 
 
-def same(goal: Goal, turned: bool, holes: bool, rounds: int) -> None:
-    kernels = worked(Kernels(device()), goal, turned, holes, rounds)
+def same(goal: Goal, turned: bool, holes: bool, rounds: int, ops: Operations[Any] | None = None) -> None:
+    kernels = worked(ops or Kernels(device()), goal, turned, holes, rounds)
     for name, expected in worked(Reference(), goal, turned, holes, rounds).items():
         np.testing.assert_array_equal(kernels[name], expected, err_msg=name)
+
+
+@pytest.mark.parametrize("pixels", [1, 31 * 20, 31 * 23])
+def test_a_frame_in_bands_of_rows_is_the_same_frame(pixels: int) -> None:
+    same(GOALS["all"], True, True, 3, Bands(device(), pixels))
+
+
+@pytest.mark.parametrize(("pixels", "expected"), [(100 * 90, 1), (100 * 46, 3), (100 * 17, 90), (1, 90)])
+def test_bands_cover_every_row_once_and_fit(pixels: int, expected: int) -> None:
+    found = list(bands((100, 90), pixels))
+    assert [row for start, stop in found for row in range(start, stop)] == list(range(90)) and len(found) == expected
+    if 1 < expected < 90:
+        assert all((stop - start + 2 * FARTHEST_PX) * 100 <= pixels for start, stop in found)
 
 
 @pytest.mark.parametrize("turned", [False, True], ids=["straight", "turned"])
