@@ -95,7 +95,9 @@ MOST_PAIRS = 10
 
 
 def shelf(index: int, gap: int, begin: int, run: int) -> str:
-    """The artefact that the flow back to frame `index` from `index + gap` is in; 0 = ahead, and the frame. What is read together lies together, and the rest is not read.
+    """The artefact that has the flow back to frame `index` from `index + gap`; 0 = the flow ahead, and the frame.
+
+    What is read together lies together, and the rest is not read:
 
     flow-<run>   a run's small frames, flow ahead to the next one, and back between neighbours: every step reads it
     far-<run>    back over gaps within a run: for labels, and seldom more
@@ -110,7 +112,7 @@ class Links:
 
     def __init__(self, bench: Bench, begin: int, run: int, most: int = 6) -> None:
         self._bench, self._begin, self._run, self._most = bench, begin, run, most
-        self._held: OrderedDict[int, dict[str, NDArray[Any]]] = OrderedDict()
+        self._held: OrderedDict[str, dict[str, NDArray[Any]]] = OrderedDict()
         self._pairs: OrderedDict[str, tuple[Flow, Plane] | None] = OrderedDict()
 
     def _get(self, name: str, index: int, gap: int) -> NDArray[Any] | None:

@@ -106,7 +106,7 @@ class Remainder:
         painter: of what is new.
         misfit: RGB distance from which a patch fits no more.
         last, carried, shown: the last frame's number and paint, and the frames that this is from.
-        coming, turned: the next run's first frame as it will be shown, and its paint in frames before it with its share.
+        coming, turned: the next run's first frame as it will be shown; its paint in frames before it, and its share.
         used: whether anything was left in any frame.
     """
 
