@@ -152,10 +152,10 @@ class Painted:
 
     @classmethod
     def load(cls, life: Life, note: Note, start: int, stop: int, bench: Bench) -> Painted:
-        """What frames [start, stop), of one run, need of a patch; `note` is its task's."""
+        """What frames [start, stop] need of a patch: those of one run and the next one. `note` is its task's."""
         lays, looks = load_lays(bench, life, start, stop), {}
         for number, (first, last) in enumerate(note["ages"]):
-            if first - TURN < stop and last + TURN > start:
+            if first - TURN <= stop and last + TURN > start:
                 kept = bench.load("patch", f"{life.key}-age{number}")
                 looks[number] = kept["panorama"], kept["painting"]
         x, y = note["origin"]

@@ -41,6 +41,11 @@ SOFT_PX = 5
 """Over so much old paint gives way to new, px of a frame 344 px high."""
 STAYS = 1.5
 """Misfits from which carried paint is painted anew: a patch is given up for less, since what is below it is at hand."""
+STRETCH = 1.0
+"""Change of distance to a neighbour, as a part of it, from which carried strokes are distorted: in flat places flow
+leads anywhere."""
+SPAN_PX = 4
+"""How far apart those neighbours are."""
 FADE = 4
 """Paintings over which a run fades over to the next one."""
 NOWHERE = -1
@@ -178,10 +183,12 @@ class Remainder:
         sigma = fine_px(self.grid)
         share = np.maximum(cv2.GaussianBlur(known.astype(np.float32), (0, 0), sigma), np.float32(0.1))
         apart = norm(cv2.GaussianBlur(off, (0, 0), sigma)) / share
-        good = (~seen | (known & (apart < STAYS * self.misfit))).astype(np.float32)
+        known &= apart < STAYS * self.misfit
+        _without_distorted(carried.origin, carried.place, known)
+        good = (~seen | known).astype(np.float32)
         soft = 2 * int(SOFT_PX * self.grid.height / 688) + 1
         fits = np.clip(2 * cv2.blur(good, (soft, soft), borderType=cv2.BORDER_REPLICATE) - 1, 0, 1) * good
-        return carried.fetch(shown, 1, known), np.where(fits > 0.999, 1, fits).astype(np.float32)
+        return carried.fetch(shown, 1, (fits > 0) & seen), np.where(fits > 0.999, 1, fits).astype(np.float32)
 
     def _fresh(self, frame: Frame, where: Mask) -> Frame:
         """A painting of the frame alone, where it is needed."""
@@ -228,3 +235,23 @@ def _carry(
                     at_y += share * (place[r, c, 1] - np.float32(r) + v)
             out[y, x] = source
             out_place[y, x, 0], out_place[y, x, 1] = at_x / total, at_y / total
+
+
+@kernel
+def _without_distorted(origin: NDArray[np.int32], place: Places, where: Mask) -> None:
+    """Leave out, in place, what is nearer to or further from a neighbour of its origin than it was there."""
+    height, width = where.shape
+    most = np.float32(STRETCH * SPAN_PX)
+    for y in range(height):
+        for x in range(width):
+            if not where[y, x]:
+                continue
+            for axis in range(2):
+                r, c = y + (SPAN_PX if axis else 0), x + (0 if axis else SPAN_PX)
+                if r >= height or c >= width or origin[r, c] != origin[y, x]:
+                    r, c = y - (SPAN_PX if axis else 0), x - (0 if axis else SPAN_PX)
+                if r < 0 or c < 0 or origin[r, c] != origin[y, x]:
+                    continue
+                along = abs(place[r, c, 0] - place[y, x, 0] - np.float32(c - x))
+                across = abs(place[r, c, 1] - place[y, x, 1] - np.float32(r - y))
+                where[y, x] = where[y, x] and max(along, across) <= most
