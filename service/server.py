@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 import socket
 import threading
@@ -41,8 +42,11 @@ def serve(settings: Settings, on_ready: Callable[[str], None] = lambda url: None
         _check_way_in(settings, farm)
         listener = _bind(settings.host, settings.port)
         farm.start()
+        server = make_server(create_app(settings, farm), settings, on_ready)
+        gc.collect()
+        gc.freeze()  # what is there now stays; looking through it for garbage would hold up every answer
         with listener, _gentle_signals():
-            make_server(create_app(settings, farm), settings, on_ready).run(sockets=[listener])
+            server.run(sockets=[listener])
     finally:
         farm.stop()
 

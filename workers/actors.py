@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 import socket
 import threading
@@ -15,8 +16,9 @@ import ray
 from ray.exceptions import RayError
 
 from workers.blobs.base import Blobs
+from workers.live.channel import Address, Post
 from workers.live.local_seats import Painter
-from workers.live.model import LiveOrder, Painted, Work
+from workers.live.model import LiveOrder
 from workers.local_pool import Runner
 from workers.model import Json, TaskOrder, TaskOutcome
 from workers.shelf import Shelf
@@ -27,7 +29,6 @@ RENDER_NICENESS = 10
 """Live sessions and the service's answers go before renders."""
 FETCH_S = 10.0
 """Longer than this, the blob store is quicker."""
-LOOK, PAINT = "look", "paint"
 LOWEST = 19
 """Nice."""
 
@@ -77,32 +78,36 @@ def _fetch(reference: Any) -> bytes | None:
 
 
 class _LiveActor:
-    """A `LivePainter`, whose two halves are called on threads of their own. Calls of one group keep their order.
+    """A `LivePainter`. Frames come and go on its `Post`, on threads of their own; calls are for all else.
 
     Args:
         make_painter: pickled, so that what it needs is imported by `warm_up`.
+        secret: what connections to the post must say.
     """
 
-    def __init__(self, make_painter: bytes) -> None:
-        self._make_painter = make_painter
+    def __init__(self, make_painter: bytes, secret: bytes) -> None:
+        self._make_painter, self._secret = make_painter, secret
         self._painter: Painter | None = None
+        self._post: Post | None = None
 
-    @ray.method(concurrency_group=LOOK)
-    def warm_up(self) -> int:
-        """Returns its process id, once a first frame costs what others do.
+    def warm_up(self) -> Address:
+        """Returns where its post is, once a first frame costs what others do.
 
         It gets ready behind those who are at work: seconds of imports and practice would cost a session its frames.
         """
         thread = threading.Thread(target=self._get_ready, name="impasto-warm-up")
         thread.start()
         thread.join()
-        return os.getpid()
+        self._post = Post(self._here, cast(Any, ray.util).get_node_ip_address(), self._secret)
+        return self._post.address
 
     def _get_ready(self) -> None:
         with contextlib.suppress(OSError):  # of this thread alone, on Linux; elsewhere it may not be possible
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), LOWEST)
         painter = cast(Painter, ray.cloudpickle.loads(self._make_painter)())
         painter.warm_up()
+        gc.collect()
+        gc.freeze()  # what was imported is never garbage; looking through it takes a tenth of a second
         self._painter = painter
 
     @property
@@ -110,23 +115,12 @@ class _LiveActor:
         assert self._painter is not None, "warmed up first"
         return self._painter
 
-    @ray.method(concurrency_group=LOOK)
     def open(self, order: LiveOrder) -> None:
         self._here.open(order)
 
-    @ray.method(concurrency_group=LOOK)
-    def look(self, work: Work) -> None:
-        self._here.look(work)
-
-    @ray.method(concurrency_group=PAINT)
-    def paint(self) -> Painted:
-        return self._here.paint()
-
-    @ray.method(concurrency_group=LOOK)
     def change(self, params: Mapping[str, Json], inputs: Mapping[str, str]) -> None:
         self._here.change(params, inputs)
 
-    @ray.method(concurrency_group=LOOK)
     def close(self) -> None:
         self._here.close()
 
@@ -134,6 +128,4 @@ class _LiveActor:
 RenderActor: Any = cast(Any, ray.remote)(max_restarts=0, max_task_retries=0, concurrency_groups={CONTROL: 1})(
     _RenderActor
 )
-LiveActor: Any = cast(Any, ray.remote)(
-    num_cpus=0, max_restarts=0, max_task_retries=0, concurrency_groups={LOOK: 1, PAINT: 1}
-)(_LiveActor)
+LiveActor: Any = cast(Any, ray.remote)(num_cpus=0, max_restarts=0, max_task_retries=0)(_LiveActor)

@@ -1,16 +1,19 @@
 """Seats on a Ray cluster: a dedicated actor a session, so that one session's death or load is no other's.
 
 Actors are kept warm: they have imported everything and let their methods practise before a session takes them. So a
-session begins at once, and one whose actor has died goes on within a second. There are always `spares` of them beyond
-those in use, made in the background when one is taken; one that a session gives back is used again.
+session begins at once, and one whose actor has died goes on within a second. At first there are `spares` of them, and
+another is made whenever the last is taken: making one costs whoever is at work a second. One that a session gives back
+is used again.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
+import secrets
 import threading
 from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeVar, cast
 
@@ -19,6 +22,7 @@ from ray.exceptions import RayActorError, RayError, RayTaskError
 
 from workers.actors import LiveActor
 from workers.blobs.base import Blobs
+from workers.live.channel import SECRET_BYTES, Channel
 from workers.live.local_seats import Painter
 from workers.live.model import LiveOrder, Painted, Work
 from workers.live.painter import LivePainter
@@ -30,31 +34,40 @@ log = logging.getLogger(__name__)
 T = TypeVar("T")
 
 
+@dataclass(frozen=True)
+class _Warm:
+    """An actor, and a reference to where its post is, which is there once it is warm."""
+
+    actor: Any
+    post: Any
+
+
 class RaySeat:
     """A `LivePainter` in an actor."""
 
-    def __init__(self, actor: Any, give_back: Callable[[Any, bool], None]) -> None:
-        self._actor, self._give_back = actor, give_back
+    def __init__(self, actor: Any, channel: Channel, give_back: Callable[[bool], None]) -> None:
+        self._actor, self._channel, self._give_back = actor, channel, give_back
 
     def open(self, order: LiveOrder) -> Awaitable[None]:
         return _answer(self._actor.open.remote(order))
 
     def look(self, work: Work) -> Awaitable[None]:
-        return _answer(self._actor.look.remote(work))
+        return self._channel.look(work)
 
     def paint(self) -> Awaitable[Painted]:
-        return _answer(self._actor.paint.remote())
+        return self._channel.paint()
 
     def change(self, params: Mapping[str, Json], inputs: Mapping[str, str]) -> Awaitable[None]:
         return _answer(self._actor.change.remote(dict(params), dict(inputs)))
 
     async def leave(self) -> None:
+        self._channel.close()
         try:
             await asyncio.wait_for(_answer(self._actor.close.remote()), LEAVE_WITHIN_S)
         except Exception:
-            self._give_back(self._actor, False)
+            self._give_back(False)
         else:
-            self._give_back(self._actor, True)
+            self._give_back(True)
 
 
 OPENCV_THREADS = 2
@@ -77,7 +90,7 @@ class RaySeats:
     """
     Args:
         blobs: pickled to the actors as it is; on several machines its folder must be shared by them.
-        spares: warm actors beyond those in use.
+        spares: warm actors to begin with.
         make_painter: made once an actor; None: a LivePainter over `blobs`.
     """
 
@@ -88,57 +101,59 @@ class RaySeats:
         self._make_painter: bytes = cast(Any, ray.cloudpickle).dumps(
             make_painter or partial(LivePainter, blobs, threads=OPENCV_THREADS)
         )
+        self._secret = secrets.token_bytes(SECRET_BYTES)
         self._lock = threading.Lock()
-        self._idle: list[tuple[Any, Any]] = []
-        """(actor, reference that is there once it is warm), the warmest first."""
+        self._idle: list[_Warm] = []
+        """The warmest first."""
         self._stopped = False
 
     def start(self) -> None:
         """Ray must be connected: the pool starts first."""
-        self._refill()
+        self._refill(self._spares)
 
     async def take(self) -> Seat:
         """The warmest actor there is; waits until it is warm."""
         while True:
-            actor, warm = self._pick()
-            self._refill()
+            warm = self._pick()
+            self._refill(min(1, self._spares))
             try:
-                await warm
-                return RaySeat(actor, self._given_back)
-            except RayActorError:
-                log.warning("a live worker died before it was used")
+                channel = await Channel.connect(await warm.post, self._secret)
+                return RaySeat(warm.actor, channel, partial(self._given_back, warm))
+            except (RayActorError, OSError) as error:
+                log.warning("a live worker died before it was used: %s", error)
+                ray.kill(warm.actor)
             except BaseException:
-                self._given_back(actor, True, warm)
+                self._given_back(warm, True)
                 raise
 
     def stop(self) -> None:
         with self._lock:
             self._stopped, idle, self._idle = True, self._idle, []
-        for actor, _ in idle:
-            ray.kill(actor)
+        for warm in idle:
+            ray.kill(warm.actor)
 
-    def _pick(self) -> tuple[Any, Any]:
+    def _pick(self) -> _Warm:
         with self._lock:
             if not self._idle:
                 self._idle.append(self._new())
-            ready, _ = ray.wait([warm for _, warm in self._idle], num_returns=len(self._idle), timeout=0)
-            first = next((i for i, (_, warm) in enumerate(self._idle) if warm in ready), 0)
+            ready, _ = ray.wait([warm.post for warm in self._idle], num_returns=len(self._idle), timeout=0)
+            first = next((i for i, warm in enumerate(self._idle) if warm.post in ready), 0)
             return self._idle.pop(first)
 
-    def _refill(self) -> None:
+    def _refill(self, count: int) -> None:
         with self._lock:
-            while len(self._idle) < self._spares and not self._stopped:
+            while len(self._idle) < count and not self._stopped:
                 self._idle.append(self._new())
 
-    def _new(self) -> tuple[Any, Any]:
-        actor = LiveActor.remote(self._make_painter)
-        return actor, actor.warm_up.remote()
+    def _new(self) -> _Warm:
+        actor = LiveActor.remote(self._make_painter, self._secret)
+        return _Warm(actor, actor.warm_up.remote())
 
-    def _given_back(self, actor: Any, sound: bool, warm: Any = None) -> None:
+    def _given_back(self, warm: _Warm, sound: bool) -> None:
         """Keep it for the next session: one more than the spares, so that sessions that come and go start nothing."""
         with self._lock:
             kept = sound and not self._stopped and len(self._idle) <= self._spares
             if kept:
-                self._idle.insert(0, (actor, warm or ray.put(None)))
+                self._idle.insert(0, warm)
         if not kept:
-            ray.kill(actor)
+            ray.kill(warm.actor)

@@ -83,7 +83,7 @@ class FarmSettings(BaseModel):
     """An attempt that reports nothing for this long counts as lost."""
     live_sessions: int = Field(default_factory=lambda: os.cpu_count() or 1, ge=0, le=1024)
     """Live sessions at once: the next one is told that it is busy. 0: none."""
-    live_spares: int = Field(default=1, ge=0, le=16)
+    live_spares: int = Field(default=2, ge=0, le=16)
     """Warm workers beyond those in use (Ray), so that a session begins, and goes on after a death, at once."""
     live_max_side_px: int = Field(default=1920, ge=64, le=8192)
     """Longest side of a live frame."""

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import sys
+import threading
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -156,6 +159,31 @@ def test_opened_again_it_goes_on_with_new_codecs(painter: LivePainter) -> None:
     assert painted.stages_s.keys() == {"decode", "look", "paint", "encode"}
     painter.open(order(seed=1))
     assert step(painter, work(frame))[0, 0, 2] == 1, "another seed is another stream"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="threads have priorities of their own on Linux only")
+def test_helpers_do_not_keep_the_low_priority_of_the_warm_up(blobs: DiskBlobs) -> None:
+    """One in this process: pytest's."""
+    usual, painter = os.getpriority(os.PRIO_PROCESS, 0), LivePainter(blobs, lambda name: Echo(), threads=2)  # type: ignore[arg-type, return-value]
+    busy = np.zeros((1000, 1000), np.uint8)
+
+    def warm_up() -> list[int]:
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), usual + 5)
+        painter.warm_up()
+        cv2.GaussianBlur(busy, (9, 9), 2)
+        return priorities()
+
+    def priorities() -> list[int]:
+        return [os.getpriority(os.PRIO_PROCESS, int(thread.name)) for thread in Path("/proc/self/task").iterdir()]
+
+    with ThreadPoolExecutor(1) as aside:
+        assert aside.submit(warm_up).result().count(usual + 5) >= 2, "OpenCV's helper has it too, or this tests nothing"
+    painter.open(order())
+    cv2.GaussianBlur(busy, (9, 9), 2)
+    try:
+        assert usual + 5 not in priorities()
+    finally:
+        cv2.setNumThreads(1)
 
 
 def test_what_cannot_be_opened(painter: LivePainter) -> None:

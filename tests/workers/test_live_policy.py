@@ -37,7 +37,7 @@ def test_a_frame_goes_all_the_way() -> None:
 
 
 def test_the_newest_waits_and_older_ones_are_dropped() -> None:
-    policy = Policy()
+    policy = Policy(alone=False)
     policy.arrive(packet(1))
     start = begin(policy)
     for number in (2, 3, 4):
@@ -48,7 +48,7 @@ def test_the_newest_waits_and_older_ones_are_dropped() -> None:
 
 
 def test_a_look_overlaps_one_painting_and_no_more() -> None:
-    policy = Policy()
+    policy = Policy(alone=False)
     policy.arrive(packet(1))
     first = begin(policy)
     policy.arrive(packet(2))
@@ -64,8 +64,20 @@ def test_a_look_overlaps_one_painting_and_no_more() -> None:
     assert begin(policy).frame.sequence == 3
 
 
+def test_alone_a_frame_begins_when_the_one_before_is_sent() -> None:
+    policy = Policy()
+    policy.arrive(packet(1))
+    first = begin(policy)
+    policy.arrive(packet(2))
+    policy.looked(first)
+    assert policy.start() is None, "it would take time from the first"
+    policy.painted()
+    policy.sent()
+    assert begin(policy).frame.sequence == 2
+
+
 def test_what_is_dropped_of_a_video_codec_is_decoded_all_the_same() -> None:
-    policy = Policy(built_on=True)
+    policy = Policy(alone=False, built_on=True)
     policy.arrive(packet(1))
     start = begin(policy)
     for number in (2, 3):
@@ -96,7 +108,7 @@ def test_a_stream_that_begins_without_a_key_frame_is_asked_for_one_once() -> Non
 
 
 def test_a_death_drops_what_was_in_work_and_keeps_what_waits() -> None:
-    policy = Policy()
+    policy = Policy(alone=False)
     policy.arrive(packet(1))
     first = begin(policy)
     policy.looked(first)
@@ -144,9 +156,9 @@ def test_when_the_client_is_gone_nothing_is_left() -> None:
 EVENTS = st.lists(st.sampled_from(["key", "delta", "looked", "painted", "sent", "lost"]), max_size=120)
 
 
-@given(EVENTS, st.booleans())
-def test_whatever_happens(events: list[str], built_on: bool) -> None:
-    policy = Policy(built_on=built_on)
+@given(EVENTS, st.booleans(), st.booleans())
+def test_whatever_happens(events: list[str], built_on: bool, alone: bool) -> None:
+    policy = Policy(built_on=built_on, alone=alone)
     in_work: deque[Start] = deque()
     looking: Start | None = None
     painted = number = decoded = 0
@@ -174,7 +186,7 @@ def test_whatever_happens(events: list[str], built_on: bool) -> None:
             decoded = start.frame.sequence
             looking = start
             in_work.append(start)
-        assert len(in_work) <= 2
+        assert len(in_work) <= (1 if alone else 2)
         assert policy.working == len(in_work)
         assert policy.received == number == painted + policy.dropped + policy.pending
         assert 0 <= policy.pending - policy.working <= 1

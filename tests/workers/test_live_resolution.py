@@ -122,6 +122,16 @@ def test_steps_up_that_fail_become_rare() -> None:
     assert waits[-1] > 4 * waits[0]
 
 
+@pytest.mark.parametrize("adaptive", [True, False])
+@pytest.mark.parametrize(("whole_s", "hurried"), [(0.020, False), (0.050, True)])
+def test_whether_frames_must_overlap(whole_s: float, hurried: bool, adaptive: bool) -> None:
+    ladder = Ladder(adaptive)
+    assert not ladder.hurried(0.0, 1 / FPS), "nothing is known"
+    for i in range(20):
+        ladder.painted(i / FPS, 1 / FPS, 0.03, halves(whole_s), 0)
+    assert ladder.hurried(20 / FPS, 1 / FPS) == hurried
+
+
 def test_says_why() -> None:
     ladder = Ladder()
     ladder.painted(0.0, 1 / FPS, 0.1, halves(0.1), 0)

@@ -6,7 +6,8 @@
                dropped
 
 A frame may begin when no finished answer waits unsent, and at most one other frame is in work, which is past its
-`look`. So the look of a frame may overlap the painting of the one before it, and nothing ever queues.
+`look`. So the look of a frame may overlap the painting of the one before it, and nothing ever queues. While frames are
+painted quicker than they come, none begins before the last is painted: two at once would only hold each other up.
 """
 
 from __future__ import annotations
@@ -44,6 +45,8 @@ class Policy:
     dropped: int = 0
     held: bool = False
     """Nothing begins: the session is about to change."""
+    alone: bool = True
+    """One frame at a time."""
     _waiting: list[Packet] = field(default_factory=list)
     _looking: Packet | None = None
     _painting: deque[Packet] = field(default_factory=deque)
@@ -100,7 +103,7 @@ class Policy:
 
     def start(self) -> Start | None:
         """The frame to begin now, which is then being looked at; None: none yet."""
-        if self.held or not self._waiting or self.unsent or self._looking or len(self._painting) > 1:
+        if self.held or not self._waiting or self.unsent or self._looking or len(self._painting) > (not self.alone):
             return None
         begun = Start(tuple(self._waiting))
         self._waiting.clear()

@@ -5,8 +5,8 @@ seconds more than two, and more than one in twenty, were late, or of those of te
 when one of the two halves of the work takes more than a period, at the median of half a second, so that frames are
 dropped. A step may skip rungs.
 
-Up by one rung, when the next size up is expected to fit well for some seconds; twice as many for each time that this
-size was tried and did not hold.
+Up by one rung, when the next size up is expected to fit well for some seconds, the slowest twentieth of its frames
+too; twice as many for each time that this size was tried and did not hold.
 
 Cost, but for decoding, is taken to grow with the side of a frame to the power of 1.2. Measured, 352x288 to 640x480, it
 grows with the pixels to the power of 0.5 to 0.7; a step down that did not suffice is followed by another.
@@ -36,11 +36,15 @@ LATE_WINDOWS = ((2.0, 2, 0.05), (10.0, 3, 0.01))
 """(seconds, late frames, share of all): so that in the long run fewer than one in a hundred frames are late."""
 MARGIN = 0.85
 """A size is chosen so that frames are expected to take this part of what they may."""
+TAIL = 0.95
+AIM = 0.9
+"""Frames that took longer than this part of the deadline count as late: sending takes time as well, and so do tries of
+a larger size."""
 PATIENCE_S, MOST_PATIENCE_S = 3.0, 120.0
-FAILED_WITHIN_S = 20.0
-"""A step up that is taken back this soon has failed."""
 HELD_S = 60.0
-"""A step up that lasts this long makes up for those that failed."""
+"""A step up that is taken back sooner has failed; one that lasts this long makes up for those that did."""
+ENOUGH = 4
+"""Frames, for a median."""
 MIN_SIDE_PX = 16
 _LATE_PERIODS = 2.0
 _RATE_WINDOW_S = 1.0
@@ -150,7 +154,7 @@ class Ladder:
             period_s: of the client's frames.
             latency_s: from its arrival until it was painted.
         """
-        if not self.adaptive or rung != self.rung:
+        if rung != self.rung:
             return None
         if self._since_s is None:
             self._since_s = now_s + SETTLE_S
@@ -158,9 +162,16 @@ class Ladder:
             return None
         self._keep(_Seen(now_s, latency_s, cost))
         self._late = self._late + 1 if latency_s > _LATE_PERIODS * period_s else 0
+        if not self.adaptive:
+            return None
         if self._slow(now_s, period_s):
             return self._fall(now_s, period_s)
         return self._rise(now_s) if self._room(now_s, period_s) else None
+
+    def hurried(self, now_s: float, period_s: float) -> bool:
+        """Whether a frame takes so long that the next must begin before it is painted; False until that is known."""
+        recent = [seen.cost.whole_s for seen in self._seen if seen.at_s >= now_s - LOOK_BACK_S]
+        return len(recent) >= ENOUGH and median(recent) > MARGIN * period_s
 
     def restart(self) -> None:
         """Another worker goes on: what was measured before says nothing of its first frames."""
@@ -184,9 +195,10 @@ class Ladder:
 
     def _often_late(self, now_s: float, period_s: float) -> bool:
         """More than a few frames, and more than a share of all, missed the deadline."""
-        if self._seen[-1].latency_s <= deadline_s(period_s):
+        aim_s = AIM * deadline_s(period_s)
+        if self._seen[-1].latency_s <= aim_s:
             return False
-        ages = [(now_s - seen.at_s, seen.latency_s > deadline_s(period_s)) for seen in self._seen]
+        ages = [(now_s - seen.at_s, seen.latency_s > aim_s) for seen in self._seen]
         for window_s, few, share in LATE_WINDOWS:
             recent = [late for age_s, late in ages if age_s <= window_s]
             if sum(recent) > max(few, share * len(recent)):
@@ -199,7 +211,14 @@ class Ladder:
         patience_s = min(PATIENCE_S * 2 ** self._fails[self.rung - 1], MOST_PATIENCE_S)
         if now_s - self._since_s < patience_s:
             return False
-        return self._usual(0.75, now_s).at(SCALES[self.rung - 1] / self.scale).fits(period_s)
+        growth = SCALES[self.rung - 1] / self.scale
+        usual = self._usual(0.75, now_s)
+        return usual.at(growth).fits(period_s) and self._tail_s(now_s) * growth <= AIM * deadline_s(period_s)
+
+    def _tail_s(self, now_s: float) -> float:
+        """What one in twenty of the latest frames took longer than, from arrival to answer."""
+        latest = sorted(seen.latency_s for seen in self._seen if seen.at_s >= now_s - PATIENCE_S)
+        return latest[int(TAIL * (len(latest) - 1))]
 
     def _usual(self, part: float, now_s: float) -> Cost:
         """What `part` of the latest frames do not exceed."""
@@ -209,8 +228,8 @@ class Ladder:
 
     def _fall(self, now_s: float, period_s: float) -> Reason:
         held_s = HELD_S if self._rose_s is None else now_s - self._rose_s
-        self._fails[self.rung] += held_s < FAILED_WITHIN_S
-        self.rung = self.rung + 1 if held_s < FAILED_WITHIN_S else self._fitting(now_s, period_s)
+        self._fails[self.rung] += held_s < HELD_S
+        self.rung = self.rung + 1 if held_s < HELD_S else self._fitting(now_s, period_s)
         self._rose_s = None
         self._measure_anew(now_s)
         return "slow"

@@ -271,6 +271,7 @@ class Stream:
         now, cost = self._clock(), Cost.of(answer.painted.stages_s)
         why = self._ladder.painted(now, self._pace.period_s, now - answer.packet.at_s, cost, rung)
         self._why_resized = why or self._why_resized
+        self._policy.alone = not self._ladder.hurried(now, self._pace.period_s)
 
     def _show(self, size: Size) -> None:
         """Say that answers have another size, before the first that has."""

@@ -1,4 +1,4 @@
-"""Messages between us and a child: a JSON object and some bytes. The other side may lie: nothing of it is run."""
+"""Messages between two processes: a JSON object and some bytes. The other side may lie: nothing of it is run."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import struct
 from typing import Any
 
 Message = dict[str, Any]
-_HEADER = struct.Struct("!II")
+HEADER = struct.Struct("!II")
 MAX_JSON_BYTES = 8 << 20
 MAX_BYTES = 64 << 20
 """Longest run of bytes beside a message: the times of a million frames take 16 MB."""
@@ -18,24 +18,39 @@ class Broken(Exception):
     """The other side has closed, or does not keep to the form."""
 
 
-def send(wire: socket.socket, message: Message, data: bytes = b"") -> None:
-    """Raises OSError."""
+def packed(message: Message, data: bytes = b"") -> bytes:
     text = json.dumps(message).encode()
-    wire.sendall(_HEADER.pack(len(text), len(data)) + text + data)
+    return HEADER.pack(len(text), len(data)) + text + data
 
 
-def receive(wire: socket.socket) -> tuple[Message, bytes]:
-    """The next message. Raises Broken, TimeoutError (the socket's own), OSError."""
-    text_bytes, data_bytes = _HEADER.unpack(_exactly(wire, _HEADER.size))
+def lengths(header: bytes) -> tuple[int, int]:
+    """Of the text and of the bytes that follow a header. Raises Broken."""
+    text_bytes, data_bytes = HEADER.unpack(header)
     if text_bytes > MAX_JSON_BYTES or data_bytes > MAX_BYTES:
         raise Broken("a message is too long")
+    return text_bytes, data_bytes
+
+
+def parsed(text: bytes) -> Message:
+    """Raises Broken."""
     try:
-        message = json.loads(_exactly(wire, text_bytes))
+        message = json.loads(text)
     except ValueError as error:
         raise Broken("a message is no JSON") from error
     if not isinstance(message, dict):
         raise Broken("a message is no object")
-    return message, _exactly(wire, data_bytes)
+    return message
+
+
+def send(wire: socket.socket, message: Message, data: bytes = b"") -> None:
+    """Raises OSError."""
+    wire.sendall(packed(message, data))
+
+
+def receive(wire: socket.socket) -> tuple[Message, bytes]:
+    """The next message. Raises Broken, TimeoutError (the socket's own), OSError."""
+    text_bytes, data_bytes = lengths(_exactly(wire, HEADER.size))
+    return parsed(_exactly(wire, text_bytes)), _exactly(wire, data_bytes)
 
 
 def _exactly(wire: socket.socket, size: int) -> bytes:

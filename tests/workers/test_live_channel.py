@@ -1,0 +1,159 @@
+"""Frames over a socket: in order, errors told, strangers kept out, a death noticed."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import time
+from collections.abc import Callable, Coroutine, Iterator
+from queue import SimpleQueue
+from typing import Any
+
+import pytest
+
+from pipeline.errors import BadFrame
+from pipeline.video.guard.wire import HEADER, lengths, parsed
+from workers.live.channel import GREET_S, SECRET_BYTES, Channel, Post
+from workers.live.letters import of_painted, of_work, painted_of, work_of
+from workers.live.model import Painted, Work
+from workers.live.seats import SeatLost
+
+SECRET = bytes(range(SECRET_BYTES))
+SIZE = (4, 2)
+
+
+class Mirror:
+    """Gives back what it is shown. Of some payloads it dislikes something."""
+
+    def __init__(self) -> None:
+        self._seen: SimpleQueue[bytes] = SimpleQueue()
+
+    def look(self, work: Work) -> None:
+        self._seen.put(work.payloads[-1])
+
+    def paint(self) -> Painted:
+        data = self._seen.get()
+        if data == b"bad":
+            raise BadFrame("Not a frame.", field="payload", remedy="Send a JPEG.")
+        if data == b"odd":
+            raise ZeroDivisionError("a brush without hairs")
+        if data == b"slow":
+            time.sleep(0.3)
+        return Painted(data, SIZE, True)
+
+
+@pytest.fixture
+def post() -> Iterator[Post]:
+    made = Post(Mirror(), "127.0.0.1", SECRET)
+    yield made
+    made.close()
+
+
+def run(act: Callable[[Channel], Coroutine[Any, Any, None]], post: Post, secret: bytes = SECRET) -> None:
+    async def connected() -> None:
+        channel = await Channel.connect(post.address, secret)
+        try:
+            await act(channel)
+        finally:
+            channel.close()
+
+    asyncio.run(asyncio.wait_for(connected(), 20))
+
+
+def work(data: bytes) -> Work:
+    return Work((data,), SIZE, SIZE)
+
+
+def test_answers_keep_the_order_of_frames_and_large_ones_arrive_whole(post: Post) -> None:
+    payloads = [bytes([i]) * (1 if i % 2 else 3_000_000) for i in range(6)]
+
+    async def act(channel: Channel) -> None:
+        both = [(channel.look(work(data)), channel.paint()) for data in payloads]
+        assert [await looked for looked, _ in both] == [None] * 6
+        assert [(await painted).data for _, painted in both] == payloads
+
+    run(act, post)
+
+
+def test_a_frame_is_looked_at_while_the_one_before_is_painted(post: Post) -> None:
+    async def act(channel: Channel) -> None:
+        _, slow = channel.look(work(b"slow")), channel.paint()
+        await channel.look(work(b"next"))
+        assert not slow.done()
+        assert (await slow).data == b"slow"
+        assert (await channel.paint()).data == b"next"
+
+    run(act, post)
+
+
+def test_errors_are_told_and_the_stream_goes_on(post: Post) -> None:
+    async def act(channel: Channel) -> None:
+        await channel.look(work(b"bad"))
+        with pytest.raises(BadFrame) as told:
+            await channel.paint()
+        assert (told.value.field, told.value.remedy) == ("payload", "Send a JPEG.")
+        await channel.look(work(b"odd"))
+        with pytest.raises(RuntimeError, match="ZeroDivisionError: a brush without hairs"):
+            await channel.paint()
+        await channel.look(work(b"fine"))
+        assert (await channel.paint()).data == b"fine"
+
+    run(act, post)
+
+
+def test_all_of_a_frame_and_of_a_painting_arrives() -> None:
+    frame = Work((b"first", b"", b"last"), (640, 480), (320, 240), key=True)
+    painted = Painted(b"made", (320, 240), False, {"look": 0.25})
+    for sent, made in ((of_work(frame), frame), (of_painted(painted), painted)):
+        text, data = sent[HEADER.size :][: lengths(sent[: HEADER.size])[0]], sent[-lengths(sent[: HEADER.size])[1] :]
+        assert (work_of if made is frame else painted_of)(parsed(text), data) == made
+
+
+def test_one_connection_after_another(post: Post) -> None:
+    async def act(channel: Channel) -> None:
+        channel.look(work(b"x"))
+        assert (await channel.paint()).data == b"x"
+
+    for _ in range(3):
+        run(act, post)
+
+
+def test_a_stranger_gets_nothing(post: Post) -> None:
+    async def act(channel: Channel) -> None:
+        looked, painted = channel.look(work(b"x")), channel.paint()
+        for awaited in (looked, painted):
+            with pytest.raises(SeatLost):
+                await awaited
+
+    run(act, post, secret=bytes(SECRET_BYTES))
+
+
+def test_a_stranger_who_says_nothing_does_not_hold_the_door(post: Post) -> None:
+    async def act(channel: Channel) -> None:
+        channel.look(work(b"x"))
+        assert (await channel.paint()).data == b"x"
+
+    with socket.create_connection(post.address):
+        began = time.perf_counter()
+        run(act, post)
+        assert time.perf_counter() - began < GREET_S + 2
+
+
+def test_when_the_other_end_dies_all_that_waits_fails_and_all_that_comes() -> None:
+    async def die(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await reader.readexactly(SECRET_BYTES + 8)
+        writer.close()
+
+    async def act() -> None:
+        server = await asyncio.start_server(die, "127.0.0.1", 0)
+        channel = await Channel.connect(server.sockets[0].getsockname()[:2], SECRET)
+        for _ in range(2):
+            looked, painted = channel.look(work(b"x")), channel.paint()
+            with pytest.raises(SeatLost):
+                await looked
+            with pytest.raises(SeatLost):
+                await painted
+        channel.close()
+        server.close()
+
+    asyncio.run(asyncio.wait_for(act(), 20))

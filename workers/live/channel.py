@@ -1,0 +1,197 @@
+"""Frames to a painter in another process, and back: a socket of its own beside the calls of Ray.
+
+A call of an actor takes 2 ms and 1.5 ms of both cores' time before anything is done (measured, 2.60, two a frame); a
+message here a tenth of that. A frame is one message. Its answers are two: that it was looked at, then its painting, or
+what was raised. The first bytes are a secret that the service gave to the process when it started it; without them the
+connection is closed.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import hmac
+import socket
+import threading
+from asyncio import Future, StreamReader, StreamWriter
+from collections import deque
+from queue import SimpleQueue
+from typing import Any, Protocol
+
+from pipeline.video.guard.wire import HEADER, Broken, Message, lengths, parsed, receive
+from workers.live.letters import LOOKED, error_of, of_error, of_painted, of_work, painted_of, work_of
+from workers.live.model import Painted, Work
+from workers.live.seats import SeatLost
+
+Address = tuple[str, int]
+
+GREET_S = 2.0
+"""Who connects must say the secret in this time: one is served at a time."""
+CONNECT_S = 5.0
+SECRET_BYTES = 32
+_BUFFER_BYTES = 1 << 22
+
+
+class Halves(Protocol):
+    """The two halves of a `LivePainter`."""
+
+    def look(self, work: Work) -> None: ...
+    def paint(self) -> Painted: ...
+
+
+class Post:
+    """The painter's end, in its process: serves one connection after another, on threads of its own.
+
+    Args:
+        host: this machine's address, as the service reaches it.
+        secret: SECRET_BYTES bytes.
+    """
+
+    def __init__(self, painter: Halves, host: str, secret: bytes) -> None:
+        self._painter, self._secret = painter, secret
+        self._listener = socket.create_server((host, 0), family=_family(host))
+        threading.Thread(target=self._serve, name="impasto-live-look", daemon=True).start()
+
+    @property
+    def address(self) -> Address:
+        host, port = self._listener.getsockname()[:2]
+        return str(host), int(port)
+
+    def close(self) -> None:
+        """Take no more connections."""
+        with contextlib.suppress(OSError):  # not everywhere may one shut a listener; closing it is enough there
+            self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+
+    def _serve(self) -> None:
+        while True:
+            try:
+                wire, _ = self._listener.accept()
+            except OSError:
+                return
+            with wire:
+                self._attend(wire)
+
+    def _attend(self, wire: socket.socket) -> None:
+        try:
+            if self._greet(wire):
+                self._look(wire)
+        except (OSError, Broken):
+            return
+
+    def _greet(self, wire: socket.socket) -> bool:
+        wire.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        wire.settimeout(GREET_S)
+        said = b""
+        while len(said) < SECRET_BYTES and (more := wire.recv(SECRET_BYTES - len(said))):
+            said += more
+        wire.settimeout(None)
+        return hmac.compare_digest(said, self._secret)
+
+    def _look(self, wire: socket.socket) -> None:
+        """Look at what comes; another thread paints."""
+        tickets: SimpleQueue[bool] = SimpleQueue()
+        sending = threading.Lock()
+        painting = threading.Thread(target=self._paint, args=(wire, sending, tickets), name="impasto-live-paint")
+        painting.start()
+        try:
+            while True:
+                work = work_of(*receive(wire))
+                tickets.put(True)
+                self._painter.look(work)
+                _send(wire, sending, LOOKED)
+        finally:
+            tickets.put(False)
+            painting.join()
+
+    def _paint(self, wire: socket.socket, sending: threading.Lock, tickets: SimpleQueue[bool]) -> None:
+        while tickets.get():
+            try:
+                answer = of_painted(self._painter.paint())
+            except Exception as error:
+                answer = of_error(error)
+            with contextlib.suppress(OSError):  # nobody waits for it any more
+                _send(wire, sending, answer)
+
+
+def _send(wire: socket.socket, sending: threading.Lock, data: bytes) -> None:
+    with sending:
+        wire.sendall(data)
+
+
+def _family(host: str) -> socket.AddressFamily:
+    return socket.AF_INET6 if ":" in host else socket.AF_INET
+
+
+class Channel:
+    """The service's end. For one loop only. Made by `connect`."""
+
+    def __init__(self, reader: StreamReader, writer: StreamWriter) -> None:
+        self._writer = writer
+        self._looks: deque[Future[None]] = deque()
+        self._paints: deque[Future[Painted]] = deque()
+        self._asked: deque[Future[Painted]] = deque()
+        self._lost = False
+        self._reading = asyncio.ensure_future(self._read(reader))
+
+    @classmethod
+    async def connect(cls, address: Address, secret: bytes) -> Channel:
+        """Raises OSError, TimeoutError."""
+        reader, writer = await asyncio.wait_for(asyncio.open_connection(*address, limit=_BUFFER_BYTES), CONNECT_S)
+        writer.write(secret)
+        return cls(reader, writer)
+
+    def look(self, work: Work) -> Future[None]:
+        """Send a frame; done when it has been looked at. Raises SeatLost if the other end is gone."""
+        loop = asyncio.get_running_loop()
+        self._looks.append(looked := loop.create_future())
+        self._paints.append(painted := loop.create_future())
+        self._asked.append(painted)
+        if self._lost:
+            self._lose()
+        else:
+            self._writer.write(of_work(work))
+        return looked
+
+    def paint(self) -> Future[Painted]:
+        """What painting the oldest frame not asked for yet returns or raises, or SeatLost."""
+        return self._asked.popleft()
+
+    def close(self) -> None:
+        self._reading.cancel()
+        self._writer.close()
+        self._lose()
+
+    async def _read(self, reader: StreamReader) -> None:
+        try:
+            while True:
+                text_bytes, data_bytes = lengths(await reader.readexactly(HEADER.size))
+                answer = parsed(await reader.readexactly(text_bytes))
+                self._answered(answer, await reader.readexactly(data_bytes))
+        except (EOFError, OSError, Broken):
+            self._lose()
+
+    def _answered(self, answer: Message, data: bytes) -> None:
+        if "looked" in answer:
+            _end(self._looks.popleft(), None)
+        elif "error" in answer:
+            _end(self._paints.popleft(), error_of(answer))
+        else:
+            _end(self._paints.popleft(), painted_of(answer, data))
+
+    def _lose(self) -> None:
+        """Everything that is waited for fails."""
+        self._lost = True
+        for waiting in (self._looks, self._paints):
+            while waiting:
+                _end(waiting.popleft(), SeatLost("The process that painted has died."))
+
+
+def _end(future: Future[Any], result: object) -> None:
+    if future.done():  # whoever waited was cancelled
+        return
+    if isinstance(result, Exception):
+        future.set_exception(result)
+        future.exception()  # seen: nobody may be waiting
+    else:
+        future.set_result(result)
