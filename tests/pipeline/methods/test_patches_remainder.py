@@ -49,8 +49,10 @@ class Moves:
 def texture(shift: float = 0.0, seed: int = 3) -> Frame:
     """Blobs of colour, smooth, moved to the right by `shift` px."""
     noise = np.random.Generator(np.random.Philox(seed)).uniform(0, 255, (SIZE[1], SIZE[0] + 80, 3)).astype(np.float32)
-    blobs = cv2.normalize(cv2.GaussianBlur(noise, (0, 0), 6), None, 20, 235, cv2.NORM_MINMAX)
-    moved = cv2.warpAffine(blobs, np.float64([[1, 0, shift - 40], [0, 1, 0]]), SIZE, flags=cv2.INTER_CUBIC)
+    blobs = np.asarray(cv2.GaussianBlur(noise, (0, 0), 6), np.float32)
+    blobs = 20 + 215 * (blobs - blobs.min()) / np.ptp(blobs)
+    way = np.array([[1.0, 0.0, shift - 40], [0.0, 1.0, 0.0]])
+    moved = cv2.warpAffine(blobs, way, SIZE, flags=cv2.INTER_CUBIC)
     return np.asarray(np.clip(moved, 0, 255), np.uint8)
 
 
@@ -136,7 +138,8 @@ def test_a_patch_held_over_the_end_of_a_run_is_the_same(hold: int) -> None:
 def test_nothing_crosses_a_cut() -> None:
     """Frames after a cut are what they would be in a film of their own."""
     first, second = [texture(2.0 * index, 9) for index in range(3)], [shot.image for shot in truth()[:4]]
-    first = [cv2.resize(255 - frame // 8, (second[0].shape[1], second[0].shape[0])) for frame in first]
+    size = second[0].shape[1], second[0].shape[0]
+    first = [np.asarray(cv2.resize(255 - frame // 8, size), np.uint8) for frame in first]
     both = paint([*first, *second])
     assert is_cut(thumbnail(first[-1]), thumbnail(second[0]))
     np.testing.assert_array_equal(painted(both)[3:], painted(paint(second)))
