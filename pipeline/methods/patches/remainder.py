@@ -49,6 +49,8 @@ SPAN_PX = 4
 """How far apart those neighbours are."""
 FADE = 4
 """Paintings over which a run fades over to the next one."""
+ROW = 512
+"""Places are looked up in rows of so many, as OpenCV has a most for each side of a picture."""
 NOWHERE = -1
 
 Places = NDArray[np.float32]
@@ -94,13 +96,9 @@ class Carried:
     def fetch(self, shown: Shown, which: int, where: Mask) -> NDArray[np.float32]:
         """Pictures (0) or paint (1) from where they are: float32 (h, w, 3)."""
         out = np.zeros((*where.shape, 3), np.float32)
-        for source in np.unique(self.origin[where]).tolist():
-            mine = where & (self.origin == source)
-            box = _box(mine)
-            x, y = (np.ascontiguousarray(self.place[box][..., axis]) for axis in (0, 1))
-            how = cv2.INTER_CUBIC if which else cv2.INTER_LINEAR
-            found = cv2.remap(shown[source][which], x, y, how, borderMode=cv2.BORDER_REPLICATE)
-            out[box][mine[box]] = found[mine[box]]
+        for source in _sources(self.origin[where]):
+            mine = np.flatnonzero(where & (self.origin == source))
+            out.reshape(-1, 3)[mine] = _sampled(shown[source][which], self.place.reshape(-1, 2)[mine], bool(which))
         return out
 
 
@@ -143,7 +141,7 @@ class Remainder:
         """Remember frame `index` as it is shown, patches and all: what they lose is carried too."""
         if self.last != index:
             self.carried, self.last = Carried.here(index, frame.shape), index
-        used = set(np.unique(self.carried.origin).tolist())
+        used = _sources(self.carried.origin)
         self.shown = {key: both for key, both in (self.shown | {index: (frame, shown)}).items() if key in used}
 
     def turn_to(self, index: int, frame: Frame, shown: Frame, hold: int) -> None:
@@ -204,9 +202,21 @@ def _leads(reliable: Plane) -> Mask:
     return np.asarray(cv2.morphologyEx(lost, cv2.MORPH_OPEN, np.ones((LOST_PX, LOST_PX), np.uint8)) == 0)
 
 
-def _box(mask: Mask) -> tuple[slice, slice]:
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+def _sources(origin: NDArray[np.int32]) -> list[int]:
+    """The frames that are among the origins."""
+    first = int(origin.min(initial=np.iinfo(np.int32).max))
+    return (np.flatnonzero(np.bincount(origin.ravel() - first)) + first).tolist()
+
+
+def _sampled(picture: Frame, places: Places, sharp: bool) -> Frame:
+    """A picture's colours at (n, 2) places, bicubic or else bilinear: uint8 (n, 3)."""
+    rows = -(-len(places) // ROW)
+    table = np.zeros((2, rows * ROW), np.float32)
+    table[:, : len(places)] = places.T
+    x, y = table.reshape(2, rows, ROW)
+    how = cv2.INTER_CUBIC if sharp else cv2.INTER_LINEAR
+    found = cv2.remap(picture, x, y, how, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(found.reshape(-1, 3)[: len(places)], np.uint8)
 
 
 @kernel
