@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import re
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +38,6 @@ PART = "part:"
 _NAME = re.compile(r"[A-Za-z0-9._-]{1,150}")
 _ASK_EVERY_S = 0.1
 _REPORT_EVERY_S = 0.2
-_SPOOL_BYTES = 32 << 20
 
 
 class TaskBench:
@@ -142,11 +141,9 @@ class TaskBench:
     # -- artefacts
 
     def save(self, name: str, arrays: Arrays) -> None:
-        with self.stages.waiting("store"), tempfile.SpooledTemporaryFile(_SPOOL_BYTES) as stream:
-            write_arrays(stream, arrays)
-            stream.seek(0)
-            key = self._key(f"{_checked(name)}.npz")
-            self._blobs.put(key, stream)  # type: ignore[arg-type]
+        key = self._key(f"{_checked(name)}.npz")
+        with self.stages.waiting("store"):
+            self._blobs.put(key, partial(write_arrays, arrays=arrays))
         self._keep(name, key)
 
     def load(self, step: str, name: str) -> dict[str, NDArray[Any]]:

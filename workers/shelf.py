@@ -7,6 +7,7 @@ the blob is read. Nothing depends on the shelf but time.
 
 from __future__ import annotations
 
+import io
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -14,7 +15,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from workers.blobs.base import Blobs, Direct
+from workers.blobs.base import Blobs, Content, Direct
 
 ARTEFACT = ".npz"
 """What keys of artefacts end with."""
@@ -59,9 +60,9 @@ class Shelf(Blobs):
         data = None if fetch is None else fetch()
         return self._blobs.get(key) if data is None else data
 
-    def put(self, key: str, data: bytes | BinaryIO | Path) -> None:
+    def put(self, key: str, data: Content) -> None:
         if self._made is not None and key.endswith(ARTEFACT) and not isinstance(data, Path):
-            data = data if isinstance(data, bytes) else data.read()
+            data = _whole(data)
             self._keep(key, data)
         self._blobs.put(key, data)
 
@@ -105,6 +106,16 @@ class Shelf(Blobs):
     @property
     def direct(self) -> Direct | None:
         return self._blobs.direct
+
+
+def _whole(data: bytes | BinaryIO | Callable[[BinaryIO], None]) -> bytes:
+    if isinstance(data, bytes):
+        return data
+    if not callable(data):
+        return data.read()
+    stream = io.BytesIO()
+    data(stream)
+    return stream.getvalue()
 
 
 class Handed:

@@ -116,7 +116,8 @@ def tend(
             is room.
         reference: uint8 (h, w, 3), what the layer paints.
         wanted: bool (n,), of the living ones; False = the picture needs this stroke no longer.
-        revealed: bool (h, w), what has just come into the picture: new strokes are wholly there, since no old ones are.
+        revealed: bool (h, w), what has just come into the picture: new strokes are wholly there, and old ones take its
+            colour or go, at once.
 
     Source: hays2004image, section 5. Departure: colours ease too, and a stroke that must go fades where it is.
     """
@@ -128,12 +129,18 @@ def tend(
         leaving = leaving | ~wanted
     far = np.minimum(change / np.float32(habits.break_off), 1)
     share = (np.float32(habits.follow) + np.float32(1 - habits.follow) * far * far)[:, None]
+    struck = np.zeros(len(living), np.bool_)
+    if revealed is not None:
+        x, y = nearest(living.seeds.xy, reference.shape)
+        struck = revealed[y, x]
+        share[struck] = 1
     aims = np.where(leaving[:, None], living.aims, living.aims + share * (now - living.aims))
     spacing = as_plane(spacing_px, reference.shape)
     crowded, room = _room(living.seeds, leaving, candidates, spacing, habits)
     leaving = leaving | crowded
     step = np.where(leaving, np.float32(-habits.fade), np.float32(habits.fade))
     presence = np.clip(living.presence + step, 0, 1).astype(np.float32)
+    presence[struck & leaving] = 0
     old = Living(living.seeds, aims.astype(np.float32), presence, leaving, living.born)[presence > 0]
     new = candidates[room]
     presence = np.full(len(new), habits.fade, np.float32)

@@ -11,11 +11,13 @@ relief. Where the paper's strokes are stamps one step apart, these have straight
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.compute import Device
 from pipeline.frames import Frame, Plane
 from pipeline.segmentation.jit import kernel
 from pipeline.strokes.bristles import Tile, hair, tile
@@ -24,6 +26,8 @@ from pipeline.strokes.random import Purpose, draws
 from pipeline.strokes.raster import Touch
 from pipeline.strokes.seeds import Field, as_plane
 from pipeline.strokes.trace import tangent
+
+_SOURCE = Path(__file__).with_suffix(".cl")
 
 Ranks = NDArray[np.int32]
 """The stroke that covers each pixel, `int32` (height, width): its rank in the order of colours, or `OPEN`."""
@@ -51,7 +55,7 @@ def colour_order(colours: NDArray[np.float32]) -> NDArray[np.intp]:
 def sweep(
     canvas: Canvas, starts: Strokes, field: Direction, length_px: Field, *, seed: int = 0, touch: Touch | None = None,
     guide: Frame | None = None, tolerance: float = 80.0, light_first: bool = False, threads: int = 1,
-    order: NDArray[np.intp] | None = None,
+    order: NDArray[np.intp] | None = None, device: Device | None = None,
 ) -> Ranks:  # fmt: skip
     """Paint strokes along the field on the canvas, in place.
 
@@ -64,6 +68,11 @@ def sweep(
         threads: the picture is cut into so many bands of rows; the result is the same.
         order: indices of the strokes, who covers whom, the uppermost first; None = by `colour_order`. Strokes that live
             on keep theirs: where the order follows the picture's colours, neighbours change places all the time.
+        device: where pixels walk; None = compiled Python, the specification. The choice changes no bit on a device that
+            rounds divisions correctly, as the CPU runtimes do. Discs are stamped by the host: they cover each other.
+
+    Raises:
+        DeviceError: the device failed.
 
     Returns: whose stroke is where, as an index into `starts`, or `OPEN`; before opacity.
     """
@@ -75,11 +84,15 @@ def sweep(
     order = np.ascontiguousarray(order[::-1] if light_first else order)
     guided, guide, limit = guide is not None, _NO_GUIDE if guide is None else guide, np.float32(tolerance)
     offset = (draws(starts.ids, seed, Purpose.BRISTLES)[:, 0] * np.float32(1 << 16)).astype(np.int32)
-    way, lengths, hairs = np.empty((*shape, 2), np.float32), as_plane(length_px, shape), tile(seed)
-    _ways(field, way)
+    lengths, hairs = np.ascontiguousarray(as_plane(length_px, shape)), tile(seed)
     step = np.float32(max(float(np.median(starts.radius_px)) * 1.1, 1.0))
     first = _stamp(starts, order, step, lengths, guide, guided, limit)
     away = _distance(first)
+    if device is not None:
+        limits = int(guided), limit, np.float32(touch.streaks), step
+        return _launch(device, canvas, starts, (first, field, lengths, away), order, offset, hairs, guide, limits)
+    way = np.empty((*shape, 2), np.float32)
+    _ways(field, way)
 
     def band(top: int, bottom: int) -> None:
         _sweep(
@@ -96,6 +109,26 @@ def sweep(
         with ThreadPoolExecutor(threads) as pool:
             list(pool.map(band, edges[:-1], edges[1:]))
     return out
+
+
+def _launch(
+    device: Device, canvas: Canvas, starts: Strokes, planes: tuple[NDArray[np.generic], ...],
+    order: NDArray[np.intp], offset: NDArray[np.int32], hairs: Tile, guide: Frame,
+    limits: tuple[int | np.float32, ...],
+) -> Ranks:  # fmt: skip
+    height, width = canvas.shape[:2]
+    first, field, lengths, away = (device.upload(plane) for plane in planes)
+    way = device.empty((height, width, 2))
+    device.kernel(_SOURCE, "ways")((width, height), field, way, width, height)
+    traits = np.stack([starts.radius_px, starts.opacity, starts.relief_px, starts.grain], axis=1)
+    strokes = (starts.points[:, 0], starts.colours, starts.aims, traits, order.astype(np.int32), offset, hairs, guide)
+    uploaded = [device.upload(array) for array in strokes]
+    painted, out = device.upload(canvas), device.upload(np.full((height, width), OPEN, np.int32))
+    device.kernel(_SOURCE, "sweep")(
+        (width, height), first, way, lengths, away, *uploaded, *limits, painted, out, width, height
+    )
+    canvas[...] = device.download(painted)
+    return device.download(out)
 
 
 def _stamp(

@@ -8,6 +8,7 @@ import pickle
 import threading
 from collections.abc import Callable
 from pathlib import Path
+from typing import BinaryIO
 
 import pytest
 from hypothesis import given
@@ -36,19 +37,37 @@ def blobs(request: pytest.FixtureRequest, tmp_path: Path) -> Blobs:
     return STORES[request.param](request, tmp_path)
 
 
-def test_what_was_put_can_be_got_from_bytes_files_and_paths(blobs: Blobs, tmp_path: Path) -> None:
+def test_what_was_put_can_be_got_from_bytes_files_paths_and_writers(blobs: Blobs, tmp_path: Path) -> None:
     path = tmp_path / "file"
     path.write_bytes(b"from a path")
     blobs.put("a/bytes", b"from bytes")
     blobs.put("a/stream", io.BytesIO(b"from a stream"))
     blobs.put("a/path", path)
+    blobs.put("a/writer", _write_and_go_back)
     path.unlink()
-    assert [blobs.get(f"a/{kind}") for kind in ("bytes", "stream", "path")] == [
+    assert [blobs.get(f"a/{kind}") for kind in ("bytes", "stream", "path", "writer")] == [
         b"from bytes",
         b"from a stream",
         b"from a path",
+        b"From a writer",
     ]
     assert blobs.size("a/bytes") == 10
+
+
+def _write_and_go_back(file: BinaryIO) -> None:
+    file.write(b"from a writer")
+    file.seek(0)
+    file.write(b"F")
+
+
+def test_a_writer_that_fails_leaves_nothing(blobs: Blobs) -> None:
+    def write(file: BinaryIO) -> None:
+        file.write(b"half")
+        raise ValueError("no more")
+
+    with pytest.raises(ValueError, match="no more"):
+        blobs.put("k", write)
+    assert blobs.size("k") is None
 
 
 def test_ranges_are_read_in_pieces(blobs: Blobs) -> None:

@@ -36,6 +36,30 @@ def test_what_repeats_is_deflated_and_what_varies_is_stored() -> None:
     assert len(packed(labels=LABELS)) < LABELS.nbytes / 10
 
 
+def test_stored_arrays_are_read_where_they_lie_and_can_be_written_to() -> None:
+    data = packed(a=NOISE / 7, bb=NOISE, c=np.float64(3.5))
+    at = {name: array.__array_interface__["data"][0] for name, array in read_arrays(data).items()}
+    assert len({address % 64 for address in at.values()}) == 1, "each begins at a multiple of 64 bytes of the file"
+    back = read_arrays(data)
+    back["bb"] += 1
+    assert back["c"].shape == () and read_arrays(data)["bb"][0, 0, 0] == NOISE[0, 0, 0]
+    with np.load(io.BytesIO(data)) as others:
+        np.testing.assert_array_equal(others["a"], NOISE / 7)
+
+
+def test_damage_is_found() -> None:
+    data = bytearray(packed(noise=NOISE))
+    data[len(data) // 2] ^= 1
+    with pytest.raises(zipfile.BadZipFile, match="damaged"):
+        read_arrays(bytes(data))
+
+
+def test_a_large_map_is_deflated_by_what_samples_of_it_show() -> None:
+    large = np.repeat(np.arange(3000, dtype=np.int32), 100)
+    assert len(packed(large=large)) < large.nbytes / 10
+    assert len(packed(large=np.tile(NOISE.reshape(-1), 8))) > 8 * NOISE.size
+
+
 def test_the_same_arrays_give_the_same_bytes() -> None:
     assert packed(a=LABELS, b=NOISE) == packed(b=NOISE.copy(), a=LABELS.copy())
 

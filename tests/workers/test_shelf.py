@@ -32,7 +32,7 @@ def test_artefacts_that_others_wait_for_are_kept_and_stored(tmp_path: Path) -> N
     shelf = Shelf(store)
     shelf.begin({}, keep=True)
     shelf.put("jobs/a.npz", io.BytesIO(b"state"))
-    shelf.put("jobs/b.npz", b"more")
+    shelf.put("jobs/b.npz", lambda file: file.write(b"more"))
     shelf.put("jobs/segment", b"frames")
     shelf.put("jobs/large.npz", bytes(MOST_BYTES + 1))
     assert shelf.end() == {"jobs/a.npz": b"state", "jobs/b.npz": b"more"}

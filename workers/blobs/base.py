@@ -6,10 +6,13 @@ A blob appears whole or not at all (temporary name, then commit), and a committe
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import BinaryIO, Protocol
+from typing import BinaryIO, Protocol, TypeAlias
+
+Content: TypeAlias = bytes | BinaryIO | Path | Callable[[BinaryIO], None]
+"""What a blob is to hold: bytes, a stream or a file of them, or what writes them to a file (that can be sought in)."""
 
 
 class Direct(Protocol):
@@ -45,7 +48,7 @@ class Direct(Protocol):
 
 
 class Blobs(Protocol):
-    def put(self, key: str, data: bytes | BinaryIO | Path) -> None:
+    def put(self, key: str, data: Content) -> None:
         """Store under `key`, atomically. Putting an existing key again is allowed and keeps one of the two.
 
         Raises: StorageFull, StorageError.

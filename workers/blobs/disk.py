@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from pipeline.errors import StorageFull
-from workers.blobs.base import Direct
+from workers.blobs.base import Content, Direct
 from workers.blobs.disk_errors import disk_errors
 from workers.blobs.keys import NoBlob, check_key
 
@@ -38,7 +38,7 @@ class DiskBlobs:
     root: Path
     reserve_bytes: int = 0
 
-    def put(self, key: str, data: bytes | BinaryIO | Path) -> None:
+    def put(self, key: str, data: Content) -> None:
         place = self._place(key)
         with disk_errors(), self._written(data) as temporary:
             _in_folder(place, lambda: temporary.rename(place))
@@ -121,7 +121,7 @@ class DiskBlobs:
         return self.root / check_key(key)
 
     @contextmanager
-    def _written(self, data: bytes | BinaryIO | Path) -> Iterator[Path]:
+    def _written(self, data: Content) -> Iterator[Path]:
         """A flushed temporary file with `data`, removed at the end if it is still there."""
         folder = self.root / _TEMPORARY
         folder.mkdir(parents=True, exist_ok=True)
@@ -158,9 +158,11 @@ def _walk(root: Path, folder: Path) -> Iterator[str]:
             yield Path(entry.path).relative_to(root).as_posix()
 
 
-def _copy(data: bytes | BinaryIO | Path, file: BinaryIO) -> None:
+def _copy(data: Content, file: BinaryIO) -> None:
     if isinstance(data, bytes):
         file.write(data)
+    elif callable(data):
+        data(file)
     elif isinstance(data, Path):
         with data.open("rb") as source:
             shutil.copyfileobj(source, file, _CHUNK)

@@ -8,20 +8,21 @@ from __future__ import annotations
 
 import hashlib
 import io
+import tempfile
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from itertools import islice
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, cast
 
 from boto3.s3.transfer import TransferConfig
 from botocore.exceptions import ClientError
 
 from pipeline.errors import StorageError
-from workers.blobs.base import Direct
+from workers.blobs.base import Content, Direct
 from workers.blobs.copies import Copies
 from workers.blobs.keys import check_key
 from workers.blobs.s3_client import S3Options, as_storage_error, client_for, code_of
@@ -33,6 +34,8 @@ _AT_ONCE = 1000
 """Keys in one request to delete: the protocol's bound."""
 _RESUMES = 4
 """How often a read goes on after it broke off."""
+_SPOOL_BYTES = 32 << 20
+"""What is written piece by piece is kept in memory up to this before it is sent."""
 _TAKEN = {"PreconditionFailed", "ConditionalRequestConflict", "412"}
 
 
@@ -48,12 +51,14 @@ class S3Blobs:
     options: S3Options
     copies: Copies
 
-    def put(self, key: str, data: bytes | BinaryIO | Path) -> None:
+    def put(self, key: str, data: Content) -> None:
         name = self._name(key)
         with as_storage_error():
             if isinstance(data, Path):
                 with data.open("rb") as file:
                     self._put_stream(name, file)
+            elif callable(data):
+                self._put_written(name, data)
             elif isinstance(data, bytes) and len(data) <= self.options.part_bytes:
                 self._client.put_object(Bucket=self.options.bucket, Key=name, Body=data)
             else:
@@ -161,6 +166,12 @@ class S3Blobs:
         name = self._name(key)
         with as_storage_error(key):
             return dict(self._client.head_object(Bucket=self.options.bucket, Key=name))
+
+    def _put_written(self, name: str, write: Callable[[BinaryIO], None]) -> None:
+        with tempfile.SpooledTemporaryFile(_SPOOL_BYTES) as file:
+            write(cast("BinaryIO", file))
+            file.seek(0)
+            self._put_stream(name, cast("BinaryIO", file))
 
     def _put_stream(self, name: str, stream: BinaryIO) -> None:
         """In parts if it is long. What breaks off is aborted there; what a crash leaves, by `sweep`."""

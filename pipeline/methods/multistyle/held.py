@@ -27,6 +27,9 @@ TEXTURE = 64.0
 """Slope, by Sobel's filter at a quarter of the size, from which on a motion would show."""
 ABOUT, EVERYWHERE = 0.15, 0.03
 """Side, in heights, of the window in which textures tell whether a plain pixel rests; weight of all the picture's."""
+STRAYS, CONTESTED = 0.003, 0.9
+"""What the flow moves farther than this, in heights, does not rest, however little it changes, unless nearly all
+textures about it rest: plain things go past things at rest. A smaller motion may reach out from what moves beside."""
 QUICKLY = 0.75
 """How far a pixel that is plainly different goes towards the new picture in a frame."""
 
@@ -35,7 +38,8 @@ def rest(flow: Flow, before: NDArray[np.uint8], gray: NDArray[np.uint8], toleran
     """The flow, exactly 0 where things rest: float32 (h, w, 2), px; changed in place.
 
     A pixel that does not change may rest, or be a part of a plain thing that moves, as the sky does in a pan. So what
-    does not change rests only if things with a texture about it do not change either: those would, if they moved.
+    does not change rests only if things with a texture about it do not change either: those would, if they moved. Where
+    some do and some do not, it rests only if it hardly moves by the flow.
 
     Args:
         before, gray: uint8 (h, w), the last frame and this one.
@@ -51,9 +55,23 @@ def rest(flow: Flow, before: NDArray[np.uint8], gray: NDArray[np.uint8], toleran
     side = max(3, round(ABOUT * small[1])) | 1
     near, all_near = (cv2.boxFilter(plane, -1, (side, side)) for plane in (resting, texture))
     far, all_far = (np.float32(EVERYWHERE * plane.mean() + 1e-6) for plane in (resting, texture))
-    moving = (2 * (near + far) <= all_near + all_far).astype(np.uint8)
-    wide = cv2.resize(moving, size, interpolation=cv2.INTER_NEAREST)
-    return hold_still(flow, before, gray, tolerance, np.asarray(wide, np.uint8))
+    votes = near + far, all_near + all_far
+    moving = (2 * votes[0] <= votes[1]).astype(np.uint8) + (votes[0] < np.float32(CONTESTED) * votes[1])
+    small_calls = np.asarray(moving, np.uint8)
+    wide = np.asarray(cv2.resize(small_calls, size, interpolation=cv2.INTER_NEAREST), np.uint8)
+    _call_contested(flow, np.float32((STRAYS * size[1]) ** 2), wide)
+    return hold_still(flow, before, gray, tolerance, wide)
+
+
+@kernel
+def _call_contested(flow: Flow, most2: np.float32, moving: NDArray[np.uint8]) -> None:
+    """0 = rests, 1 = contested, 2 = moves; in place: 0 or not."""
+    height, width = moving.shape
+    for y in range(height):
+        for x in range(width):
+            if moving[y, x] == 1:
+                dx, dy = flow[y, x, 0], flow[y, x, 1]
+                moving[y, x] = dx * dx + dy * dy > most2
 
 
 def hold(

@@ -18,6 +18,7 @@ from pipeline.frames import Flow, Frame, Mask, Plane, same_size
 from pipeline.methods.abstraction.state import Clock, State, flatten, part
 from pipeline.methods.multistyle.design import Design
 from pipeline.methods.multistyle.designer import Designer, Placed
+from pipeline.methods.multistyle.drying import Drying
 from pipeline.methods.multistyle.fields import SMALLEST_PX, StyleFields, chosen_style, style_fields, uniform
 from pipeline.methods.multistyle.held import hold, hold_field, rest
 from pipeline.methods.multistyle.params import MultistyleParams
@@ -36,6 +37,8 @@ from pipeline.tensors.field import field_of
 
 LARGE_ROWS = 400
 """From so many rows on, the picture is worked from at half its size: strokes are wider than what is lost."""
+LEAST_COLUMNS = 64
+"""But not of a strip: motion is not found in less than 16 px."""
 WISH_HOLD, WISH_FOLLOW = 0.06, 0.25
 """Wished detail that changes by less stays as it is; more is gone after by so much a frame."""
 EDGE_SHRINKS, STRICTER = 0.85, 0.5
@@ -52,12 +55,14 @@ LEAST_BLUR = 0.3
 """Sigma, px, below which a picture is not blurred at all."""
 COARSE_ROWS = 160
 """Directions are found at about this many rows: strokes are wider than what is lost."""
+BACK_ROWS = 160
+"""The way back that paint lingers along is kept at about this many rows."""
 BROAD = 6.0
 """Where the picture runs nowhere by itself, it runs as its surroundings do: sigma of these, in those of the edges."""
 BROADLY, BY_DEFAULT = 0.15, 0.012
 """Weights of the surroundings' direction and of the default one, beside a clear edge's 1."""
 DETAIL_MEMORY = 0.8
-"""Weight of the past, along the motion, in what finer layers are to add."""
+"""Weight of the past, along the motion, in what finer layers are to add; nothing where something else has come."""
 HOLD = 0.6
 """A finer stroke that is there stays down to this part of the error threshold."""
 
@@ -83,7 +88,7 @@ class Eye:
         self.small = (max(1, size[0] // self.factor), max(1, size[1] // self.factor))
         self.style = chosen_style(params)
         self.designer = None if design is None else Designer(design, self.style, size, self.small)
-        by = 2 if size[1] >= LARGE_ROWS else 1
+        by = 2 if size[1] >= LARGE_ROWS and size[0] >= LEAST_COLUMNS else 1
         self.work = (size[0] // by, size[1] // by)
         self.importance = ImportanceTracker(_importance(params), size)
         self.age = 0
@@ -95,6 +100,7 @@ class Eye:
         self.held: NDArray[np.float32] | None = None
         self.wish: Plane | None = None
         self.wished: Plane | None = None
+        self.drying = Drying(bool(self.manner.paper))
         self.errors: list[Plane] = []
         self.living: list[Living] = []
 
@@ -118,12 +124,11 @@ class Eye:
             fields = style_fields(values, detail, self.size[1])
         with self.clock("strokes"):
             layers = self._strokes(picture, fields, flow, back)
-            length = self._shrunk(fields.brush.length_px)
         self.gray, self.age = gray, self.age + 1
         field16 = np.ascontiguousarray(field.transpose(1, 2, 0), np.float16)
-        return Sight(
-            self.age, picture, field16, length, layers, None if back is None else back.astype(np.float16),
-        )  # fmt: skip
+        way = None if back is None else _coarser(back)
+        rims = self.drying.step(picture, back, self.other)
+        return Sight(self.age, picture, field16, layers, way, rims)
 
     def _begins_shot(self, frame: Frame) -> bool:
         before, self.thumbnail = self.thumbnail, thumbnail(frame)
@@ -135,7 +140,8 @@ class Eye:
         if fresh or self.gray is None:
             return None
         with self.clock("flow"):
-            flow = estimate(self.gray, gray, self.params.flow)
+            before, now = (_shrunk(plane, self.work) for plane in (self.gray, gray))
+            flow = _enlarged(estimate(before, now, self.params.flow), self.size)
             return rest(flow, self.gray, gray, self.params.stillness)
 
     def _hold(self, frame: Frame, back: Flow | None) -> Frame:
@@ -143,7 +149,7 @@ class Eye:
         with self.clock("hold"):
             now = _shrunk(frame, self.work).astype(np.float32)
             if back is not None and self.held is not None:
-                now, self.other = hold(now, self.held, back, self.params.hold)
+                now, self.other = hold(now, self.held, back, self.params.hold * self.manner.hold)
             self.held = now
             return np.asarray(np.rint(now), np.uint8)
 
@@ -257,7 +263,8 @@ class Eye:
         now = np.sqrt(red * red + green * green + blue * blue)
         if before is not None and len(self.errors) >= index:
             past = fetch(self.errors[index - 1], before)
-            now = now + np.float32(DETAIL_MEMORY) * (past - now)
+            share = np.float32(DETAIL_MEMORY) if self.other is None else np.float32(DETAIL_MEMORY) * ~self.other
+            now = now + share * (past - now)
         now = np.asarray(now, np.float32)
         self.errors = [*self.errors[: index - 1], now, *self.errors[index:]]
         return now
@@ -281,10 +288,6 @@ class Eye:
         table[:, 13] = manner.recipe.edge * EDGE_SHRINKS**index * (1 - strict)
         return Marks(seeds.xy, seeds.ids, table, sigma_px)
 
-    def _shrunk(self, field: Any) -> NDArray[np.float16]:
-        plane = np.broadcast_to(np.asarray(field, np.float32), self.size[::-1])
-        return np.asarray(plane[:: self.factor, :: self.factor][: self.small[1], : self.small[0]], np.float16)
-
     def state(self) -> State:
         """All it remembers; an eye restored from it goes on with the same bytes."""
         own: State = {"age": np.array(self.age)}
@@ -298,12 +301,13 @@ class Eye:
         own |= {name: array for name, array in (memories | {"wish": self.wish}).items() if array is not None}
         layers = {f"living{k}": _living_state(living) for k, living in enumerate(self.living)}
         errors = {"errors": {str(k): error for k, error in enumerate(self.errors)}}
-        return own | flatten({"importance": self.importance.state()} | layers | errors)
+        return own | flatten({"importance": self.importance.state(), "drying": self.drying.state()} | layers | errors)
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         self.age = int(state["age"])
         self.gray, self.thumbnail, self.tensors = (state.get(name) for name in ("gray", "thumbnail", "tensors"))
         self.held, self.wish, self.field = state.get("held"), state.get("wish"), state.get("field")
+        self.drying.restore(part(state, "drying"))
         self.importance.restore(part(state, "importance"))
         errors = part(state, "errors")
         self.errors = [errors[str(k)] for k in range(len(errors))]
@@ -343,6 +347,20 @@ def _backwards(flow: Flow, size: tuple[int, int]) -> Flow:
     """The way back, at another size; flow varies slowly, so it is taken where it arrives."""
     scale = np.float32(-size[1] / flow.shape[0])
     return np.asarray(cv2.resize(flow, size, interpolation=cv2.INTER_AREA) * scale, np.float32)
+
+
+def _enlarged(flow: Flow, size: tuple[int, int]) -> Flow:
+    if (flow.shape[1], flow.shape[0]) == size:
+        return flow
+    scale = np.array([size[0] / flow.shape[1], size[1] / flow.shape[0]], np.float32)
+    return np.asarray(cv2.resize(flow, size, interpolation=cv2.INTER_LINEAR) * scale, np.float32)
+
+
+def _coarser(back: Flow) -> NDArray[np.float16]:
+    """For what lingers: a way back is smooth, and this is kept for every frame."""
+    by = max(1, back.shape[0] // BACK_ROWS)
+    size = (max(1, back.shape[1] // by), max(1, back.shape[0] // by))
+    return np.asarray(cv2.resize(back, size, interpolation=cv2.INTER_AREA), np.float16)
 
 
 def _blurred(image: NDArray[Any], sigma_px: float) -> NDArray[Any]:

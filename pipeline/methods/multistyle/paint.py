@@ -24,8 +24,11 @@ from pipeline.strokes.trace import draw_out
 
 GRAIN = 0.09
 """How much darker thick paint is in a hollow of paper, of one deviation, where the paper shows fully."""
-RIM, RIM_DEPTH = 0.008, 22.0
-"""Width of the rim at which paint dries, in heights; and the step, gray levels, that makes a full one."""
+
+
+def frames_that_linger(params: MultistyleParams) -> int:
+    """How many paintings are averaged with the one after them."""
+    return params.linger if params.temporal == "on" and params.renderer == "implicit" else 0
 
 
 class Painter:
@@ -45,22 +48,18 @@ class Painter:
     ) -> None:  # fmt: skip
         self.params, self.size, self.seed, self.clock, self.threads = params, size, seed, clock, threads
         self.manner = STYLES[params.style].manner
-        lingers = params.temporal == "on" and params.renderer == "implicit"
-        self.linger = params.linger if lingers else 0
+        self.linger = frames_that_linger(params)
         self.past: list[tuple[Sight, Layout]] = []
 
     def paint(self, sight: Sight) -> Frame:
         """The picture of what was seen: uint8 (h, w, 3)."""
         now = self._layout(sight)
-        picture = now.paint
-        if self.linger:
-            with self.clock("linger"):
-                picture = linger(now, [before for _, before in self._before(sight)])
-            self._keep(sight, now)
-        if not self.manner.paper:
-            return picture
-        with self.clock("paper"):
-            return settle_pigment(picture, self._rims(sight), GRAIN * self.manner.paper)
+        if not self.linger:
+            return now.paint
+        with self.clock("linger"):
+            picture = linger(now, [before for _, before in self._before(sight)])
+        self._keep(sight, now)
+        return picture
 
     def recall(self, sight: Sight) -> None:
         """Paint a frame only to remember it."""
@@ -89,7 +88,7 @@ class Painter:
         canvas = self._lay(sight)
         with self.clock("light"):
             lit = emboss(canvas, self.manner.light)
-        return Layout(lit, sight.picture, None if sight.back is None else sight.back.astype(np.float32))
+        return Layout(self._dried(lit, sight), sight.picture, sight.way_back())
 
     def _lay(self, sight: Sight) -> Canvas:
         with self.clock("ground"):
@@ -98,13 +97,13 @@ class Painter:
             return self._implicit(sight, direction, bottom)
         return self._explicit(sight, direction, bottom)
 
-    def _rims(self, sight: Sight) -> Plane:
-        """Where wet paint has run to the edge of its area and dried, 0..1: the darker side of a border."""
-        gray = cv2.cvtColor(sight.picture, cv2.COLOR_RGB2GRAY).astype(np.float32)
-        wide = RIM * gray.shape[0]
-        lack = cv2.GaussianBlur(gray, (0, 0), wide) - cv2.GaussianBlur(gray, (0, 0), max(wide / 3, 0.5))
-        rims = np.clip(lack * np.float32(self.manner.rim / RIM_DEPTH), 0, np.float32(self.manner.rim))
-        return np.asarray(_stretched(rims, self.size), np.float32)
+    def _dried(self, lit: Frame, sight: Sight) -> Frame:
+        """On paper, if the manner has any."""
+        if not self.manner.paper:
+            return lit
+        with self.clock("paper"):
+            grain = GRAIN * self.manner.paper
+            return settle_pigment(lit, sight.rims_of(self.size, self.manner.rim), grain)
 
     def _implicit(self, sight: Sight, direction: Direction, bottom: Plane) -> Canvas:
         """From the uppermost stroke of the finest layer down to the ground."""

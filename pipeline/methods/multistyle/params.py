@@ -82,7 +82,7 @@ class MultistyleParams(Params):
     temporal: Switch = choice(
         "on", "Temporal coherence", "off = every frame on its own: the honest baseline, and it flickers.", "Time"
     )
-    flow: FlowName = choice("dis-ultrafast", "Optical flow", "Motion that carries strokes from frame to frame.", "Time")
+    flow: FlowName = choice("dis-medium", "Optical flow", "Motion that carries strokes from frame to frame.", "Time")
     stillness: float = number(
         2, 0, 20, "Stillness", "A pixel whose 5x5 surroundings changed by at most this stands still.", "gray levels",
         "Time",

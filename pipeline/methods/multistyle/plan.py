@@ -28,15 +28,13 @@ from pipeline.methods.multistyle import mapping
 from pipeline.methods.multistyle.design import Design, parse
 from pipeline.methods.multistyle.effects import effect_design
 from pipeline.methods.multistyle.look import Eye
-from pipeline.methods.multistyle.paint import Painter
+from pipeline.methods.multistyle.paint import Painter, frames_that_linger
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.sight import Sight, unpack
 from pipeline.segmentation.cuts import is_cut, thumbnail
 
 RUN_FRAMES = 12
 """Frames a task: about 3 s of work at 720p, which is the most a restart repeats. Two workers even out soon."""
-LONGEST_LINGER = 4
-"""Frames before a run that may linger in it: the most that the parameter `linger` takes."""
 LOOKING = 0.35
 """What it costs to look at a frame, where painting it costs 1."""
 
@@ -122,17 +120,18 @@ def _look(task: Task, bench: Bench) -> Note:
         count += 1
         bench.progress(count / (stop - start))
     bench.save(task.key, kept)
-    bench.save(f"last-{task.key}", _last(kept, count))
     if not task.args["last"]:
         bench.save(f"state-{task.key}", eye.state())
+        if lingering := frames_that_linger(bench.params):
+            bench.save(f"last-{task.key}", _last(kept, count - lingering))
     if eye.designer is None:
         return {"frames": count}
     return {"frames": count, "laplace_residual": eye.designer.residual, "laplace_cycles": eye.designer.cycles}
 
 
-def _last(kept: dict[str, NDArray[Any]], count: int) -> dict[str, NDArray[Any]]:
-    """Of the frames of a run, those that linger in the next one."""
-    return {name: array for name, array in kept.items() if int(name.partition(".")[0]) >= count - LONGEST_LINGER}
+def _last(kept: dict[str, NDArray[Any]], first: int) -> dict[str, NDArray[Any]]:
+    """Of the frames of a run, those from `first` on, which linger in the next one."""
+    return {name: array for name, array in kept.items() if int(name.partition(".")[0]) >= first}
 
 
 def _paint(task: Task, bench: Bench) -> Note:
@@ -141,7 +140,7 @@ def _paint(task: Task, bench: Bench) -> Note:
     seen = bench.load("paint", _look_key(start))
     painter = Painter(bench.params, bench.size, bench.seed, bench.clock)
     if painter.linger and task.args["before"]:
-        for sight in _sights(bench.load("paint", f"last-{task.args['before']}"))[-painter.linger :]:
+        for sight in _sights(bench.load("paint", f"last-{task.args['before']}")):
             painter.recall(sight)
     sights = _sights(seen)
     for k, sight in enumerate(sights):

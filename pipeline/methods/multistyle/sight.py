@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.frames import Frame, Plane
+from pipeline.frames import Flow, Frame, Plane
 from pipeline.strokes.brush import Direction, Strokes
 from pipeline.strokes.random import Ids
 
@@ -81,36 +81,46 @@ class Sight:
         number: of the frame, as the eye has counted; a shot's frames follow each other.
         picture: uint8 (h', w', 3): the held picture, perhaps at half the frame's size.
         field: float16 (h', w', 2): (u, v) of the strokes' tensors, coarser than the frame.
-        length: float16 (h', w'): length of the coarsest layer's strokes, px.
         layers: from coarse to fine.
-        back: float16 (h', w', 2), from this frame to the one before, px of `picture`; None = a shot begins.
+        back: float16 (h", w", 2), from this frame to the one before, px of `picture`, coarser than that; None = a shot
+            begins.
+        rims: uint8 (h', w'), where wet paint has run to the edge of its area and dried: 255 = as dark as the manner has
+            it; None = there is no paper.
     """
 
     number: int
     picture: Frame
     field: Half
-    length: Half
     layers: tuple[Marks, ...]
     back: Half | None
+    rims: NDArray[np.uint8] | None = None
 
     def direction(self, size: tuple[int, int]) -> Direction:
         """float32 (h, w, 2) for frames of `size` (width, height)."""
         return _stretched(self.field, size)
 
-    def length_px(self, size: tuple[int, int]) -> Plane:
-        return _stretched(self.length, size)
+    def way_back(self) -> Flow | None:
+        """float32, of the picture's size and in its px; None = a shot begins."""
+        return None if self.back is None else _stretched(self.back, (self.picture.shape[1], self.picture.shape[0]))
+
+    def rims_of(self, size: tuple[int, int], most: float) -> Plane:
+        """How much darker the rims are, float32 (h, w), 0..`most`."""
+        if self.rims is None:
+            return np.zeros(size[::-1], np.float32)
+        return np.asarray(_stretched(self.rims, size) * np.float32(most / 255), np.float32)
 
     def pack(self) -> dict[str, NDArray[Any]]:
-        """As arrays by name. All are floats: those are stored as they are, which is faster than to deflate them."""
+        """As arrays by name. What is stored costs time: this is little of a painting's, as long as it is small."""
         out: dict[str, NDArray[Any]] = {
-            "picture": self.picture.astype(np.float16), "field": self.field, "length": self.length,
+            "picture": self.picture, "field": self.field,
             "number": np.array(float(self.number)),
         }  # fmt: skip
         if self.back is not None:
             out["back"] = self.back
+        if self.rims is not None:
+            out["rims"] = self.rims
         for index, marks in enumerate(self.layers):
-            out[f"{index}.xy"], out[f"{index}.table"] = marks.xy, marks.table
-            out[f"{index}.ids"] = np.ascontiguousarray(marks.ids).view(np.float64)
+            out[f"{index}.xy"], out[f"{index}.table"], out[f"{index}.ids"] = marks.xy, marks.table, marks.ids
             out[f"{index}.sigma"] = np.array(marks.sigma_px)
         return out
 
@@ -119,14 +129,14 @@ def unpack(arrays: Mapping[str, NDArray[Any]]) -> Sight:
     """What `Sight.pack` packed."""
     count = sum(name.endswith(".xy") for name in arrays)
     layers = tuple(
-        Marks(arrays[f"{k}.xy"], arrays[f"{k}.ids"].view(np.uint64), arrays[f"{k}.table"], float(arrays[f"{k}.sigma"]))
+        Marks(arrays[f"{k}.xy"], arrays[f"{k}.ids"], arrays[f"{k}.table"], float(arrays[f"{k}.sigma"]))
         for k in range(count)
     )
     return Sight(
-        int(arrays["number"]), arrays["picture"].astype(np.uint8), arrays["field"], arrays["length"], layers,
-        arrays.get("back"),
+        int(arrays["number"]), arrays["picture"], arrays["field"], layers,
+        arrays.get("back"), arrays.get("rims"),
     )  # fmt: skip
 
 
-def _stretched(plane: Half, size: tuple[int, int]) -> NDArray[np.float32]:
+def _stretched(plane: Half | NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.float32]:
     return np.asarray(cv2.resize(plane.astype(np.float32), size, interpolation=cv2.INTER_LINEAR), np.float32)

@@ -67,6 +67,7 @@ class Manner:
         mingle: gray levels by which the order of colours is blurred from stroke to stroke: 0 = the paper's total
             order, in which dark strokes always cover light ones.
         rim: 0..1, how much darker paint dries at the edge of a wet area.
+        hold: factor on the parameter `hold`: broad, wet paint needs not follow every shade.
         paper: 0..1, how far the paper's grain shows in thin paint.
     """
 
@@ -78,6 +79,7 @@ class Manner:
     vivid: float = 1.0
     contrast: float = 1.0
     mingle: float = 60.0
+    hold: float = 1.0
     rim: float = 0.0
     paper: float = 0.0
 
@@ -149,8 +151,8 @@ STYLES: Mapping[str, Named] = MappingProxyType({
         ),
         Manner(
             Recipe(most=4, ratio=0.5, overlap=3.9, edge=50, scatter=1.0), Touch((0, 0), streaks=0, dry=0),
-            Light(strength=0, gloss=0), ground=(250, 248, 242), cover=0.4, vivid=1.3, mingle=300, rim=0.55,
-            paper=0.8,
+            Light(strength=0, gloss=0), ground=(250, 248, 242), cover=0.4, vivid=1.3, mingle=300, hold=1.5,
+            rim=0.55, paper=0.8,
         ),
     ),
 })  # fmt: skip

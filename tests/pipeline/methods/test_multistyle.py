@@ -22,6 +22,7 @@ from pipeline.methods.abstraction.state import no_clock
 from pipeline.methods.multistyle import MultistyleParams, MultistyleSession, plan
 from pipeline.methods.multistyle.design import parse
 from pipeline.methods.multistyle.designer import Designer, Placed
+from pipeline.methods.multistyle.drying import Drying
 from pipeline.methods.multistyle.held import rest
 from pipeline.methods.multistyle.look import Eye
 from pipeline.methods.multistyle.sight import unpack
@@ -128,14 +129,18 @@ def test_a_restored_session_goes_on_to_the_bit_and_another_seed_paints_otherwise
         assert (mine != other.step(frame)).any()
 
 
-def test_what_was_seen_is_what_was_stored() -> None:
-    eye = Eye(MultistyleParams(), SIZE, 0, no_clock)
-    sight = eye.step(shots()[0])
+@pytest.mark.parametrize("style", ["van-gogh", "watercolor"])
+def test_what_was_seen_is_what_was_stored(style: Any) -> None:
+    eye = Eye(MultistyleParams(style=style), SIZE, 0, no_clock)
+    sight = [eye.step(frame) for frame in shots()[:2]][-1]
     again = unpack({name: array.copy() for name, array in sight.pack().items()})
     assert (again.picture == sight.picture).all() and (again.field == sight.field).all()
     for mine, theirs in zip(sight.layers, again.layers, strict=True):
         assert (mine.ids == theirs.ids).all() and (mine.table == theirs.table).all() and (mine.xy == theirs.xy).all()
-    assert all(array.dtype.kind == "f" for array in sight.pack().values())
+    paper = ("rims",) if style == "watercolor" else ()
+    assert sight.pack().keys() == again.pack().keys() >= {"back", *paper}
+    for name in ("back", *paper):
+        np.testing.assert_array_equal(getattr(sight, name), getattr(again, name))
 
 
 def test_a_session_goes_on_with_other_parameters() -> None:
@@ -222,6 +227,23 @@ def test_paint_that_lingers_swims_less_than_strokes_do(style: str) -> None:
     )  # fmt: skip
 
 
+def test_rims_are_on_the_darker_side_go_with_the_motion_and_do_not_run() -> None:
+    def picture(edge: int, dark: int = 60) -> Frame:
+        out = np.full((96, 128, 3), 200, np.uint8)
+        out[:, :edge] = dark
+        return out
+
+    drying, nothing_else = Drying(True), np.zeros((96, 128), np.bool_)
+    first = drying.step(picture(60), None, None)
+    assert first is not None and first[48, 59] > 100 and first[48, 61] == 0
+    moved = drying.step(picture(64), np.full((96, 128, 2), (-4, 0), np.float32), nothing_else)
+    assert moved is not None and np.abs(moved[:, 50:80].astype(int) - first[:, 46:76]).max() <= 2
+    paler = drying.step(picture(64, 190), np.zeros((96, 128, 2), np.float32), nothing_else)
+    other = drying.step(picture(64, 190), np.zeros((96, 128, 2), np.float32), ~nothing_else)
+    assert paler is not None and other is not None and paler[48, 63] > 0.7 * moved[48, 63] > 2 * other[48, 63]
+    assert Drying(False).step(picture(60), None, None) is None
+
+
 @pytest.mark.parametrize(("moved", "sky"), [(240, -3), (0, 0), (120, None)])
 def test_a_plain_sky_goes_with_the_camera_and_rests_where_it_rests(moved: int, sky: float | None) -> None:
     """Above nothing shows; below, a texture moves by 3 px as far as `moved` and rests beyond."""
@@ -235,6 +257,23 @@ def test_a_plain_sky_goes_with_the_camera_and_rests_where_it_rests(moved: int, s
         assert (flow[:60] == sky).mean() > 0.9, "edges along the motion look as if they rested"
     assert (flow[52:60, 16:104] == (-3 if moved else 0)).mean() > 0.9, "the sky does what is below it"
     assert (flow[52:60, 136:224] == (-3 if moved == 240 else 0)).mean() > 0.9
+
+
+@pytest.mark.parametrize(("flow_px", "goes"), [(-3.0, True), (-0.2, False)])
+def test_a_plain_thing_goes_past_things_at_rest_if_the_flow_says_so(flow_px: float, goes: bool) -> None:
+    """A stripe with a rough edge moves by 3 px over a rough wall; its plain middle does not change."""
+    rough = np.clip(cv2.GaussianBlur(np.random.default_rng(4).normal(0, 900, (160, 260)), (0, 0), 2) + 128, 0, 255)
+    before = rough[:, :240].astype(np.uint8)
+    after = before.copy()
+    before[64:80], after[64:80] = 128, 128
+    edge = np.random.default_rng(5).integers(0, 255, (4, 243), np.uint8)
+    for top in (64, 76):
+        before[top : top + 4], after[top : top + 4] = edge[:, :240], edge[:, 3:]
+    flow = np.zeros((160, 240, 2), np.float32)
+    flow[64:80, :, 0] = flow_px
+    found = rest(flow, before, after, 2)[..., 0]
+    assert (found[71:73, 30:210] == (flow_px if goes else 0)).mean() > 0.9
+    assert (found[:40] == 0).all() and (found[120:] == 0).all()
 
 
 # -- regions

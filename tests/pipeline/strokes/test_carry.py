@@ -132,3 +132,16 @@ def test_the_same_bytes_again() -> None:
     for name in ("aims", "presence", "leaving"):
         assert getattr(a, name).tobytes() == getattr(b, name).tobytes()
     assert a.seeds.xy.tobytes() == b.seeds.xy.tobytes()
+
+
+def test_where_something_else_has_come_colours_and_strokes_change_at_once() -> None:
+    state, revealed = begin(place(SIZE, GAP), gray(100), GAP), np.zeros(SIZE, np.bool_)
+    revealed[:, 40:] = True
+    for level, most_old in ((130, None), (250, 0)):
+        found = tend(state, place(SIZE, GAP, birth=1), gray(level), GAP, revealed=revealed)
+        right = found.seeds.xy[:, 0] > 41
+        np.testing.assert_array_equal(found.aims[right], level, "old strokes take the colour, or new ones have it")
+        np.testing.assert_array_equal(found.presence[right], 1)
+        assert found.leaving[right].sum() == 0 and (found.aims[~right] != level).any()
+        if most_old is not None:
+            assert np.isin(found.seeds.ids[right], state.seeds.ids).sum() == most_old

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 
+from pipeline.compute import device, report
 from pipeline.strokes.brush import blank
 from pipeline.strokes.emboss import Light, emboss, weave
 
@@ -17,6 +19,23 @@ def hill() -> np.ndarray:
     y, x = np.indices(ODD)
     canvas[..., 3] = np.maximum(0, 3 - np.hypot(x - 26, y - 18) / 4)
     return canvas
+
+
+@pytest.mark.real("opencl")
+@pytest.mark.parametrize("channels", [4, 7])
+@pytest.mark.parametrize("size", [(37, 53), (66, 130), (1, 9), (9, 1)])
+def test_the_kernel_does_what_the_specification_says(size: tuple[int, int], channels: int) -> None:
+    rng = np.random.default_rng(2)
+    canvas = rng.uniform(-20, 280, (*size, channels)).astype(np.float32)
+    canvas[..., 3] = rng.uniform(0, 4, size)
+    light = Light(0.7, 0.4, gloss=0.3, weave_px=0.4)
+    specified = emboss(canvas, light)
+    for row in report(fresh=False):
+        if row["works"]:
+            got = emboss(canvas, light, device(str(row["platform"])))
+            if row["kind"] == "cpu":
+                np.testing.assert_array_equal(got, specified, str(row["platform"]))
+            assert np.abs(got.astype(int) - specified).max() <= 1, str(row["platform"])
 
 
 def test_light_from_the_other_side_swaps_lit_and_shaded() -> None:

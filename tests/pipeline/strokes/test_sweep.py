@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from pipeline.compute import device, report
 from pipeline.strokes.brush import Brush, Canvas, Strokes, blank, discs
 from pipeline.strokes.raster import Touch
 from pipeline.strokes.seeds import Seeds, place
@@ -105,6 +106,31 @@ def test_threads_and_skipped_walks_change_no_byte(length: float, monkeypatch: py
     assert one.tobytes() == three.tobytes()
     monkeypatch.setattr("pipeline.strokes.sweep._distance", lambda first: np.zeros(first.shape, np.float32))
     np.testing.assert_array_equal(whose, sweep(white(), strokes, field, length))
+
+
+@pytest.mark.real("opencl")
+@pytest.mark.parametrize("length", [0.0, 17.0, 60.0])
+@pytest.mark.parametrize("guided", [False, True])
+@pytest.mark.parametrize("size", [(37, 53), (91, 111), (1, 9), (9, 1)])
+def test_kernels_do_what_the_specification_says(size: tuple[int, int], guided: bool, length: float) -> None:
+    rng = np.random.default_rng(5)
+    seeds = place(size, 6, seed=3)
+    brush = Brush(size_px=7, grain=0.7, relief_px=2, jitter=0.3)
+    strokes = discs(seeds, brush, rng.uniform(60, 200, (len(seeds), 3)).astype(np.float32))
+    y, x = np.indices(size, np.float32)
+    field = np.dstack([np.cos(x / 20 + y / 31), np.sin(x / 20 + y / 31)]).astype(np.float32)
+    field[y + x < 6] = 0
+    guide = rng.integers(60, 200, (*size, 3), np.uint8) if guided else None
+    for row in report(fresh=False):
+        if row["works"]:
+            specified, got = (blank(np.full((*size, 3), 240, np.uint8)) for _ in range(2))
+            whose = sweep(specified, strokes, field, length, guide=guide, tolerance=90)
+            on = device(str(row["platform"]))
+            same = whose == sweep(got, strokes, field, length, guide=guide, tolerance=90, device=on)
+            if row["kind"] == "cpu":
+                assert same.all() and got.tobytes() == specified.tobytes(), str(row["platform"])
+            assert same.mean() > 0.99, str(row["platform"])
+            np.testing.assert_allclose(got[same], specified[same], atol=0.1, err_msg=str(row["platform"]))
 
 
 def test_no_strokes_paint_nothing() -> None:
