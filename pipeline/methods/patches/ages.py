@@ -30,9 +30,6 @@ OUTSIDE = 0.02
 """Weight of a frame's colours beyond the cluster, in the margin, beside 1 within."""
 FILL = 1e-3
 """Weight of all other frames in an age's picture: what the age has not seen is theirs."""
-HALF = np.float32(1 / 16)
-"""Sums are kept in half precision, 0.05 % fine, by this factor, so that a hundred and more frames fit."""
-
 Total = NDArray[np.float32]
 """float32 (h, w, 4): sums of red, green, blue times weight, and of weights."""
 
@@ -73,41 +70,46 @@ class Room:
 
 @dataclass(frozen=True)
 class Sum:
-    """Colours of a few frames, in the part of the panorama that they reach.
+    """Colours of a few frames, in the part of the panorama that they reach; 5 bytes a pixel, since many are kept.
 
     Attributes:
         at: (x, y) of its first pixel in the panorama, px.
-        half: float16 (h, w, 4), a `Total` times HALF.
+        colour: uint8 (h, w, 3), the mean; the rounding of many sums evens out.
+        weight: float16 (h, w), 0.05 % fine.
     """
 
     at: tuple[int, int]
-    half: NDArray[np.float16]
+    colour: Frame
+    weight: NDArray[np.float16]
 
     @classmethod
     def of(cls, total: Total) -> Sum:
         rows, columns = (np.flatnonzero((total[..., 3] > 0).any(axis=axis)) for axis in (1, 0))
         if not len(rows):
-            return cls((0, 0), np.zeros((0, 0, 4), np.float16))
+            return cls((0, 0), np.zeros((0, 0, 3), np.uint8), np.zeros((0, 0), np.float16))
         top, left = int(rows[0]), int(columns[0])
-        part = total[top : rows[-1] + 1, left : columns[-1] + 1] * HALF
-        return cls((left, top), np.minimum(part, np.float32(6e4)).astype(np.float16))
+        part = total[top : rows[-1] + 1, left : columns[-1] + 1]
+        colours = part[..., :3] / np.maximum(part[..., 3:], np.float32(1e-6))
+        weight = np.minimum(part[..., 3], np.float32(6e4)).astype(np.float16)
+        return cls((left, top), np.rint(np.minimum(colours, 255)).astype(np.uint8), weight)
 
     @classmethod
     def load(cls, bench: Bench, name: str) -> Sum:
         kept = bench.load("patch", name)
-        return cls((int(kept["at"][0]), int(kept["at"][1])), kept["half"])
+        return cls((int(kept["at"][0]), int(kept["at"][1])), kept["colour"], kept["weight"])
 
     def save(self, bench: Bench, name: str) -> None:
-        bench.save(name, {"at": np.array(self.at), "half": self.half})
+        bench.save(name, {"at": np.array(self.at), "colour": self.colour, "weight": self.weight})
 
     @property
     def box(self) -> tuple[slice, slice]:
-        height, width = self.half.shape[:2]
+        height, width = self.weight.shape
         return slice(self.at[1], self.at[1] + height), slice(self.at[0], self.at[0] + width)
 
     @property
     def total(self) -> Total:
-        return np.asarray(self.half.astype(np.float32) / HALF, np.float32)
+        weight = self.weight.astype(np.float32)
+        return np.dstack([self.colour * weight[..., None], weight]).astype(np.float32, copy=False)
 
 
 def spans(life: Life) -> list[tuple[int, int]]:

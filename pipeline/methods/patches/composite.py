@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -21,13 +22,12 @@ from pipeline.methods.patches.join import load_lays
 from pipeline.methods.patches.links import Links, norm
 from pipeline.methods.patches.lives import Life, lives
 from pipeline.methods.patches.params import PatchesParams
+from pipeline.methods.patches.remainder import FADE, SEEN, Remainder
 from pipeline.methods.patches.scan import RUN, run_key, runs
 from pipeline.warp.panorama import Lay, full_map
 
 TURN = 3.0
 """Frames before and after the change of two ages in which one fades over into the other."""
-SEEN = 0.02
-"""Share from which a pixel's paint is looked for: less cannot be seen."""
 
 
 def plan_paint(brief: Brief) -> list[Task]:
@@ -35,7 +35,7 @@ def plan_paint(brief: Brief) -> list[Task]:
     chained = brief.params.temporal == "strokes"
     tasks: list[Task] = []
     before = ""
-    for start, stop, begin, end in runs(brief):
+    for start, stop, begin, end in runs(brief, RUN // brief.params.hold * brief.params.hold):
         here = [life.args() for life in every if life.begin == begin and life.start < stop and life.stop > start]
         notes = [brief.notes["patch"][life["key"]] for life in here]
         args = {"start": start, "stop": stop, "begin": begin, "end": end, "lives": here, "notes": notes}
@@ -51,14 +51,13 @@ def run_paint(task: Task, bench: Bench) -> Note:
     start, stop, begin = task.args["start"], task.args["stop"], task.args["begin"]
     paint = _frame_painter(task, bench)
     shown: Frame | None = None
-    for index, frame in held_frames(bench, start, stop, begin, params.hold):
+    for index, frame in _ahead(held_frames(bench, task, params.hold), task, paint, params.hold):
         if frame is not None:
             with bench.clock("composite"):
                 shown = paint(index, frame)
         assert shown is not None
-        if index >= start:
-            bench.emit(index, shown)
-            bench.progress((index + 1 - start) / (stop - start))
+        bench.emit(index, shown)
+        bench.progress((index + 1 - start) / (stop - start))
     if isinstance(paint, Carrier):
         paint.save(task.key)
     if params.temporal == "on" and bench.wants("labels"):
@@ -67,14 +66,27 @@ def run_paint(task: Task, bench: Bench) -> Note:
     return {}
 
 
-def held_frames(bench: Bench, start: int, stop: int, begin: int, hold: int) -> Iterator[tuple[int, Frame | None]]:
-    """Frames [start, stop) and the one that is shown at `start`; None where the last painting is held."""
-    first = begin + (start - begin) // hold * hold
-    for index, frame in enumerate(bench.frames("video", first, stop), start=first):
-        if (index - begin) % hold == 0:
-            yield index, frame
-        elif index >= start:
-            yield index, None
+def held_frames(bench: Bench, task: Task, hold: int) -> Iterator[tuple[int, Frame | None]]:
+    """Frames of a run, and the one after them in the shot; None where the last painting is held."""
+    start, stop, end = (task.args[name] for name in ("start", "stop", "end"))
+    for index, frame in enumerate(bench.frames("video", start, min(stop + 1, end)), start=start):
+        yield index, frame if (index - start) % hold == 0 else None
+
+
+def _ahead(
+    source: Iterator[tuple[int, Frame | None]], task: Task, paint: Compositor | Carrier | Alone, hold: int
+) -> Iterator[tuple[int, Frame | None]]:
+    """The run's frames, when those that will fade over to the next run's first one know of it."""
+    waiting = deque[tuple[int, Frame | None]]()
+    most = FADE * hold if isinstance(paint, Compositor) else 1
+    for index, frame in source:
+        if index < task.args["stop"]:
+            waiting.append((index, frame))
+        elif isinstance(paint, Compositor) and frame is not None:
+            paint.turn_to(index, frame)
+        if len(waiting) >= most:
+            yield waiting.popleft()
+    yield from waiting
 
 
 def _frame_painter(task: Task, bench: Bench) -> Compositor | Carrier | Alone:
@@ -140,10 +152,10 @@ class Painted:
 
     @classmethod
     def load(cls, life: Life, note: Note, start: int, stop: int, bench: Bench) -> Painted:
-        """What frames [start, stop), of one run, need of a patch; `note` is its task's."""
+        """What frames [start, stop] need of a patch: those of one run and the next one. `note` is its task's."""
         lays, looks = load_lays(bench, life, start, stop), {}
         for number, (first, last) in enumerate(note["ages"]):
-            if first - TURN < stop and last + TURN > start:
+            if first - TURN <= stop and last + TURN > start:
                 kept = bench.load("patch", f"{life.key}-age{number}")
                 looks[number] = kept["panorama"], kept["painting"]
         x, y = note["origin"]
@@ -190,10 +202,21 @@ class Compositor:
             Painted.load(Life(**row), note, start, stop, bench)
             for row, note in zip(task.args["lives"], task.args["notes"], strict=True)
         ]
-        self._alone = Alone.of(bench.params, bench.size, bench.seed)
+        painter = Alone.of(bench.params, bench.size, bench.seed).painter
+        self._remainder = Remainder(painter, Links(bench, begin, RUN), self._grid, self._params.misfit)
 
     def __call__(self, index: int, frame: Frame) -> Frame:
-        """Frame `index`, painted: float sums of patches and of what is left, weights summing to 1 everywhere."""
+        """Frame `index`, painted."""
+        return self._shown(index, frame, self._remainder)
+
+    def turn_to(self, index: int, frame: Frame) -> None:
+        """Frame `index` begins the next run: what is left of this one fades over to how it will be painted."""
+        if self._remainder.used:
+            shown = self._shown(index, frame, replace(self._remainder, last=None, shown={}))
+            self._remainder.turn_to(index, frame, shown, self._params.hold)
+
+    def _shown(self, index: int, frame: Frame, remainder: Remainder) -> Frame:
+        """Float sums of patches and of what is left, weights summing to 1 everywhere."""
         labels = self._maps.sure(index)
         total = np.zeros((*frame.shape[:2], 3), np.float32)
         share = np.zeros(frame.shape[:2], np.float32)
@@ -202,10 +225,12 @@ class Compositor:
                 self._lay_over(total, share, patch, lay, labels, index, frame)
         left = 1 - share
         if (left > SEEN).any():
-            total += self._unclustered(frame, left) * left[..., None]
+            total += remainder.paint(index, frame, left) * left[..., None]
         else:
             total /= share[..., None]
-        return np.asarray(np.rint(np.clip(total, 0, 255)), np.uint8)
+        shown = np.asarray(np.rint(np.clip(total, 0, 255)), np.uint8)
+        remainder.keep(index, frame, shown)
+        return shown
 
     def _lay_over(
         self, total: NDArray[np.float32], share: Plane, patch: Painted, lay: Lay, labels: Labels, index: int,
@@ -230,9 +255,3 @@ class Compositor:
         off = norm(mean) / np.float32(self._params.misfit)
         keep = np.clip(3 - 2 * off, 0, 1)
         return np.asarray(keep * keep * (3 - 2 * keep), np.float32)
-
-    def _unclustered(self, frame: Frame, left: Plane) -> Frame:
-        """A painting of the frame alone, where it is needed."""
-        reach = 2 * int(self._alone.painter.reach_px / 4) + 1
-        where = cv2.dilate((left > SEEN).astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
-        return self._alone.painter.picture(frame, where)

@@ -111,19 +111,20 @@ def evenly(items: list[int], most: int) -> list[int]:
 
 
 def save_lays(bench: Bench, life: Life, lays: Mapping[int, Lay]) -> None:
-    """Keep the lays by run, as "<life>-<run>"."""
+    """Keep the lays by run, as "<life>-<run>": those of its frames and of the one after them."""
     by_run: dict[int, dict[int, Hop]] = {run_of(index, life.begin): {} for index in range(life.start, life.stop)}
     for index, lay in lays.items():
-        by_run[run_of(index, life.begin)][index] = Hop(lay.rect, 0, lay.matrix, lay.rest)
+        for run in {run_of(index, life.begin), run_of(max(index - 1, life.begin), life.begin)} & set(by_run):
+            by_run[run][index] = Hop(lay.rect, 0, lay.matrix, lay.rest)
     for start, hops in by_run.items():
         save_hops(bench, f"{life.key}-{run_key(start)}", hops)
 
 
 def load_lays(bench: Bench, life: Life, start: int, stop: int) -> dict[int, Lay]:
-    """The lays of frames [start, stop) that have the patch."""
+    """The lays of frames [start, stop] that have the patch; of frame `stop` if its run's predecessor has it too."""
     lays = {}
     for run in sorted({run_of(index, life.begin) for index in range(max(start, life.start), min(stop, life.stop))}):
         for index, hop in load_hops(bench, f"{life.key}-{run_key(run)}", "patch").items():
-            if start <= index < stop:
+            if start <= index <= stop:
                 lays[index] = Lay(hop.rect, hop.matrix, hop.shift)
     return lays

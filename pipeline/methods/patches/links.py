@@ -94,27 +94,41 @@ MOST_PAIRS = 10
 """Pairs that are held as they are used: those of a frame's window, both ways."""
 
 
-class Links:
-    """Reads what the tasks "flow-..." have kept, run by run, holding at most `most` runs in memory."""
+def shelf(index: int, gap: int, begin: int, run: int) -> str:
+    """The artefact that has the flow back to frame `index` from `index + gap`; 0 = the flow ahead, and the frame.
 
-    def __init__(self, bench: Bench, begin: int, run: int, most: int = 3) -> None:
+    What is read together lies together, and the rest is not read:
+
+    flow-<run>   a run's small frames, flow ahead to the next one, and back between neighbours: every step reads it
+    far-<run>    back over gaps within a run: for labels, and seldom more
+    over-<run>   back into the run from the next one: all that this one needs of its predecessor
+    """
+    start, last = (begin + (frame - begin) // run * run for frame in (index, index + gap))
+    return f"{'over' if last > start else 'far' if gap > 1 else 'flow'}-{start:07d}"
+
+
+class Links:
+    """Reads what the tasks "flow-..." have kept, holding at most `most` artefacts in memory."""
+
+    def __init__(self, bench: Bench, begin: int, run: int, most: int = 6) -> None:
         self._bench, self._begin, self._run, self._most = bench, begin, run, most
-        self._held: OrderedDict[int, dict[str, NDArray[Any]]] = OrderedDict()
+        self._held: OrderedDict[str, dict[str, NDArray[Any]]] = OrderedDict()
         self._pairs: OrderedDict[str, tuple[Flow, Plane] | None] = OrderedDict()
 
-    def _get(self, name: str, index: int) -> NDArray[Any] | None:
-        start = self._begin + (index - self._begin) // self._run * self._run
+    def _get(self, name: str, index: int, gap: int) -> NDArray[Any] | None:
         if index < self._begin:
             return None
-        if start not in self._held:
-            self._held[start] = self._bench.load("cluster", f"flow-{start:07d}")
+        where = shelf(index, gap, self._begin, self._run)
+        if where not in self._held:
+            self._held[where] = self._bench.load("cluster", where)
             while len(self._held) > self._most:
                 self._held.popitem(last=False)
-        return self._held[start].get(name)
+        self._held.move_to_end(where)
+        return self._held[where].get(name)
 
     def small(self, index: int) -> Frame:
         """Frame `index` at the working size."""
-        found = self._get(f"small-{index}", index)
+        found = self._get(f"small-{index}", index, 0)
         assert found is not None
         return found
 
@@ -129,13 +143,14 @@ class Links:
     def _pair(self, flow: str, trust: str, index: int, gap: int) -> tuple[Flow, Plane] | None:
         name = f"{flow}-{index}-{gap}"
         if name not in self._pairs:
-            self._pairs[name] = self._read(name, f"{trust}-{index}-{gap}", index)
+            self._pairs[name] = self._read(name, f"{trust}-{index}-{gap}", index, gap)
             while len(self._pairs) > MOST_PAIRS:
                 self._pairs.popitem(last=False)
         return self._pairs[name]
 
-    def _read(self, flow: str, trust: str, index: int) -> tuple[Flow, Plane] | None:
-        found, reliable = self._get(flow, index), self._get(trust, index)
+    def _read(self, flow: str, trust: str, index: int, gap: int) -> tuple[Flow, Plane] | None:
+        at = 0 if flow.startswith("f") else gap
+        found, reliable = self._get(flow, index, at), self._get(trust, index, at)
         if found is None or reliable is None:
             return None
         pair = found.astype(np.float32), reliable.astype(np.float32) / np.float32(255)

@@ -17,7 +17,7 @@ from pipeline.frames import Flow, Frame, Plane
 from pipeline.methods.base import Bench, Brief, Note, Task
 from pipeline.methods.patches.grid import Grid
 from pipeline.methods.patches.guidance import check, keyframes
-from pipeline.methods.patches.links import Pair, pack, reliability
+from pipeline.methods.patches.links import Pair, pack, reliability, shelf
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.segmentation.cuts import is_cut, thumbnail
 
@@ -73,21 +73,24 @@ def run_flow(task: Task, bench: Bench) -> Note:
     """Flow and reliability of all pairs (i, i + k), i in [start, stop), k < window, within the shot."""
     params: PatchesParams = bench.params
     reach = (params.window if params.temporal == "on" else 2) - 1
-    start, stop, end = task.args["start"], task.args["stop"], task.args["end"]
-    kept: dict[str, np.ndarray] = {}
+    start, stop, begin, end = (task.args[name] for name in ("start", "stop", "begin", "end"))
+    shelves: dict[str, dict[str, np.ndarray]] = {shelf(stop - 1, 1, begin, RUN): {}}
     grid, queue = Grid.of(bench.size), list[tuple[Frame, Frame]]()
     source = bench.frames("video", start, min(stop + reach, end))
     for index in range(start, stop):
         while len(queue) <= reach and (more := next(source, None)) is not None:
             queue.append((more, grid.small(more)))
-        kept[f"small-{index}"] = queue[0][1]
+        shelves.setdefault(shelf(index, 0, begin, RUN), {})[f"small-{index}"] = queue[0][1]
         for gap in range(1, len(queue)):
             with bench.clock("flow"):
                 pair = link(queue[0], queue[gap], gap, grid, params)
-            kept |= pack(pair, index, gap)
+            for name, array in pack(pair, index, gap).items():
+                where = shelf(index, 0 if name[0] in "ft" else gap, begin, RUN)
+                shelves.setdefault(where, {})[name] = array
         queue.pop(0)
         bench.progress((index + 1 - start) / (stop - start))
-    bench.save(task.key, kept)
+    for name, kept in shelves.items():
+        bench.save(name, kept)
     return {}
 
 
