@@ -7,8 +7,8 @@ fetching artefacts, blobs, segments and the pictures that show progress, and int
 
 from __future__ import annotations
 
+import argparse
 import multiprocessing
-import sys
 import tempfile
 import threading
 import time
@@ -30,16 +30,17 @@ LONG = 300
 def main() -> None:
     """Print two rows for each method, and what follows from them for LONG frames: a job of so many frames of analogy
     would take an hour. About four minutes on two quiet processors.
-
-    `python -m benchmarks.overhead METHOD` does one of them, `METHOD FRAMES` a job of that length.
     """
-    words = sys.argv[1:] if __name__ == "__main__" else []
-    names = words[:1] or list(FRAMES)
+    parser = argparse.ArgumentParser(description="What the farm and its stores cost beside the painting.")
+    parser.add_argument("method", nargs="?", choices=FRAMES, help="else all, one after the other")
+    parser.add_argument("frames", nargs="?", type=int, help="a job of this length, instead of two short ones")
+    given = parser.parse_args() if __name__ == "__main__" else parser.parse_args([])
+    names = [given.method] if given.method else list(FRAMES)
     print(f"{'method':>12} {'frames':>7} {'wall s':>7} {'CPU s':>8} {'overhead s':>11} {'share':>7}   where, CPU s")
     with tempfile.TemporaryDirectory(prefix="impasto-overhead-") as scratch:
         clip = source(CLIP, SIZE, Path(scratch))
         for name in names:
-            lengths = (int(words[1]),) if len(words) > 1 else FRAMES[name]
+            lengths = (given.frames,) if given.frames else FRAMES[name]
             runs = [(frames, _job(name, frames, clip, Path(scratch))) for frames in lengths]
             for frames, run in runs:
                 _row(name, f"{frames}", *run)
