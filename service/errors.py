@@ -162,6 +162,7 @@ TABLE: dict[str, tuple[int, str]] = {
     "busy": (503, "Busy"),
     "going-away": (503, "The service stops"),
     "worker-lost": (503, "The worker died"),
+    "no-room": (503, "No machine has what this needs"),
     "device-error": (503, "No compute device works"),
     "storage-unavailable": (503, "Storage cannot be reached"),
     "storage-full": (507, "Storage is full"),

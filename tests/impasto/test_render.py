@@ -20,8 +20,8 @@ import pytest
 from impasto.cli.app import run
 from tests.conftest import TINY_FRAMES, TINY_HEIGHT, TINY_WIDTH, tiny_frame
 
-LONG_FRAMES = 400
-LONG_SIZE = (384, 256)
+LONG_FRAMES = 300
+LONG_SIZE = (672, 448)
 
 
 def impasto(*words: str | Path, home: Path) -> list[str]:

@@ -33,6 +33,7 @@ export function createStream({ screen, figures, settings, told }) {
   let stillsOnly = false;
   let size = null;
   let said = "";
+  let agreed = "";
 
   // -- opening
 
@@ -44,12 +45,14 @@ export function createStream({ screen, figures, settings, told }) {
     const codecs = await offer({ ...size, fps: rate }, service, stillsOnly ? "jpeg" : codec);
     if (stillsOnly) Object.assign(codecs, { send: ["jpeg"], receive: ["jpeg"] });
     said = wishes();
+    agreed = terms();
     return { type: "hello", method, params, inputs: given(), ...size, fps: rate, ...codecs, quality, adaptive };
   }
 
   const measure = () => fit(source.video, settings().area, service?.limits.width ?? Infinity);
   const given = () => Object.fromEntries(Object.entries(settings().inputs).filter(([, id]) => id));
   const wishes = () => JSON.stringify([settings().params, settings().inputs]);
+  const terms = () => JSON.stringify([settings().fps, settings().codec, settings().quality, settings().adaptive]);
 
   function onready(message) {
     ready = message;
@@ -183,8 +186,9 @@ export function createStream({ screen, figures, settings, told }) {
   return {
     open: connection.open,
     change,
-    /** Agree anew on rate and codecs; one that has failed may be tried again. */
+    /** Agree anew on rate and codecs, if others are wished for; one that has failed may be tried again. */
     renew() {
+      if (agreed === terms()) return;
       stillsOnly = false;
       faults = 0;
       connection.renew();
