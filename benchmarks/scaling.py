@@ -1,6 +1,6 @@
 """One worker against two on the real farm: Ray, a database, blobs; the same film, the same bytes.
 
-    python -m benchmarks.scaling                    every method, three turns: about four minutes on a quiet machine
+    python -m benchmarks.scaling                    every method, three turns: about five minutes on a quiet machine
     python -m benchmarks.scaling METHOD ...         some of them; `--turns N`
 
 Two farms stand side by side, each a Ray cluster of its own with one worker and with two, and take turns at the same
@@ -29,8 +29,8 @@ import psutil
 
 from benchmarks.speedup import METHODS, short, style_of, submit
 
-FILMS = {"abstraction": (250, 480), "patches": (60, 192), "analogy": (60, 112), "multistyle": (96, 256)}
-"""(frames, width in px) of a film with cuts: about ten seconds of one processor."""
+FILMS = {"abstraction": (250, 480), "patches": (150, 192), "analogy": (60, 112), "multistyle": (96, 256)}
+"""(frames, width in px) of a film with cuts: ten to thirty seconds of one processor."""
 TURNS = 3
 READY_S, JOB_S = 60.0, 240.0
 
