@@ -8,6 +8,7 @@ from collections.abc import Awaitable, Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Protocol, TypeVar
 
+from workers.live.channel import Halves
 from workers.live.model import LiveOrder, Painted, Work
 from workers.live.seats import Seat
 from workers.model import Json
@@ -15,13 +16,11 @@ from workers.model import Json
 T = TypeVar("T")
 
 
-class Painter(Protocol):
+class Painter(Halves, Protocol):
     """As `workers.live.painter.LivePainter`."""
 
     def warm_up(self) -> None: ...
     def open(self, order: LiveOrder) -> None: ...
-    def look(self, work: Work) -> None: ...
-    def paint(self) -> Painted: ...
     def change(self, params: Mapping[str, Json], inputs: Mapping[str, str]) -> None: ...
     def close(self) -> None: ...
 
