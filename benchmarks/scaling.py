@@ -29,7 +29,7 @@ import psutil
 
 from benchmarks.speedup import METHODS, short, style_of, submit
 
-FILMS = {"abstraction": (250, 480), "patches": (150, 192), "analogy": (60, 112), "multistyle": (96, 256)}
+FILMS = {"abstraction": (250, 480), "patches": (150, 320), "analogy": (60, 112), "multistyle": (144, 480)}
 """(frames, width in px) of a film with cuts: ten to thirty seconds of one processor."""
 TURNS = 3
 READY_S, JOB_S = 60.0, 240.0
