@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -73,6 +74,8 @@ def run(
         worker.wait_up()
     chance = random.Random(seed)
     scene = Scene(settings, folder, asking, workers, postgres, s3, chance, settings.lease_s, away_s, raylets)
+    over = threading.Event()
+    threading.Thread(target=_supervise, args=(workers, over), daemon=True).start()
     try:
         done = _do(scene, times, faults)
         ended = [_patiently(lambda job=job: _final(asking, job)) for job, _ in scene.jobs]  # type: ignore[misc]
@@ -80,6 +83,7 @@ def run(
         wanted = [expected[shape] for _, shape in scene.jobs]
         return _patiently(lambda: _judge(asking, ended, wanted, poisoned, done))
     finally:
+        over.set()
         for worker in workers:
             worker.thaw()
             worker.kill()
@@ -89,6 +93,12 @@ def run(
 def _on(settings: FarmSettings, raylets: Raylets) -> FarmSettings:
     changes = {"pool": "ray", "ray_address": raylets.address, "task_memory_bytes": 0, "live_sessions": 0}
     return settings.model_copy(update=changes)
+
+
+def _supervise(workers: Sequence[Worker], over: threading.Event) -> None:
+    while not over.wait(1.0):
+        for worker in workers:
+            worker.revive()
 
 
 def submit(farm: Studio, folder: Path, shape: dict[str, Any]) -> str:

@@ -6,6 +6,7 @@ import json
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -41,8 +42,21 @@ class Worker:
     def __init__(self, settings: FarmSettings, home: Path) -> None:
         self._settings = settings.model_copy(update={"home": home})
         self._process: subprocess.Popen[str] | None = None
+        self._lock = threading.Lock()
+        self._wanted = False
 
     def start(self) -> None:
+        with self._lock:
+            self._wanted = True
+            self._start()
+
+    def revive(self) -> None:
+        """Start it again if it has ended by itself, as systemd would: there was no database when it began."""
+        with self._lock:
+            if self._wanted and self._process is not None and self._process.poll() is not None:
+                self._start()
+
+    def _start(self) -> None:
         command = [sys.executable, "-m", "tests.workers.farm_child"]
         pipe = subprocess.PIPE
         self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, cwd=ROOT)
@@ -60,10 +74,12 @@ class Worker:
         assert self._process.stdout.readline() == "up\n"
 
     def kill(self) -> None:
-        """kill -9."""
-        self._signal(signal.SIGKILL)
-        if self._process is not None:
-            self._process.wait()
+        """kill -9, and nobody starts it again."""
+        with self._lock:
+            self._wanted = False
+            self._signal(signal.SIGKILL)
+            if self._process is not None:
+                self._process.wait()
 
     def step_clock(self) -> None:
         """Its clock jumps an hour: forward, and back at the next call."""
