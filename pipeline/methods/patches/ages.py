@@ -14,7 +14,7 @@ from pipeline.frames import Frame, Mask, Plane
 from pipeline.methods.base import Bench
 from pipeline.methods.patches.clusters import LabelMaps
 from pipeline.methods.patches.grid import Grid
-from pipeline.methods.patches.hertzmann import PAPER_HEIGHT
+from pipeline.methods.patches.masking import PAPER_HEIGHT
 from pipeline.methods.patches.links import norm
 from pipeline.methods.patches.lives import Life
 from pipeline.methods.patches.params import PatchesParams

@@ -8,13 +8,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.frames import Frame, Mask
+from pipeline.frames import Frame, Mask, Plane
+from pipeline.methods.patches.masking import PAPER_HEIGHT, leniency
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.styles import STYLES, Style
 from pipeline.strokes.brush import Brush, Canvas, Direction, blank, colours_at
 from pipeline.strokes.carry import present
 from pipeline.strokes.emboss import Light, emboss
-from pipeline.strokes.layers import Recipe, layer_brush, layer_reference, layer_threshold, spacing_px, wanted
+from pipeline.strokes.layers import FARTHEST, Recipe, layer_brush, layer_reference, layer_threshold, spacing_px, wanted
 from pipeline.strokes.raster import Touch, paint, slopes_of
 from pipeline.strokes.seeds import Seeds, place
 from pipeline.strokes.trace import trace
@@ -22,8 +23,8 @@ from pipeline.tensors.structure import structure_tensor, tangent_field
 
 TABLE_1 = ((64, 2.0, 1.0, 16.0), (512, 4.0, 2.0, 32.0), (float("inf"), 8.0, 4.0, 128.0))
 """Region area up to, r_max, l_min, l_max, in pixels of the paper's frames."""
-PAPER_HEIGHT = 344
-"""Height of those frames, px."""
+FINEST_RADIUS = 1.0
+"""Of the finest layer, in such pixels."""
 SMALLEST_RADIUS = 0.8
 """px: smaller strokes are not strokes any more."""
 
@@ -44,6 +45,7 @@ class Painter:
     layers: int
     threshold: float
     seed: int
+    unit: float
 
     @classmethod
     def of(cls, name: str, area_px: float, height: int, params: PatchesParams, seed: int) -> Painter:
@@ -61,13 +63,13 @@ class Painter:
         scale = unit * params.stroke_size
         radius = max(radius * scale * style.radius, SMALLEST_RADIUS)
         layers = 1
-        while radius / 2**layers >= max(2 * scale * style.radius, SMALLEST_RADIUS) - 1e-6 and layers < 3:
+        while radius / 2**layers >= max(FINEST_RADIUS * scale * style.radius, SMALLEST_RADIUS) - 1e-6:
             layers += 1
         brush = Brush(
             2 * radius, high * scale * style.length, style.opacity, 0.0, style.saturation_shift, 0.0,
             min(params.jitter + style.jitter, 1.0), 1.2 * params.relief * min(unit, 1.5), 0.55,
         )  # fmt: skip
-        return cls(style, brush, low / high, layers, params.threshold * style.threshold, seed)
+        return cls(style, brush, low / high, layers, params.threshold * style.threshold, seed, unit)
 
     @property
     def recipe(self) -> Recipe:
@@ -80,7 +82,7 @@ class Painter:
 
     def canvas(self, picture: Frame, where: Mask | None = None) -> Canvas:
         """Paint a picture: float32 (h, w, 7). With `where`, only strokes that start there."""
-        canvas = blank(layer_reference(picture, self.brush, self.recipe))
+        canvas, lenient = blank(layer_reference(picture, self.brush, self.recipe)), leniency(picture, self.unit)
         for index in range(self.layers):
             fine = layer_brush(self.brush, self.recipe, index)
             reference = layer_reference(picture, fine, self.recipe)
@@ -90,10 +92,14 @@ class Painter:
             if where is not None:
                 seeds = seeds[where[np.rint(seeds.xy[:, 1]).astype(int), np.rint(seeds.xy[:, 0]).astype(int)]]
             if index:
-                limits = layer_threshold(self.layers, self.threshold, index, picture.shape)
-                seeds = seeds[wanted(seeds, reference, canvas, fine.size_px, limits)]
+                seeds = seeds[wanted(seeds, reference, canvas, fine.size_px, self.limit(index, lenient))]
             self.layer(canvas, seeds, reference, fine, index)
         return canvas
+
+    def limit(self, index: int, lenient: Plane) -> Plane:
+        """Error from which layer `index` is painted, float32 (h, w), RGB distance."""
+        threshold = np.float32(self.threshold) * lenient
+        return layer_threshold(self.layers, np.minimum(threshold, np.float32(FARTHEST)), index, lenient.shape)
 
     def layer(
         self, canvas: Canvas, seeds: Seeds, reference: Frame, brush: Brush, index: int,

@@ -27,9 +27,10 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.methods.patches.ages import fine_px
+from pipeline.methods.patches.fit import apart
 from pipeline.methods.patches.grid import Grid
 from pipeline.methods.patches.hertzmann import Painter
-from pipeline.methods.patches.links import Links, norm
+from pipeline.methods.patches.links import Links
 from pipeline.segmentation.jit import kernel
 
 SEEN = 0.02
@@ -40,7 +41,8 @@ LOST_PX = 3
 """Places narrower than this, working px, whose flow does not lead back go with what is around them."""
 SOFT_PX = 5
 """Over so much old paint gives way to new, px of a frame 344 px high."""
-STAYS = 1.5
+GONE = 3.0
+STAYS = 1.0
 """Misfits from which carried paint is painted anew: a patch is given up for less, since what is below it is at hand."""
 STRETCH = 1.0
 """Change of distance to a neighbour, as a part of it, from which carried strokes are distorted: in flat places flow
@@ -57,6 +59,10 @@ Places = NDArray[np.float32]
 """float32 (h, w, 2): (x, y), px."""
 Shown = Mapping[int, tuple[Frame, Frame]]
 """By frame: the picture and how it was painted, both uint8 (h, w, 3)."""
+
+
+Look = NDArray[np.float32]
+"""float32 (2, h, w, 3): a picture, and how it is painted."""
 
 
 @dataclass(frozen=True)
@@ -125,30 +131,34 @@ class Remainder:
     turned: dict[int, tuple[Carried, float]] = field(default_factory=dict)
     used: bool = False
 
-    def paint(self, index: int, frame: Frame, left: Plane) -> NDArray[np.float32]:
-        """Paint of frame `index` where `left`, 0..1, is seen: float32 (h, w, 3), anything elsewhere."""
+    def paint(self, index: int, frame: Frame, left: Plane, lenient: Plane) -> Look:
+        """What frame `index` is painted like where `left`, 0..1, is seen; anything elsewhere."""
         seen, self.used = left > SEEN, True
         self.carried = self._now(index, seen)
-        old, fits = self._old(self.carried, self.shown, frame, seen)
-        paint, known = self._with_next(index, frame, seen, old, fits)
+        old, fits = self._old(self.carried, self.shown, frame, seen, lenient)
+        look, known = self._with_next(index, frame, seen, lenient, old, fits)
         if (lacks := seen & (known < 1)).any():
-            fresh = self._fresh(frame, lacks).astype(np.float32)
-            paint = paint + fresh * (1 - known)[..., None]
+            fresh = (1 - known)[..., None]
+            look[0] += frame * fresh
+            look[1] += self._fresh(frame, lacks) * fresh
         self.carried, self.last = self.carried.anew(index, ~seen | (fits < 1)), index
-        return paint
+        return look
 
-    def keep(self, index: int, frame: Frame, shown: Frame) -> None:
-        """Remember frame `index` as it is shown, patches and all: what they lose is carried too."""
+    def keep(self, index: int, picture: Frame, shown: Frame) -> None:
+        """Remember frame `index` as it is shown, patches and all: what they lose is carried too.
+
+        `picture` is what that paint was made from: of paint that is half old and half new, half of each.
+        """
         if self.last != index:
-            self.carried, self.last = Carried.here(index, frame.shape), index
+            self.carried, self.last = Carried.here(index, shown.shape), index
         used = _sources(self.carried.origin)
-        self.shown = {key: both for key, both in (self.shown | {index: (frame, shown)}).items() if key in used}
+        self.shown = {key: both for key, both in (self.shown | {index: (picture, shown)}).items() if key in used}
 
-    def turn_to(self, index: int, frame: Frame, shown: Frame, hold: int) -> None:
+    def turn_to(self, index: int, picture: Frame, shown: Frame, hold: int) -> None:
         """The next run begins at frame `index` and shows it like this: fade over to it."""
-        now, self.coming = Carried.here(index, frame.shape), {index: (frame, shown)}
+        now, self.coming = Carried.here(index, shown.shape), {index: (picture, shown)}
         for step in range(index - 1, index - FADE * hold, -1):
-            now = now.follow(self.links.ahead(step), self.grid, np.ones(frame.shape[:2], np.bool_))
+            now = now.follow(self.links.ahead(step), self.grid, np.ones(shown.shape[:2], np.bool_))
             if (index - step) % hold == 0:
                 self.turned[step] = now, 1 - (index - step) / (FADE * hold)
 
@@ -162,32 +172,32 @@ class Remainder:
         return now
 
     def _with_next(
-        self, index: int, frame: Frame, seen: Mask, old: NDArray[np.float32], fits: Plane
-    ) -> tuple[NDArray[np.float32], Plane]:
+        self, index: int, frame: Frame, seen: Mask, lenient: Plane, old: Look, fits: Plane
+    ) -> tuple[Look, Plane]:
         """Old paint and that of the next run, weighted, and the sum of the weights, 0..1."""
         if index not in self.turned:
             return old * fits[..., None], fits
         turned, due = self.turned.pop(index)
-        next_paint, next_fits = self._old(turned, self.coming, frame, seen)
+        coming, coming_fits = self._old(turned, self.coming, frame, seen, lenient)
         share = np.float32(due)
-        before, after = fits * (1 - share * next_fits), next_fits * (share + (1 - share) * (1 - fits))
-        return old * before[..., None] + next_paint * after[..., None], before + after
+        before, after = fits * (1 - share * coming_fits), coming_fits * (share + (1 - share) * (1 - fits))
+        return old * before[..., None] + coming * after[..., None], before + after
 
-    def _old(self, carried: Carried, shown: Shown, frame: Frame, seen: Mask) -> tuple[NDArray[np.float32], Plane]:
+    def _old(self, carried: Carried, shown: Shown, frame: Frame, seen: Mask, lenient: Plane) -> tuple[Look, Plane]:
         """Paint where it is now, and 1 where it shows what is in the frame, 0 where it does not, between at borders."""
         known = seen & (carried.origin != NOWHERE)
+        look = np.stack([carried.fetch(shown, which, known) for which in (0, 1)])
         if not known.any():
-            return np.zeros((*seen.shape, 3), np.float32), (~seen).astype(np.float32)
-        off = (frame.astype(np.float32) - carried.fetch(shown, 0, known)) * known[..., None]
+            return look, (~seen).astype(np.float32)
         sigma = fine_px(self.grid)
         share = np.maximum(cv2.GaussianBlur(known.astype(np.float32), (0, 0), sigma), np.float32(0.1))
-        apart = norm(cv2.GaussianBlur(off, (0, 0), sigma)) / share
-        known &= apart < STAYS * self.misfit
+        picture, paint = (np.where(known[..., None], plane, frame) for plane in look)
+        off = apart(frame, picture, paint, np.float32(self.misfit) * lenient * share, sigma)
         _without_distorted(carried.origin, carried.place, known)
-        good = (~seen | known).astype(np.float32)
+        good = np.where(known, np.clip((GONE - off) / (GONE - STAYS), 0, 1), ~seen).astype(np.float32)
         soft = 2 * int(SOFT_PX * self.grid.height / 688) + 1
-        fits = np.clip(2 * cv2.blur(good, (soft, soft), borderType=cv2.BORDER_REPLICATE) - 1, 0, 1) * good
-        return carried.fetch(shown, 1, (fits > 0) & seen), np.where(fits > 0.999, 1, fits).astype(np.float32)
+        fits = np.minimum(np.clip(2 * cv2.blur(good, (soft, soft), borderType=cv2.BORDER_REPLICATE) - 1, 0, 1), good)
+        return look, np.where(fits > 0.999, 1, fits).astype(np.float32)
 
     def _fresh(self, frame: Frame, where: Mask) -> Frame:
         """A painting of the frame alone, where it is needed."""
