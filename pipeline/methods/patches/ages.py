@@ -14,7 +14,7 @@ from pipeline.frames import Frame, Mask, Plane
 from pipeline.methods.base import Bench
 from pipeline.methods.patches.clusters import LabelMaps
 from pipeline.methods.patches.grid import Grid
-from pipeline.methods.patches.masking import PAPER_HEIGHT
+from pipeline.methods.patches.masking import PAPER_HEIGHT, leniency
 from pipeline.methods.patches.links import norm
 from pipeline.methods.patches.lives import Life
 from pipeline.methods.patches.params import PatchesParams
@@ -30,6 +30,8 @@ OUTSIDE = 0.02
 """Weight of a frame's colours beyond the cluster, in the margin, beside 1 within."""
 FILL = 1e-3
 """Weight of all other frames in an age's picture: what the age has not seen is theirs."""
+SAME = 0.25
+"""Misfits up to which an age looks the same as all; from twice as many it is painted as it is."""
 Total = NDArray[np.float32]
 """float32 (h, w, 4): sums of red, green, blue times weight, and of weights."""
 
@@ -196,13 +198,20 @@ def fine_px(grid: Grid) -> float:
     return max(2.0 * grid.height / PAPER_HEIGHT, 1.0)
 
 
-def picture(sums: Iterable[Sum], every: Sum, room: Room) -> Frame:
-    """The mean of an age, uint8 (h, w, 3); what it has not seen is from the others."""
-    total = room.empty()
-    total[every.box] = every.total * np.float32(FILL)
+def picture(sums: Iterable[Sum], every: Sum, room: Room, grid: Grid, misfit: float) -> Frame:
+    """The mean of an age, uint8 (h, w, 3); what it has not seen, or what looks the same at any age, is from all.
+
+    So the strokes of what does not change are the same at every age.
+    """
+    own, total = room.empty(), room.empty()
+    total[every.box] = every.total
     for part in sums:
-        total[part.box] += part.total
-    return mean(total)[0]
+        own[part.box] += part.total
+    means = [plane[..., :3] / np.maximum(plane[..., 3:], np.float32(1e-6)) for plane in (own, total)]
+    apart = norm(cv2.GaussianBlur(np.where(own[..., 3:] > FILL, means[0] - means[1], 0), (0, 0), fine_px(grid)))
+    limit = np.float32(misfit) * leniency(means[0].astype(np.uint8), grid.height / PAPER_HEIGHT)
+    new = np.clip(apart / (limit * np.float32(SAME)) - 1, 0, 1)[..., None]
+    return mean(own * new + total * np.maximum(1 - new, np.float32(FILL)))[0]
 
 
 def presence(inside: Mask, grid: Grid) -> Plane:

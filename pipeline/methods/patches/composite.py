@@ -30,8 +30,8 @@ from pipeline.warp.panorama import Lay, full_map
 
 AROUND_PX=6.0
 REACH_PX=4.0
-HALF=0.5
-LEAST=0.5
+HALF=0.3
+LEAST=0.7
 POW=4.0
 TURN = 3.0
 """Frames before and after the change of two ages in which one fades over into the other."""
@@ -215,7 +215,7 @@ class Compositor:
     def turn_to(self, index: int, frame: Frame) -> None:
         """Frame `index` begins the next run: what is left of this one fades over to how it will be painted."""
         if self._remainder.used:
-            picture, shown = self._look(index, frame, replace(self._remainder, last=None, shown={}))
+            picture, shown = self._look(index, frame, replace(self._remainder, last=None, left=None, shown={}))
             self._remainder.turn_to(index, picture, shown, self._params.hold)
 
     def _look(self, index: int, frame: Frame, remainder: Remainder) -> tuple[Frame, Frame]:
@@ -226,7 +226,8 @@ class Compositor:
         for patch in self._patches:
             if (lay := patch.lays.get(index)) is not None:
                 self._lay_over(total, share, patch, lay, labels, index, frame, lenient)
-        left = 1 - share
+        left = remainder.lingers(index, 1 - share)
+        total *= ((1 - left) / np.maximum(share, np.float32(1e-6)))[..., None]
         if (left > SEEN).any():
             total += remainder.paint(index, frame, left, lenient) * left[..., None]
         else:

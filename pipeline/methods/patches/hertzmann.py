@@ -25,6 +25,8 @@ TABLE_1 = ((64, 2.0, 1.0, 16.0), (512, 4.0, 2.0, 32.0), (float("inf"), 8.0, 4.0,
 """Region area up to, r_max, l_min, l_max, in pixels of the paper's frames."""
 FINEST_RADIUS = 1.0
 """Of the finest layer, in such pixels."""
+RARE = 1.5
+"""Factor on the threshold of strokes under two such pixels: they are for what is small and stands out."""
 SMALLEST_RADIUS = 0.8
 """px: smaller strokes are not strokes any more."""
 
@@ -98,7 +100,8 @@ class Painter:
 
     def limit(self, index: int, lenient: Plane) -> Plane:
         """Error from which layer `index` is painted, float32 (h, w), RGB distance."""
-        threshold = np.float32(self.threshold) * lenient
+        fine = self.layers > 1 and index == self.layers - 1
+        threshold = np.float32(self.threshold * (RARE if fine else 1)) * lenient
         return layer_threshold(self.layers, np.minimum(threshold, np.float32(FARTHEST)), index, lenient.shape)
 
     def layer(

@@ -41,14 +41,15 @@ LOST_PX = 3
 """Places narrower than this, working px, whose flow does not lead back go with what is around them."""
 SOFT_PX = 5
 """Over so much old paint gives way to new, px of a frame 344 px high."""
-GONE = 3.0
-STAYS = 1.0
+GONE = 4.0
+STAYS = 0.7
 """Misfits from which carried paint is painted anew: a patch is given up for less, since what is below it is at hand."""
 STRETCH = 1.0
 """Change of distance to a neighbour, as a part of it, from which carried strokes are distorted: in flat places flow
 leads anywhere."""
 SPAN_PX = 4
 """How far apart those neighbours are."""
+RETURNS = 0.34
 FADE = 4
 """Paintings over which a run fades over to the next one."""
 ROW = 512
@@ -125,6 +126,7 @@ class Remainder:
     grid: Grid
     misfit: float
     last: int | None = None
+    left: Plane | None = None
     carried: Carried = field(default_factory=lambda: Carried.here(NOWHERE, (0, 0)))
     shown: dict[int, tuple[Frame, Frame]] = field(default_factory=dict)
     coming: dict[int, tuple[Frame, Frame]] = field(default_factory=dict)
@@ -143,6 +145,16 @@ class Remainder:
             look[1] += self._fresh(frame, lacks) * fresh
         self.carried, self.last = self.carried.anew(index, ~seen | (fits < 1)), index
         return look
+
+    def lingers(self, index: int, left: Plane) -> Plane:
+        """What is left of a frame, 0..1: a patch takes over again by RETURNS a painting, lest it flickers."""
+        if self.left is not None and self.last is not None and self.left.max() > RETURNS:
+            before = self.left
+            for step in range(self.last + 1, index + 1):
+                before = _followed(before, self.links.back(step))
+            left = np.maximum(left, self.grid.enlarge(before) - np.float32(RETURNS))
+        self.left = cv2.resize(left, self.grid.size, interpolation=cv2.INTER_AREA)
+        return left
 
     def keep(self, index: int, picture: Frame, shown: Frame) -> None:
         """Remember frame `index` as it is shown, patches and all: what they lose is carried too.
@@ -204,6 +216,15 @@ class Remainder:
         reach = 2 * int(self.painter.reach_px / 4) + 1
         near = cv2.dilate(where.astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
         return self.painter.picture(frame, near)
+
+
+def _followed(plane: Plane, pair: tuple[Flow, Plane] | None) -> Plane:
+    """A plane of the grid in the frame that the flow leads from; 0 where it does not lead back."""
+    if pair is None:
+        return np.zeros_like(plane)
+    rows, columns = np.indices(plane.shape, np.float32)
+    found = cv2.remap(plane, columns + pair[0][..., 0], rows + pair[0][..., 1], cv2.INTER_LINEAR)
+    return np.where(_leads(pair[1]), found, 0).astype(np.float32)
 
 
 def _leads(reliable: Plane) -> Mask:
