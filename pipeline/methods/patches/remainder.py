@@ -41,7 +41,7 @@ LOST_PX = 3
 """Places narrower than this, working px, whose flow does not lead back go with what is around them."""
 SOFT_PX = 5
 """Over so much old paint gives way to new, px of a frame 344 px high."""
-GONE = 4.0
+GONE = 2.2
 STAYS = 0.7
 """Misfits from which carried paint is painted anew: a patch is given up for less, since what is below it is at hand."""
 STRETCH = 1.0
@@ -49,7 +49,7 @@ STRETCH = 1.0
 leads anywhere."""
 SPAN_PX = 4
 """How far apart those neighbours are."""
-RETURNS = 0.34
+RETURNS = 0.25
 FADE = 4
 """Paintings over which a run fades over to the next one."""
 ROW = 512
