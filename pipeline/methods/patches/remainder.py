@@ -41,15 +41,15 @@ LOST_PX = 3
 """Places narrower than this, working px, whose flow does not lead back go with what is around them."""
 SOFT_PX = 5
 """Over so much old paint gives way to new, px of a frame 344 px high."""
-GONE = 2.2
-STAYS = 0.7
+GONE = 2.1
+STAYS = 0.65
 """Misfits from which carried paint is painted anew: a patch is given up for less, since what is below it is at hand."""
 STRETCH = 1.0
 """Change of distance to a neighbour, as a part of it, from which carried strokes are distorted: in flat places flow
 leads anywhere."""
 SPAN_PX = 4
 """How far apart those neighbours are."""
-RETURNS = 0.25
+RETURNS = 0.15
 FADE = 4
 """Paintings over which a run fades over to the next one."""
 ROW = 512
