@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from pipeline.frames import Frame, Mask, Plane
 from pipeline.methods.base import Bench
 from pipeline.methods.patches.clusters import LabelMaps
+from pipeline.methods.patches.fit import fine_px
 from pipeline.methods.patches.grid import Grid
-from pipeline.methods.patches.masking import PAPER_HEIGHT, leniency
 from pipeline.methods.patches.links import norm
 from pipeline.methods.patches.lives import Life
+from pipeline.methods.patches.masking import leniency
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.warp.panorama import Lay, full_map, gather, mean
 
@@ -193,11 +194,6 @@ def differs(before: NDArray[np.float32], after: NDArray[np.float32], grid: Grid,
     return float((norm(apart) > params.misfit / 2)[both].mean()) > CHANGED
 
 
-def fine_px(grid: Grid) -> float:
-    """Sigma of the Gaussian at which a patch is compared with a frame, px: of the size of a fine stroke."""
-    return max(2.0 * grid.height / PAPER_HEIGHT, 1.0)
-
-
 def picture(sums: Iterable[Sum], every: Sum, room: Room, grid: Grid, misfit: float) -> Frame:
     """The mean of an age, uint8 (h, w, 3); what it has not seen, or what looks the same at any age, is from all.
 
@@ -209,7 +205,7 @@ def picture(sums: Iterable[Sum], every: Sum, room: Room, grid: Grid, misfit: flo
         own[part.box] += part.total
     means = [plane[..., :3] / np.maximum(plane[..., 3:], np.float32(1e-6)) for plane in (own, total)]
     apart = norm(cv2.GaussianBlur(np.where(own[..., 3:] > FILL, means[0] - means[1], 0), (0, 0), fine_px(grid)))
-    limit = np.float32(misfit) * leniency(means[0].astype(np.uint8), grid.height / PAPER_HEIGHT)
+    limit = np.float32(misfit) * leniency(means[0].astype(np.uint8), grid.unit)
     new = np.clip(apart / (limit * np.float32(SAME)) - 1, 0, 1)[..., None]
     return mean(own * new + total * np.maximum(1 - new, np.float32(FILL)))[0]
 

@@ -6,35 +6,25 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Labels, Plane
 from pipeline.methods.base import Bench, Brief, Note, Task
-from pipeline.methods.patches.ages import fine_px, presence
+from pipeline.methods.patches.ages import presence
 from pipeline.methods.patches.artefacts import keep_labels, label_png
 from pipeline.methods.patches.carried import CarriedStrokes
 from pipeline.methods.patches.clusters import LabelMaps
-from pipeline.methods.patches.fit import apart
+from pipeline.methods.patches.fit import Look, patch_fits
 from pipeline.methods.patches.grid import Grid
 from pipeline.methods.patches.hertzmann import Painter
-from pipeline.methods.patches.join import load_lays
-from pipeline.methods.patches.links import Links, norm
+from pipeline.methods.patches.links import Links
 from pipeline.methods.patches.lives import Life, lives
-from pipeline.methods.patches.masking import PAPER_HEIGHT, leniency, sharpness
+from pipeline.methods.patches.masking import leniency
+from pipeline.methods.patches.painted import Painted
 from pipeline.methods.patches.params import PatchesParams
-from pipeline.methods.patches.remainder import FADE, SEEN, Look, Remainder
+from pipeline.methods.patches.remainder import FADE, SEEN, Remainder
 from pipeline.methods.patches.scan import RUN, run_key, runs
 from pipeline.warp.panorama import Lay, full_map
-
-AROUND_PX=6.0
-REACH_PX=4.0
-HALF=0.3
-LEAST=0.7
-POW=4.0
-TURN = 3.0
-"""Frames before and after the change of two ages in which one fades over into the other."""
 
 
 def plan_paint(brief: Brief) -> list[Task]:
@@ -140,58 +130,6 @@ class Carrier:
         self._bench.save(key, self._strokes.state())
 
 
-@dataclass(frozen=True)
-class Painted:
-    """A patch that is painted.
-
-    Attributes:
-        life: when it is there.
-        ages: [start, stop) of each of its pictures; panorama and painting of those that are needed, by number.
-        origin: (x, y) of the first pixel of all of them, px.
-        lays: where it lies, by frame.
-    """
-
-    life: Life
-    ages: list[list[int]]
-    looks: dict[int, tuple[Frame, Frame]]
-    origin: tuple[int, int]
-    lays: dict[int, Lay]
-
-    @classmethod
-    def load(cls, life: Life, note: Note, start: int, stop: int, bench: Bench) -> Painted:
-        """What frames [start, stop] need of a patch: those of one run and the next one. `note` is its task's."""
-        lays, looks = load_lays(bench, life, start, stop), {}
-        for number, (first, last) in enumerate(note["ages"]):
-            if first - TURN <= stop and last + TURN > start:
-                kept = bench.load("patch", f"{life.key}-age{number}")
-                looks[number] = kept["panorama"], kept["painting"]
-        x, y = note["origin"]
-        return cls(life, note["ages"], looks, (x, y), lays)
-
-    def at(self, index: int, x: Plane, y: Plane) -> Look:
-        """The patch as it is in a frame, and its paint, at places of the panorama.
-
-        Between two ages one fades over into the other.
-        """
-        look = np.zeros((2, *x.shape, 3), np.float32)
-        for number, share in self._shares(index):
-            for which, (plane, how) in enumerate(zip(self.looks[number], (cv2.INTER_LINEAR, cv2.INTER_CUBIC), strict=True)):
-                look[which] += np.float32(share) * cv2.remap(plane, x, y, how, borderMode=cv2.BORDER_REPLICATE)
-        return look
-
-    def _shares(self, index: int) -> list[tuple[int, float]]:
-        number = next(n for n, (first, last) in enumerate(self.ages) if first <= index < last)
-        first, last = self.ages[number]
-        since, until = index - first + 0.5, last - index - 0.5
-        if number > 0 and since < TURN and since <= until:
-            share = 0.5 + since / (2 * TURN)
-            return [(number, share), (number - 1, 1 - share)]
-        if number + 1 < len(self.ages) and until < TURN:
-            share = 0.5 + until / (2 * TURN)
-            return [(number, share), (number + 1, 1 - share)]
-        return [(number, 1.0)]
-
-
 class Compositor:
     """Puts the frames of a run together from patches."""
 
@@ -206,7 +144,7 @@ class Compositor:
             for row, note in zip(task.args["lives"], task.args["notes"], strict=True)
         ]
         painter = Alone.of(bench.params, bench.size, bench.seed).painter
-        self._remainder = Remainder(painter, Links(bench, begin, RUN), self._grid, self._params.misfit)
+        self._remainder = Remainder(painter, Links(bench, begin, RUN), self._grid)
 
     def __call__(self, index: int, frame: Frame) -> Frame:
         """Frame `index`, painted."""
@@ -220,16 +158,16 @@ class Compositor:
 
     def _look(self, index: int, frame: Frame, remainder: Remainder) -> tuple[Frame, Frame]:
         """What is painted and how: float sums of patches and of what is left, weights summing to 1 everywhere."""
-        labels, lenient = self._maps.sure(index), leniency(frame, self._size[1] / PAPER_HEIGHT)
+        labels, limit = self._maps.sure(index), np.float32(self._params.misfit) * leniency(frame, self._grid.unit)
         total = np.zeros((2, *frame.shape), np.float32)
         share = np.zeros(frame.shape[:2], np.float32)
         for patch in self._patches:
             if (lay := patch.lays.get(index)) is not None:
-                self._lay_over(total, share, patch, lay, labels, index, frame, lenient)
+                self._lay_over(total, share, patch, lay, labels, index, frame, limit)
         left = remainder.lingers(index, 1 - share)
         total *= ((1 - left) / np.maximum(share, np.float32(1e-6)))[..., None]
         if (left > SEEN).any():
-            total += remainder.paint(index, frame, left, lenient) * left[..., None]
+            total += remainder.paint(index, frame, left, limit) * left[..., None]
         else:
             total /= share[..., None]
         picture, shown = np.rint(np.clip(total, 0, 255)).astype(np.uint8)
@@ -238,32 +176,12 @@ class Compositor:
 
     def _lay_over(
         self, total: Look, share: Plane, patch: Painted, lay: Lay, labels: Labels, index: int,
-        frame: Frame, lenient: Plane,
+        frame: Frame, limit: Plane,
     ) -> None:  # fmt: skip
         rect, x, y = full_map(lay, self._grid.ratio, self._size, patch.origin)
         box = slice(rect[1], rect[3]), slice(rect[0], rect[2])
         look = patch.at(index, x, y)
         alpha = presence(labels == patch.life.label, self._grid)[box] * np.float32(patch.life.weight(index))
-        alpha = alpha * self._fit(frame[box], look[0], look[1], lenient[box])
+        alpha = alpha * patch_fits(frame[box], look, limit[box], self._grid)
         total[:, *box] += look * alpha[..., None]
         share[box] += alpha
-
-    def _fit(self, frame: Frame, picture: NDArray[np.float32], paint: NDArray[np.float32], lenient: Plane) -> Plane:
-        """How well the patch shows what is in the frame, 0..1: it falls from `misfit` to half as much again.
-
-        Departure: the paper leaves out no pixel of a cluster; a mouth that opens is then never seen. Without this the
-        painting's worst half per cent is 57 gray levels off the video, with it 39 (foreman, at sigma 3 px); flicker
-        falls by 6 %, but so does the structure that an outside measure sees, from 0.943 to 0.926.
-        """
-        sharp = sharpness(picture.astype(np.uint8), frame, self._size[1] / PAPER_HEIGHT)
-        lenient = lenient * np.clip(sharp, 0.2, 1) ** POW
-        off = apart(frame, picture, paint, np.float32(self._params.misfit) * lenient, fine_px(self._grid))
-        keep = np.clip(3 - 2 * off, 0, 1)
-        keep = keep * keep * (3 - 2 * keep)
-        unit = self._size[1] / PAPER_HEIGHT
-        around = cv2.GaussianBlur(keep, (0, 0), AROUND_PX * unit)
-        reach = 2 * int(REACH_PX * unit) + 1
-        core = cv2.dilate((off > 1.25).astype(np.uint8), np.ones((reach, reach), np.uint8))
-        keep = np.where((core > 0) & (off > HALF), 0, keep)
-        keep = cv2.GaussianBlur(keep.astype(np.float32), (0, 0), 1.0 * unit)
-        return np.asarray(keep * np.clip((around - LEAST) * 5, 0, 1), np.float32)

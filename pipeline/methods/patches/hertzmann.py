@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Mask, Plane
-from pipeline.methods.patches.masking import PAPER_HEIGHT, leniency
+from pipeline.methods.patches.grid import PAPER_HEIGHT
+from pipeline.methods.patches.masking import leniency
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.styles import STYLES, Style
 from pipeline.strokes.brush import Brush, Canvas, Direction, blank, colours_at

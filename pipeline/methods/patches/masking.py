@@ -17,35 +17,38 @@ CALM = 0.35
 """Part of it that is let pass where there is no detail: noise, and what codecs leave behind, is below."""
 DETAIL_PX, AROUND_PX = 3.0, 12.0
 """Sigma of what is no detail, and of the surroundings, px of a frame 344 px high."""
-PAPER_HEIGHT = 344
-"""Height of the paper's frames, px: sizes are told for it, so that a painting looks alike at any size."""
-
-
-def busyness(picture: Frame, unit: float) -> Plane:
-    """Mean absolute detail around each place, gray levels, on a grid of `step(unit)` px: float32."""
-    gray = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
-    detail = cv2.absdiff(gray, cv2.GaussianBlur(gray, (0, 0), DETAIL_PX * unit))
-    height, width = gray.shape
-    step = max(int(4 * unit), 1)
-    size = max(width // step, 1), max(height // step, 1)
-    small = cv2.resize(detail.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    return np.asarray(cv2.GaussianBlur(small, (0, 0), AROUND_PX * unit / step), np.float32)
+STEP_PX = 4.0
+"""The surroundings are smooth: they are looked at on a grid of so many of these px."""
 
 
 def leniency(picture: Frame, unit: float) -> Plane:
     """Factor on a tolerated error, CALM..1: float32 (h, w).
 
-    The mean of absolute detail, not its variance: one edge is no hiding place.
-
     Args:
         picture: uint8 (h, w, 3).
         unit: px of it that are one px of a frame 344 px high.
+
+    The mean of absolute detail, not its variance: one edge is no hiding place.
     """
-    factor = CALM + (1 - CALM) * np.minimum(busyness(picture, unit) / np.float32(BUSY), 1)
+    factor = CALM + (1 - CALM) * np.minimum(_busyness(picture, unit) / np.float32(BUSY), 1)
     return np.asarray(cv2.resize(factor, picture.shape[1::-1], interpolation=cv2.INTER_LINEAR), np.float32)
 
 
 def sharpness(picture: Frame, frame: Frame, unit: float) -> Plane:
-    a, b = busyness(picture, unit), busyness(frame, unit)
-    ratio = np.minimum((a + 1) / (b + 1), 1)
+    """Detail of a picture as part of what a frame has in the same places, at most 1: float32 (h, w).
+
+    The mean of what has not held still is a blur, and has less. A gray level is added to both: noise is no detail.
+    """
+    ratio = np.minimum((_busyness(picture, unit) + 1) / (_busyness(frame, unit) + 1), 1)
     return np.asarray(cv2.resize(ratio, picture.shape[1::-1], interpolation=cv2.INTER_LINEAR), np.float32)
+
+
+def _busyness(picture: Frame, unit: float) -> Plane:
+    """Mean absolute detail around each place, gray levels, on a coarse grid: float32."""
+    gray = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
+    detail = cv2.absdiff(gray, cv2.GaussianBlur(gray, (0, 0), DETAIL_PX * unit))
+    height, width = gray.shape
+    step = max(int(STEP_PX * unit), 1)
+    size = max(width // step, 1), max(height // step, 1)
+    small = cv2.resize(detail.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    return np.asarray(cv2.GaussianBlur(small, (0, 0), AROUND_PX * unit / step), np.float32)

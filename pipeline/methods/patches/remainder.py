@@ -26,8 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Frame, Mask, Plane
-from pipeline.methods.patches.ages import fine_px
-from pipeline.methods.patches.fit import apart
+from pipeline.methods.patches.fit import Look, apart, fine_px
 from pipeline.methods.patches.grid import Grid
 from pipeline.methods.patches.hertzmann import Painter
 from pipeline.methods.patches.links import Links
@@ -41,15 +40,15 @@ LOST_PX = 3
 """Places narrower than this, working px, whose flow does not lead back go with what is around them."""
 SOFT_PX = 5
 """Over so much old paint gives way to new, px of a frame 344 px high."""
-GONE = 2.1
-STAYS = 0.65
-"""Misfits from which carried paint is painted anew: a patch is given up for less, since what is below it is at hand."""
+STAYS, GONE = 0.65, 2.1
+"""Limits up to which carried paint stays, and from which it is gone; between, it is part old and part new."""
 STRETCH = 1.0
 """Change of distance to a neighbour, as a part of it, from which carried strokes are distorted: in flat places flow
 leads anywhere."""
 SPAN_PX = 4
 """How far apart those neighbours are."""
 RETURNS = 0.15
+"""Share of a pixel that a patch takes back with each painting, once it fits again; what it loses it loses at once."""
 FADE = 4
 """Paintings over which a run fades over to the next one."""
 ROW = 512
@@ -60,10 +59,6 @@ Places = NDArray[np.float32]
 """float32 (h, w, 2): (x, y), px."""
 Shown = Mapping[int, tuple[Frame, Frame]]
 """By frame: the picture and how it was painted, both uint8 (h, w, 3)."""
-
-
-Look = NDArray[np.float32]
-"""float32 (2, h, w, 3): a picture, and how it is painted."""
 
 
 @dataclass(frozen=True)
@@ -115,8 +110,8 @@ class Remainder:
 
     Attributes:
         painter: of what is new.
-        misfit: RGB distance from which a patch fits no more.
-        last, carried, shown: the last frame's number and paint, and the frames that this is from.
+        last, left: the last frame's number, and what was left of it, at the working size.
+        carried, shown: its paint, and the frames that this is from.
         coming, turned: the next run's first frame as it will be shown; its paint in frames before it, and its share.
         used: whether anything was left in any frame.
     """
@@ -124,7 +119,6 @@ class Remainder:
     painter: Painter
     links: Links
     grid: Grid
-    misfit: float
     last: int | None = None
     left: Plane | None = None
     carried: Carried = field(default_factory=lambda: Carried.here(NOWHERE, (0, 0)))
@@ -133,12 +127,12 @@ class Remainder:
     turned: dict[int, tuple[Carried, float]] = field(default_factory=dict)
     used: bool = False
 
-    def paint(self, index: int, frame: Frame, left: Plane, lenient: Plane) -> Look:
+    def paint(self, index: int, frame: Frame, left: Plane, limit: Plane) -> Look:
         """What frame `index` is painted like where `left`, 0..1, is seen; anything elsewhere."""
         seen, self.used = left > SEEN, True
         self.carried = self._now(index, seen)
-        old, fits = self._old(self.carried, self.shown, frame, seen, lenient)
-        look, known = self._with_next(index, frame, seen, lenient, old, fits)
+        old, fits = self._old(self.carried, self.shown, frame, seen, limit)
+        look, known = self._with_next(index, frame, seen, limit, old, fits)
         if (lacks := seen & (known < 1)).any():
             fresh = (1 - known)[..., None]
             look[0] += frame * fresh
@@ -153,7 +147,7 @@ class Remainder:
             for step in range(self.last + 1, index + 1):
                 before = _followed(before, self.links.back(step))
             left = np.maximum(left, self.grid.enlarge(before) - np.float32(RETURNS))
-        self.left = cv2.resize(left, self.grid.size, interpolation=cv2.INTER_AREA)
+        self.left = np.asarray(cv2.resize(left, self.grid.size, interpolation=cv2.INTER_AREA), np.float32)
         return left
 
     def keep(self, index: int, picture: Frame, shown: Frame) -> None:
@@ -184,18 +178,18 @@ class Remainder:
         return now
 
     def _with_next(
-        self, index: int, frame: Frame, seen: Mask, lenient: Plane, old: Look, fits: Plane
+        self, index: int, frame: Frame, seen: Mask, limit: Plane, old: Look, fits: Plane
     ) -> tuple[Look, Plane]:
         """Old paint and that of the next run, weighted, and the sum of the weights, 0..1."""
         if index not in self.turned:
             return old * fits[..., None], fits
         turned, due = self.turned.pop(index)
-        coming, coming_fits = self._old(turned, self.coming, frame, seen, lenient)
+        coming, coming_fits = self._old(turned, self.coming, frame, seen, limit)
         share = np.float32(due)
         before, after = fits * (1 - share * coming_fits), coming_fits * (share + (1 - share) * (1 - fits))
         return old * before[..., None] + coming * after[..., None], before + after
 
-    def _old(self, carried: Carried, shown: Shown, frame: Frame, seen: Mask, lenient: Plane) -> tuple[Look, Plane]:
+    def _old(self, carried: Carried, shown: Shown, frame: Frame, seen: Mask, limit: Plane) -> tuple[Look, Plane]:
         """Paint where it is now, and 1 where it shows what is in the frame, 0 where it does not, between at borders."""
         known = seen & (carried.origin != NOWHERE)
         look = np.stack([carried.fetch(shown, which, known) for which in (0, 1)])
@@ -203,8 +197,8 @@ class Remainder:
             return look, (~seen).astype(np.float32)
         sigma = fine_px(self.grid)
         share = np.maximum(cv2.GaussianBlur(known.astype(np.float32), (0, 0), sigma), np.float32(0.1))
-        picture, paint = (np.where(known[..., None], plane, frame) for plane in look)
-        off = apart(frame, picture, paint, np.float32(self.misfit) * lenient * share, sigma)
+        there = np.where(known[..., None], look, frame)
+        off = apart(frame, there, limit * share, sigma)
         _without_distorted(carried.origin, carried.place, known)
         good = np.where(known, np.clip((GONE - off) / (GONE - STAYS), 0, 1), ~seen).astype(np.float32)
         soft = 2 * int(SOFT_PX * self.grid.height / 688) + 1

@@ -11,11 +11,11 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Frame, Plane
-from pipeline.methods.patches.composite import Painted
 from pipeline.methods.patches.grid import Grid
 from pipeline.methods.patches.hertzmann import Painter
 from pipeline.methods.patches.links import shelf
 from pipeline.methods.patches.lives import Life
+from pipeline.methods.patches.painted import Painted
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.remainder import FADE, NOWHERE, Carried, Remainder
 from pipeline.segmentation.cuts import is_cut, thumbnail
