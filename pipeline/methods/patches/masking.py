@@ -19,6 +19,8 @@ DETAIL_PX, AROUND_PX = 3.0, 12.0
 """Sigma of what is no detail, and of the surroundings, px of a frame 344 px high."""
 STEP_PX = 4.0
 """The surroundings are smooth: they are looked at on a grid of so many of these px."""
+SOFT = 1.2
+"""Factor by which a mean may have less detail than a frame and counts as sharp: every mean is a little softer."""
 
 
 def leniency(picture: Frame, unit: float) -> Plane:
@@ -39,7 +41,7 @@ def sharpness(picture: Frame, frame: Frame, unit: float) -> Plane:
 
     The mean of what has not held still is a blur, and has less. A gray level is added to both: noise is no detail.
     """
-    ratio = np.minimum((_busyness(picture, unit) + 1) / (_busyness(frame, unit) + 1), 1)
+    ratio = np.minimum(SOFT * (_busyness(picture, unit) + 1) / (_busyness(frame, unit) + 1), 1)
     return np.asarray(cv2.resize(ratio, picture.shape[1::-1], interpolation=cv2.INTER_LINEAR), np.float32)
 
 

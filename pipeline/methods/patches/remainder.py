@@ -47,7 +47,7 @@ STRETCH = 1.0
 leads anywhere."""
 SPAN_PX = 4
 """How far apart those neighbours are."""
-RETURNS = 0.15
+RETURNS = 0.07
 """Share of a pixel that a patch takes back with each painting, once it fits again; what it loses it loses at once."""
 FADE = 4
 """Paintings over which a run fades over to the next one."""
