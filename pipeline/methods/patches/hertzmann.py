@@ -31,6 +31,9 @@ RARE = 1.5
 SMALLEST_RADIUS = 0.8
 """px: smaller strokes are not strokes any more."""
 
+Box = tuple[slice, slice]
+"""Rows and columns."""
+
 
 @dataclass(frozen=True)
 class Painter:
@@ -83,21 +86,36 @@ class Painter:
         """How far from its seed a stroke can reach, px."""
         return float(self.brush.length_px) / 2 + float(self.brush.size_px)
 
-    def canvas(self, picture: Frame, where: Mask | None = None) -> Canvas:
-        """Paint a picture: float32 (h, w, 7). With `where`, only strokes that start there."""
+    def picture(self, picture: Frame) -> Frame:
+        """The painting in the light, uint8 (h, w, 3)."""
+        every = np.ones(picture.shape[:2], np.bool_)
+        return self._painting(picture, every, (slice(None), slice(None)))
+
+    def part(self, picture: Frame, where: Mask) -> Frame:
+        """The same, but only strokes that start in `where`; beyond what is around that, it is black."""
+        box = _around(where, int(self.reach_px))
+        out = np.zeros_like(picture)
+        out[box] = self._painting(np.ascontiguousarray(picture[box]), where, box)
+        return out
+
+    def _painting(self, picture: Frame, where: Mask, box: Box) -> Frame:
+        """Of a picture that is this box of a larger one: its seeds are those of the whole."""
         canvas, lenient = blank(layer_reference(picture, self.brush, self.recipe)), leniency(picture, self.unit)
         for index in range(self.layers):
             fine = layer_brush(self.brush, self.recipe, index)
             reference = layer_reference(picture, fine, self.recipe)
-            seeds = place(
-                picture.shape, spacing_px(fine, self.recipe), jitter=self.recipe.scatter, seed=self.seed, layer=index
-            )
-            if where is not None:
-                seeds = seeds[where[np.rint(seeds.xy[:, 1]).astype(int), np.rint(seeds.xy[:, 0]).astype(int)]]
+            seeds = self._seeds(fine, index, where, box)
             if index:
                 seeds = seeds[wanted(seeds, reference, canvas, fine.size_px, self.limit(index, lenient))]
             self.layer(canvas, seeds, reference, fine, index)
-        return canvas
+        return emboss(canvas, Light())
+
+    def _seeds(self, brush: Brush, index: int, where: Mask, box: Box) -> Seeds:
+        spacing = spacing_px(brush, self.recipe)
+        seeds = place(where.shape, spacing, jitter=self.recipe.scatter, seed=self.seed, layer=index)
+        seeds = seeds[where[np.rint(seeds.xy[:, 1]).astype(int), np.rint(seeds.xy[:, 0]).astype(int)]]
+        corner = np.array([box[1].start or 0, box[0].start or 0], np.float32)
+        return Seeds(seeds.xy - corner, seeds.ids)
 
     def limit(self, index: int, lenient: Plane) -> Plane:
         """Error from which layer `index` is painted, float32 (h, w), RGB distance."""
@@ -122,9 +140,14 @@ class Painter:
             canvas, strokes, seed=self.seed, touch=Touch(), guide=reference, tolerance=edge, slopes=slopes_of(reference)
         )
 
-    def picture(self, picture: Frame, where: Mask | None = None) -> Frame:
-        """The painting in the light, uint8 (h, w, 3)."""
-        return emboss(self.canvas(picture, where), Light())
+
+def _around(where: Mask, pad_px: int) -> Box:
+    """The smallest box that holds all of a mask, and `pad_px` around it."""
+    spans = []
+    for axis in (1, 0):
+        found = np.flatnonzero(where.any(axis=axis))
+        spans.append(slice(max(int(found[0]) - pad_px, 0), int(found[-1]) + 1 + pad_px) if len(found) else slice(0, 1))
+    return spans[0], spans[1]
 
 
 def directions(reference: Frame, brush: Brush) -> Direction:

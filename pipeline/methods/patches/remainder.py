@@ -209,7 +209,7 @@ class Remainder:
         """A painting of the frame alone, where it is needed."""
         reach = 2 * int(self.painter.reach_px / 4) + 1
         near = cv2.dilate(where.astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
-        return self.painter.picture(frame, near)
+        return self.painter.part(frame, near)
 
 
 def _followed(plane: Plane, pair: tuple[Flow, Plane] | None) -> Plane:
