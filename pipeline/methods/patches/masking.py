@@ -2,6 +2,10 @@
 
 A painter lets leaves be a few dabs, and takes care of a pale dog on a pale path or of a ball before a dark gate. So
 errors, of strokes and of patches, are measured against the detail around them.
+
+Departure from hertzmann1998painterly, section 2.1, and zhang2011patches, where T is one number: at 25 the dog had lost
+its legs and its lead. Structure, which an outside tool measures, rises from 0.96 to 0.98 (dog) and from 0.89 to 0.96
+(a black swan), flicker of painting frame by frame falls by 2 to 14 %.
 """
 
 from __future__ import annotations

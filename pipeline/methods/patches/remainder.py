@@ -9,11 +9,11 @@ Runs of frames are tasks of their own: each begins with new paint, and the last 
 the first frame of the next one is painted like, carried back along the flow.
 
 Departure from zhang2011patches, section 5, which paints unclustered pixels frame by frame: what cannot be tracked as a
-thing can mostly be followed from one frame to the next. Flicker falls from 0.67 to 0.49 of painting frame by frame
-where an actor runs (chaplin), from 0.50 to 0.37 where a kettle is lifted (coffee), and rises nowhere. The idea is that
+thing can mostly be followed from one frame to the next. Flicker fell from 0.67 to 0.49 of painting frame by frame
+where an actor runs (chaplin), from 0.50 to 0.37 where a kettle is lifted (coffee), and rose nowhere. The idea is that
 of hertzmann2000video: paint again only where the picture has changed. Departure from that one: paint is not moved on
 again and again, which smears it; each pixel remembers the frame that its paint is from and where it was there, and is
-fetched once.
+fetched once. And what fits by half is half repainted (0.54 to 0.52 where the actor runs), which is remembered as that.
 """
 
 from __future__ import annotations
