@@ -87,7 +87,7 @@ def panorama(lays: dict[int, Lay], life: Life, maps: LabelMaps, bench: Table) ->
     """The mean of a patch's frames as they are laid."""
     room, grid_ = Room.around(lays, Grid.of(bench.size)), Grid.of(bench.size)
     sums = [sum_up(span, life, lays, maps, room, bench) for span in spans(life)]
-    return picture(sums, ages(sums, life, room, grid_, bench.params).every, room)
+    return picture(sums, ages(sums, life, room, grid_, bench.params).every, room, grid_, bench.params.misfit)
 
 
 def strains(views: Views, life: Life) -> list[Frame]:

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from pipeline.frames import Frame, Mask, Plane
 from pipeline.methods.base import Bench
 from pipeline.methods.patches.clusters import LabelMaps
+from pipeline.methods.patches.fit import fine_px
 from pipeline.methods.patches.grid import Grid
-from pipeline.methods.patches.hertzmann import PAPER_HEIGHT
 from pipeline.methods.patches.links import norm
 from pipeline.methods.patches.lives import Life
+from pipeline.methods.patches.masking import leniency
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.warp.panorama import Lay, full_map, gather, mean
 
@@ -30,6 +31,8 @@ OUTSIDE = 0.02
 """Weight of a frame's colours beyond the cluster, in the margin, beside 1 within."""
 FILL = 1e-3
 """Weight of all other frames in an age's picture: what the age has not seen is theirs."""
+SAME = 0.25
+"""Misfits up to which an age looks the same as all; from twice as many it is painted as it is."""
 Total = NDArray[np.float32]
 """float32 (h, w, 4): sums of red, green, blue times weight, and of weights."""
 
@@ -191,18 +194,20 @@ def differs(before: NDArray[np.float32], after: NDArray[np.float32], grid: Grid,
     return float((norm(apart) > params.misfit / 2)[both].mean()) > CHANGED
 
 
-def fine_px(grid: Grid) -> float:
-    """Sigma of the Gaussian at which a patch is compared with a frame, px: of the size of a fine stroke."""
-    return max(2.0 * grid.height / PAPER_HEIGHT, 1.0)
+def picture(sums: Iterable[Sum], every: Sum, room: Room, grid: Grid, misfit: float) -> Frame:
+    """The mean of an age, uint8 (h, w, 3); what it has not seen, or what looks the same at any age, is from all.
 
-
-def picture(sums: Iterable[Sum], every: Sum, room: Room) -> Frame:
-    """The mean of an age, uint8 (h, w, 3); what it has not seen is from the others."""
-    total = room.empty()
-    total[every.box] = every.total * np.float32(FILL)
+    So the strokes of what does not change are the same at every age.
+    """
+    own, total = room.empty(), room.empty()
+    total[every.box] = every.total
     for part in sums:
-        total[part.box] += part.total
-    return mean(total)[0]
+        own[part.box] += part.total
+    means = [plane[..., :3] / np.maximum(plane[..., 3:], np.float32(1e-6)) for plane in (own, total)]
+    apart = norm(cv2.GaussianBlur(np.where(own[..., 3:] > FILL, means[0] - means[1], 0), (0, 0), fine_px(grid)))
+    limit = np.float32(misfit) * leniency(means[0].astype(np.uint8), grid.unit)
+    new = np.clip(apart / (limit * np.float32(SAME)) - 1, 0, 1)[..., None]
+    return mean(own * new + total * np.maximum(1 - new, np.float32(FILL)))[0]
 
 
 def presence(inside: Mask, grid: Grid) -> Plane:

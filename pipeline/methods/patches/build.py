@@ -161,7 +161,7 @@ def _report(
 def _paint(number: int, sums: Iterable[Sum], every: Sum, life: Life, room: Room, bench: Bench) -> None:
     """The picture and the painting of one age."""
     with bench.clock("mean"):
-        panorama: Frame = picture(sums, every, room)
+        panorama: Frame = picture(sums, every, room, Grid.of(bench.size), bench.params.misfit)
     with bench.clock("paint"):
         painting = painter_of(life, bench).picture(panorama)
     bench.save(f"{life.key}-age{number}", {"panorama": panorama, "painting": painting})

@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.frames import Flow, Frame, Mask
+from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.methods.patches.hertzmann import Painter
+from pipeline.methods.patches.masking import leniency
 from pipeline.strokes.brush import Canvas, blank
 from pipeline.strokes.carry import Living, begin, carry, tend
 from pipeline.strokes.emboss import Light, emboss
-from pipeline.strokes.layers import layer_brush, layer_reference, layer_threshold, spacing_px, wanted
+from pipeline.strokes.layers import layer_brush, layer_reference, spacing_px, wanted
 from pipeline.strokes.seeds import Seeds, place
 
 
@@ -38,18 +39,20 @@ class CarriedStrokes:
         """
         painter = self._painter
         canvas = blank(layer_reference(frame, painter.brush, painter.recipe))
-        before, self._layers = self._layers, []
+        before, self._layers, lenient = self._layers, [], leniency(frame, painter.unit)
         for index in range(painter.layers):
             old = carry(before[index], flow, hidden) if before and flow is not None else None
-            self._layers.append(self._layer(canvas, frame, index, number, old))
+            self._layers.append(self._layer(canvas, frame, index, number, old, lenient))
         return emboss(canvas, Light())
 
-    def _layer(self, canvas: Canvas, frame: Frame, index: int, number: int, old: Living | None) -> Living:
+    def _layer(
+        self, canvas: Canvas, frame: Frame, index: int, number: int, old: Living | None, lenient: Plane
+    ) -> Living:  # fmt: skip
         painter = self._painter
         fine = layer_brush(painter.brush, painter.recipe, index)
         reference, spacing = layer_reference(frame, fine, painter.recipe), spacing_px(fine, painter.recipe)
-        limits = layer_threshold(painter.layers, painter.threshold, index, frame.shape)
         seeds = place(frame.shape, spacing, seed=painter.seed, layer=index, birth=number)
+        limits = painter.limit(index, lenient)
         if index:
             seeds = seeds[wanted(seeds, reference, canvas, fine.size_px, limits)]
         if old is None:

@@ -64,7 +64,7 @@ def run_labels(task: Task, bench: Bench) -> Note:
             else:
                 said = mask_map(masks[index], grid, index) if index in masks else None
                 labels = track(tracker, links, index, params, said)
-        kept[f"labels-{index}"] = labels.astype(np.uint16)
+        kept[f"labels-{index}"] = small_labels(labels)
         if index in tracker.grounds:
             kept[f"ground-{index}"] = tracker.grounds[index].astype(np.uint8)
         count(census, labels, links, index)
@@ -99,6 +99,11 @@ def count(census: dict[str, list[float]], labels: Labels, links: Links, index: i
         row[1], row[2], row[5] = index, row[2] + area, round(row[5] + way, 3)
         if area > row[4]:
             row[3], row[4] = index, area
+
+
+def small_labels(labels: Labels) -> NDArray[Any]:
+    """Labels to be kept, uint8 while there are few: every later task reads them."""
+    return labels.astype(np.uint8 if labels.max(initial=0) < 256 else np.uint16)
 
 
 class LabelMaps:

@@ -6,28 +6,25 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Labels, Plane
 from pipeline.methods.base import Bench, Brief, Note, Task
-from pipeline.methods.patches.ages import fine_px, presence
+from pipeline.methods.patches.ages import presence
 from pipeline.methods.patches.artefacts import keep_labels, label_png
 from pipeline.methods.patches.carried import CarriedStrokes
 from pipeline.methods.patches.clusters import LabelMaps
+from pipeline.methods.patches.fit import Look, patch_fits
 from pipeline.methods.patches.grid import Grid
 from pipeline.methods.patches.hertzmann import Painter
-from pipeline.methods.patches.join import load_lays
-from pipeline.methods.patches.links import Links, norm
+from pipeline.methods.patches.links import Links
 from pipeline.methods.patches.lives import Life, lives
+from pipeline.methods.patches.masking import leniency
+from pipeline.methods.patches.painted import Painted
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.remainder import FADE, SEEN, Remainder
 from pipeline.methods.patches.scan import RUN, run_key, runs
 from pipeline.warp.panorama import Lay, full_map
-
-TURN = 3.0
-"""Frames before and after the change of two ages in which one fades over into the other."""
 
 
 def plan_paint(brief: Brief) -> list[Task]:
@@ -133,62 +130,6 @@ class Carrier:
         self._bench.save(key, self._strokes.state())
 
 
-@dataclass(frozen=True)
-class Painted:
-    """A patch that is painted.
-
-    Attributes:
-        life: when it is there.
-        ages: [start, stop) of each of its pictures; panorama and painting of those that are needed, by number.
-        origin: (x, y) of the first pixel of all of them, px.
-        lays: where it lies, by frame.
-    """
-
-    life: Life
-    ages: list[list[int]]
-    looks: dict[int, tuple[Frame, Frame]]
-    origin: tuple[int, int]
-    lays: dict[int, Lay]
-
-    @classmethod
-    def load(cls, life: Life, note: Note, start: int, stop: int, bench: Bench) -> Painted:
-        """What frames [start, stop] need of a patch: those of one run and the next one. `note` is its task's."""
-        lays, looks = load_lays(bench, life, start, stop), {}
-        for number, (first, last) in enumerate(note["ages"]):
-            if first - TURN <= stop and last + TURN > start:
-                kept = bench.load("patch", f"{life.key}-age{number}")
-                looks[number] = kept["panorama"], kept["painting"]
-        x, y = note["origin"]
-        return cls(life, note["ages"], looks, (x, y), lays)
-
-    def at(self, index: int, x: Plane, y: Plane) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """The patch as it is in a frame, and its paint, at places of the panorama: float32 (h, w, 3) each.
-
-        Between two ages one fades over into the other.
-        """
-        paint = np.zeros((*x.shape, 3), np.float32)
-        picture = np.zeros((*x.shape, 3), np.float32)
-        for number, share in self._shares(index):
-            panorama, painting = self.looks[number]
-            fine = cv2.remap(painting, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-            plain = cv2.remap(panorama, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-            paint += np.float32(share) * fine
-            picture += np.float32(share) * plain
-        return picture, paint
-
-    def _shares(self, index: int) -> list[tuple[int, float]]:
-        number = next(n for n, (first, last) in enumerate(self.ages) if first <= index < last)
-        first, last = self.ages[number]
-        since, until = index - first + 0.5, last - index - 0.5
-        if number > 0 and since < TURN and since <= until:
-            share = 0.5 + since / (2 * TURN)
-            return [(number, share), (number - 1, 1 - share)]
-        if number + 1 < len(self.ages) and until < TURN:
-            share = 0.5 + until / (2 * TURN)
-            return [(number, share), (number + 1, 1 - share)]
-        return [(number, 1.0)]
-
-
 class Compositor:
     """Puts the frames of a run together from patches."""
 
@@ -203,55 +144,44 @@ class Compositor:
             for row, note in zip(task.args["lives"], task.args["notes"], strict=True)
         ]
         painter = Alone.of(bench.params, bench.size, bench.seed).painter
-        self._remainder = Remainder(painter, Links(bench, begin, RUN), self._grid, self._params.misfit)
+        self._remainder = Remainder(painter, Links(bench, begin, RUN), self._grid)
 
     def __call__(self, index: int, frame: Frame) -> Frame:
         """Frame `index`, painted."""
-        return self._shown(index, frame, self._remainder)
+        return self._look(index, frame, self._remainder)[1]
 
     def turn_to(self, index: int, frame: Frame) -> None:
         """Frame `index` begins the next run: what is left of this one fades over to how it will be painted."""
         if self._remainder.used:
-            shown = self._shown(index, frame, replace(self._remainder, last=None, shown={}))
-            self._remainder.turn_to(index, frame, shown, self._params.hold)
+            picture, shown = self._look(index, frame, replace(self._remainder, last=None, left=None, shown={}))
+            self._remainder.turn_to(index, picture, shown, self._params.hold)
 
-    def _shown(self, index: int, frame: Frame, remainder: Remainder) -> Frame:
-        """Float sums of patches and of what is left, weights summing to 1 everywhere."""
-        labels = self._maps.sure(index)
-        total = np.zeros((*frame.shape[:2], 3), np.float32)
+    def _look(self, index: int, frame: Frame, remainder: Remainder) -> tuple[Frame, Frame]:
+        """What is painted and how: float sums of patches and of what is left, weights summing to 1 everywhere."""
+        labels, limit = self._maps.sure(index), np.float32(self._params.misfit) * leniency(frame, self._grid.unit)
+        total = np.zeros((2, *frame.shape), np.float32)
         share = np.zeros(frame.shape[:2], np.float32)
         for patch in self._patches:
             if (lay := patch.lays.get(index)) is not None:
-                self._lay_over(total, share, patch, lay, labels, index, frame)
-        left = 1 - share
+                self._lay_over(total, share, patch, lay, labels, index, frame, limit)
+        left = remainder.lingers(index, 1 - share)
+        total *= ((1 - left) / np.maximum(share, np.float32(1e-6)))[..., None]
         if (left > SEEN).any():
-            total += remainder.paint(index, frame, left) * left[..., None]
+            total += remainder.paint(index, frame, left, limit) * left[..., None]
         else:
             total /= share[..., None]
-        shown = np.asarray(np.rint(np.clip(total, 0, 255)), np.uint8)
-        remainder.keep(index, frame, shown)
-        return shown
+        picture, shown = np.rint(np.clip(total, 0, 255)).astype(np.uint8)
+        remainder.keep(index, picture, shown)
+        return picture, shown
 
     def _lay_over(
-        self, total: NDArray[np.float32], share: Plane, patch: Painted, lay: Lay, labels: Labels, index: int,
-        frame: Frame,
+        self, total: Look, share: Plane, patch: Painted, lay: Lay, labels: Labels, index: int,
+        frame: Frame, limit: Plane,
     ) -> None:  # fmt: skip
         rect, x, y = full_map(lay, self._grid.ratio, self._size, patch.origin)
         box = slice(rect[1], rect[3]), slice(rect[0], rect[2])
-        picture, paint = patch.at(index, x, y)
+        look = patch.at(index, x, y)
         alpha = presence(labels == patch.life.label, self._grid)[box] * np.float32(patch.life.weight(index))
-        alpha = alpha * self._fit(frame[box], picture)
-        total[box] += paint * alpha[..., None]
+        alpha = alpha * patch_fits(frame[box], look, limit[box], self._grid)
+        total[:, *box] += look * alpha[..., None]
         share[box] += alpha
-
-    def _fit(self, frame: Frame, picture: NDArray[np.float32]) -> Plane:
-        """How well the patch shows what is in the frame, 0..1: it falls from `misfit` to half as much again.
-
-        Departure: the paper leaves out no pixel of a cluster; a mouth that opens is then never seen. Without this the
-        painting's worst half per cent is 57 gray levels off the video, with it 39 (foreman, at sigma 3 px); flicker
-        falls by 6 %, but so does the structure that an outside measure sees, from 0.943 to 0.926.
-        """
-        mean = cv2.GaussianBlur(frame.astype(np.float32) - picture, (0, 0), fine_px(self._grid))
-        off = norm(mean) / np.float32(self._params.misfit)
-        keep = np.clip(3 - 2 * off, 0, 1)
-        return np.asarray(keep * keep * (3 - 2 * keep), np.float32)

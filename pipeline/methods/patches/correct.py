@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Labels
 from pipeline.methods.base import Bench, Brief, Note, Task
-from pipeline.methods.patches.clusters import count
+from pipeline.methods.patches.clusters import count, small_labels
 from pipeline.methods.patches.grid import Grid
 from pipeline.methods.patches.guidance import label_map
 from pipeline.methods.patches.links import Links
@@ -70,7 +70,7 @@ def _carry_back(task: Task, bench: Bench) -> Note:
             with bench.clock("correct"):
                 after = carried_back(after.astype(np.int32), links, index, bench.params)
         if after is not None:
-            kept[f"labels-{index}"] = after.astype(np.uint16)
+            kept[f"labels-{index}"] = small_labels(after)
     bench.save(task.key, kept)
     return {}
 
@@ -98,7 +98,7 @@ def _join(task: Task, bench: Bench) -> Note:
             first = keys[place - 1] if place else begin
             with bench.clock("correct"):
                 labels = blended(passes, links, index, (index - first) / (keys[place] - first), bench.params)
-        kept[f"labels-{index}"] = labels.astype(np.uint16)
+        kept[f"labels-{index}"] = small_labels(labels)
         count(census, labels, links, index)
     bench.save(task.key, kept)
     return {"labels": census}

@@ -19,6 +19,8 @@ from pipeline.frames import Frame
 
 CELLS = 45_000
 """Working pixels of a small frame, about; 640 x 344 px are 320 x 172."""
+PAPER_HEIGHT = 344
+"""Height of the paper's frames, px: sizes of strokes are told for it, so that a painting looks alike at any size."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,11 @@ class Grid:
     def ratio(self) -> tuple[float, float]:
         """Width and height of a working pixel in px, exactly."""
         return self.width / self.size[0], self.height / self.size[1]
+
+    @property
+    def unit(self) -> float:
+        """px that are one px of the paper's frames."""
+        return self.height / PAPER_HEIGHT
 
     def small(self, frame: Frame) -> Frame:
         """The frame at the working size."""

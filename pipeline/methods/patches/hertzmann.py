@@ -8,13 +8,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.frames import Frame, Mask
+from pipeline.frames import Frame, Mask, Plane
+from pipeline.methods.patches.grid import PAPER_HEIGHT
+from pipeline.methods.patches.masking import leniency
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.styles import STYLES, Style
 from pipeline.strokes.brush import Brush, Canvas, Direction, blank, colours_at
 from pipeline.strokes.carry import present
 from pipeline.strokes.emboss import Light, emboss
-from pipeline.strokes.layers import Recipe, layer_brush, layer_reference, layer_threshold, spacing_px, wanted
+from pipeline.strokes.layers import FARTHEST, Recipe, layer_brush, layer_reference, layer_threshold, spacing_px, wanted
 from pipeline.strokes.raster import Touch, paint, slopes_of
 from pipeline.strokes.seeds import Seeds, place
 from pipeline.strokes.trace import trace
@@ -22,10 +24,15 @@ from pipeline.tensors.structure import structure_tensor, tangent_field
 
 TABLE_1 = ((64, 2.0, 1.0, 16.0), (512, 4.0, 2.0, 32.0), (float("inf"), 8.0, 4.0, 128.0))
 """Region area up to, r_max, l_min, l_max, in pixels of the paper's frames."""
-PAPER_HEIGHT = 344
-"""Height of those frames, px."""
+FINEST_RADIUS = 1.0
+"""Of the finest layer, in such pixels."""
+RARE = 1.5
+"""Factor on the threshold of strokes under two such pixels: they are for what is small and stands out."""
 SMALLEST_RADIUS = 0.8
 """px: smaller strokes are not strokes any more."""
+
+Box = tuple[slice, slice]
+"""Rows and columns."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +51,7 @@ class Painter:
     layers: int
     threshold: float
     seed: int
+    unit: float
 
     @classmethod
     def of(cls, name: str, area_px: float, height: int, params: PatchesParams, seed: int) -> Painter:
@@ -61,13 +69,13 @@ class Painter:
         scale = unit * params.stroke_size
         radius = max(radius * scale * style.radius, SMALLEST_RADIUS)
         layers = 1
-        while radius / 2**layers >= max(2 * scale * style.radius, SMALLEST_RADIUS) - 1e-6 and layers < 3:
+        while radius / 2**layers >= max(FINEST_RADIUS * scale * style.radius, SMALLEST_RADIUS) - 1e-6:
             layers += 1
         brush = Brush(
             2 * radius, high * scale * style.length, style.opacity, 0.0, style.saturation_shift, 0.0,
             min(params.jitter + style.jitter, 1.0), 1.2 * params.relief * min(unit, 1.5), 0.55,
         )  # fmt: skip
-        return cls(style, brush, low / high, layers, params.threshold * style.threshold, seed)
+        return cls(style, brush, low / high, layers, params.threshold * style.threshold, seed, unit)
 
     @property
     def recipe(self) -> Recipe:
@@ -78,22 +86,42 @@ class Painter:
         """How far from its seed a stroke can reach, px."""
         return float(self.brush.length_px) / 2 + float(self.brush.size_px)
 
-    def canvas(self, picture: Frame, where: Mask | None = None) -> Canvas:
-        """Paint a picture: float32 (h, w, 7). With `where`, only strokes that start there."""
-        canvas = blank(layer_reference(picture, self.brush, self.recipe))
+    def picture(self, picture: Frame) -> Frame:
+        """The painting in the light, uint8 (h, w, 3)."""
+        every = np.ones(picture.shape[:2], np.bool_)
+        return self._painting(picture, every, (slice(None), slice(None)))
+
+    def part(self, picture: Frame, where: Mask) -> Frame:
+        """The same, but only strokes that start in `where`; beyond what is around that, it is black."""
+        box = _around(where, int(self.reach_px))
+        out = np.zeros_like(picture)
+        out[box] = self._painting(np.ascontiguousarray(picture[box]), where, box)
+        return out
+
+    def _painting(self, picture: Frame, where: Mask, box: Box) -> Frame:
+        """Of a picture that is this box of a larger one: its seeds are those of the whole."""
+        canvas, lenient = blank(layer_reference(picture, self.brush, self.recipe)), leniency(picture, self.unit)
         for index in range(self.layers):
             fine = layer_brush(self.brush, self.recipe, index)
             reference = layer_reference(picture, fine, self.recipe)
-            seeds = place(
-                picture.shape, spacing_px(fine, self.recipe), jitter=self.recipe.scatter, seed=self.seed, layer=index
-            )
-            if where is not None:
-                seeds = seeds[where[np.rint(seeds.xy[:, 1]).astype(int), np.rint(seeds.xy[:, 0]).astype(int)]]
+            seeds = self._seeds(fine, index, where, box)
             if index:
-                limits = layer_threshold(self.layers, self.threshold, index, picture.shape)
-                seeds = seeds[wanted(seeds, reference, canvas, fine.size_px, limits)]
+                seeds = seeds[wanted(seeds, reference, canvas, fine.size_px, self.limit(index, lenient))]
             self.layer(canvas, seeds, reference, fine, index)
-        return canvas
+        return emboss(canvas, Light())
+
+    def _seeds(self, brush: Brush, index: int, where: Mask, box: Box) -> Seeds:
+        spacing = spacing_px(brush, self.recipe)
+        seeds = place(where.shape, spacing, jitter=self.recipe.scatter, seed=self.seed, layer=index)
+        seeds = seeds[where[np.rint(seeds.xy[:, 1]).astype(int), np.rint(seeds.xy[:, 0]).astype(int)]]
+        corner = np.array([box[1].start or 0, box[0].start or 0], np.float32)
+        return Seeds(seeds.xy - corner, seeds.ids)
+
+    def limit(self, index: int, lenient: Plane) -> Plane:
+        """Error from which layer `index` is painted, float32 (h, w), RGB distance."""
+        fine = self.layers > 1 and index == self.layers - 1
+        threshold = np.float32(self.threshold * (RARE if fine else 1)) * lenient
+        return layer_threshold(self.layers, np.minimum(threshold, np.float32(FARTHEST)), index, lenient.shape)
 
     def layer(
         self, canvas: Canvas, seeds: Seeds, reference: Frame, brush: Brush, index: int,
@@ -112,9 +140,14 @@ class Painter:
             canvas, strokes, seed=self.seed, touch=Touch(), guide=reference, tolerance=edge, slopes=slopes_of(reference)
         )
 
-    def picture(self, picture: Frame, where: Mask | None = None) -> Frame:
-        """The painting in the light, uint8 (h, w, 3)."""
-        return emboss(self.canvas(picture, where), Light())
+
+def _around(where: Mask, pad_px: int) -> Box:
+    """The smallest box that holds all of a mask, and `pad_px` around it."""
+    spans = []
+    for axis in (1, 0):
+        found = np.flatnonzero(where.any(axis=axis))
+        spans.append(slice(max(int(found[0]) - pad_px, 0), int(found[-1]) + 1 + pad_px) if len(found) else slice(0, 1))
+    return spans[0], spans[1]
 
 
 def directions(reference: Frame, brush: Brush) -> Direction:

@@ -32,7 +32,8 @@ class PatchesParams(Params):
     )  # fmt: skip
     threshold: float = number(
         25, 0, 200, "Approximation threshold",
-        "Finer strokes are painted where the painting is further than this from the picture.",
+        "Finer strokes are painted where the painting is further than this from the picture, on calm ground from a "
+        "third of it.",
         "RGB distance", "Painting", "T",
     )  # fmt: skip
     jitter: float = number(
@@ -109,5 +110,6 @@ class PatchesParams(Params):
     )  # fmt: skip
     misfit: float = number(
         28, 5, 400, "Misfit",
-        "Where a frame differs by more from its patch, it is painted on its own.", "RGB distance", "Patches",
+        "Where a frame differs by more from its patch, it is painted on its own; on calm ground, from a third of it.",
+        "RGB distance", "Patches",
     )  # fmt: skip

@@ -9,11 +9,11 @@ Runs of frames are tasks of their own: each begins with new paint, and the last 
 the first frame of the next one is painted like, carried back along the flow.
 
 Departure from zhang2011patches, section 5, which paints unclustered pixels frame by frame: what cannot be tracked as a
-thing can mostly be followed from one frame to the next. Flicker falls from 0.67 to 0.49 of painting frame by frame
-where an actor runs (chaplin), from 0.50 to 0.37 where a kettle is lifted (coffee), and rises nowhere. The idea is that
+thing can mostly be followed from one frame to the next. Flicker fell from 0.67 to 0.49 of painting frame by frame
+where an actor runs (chaplin), from 0.50 to 0.37 where a kettle is lifted (coffee), and rose nowhere. The idea is that
 of hertzmann2000video: paint again only where the picture has changed. Departure from that one: paint is not moved on
 again and again, which smears it; each pixel remembers the frame that its paint is from and where it was there, and is
-fetched once.
+fetched once. And what fits by half is half repainted (0.54 to 0.52 where the actor runs), which is remembered as that.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Frame, Mask, Plane
-from pipeline.methods.patches.ages import fine_px
+from pipeline.methods.patches.fit import Look, apart, fine_px
 from pipeline.methods.patches.grid import Grid
 from pipeline.methods.patches.hertzmann import Painter
-from pipeline.methods.patches.links import Links, norm
+from pipeline.methods.patches.links import Links
 from pipeline.segmentation.jit import kernel
 
 SEEN = 0.02
@@ -40,13 +40,15 @@ LOST_PX = 3
 """Places narrower than this, working px, whose flow does not lead back go with what is around them."""
 SOFT_PX = 5
 """Over so much old paint gives way to new, px of a frame 344 px high."""
-STAYS = 1.5
-"""Misfits from which carried paint is painted anew: a patch is given up for less, since what is below it is at hand."""
+STAYS, GONE = 0.65, 2.1
+"""Limits up to which carried paint stays, and from which it is gone; between, it is part old and part new."""
 STRETCH = 1.0
 """Change of distance to a neighbour, as a part of it, from which carried strokes are distorted: in flat places flow
 leads anywhere."""
 SPAN_PX = 4
 """How far apart those neighbours are."""
+RETURNS = 0.07
+"""Share of a pixel that a patch takes back with each painting, once it fits again; what it loses it loses at once."""
 FADE = 4
 """Paintings over which a run fades over to the next one."""
 ROW = 512
@@ -108,8 +110,8 @@ class Remainder:
 
     Attributes:
         painter: of what is new.
-        misfit: RGB distance from which a patch fits no more.
-        last, carried, shown: the last frame's number and paint, and the frames that this is from.
+        last, left: the last frame's number, and what was left of it, at the working size.
+        carried, shown: its paint, and the frames that this is from.
         coming, turned: the next run's first frame as it will be shown; its paint in frames before it, and its share.
         used: whether anything was left in any frame.
     """
@@ -117,38 +119,52 @@ class Remainder:
     painter: Painter
     links: Links
     grid: Grid
-    misfit: float
     last: int | None = None
+    left: Plane | None = None
     carried: Carried = field(default_factory=lambda: Carried.here(NOWHERE, (0, 0)))
     shown: dict[int, tuple[Frame, Frame]] = field(default_factory=dict)
     coming: dict[int, tuple[Frame, Frame]] = field(default_factory=dict)
     turned: dict[int, tuple[Carried, float]] = field(default_factory=dict)
     used: bool = False
 
-    def paint(self, index: int, frame: Frame, left: Plane) -> NDArray[np.float32]:
-        """Paint of frame `index` where `left`, 0..1, is seen: float32 (h, w, 3), anything elsewhere."""
+    def paint(self, index: int, frame: Frame, left: Plane, limit: Plane) -> Look:
+        """What frame `index` is painted like where `left`, 0..1, is seen; anything elsewhere."""
         seen, self.used = left > SEEN, True
         self.carried = self._now(index, seen)
-        old, fits = self._old(self.carried, self.shown, frame, seen)
-        paint, known = self._with_next(index, frame, seen, old, fits)
+        old, fits = self._old(self.carried, self.shown, frame, seen, limit)
+        look, known = self._with_next(index, frame, seen, limit, old, fits)
         if (lacks := seen & (known < 1)).any():
-            fresh = self._fresh(frame, lacks).astype(np.float32)
-            paint = paint + fresh * (1 - known)[..., None]
+            fresh = (1 - known)[..., None]
+            look[0] += frame * fresh
+            look[1] += self._fresh(frame, lacks) * fresh
         self.carried, self.last = self.carried.anew(index, ~seen | (fits < 1)), index
-        return paint
+        return look
 
-    def keep(self, index: int, frame: Frame, shown: Frame) -> None:
-        """Remember frame `index` as it is shown, patches and all: what they lose is carried too."""
+    def lingers(self, index: int, left: Plane) -> Plane:
+        """What is left of a frame, 0..1: a patch takes over again by RETURNS a painting, lest it flickers."""
+        if self.left is not None and self.last is not None and self.left.max() > RETURNS:
+            before = self.left
+            for step in range(self.last + 1, index + 1):
+                before = _followed(before, self.links.back(step))
+            left = np.maximum(left, self.grid.enlarge(before) - np.float32(RETURNS))
+        self.left = np.asarray(cv2.resize(left, self.grid.size, interpolation=cv2.INTER_AREA), np.float32)
+        return left
+
+    def keep(self, index: int, picture: Frame, shown: Frame) -> None:
+        """Remember frame `index` as it is shown, patches and all: what they lose is carried too.
+
+        `picture` is what that paint was made from: of paint that is half old and half new, half of each.
+        """
         if self.last != index:
-            self.carried, self.last = Carried.here(index, frame.shape), index
+            self.carried, self.last = Carried.here(index, shown.shape), index
         used = _sources(self.carried.origin)
-        self.shown = {key: both for key, both in (self.shown | {index: (frame, shown)}).items() if key in used}
+        self.shown = {key: both for key, both in (self.shown | {index: (picture, shown)}).items() if key in used}
 
-    def turn_to(self, index: int, frame: Frame, shown: Frame, hold: int) -> None:
+    def turn_to(self, index: int, picture: Frame, shown: Frame, hold: int) -> None:
         """The next run begins at frame `index` and shows it like this: fade over to it."""
-        now, self.coming = Carried.here(index, frame.shape), {index: (frame, shown)}
+        now, self.coming = Carried.here(index, shown.shape), {index: (picture, shown)}
         for step in range(index - 1, index - FADE * hold, -1):
-            now = now.follow(self.links.ahead(step), self.grid, np.ones(frame.shape[:2], np.bool_))
+            now = now.follow(self.links.ahead(step), self.grid, np.ones(shown.shape[:2], np.bool_))
             if (index - step) % hold == 0:
                 self.turned[step] = now, 1 - (index - step) / (FADE * hold)
 
@@ -162,38 +178,47 @@ class Remainder:
         return now
 
     def _with_next(
-        self, index: int, frame: Frame, seen: Mask, old: NDArray[np.float32], fits: Plane
-    ) -> tuple[NDArray[np.float32], Plane]:
+        self, index: int, frame: Frame, seen: Mask, limit: Plane, old: Look, fits: Plane
+    ) -> tuple[Look, Plane]:
         """Old paint and that of the next run, weighted, and the sum of the weights, 0..1."""
         if index not in self.turned:
             return old * fits[..., None], fits
         turned, due = self.turned.pop(index)
-        next_paint, next_fits = self._old(turned, self.coming, frame, seen)
+        coming, coming_fits = self._old(turned, self.coming, frame, seen, limit)
         share = np.float32(due)
-        before, after = fits * (1 - share * next_fits), next_fits * (share + (1 - share) * (1 - fits))
-        return old * before[..., None] + next_paint * after[..., None], before + after
+        before, after = fits * (1 - share * coming_fits), coming_fits * (share + (1 - share) * (1 - fits))
+        return old * before[..., None] + coming * after[..., None], before + after
 
-    def _old(self, carried: Carried, shown: Shown, frame: Frame, seen: Mask) -> tuple[NDArray[np.float32], Plane]:
+    def _old(self, carried: Carried, shown: Shown, frame: Frame, seen: Mask, limit: Plane) -> tuple[Look, Plane]:
         """Paint where it is now, and 1 where it shows what is in the frame, 0 where it does not, between at borders."""
         known = seen & (carried.origin != NOWHERE)
+        look = np.stack([carried.fetch(shown, which, known) for which in (0, 1)])
         if not known.any():
-            return np.zeros((*seen.shape, 3), np.float32), (~seen).astype(np.float32)
-        off = (frame.astype(np.float32) - carried.fetch(shown, 0, known)) * known[..., None]
+            return look, (~seen).astype(np.float32)
         sigma = fine_px(self.grid)
         share = np.maximum(cv2.GaussianBlur(known.astype(np.float32), (0, 0), sigma), np.float32(0.1))
-        apart = norm(cv2.GaussianBlur(off, (0, 0), sigma)) / share
-        known &= apart < STAYS * self.misfit
+        there = np.where(known[..., None], look, frame)
+        off = apart(frame, there, limit * share, sigma)
         _without_distorted(carried.origin, carried.place, known)
-        good = (~seen | known).astype(np.float32)
+        good = np.where(known, np.clip((GONE - off) / (GONE - STAYS), 0, 1), ~seen).astype(np.float32)
         soft = 2 * int(SOFT_PX * self.grid.height / 688) + 1
-        fits = np.clip(2 * cv2.blur(good, (soft, soft), borderType=cv2.BORDER_REPLICATE) - 1, 0, 1) * good
-        return carried.fetch(shown, 1, (fits > 0) & seen), np.where(fits > 0.999, 1, fits).astype(np.float32)
+        fits = np.minimum(np.clip(2 * cv2.blur(good, (soft, soft), borderType=cv2.BORDER_REPLICATE) - 1, 0, 1), good)
+        return look, np.where(fits > 0.999, 1, fits).astype(np.float32)
 
     def _fresh(self, frame: Frame, where: Mask) -> Frame:
         """A painting of the frame alone, where it is needed."""
         reach = 2 * int(self.painter.reach_px / 4) + 1
         near = cv2.dilate(where.astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
-        return self.painter.picture(frame, near)
+        return self.painter.part(frame, near)
+
+
+def _followed(plane: Plane, pair: tuple[Flow, Plane] | None) -> Plane:
+    """A plane of the grid in the frame that the flow leads from; 0 where it does not lead back."""
+    if pair is None:
+        return np.zeros_like(plane)
+    rows, columns = np.indices(plane.shape, np.float32)
+    found = cv2.remap(plane, columns + pair[0][..., 0], rows + pair[0][..., 1], cv2.INTER_LINEAR)
+    return np.where(_leads(pair[1]), found, 0).astype(np.float32)
 
 
 def _leads(reliable: Plane) -> Mask:

@@ -11,13 +11,13 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Frame, Plane
-from pipeline.methods.patches.composite import Painted
 from pipeline.methods.patches.grid import Grid
 from pipeline.methods.patches.hertzmann import Painter
 from pipeline.methods.patches.links import shelf
 from pipeline.methods.patches.lives import Life
+from pipeline.methods.patches.painted import Painted
 from pipeline.methods.patches.params import PatchesParams
-from pipeline.methods.patches.remainder import FADE, NOWHERE, Carried, Remainder
+from pipeline.methods.patches.remainder import FADE, NOWHERE, RETURNS, Carried, Remainder
 from pipeline.segmentation.cuts import is_cut, thumbnail
 from tests.pipeline.methods.bench import painted
 from tests.pipeline.methods.patch_scenes import paint, truth
@@ -57,18 +57,20 @@ def texture(shift: float = 0.0, seed: int = 3) -> Frame:
 
 
 def remainder(moves: Moves) -> Remainder:
-    return Remainder(PAINTER, cast(Any, moves), GRID, PatchesParams().misfit)
+    return Remainder(PAINTER, cast(Any, moves), GRID)
 
 
 ALL = np.ones((SIZE[1], SIZE[0]), np.float32)
+LIMIT = np.full((SIZE[1], SIZE[0]), 20, np.float32)
 
 
 def played(frames: list[Frame], moves: Moves, start: int = 0) -> list[NDArray[np.float32]]:
     """The frames, painted one after the other, of which no patch has anything."""
     mine, out = remainder(moves), []
     for index, frame in enumerate(frames, start=start):
-        out.append(mine.paint(index, frame, ALL))
-        mine.keep(index, frame, np.rint(np.clip(out[-1], 0, 255)).astype(np.uint8))
+        picture, shown = mine.paint(index, frame, ALL, LIMIT)
+        mine.keep(index, *(np.rint(np.clip(plane, 0, 255)).astype(np.uint8) for plane in (picture, shown)))
+        out.append(shown)
     return out
 
 
@@ -98,6 +100,34 @@ def test_what_looks_otherwise_is_painted_anew_without_a_ghost() -> None:
     assert np.abs(out[1][:, 110:] - out[0][:, 110:]).max() < 1
 
 
+def test_what_is_half_old_is_not_taken_for_new() -> None:
+    """Light that changes a little: a part of that is shown, and what is remembered was made from that part."""
+    mine, frame = remainder(Moves(0.0)), texture()
+    lit = np.clip(frame.astype(int) + 14, 0, 255).astype(np.uint8)
+    _, shown = mine.paint(0, frame, ALL, LIMIT)
+    mine.keep(0, frame, shown.astype(np.uint8))
+    behind = [float(np.mean(plane - lit)) for plane in mine.paint(1, lit, ALL, LIMIT)]
+    assert -12 < behind[0] < -1 and abs(behind[0] - behind[1]) < 1
+
+
+def test_a_patch_takes_back_slowly_what_it_has_lost() -> None:
+    mine, frame = remainder(Moves(0.0)), texture()
+    lost, shares = np.zeros((SIZE[1], SIZE[0]), np.float32), []
+    lost[30:60, 40:90] = 1
+    for index in range(4):
+        left = mine.lingers(index, lost if index == 0 else np.zeros_like(lost))
+        mine.keep(index, frame, frame)
+        shares.append(float(left[45, 65]))
+    np.testing.assert_allclose(shares, 1 - RETURNS * np.arange(4), atol=1e-5)
+
+
+def test_but_at_once_what_was_behind_something() -> None:
+    mine, frame = remainder(Moves(0.0, sure=0.0)), texture()
+    mine.lingers(0, ALL)
+    mine.keep(0, frame, frame)
+    assert mine.lingers(1, np.zeros_like(ALL)).max() == 0
+
+
 def test_where_no_flow_leads_back_every_frame_is_painted_alone() -> None:
     frames = [texture(3.0 * index) for index in range(2)]
     out = played(frames, Moves(3.0, sure=0.0))
@@ -120,7 +150,7 @@ def test_the_last_frames_of_a_run_fade_over_to_the_next_one() -> None:
     for index in range(8):
         if index == 8 - FADE:
             mine.turn_to(8, frame, target, 1)
-        shown = mine.paint(index, frame, ALL)
+        _, shown = mine.paint(index, frame, ALL, LIMIT)
         mine.keep(index, frame, np.rint(shown).astype(np.uint8))
         far.append(float(np.abs(shown - target).mean()))
     steps = -np.diff([*far[8 - FADE :], 0.0])
