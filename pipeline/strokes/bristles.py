@@ -53,3 +53,15 @@ def hair(tile: Tile, s_px: np.float32, t: np.float32, radius_px: np.float32, acr
     column = int(np.float32(8192.0) + s_px * np.float32(1.5)) + along
     value: np.float32 = tile[row & 63, column & 255]
     return value
+
+
+@kernel
+def soft_hair(tile: Tile, column: np.float32, row: np.float32, across: int, along: int) -> np.float32:
+    """The same at `row` texels from a stroke's middle line and `column` along it, between rows: it does not tremble."""
+    place = np.float32(2048.0) + row
+    first = int(place)
+    part = place - np.float32(first)
+    at = (int(np.float32(8192.0) + column) + along) & 255
+    one, other = tile[(first + across) & 63, at], tile[(first + 1 + across) & 63, at]
+    value: np.float32 = one + part * (other - one)
+    return value

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Frame
 from pipeline.segmentation.jit import kernel
-from pipeline.strokes.bristles import Tile, hair, tile
+from pipeline.strokes.bristles import Tile, soft_hair, tile
 from pipeline.strokes.brush import Direction, Strokes
 from pipeline.strokes.random import Purpose, draws
 from pipeline.strokes.raster import Touch
@@ -29,6 +29,8 @@ Wet: TypeAlias = NDArray[np.float32]
 """A painting from the top down, `float32` (height, width, 5): red, green, blue and height of the paint so far, each
 times its share of the pixel; and the share of the pixel that is still bare, 1 at the start."""
 
+SOFT = 1.0
+HAIRS, FINEST, PULL = np.float32(4.0), np.float32(0.83), np.float32(1.8)
 _HALF, _ONE, _ZERO = np.float32(0.5), np.float32(1.0), np.float32(0.0)
 _TIP = np.float32(0.3)
 _DONE = np.float32(0.01)
@@ -73,7 +75,7 @@ def drag(
             wet, lines.points, lines.counts, lines.radius_px, lines.colours, lines.aims, lines.opacity,
             lines.relief_px, lines.grain, order, offset, hairs, _NO_GUIDE if guide is None else guide, guided,
             own, np.float32(touch.taper[0]), np.float32(touch.taper[1]), np.float32(touch.streaks),
-            np.float32(touch.dry), top, bottom,
+            np.float32(touch.dry), np.float32(SOFT), top, bottom,
         )  # fmt: skip
 
     edges = [height * i // threads for i in range(threads + 1)]
@@ -112,7 +114,7 @@ def _drag(
     colours: NDArray[np.float32], aims: NDArray[np.float32], opacity: NDArray[np.float32],
     relief: NDArray[np.float32], grain: NDArray[np.float32], order: NDArray[np.intp], offset: NDArray[np.int32],
     hairs: Tile, guide: Frame, guided: bool, tolerances: NDArray[np.float32], taper_start: np.float32,
-    taper_end: np.float32, streaks: np.float32, dry: np.float32, band_top: int, band_bottom: int,
+    taper_end: np.float32, streaks: np.float32, dry: np.float32, soft: np.float32, band_top: int, band_bottom: int,
 ) -> None:  # fmt: skip
     width = wet.shape[1]
     rows_high = band_bottom - band_top
@@ -129,7 +131,9 @@ def _drag(
             ax, ay = points[k, i + 1, 0] - points[k, i, 0], points[k, i + 1, 1] - points[k, i, 1]
             total += np.sqrt(ax * ax + ay * ay)
             low_y, high_y = min(low_y, points[k, i + 1, 1]), max(high_y, points[k, i + 1, 1])
-        reach = r + _HALF
+        blur = min(soft, _ONE + r)
+        sharp, edge = _ONE / blur, r + _HALF * blur
+        reach = edge
         first_row = max(int(np.ceil(low_y - reach)), band_top)
         last_row = min(int(np.floor(high_y + reach)), band_bottom - 1)
         if last_row < first_row:
@@ -195,7 +199,7 @@ def _drag(
                         elif u > _ONE - _TIP:
                             q = _ONE - (_ONE - u) / _TIP
                             w = r * (_ONE - taper_end * q * q)
-                    c = min(w + _HALF - d, _ONE)
+                    c = min((w - d) * sharp + _HALF, _ONE)
                     if c > cover[row, x]:
                         cover[row, x] = c
                         along[row, x] = before + s
@@ -207,6 +211,8 @@ def _drag(
         red, green, blue = colours[k, 0], colours[k, 1], colours[k, 2]
         aim_r, aim_g, aim_b = aims[k, 0], aims[k, 1], aims[k, 2]
         g, thick, strength = grain[k], relief[k], opacity[k]
+        spread = min(r * FINEST, HAIRS)
+        pull = PULL * spread / r
         for y in range(first_row, last_row + 1):
             row = y - band_top
             for x in range(rows[row, 0], rows[row, 1] + 1):
@@ -227,7 +233,7 @@ def _drag(
                 t = across[row, x]
                 shade, ridge = _ZERO, _ONE - t * t * t * t
                 if g > _ZERO:
-                    trace = hair(hairs, along[row, x], t, r, oa, ob)
+                    trace = soft_hair(hairs, along[row, x] * pull, t * spread, oa, ob)
                     shade = g * streaks * (trace - _HALF)
                     ridge *= _ONE - g * (_ONE - trace)
                     if total > _ZERO:

@@ -21,8 +21,12 @@ from numpy.typing import NDArray
 from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Plane
 
-SAME, OTHER = 40.0, 100.0
-"""Pictures that differ by less show the same thing, by more another one: RGB distance."""
+SAME, OTHER = 30.0, 50.0
+"""Pictures whose colours differ by less, in the mean about a pixel, show the same thing, by more another one: gray levels
+in the channel where they differ most."""
+WINDOW = 0.02
+"""Side, in heights, of the square that the mean is taken over. Textures that are not quite where the motion says may mix;
+things may not."""
 
 
 @dataclass(frozen=True)
@@ -63,8 +67,8 @@ def linger(now: Layout, past: Sequence[Layout]) -> Frame:
 
 def _alike(picture: Frame, before: Frame, way: Flow) -> Plane:
     """How far the picture shows what the one before shows where the way leads, 0..1, float32 (h, w)."""
-    red, green, blue = cv2.split(picture.astype(np.float32) - fetch(before, way))
-    apart = np.sqrt(red * red + green * green + blue * blue)
+    from pipeline.methods.multistyle.held import changes
+    apart = changes(picture.astype(np.float32), np.asarray(fetch(before, way), np.float32))
     height, width = apart.shape
     x = way[..., 0] + np.arange(width, dtype=np.float32)
     y = way[..., 1] + np.arange(height, dtype=np.float32)[:, None]
