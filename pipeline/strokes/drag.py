@@ -29,8 +29,8 @@ Wet: TypeAlias = NDArray[np.float32]
 """A painting from the top down, `float32` (height, width, 5): red, green, blue and height of the paint so far, each
 times its share of the pixel; and the share of the pixel that is still bare, 1 at the start."""
 
-SOFT = 1.0
-HAIRS, FINEST, PULL = np.float32(4.0), np.float32(0.83), np.float32(1.8)
+SOFT = np.float32(0.25)
+HAIRS, FINEST, PULL = np.float32(5.0), np.float32(0.9), np.float32(1.7)
 _HALF, _ONE, _ZERO = np.float32(0.5), np.float32(1.0), np.float32(0.0)
 _TIP = np.float32(0.3)
 _DONE = np.float32(0.01)
@@ -131,7 +131,7 @@ def _drag(
             ax, ay = points[k, i + 1, 0] - points[k, i, 0], points[k, i + 1, 1] - points[k, i, 1]
             total += np.sqrt(ax * ax + ay * ay)
             low_y, high_y = min(low_y, points[k, i + 1, 1]), max(high_y, points[k, i + 1, 1])
-        blur = min(soft, _ONE + r)
+        blur = _ONE + soft * r
         sharp, edge = _ONE / blur, r + _HALF * blur
         reach = edge
         first_row = max(int(np.ceil(low_y - reach)), band_top)

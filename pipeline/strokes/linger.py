@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Plane
 
-SAME, OTHER = 30.0, 50.0
+SAME, OTHER = 42.0, 70.0
 """Pictures whose colours differ by less, in the mean about a pixel, show the same thing, by more another one: gray levels
 in the channel where they differ most."""
 WINDOW = 0.02

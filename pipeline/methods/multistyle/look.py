@@ -151,7 +151,8 @@ class Eye:
         with self.clock("hold"):
             now = _shrunk(frame, self.work).astype(np.float32)
             if back is not None and self.held is not None:
-                now, self.other = hold(now, self.held, back, self.params.hold * self.manner.hold)
+                held, self.other = hold(now, self.held, back, self.params.hold * self.manner.hold)
+                now = held if self.params.hold else now
             self.held = now
             return np.asarray(np.rint(now), np.uint8)
 

@@ -96,7 +96,7 @@ class MultistyleParams(Params):
         "Time",
     )  # fmt: skip
     colour_follow: float = number(
-        0.15, 0.01, 1, "Colour follow", "How far a stroke's colour goes towards the picture's in a frame.", "ratio",
+        0.4, 0.01, 1, "Colour follow", "How far a stroke's colour goes towards the picture's in a frame.", "ratio",
         "Time",
     )  # fmt: skip
     linger: int = number(
