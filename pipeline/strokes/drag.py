@@ -29,9 +29,10 @@ Wet: TypeAlias = NDArray[np.float32]
 """A painting from the top down, `float32` (height, width, 5): red, green, blue and height of the paint so far, each
 times its share of the pixel; and the share of the pixel that is still bare, 1 at the start."""
 
-SOFT = np.float32(0.25)
-HAIRS, FINEST, PULL = np.float32(5.0), np.float32(0.9), np.float32(1.7)
 _HALF, _ONE, _ZERO = np.float32(0.5), np.float32(1.0), np.float32(0.0)
+_HAIRS, _FINEST, _PULL = np.float32(5.0), np.float32(0.9), np.float32(1.7)
+"""Traces from a stroke's middle to its side, at most; and per px, at most: finer ones are noise on a grid of pixels, and
+tremble when they move. How much longer than wide they are drawn."""
 _TIP = np.float32(0.3)
 _DONE = np.float32(0.01)
 _NO_GUIDE: Frame = np.zeros((1, 1, 3), np.uint8)
@@ -75,7 +76,7 @@ def drag(
             wet, lines.points, lines.counts, lines.radius_px, lines.colours, lines.aims, lines.opacity,
             lines.relief_px, lines.grain, order, offset, hairs, _NO_GUIDE if guide is None else guide, guided,
             own, np.float32(touch.taper[0]), np.float32(touch.taper[1]), np.float32(touch.streaks),
-            np.float32(touch.dry), np.float32(SOFT), top, bottom,
+            np.float32(touch.dry), np.float32(touch.soft), top, bottom,
         )  # fmt: skip
 
     edges = [height * i // threads for i in range(threads + 1)]
@@ -211,8 +212,8 @@ def _drag(
         red, green, blue = colours[k, 0], colours[k, 1], colours[k, 2]
         aim_r, aim_g, aim_b = aims[k, 0], aims[k, 1], aims[k, 2]
         g, thick, strength = grain[k], relief[k], opacity[k]
-        spread = min(r * FINEST, HAIRS)
-        pull = PULL * spread / r
+        spread = min(r * _FINEST, _HAIRS)
+        pull = _PULL * spread / r
         for y in range(first_row, last_row + 1):
             row = y - band_top
             for x in range(rows[row, 0], rows[row, 1] + 1):

@@ -13,9 +13,9 @@ from pipeline.methods.multistyle.styles import STYLES, Style
 from pipeline.strokes.brush import Brush
 from pipeline.strokes.seeds import Field
 
-FINER = 0.55
+FINER = 0.62
 """How much smaller strokes are where detail is fullest, in parts."""
-SHORTER, CLOSER, MORE, CALMER = 0.3, 0.75, 1.0, 0.45
+SHORTER, CLOSER, MORE, CALMER = 0.65, 0.9, 1.0, 0.45
 """The same for their length and for the error threshold, in parts; how many layers more there are; and how much less
 colours stray, in parts."""
 SMALLEST_PX = 1.7

@@ -82,6 +82,7 @@ class Eye:
     def __init__(
         self, params: MultistyleParams, size: tuple[int, int], seed: int, clock: Clock, design: Design | None = None
     ) -> None:  # fmt: skip
+        params = params.eased
         self.params, self.size, self.seed, self.clock = params, size, seed, clock
         self.manner = STYLES[params.style].manner
         self.habits = Habits(gap=GAP, fade=params.stroke_fade, follow=params.colour_follow)

@@ -129,7 +129,7 @@ STYLES: Mapping[str, Named] = MappingProxyType({
             size=17, length=0, jitter=0.5, saturation=0.1, value=0.02, relief=0.8, grain=0, layers=2, threshold=26,
         ),
         Manner(
-            Recipe(most=4, ratio=0.6, overlap=1.5, edge=90, scatter=0.6), Touch((0, 0), streaks=0, dry=0),
+            Recipe(most=4, ratio=0.6, overlap=1.5, edge=90, scatter=0.6), Touch((0, 0), streaks=0, dry=0, soft=0.4),
             Light(strength=0.22, gloss=0.0, weave_px=0.1), cover=0.24, vivid=1.3, mingle=220,
         ),
     ),
@@ -150,7 +150,7 @@ STYLES: Mapping[str, Named] = MappingProxyType({
             size=44, length=60, opacity=0.43, jitter=0.4, value=0.06, relief=0, grain=0, layers=3, threshold=16,
         ),
         Manner(
-            Recipe(most=4, ratio=0.5, overlap=3.9, edge=50, scatter=1.0), Touch((0, 0), streaks=0, dry=0),
+            Recipe(most=4, ratio=0.5, overlap=3.9, edge=50, scatter=1.0), Touch((0, 0), streaks=0, dry=0, soft=0.6),
             Light(strength=0, gloss=0), ground=(250, 248, 242), cover=0.4, vivid=1.3, mingle=300, hold=1.5,
             rim=0.55, paper=0.5,
         ),
