@@ -22,11 +22,10 @@ from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Plane
 
 SAME, OTHER = 42.0, 70.0
-"""Pictures whose colours differ by less, in the mean about a pixel, show the same thing, by more another one: gray levels
-in the channel where they differ most."""
-WINDOW = 0.02
-"""Side, in heights, of the square that the mean is taken over. Textures that are not quite where the motion says may mix;
-things may not."""
+"""Pictures that have changed by less show the same thing, by more another one: see `changes`."""
+SMALL, LARGE, WEIGHT = 0.02, 0.045, 2.2
+"""Sides, in heights, of the squares that mean colours are compared over: about a fine stroke, and a hand. What differs in
+the larger one counts more, since textures that are not quite where the motion says do not."""
 
 
 @dataclass(frozen=True)
@@ -65,9 +64,24 @@ def linger(now: Layout, past: Sequence[Layout]) -> Frame:
     return mean
 
 
+def changes(now: NDArray[np.float32], before: NDArray[np.float32]) -> Plane:
+    """How much the mean colour about each pixel has changed, in the channel where it has most: float32 (h, w), levels.
+
+    Args:
+        now, before: float32 (h, w, 3), the latter already carried to where things are now.
+    """
+    apart = now - before
+    small, large = (_mean_change(apart, max(5, round(part * now.shape[0])) | 1) for part in (SMALL, LARGE))
+    return np.asarray(cv2.max(small, large * np.float32(WEIGHT)), np.float32)
+
+
+def _mean_change(apart: NDArray[np.float32], side: int) -> Plane:
+    red, green, blue = (np.abs(cv2.boxFilter(plane, -1, (side, side))) for plane in cv2.split(apart))
+    return np.asarray(cv2.max(cv2.max(red, green), blue), np.float32)
+
+
 def _alike(picture: Frame, before: Frame, way: Flow) -> Plane:
     """How far the picture shows what the one before shows where the way leads, 0..1, float32 (h, w)."""
-    from pipeline.methods.multistyle.held import changes
     apart = changes(picture.astype(np.float32), np.asarray(fetch(before, way), np.float32))
     height, width = apart.shape
     x = way[..., 0] + np.arange(width, dtype=np.float32)

@@ -14,16 +14,14 @@ from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Mask, Plane
 from pipeline.segmentation.jit import kernel
 from pipeline.segmentation.motion import hold_still
+from pipeline.strokes.linger import changes
 
 MOVING = 0.25
 """What is carried by bilinear samples goes at least so far towards the new picture, or it would blur away."""
-WINDOW = 0.02
-"""Side, in heights, of the window over which a change of colour is judged: about a fine stroke."""
-LEAK = 6.0
-BROAD, FAINT = 0.045, 2.2
-LIKELY, PLAIN = 20.0, 30.0
-"""Change of the mean colour over that window, gray levels: from the first on something else may be there, which the
-held picture follows the faster the more; beyond the second it is, and is there at once."""
+LEAST, LIKELY, PLAIN = 6.0, 20.0, 30.0
+"""Change of the mean colour about a pixel, gray levels, see `changes`: beyond the first it is followed slowly; from the
+second on something else may be there, which is followed the faster the more; beyond the third it is, and is there at once.
+"""
 TURNING = 0.3
 """The same for a direction."""
 MARGIN, NOISY = 1.4, 2.5
@@ -91,7 +89,7 @@ def hold(
         now: the frame, float32 (h, w, 3).
         past: the held picture of the frame before.
         back: from this frame to the one before, float32 (h, w, 2), px; exactly 0 where nothing moves.
-        tolerance: mean difference over 5 x 5 px up to which a pixel keeps its past; beyond three times that it follows.
+        tolerance: mean difference over 5 x 5 px up to which a pixel keeps its past; beyond three times that it follows, slowly.
             More where the whole picture is noisy: up to `NOISY` times as much.
     """
     carried = np.asarray(fetch(past, back), np.float32)
@@ -102,22 +100,10 @@ def hold(
     tolerance = max(min(max(tolerance, MARGIN * noise), NOISY * tolerance), 0.01)
     changed = changes(now, carried)
     urge = np.clip((changed - np.float32(LIKELY)) / np.float32(PLAIN - LIKELY), 0, 1)
-    urge = np.maximum(urge, np.float32(SLOWLY) * np.clip((changed - np.float32(LEAK)) / np.float32(LEAK), 0, 1))
+    urge = np.maximum(urge, np.float32(SLOWLY) * np.clip((changed - np.float32(LEAST)) / np.float32(LEAST), 0, 1))
     out = np.empty_like(now)
     _hold(np.ascontiguousarray(now), carried, back, apart, urge, np.float32(tolerance), np.float32(SLOWLY), out)
     return out, np.asarray(changed > np.float32(PLAIN), np.bool_)
-
-
-def changes(now: NDArray[np.float32], before: NDArray[np.float32]) -> Plane:
-    """How much the mean colour about each pixel has changed, in the channel where it has most: float32 (h, w)."""
-    apart = now - before
-    small, large = (_mean_change(apart, max(5, round(part * now.shape[0])) | 1) for part in (WINDOW, BROAD))
-    return np.asarray(cv2.max(small, large * np.float32(FAINT)), np.float32)
-
-
-def _mean_change(apart: NDArray[np.float32], side: int) -> Plane:
-    red, green, blue = (np.abs(cv2.boxFilter(plane, -1, (side, side))) for plane in cv2.split(apart))
-    return np.asarray(cv2.max(cv2.max(red, green), blue), np.float32)
 
 
 def hold_field(

@@ -218,8 +218,8 @@ class Eye:
     def _count(self, fields: StyleFields) -> int:
         """Layers that any pixel has, as far as their strokes are wide enough to be seen."""
         recipe, most = self.manner.recipe, round(float(np.max(fields.layers)) + 1e-6)
-        widest = float(np.max(fields.brush.size_px))
-        return max(1, min(most, recipe.most, 1 + int(math.log(max(widest / SMALLEST_PX, 1)) / -math.log(recipe.ratio))))
+        fit = int(math.log(max(fields.widest_px / SMALLEST_PX, 1)) / -math.log(recipe.ratio))
+        return max(1, min(most, recipe.most, 1 + fit))
 
     def _layer(
         self, index: int, brush: Brush, reference: Frame, fields: StyleFields, flow: Flow | None, picture: Frame,

@@ -34,7 +34,9 @@ VEIL = 60.0
 
 def frames_that_linger(params: MultistyleParams) -> int:
     """How many paintings are averaged with the one after them."""
-    return params.linger if params.temporal == "on" and params.renderer == "implicit" else 0
+    if params.temporal == "off" or params.renderer == "explicit" or not params.linger:
+        return 0
+    return params.linger + STYLES[params.style].manner.linger
 
 
 class Painter:

@@ -69,6 +69,7 @@ class Manner:
         rim: 0..1, how much darker paint dries at the edge of a wet area.
         hold: factor on the parameter `hold`: broad, wet paint needs not follow every shade.
         paper: 0..1, how far the paper's grain shows in thin paint.
+        linger: frames that paint lingers beyond the parameter `linger`, if that is not 0: wet paint is slow.
     """
 
     recipe: Recipe
@@ -82,6 +83,7 @@ class Manner:
     hold: float = 1.0
     rim: float = 0.0
     paper: float = 0.0
+    linger: int = 0
 
 
 @dataclass(frozen=True)
@@ -150,9 +152,9 @@ STYLES: Mapping[str, Named] = MappingProxyType({
             size=44, length=60, opacity=0.43, jitter=0.4, value=0.06, relief=0, grain=0, layers=3, threshold=16,
         ),
         Manner(
-            Recipe(most=4, ratio=0.5, overlap=3.9, edge=50, scatter=1.0), Touch((0, 0), streaks=0, dry=0, soft=0.6),
+            Recipe(most=4, ratio=0.5, overlap=3.7, edge=60, scatter=1.0), Touch((0, 0), streaks=0, dry=0, soft=0.35),
             Light(strength=0, gloss=0), ground=(250, 248, 242), cover=0.4, vivid=1.3, mingle=300, hold=1.5,
-            rim=0.55, paper=0.5,
+            rim=0.48, paper=0.5, linger=1,
         ),
     ),
 })  # fmt: skip
