@@ -31,8 +31,8 @@ times its share of the pixel; and the share of the pixel that is still bare, 1 a
 
 _HALF, _ONE, _ZERO = np.float32(0.5), np.float32(1.0), np.float32(0.0)
 _HAIRS, _FINEST, _PULL = np.float32(5.0), np.float32(0.9), np.float32(1.7)
-"""Traces from a stroke's middle to its side, at most; and per px, at most: finer ones are noise on a grid of pixels, and
-tremble when they move. How much longer than wide they are drawn."""
+"""Traces from a stroke's middle to its side, at most; and per px, at most: finer ones are noise on a grid of pixels,
+and tremble when they move. How much longer than wide they are drawn."""
 _TIP = np.float32(0.3)
 _DONE = np.float32(0.01)
 _NO_GUIDE: Frame = np.zeros((1, 1, 3), np.uint8)

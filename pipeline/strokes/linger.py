@@ -24,8 +24,8 @@ from pipeline.frames import Flow, Frame, Plane
 SAME, OTHER = 42.0, 70.0
 """Pictures that have changed by less show the same thing, by more another one: see `changes`."""
 SMALL, LARGE, WEIGHT = 0.02, 0.045, 2.2
-"""Sides, in heights, of the squares that mean colours are compared over: about a fine stroke, and a hand. What differs in
-the larger one counts more, since textures that are not quite where the motion says do not."""
+"""Sides, in heights, of the squares that mean colours are compared over: about a fine stroke, and a hand. What differs
+in the larger one counts more, since textures that are not quite where the motion says do not."""
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,9 @@ from pipeline.strokes.brush import Brush
 from pipeline.strokes.seeds import Field
 
 FINER, SHORTER, CLOSER, MORE, CALMER = (0.55, 0.07), (0.3, 0.35), (0.75, 0.15), 1.0, 0.45
-"""How much smaller strokes are where detail is fullest, in parts, and how much shorter; the same for the error threshold;
-how many layers more there are; and how much less colours stray. Of pairs, the first goes with the detail, the second with
-its square: that is for faces, which lose an eye to a stroke that is as long as they are wide."""
+"""How much smaller strokes are where detail is fullest, in parts, and how much shorter; the same for the error
+threshold; how many layers more there are; and how much less colours stray. Of pairs, the first goes with the detail,
+the second with its square: that is for faces, which lose an eye to a stroke that is as long as they are wide."""
 SMALLEST_PX = 1.7
 """Width of the finest strokes that are still strokes."""
 

@@ -20,8 +20,8 @@ MOVING = 0.25
 """What is carried by bilinear samples goes at least so far towards the new picture, or it would blur away."""
 LEAST, LIKELY, PLAIN = 6.0, 20.0, 30.0
 """Change of the mean colour about a pixel, gray levels, see `changes`: beyond the first it is followed slowly; from the
-second on something else may be there, which is followed the faster the more; beyond the third it is, and is there at once.
-"""
+second on something else may be there, which is followed the faster the more; beyond the third it is, and is there at
+once."""
 TURNING = 0.3
 """The same for a direction."""
 MARGIN, NOISY = 1.4, 2.5
@@ -34,8 +34,8 @@ STRAYS, CONTESTED = 0.003, 0.9
 """What the flow moves farther than this, in heights, does not rest, however little it changes, unless nearly all
 textures about it rest: plain things go past things at rest. A smaller motion may reach out from what moves beside."""
 SLOWLY = 0.3
-"""How far a pixel goes towards the new picture in a frame where only its texture differs, not the colour about it: folds
-and fur that move are not quite where the flow says, and a painter who followed each would paint what flickers."""
+"""How far a pixel goes towards the new picture in a frame where only its texture differs, not the colour about it:
+folds and fur that move are not quite where the flow says, and a painter who followed each would paint what flickers."""
 
 
 def rest(flow: Flow, before: NDArray[np.uint8], gray: NDArray[np.uint8], tolerance: float) -> Flow:
@@ -89,8 +89,8 @@ def hold(
         now: the frame, float32 (h, w, 3).
         past: the held picture of the frame before.
         back: from this frame to the one before, float32 (h, w, 2), px; exactly 0 where nothing moves.
-        tolerance: mean difference over 5 x 5 px up to which a pixel keeps its past; beyond three times that it follows, slowly.
-            More where the whole picture is noisy: up to `NOISY` times as much.
+        tolerance: mean difference over 5 x 5 px up to which a pixel keeps its past; beyond three times that it follows,
+            slowly. More where the whole picture is noisy: up to `NOISY` times as much.
     """
     carried = np.asarray(fetch(past, back), np.float32)
     red, green, blue = cv2.split(cv2.absdiff(now, carried))

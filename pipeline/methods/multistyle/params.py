@@ -25,7 +25,7 @@ class MultistyleParams(Params):
         """With what the renderer takes of hold, stroke fade and colour follow."""
         if self.renderer == "implicit":
             return self
-        follow, fade = (1 - self.ease * (1 - value) for value in (self.colour_follow, self.stroke_fade))
+        follow, fade = (self.ease * value + (1 - self.ease) for value in (self.colour_follow, self.stroke_fade))
         return self.model_copy(update={"hold": self.ease * self.hold, "colour_follow": follow, "stroke_fade": fade})
 
     # -- style
