@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Frame
 from pipeline.segmentation.jit import kernel
-from pipeline.strokes.bristles import Tile, soft_hair, tile
+from pipeline.strokes.bristles import Tile, fine_tile, soft_hair
 from pipeline.strokes.brush import Direction, Strokes
 from pipeline.strokes.random import Purpose, draws
 from pipeline.strokes.raster import Touch
@@ -34,7 +34,7 @@ _HAIRS, _FINEST, _PULL = np.float32(5.0), np.float32(0.9), np.float32(1.7)
 """Traces from a stroke's middle to its side, at most; and per px, at most: finer ones are noise on a grid of pixels,
 and tremble when they move. How much longer than wide they are drawn."""
 _TIP = np.float32(0.3)
-_DONE = np.float32(0.01)
+_DONE = np.float32(0.03)
 _NO_GUIDE: Frame = np.zeros((1, 1, 3), np.uint8)
 
 
@@ -68,7 +68,7 @@ def drag(
     touch, guided = touch or Touch(), guide is not None
     lines = draw_out(starts, length_px, field)
     offset = (draws(starts.ids, seed, Purpose.BRISTLES)[:, 0] * np.float32(1 << 16)).astype(np.int32)
-    height, hairs = wet.shape[0], tile(seed)
+    height, hairs = wet.shape[0], fine_tile(seed)
     own = np.ascontiguousarray(np.broadcast_to(np.asarray(tolerance, np.float32), len(starts)))
 
     def band(top: int, bottom: int) -> None:

@@ -70,9 +70,11 @@ def changes(now: NDArray[np.float32], before: NDArray[np.float32]) -> Plane:
     Args:
         now, before: float32 (h, w, 3), the latter already carried to where things are now.
     """
-    apart = now - before
-    small, large = (_mean_change(apart, max(5, round(part * now.shape[0])) | 1) for part in (SMALL, LARGE))
-    return np.asarray(cv2.max(small, large * np.float32(WEIGHT)), np.float32)
+    size = (now.shape[1], now.shape[0])
+    half = (max(1, size[0] // 2), max(1, size[1] // 2))
+    apart = np.asarray(cv2.resize(now - before, half, interpolation=cv2.INTER_AREA), np.float32)
+    small, large = (_mean_change(apart, max(3, round(part * half[1])) | 1) for part in (SMALL, LARGE))
+    return _wider(np.asarray(cv2.max(small, large * np.float32(WEIGHT)), np.float32), size)
 
 
 def _mean_change(apart: NDArray[np.float32], side: int) -> Plane:

@@ -36,7 +36,7 @@ class Touch:
     taper: tuple[float, float] = (0.15, 0.6)
     streaks: float = 36.0
     dry: float = 0.6
-    soft: float = 0.25
+    soft: float = 0.18
 
 
 def slopes_of(guide: Frame) -> Plane:
