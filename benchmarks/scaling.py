@@ -18,6 +18,7 @@ import multiprocessing
 import os
 import statistics
 import tempfile
+import time
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,10 +30,10 @@ import psutil
 
 from benchmarks.speedup import METHODS, short, style_of, submit
 
-FILMS = {"abstraction": (250, 480), "patches": (150, 192), "analogy": (60, 112), "multistyle": (96, 256)}
+FILMS = {"abstraction": (250, 480), "patches": (150, 320), "analogy": (60, 112), "multistyle": (144, 480)}
 """(frames, width in px) of a film with cuts: ten to thirty seconds of one processor."""
 TURNS = 3
-READY_S, JOB_S = 60.0, 240.0
+READY_S, LOOK_S = 60.0, 0.5
 
 
 @dataclass(frozen=True)
@@ -128,8 +129,6 @@ def _serve(pipe: Connection, home: Path, workers: int) -> None:
 
 def _until_ready(farm: Any, workers: int) -> list[int]:
     """Process ids of the farm's workers, once they are all there."""
-    import time
-
     deadline = time.monotonic() + READY_S
     while time.monotonic() < deadline:
         slots = [slot for worker in farm.fleet.workers().items for slot in worker.slots]
@@ -153,10 +152,8 @@ def _run(farm: Any, name: str, film: Path, seed: int) -> Run | str:
     if style := style_of(name):
         inputs["style_output"] = farm.add_asset(style, style.name).id
     job_id = submit(farm, name, inputs)
-    job, seq = farm.job(job_id), 0
-    while not job.state.final:
-        farm.wait(job_id, seq, 5.0)
-        job, seq = farm.job(job_id), seq + 1
+    while not (job := farm.job(job_id)).state.final:
+        time.sleep(LOOK_S)
     if job.state != "succeeded":
         return f"The job of {name} {job.state}: {job.error}"
     bars = [bar for bar in farm.fleet.timeline(job_id).items if bar.outcome == "succeeded"]

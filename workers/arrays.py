@@ -8,9 +8,11 @@ looked at where it is. For that it begins at a multiple of `ALIGNED` bytes.
 from __future__ import annotations
 
 import io
+import math
 import struct
 import zipfile
 import zlib
+from functools import lru_cache
 from typing import IO, Any
 
 import numpy as np
@@ -26,6 +28,8 @@ PIECES, PIECE = 16, 4096
 """So many runs of so many elements, spread over an array, tell for all of it whether it repeats."""
 ALIGNED = 64
 """Stored arrays begin at a multiple of so many bytes, as NumPy has its own."""
+_HEADS = 512
+"""Heads that are remembered: arrays of a shape come by the hundred, and a head takes longer than a small array."""
 _PADDING = 0xD935
 """Number of a field in an entry's header that says nothing and makes room, as `zipalign` has it."""
 _LOCAL = struct.Struct("<26xHH")
@@ -44,7 +48,7 @@ def write_arrays(stream: IO[bytes], arrays: Arrays) -> None:
 
 
 def _write(target: zipfile.ZipFile, stream: IO[bytes], name: str, array: NDArray[Any]) -> None:
-    head, entry = _head(array), zip_entry(name)
+    head, entry = _head(array.shape, array.dtype), zip_entry(name)
     entry.file_size = len(head) + array.nbytes
     if _repeats(array):
         entry.compress_type = zipfile.ZIP_DEFLATED
@@ -55,12 +59,14 @@ def _write(target: zipfile.ZipFile, stream: IO[bytes], name: str, array: NDArray
         member.write(array.reshape(-1).view(np.uint8).data)
 
 
-def _head(array: NDArray[Any]) -> bytes:
+@lru_cache(_HEADS)
+def _head(shape: tuple[int, ...], dtype: np.dtype[Any]) -> bytes:
     """What an npy file begins with; its length is a multiple of `ALIGNED`."""
-    if array.dtype.hasobject:
+    if dtype.hasobject:
         raise ValueError("Object arrays cannot be stored.")
     out = io.BytesIO()
-    np.lib.format.write_array_header_1_0(out, np.lib.format.header_data_from_array_1_0(array))
+    fields = {"shape": shape, "fortran_order": False, "descr": np.lib.format.dtype_to_descr(dtype)}
+    np.lib.format.write_array_header_1_0(out, fields)
     return out.getvalue()
 
 
@@ -102,15 +108,19 @@ def _member(source: zipfile.ZipFile, entry: zipfile.ZipInfo, whole: memoryview) 
 
 
 def _array(data: memoryview) -> NDArray[Any]:
-    head = io.BytesIO(bytes(data[: _most_of_a_head(data)]))
-    if np.lib.format.read_magic(head) != (1, 0):
-        raise ValueError("Arrays are stored as version 1.0 of the npy format.")
-    shape, fortran, dtype = np.lib.format.read_array_header_1_0(head)
-    if dtype.hasobject or fortran:
-        raise ValueError("Object arrays are not loaded, and none is stored in Fortran's order.")
-    found = np.frombuffer(data, dtype, count=int(np.prod(shape, dtype=np.int64)), offset=head.tell())
+    head = bytes(data[: 10 + int.from_bytes(data[8:10], "little")])
+    shape, dtype = _announced(head)
+    found = np.frombuffer(data, dtype, count=math.prod(shape), offset=len(head))
     return (found if found.flags.aligned else found.copy()).reshape(shape)
 
 
-def _most_of_a_head(data: memoryview) -> int:
-    return 10 + int.from_bytes(data[8:10], "little")
+@lru_cache(_HEADS)
+def _announced(head: bytes) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    """Shape and type of an array, from what its npy file begins with."""
+    stream = io.BytesIO(head)
+    if np.lib.format.read_magic(stream) != (1, 0):
+        raise ValueError("Arrays are stored as version 1.0 of the npy format.")
+    shape, fortran, dtype = np.lib.format.read_array_header_1_0(stream)
+    if dtype.hasobject or fortran:
+        raise ValueError("Object arrays are not loaded, and none is stored in Fortran's order.")
+    return shape, dtype

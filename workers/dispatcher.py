@@ -36,6 +36,10 @@ _PACES = ((4.0, 1), (30.0, 3), (float("inf"), 6))
 step of long work, and to write it and have it read would cost a fast method percents of its time."""
 _IDLE_TICK_S = 1.0
 """How soon work that another process has accepted is seen."""
+_FULL_TICK_S = 5.0
+"""The same while there is no place for it."""
+_LOOK_TICKS = 3
+"""So many ticks lie at most between two looks for attempts that another process has cancelled."""
 _MAX_BACK_OFF_S = 15.0
 _STORAGE_AWAY_S = 3.0
 """How long a task that met an absent store waits."""
@@ -161,7 +165,7 @@ class Dispatcher:
             self._turned = time.monotonic()
             try:
                 self._turn()
-                if woken or back_off or self._turned - sought >= _IDLE_TICK_S:
+                if woken or back_off or self._turned - sought >= (_IDLE_TICK_S if self._has_place() else _FULL_TICK_S):
                     self._seek()
                     sought = self._turned
                 back_off, self.trouble = 0.0, ""
@@ -250,8 +254,7 @@ class Dispatcher:
     def _tell_progress(self) -> None:
         news = {attempt_id: flight for attempt_id, flight in self._flights.items() if not flight.told}
         now = time.monotonic()
-        ticks = next(ticks for until_s, ticks in _PACES if now - self._rested < until_s)
-        if not news or now - self._told < _BUSY_TICK_S * ticks:
+        if not news or now - self._told < _BUSY_TICK_S * self._pace():
             return
         self._told = now
         self._store.work.progress(
@@ -259,6 +262,11 @@ class Dispatcher:
         )
         for flight in news.values():
             flight.told = True
+
+    def _pace(self) -> int:
+        """Ticks from one look at what runs to the next."""
+        worked_s = time.monotonic() - self._rested
+        return next(ticks for until_s, ticks in _PACES if worked_s < until_s)
 
     # -- leases, revocations, silence
 
@@ -284,7 +292,7 @@ class Dispatcher:
         """Tell the pool of attempts that no longer count (their job was cancelled), and of silent ones."""
         assert self._life is not None
         now = time.monotonic()
-        if not self._flights or now - self._looked < _BUSY_TICK_S:
+        if not self._flights or now - self._looked < _BUSY_TICK_S * min(self._pace(), _LOOK_TICKS):
             return
         mine = self._store.work.mine(self._life.id)
         self._looked = now

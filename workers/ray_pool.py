@@ -15,7 +15,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, cast
 
@@ -25,6 +25,7 @@ from ray.exceptions import RayError
 from pipeline.errors import StorageError
 from workers.actors import RenderActor
 from workers.blobs.base import Blobs
+from workers.blobs.disk import DiskBlobs
 from workers.errors import NoRoom
 from workers.faults import failed_outcome
 from workers.fleet import Slot
@@ -42,10 +43,11 @@ _TICK_S = 0.25
 """How often progress is asked for while something runs."""
 _PATIENCE_S = 3.0
 """How long an actor waits for room before an idle one makes it: as long as one takes to start."""
-_OBJECT_STORE_BYTES = 100 << 20
-"""Orders and outcomes are a few kilobytes; blobs go by their own way."""
+_OBJECT_STORE_BYTES = 256 << 20
+"""Taken as it is used. Orders and outcomes are a few kilobytes, blobs go by their own way."""
 _HANDED_BYTES = 64 << 20
-"""Of artefacts in Ray's shared memory, over all nodes."""
+"""Of artefacts in Ray's shared memory, over all nodes: with those just made far below what Ray begins to spill at. To
+spill them took a seventh of two processors."""
 
 
 @dataclass
@@ -91,6 +93,8 @@ class RayPool:
         self._make_runner = make_runner or partial(
             far_renderer, settings.for_workers, scratch=settings.scratch if here else None
         )
+        self._hands_on = not (here and isinstance(blobs, DiskBlobs))
+        """Whether Ray's memory is quicker than the blob store: a file just written on this machine is as near."""
         self._handed = Handed(_HANDED_BYTES)
         self._workers: list[_Worker] = []
         self._lock = threading.RLock()
@@ -153,6 +157,7 @@ class RayPool:
             worker = self._place_for(room_for(order.needs, self._settings))
             if worker is not None:
                 worker.attempt_id = order.attempt_id
+                order = order if self._hands_on else replace(order, leads=False)
                 given = self._handed.of(order.artefacts.values()) if order.after else {}
                 worker.answer = worker.actor.run.remote(order, given)
         if worker is None:  # an actor died between the claim and now

@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from impasto.cli.console import Interrupted, say
 from impasto.cli.materials import Material
@@ -49,7 +50,7 @@ def follow(farm: Farm, job_id: str, show: Show) -> Job:
     seen = 0
     try:
         while not (job := farm.job(job_id)).state.final:
-            show(dataclasses.asdict(job))
+            show(_shown(job))
             beat = time.monotonic() + _BEAT_S
             farm.wait(job_id, seen, timeout_s=_LOOK_S)
             events, _ = farm.events(job_id, after=seen)
@@ -60,10 +61,15 @@ def follow(farm: Farm, job_id: str, show: Show) -> Job:
         raise Interrupted(
             f"Interrupted at {farm.job(job_id).progress:.0%}.", remedy="Run the same command again to go on from there."
         ) from None
-    show(dataclasses.asdict(job))
+    show(_shown(job))
     if job.state != "succeeded":
         raise _failure(farm, job)
     return job
+
+
+def _shown(job: Job) -> dict[str, Any]:
+    """What is shown of a job. Not `dataclasses.asdict`, which copies all its parameters each time."""
+    return {**vars(job), "steps": [vars(step) for step in job.steps]}
 
 
 def _failure(farm: Farm, job: Job) -> JobFailed:

@@ -11,7 +11,7 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedCo
 from impasto.cli.console import err, say
 
 Show = Callable[[dict[str, Any]], None]
-"""Takes a job as JSON (of the API, or `dataclasses.asdict` of a farm's Job)."""
+"""Takes a job as the API tells it in JSON: at least its `state`, `progress`, `eta_s` and `steps`."""
 
 
 @contextmanager

@@ -30,11 +30,18 @@ Wet: TypeAlias = NDArray[np.float32]
 times its share of the pixel; and the share of the pixel that is still bare, 1 at the start."""
 
 _HALF, _ONE, _ZERO = np.float32(0.5), np.float32(1.0), np.float32(0.0)
+<<<<<<< HEAD
 _HAIRS, _FINEST, _PULL = np.float32(5.0), np.float32(0.9), np.float32(1.7)
 """Traces from a stroke's middle to its side, at most; and per px, at most: finer ones are noise on a grid of pixels,
 and tremble when they move. How much longer than wide they are drawn."""
 _TIP = np.float32(0.3)
 _DONE = np.float32(0.03)
+=======
+_TIP, _PER_TIP = np.float32(0.3), np.float32(1 / 0.3)
+_STRAIGHT = np.float32(0.1)
+"""Pixels by which a stroke's path may be straightened: a long segment costs as much as a short one."""
+_DONE = np.float32(0.01)
+>>>>>>> main
 _NO_GUIDE: Frame = np.zeros((1, 1, 3), np.uint8)
 
 
@@ -110,6 +117,31 @@ def _lay_on(wet: Wet, ground: NDArray[np.float32], out: NDArray[np.float32]) -> 
 
 
 @kernel
+def _thin(points: NDArray[np.float32], n: int, line: NDArray[np.float32]) -> int:
+    """Copy to `line`, float32 (n, 2), the points that are needed: those between lie within `_STRAIGHT` of the chords.
+    How many they are.
+    """
+    line[0, 0], line[0, 1] = points[0, 0], points[0, 1]
+    kept, anchor, end = 1, 0, 2
+    while end <= n:
+        straight = end < n and end - anchor < 8
+        if straight:
+            ax, ay = points[end, 0] - points[anchor, 0], points[end, 1] - points[anchor, 1]
+            length2 = ax * ax + ay * ay
+            for i in range(anchor + 1, end):
+                bx, by = points[i, 0] - points[anchor, 0], points[i, 1] - points[anchor, 1]
+                off = bx * ay - by * ax
+                if off * off > _STRAIGHT * _STRAIGHT * length2 or bx * ax + by * ay < _ZERO:
+                    straight = False
+        if not straight:
+            anchor = end - 1
+            line[kept, 0], line[kept, 1] = points[anchor, 0], points[anchor, 1]
+            kept += 1
+        end += 1
+    return kept
+
+
+@kernel
 def _drag(
     wet: Wet, points: NDArray[np.float32], counts: NDArray[np.int32], radius: NDArray[np.float32],
     colours: NDArray[np.float32], aims: NDArray[np.float32], opacity: NDArray[np.float32],
@@ -119,22 +151,28 @@ def _drag(
 ) -> None:  # fmt: skip
     width = wet.shape[1]
     rows_high = band_bottom - band_top
-    scratch = np.zeros((3, rows_high, width), np.float32)
-    cover, along, across = scratch[0], scratch[1], scratch[2]
+    scratch = np.zeros((rows_high, width, 3), np.float32)  # how far covered, place along and across the stroke
     rows = np.empty((rows_high, 2), np.int32)
+    line = np.empty((points.shape[1], 2), np.float32)
     for k in order:
-        n, r, tolerance = counts[k], radius[k], tolerances[k]
+        r, tolerance = radius[k], tolerances[k]
+        n = _thin(points[k], counts[k], line)
         inner2 = tolerance * tolerance
         outer2 = inner2 * np.float32(1.5625)
-        low_y, high_y = points[k, 0, 1], points[k, 0, 1]
+        low_y, high_y = line[0, 1], line[0, 1]
         total = _ZERO
         for i in range(n - 1):
-            ax, ay = points[k, i + 1, 0] - points[k, i, 0], points[k, i + 1, 1] - points[k, i, 1]
+            ax, ay = line[i + 1, 0] - line[i, 0], line[i + 1, 1] - line[i, 1]
             total += np.sqrt(ax * ax + ay * ay)
+<<<<<<< HEAD
             low_y, high_y = min(low_y, points[k, i + 1, 1]), max(high_y, points[k, i + 1, 1])
         blur = _ONE + soft * r
         sharp, edge = _ONE / blur, r + _HALF * blur
         reach = edge
+=======
+            low_y, high_y = min(low_y, line[i + 1, 1]), max(high_y, line[i + 1, 1])
+        reach = r + _HALF
+>>>>>>> main
         first_row = max(int(np.ceil(low_y - reach)), band_top)
         last_row = min(int(np.floor(high_y + reach)), band_bottom - 1)
         if last_row < first_row:
@@ -142,11 +180,13 @@ def _drag(
         for y in range(first_row - band_top, last_row + 1 - band_top):
             rows[y, 0] = width
             rows[y, 1] = -1
+        part = _ONE / total if total > _ZERO else _ZERO
+        per_r = _ONE / r
         before, past_x, past_y = _ZERO, _ZERO, _ZERO
         for i in range(max(n - 1, 1)):
-            x0, y0 = points[k, i, 0], points[k, i, 1]
+            x0, y0 = line[i, 0], line[i, 1]
             last = min(i + 1, n - 1)
-            ax, ay = points[k, last, 0] - x0, points[k, last, 1] - y0
+            ax, ay = line[last, 0] - x0, line[last, 1] - y0
             length = np.sqrt(ax * ax + ay * ay)
             if length > np.float32(1e-4):
                 ax, ay = ax / length, ay / length
@@ -162,24 +202,33 @@ def _drag(
             x1, y1 = x0 + ax * length, y0 + ay * length
             low = max(int(np.ceil(min(y0, y1) - reach)), band_top)
             high = min(int(np.floor(max(y0, y1) + reach)), band_bottom - 1)
+            left_most, right_most = min(x0, x1) - reach, max(x0, x1) + reach
+            # Where a row crosses the segment's strip, of infinite length; and where it enters and leaves its length.
+            steep, flat = abs(ay) > np.float32(0.05), abs(ax) > np.float32(0.05)
+            slope, half, enter, leave, lean = _ZERO, _ZERO, _ZERO, _ZERO, _ZERO
+            if steep:
+                slope, half = ax / ay, reach / abs(ay)
+            if flat:
+                lean = ay / ax
+                enter, leave = x0 + first_s / ax, x0 + last_s / ax
+                enter, leave = min(enter, leave), max(enter, leave)
+            whole = total <= _ZERO or (before >= _TIP * total and before + length <= (_ONE - _TIP) * total)
             for y in range(low, high + 1):
-                left, right = min(x0, x1) - reach, max(x0, x1) + reach
+                left, right = left_most, right_most
                 fy = np.float32(y) - y0
-                if abs(ay) > np.float32(0.05):
-                    # Where this row crosses the segment's strip, of infinite length.
-                    middle, half = x0 + ax * fy / ay, reach / abs(ay)
+                if steep:
+                    middle = x0 + slope * fy
                     left, right = max(left, middle - half), min(right, middle + half)
-                if abs(ax) > np.float32(0.05):
-                    # And where it enters and leaves the segment's length.
-                    enter, leave = x0 + (first_s - fy * ay) / ax, x0 + (last_s - fy * ay) / ax
-                    left, right = max(left, min(enter, leave)), min(right, max(enter, leave))
+                if flat:
+                    left, right = max(left, enter - lean * fy), min(right, leave - lean * fy)
                 start, final = max(int(np.ceil(left)), 0), min(int(np.floor(right)), width - 1)
                 row = y - band_top
+                s_row, t_row = fy * ay, fy * ax
                 for x in range(start, final + 1):
                     if wet[y, x, 4] <= _DONE:
                         continue
                     fx = np.float32(x) - x0
-                    s, t = fx * ax + fy * ay, fy * ax - fx * ay
+                    s, t = fx * ax + s_row, t_row - fx * ay
                     if s > length:
                         if not ends:
                             continue  # the next segment's round joint covers it
@@ -192,19 +241,27 @@ def _drag(
                         d = abs(t)
                         p = s
                     w = r
-                    if total > _ZERO:
-                        u = (before + p) / total
+                    if not whole:
+                        u = (before + p) * part
                         if u < _TIP:
-                            q = _ONE - u / _TIP
+                            q = _ONE - u * _PER_TIP
                             w = r * (_ONE - taper_start * q * q)
                         elif u > _ONE - _TIP:
-                            q = _ONE - (_ONE - u) / _TIP
+                            q = _ONE - (_ONE - u) * _PER_TIP
                             w = r * (_ONE - taper_end * q * q)
+<<<<<<< HEAD
                     c = min((w - d) * sharp + _HALF, _ONE)
                     if c > cover[row, x]:
                         cover[row, x] = c
                         along[row, x] = before + s
                         across[row, x] = min(max(t / r, -_ONE), _ONE)
+=======
+                    c = min(w + _HALF - d, _ONE)
+                    if c > scratch[row, x, 0]:
+                        scratch[row, x, 0] = c
+                        scratch[row, x, 1] = before + s
+                        scratch[row, x, 2] = min(max(t * per_r, -_ONE), _ONE)
+>>>>>>> main
                         rows[row, 0] = min(rows[row, 0], x)
                         rows[row, 1] = max(rows[row, 1], x)
             before += length
@@ -217,10 +274,10 @@ def _drag(
         for y in range(first_row, last_row + 1):
             row = y - band_top
             for x in range(rows[row, 0], rows[row, 1] + 1):
-                a = cover[row, x]
+                a = scratch[row, x, 0]
                 if a <= _ZERO:
                     continue
-                cover[row, x] = _ZERO
+                scratch[row, x, 0] = _ZERO
                 a *= strength
                 if guided:
                     er = np.float32(guide[y, x, 0]) - aim_r
@@ -231,16 +288,19 @@ def _drag(
                         continue
                     if e2 > inner2:
                         a *= (tolerance * np.float32(1.25) - np.sqrt(e2)) / (tolerance * np.float32(0.25))
-                t = across[row, x]
+                along, t = scratch[row, x, 1], scratch[row, x, 2]
                 shade, ridge = _ZERO, _ONE - t * t * t * t
                 if g > _ZERO:
+<<<<<<< HEAD
                     trace = soft_hair(hairs, along[row, x] * pull, t * spread, oa, ob)
+=======
+                    trace = hair(hairs, along, t, r, oa, ob)
+>>>>>>> main
                     shade = g * streaks * (trace - _HALF)
                     ridge *= _ONE - g * (_ONE - trace)
-                    if total > _ZERO:
-                        late = (along[row, x] / total - _HALF) * np.float32(2.0)
-                        if late > _ZERO:
-                            a *= _ONE - g * dry * late * (_ONE if trace < _HALF * late else _ZERO)
+                    late = (along * part - _HALF) * np.float32(2.0)
+                    if late > _ZERO:
+                        a *= _ONE - g * dry * late * (_ONE if trace < _HALF * late else _ZERO)
                 a *= wet[y, x, 4]
                 wet[y, x, 0] += a * (red + shade)
                 wet[y, x, 1] += a * (green + shade)

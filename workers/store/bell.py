@@ -1,7 +1,8 @@
 """The bell that wakes who waits for a job's events, in this process or after news from another.
 
 What this process writes rings at once. For what others write, one thread looks every quarter of a second at the jobs
-that somebody waits for, in one query, however many wait. (PostgreSQL's NOTIFY would be a little sooner; it makes all
+that somebody waits for, in one query, however many wait; less often, down to once a second, while it finds nothing that
+this process did not know. (PostgreSQL's NOTIFY would be a little sooner; it makes all
 commits queue at one lock, is lost on a fail-over, and does not pass through poolers.)
 """
 
@@ -21,7 +22,7 @@ log = logging.getLogger(__name__)
 GONE = 1 << 62
 """In place of the newest event of a job that was deleted."""
 _REMEMBERED = 4096
-_LOOK_EVERY_S = 0.25
+_LOOK_EVERY_S = (0.25, 1.0)
 _AWAY_S = 2.0
 _LINGER_S = 5.0
 """How long the thread stays when nobody waits."""
@@ -47,6 +48,11 @@ class Bell:
             while len(self._newest) > _REMEMBERED:
                 self._newest.popitem(last=False)
             self._changed.notify_all()
+
+    def newest(self, job_id: str) -> int:
+        """The number of the job's newest event that is known here, 0 if none is."""
+        with self._changed:
+            return self._newest.get(job_id, 0)
 
     def wait(self, job_id: str, after: int, timeout_s: float, newest: Newest) -> bool:
         """Until the job is known to have an event with seq > `after`; False on time-out.
@@ -74,9 +80,10 @@ class Bell:
 
     def _look(self, newest: Newest) -> None:
         """Look while somebody waits, and a little longer."""
-        needed = time.monotonic()
+        needed, (soon_s, late_s) = time.monotonic(), _LOOK_EVERY_S
+        pause_s = soon_s
         while True:
-            time.sleep(_LOOK_EVERY_S)
+            time.sleep(pause_s)
             with self._changed:
                 waited = list(self._waited)
                 needed = time.monotonic() if waited else needed
@@ -84,18 +91,21 @@ class Bell:
                     self._looking = False
                     return
             if waited:
-                self._look_once(waited, newest)
+                pause_s = soon_s if self._look_once(waited, newest) else min(late_s, 1.2 * pause_s)
 
-    def _look_once(self, waited: list[str], newest: Newest) -> None:
+    def _look_once(self, waited: list[str], newest: Newest) -> bool:
+        """Whether there was news."""
         try:
             found = newest(waited)
         except StorageError as error:
             log.warning("events of other processes wait: %s", error)
             time.sleep(_AWAY_S)
-            return
+            return True
         except Exception:
             log.exception("looking for events failed; it goes on")
             time.sleep(_AWAY_S)
-            return
-        for job_id in waited:
-            self.ring(job_id, found.get(job_id, GONE))
+            return True
+        news = {job_id: seq for job_id in waited if (seq := found.get(job_id, GONE)) > self.newest(job_id)}
+        for job_id, seq in news.items():
+            self.ring(job_id, seq)
+        return bool(news)

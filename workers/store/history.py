@@ -71,9 +71,9 @@ class History(Base):
 
     def wait(self, job_id: str, after: int, timeout_s: float) -> bool:
         """Block until the job has an event with seq > `after` (or is deleted: True as well); False on time-out."""
-        with self._db.read() as connection:
-            if _newest_seq(connection, job_id) > after:
-                return True
+        if not self._bell.newest(job_id):
+            with self._db.read() as connection:
+                self._bell.ring(job_id, _newest_seq(connection, job_id))
         return self._bell.wait(job_id, after, timeout_s, self._newest)
 
     def _newest(self, job_ids: Collection[str]) -> dict[str, int]:

@@ -34,7 +34,9 @@ from pipeline.methods.multistyle.sight import Sight, unpack
 from pipeline.segmentation.cuts import is_cut, thumbnail
 
 RUN_FRAMES = 12
-"""Frames a task: about 3 s of work at 720p, which is the most a restart repeats. Two workers even out soon."""
+"""Frames a task: about 4 s of work at 720p, which is what a restart repeats. Two workers even out soon."""
+LONG_SHOT_RUNS = 20
+"""A shot of so many runs is worked at in runs twice as long: half as many frames are painted again to linger."""
 LOOKING = 0.35
 """What it costs to look at a frame, where painting it costs 1."""
 
@@ -70,12 +72,17 @@ def design_of(bench: Bench, frames: int) -> Design | None:
     return parse(bench.json("design"), frames=frames, masks=bench.has(mapping.MASKS))
 
 
+def run_frames(shot: tuple[int, int]) -> int:
+    """Frames a run of this shot."""
+    return RUN_FRAMES if shot[1] - shot[0] < LONG_SHOT_RUNS * RUN_FRAMES else 2 * RUN_FRAMES
+
+
 def runs_of(brief: Brief) -> Iterator[tuple[int, int, tuple[int, int]]]:
     """(start, stop, shot) of every run."""
     scan = brief.notes["scan"]["video"]
     for shot in pairwise([0, *scan["cuts"], scan["frames"]]):
-        for start in range(*shot, RUN_FRAMES):
-            yield start, min(start + RUN_FRAMES, shot[1]), shot
+        for start in range(*shot, run_frames(shot)):
+            yield start, min(start + run_frames(shot), shot[1]), shot
 
 
 def plan_paint(brief: Brief) -> list[Task]:
@@ -86,7 +93,7 @@ def plan_paint(brief: Brief) -> list[Task]:
         args = {"start": start, "stop": stop, "last": stop == shot[1], "frames": total} | mapping.ellipses(
             brief, start, stop, shot
         )
-        after = (_look_key(start - RUN_FRAMES),) if start > shot[0] else ()
+        after = (_look_key(start - run_frames(shot)),) if start > shot[0] else ()
         looks.append(Task(_look_key(start), args, after, weight=LOOKING * (stop - start)))
         args = {"start": start, "stop": stop, "before": after[0] if after else None}
         weight = (1 - LOOKING) * (stop - start)

@@ -90,6 +90,18 @@ def test_runs_of_any_length_give_what_one_session_gives(
     np.testing.assert_array_equal(painted(bench), wanted)
 
 
+def test_a_long_shot_has_longer_runs_and_the_same_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
+    pictures = []
+    for long_runs, starts in ((100, list(range(0, CUT, 2))), (2, list(range(0, CUT, 4)))):
+        monkeypatch.setattr(plan, "RUN_FRAMES", 2)
+        monkeypatch.setattr(plan, "LONG_SHOT_RUNS", long_runs)
+        bench = FakeBench(MultistyleParams(), shots(), seed=3)
+        tasks = run_plan(MULTISTYLE, bench, shuffle=3)["paint"]
+        assert [task.emits[0] for task in tasks if task.emits and task.emits[0] < CUT] == starts
+        pictures.append(painted(bench))
+    np.testing.assert_array_equal(*pictures)
+
+
 def test_designs_and_masks_survive_the_seams_too(monkeypatch: pytest.MonkeyPatch) -> None:
     pictures, files = [], []
     for length, order in ((16, None), (4, 1), (3, 2)):
