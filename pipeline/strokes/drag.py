@@ -30,18 +30,13 @@ Wet: TypeAlias = NDArray[np.float32]
 times its share of the pixel; and the share of the pixel that is still bare, 1 at the start."""
 
 _HALF, _ONE, _ZERO = np.float32(0.5), np.float32(1.0), np.float32(0.0)
-<<<<<<< HEAD
 _HAIRS, _FINEST, _PULL = np.float32(5.0), np.float32(0.9), np.float32(1.7)
 """Traces from a stroke's middle to its side, at most; and per px, at most: finer ones are noise on a grid of pixels,
 and tremble when they move. How much longer than wide they are drawn."""
-_TIP = np.float32(0.3)
-_DONE = np.float32(0.03)
-=======
 _TIP, _PER_TIP = np.float32(0.3), np.float32(1 / 0.3)
 _STRAIGHT = np.float32(0.1)
 """Pixels by which a stroke's path may be straightened: a long segment costs as much as a short one."""
-_DONE = np.float32(0.01)
->>>>>>> main
+_DONE = np.float32(0.03)
 _NO_GUIDE: Frame = np.zeros((1, 1, 3), np.uint8)
 
 
@@ -164,15 +159,9 @@ def _drag(
         for i in range(n - 1):
             ax, ay = line[i + 1, 0] - line[i, 0], line[i + 1, 1] - line[i, 1]
             total += np.sqrt(ax * ax + ay * ay)
-<<<<<<< HEAD
-            low_y, high_y = min(low_y, points[k, i + 1, 1]), max(high_y, points[k, i + 1, 1])
-        blur = _ONE + soft * r
-        sharp, edge = _ONE / blur, r + _HALF * blur
-        reach = edge
-=======
             low_y, high_y = min(low_y, line[i + 1, 1]), max(high_y, line[i + 1, 1])
-        reach = r + _HALF
->>>>>>> main
+        blur = _ONE + soft * r
+        sharp, reach = _ONE / blur, r + _HALF * blur
         first_row = max(int(np.ceil(low_y - reach)), band_top)
         last_row = min(int(np.floor(high_y + reach)), band_bottom - 1)
         if last_row < first_row:
@@ -249,19 +238,11 @@ def _drag(
                         elif u > _ONE - _TIP:
                             q = _ONE - (_ONE - u) * _PER_TIP
                             w = r * (_ONE - taper_end * q * q)
-<<<<<<< HEAD
                     c = min((w - d) * sharp + _HALF, _ONE)
-                    if c > cover[row, x]:
-                        cover[row, x] = c
-                        along[row, x] = before + s
-                        across[row, x] = min(max(t / r, -_ONE), _ONE)
-=======
-                    c = min(w + _HALF - d, _ONE)
                     if c > scratch[row, x, 0]:
                         scratch[row, x, 0] = c
                         scratch[row, x, 1] = before + s
                         scratch[row, x, 2] = min(max(t * per_r, -_ONE), _ONE)
->>>>>>> main
                         rows[row, 0] = min(rows[row, 0], x)
                         rows[row, 1] = max(rows[row, 1], x)
             before += length
@@ -291,11 +272,7 @@ def _drag(
                 along, t = scratch[row, x, 1], scratch[row, x, 2]
                 shade, ridge = _ZERO, _ONE - t * t * t * t
                 if g > _ZERO:
-<<<<<<< HEAD
-                    trace = soft_hair(hairs, along[row, x] * pull, t * spread, oa, ob)
-=======
-                    trace = hair(hairs, along, t, r, oa, ob)
->>>>>>> main
+                    trace = soft_hair(hairs, along * pull, t * spread, oa, ob)
                     shade = g * streaks * (trace - _HALF)
                     ridge *= _ONE - g * (_ONE - trace)
                     late = (along * part - _HALF) * np.float32(2.0)
