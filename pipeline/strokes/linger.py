@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Plane
 
-SAME, OTHER = 42.0, 70.0
+SAME, OTHER = 39.0, 65.0
 """Pictures that have changed by less show the same thing, by more another one: see `changes`."""
 SMALL, LARGE, WEIGHT = 0.02, 0.045, 2.2
 """Sides, in heights, of the squares that mean colours are compared over: about a fine stroke, and a hand. What differs
