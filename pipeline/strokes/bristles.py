@@ -53,3 +53,27 @@ def hair(tile: Tile, s_px: np.float32, t: np.float32, radius_px: np.float32, acr
     column = int(np.float32(8192.0) + s_px * np.float32(1.5)) + along
     value: np.float32 = tile[row & 63, column & 255]
     return value
+
+
+BETWEEN = 4
+"""Rows of `fine_tile` for one of `tile`."""
+
+
+@cache
+def fine_tile(seed: int = 0) -> Tile:
+    """The same hairs, float32 (BETWEEN * ACROSS, ALONG), with rows between the rows. Read-only."""
+    rough = tile(seed)
+    after = np.roll(rough, -1, axis=0)
+    parts = (np.arange(BETWEEN, dtype=np.float32) / np.float32(BETWEEN))[:, None, None]
+    rows = rough + parts * (after - rough)
+    out = np.ascontiguousarray(rows.transpose(1, 0, 2).reshape(BETWEEN * ACROSS, ALONG), np.float32)
+    out.setflags(write=False)
+    return out
+
+
+@kernel
+def soft_hair(fine: Tile, column: np.float32, row: np.float32, across: int, along: int) -> np.float32:
+    """The trace at `row` rows of `tile` from a stroke's middle line and `column` along it: it hardly trembles."""
+    place = int(np.float32(8192.0) + row * np.float32(4.0)) + across * 4
+    value: np.float32 = fine[place & 255, (int(np.float32(8192.0) + column) + along) & 255]
+    return value

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Frame
 from pipeline.segmentation.jit import kernel
-from pipeline.strokes.bristles import Tile, hair, tile
+from pipeline.strokes.bristles import Tile, fine_tile, soft_hair
 from pipeline.strokes.brush import Direction, Strokes
 from pipeline.strokes.random import Purpose, draws
 from pipeline.strokes.raster import Touch
@@ -30,10 +30,13 @@ Wet: TypeAlias = NDArray[np.float32]
 times its share of the pixel; and the share of the pixel that is still bare, 1 at the start."""
 
 _HALF, _ONE, _ZERO = np.float32(0.5), np.float32(1.0), np.float32(0.0)
+_HAIRS, _FINEST, _PULL = np.float32(5.0), np.float32(0.9), np.float32(1.7)
+"""Traces from a stroke's middle to its side, at most; and per px, at most: finer ones are noise on a grid of pixels,
+and tremble when they move. How much longer than wide they are drawn."""
 _TIP, _PER_TIP = np.float32(0.3), np.float32(1 / 0.3)
 _STRAIGHT = np.float32(0.1)
 """Pixels by which a stroke's path may be straightened: a long segment costs as much as a short one."""
-_DONE = np.float32(0.01)
+_DONE = np.float32(0.03)
 _NO_GUIDE: Frame = np.zeros((1, 1, 3), np.uint8)
 
 
@@ -67,7 +70,7 @@ def drag(
     touch, guided = touch or Touch(), guide is not None
     lines = draw_out(starts, length_px, field)
     offset = (draws(starts.ids, seed, Purpose.BRISTLES)[:, 0] * np.float32(1 << 16)).astype(np.int32)
-    height, hairs = wet.shape[0], tile(seed)
+    height, hairs = wet.shape[0], fine_tile(seed)
     own = np.ascontiguousarray(np.broadcast_to(np.asarray(tolerance, np.float32), len(starts)))
 
     def band(top: int, bottom: int) -> None:
@@ -75,7 +78,7 @@ def drag(
             wet, lines.points, lines.counts, lines.radius_px, lines.colours, lines.aims, lines.opacity,
             lines.relief_px, lines.grain, order, offset, hairs, _NO_GUIDE if guide is None else guide, guided,
             own, np.float32(touch.taper[0]), np.float32(touch.taper[1]), np.float32(touch.streaks),
-            np.float32(touch.dry), top, bottom,
+            np.float32(touch.dry), np.float32(touch.soft), top, bottom,
         )  # fmt: skip
 
     edges = [height * i // threads for i in range(threads + 1)]
@@ -139,7 +142,7 @@ def _drag(
     colours: NDArray[np.float32], aims: NDArray[np.float32], opacity: NDArray[np.float32],
     relief: NDArray[np.float32], grain: NDArray[np.float32], order: NDArray[np.intp], offset: NDArray[np.int32],
     hairs: Tile, guide: Frame, guided: bool, tolerances: NDArray[np.float32], taper_start: np.float32,
-    taper_end: np.float32, streaks: np.float32, dry: np.float32, band_top: int, band_bottom: int,
+    taper_end: np.float32, streaks: np.float32, dry: np.float32, soft: np.float32, band_top: int, band_bottom: int,
 ) -> None:  # fmt: skip
     width = wet.shape[1]
     rows_high = band_bottom - band_top
@@ -157,7 +160,8 @@ def _drag(
             ax, ay = line[i + 1, 0] - line[i, 0], line[i + 1, 1] - line[i, 1]
             total += np.sqrt(ax * ax + ay * ay)
             low_y, high_y = min(low_y, line[i + 1, 1]), max(high_y, line[i + 1, 1])
-        reach = r + _HALF
+        blur = _ONE + soft * r
+        sharp, reach = _ONE / blur, r + _HALF * blur
         first_row = max(int(np.ceil(low_y - reach)), band_top)
         last_row = min(int(np.floor(high_y + reach)), band_bottom - 1)
         if last_row < first_row:
@@ -234,7 +238,7 @@ def _drag(
                         elif u > _ONE - _TIP:
                             q = _ONE - (_ONE - u) * _PER_TIP
                             w = r * (_ONE - taper_end * q * q)
-                    c = min(w + _HALF - d, _ONE)
+                    c = min((w - d) * sharp + _HALF, _ONE)
                     if c > scratch[row, x, 0]:
                         scratch[row, x, 0] = c
                         scratch[row, x, 1] = before + s
@@ -246,6 +250,8 @@ def _drag(
         red, green, blue = colours[k, 0], colours[k, 1], colours[k, 2]
         aim_r, aim_g, aim_b = aims[k, 0], aims[k, 1], aims[k, 2]
         g, thick, strength = grain[k], relief[k], opacity[k]
+        spread = min(r * _FINEST, _HAIRS)
+        pull = _PULL * spread / r
         for y in range(first_row, last_row + 1):
             row = y - band_top
             for x in range(rows[row, 0], rows[row, 1] + 1):
@@ -266,7 +272,7 @@ def _drag(
                 along, t = scratch[row, x, 1], scratch[row, x, 2]
                 shade, ridge = _ZERO, _ONE - t * t * t * t
                 if g > _ZERO:
-                    trace = hair(hairs, along, t, r, oa, ob)
+                    trace = soft_hair(hairs, along * pull, t * spread, oa, ob)
                     shade = g * streaks * (trace - _HALF)
                     ridge *= _ONE - g * (_ONE - trace)
                     late = (along * part - _HALF) * np.float32(2.0)

@@ -21,8 +21,11 @@ from numpy.typing import NDArray
 from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Plane
 
-SAME, OTHER = 40.0, 100.0
-"""Pictures that differ by less show the same thing, by more another one: RGB distance."""
+SAME, OTHER = 39.0, 65.0
+"""Pictures that have changed by less show the same thing, by more another one: see `changes`."""
+SMALL, LARGE, WEIGHT = 0.02, 0.045, 2.2
+"""Sides, in heights, of the squares that mean colours are compared over: about a fine stroke, and a hand. What differs
+in the larger one counts more, since textures that are not quite where the motion says do not."""
 
 
 @dataclass(frozen=True)
@@ -61,10 +64,27 @@ def linger(now: Layout, past: Sequence[Layout]) -> Frame:
     return mean
 
 
+def changes(now: NDArray[np.float32], before: NDArray[np.float32]) -> Plane:
+    """How much the mean colour about each pixel has changed, in the channel where it has most: float32 (h, w), levels.
+
+    Args:
+        now, before: float32 (h, w, 3), the latter already carried to where things are now.
+    """
+    size = (now.shape[1], now.shape[0])
+    half = (max(1, size[0] // 2), max(1, size[1] // 2))
+    apart = np.asarray(cv2.resize(now - before, half, interpolation=cv2.INTER_AREA), np.float32)
+    small, large = (_mean_change(apart, max(3, round(part * half[1])) | 1) for part in (SMALL, LARGE))
+    return _wider(np.asarray(cv2.max(small, large * np.float32(WEIGHT)), np.float32), size)
+
+
+def _mean_change(apart: NDArray[np.float32], side: int) -> Plane:
+    red, green, blue = (np.abs(cv2.boxFilter(plane, -1, (side, side))) for plane in cv2.split(apart))
+    return np.asarray(cv2.max(cv2.max(red, green), blue), np.float32)
+
+
 def _alike(picture: Frame, before: Frame, way: Flow) -> Plane:
     """How far the picture shows what the one before shows where the way leads, 0..1, float32 (h, w)."""
-    red, green, blue = cv2.split(picture.astype(np.float32) - fetch(before, way))
-    apart = np.sqrt(red * red + green * green + blue * blue)
+    apart = changes(picture.astype(np.float32), np.asarray(fetch(before, way), np.float32))
     height, width = apart.shape
     x = way[..., 0] + np.arange(width, dtype=np.float32)
     y = way[..., 1] + np.arange(height, dtype=np.float32)[:, None]

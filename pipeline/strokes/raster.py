@@ -29,11 +29,14 @@ class Touch:
         taper: how much narrower a stroke is at its start and its end, 0..1 each; over three tenths of its length.
         streaks: how far the traces of hairs differ in lightness, gray levels, where the grain is 1.
         dry: how much of the paint is missing between hairs towards the end of a stroke, 0..1, where the grain is 1.
+        soft: width over which the edge of an implicit stroke fades, beyond one pixel, in radii: kagaya2011video notes
+            softer edges as what calms it. Explicit strokes have edges of one pixel.
     """
 
     taper: tuple[float, float] = (0.15, 0.6)
     streaks: float = 36.0
     dry: float = 0.6
+    soft: float = 0.18
 
 
 def slopes_of(guide: Frame) -> Plane:

@@ -15,7 +15,7 @@ from pipeline.methods.abstraction.state import State
 
 RIM, RIM_DEPTH = 0.008, 22.0
 """Width of the rim at which paint dries, in heights; and the step, gray levels, that makes a full one."""
-FOLLOW = 0.25
+FOLLOW = 0.15
 """How far a rim goes towards what the picture says in a frame: what has dried does not run."""
 
 

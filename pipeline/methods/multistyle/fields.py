@@ -13,22 +13,26 @@ from pipeline.methods.multistyle.styles import STYLES, Style
 from pipeline.strokes.brush import Brush
 from pipeline.strokes.seeds import Field
 
-FINER = 0.55
-"""How much smaller strokes are where detail is fullest, in parts."""
-SHORTER, CLOSER, MORE, CALMER = 0.3, 0.75, 1.0, 0.45
-"""The same for their length and for the error threshold, in parts; how many layers more there are; and how much less
-colours stray, in parts."""
+FINER, SHORTER, CLOSER, MORE, CALMER = (0.55, 0.07), (0.3, 0.35), (0.75, 0.15), 1.0, 0.45
+"""How much smaller strokes are where detail is fullest, in parts, and how much shorter; the same for the error
+threshold; how many layers more there are; and how much less colours stray. Of pairs, the first goes with the detail,
+the second with its square: that is for faces, which lose an eye to a stroke that is as long as they are wide."""
 SMALLEST_PX = 1.7
 """Width of the finest strokes that are still strokes."""
 
 
 @dataclass(frozen=True)
 class StyleFields:
-    """Brush of the coarsest layer, wished number of layers and error threshold; each a number, or one per pixel."""
+    """Brush of the coarsest layer, wished number of layers and error threshold; each a number, or one per pixel.
+
+    `widest_px` is the style's widest stroke before any detail makes it finer: layers are counted by that, or the finest
+    would go for the whole picture as soon as there is a little detail everywhere.
+    """
 
     brush: Brush
     layers: Field
     threshold: Field
+    widest_px: float
 
 
 def chosen_style(params: MultistyleParams) -> Style:
@@ -69,10 +73,11 @@ def style_fields(values: Mapping[str, Field], detail: Plane | None, height: int)
     size, length, threshold, layers, jitter = (
         values[name] for name in ("size", "length", "threshold", "layers", "jitter")
     )
+    widest_px = float(np.max(size) * px)
     if detail is not None:
-        size = np.asarray(size * (1 - np.float32(FINER) * detail), np.float32)
-        length = np.asarray(length * (1 - np.float32(SHORTER) * detail), np.float32)
-        threshold = np.asarray(threshold * (1 - np.float32(CLOSER) * detail), np.float32)
+        size = np.asarray(size * _less(detail, FINER), np.float32)
+        length = np.asarray(length * _less(detail, SHORTER), np.float32)
+        threshold = np.asarray(threshold * _less(detail, CLOSER), np.float32)
         jitter = np.asarray(jitter * (1 - np.float32(CALMER) * detail), np.float32)
         layers = np.asarray(layers + np.float32(MORE) * detail, np.float32)
     brush = Brush(
@@ -80,4 +85,8 @@ def style_fields(values: Mapping[str, Field], detail: Plane | None, height: int)
         opacity=values["opacity"], hue_deg=values["hue"], saturation=values["saturation"], value=values["value"],
         jitter=jitter, relief_px=np.multiply(values["relief"], px), grain=values["grain"],
     )  # fmt: skip
-    return StyleFields(brush, layers, threshold)
+    return StyleFields(brush, layers, threshold, widest_px)
+
+
+def _less(detail: Plane, parts: tuple[float, float]) -> Plane:
+    return np.asarray(1 - np.float32(parts[0]) * detail - np.float32(parts[1]) * detail * detail, np.float32)

@@ -11,14 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.flow.warp import fetch
-from pipeline.frames import Flow, Mask
+from pipeline.frames import Flow, Mask, Plane
 from pipeline.segmentation.jit import kernel
 from pipeline.segmentation.motion import hold_still
+from pipeline.strokes.linger import changes
 
 MOVING = 0.25
 """What is carried by bilinear samples goes at least so far towards the new picture, or it would blur away."""
-ANOTHER = 6.0
-"""Differences of so many tolerances are another thing that has come into view."""
+LEAST, LIKELY, PLAIN = 6.0, 20.0, 30.0
+"""Change of the mean colour about a pixel, gray levels, see `changes`: beyond the first it is followed slowly; from the
+second on something else may be there, which is followed the faster the more; beyond the third it is, and is there at
+once."""
 TURNING = 0.3
 """The same for a direction."""
 MARGIN, NOISY = 1.4, 2.5
@@ -30,8 +33,9 @@ ABOUT, EVERYWHERE = 0.15, 0.03
 STRAYS, CONTESTED = 0.003, 0.9
 """What the flow moves farther than this, in heights, does not rest, however little it changes, unless nearly all
 textures about it rest: plain things go past things at rest. A smaller motion may reach out from what moves beside."""
-QUICKLY = 0.75
-"""How far a pixel that is plainly different goes towards the new picture in a frame."""
+SLOWLY = 0.3
+"""How far a pixel goes towards the new picture in a frame where only its texture differs, not the colour about it:
+folds and fur that move are not quite where the flow says, and a painter who followed each would paint what flickers."""
 
 
 def rest(flow: Flow, before: NDArray[np.uint8], gray: NDArray[np.uint8], tolerance: float) -> Flow:
@@ -79,12 +83,14 @@ def hold(
 ) -> tuple[NDArray[np.float32], Mask]:  # fmt: skip
     """The held picture of this frame, float32 (h, w, 3); and where it shows something else than before, bool (h, w).
 
+    What differs in texture is followed slowly; what differs in colour, at the scale of a stroke, is there at once.
+
     Args:
         now: the frame, float32 (h, w, 3).
         past: the held picture of the frame before.
         back: from this frame to the one before, float32 (h, w, 2), px; exactly 0 where nothing moves.
-        tolerance: mean difference over 5 x 5 px up to which a pixel keeps its past; beyond three times that it follows.
-            More where the whole picture is noisy: up to `NOISY` times as much.
+        tolerance: mean difference over 5 x 5 px up to which a pixel keeps its past; beyond three times that it follows,
+            slowly. More where the whole picture is noisy: up to `NOISY` times as much.
     """
     carried = np.asarray(fetch(past, back), np.float32)
     red, green, blue = cv2.split(cv2.absdiff(now, carried))
@@ -92,9 +98,12 @@ def hold(
     apart = np.asarray(cv2.boxFilter(most, -1, (5, 5)), np.float32)
     noise = float(np.partition(apart, apart.size // 2, axis=None)[apart.size // 2])
     tolerance = max(min(max(tolerance, MARGIN * noise), NOISY * tolerance), 0.01)
+    changed = changes(now, carried)
+    urge = np.clip((changed - np.float32(LIKELY)) / np.float32(PLAIN - LIKELY), 0, 1)
+    urge = np.maximum(urge, np.float32(SLOWLY) * np.clip((changed - np.float32(LEAST)) / np.float32(LEAST), 0, 1))
     out = np.empty_like(now)
-    _hold(np.ascontiguousarray(now), carried, back, apart, np.float32(tolerance), np.float32(QUICKLY), out)
-    return out, np.asarray(apart > np.float32(ANOTHER * tolerance), np.bool_)
+    _hold(np.ascontiguousarray(now), carried, back, apart, urge, np.float32(tolerance), np.float32(SLOWLY), out)
+    return out, np.asarray(changed > np.float32(PLAIN), np.bool_)
 
 
 def hold_field(
@@ -110,13 +119,13 @@ def hold_field(
     u, v = cv2.split(fresh - carried)
     apart = np.asarray(cv2.boxFilter(np.sqrt(u * u + v * v), -1, (3, 3)), np.float32)
     out = np.empty_like(fresh)
-    _hold(fresh, carried, back, apart, np.float32(tolerance), np.float32(TURNING), out)
+    _hold(fresh, carried, back, apart, np.zeros_like(apart), np.float32(tolerance), np.float32(TURNING), out)
     return np.ascontiguousarray(out.transpose(2, 0, 1))
 
 
 @kernel
 def _hold(
-    now: NDArray[np.float32], past: NDArray[np.float32], back: Flow, apart: NDArray[np.float32], tolerance: np.float32,
+    now: NDArray[np.float32], past: NDArray[np.float32], back: Flow, apart: Plane, urge: Plane, tolerance: np.float32,
     quickly: np.float32, out: NDArray[np.float32],
 ) -> None:  # fmt: skip
     height, width, channels = now.shape
@@ -124,7 +133,7 @@ def _hold(
     for y in range(height):
         for x in range(width):
             over = min(max((apart[y, x] - tolerance) / (tolerance + tolerance), zero), one)
-            share = quickly * over
+            share = max(quickly * over, urge[y, x])
             dx, dy = back[y, x, 0], back[y, x, 1]
             if dx != zero or dy != zero:
                 share = max(share, np.float32(MOVING))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from pipeline.flow import estimate
 from pipeline.flow.reliability import inside
+from pipeline.flow.turn import turn
 from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Mask, Plane, same_size
 from pipeline.methods.abstraction.state import Clock, State, flatten, part
@@ -81,6 +82,7 @@ class Eye:
     def __init__(
         self, params: MultistyleParams, size: tuple[int, int], seed: int, clock: Clock, design: Design | None = None
     ) -> None:  # fmt: skip
+        params = params.eased
         self.params, self.size, self.seed, self.clock = params, size, seed, clock
         self.manner = STYLES[params.style].manner
         self.habits = Habits(gap=GAP, fade=params.stroke_fade, follow=params.colour_follow)
@@ -114,11 +116,10 @@ class Eye:
         frame = same_size(frame, self.size)
         fresh = self._begins_shot(frame)
         gray = np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.uint8)
-        flow = self._flow(gray, fresh)
-        back = None if flow is None else _backwards(flow, self.work)
+        flow, back = self._flow(gray, fresh)
         picture = self._hold(frame, back)
         detail = self._detail(gray, flow, fresh)
-        field = self._directions(picture, flow, placed)
+        field = self._directions(picture, back, placed)
         with self.clock("style"):
             values = uniform(self.style) if placed is None or self.designer is None else self.designer.values(placed)
             fields = style_fields(values, detail, self.size[1])
@@ -136,20 +137,23 @@ class Eye:
             return True
         return is_cut(before, self.thumbnail, self.params.cut_sensitivity)
 
-    def _flow(self, gray: NDArray[np.uint8], fresh: bool) -> Flow | None:
+    def _flow(self, gray: NDArray[np.uint8], fresh: bool) -> tuple[Flow | None, Flow | None]:
+        """From the last frame to this one at the frame's size, for strokes; and back, at the working size."""
         if fresh or self.gray is None:
-            return None
+            return None, None
         with self.clock("flow"):
             before, now = (_shrunk(plane, self.work) for plane in (self.gray, gray))
-            flow = _enlarged(estimate(before, now, self.params.flow), self.size)
-            return rest(flow, self.gray, gray, self.params.stillness)
+            back = rest(estimate(now, before, self.params.flow), now, before, self.params.stillness)
+            flow, _ = turn(back, now, before)
+            return _enlarged(flow, self.size), back
 
     def _hold(self, frame: Frame, back: Flow | None) -> Frame:
         """The held picture, uint8 at the working size."""
         with self.clock("hold"):
             now = _shrunk(frame, self.work).astype(np.float32)
             if back is not None and self.held is not None:
-                now, self.other = hold(now, self.held, back, self.params.hold * self.manner.hold)
+                held, self.other = hold(now, self.held, back, self.params.hold * self.manner.hold)
+                now = held if self.params.hold else now
             self.held = now
             return np.asarray(np.rint(now), np.uint8)
 
@@ -168,22 +172,24 @@ class Eye:
             self.wished = np.asarray(cv2.resize(self.wish, self.size, interpolation=cv2.INTER_LINEAR), np.float32)
             return self.wished
 
-    def _directions(self, picture: Frame, flow: Flow | None, placed: Placed | None) -> Tensors2:
+    def _directions(self, picture: Frame, back: Flow | None, placed: Placed | None) -> Tensors2:
         """The edge field, float32 (2, h', w'), smoothed over space and time, with a direction everywhere."""
         with self.clock("directions"):
             small = _shrunk(np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), np.uint8), self.small)
             sigma = max(self.params.edge_smoothing * self.small[1] / 1000, 0.8)
             now = gradient_tensor(small.astype(np.float32), sigma)
-            if flow is not None and self.tensors is not None:
-                now = remember(now, self.tensors, _backwards(flow, self.small), None, self.params.edge_memory)
+            way = None if back is None else _resized(back, self.small)
+            if way is not None and self.tensors is not None:
+                known = None if self.other is None else _known(self.other, self.small)
+                now = remember(now, self.tensors, way, known, self.params.edge_memory)
             self.tensors = now
             near = edge_field(now)
             wide = np.stack([_blurred(plane, sigma * BROAD) for plane in near])
             default = field_of(math.radians(self.params.default_angle), BY_DEFAULT)[:, None, None]
             field = np.asarray(near + np.float32(BROADLY) * wide + default, np.float32)
             field = _unit(field)
-            if flow is not None and self.field is not None:
-                field = hold_field(field, self.field, _backwards(flow, self.small), DIRECTION_HOLD)
+            if way is not None and self.field is not None:
+                field = hold_field(field, self.field, way, DIRECTION_HOLD)
             self.field = field
             if placed is None or self.designer is None:
                 return field
@@ -212,8 +218,8 @@ class Eye:
     def _count(self, fields: StyleFields) -> int:
         """Layers that any pixel has, as far as their strokes are wide enough to be seen."""
         recipe, most = self.manner.recipe, round(float(np.max(fields.layers)) + 1e-6)
-        widest = float(np.max(fields.brush.size_px))
-        return max(1, min(most, recipe.most, 1 + int(math.log(max(widest / SMALLEST_PX, 1)) / -math.log(recipe.ratio))))
+        fit = int(math.log(max(fields.widest_px / SMALLEST_PX, 1)) / -math.log(recipe.ratio))
+        return max(1, min(most, recipe.most, 1 + fit))
 
     def _layer(
         self, index: int, brush: Brush, reference: Frame, fields: StyleFields, flow: Flow | None, picture: Frame,
@@ -343,9 +349,9 @@ def _stretched(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.ui
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_LINEAR), np.uint8)
 
 
-def _backwards(flow: Flow, size: tuple[int, int]) -> Flow:
-    """The way back, at another size; flow varies slowly, so it is taken where it arrives."""
-    scale = np.float32(-size[1] / flow.shape[0])
+def _resized(flow: Flow, size: tuple[int, int]) -> Flow:
+    """The flow of a smaller picture, in its px."""
+    scale = np.float32(size[1] / flow.shape[0])
     return np.asarray(cv2.resize(flow, size, interpolation=cv2.INTER_AREA) * scale, np.float32)
 
 
@@ -354,6 +360,11 @@ def _enlarged(flow: Flow, size: tuple[int, int]) -> Flow:
         return flow
     scale = np.array([size[0] / flow.shape[1], size[1] / flow.shape[0]], np.float32)
     return np.asarray(cv2.resize(flow, size, interpolation=cv2.INTER_LINEAR) * scale, np.float32)
+
+
+def _known(other: Mask, size: tuple[int, int]) -> Plane:
+    """Where the past still tells something, float32, coarser: 0 where something else has come."""
+    return np.asarray(1 - cv2.resize(other.astype(np.float32), size, interpolation=cv2.INTER_AREA), np.float32)
 
 
 def _coarser(back: Flow) -> NDArray[np.float16]:

@@ -25,10 +25,18 @@ from pipeline.strokes.trace import draw_out
 GRAIN = 0.09
 """How much darker thick paint is in a hollow of paper, of one deviation, where the paper shows fully."""
 
+ROUND, LEAST_ROUND_PX = 0.0018, 0.35
+"""Sigma, in heights, over which thick paint is rounded off; below so many px it is not worth it."""
+
+VEIL = 60.0
+"""Gray levels that the ground's veil stays below: bare canvas in a dark thing is a glimpse, not a glare."""
+
 
 def frames_that_linger(params: MultistyleParams) -> int:
     """How many paintings are averaged with the one after them."""
-    return params.linger if params.temporal == "on" and params.renderer == "implicit" else 0
+    if params.temporal == "off" or params.renderer == "explicit" or not params.linger:
+        return 0
+    return params.linger + STYLES[params.style].manner.linger
 
 
 class Painter:
@@ -87,8 +95,15 @@ class Painter:
     def _layout(self, sight: Sight) -> Layout:
         canvas = self._lay(sight)
         with self.clock("light"):
+            self._smooth(canvas)
             lit = emboss(canvas, self.manner.light)
         return Layout(self._dried(lit, sight), sight.picture, sight.way_back())
+
+    def _smooth(self, canvas: Canvas) -> None:
+        """Round the paint's height off, in place: its slopes, and so the light on it, are alike at every size."""
+        sigma = ROUND * canvas.shape[0]
+        if sigma > LEAST_ROUND_PX:
+            canvas[..., 3] = cv2.GaussianBlur(np.ascontiguousarray(canvas[..., 3]), (0, 0), sigma)
 
     def _lay(self, sight: Sight) -> Canvas:
         with self.clock("ground"):
@@ -140,7 +155,9 @@ class Painter:
         broad = _blurred(sight.picture, sight.layers[0].sigma_px * 2)
         colours = pigment(broad.reshape(-1, 3).astype(np.float32), manner.vivid, manner.contrast).reshape(broad.shape)
         own = np.array(manner.ground, np.float32)
-        return np.asarray(_stretched(colours + np.float32(manner.cover) * (own - colours), self.size), np.float32)
+        veil = np.float32(manner.cover) * (own - colours)
+        veil /= 1 + np.abs(veil) * np.float32(1 / VEIL)
+        return np.asarray(_stretched(colours + veil, self.size), np.float32)
 
 
 def _stretched(image: NDArray[Any], size: tuple[int, int]) -> NDArray[Any]:

@@ -20,6 +20,14 @@ class MultistyleParams(Params):
     Those of the group Style change the chosen style for the whole picture; a design goes before them.
     """
 
+    @property
+    def eased(self) -> MultistyleParams:
+        """With what the renderer takes of hold, stroke fade and colour follow."""
+        if self.renderer == "implicit":
+            return self
+        follow, fade = (self.ease * value + (1 - self.ease) for value in (self.colour_follow, self.stroke_fade))
+        return self.model_copy(update={"hold": self.ease * self.hold, "colour_follow": follow, "stroke_fade": fade})
+
     # -- style
     style: StyleName = choice(
         "van-gogh", "Style", "How the picture is painted where no design says otherwise.", "Style"
@@ -96,13 +104,18 @@ class MultistyleParams(Params):
         "Time",
     )  # fmt: skip
     colour_follow: float = number(
-        0.15, 0.01, 1, "Colour follow", "How far a stroke's colour goes towards the picture's in a frame.", "ratio",
+        0.4, 0.01, 1, "Colour follow", "How far a stroke's colour goes towards the picture's in a frame.", "ratio",
         "Time",
     )  # fmt: skip
     linger: int = number(
         2, 0, 4, "Paint lingers",
         "Each painting is averaged with so many before it, carried along the motion, where they show the same thing; "
         "for the implicit renderer.", "frames", "Time",
+    )  # fmt: skip
+    ease: float = number(
+        0, 0, 1, "Ease of explicit strokes", "How far the explicit renderer takes part in hold, stroke fade and colour "
+        "follow: 0 = its strokes show this frame's colours, and come and go at once, as the paper has it.", "ratio",
+        "Time",
     )  # fmt: skip
     cut_sensitivity: float = number(
         1, 0, 3, "Cut sensitivity", "How readily a hard cut is called, which starts everything afresh; 0 = never.",

@@ -69,6 +69,7 @@ class Manner:
         rim: 0..1, how much darker paint dries at the edge of a wet area.
         hold: factor on the parameter `hold`: broad, wet paint needs not follow every shade.
         paper: 0..1, how far the paper's grain shows in thin paint.
+        linger: frames that paint lingers beyond the parameter `linger`, if that is not 0: wet paint is slow.
     """
 
     recipe: Recipe
@@ -82,6 +83,7 @@ class Manner:
     hold: float = 1.0
     rim: float = 0.0
     paper: float = 0.0
+    linger: int = 0
 
 
 @dataclass(frozen=True)
@@ -129,8 +131,8 @@ STYLES: Mapping[str, Named] = MappingProxyType({
             size=17, length=0, jitter=0.5, saturation=0.1, value=0.02, relief=0.8, grain=0, layers=2, threshold=26,
         ),
         Manner(
-            Recipe(most=4, ratio=0.6, overlap=1.5, edge=90, scatter=0.6), Touch((0, 0), streaks=0, dry=0),
-            Light(strength=0.22, gloss=0.0, weave_px=0.1), cover=0.34, vivid=1.3, mingle=220,
+            Recipe(most=4, ratio=0.6, overlap=1.5, edge=90, scatter=0.6), Touch((0, 0), streaks=0, dry=0, soft=0.4),
+            Light(strength=0.22, gloss=0.0, weave_px=0.1), cover=0.24, vivid=1.3, mingle=220,
         ),
     ),
     "colorist-wash": Named(
@@ -147,12 +149,12 @@ STYLES: Mapping[str, Named] = MappingProxyType({
     "watercolor": Named(
         "Watercolor", "Pale, wet areas with darker rims, on white paper with a grain.",
         Style(
-            size=44, length=60, opacity=0.43, jitter=0.2, value=0.05, relief=0, grain=0, layers=3, threshold=16,
+            size=44, length=60, opacity=0.43, jitter=0.4, value=0.06, relief=0, grain=0, layers=3, threshold=16,
         ),
         Manner(
-            Recipe(most=4, ratio=0.5, overlap=3.9, edge=50, scatter=1.0), Touch((0, 0), streaks=0, dry=0),
+            Recipe(most=4, ratio=0.5, overlap=3.7, edge=60, scatter=1.0), Touch((0, 0), streaks=0, dry=0, soft=0.35),
             Light(strength=0, gloss=0), ground=(250, 248, 242), cover=0.4, vivid=1.3, mingle=300, hold=1.5,
-            rim=0.55, paper=0.8,
+            rim=0.48, paper=0.5, linger=1,
         ),
     ),
 })  # fmt: skip

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import math
+import time
 import zipfile
 from functools import cache
 from itertools import pairwise
@@ -23,7 +24,7 @@ from pipeline.methods.multistyle import MultistyleParams, MultistyleSession, pla
 from pipeline.methods.multistyle.design import parse
 from pipeline.methods.multistyle.designer import Designer, Placed
 from pipeline.methods.multistyle.drying import Drying
-from pipeline.methods.multistyle.held import rest
+from pipeline.methods.multistyle.held import PLAIN, hold, rest
 from pipeline.methods.multistyle.look import Eye
 from pipeline.methods.multistyle.sight import unpack
 from pipeline.methods.multistyle.styles import STYLE_NAMES, STYLES, vector
@@ -210,6 +211,67 @@ def restlessness(**values: Any) -> float:
 def test_noise_is_not_painted() -> None:
     calm, alone = restlessness(), restlessness(temporal="off")
     assert calm < 0.25 * alone and calm < 3 * math.sqrt(2)
+
+
+def test_what_plainly_changes_is_there_at_once_and_texture_that_trembles_is_not() -> None:
+    rng, nowhere = np.random.default_rng(3), np.zeros((80, 120, 2), np.float32)
+    past = np.full((80, 120, 3), 100, np.float32)
+    hand, fur = past.copy(), past + rng.normal(0, 12, past.shape).astype(np.float32)
+    hand[30:50, 40:60] += PLAIN + 5
+    held, other = hold(hand, past, nowhere, 3)
+    np.testing.assert_array_equal(held[32:48, 42:58], hand[32:48, 42:58])
+    assert other[32:48, 42:58].all() and not other[:15].any() and (held[:15] == 100).all()
+    held, other = hold(fur, past, nowhere, 3)
+    assert not other.any() and np.abs(held - past).mean() < 0.4 * np.abs(fur - past).mean()
+
+
+@cache
+def flights() -> list[Frame]:
+    """A red ball, eleven pixels across, flies fast before a wall with a sensor's noise."""
+    rng, out = np.random.default_rng(6), []
+    for k in range(7):
+        frame = np.full((120, 200, 3), 150.0)
+        cv2.circle(frame, (20 + 24 * k, 60), 5, (210, 30, 30), -1)
+        out.append(np.clip(frame + rng.normal(0, 2, frame.shape), 0, 255).astype(np.uint8))
+    return out
+
+
+@pytest.mark.parametrize("style", STYLE_NAMES)
+def test_a_small_fast_ball_is_where_it_is_in_every_frame_and_nowhere_else(style: Any) -> None:
+    session = MultistyleSession(MultistyleParams(style=style), (200, 120))
+    for k, frame in enumerate(flights()):
+        red = redness(session.step(frame))
+        here, before = red[57:64, 17 + 24 * k : 24 + 24 * k].mean(), red[57:64, 24 * k - 7 : 24 * k].mean() if k else 0
+        assert here > 40, (k, here)
+        assert before < 0.35 * here, (k, before, here)
+
+
+def redness(picture: Frame) -> NDArray[Any]:
+    values = picture.astype(float)
+    return values[..., 0] - values[..., 1:].mean(axis=-1)
+
+
+def test_explicit_strokes_take_part_in_easing_as_far_as_they_are_asked() -> None:
+    plain, eased = (MultistyleParams(renderer="explicit", ease=ease).eased for ease in (0, 1))
+    assert (plain.hold, plain.colour_follow, plain.stroke_fade) == (0, 1, 1)
+    given = MultistyleParams()
+    assert given.eased == given
+    assert (eased.hold, eased.colour_follow, eased.stroke_fade) == (given.hold, given.colour_follow, given.stroke_fade)
+    crisp, calm = (restlessness(renderer="explicit", ease=ease) for ease in (0, 1))
+    assert restlessness() < 0.6 * crisp and calm < 0.6 * crisp, (crisp, calm)
+
+
+def test_a_stream_has_a_size_at_which_it_keeps_up() -> None:
+    """CPU seconds, so that other work does not count; a live session chooses the size by itself."""
+    frames = [cv2.resize(frame, (160, 120)) for frame in shots()[:CUT]]
+    session = MULTISTYLE.stream(MultistyleParams(), (160, 120), 0, {})
+    assert session is not None
+    spent = []
+    for frame in frames:
+        start = time.thread_time()
+        session.step(frame)
+        spent.append(time.thread_time() - start)
+    assert sorted(spent[1:])[2] < 1 / 30
 
 
 @cache

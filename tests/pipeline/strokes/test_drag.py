@@ -14,7 +14,7 @@ from pipeline.strokes.seeds import Seeds, place
 from pipeline.strokes.sweep import sweep
 
 SIZE = (91, 111)
-EVEN = Touch((0, 0), streaks=0, dry=0)
+EVEN = Touch((0, 0), streaks=0, dry=0, soft=0)
 
 
 def dots(xy: list[tuple[float, float]], colours: list[tuple[int, int, int]], brush: Brush) -> Strokes:
@@ -100,6 +100,19 @@ def test_strokes_keep_off_other_colours_each_by_its_own_tolerance() -> None:
     wet = bare(SIZE)
     layer(wet, strokes, even(0), 60, [0, 1], guide=guide, tolerance=np.array([30, 90], np.float32))
     assert (wet[20, 60:, 4] == 1).all() and wet[20, 55, 4] < 0.01 and wet[70, 65, 4] < 0.01
+
+
+def test_soft_edges_fade_over_their_width_and_leave_a_stroke_as_wide_as_it_is() -> None:
+    """A stroke of radius 8 along x; how many rows lie between wholly painted and bare."""
+    made = {}
+    for soft in (0.0, 0.5):
+        wet, strokes = bare(SIZE), dots([(55, 45)], [(200, 200, 200)], Brush(size_px=16))
+        touch = Touch((0, 0), streaks=0, dry=0, soft=soft)
+        drag(wet, strokes, even(0), np.array([30], np.float32), np.array([0], np.intp), touch=touch)
+        share = 1 - wet[:, 55, 4]
+        made[soft] = ((share > 0.02) & (share < 0.98)).sum() / 2, share.sum()
+    assert made[0.0][0] <= 1 and 4 <= made[0.5][0] <= 6
+    assert made[0.5][1] == pytest.approx(made[0.0][1], abs=0.3)
 
 
 @pytest.mark.parametrize("threads", [2, 3, 7])

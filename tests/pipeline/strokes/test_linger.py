@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Frame
-from pipeline.strokes.linger import OTHER, SAME, Layout, linger
+from pipeline.strokes.linger import OTHER, SAME, WEIGHT, Layout, linger
 
 SHAPE = (40, 60)
 
@@ -56,7 +56,7 @@ def test_paint_is_carried_step_by_step_to_where_things_are_now() -> None:
     np.testing.assert_array_equal(found[inner], seen(4, 2)[inner])
 
 
-@pytest.mark.parametrize(("apart", "share"), [(0, 0.5), (SAME, 0.5), (OTHER, 0.0)])
+@pytest.mark.parametrize(("apart", "share"), [(0, 0.5), (SAME / WEIGHT, 0.5), (OTHER / WEIGHT + 1, 0.0)])
 def test_what_is_another_thing_stays_as_it_is_now(apart: float, share: float) -> None:
     other = flat(100)
     other[..., 0] = 100 + round(apart)
