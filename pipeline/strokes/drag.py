@@ -146,7 +146,8 @@ def _drag(
 ) -> None:  # fmt: skip
     width = wet.shape[1]
     rows_high = band_bottom - band_top
-    scratch = np.zeros((rows_high, width, 3), np.float32)  # how far covered, place along and across the stroke
+    # How far the stroke covers a pixel of its box, and where that is along and across it: a small part of this.
+    scratch = np.zeros((rows_high * width, 3), np.float32)
     rows = np.empty((rows_high, 2), np.int32)
     line = np.empty((points.shape[1], 2), np.float32)
     for k in order:
@@ -154,19 +155,23 @@ def _drag(
         n = _thin(points[k], counts[k], line)
         inner2 = tolerance * tolerance
         outer2 = inner2 * np.float32(1.5625)
-        low_y, high_y = line[0, 1], line[0, 1]
+        low_x, high_x, low_y, high_y = line[0, 0], line[0, 0], line[0, 1], line[0, 1]
         total = _ZERO
         for i in range(n - 1):
             ax, ay = line[i + 1, 0] - line[i, 0], line[i + 1, 1] - line[i, 1]
             total += np.sqrt(ax * ax + ay * ay)
+            low_x, high_x = min(low_x, line[i + 1, 0]), max(high_x, line[i + 1, 0])
             low_y, high_y = min(low_y, line[i + 1, 1]), max(high_y, line[i + 1, 1])
         blur = _ONE + soft * r
         sharp, reach = _ONE / blur, r + _HALF * blur
         first_row = max(int(np.ceil(low_y - reach)), band_top)
         last_row = min(int(np.floor(high_y + reach)), band_bottom - 1)
-        if last_row < first_row:
+        first_column = max(int(np.ceil(low_x - reach)), 0)
+        last_column = min(int(np.floor(high_x + reach)), width - 1)
+        columns = last_column - first_column + 1
+        if last_row < first_row or columns <= 0:
             continue
-        for y in range(first_row - band_top, last_row + 1 - band_top):
+        for y in range(last_row + 1 - first_row):
             rows[y, 0] = width
             rows[y, 1] = -1
         part = _ONE / total if total > _ZERO else _ZERO
@@ -210,8 +215,9 @@ def _drag(
                     left, right = max(left, middle - half), min(right, middle + half)
                 if flat:
                     left, right = max(left, enter - lean * fy), min(right, leave - lean * fy)
-                start, final = max(int(np.ceil(left)), 0), min(int(np.floor(right)), width - 1)
-                row = y - band_top
+                start, final = max(int(np.ceil(left)), first_column), min(int(np.floor(right)), last_column)
+                row = y - first_row
+                box = row * columns - first_column
                 s_row, t_row = fy * ay, fy * ax
                 for x in range(start, final + 1):
                     if wet[y, x, 4] <= _DONE:
@@ -239,10 +245,10 @@ def _drag(
                             q = _ONE - (_ONE - u) * _PER_TIP
                             w = r * (_ONE - taper_end * q * q)
                     c = min((w - d) * sharp + _HALF, _ONE)
-                    if c > scratch[row, x, 0]:
-                        scratch[row, x, 0] = c
-                        scratch[row, x, 1] = before + s
-                        scratch[row, x, 2] = min(max(t * per_r, -_ONE), _ONE)
+                    if c > scratch[box + x, 0]:
+                        scratch[box + x, 0] = c
+                        scratch[box + x, 1] = before + s
+                        scratch[box + x, 2] = min(max(t * per_r, -_ONE), _ONE)
                         rows[row, 0] = min(rows[row, 0], x)
                         rows[row, 1] = max(rows[row, 1], x)
             before += length
@@ -253,12 +259,13 @@ def _drag(
         spread = min(r * _FINEST, _HAIRS)
         pull = _PULL * spread / r
         for y in range(first_row, last_row + 1):
-            row = y - band_top
+            row = y - first_row
+            box = row * columns - first_column
             for x in range(rows[row, 0], rows[row, 1] + 1):
-                a = scratch[row, x, 0]
+                a = scratch[box + x, 0]
                 if a <= _ZERO:
                     continue
-                scratch[row, x, 0] = _ZERO
+                scratch[box + x, 0] = _ZERO
                 a *= strength
                 if guided:
                     er = np.float32(guide[y, x, 0]) - aim_r
@@ -269,7 +276,7 @@ def _drag(
                         continue
                     if e2 > inner2:
                         a *= (tolerance * np.float32(1.25) - np.sqrt(e2)) / (tolerance * np.float32(0.25))
-                along, t = scratch[row, x, 1], scratch[row, x, 2]
+                along, t = scratch[box + x, 1], scratch[box + x, 2]
                 shade, ridge = _ZERO, _ONE - t * t * t * t
                 if g > _ZERO:
                     trace = soft_hair(hairs, along * pull, t * spread, oa, ob)
