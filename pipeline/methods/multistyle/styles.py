@@ -154,7 +154,7 @@ STYLES: Mapping[str, Named] = MappingProxyType({
         Manner(
             Recipe(most=4, ratio=0.5, overlap=3.7, edge=60, scatter=1.0), Touch((0, 0), streaks=0, dry=0, soft=0.35),
             Light(strength=0, gloss=0), ground=(250, 248, 242), cover=0.4, vivid=1.3, mingle=300, hold=1.5,
-            rim=0.48, paper=0.5, linger=1,
+            rim=0.4, paper=0.5, linger=2,
         ),
     ),
 })  # fmt: skip
