@@ -195,7 +195,8 @@ def long_clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def stop_while_painting(command: list[str], how: signal.Signals) -> tuple[int, str]:
     """Start a render, send `how` as soon as its first step is done; exit status and stderr."""
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, preexec_fn=_heed_interrupts) as process:
         assert process.stderr is not None
         for line in process.stderr:
             if "succeeded" in line:
@@ -203,6 +204,11 @@ def stop_while_painting(command: list[str], how: signal.Signals) -> tuple[int, s
         process.send_signal(how)
         rest = process.stderr.read()
         return process.wait(timeout=60), rest
+
+
+def _heed_interrupts() -> None:
+    """Tests that run in the background of a shell are told to ignore them, and so would be their children."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
