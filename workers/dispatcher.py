@@ -89,7 +89,7 @@ class Dispatcher:
         self._settings = settings
         self._has_room = has_room
         self._tidy = tidy
-        self._orders = Orders(store)
+        self._orders = Orders(store, pool.hands_on)
         self._flights: dict[str, _Flight] = {}
         self._reports: deque[Report] = deque()
         self._wake = threading.Event()

@@ -32,6 +32,8 @@ class Runner(Protocol):
 class LocalPool:
     """`workers` threads, each with a runner of its own, made in the thread at its first order."""
 
+    hands_on = False
+
     def __init__(self, make_runner: Callable[[], Runner], workers: int) -> None:
         self.capacity = workers
         self._make_runner = make_runner

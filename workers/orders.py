@@ -31,10 +31,15 @@ class _Before:
 
 
 class Orders:
-    """Builds orders. Used by one thread."""
+    """Builds orders. Used by one thread.
 
-    def __init__(self, store: Store) -> None:
+    Args:
+        hands_on: whether their pool has a way from task to task that is quicker than blobs.
+    """
+
+    def __init__(self, store: Store, hands_on: bool) -> None:
         self._store = store
+        self._hands_on = hands_on
         self._known: OrderedDict[tuple[str, int], _Before] = OrderedDict()
 
     def order(self, claim: Claim) -> TaskOrder:
@@ -63,7 +68,7 @@ class Orders:
             segments=before.segments,
             stages=before.stages,
             needs=None if task["needs"] is None else Needs(**task["needs"]),
-            leads=self._store.context.leads(task["id"]),
+            leads=self._hands_on and self._store.context.leads(task["id"]),
         )
 
     def _before(self, job_id: str, step: int, inputs: dict[str, str], name: str) -> _Before:

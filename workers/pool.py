@@ -54,6 +54,11 @@ class Pool(Protocol):
         """Attempts that may begin now."""
         ...
 
+    @property
+    def hands_on(self) -> bool:
+        """Whether tasks of a step have a quicker way to each other than the blob store: see `shelf`."""
+        ...
+
     def hold(self, nodes: Collection[str]) -> None:
         """Let nothing begin on these nodes until the next call; what runs there goes on."""
         ...

@@ -11,11 +11,10 @@ room: an autoscaler may make one. If none of now could ever hold it, the task sa
 from __future__ import annotations
 
 import logging
-import signal
 import threading
 import time
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, cast
 
@@ -32,6 +31,7 @@ from workers.fleet import Slot
 from workers.local_pool import Listen, Runner
 from workers.model import TaskOrder, TaskOutcome
 from workers.pool import Report
+from workers.ray_cluster import connect
 from workers.render import far_renderer
 from workers.room import Machines, Room, able, lacking, room_for, usual
 from workers.settings import FarmSettings
@@ -43,8 +43,6 @@ _TICK_S = 0.25
 """How often progress is asked for while something runs."""
 _PATIENCE_S = 3.0
 """How long an actor waits for room before an idle one makes it: as long as one takes to start."""
-_OBJECT_STORE_BYTES = 256 << 20
-"""Taken as it is used. Orders and outcomes are a few kilobytes, blobs go by their own way."""
 _HANDED_BYTES = 64 << 20
 """Of artefacts in Ray's shared memory, over all nodes: with those just made far below what Ray begins to spill at. To
 spill them took a seventh of two processors."""
@@ -93,8 +91,7 @@ class RayPool:
         self._make_runner = make_runner or partial(
             far_renderer, settings.for_workers, scratch=settings.scratch if here else None
         )
-        self._hands_on = not (here and isinstance(blobs, DiskBlobs))
-        """Whether Ray's memory is quicker than the blob store: a file just written on this machine is as near."""
+        self.hands_on = not (here and isinstance(blobs, DiskBlobs))  # a file just written on this machine is as near
         self._handed = Handed(_HANDED_BYTES)
         self._workers: list[_Worker] = []
         self._lock = threading.RLock()
@@ -147,7 +144,7 @@ class RayPool:
         if threading.current_thread() is not threading.main_thread():
             raise StorageError("A Ray farm starts on the main thread.", remedy="Call start() there.")
         self._listen = listen
-        _connect(self._settings)
+        connect(self._settings)
         with self._lock:
             self._workers = [self._new_worker(self._usual) for _ in range(self._settings.workers)]
         self._pump.start()
@@ -157,7 +154,6 @@ class RayPool:
             worker = self._place_for(room_for(order.needs, self._settings))
             if worker is not None:
                 worker.attempt_id = order.attempt_id
-                order = order if self._hands_on else replace(order, leads=False)
                 given = self._handed.of(order.artefacts.values()) if order.after else {}
                 worker.answer = worker.actor.run.remote(order, given)
         if worker is None:  # an actor died between the claim and now
@@ -378,32 +374,3 @@ def _machines() -> list[tuple[str, Room]]:
 
 def _has(resources: Mapping[str, float]) -> Room:
     return Room(resources.get("CPU", 0.0), resources.get("GPU", 0.0), int(resources.get("memory", 0)))
-
-
-_LOCAL = {
-    "object_store_memory": _OBJECT_STORE_BYTES,
-    # Ray's workers are nicer than all else by default. Here those that render are (see `actors`), and a live session
-    # has a deadline.
-    "_system_config": {"worker_niceness": 0},
-}
-
-
-def _connect(settings: FarmSettings) -> None:
-    """`ray.init`, without losing the process's own SIGTERM handler to it."""
-    local = settings.ray_address == "local"
-    own: dict[str, Any] = _LOCAL | {"num_cpus": settings.workers} if local else {}
-    handler = signal.getsignal(signal.SIGTERM)
-    try:
-        ray.init(
-            address=settings.ray_address,
-            include_dashboard=False if local else None,
-            log_to_driver=False,
-            logging_level=logging.WARNING,
-            configure_logging=False,
-            **own,
-        )
-    except (RayError, ConnectionError, RuntimeError, ValueError) as error:
-        raise StorageError(f"The Ray cluster cannot be used: {error}.", remedy="Check its address.") from error
-    finally:
-        if handler is not None:
-            signal.signal(signal.SIGTERM, handler)

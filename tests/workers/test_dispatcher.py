@@ -32,6 +32,8 @@ class ByHand:
         self.abandoned: list[str] = []
         self.listen: Listen = lambda report: None
 
+    hands_on = False
+
     @property
     def free(self) -> int:
         return self.capacity

@@ -54,11 +54,11 @@ def pids(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def seats(tmp_path_factory: pytest.TempPathFactory, pids: Path) -> Iterator[Any]:
     import ray
 
-    from workers.ray_pool import _connect
+    from workers.ray_cluster import connect
     from workers.ray_seats import RaySeats
 
     home = tmp_path_factory.mktemp("ray")
-    _connect(FarmSettings(home=home, pool="ray", workers=1))
+    connect(FarmSettings(home=home, pool="ray", workers=1))
     made = RaySeats(DiskBlobs(home), 1, partial(Quick, DiskBlobs(home), pids))
     made.start()
     until(lambda: len(list(pids.glob("[0-9]*"))) == 1, 30)

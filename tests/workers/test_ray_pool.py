@@ -63,7 +63,7 @@ def test_a_chain_hands_its_state_on_without_the_blob_store(
     results = []
     for far, most_bytes in ((True, 1 << 20), (True, 0), (False, 1 << 20)):
         fetched.unlink(missing_ok=True)
-        monkeypatch.setattr(pool, "_hands_on", far)
+        monkeypatch.setattr(ray_farm._dispatcher._orders, "_hands_on", far)
         monkeypatch.setattr(pool, "_handed", Handed(most_bytes))
         job = finished(ray_farm, ray_farm.submit(request_on(ray_farm, data, params={"tasks": 6, "chain": True})).id, 60)
         assert job.state == "succeeded", job.error

@@ -1,0 +1,43 @@
+"""The way into a Ray cluster: one of our own on this machine, or one that is there."""
+
+from __future__ import annotations
+
+import logging
+import signal
+from typing import Any
+
+import ray
+from ray.exceptions import RayError
+
+from pipeline.errors import StorageError
+from workers.settings import FarmSettings
+
+_OBJECT_STORE_BYTES = 256 << 20
+"""Taken as it is used. Orders and outcomes are a few kilobytes, blobs go by their own way."""
+_LOCAL = {
+    "object_store_memory": _OBJECT_STORE_BYTES,
+    # Ray's workers are nicer than all else by default. Here those that render are (see `actors`), and a live session
+    # has a deadline.
+    "_system_config": {"worker_niceness": 0},
+}
+
+
+def connect(settings: FarmSettings) -> None:
+    """`ray.init`, without losing the process's own SIGTERM handler to it."""
+    local = settings.ray_address == "local"
+    own: dict[str, Any] = _LOCAL | {"num_cpus": settings.workers} if local else {}
+    handler = signal.getsignal(signal.SIGTERM)
+    try:
+        ray.init(
+            address=settings.ray_address,
+            include_dashboard=False if local else None,
+            log_to_driver=False,
+            logging_level=logging.WARNING,
+            configure_logging=False,
+            **own,
+        )
+    except (RayError, ConnectionError, RuntimeError, ValueError) as error:
+        raise StorageError(f"The Ray cluster cannot be used: {error}.", remedy="Check its address.") from error
+    finally:
+        if handler is not None:
+            signal.signal(signal.SIGTERM, handler)
