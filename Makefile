@@ -1,32 +1,41 @@
 # Two commands set everything up on a machine with python3 and make: `make demo` and `make test`.
 PYTHON ?= python3
+TEST_JOBS ?= 2
+MINUTES ?= 5
+SEED ?= 0
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: install demo test check audit bench chaos gallery clean help
+.PHONY: install web demo test check audit bench chaos fuzz gallery clean help
 
 help: ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
 
-install: $(STAMP) ## make .venv with everything in it
+install: $(STAMP) web ## make .venv with everything in it, and build the pages
 
 $(STAMP): pyproject.toml constraints.txt
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[cpu,window,dev]'
 	@touch $@
 
+web: $(STAMP) ## build the pages (service/web) if a source has changed
+	$(BIN)/python -m service.bundle
+
 demo: install ## start the embedded service, render a sample through the real API
 	$(BIN)/python examples/demo.py
 
-test: install ## every test; those whose real part is missing are skipped and said so
-	$(BIN)/python -m pytest
+test: install ## every test, in TEST_JOBS processes; those whose real part is missing are skipped, with the reason
+	$(BIN)/python -m service.bundle npm test
+	$(BIN)/python -m pytest -m "not serial" -n $(TEST_JOBS) --dist loadgroup --no-loadscope-reorder
+	$(BIN)/python -m pytest -m serial
 
-check: install ## ruff, types, import contracts
+check: install ## ruff, types, import contracts; types and lint of the pages
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python -m service.bundle npm run check
 
 audit: install ## whether a dependency is known to be vulnerable (needs the network)
 	$(BIN)/python .ci/audit.py
@@ -37,6 +46,9 @@ bench: install ## speed, as ratios measured in one run
 chaos: install ## faults of every part of a farm on real PostgreSQL and S3, ten seeded runs; then three on a Ray cluster
 	$(BIN)/python -m tests.chaos
 	$(BIN)/python -m tests.chaos --cluster --seeds 3
+
+fuzz: install ## malformed media and HTTP requests for some minutes: make fuzz MINUTES=10 SEED=1
+	$(BIN)/python -m tests.fuzz --minutes $(MINUTES) --seed $(SEED)
 
 gallery: install ## docs/gallery from real renders of the media folder: make gallery MEDIA=...
 	$(BIN)/python -m docs.make_gallery $(MEDIA)

@@ -13,6 +13,7 @@ from benchmarks import (
     kill9,
     live,
     memory,
+    methods,
     multistyle,
     overhead,
     patches,
@@ -21,6 +22,7 @@ from benchmarks import (
 )
 
 ALL = {
+    "methods": methods.main,
     "abstraction": abstraction.main,
     "analogy": analogy.main,
     "multistyle": multistyle.main,

@@ -19,11 +19,11 @@ import cv2
 from benchmarks.clips import clip
 from pipeline.frames import Frame
 from pipeline.methods.abstraction import AbstractionParams, AbstractionSession
-from pipeline.methods.abstraction.session import Relay
-from workers.render import prepare_process
+from pipeline.methods.abstraction.session import PipelinedRunner
+from workers.execution.renderer import prepare_process
 
 BLOCK = 120
-"""A relay's threads have a frame's start and end to themselves: in a short block that counts, in a clip it does not."""
+"""Frames a block. The first and the last frame of a block overlap no others, which counts in a short block only."""
 THEIRS = 3
 SIZES = ((352, 288), (640, 480), (1280, 720))
 
@@ -43,9 +43,9 @@ class Stopwatch:
 
 def ours(session: AbstractionSession, frames: list[Frame]) -> float:
     """Wall seconds a frame."""
-    with Relay(session) as relay:
+    with PipelinedRunner(session) as runner:
         start = time.perf_counter()
-        for _ in relay.run(frames):
+        for _ in runner.run(frames):
             pass
         return (time.perf_counter() - start) / len(frames)
 

@@ -15,7 +15,7 @@ from benchmarks.analogy_bench import Memory, render
 from benchmarks.clips import clip
 from pipeline.frames import Frame
 from pipeline.methods.analogy import AnalogyParams
-from pipeline.methods.analogy.exemplar import painted
+from pipeline.methods.analogy.exemplar import paint_in_strokes
 from pipeline.scenes import scene
 
 SIZES = ((640, 480), (1280, 720), (1920, 1080))
@@ -24,18 +24,18 @@ FRAMES = 3
 
 def painting(side_px: int = 800) -> Frame:
     """A style with texture at every scale, px on its long side."""
-    own = painted(scene("portrait", (480, 320), frames=1).image(0))
+    own = paint_in_strokes(scene("portrait", (480, 320), frames=1).image(0))
     scale = side_px / max(own.shape[:2])
     return np.asarray(cv2.resize(own, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC), np.uint8)
 
 
 def measure(size: tuple[int, int], **params: Any) -> dict[str, Any]:
     """One row: seconds a frame, wall and CPU, and the wall seconds of each stage."""
-    bench = Memory(AnalogyParams(**params), {"video": clip(size, FRAMES), "style_output": [painting()]})
+    context = Memory(AnalogyParams(**params), {"video": clip(size, FRAMES), "style_output": [painting()]})
     wall, cpu = time.perf_counter(), time.process_time()
-    render(bench)
+    render(context)
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-    stages = {name: seconds / FRAMES for name, seconds in bench.stages.items()}
+    stages = {name: seconds / FRAMES for name, seconds in context.stages.items()}
     return {"size": size, "wall": wall / FRAMES, "cpu": cpu / FRAMES, "stages": stages}
 
 

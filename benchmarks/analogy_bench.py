@@ -1,4 +1,4 @@
-"""A bench in memory for the analogy method, and its whole plan on one worker."""
+"""A context in memory for the analogy method, and its whole plan on one worker."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Frame
 from pipeline.methods.analogy import Analogy, AnalogyParams
-from pipeline.methods.base import Arrays, Brief, Note, VideoInfo
+from pipeline.methods.base import Arrays, PlanContext, TaskResult, VideoInfo
 
 
 class Memory:
-    """A bench in memory that times its stages, wall seconds."""
+    """A context in memory that times its stages, wall seconds."""
 
     def __init__(
         self, params: AnalogyParams, inputs: Mapping[str, list[Frame]], files: Mapping[str, bytes] | None = None,
@@ -76,22 +76,22 @@ class Memory:
         self.stages[stage] += time.perf_counter() - start
 
 
-def render(bench: Memory) -> list[Frame]:
+def render(context: Memory) -> list[Frame]:
     """The whole plan, on one worker."""
-    notes: dict[str, dict[str, Note]] = {}
+    results: dict[str, dict[str, TaskResult]] = {}
     for step in Analogy.steps:
-        bench.step, notes[step.name] = step.name, {}
-        for task in step.plan(Brief(bench.params, 0, bench.video, frozenset(bench.inputs), notes)):
-            notes[step.name][task.key] = step.run(task, bench)
-    return [bench.painted[index] for index in sorted(bench.painted)]
+        context.step, results[step.name] = step.name, {}
+        for task in step.plan(PlanContext(context.params, 0, context.video, frozenset(context.inputs), results)):
+            results[step.name][task.key] = step.run(task, context)
+    return [context.painted[index] for index in sorted(context.painted)]
 
 
-def some(bench: Memory, which: Sequence[int]) -> None:
+def some(context: Memory, which: Sequence[int]) -> None:
     """The scan, and only these tasks of the step `synthesise`: a worker's part."""
     scan, synthesise = Analogy.steps[:2]
-    notes: dict[str, dict[str, Note]] = {}
+    results: dict[str, dict[str, TaskResult]] = {}
     for step in (scan, synthesise):
-        bench.step, notes[step.name] = step.name, {}
-        tasks = step.plan(Brief(bench.params, 0, bench.video, frozenset(bench.inputs), notes))
+        context.step, results[step.name] = step.name, {}
+        tasks = step.plan(PlanContext(context.params, 0, context.video, frozenset(context.inputs), results))
         for task in tasks if step is scan else [tasks[index] for index in which]:
-            notes[step.name][task.key] = step.run(task, bench)
+            results[step.name][task.key] = step.run(task, context)

@@ -25,7 +25,7 @@ from benchmarks.analogy_bench import Memory, render, some
 from benchmarks.clips import MEDIA
 from pipeline.frames import Frame
 from pipeline.methods.analogy import AnalogyParams
-from pipeline.methods.analogy.exemplar import painted as in_strokes
+from pipeline.methods.analogy.exemplar import paint_in_strokes
 from pipeline.scenes import scene
 from pipeline.scenes.shot import shot_files
 from pipeline.video.reader import VideoReader
@@ -39,7 +39,7 @@ def painting(name: str) -> Frame:
     """A painting of the media folder, or our own."""
     path = MEDIA.parent / "style" / "paintings" / f"{name}.jpg"
     if not path.is_file():
-        return in_strokes(scene("portrait", (480, 320), frames=1).image(0))
+        return paint_in_strokes(scene("portrait", (480, 320), frames=1).image(0))
     with VideoReader(path) as reader:
         return next(reader.read(0, 1))
 
@@ -63,8 +63,8 @@ def shot(name: str, size: tuple[int, int] = SIZE, count: int = COUNT) -> tuple[l
 def painted(
     frames: Sequence[Frame], style: Frame, files: Mapping[str, bytes] | None = None, **params: Any
 ) -> list[Frame]:
-    bench = Memory(AnalogyParams(**params), {"video": list(frames), "style_output": [style]}, files)
-    return render(bench)
+    context = Memory(AnalogyParams(**params), {"video": list(frames), "style_output": [style]}, files)
+    return render(context)
 
 
 # -- measured from outside
@@ -165,8 +165,8 @@ def variety() -> None:
 def keys() -> None:
     """Two painted keys across a shading change: mean difference of neighbouring frames at the keys and elsewhere."""
     source, images = shaded_keys()
-    bench = Memory(AnalogyParams(), {"video": source}, numbered={"keyframes": images})
-    out = np.stack(render(bench)).astype(int)
+    context = Memory(AnalogyParams(), {"video": source}, numbered={"keyframes": images})
+    out = np.stack(render(context)).astype(int)
     steps = np.abs(np.diff(out, axis=0)).mean((1, 2, 3))
     at = [k for k in range(len(steps)) if k in images or k + 1 in images]
     others = [k for k in range(len(steps)) if k not in at]
@@ -206,10 +206,10 @@ def _interval(which: Sequence[int]) -> tuple[float, dict[int, Frame]]:
     """Some of the tasks between three keys, and the CPU seconds that they took."""
     source, images = shaded_keys()
     given = {0: images[0], 5: _own_key(source[5]), 10: images[10]}
-    bench = Memory(AnalogyParams(), {"video": source}, numbered={"keyframes": given})
+    context = Memory(AnalogyParams(), {"video": source}, numbered={"keyframes": given})
     start = time.process_time()
-    some(bench, which)
-    return time.process_time() - start, bench.painted
+    some(context, which)
+    return time.process_time() - start, context.painted
 
 
 def _own_key(plain: Frame) -> Frame:

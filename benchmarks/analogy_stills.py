@@ -1,4 +1,5 @@
-"""Stills against EbSynth's CPU build on EbSynth's own examples: CPU seconds, and how much each looks like the style.
+"""LevelFrames against EbSynth's CPU build on EbSynth's own examples: CPU seconds, and how much each looks like the
+style.
 
 EbSynth is taken from the PATH (`bin/ebsynth` of a build of its repository, with `examples` beside `bin`), and measured
 by the same tool, `style_fidelity.py` of a `shared` folder beside the project. What is missing is said and left out.
@@ -69,9 +70,9 @@ def ours(still: Still, examples: Path, out: Path) -> float:
     for (name, _), (video, style) in zip(still.guides, _NAMES, strict=False):
         inputs |= {video: [_read(folder / f"target_{name}.png")], style: [_read(folder / f"source_{name}.png")]}
     render(Memory(AnalogyParams(**{**still.params, "levels": 2, "iterations": 1}), inputs))  # compiles
-    bench = Memory(AnalogyParams(**still.params), inputs)
+    context = Memory(AnalogyParams(**still.params), inputs)
     start = time.process_time()
-    picture = render(bench)[0]
+    picture = render(context)[0]
     cv2.imwrite(str(out), cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
     return time.process_time() - start
 

@@ -16,7 +16,7 @@ from typing import Any
 from sqlalchemy import insert, select
 
 from pipeline.methods.base import Task
-from workers import jobs as machine
+from workers import state_machine as machine
 from workers.ids import new_id
 from workers.model import Asset, JobRequest, TaskOutcome
 from workers.store import Accepted, Store, schema
@@ -59,10 +59,10 @@ def _row(url: str, jobs: int, tasks: int) -> str:
     planned = _timed(lambda: _plan(store, big, tasks))[0]
     claims, answers = [], []
     for _ in range(min(ROUNDS, tasks)):
-        wall, cpu, claim = _timed(lambda: store.work.claim("bench", 600))
+        wall, cpu, claim = _timed(lambda: store.queue.claim("bench", 600))
         claims.append((wall, cpu))
         outcome = TaskOutcome(claim.attempt_id, {}, {}, {}, None, {"method": 1.0}, "log")
-        wall, cpu, _ = _timed(lambda outcome=outcome: store.work.finish(outcome))  # type: ignore[misc]
+        wall, cpu, _ = _timed(lambda outcome=outcome: store.queue.finish(outcome))  # type: ignore[misc]
         answers.append((wall, cpu))
     shown = _timed(lambda: store.jobs.get(big))[0]
     listed = _timed(lambda: store.jobs.page(limit=50))[0]

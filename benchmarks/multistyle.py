@@ -21,12 +21,12 @@ import numpy as np
 from benchmarks.clips import clip, fit
 from benchmarks.patches import Table, makespan
 from pipeline.frames import Frame
-from pipeline.methods.base import Brief, Note, Task
+from pipeline.methods.base import PlanContext, Task, TaskResult
 from pipeline.methods.multistyle import Multistyle, MultistyleParams, MultistyleSession
-from pipeline.methods.multistyle.styles import STYLE_NAMES
+from pipeline.methods.multistyle.params import STYLE_NAMES
 from pipeline.video.reader import VideoReader
 from pipeline.video.writer import SegmentSpec, segment_writer
-from workers.render import prepare_process
+from workers.execution.renderer import prepare_process
 
 SIZES = ((320, 240), (640, 480), (1280, 960))
 SOURCE = (640, 480)
@@ -65,16 +65,16 @@ def _table(source: list[Frame], values: dict[str, Any]) -> Canvas:
 
 def _run(table: Canvas) -> dict[str, list[tuple[Task, float]]]:
     """Every task of every step, with the CPU seconds it took."""
-    notes: dict[str, dict[str, Note]] = {}
+    results: dict[str, dict[str, TaskResult]] = {}
     spent: dict[str, list[tuple[Task, float]]] = {}
     for step in Multistyle.steps:
-        tasks = step.plan(Brief(table.params, 0, table.video, frozenset(), notes))
+        tasks = step.plan(PlanContext(table.params, 0, table.video, frozenset(), results))
         table.step, spent[step.name] = step.name, []
         for task in tasks:
             start = time.thread_time()
-            notes.setdefault(step.name, {})[task.key] = step.run(task, table)  # type: ignore[arg-type]
+            results.setdefault(step.name, {})[task.key] = step.run(task, table)  # type: ignore[arg-type]
             spent[step.name].append((task, time.thread_time() - start))
-        notes.setdefault(step.name, {})
+        results.setdefault(step.name, {})
     return spent
 
 

@@ -80,16 +80,16 @@ def measure(name: str, clip: Path, home: Path) -> Run:
     """Of a job: wall seconds, CPU seconds of the process, those of the overhead by part."""
     from impasto.cli import embedded
     from pipeline.methods import method, parse_params
+    from workers.execution.warm_up import warm_up
     from workers.model import JobRequest
-    from workers.warmup import warm_up
 
     warm_up(method(name), parse_params(method(name), {}))
     counted = _count_stores()
     with embedded.opened(home, 1) as farm:
-        video = farm.add_asset(clip, clip.name).id
+        video = farm.assets.add(clip, clip.name).id
         since, began, before = time.monotonic(), _cpu(), _threads()
         counted.clear()
-        job = farm.submit(JobRequest(name, {"video": video}))
+        job = farm.jobs.submit(JobRequest(name, {"video": video}))
         embedded.follow(farm, job.id, lambda state: None)
         total, after, wall = _cpu() - began, _threads(), time.monotonic() - since
     parts = Counter(counted)
@@ -123,10 +123,10 @@ def _threads() -> dict[str, float]:
 
 def _count_stores() -> Counter[str]:
     """Count, from now on, the CPU seconds of whatever keeps and fetches."""
-    from workers.bench import TaskBench
     from workers.blobs.disk import DiskBlobs
-    from workers.render import Renderer
-    from workers.shows import Shows
+    from workers.execution.context import AttemptContext
+    from workers.execution.preview_publisher import PreviewPublisher
+    from workers.execution.renderer import Renderer
 
     counted: Counter[str] = Counter()
     inside = threading.local()
@@ -147,10 +147,10 @@ def _count_stores() -> Counter[str]:
         setattr(owner, name, counting)
 
     for name in ("save", "load", "save_file"):
-        count(TaskBench, name, "artefacts")
+        count(AttemptContext, name, "artefacts")
     for name in ("put", "get", "size"):
         count(DiskBlobs, name, "blobs")
-    count(Shows, "put", "shows")
+    count(PreviewPublisher, "put", "shows")
     count(Renderer, "_assemble", "join")
     return counted
 

@@ -18,9 +18,9 @@ import numpy as np
 
 from benchmarks.clips import clip, fit
 from pipeline.frames import Frame
-from pipeline.methods.base import Arrays, Brief, Note, Task, VideoInfo
+from pipeline.methods.base import Arrays, PlanContext, Task, TaskResult, VideoInfo
 from pipeline.methods.patches import Patches, PatchesParams
-from workers.render import prepare_process
+from workers.execution.renderer import prepare_process
 
 SIZES = ((320, 172), (640, 344), (1280, 688))
 FRAMES = 48
@@ -29,14 +29,14 @@ SOURCE = (1280, 720)
 
 @dataclass
 class Table:
-    """A bench in memory that counts CPU seconds by stage."""
+    """A context in memory that counts CPU seconds by stage."""
 
     params: PatchesParams
     clip: list[Frame]
     seed: int = 0
     stages: dict[str, float] = field(default_factory=lambda: defaultdict(float))
     kept: dict[tuple[str, str], Arrays] = field(default_factory=dict)
-    notes: dict[str, dict[str, Note]] = field(default_factory=dict)
+    results: dict[str, dict[str, TaskResult]] = field(default_factory=dict)
     spent: dict[str, list[tuple[Task, float]]] = field(default_factory=dict)
     emitted: dict[int, Frame] = field(default_factory=dict)
     step: str = ""
@@ -98,28 +98,28 @@ def measure(size: tuple[int, int], frames: int = FRAMES) -> dict[str, Any]:
 def run(table: Table) -> None:
     """The method's whole plan; the table keeps what it finds, paints and costs."""
     for step in Patches.steps:
-        tasks = step.plan(Brief(table.params, table.seed, table.video, frozenset(), table.notes))
+        tasks = step.plan(PlanContext(table.params, table.seed, table.video, frozenset(), table.results))
         table.step, table.spent[step.name] = step.name, []
         for task in tasks:
             start = time.thread_time()
-            note = step.run(task, table)  # type: ignore[arg-type]
+            result = step.run(task, table)  # type: ignore[arg-type]
             table.spent[step.name].append((task, time.thread_time() - start))
-            table.notes.setdefault(step.name, {})[task.key] = note
+            table.results.setdefault(step.name, {})[task.key] = result
 
 
 def relaxation(table: Table) -> dict[str, Any]:
     """Of all patches: by how much energy falls from frame to frame and over all frames, and in how many iterations."""
-    pairs, every = defaultdict[str, list[float]](lambda: [0.0, 0.0, 0, 0]), list[Note]()
-    for note in table.notes.get("register", {}).values():
-        for key, row in note["energies"].items():
+    pairs, every = defaultdict[str, list[float]](lambda: [0.0, 0.0, 0, 0]), list[TaskResult]()
+    for result in table.results.get("register", {}).values():
+        for key, row in result["energies"].items():
             pairs[key] = [a + b for a, b in zip(pairs[key], row, strict=True)]
-    every = [note for note in table.notes.get("patch", {}).values() if "iterations" in note]
-    lower = [row[1] < row[0] for row in pairs.values()] + [note["after"] < note["before"] for note in every]
+    every = [result for result in table.results.get("patch", {}).values() if "iterations" in result]
+    lower = [row[1] < row[0] for row in pairs.values()] + [result["after"] < result["before"] for result in every]
     sums = np.array([*pairs.values()]).sum(axis=0) if pairs else np.ones(4)
     return {
         "patches": len(every), "lowered": f"{sum(lower)} of {len(lower)}", "pairs": sums[1] / sums[0],
-        "pair_iterations": sums[2] / sums[3], "iterations": float(np.mean([note["iterations"] for note in every])),
-        "all": sum(note["after"] for note in every) / max(sum(note["before"] for note in every), 1e-9),
+        "pair_iterations": sums[2] / sums[3], "iterations": float(np.mean([result["iterations"] for result in every])),
+        "all": sum(result["after"] for result in every) / max(sum(result["before"] for result in every), 1e-9),
     }  # fmt: skip
 
 

@@ -114,8 +114,8 @@ class _Farm:
 
 def _serve(pipe: Connection, home: Path, workers: int) -> None:
     """Run what is asked for, until None is."""
+    from workers.farm import open_farm
     from workers.settings import FarmSettings
-    from workers.studio import open_farm
 
     farm = open_farm(FarmSettings(home=home, pool="ray", workers=workers, reserve_bytes=0, live_spares=0))
     farm.start()
@@ -131,7 +131,7 @@ def _until_ready(farm: Any, workers: int) -> list[int]:
     """Process ids of the farm's workers, once they are all there."""
     deadline = time.monotonic() + READY_S
     while time.monotonic() < deadline:
-        slots = [slot for worker in farm.fleet.workers().items for slot in worker.slots]
+        slots = [slot for worker in farm.workers.workers().items for slot in worker.slots]
         if len(slots) == workers:
             return [int(slot.name.rpartition(":")[2]) for slot in slots]
         time.sleep(0.2)
@@ -148,19 +148,19 @@ def _bind(pids: Sequence[int]) -> None:
 
 
 def _run(farm: Any, name: str, film: Path, seed: int) -> Run | str:
-    inputs = {"video": farm.add_asset(film, film.name).id}
+    inputs = {"video": farm.assets.add(film, film.name).id}
     if style := style_of(name):
-        inputs["style_output"] = farm.add_asset(style, style.name).id
+        inputs["style_output"] = farm.assets.add(style, style.name).id
     job_id = submit(farm, name, inputs)
-    while not (job := farm.job(job_id)).state.final:
+    while not (job := farm.jobs.get(job_id)).state.final:
         time.sleep(LOOK_S)
     if job.state != "succeeded":
         return f"The job of {name} {job.state}: {job.error}"
-    bars = [bar for bar in farm.fleet.timeline(job_id).items if bar.outcome == "succeeded"]
+    bars = [bar for bar in farm.workers.timeline(job_id).items if bar.outcome == "succeeded"]
     spans: dict[str, list[Any]] = defaultdict(list)
     for bar in sorted(bars, key=lambda bar: bar.started_at):
         spans[bar.step].append(bar)
-    digest = hashlib.sha256(b"".join(farm.read(farm.file(job_id, "result")))).hexdigest()
+    digest = hashlib.sha256(b"".join(farm.files.read(farm.files.get(job_id, "result")))).hexdigest()
     steps = {step: _span(found) for step, found in spans.items()}
     return Run(_span(bars), steps, {step: len(found) for step, found in spans.items()}, digest)
 

@@ -180,26 +180,26 @@ def film(job: Recorded, clips: int) -> Recorded:
 
 def record(name: str) -> Recorded:
     """Run a job of the method here, one task after another."""
-    from workers.orders import Orders
-    from workers.render import Renderer
+    from workers.execution.renderer import Renderer
+    from workers.farm import Farm
+    from workers.scheduling.orders import Orders
     from workers.settings import FarmSettings
-    from workers.studio import Studio
 
     with tempfile.TemporaryDirectory(prefix="impasto-speedup-") as folder:
         settings = FarmSettings(home=Path(folder), pool="none", reserve_bytes=0)
-        farm = Studio(settings, None)
+        farm = Farm(settings, None)
         clip, size = short(Path(folder), *SIZES[name])
-        inputs = {"video": farm.add_asset(clip, clip.name).id}
+        inputs = {"video": farm.assets.add(clip, clip.name).id}
         if style := style_of(name):
-            inputs["style_output"] = farm.add_asset(style, style.name).id
+            inputs["style_output"] = farm.assets.add(style, style.name).id
         with Renderer(farm._blobs, settings.scratch) as renderer:
             warm = short(Path(folder), WARM_FRAMES, SIZES[name][1])[0]  # compilers have done their work after it
-            submit(farm, name, {**inputs, "video": farm.add_asset(warm, warm.name).id})
+            submit(farm, name, {**inputs, "video": farm.assets.add(warm, warm.name).id})
             _run(farm, Orders(farm._store), renderer)
             print("  now for the record", flush=True)
             job = submit(farm, name, inputs)
             timed, dispatch_s = _run(farm, Orders(farm._store), renderer)
-        state = farm.job(job)
+        state = farm.jobs.get(job)
         farm.stop()
     if state.state != "succeeded":
         raise SystemExit(f"The job {state.state}: {state.error}")
@@ -210,7 +210,7 @@ def record(name: str) -> Recorded:
 def submit(farm: Any, name: str, inputs: dict[str, str]) -> str:
     from workers.model import JobRequest
 
-    return str(farm.submit(JobRequest(name, inputs)).id)
+    return str(farm.jobs.submit(JobRequest(name, inputs)).id)
 
 
 def _run(farm: Any, orders: Any, renderer: Any) -> tuple[list[Timed], float]:
@@ -219,7 +219,7 @@ def _run(farm: Any, orders: Any, renderer: Any) -> tuple[list[Timed], float]:
     while True:
         plan(store)
         began = time.process_time()
-        claim = store.work.claim("benchmark", 3600.0)
+        claim = store.queue.claim("benchmark", 3600.0)
         cost = time.process_time() - began
         if claim is None:
             break
@@ -230,7 +230,7 @@ def _run(farm: Any, orders: Any, renderer: Any) -> tuple[list[Timed], float]:
         if outcome.fault is not None:
             raise SystemExit(f"{order.step}/{order.key}: {outcome.fault}\n{outcome.log}")
         began = time.process_time()
-        store.work.finish(outcome)
+        store.queue.finish(outcome)
         costs.append(cost + time.process_time() - began)
         timed.append(Timed(claim.task["step"], order.key, round(seconds, 4), order.after))
         print(f"    {order.step}/{order.key}: {seconds:.2f} s", flush=True)
@@ -238,13 +238,13 @@ def _run(farm: Any, orders: Any, renderer: Any) -> tuple[list[Timed], float]:
 
 
 def plan(store: Any) -> None:
-    from workers.planning import plan_step
+    from workers.scheduling.planning import plan_step
 
     while todos := store.plans.to_plan():
         for todo in todos:
-            notes, _ = store.context.before(todo.job_id, todo.step)
-            info = store.context.input_info(todo.request.inputs)
-            tasks = plan_step(todo.step, todo.request, todo.params, info, notes)
+            results, _ = store.task_inputs.before(todo.job_id, todo.step)
+            info = store.task_inputs.input_info(todo.request.inputs)
+            tasks = plan_step(todo.step, todo.request, todo.params, info, results)
             store.plans.planned(todo.job_id, todo.step, tasks)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from botocore.exceptions import BotoCoreError, ClientError
 
 from service.settings import Settings
-from workers.blobs.opened import s3_options
+from workers.blobs.open import s3_options
 from workers.blobs.s3_client import client_for
 
 HERE_ALREADY = ("BucketAlreadyOwnedByYou", "BucketAlreadyExists")

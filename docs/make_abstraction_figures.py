@@ -66,6 +66,7 @@ STRIPS: Mapping[str, Strip] = {
     "merge_similar": Strip(*BIRD, (0, 20), "whether shades of one thing stay apart."),
     "edge_threshold": Strip(*BROOK, (25, 700), "low keeps blades of grass apart, high lets colour alone decide."),
     "boundary_smoothing": Strip(*BROOK, (0, 16), "the pixels' outline, or a soft brush.", zoom=(0.4, 0.45, 0.5)),
+    "edges": Strip(*BIRD, ("sharp",), "how wide the edges of regions and lines are.", zoom=(0.3, 0.1, 0.4)),
     "temporal": Strip("coffee", 40, ("off",), f"{CHANGE}.", show="change"),
     "flow": Strip("harbour", 60, ("dis-medium", "tvl1"), "the motion they find: direction as hue.", show="flow"),
     "flow_error_limit": Strip(
@@ -175,7 +176,7 @@ def _motion(shown: Strip, media: Path, params: Settings) -> Frame:
 def _importance(shown: Strip, media: Path, params: Settings) -> Frame:
     source = list(frames(CLIPS[shown.clip], media, shown.frame - WARM_UP, shown.frame + 1, HEIGHT))
     session = session_for(source[0], dict(params))
-    seen = [session.eye.step(frame).importance.result() for frame in source]
+    seen = [session.analyzer.step(frame).importance.result() for frame in source]
     return _at(show_plane(seen[-1]), (source[0].shape[1], source[0].shape[0]))
 
 
@@ -219,28 +220,28 @@ def pipeline(media: Path) -> Frame:
     session = session_for(frame, {})
     for earlier in before:
         session.step(earlier)
-    known = session.hand.segmenter.last
-    percept = session.eye.step(frame)
-    if known is None or percept.flow is None or percept.residual is None or percept.ink is None:
+    known = session.regions.segmenter.last
+    analysis = session.analyzer.step(frame)
+    if known is None or analysis.flow is None or analysis.residual is None or analysis.ink is None:
         raise RuntimeError("The figure needs a frame with a past.")
-    limit = session.hand.params.flow_error_limit
-    remainder = session.hand.segmenter.remainder
-    carried = smooth_labels(propagate(known.labels, percept.flow, remainder, percept.residual, limit)[0])
-    session.brush.expect(percept)
-    session.brush.expect(percept)
-    sketch = session.hand.step(percept)
-    painting = session.brush.step(sketch)
+    limit = session.regions.params.flow_error_limit
+    remainder = session.regions.segmenter.remainder
+    carried = smooth_labels(propagate(known.labels, analysis.flow, remainder, analysis.residual, limit)[0])
+    session.compositor.prepare(analysis)
+    session.compositor.prepare(analysis)
+    sketch = session.regions.step(analysis)
+    painting = session.compositor.step(sketch)
     tiles = {
         "1 the frame": frame,
-        "2 optical flow": show_flow(percept.flow),
-        "3 settled with its past": cv2.cvtColor(percept.lab, cv2.COLOR_LAB2RGB),
-        "4 importance": show_plane(percept.importance.result()),
-        "5 edges, by importance": 255 - np.dstack([percept.edges.result()] * 3),
+        "2 optical flow": show_flow(analysis.flow),
+        "3 settled with its past": cv2.cvtColor(analysis.lab, cv2.COLOR_LAB2RGB),
+        "4 importance": show_plane(analysis.importance.result()),
+        "5 edges, by importance": 255 - np.dstack([analysis.edges.result()] * 3),
         "6 labels carried (red: none)": show_labels(carried, known.ids),
         "7 labels completed": show_labels(sketch.regions.labels, sketch.regions.ids),
         "8 region colours": sketch.colours[sketch.regions.labels],
         "9 boundaries rounded": sketch.colours[painting.labels],
-        "10 lines": 255 - np.dstack([percept.ink.result()] * 3),
+        "10 lines": 255 - np.dstack([analysis.ink.result()] * 3),
         "11 the picture": painting.frame,
         "12 in the Great Wave's colours": _in_colours(media, [*before, frame]),
     }

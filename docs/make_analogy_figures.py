@@ -20,11 +20,11 @@ from docs import parameters
 from docs.pictures import CLIPS, DOCS, MEDIA, frames, grid, painting, save
 from pipeline.frames import Frame
 from pipeline.methods.analogy import AnalogyParams
-from pipeline.methods.analogy.exemplar import painted as in_strokes
+from pipeline.methods.analogy.exemplar import paint_in_strokes
 from pipeline.methods.multistyle import MultistyleParams, MultistyleSession
 from pipeline.scenes import scene
 from pipeline.scenes.shot import shot_files
-from pipeline.synthesis.distance import nearest, within
+from pipeline.synthesis.distance import nearest, within_reach
 from pipeline.video.stills import encode_gray_png, encode_png
 
 PAGE, FOLDER = DOCS / "analogy.md", DOCS / "analogy"
@@ -212,9 +212,11 @@ def overpaint() -> None:
     rough = np.random.default_rng(1).integers(0, 60, (*mask.shape, 3), dtype=np.uint8) + np.array(
         [190, 60, 30], np.uint8
     )
-    key = np.dstack([rough, np.where(within(nearest(mask), 9), 255, 0).astype(np.uint8)])
+    key = np.dstack([rough, np.where(within_reach(nearest(mask), 9), 255, 0).astype(np.uint8)])
     files["layers/star/keyframes/0000.png"] = cv2.imencode(".png", cv2.cvtColor(key, cv2.COLOR_RGBA2BGRA))[1].tobytes()
-    files["layers/wall/style/output.png"] = encode_png(in_strokes(scene("portrait", (480, 320), frames=1).image(0)))
+    files["layers/wall/style/output.png"] = encode_png(
+        paint_in_strokes(scene("portrait", (480, 320), frames=1).image(0))
+    )
     with_reach = shot(files, source)
     alone = {name: data for name, data in files.items() if not name.startswith("layers/star/")}
     for k in range(count):

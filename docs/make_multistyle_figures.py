@@ -20,13 +20,13 @@ import numpy as np
 from docs import parameters
 from docs.pictures import CLIPS, DOCS, MEDIA, frames, grid, save
 from pipeline.frames import Frame
-from pipeline.methods.base import FoundRegions
+from pipeline.methods.base import PreviewRequest
 from pipeline.methods.multistyle import MultistyleParams, MultistyleSession
 from pipeline.methods.multistyle.design import schema
 from pipeline.methods.multistyle.effects import EFFECTS
-from pipeline.methods.multistyle.sketch import sketch
+from pipeline.methods.multistyle.preview import FoundRegions, preview_frame
 from pipeline.methods.multistyle.styles import FIELDS, STYLES, Style
-from pipeline.methods.multistyle.tubes import Tubes, add_up, tubes_of
+from pipeline.methods.multistyle.tubes import TubeTracker, merge_results, tubes_of
 
 PAGE, FOLDER, SCHEMA = DOCS / "multistyle.md", DOCS / "multistyle", DOCS / "design.schema.json"
 HEIGHT, LEAD = 432, 3
@@ -107,19 +107,20 @@ def effects() -> None:
     """Each effect at the start, in the middle and at the end of 60 frames, of which every tenth is looked at."""
     source = list(frames(CLIPS["coffee"], MEDIA, 0, 61, HEIGHT))[::10]
     size = (source[0].shape[1], source[0].shape[0])
-    tubes, ids, notes = Tubes(size, 0), [], []
+    tubes, ids, results = TubeTracker(size, 0), [], []
     for number, frame in enumerate(source):
-        found, note = tubes.step(frame)
+        found, result = tubes.step(frame)
         ids.append(found)
-        notes.append((number, note))
-    listed = tubes_of([add_up(notes)], [(0, len(source))], size[1])
-    objects = {tube.id: tube.object for tube in listed}
+        results.append((number, result))
+    listed = tubes_of([merge_results(results)], [(0, len(source))], size[1])
+    objects = {one: tube.object for tube in listed for one in tube.ids}
     tiles = []
     for effect, style in (("rack-focus", "pointillism"), ("emphasis", "impressionism"), ("calm-to-stress", "van-gogh")):
         params = MultistyleParams.model_validate({"effect": effect, "style": style})
         for number in (0, 3, 6):
             regions = FoundRegions(lambda frame: ids[frame], objects)
-            tiles.append(sketch(params, 0, [source[number]], number, len(source), found=regions))
+            request = PreviewRequest(params, 0, [source[number]], number, len(source))
+            tiles.append(preview_frame(request, regions))
     names = [f"{name}, {when}" for name in EFFECTS[1:] for when in ("start", "middle", "end")]
     save(grid(tiles, 3, names), FOLDER / "effects.jpg", LIMIT)
 
@@ -130,7 +131,10 @@ def design() -> None:
     mask = cv2.imread(str(sorted(folder.rglob("*.png"))[SHOWN["blackswan"]]), 0)
     source = lead("blackswan")
     maps = {0: np.asarray(cv2.threshold(mask, 0, 255, cv2.THRESH_BINARY)[1], np.uint8)}
-    made = sketch(MultistyleParams(), 0, source, SHOWN["blackswan"], 20, document=RIPPLES, masks=maps)
+    request = PreviewRequest(
+        MultistyleParams(), 0, source, SHOWN["blackswan"], 20, {"design": RIPPLES}, {"masks": maps}
+    )
+    made = preview_frame(request)
     plain = painted("blackswan")
     save(grid([source[-1], plain, made], 3, ["the video", "one style", "the design"]), FOLDER / "design.jpg", LIMIT)
 

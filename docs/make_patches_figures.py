@@ -47,12 +47,12 @@ HUES = 0.618034
 
 
 def painted(clip: str, **params: Any) -> tuple[Table, list[Frame]]:
-    """The shown part of a clip, painted: the bench with all that was kept, and the frames."""
+    """The shown part of a clip, painted: the context with all that was kept, and the frames."""
     start, stop, _ = SHOWN[clip]
     source = list(frames(CLIPS[clip], MEDIA, start, stop, HEIGHT))
-    bench = Table(parse_params(Patches(), params), source)
-    run(bench)
-    return bench, [bench.emitted[index] for index in range(len(source))]
+    context = Table(parse_params(Patches(), params), source)
+    run(context)
+    return context, [context.emitted[index] for index in range(len(source))]
 
 
 def coloured(labels: Labels, frame: Frame) -> Frame:
@@ -77,17 +77,17 @@ def boxed(picture_: Frame, shape: tuple[int, ...]) -> Frame:
     return out
 
 
-def patch_life(bench: Table) -> Life:
+def patch_life(context: Table) -> Life:
     """The largest patch that is not the background."""
-    rows = [Life(**task.args["life"]) for task, _ in bench.spent["patch"]]
+    rows = [Life(**task.args["life"]) for task, _ in context.spent["patch"]]
     return max((life for life in rows if life.label > 1), key=lambda life: (life.area, life.key))
 
 
-def panorama(lays: dict[int, Lay], life: Life, maps: LabelMaps, bench: Table) -> Frame:
+def panorama(lays: dict[int, Lay], life: Life, maps: LabelMaps, context: Table) -> Frame:
     """The mean of a patch's frames as they are laid."""
-    room, grid_ = Room.around(lays, Grid.of(bench.size)), Grid.of(bench.size)
-    sums = [sum_up(span, life, lays, maps, room, bench) for span in spans(life)]
-    return picture(sums, ages(sums, life, room, grid_, bench.params).every, room, grid_, bench.params.misfit)
+    room, grid_ = Room.around(lays, Grid.of(context.size)), Grid.of(context.size)
+    sums = [sum_up(span, life, lays, maps, room, context) for span in spans(life)]
+    return picture(sums, ages(sums, life, room, grid_, context.params).every, room, grid_, context.params.misfit)
 
 
 def strains(views: Views, life: Life) -> list[Frame]:
@@ -103,18 +103,18 @@ def strains(views: Views, life: Life) -> list[Frame]:
 
 def pipeline() -> None:
     """From labels to the painting: a swan is laid over itself, relaxed, painted, and carried back."""
-    bench, made = painted("blackswan")
-    shown, life = SHOWN["blackswan"][2], patch_life(bench)
-    maps, source = LabelMaps(bench, life.begin), bench.clip[shown]
-    size = Grid.of(bench.size).size
-    views = Views(Links(bench, life.begin, RUN), maps, bench.params)
+    context, made = painted("blackswan")
+    shown, life = SHOWN["blackswan"][2], patch_life(context)
+    maps, source = LabelMaps(context, life.begin), context.clip[shown]
+    size = Grid.of(context.size).size
+    views = Views(Links(context, life.begin, RUN), maps, context.params)
     before = joined(life, lambda index: views.hop(life, index, most=0), size)
-    after = joined(life, Hops(life, bench), size)
-    settle(after, life, maps, bench.params)
-    laid = [panorama(lays, life, maps, bench) for lays in (before, after)]
+    after = joined(life, Hops(life, context), size)
+    settle(after, life, maps, context.params)
+    laid = [panorama(lays, life, maps, context) for lays in (before, after)]
     strain = strains(views, life)
     tiles = [
-        source, coloured(maps.sure(shown), source), painter_of(life, bench).picture(laid[1]), made[shown],
+        source, coloured(maps.sure(shown), source), painter_of(life, context).picture(laid[1]), made[shown],
         *laid, *strain,
     ]  # fmt: skip
     names = [

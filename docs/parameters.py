@@ -1,15 +1,23 @@
-"""The parameters' part of docs/abstraction.md, from the schema, so that it cannot drift."""
+"""Tables of methods and their parameters, made from the registry and the schemas, so that they cannot drift.
+
+`python -m docs.parameters` writes docs/methods.md (`--print` prints it). The pages of single methods take `table` and
+`section` from here.
+"""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping
+import sys
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from pipeline.methods import methods
 from pipeline.methods.abstraction import AbstractionParams
+from pipeline.methods.base import Method
 
 PAGE = Path(__file__).resolve().parent / "abstraction.md"
+METHODS_PAGE = PAGE.with_name("methods.md")
 BEGIN, END = "<!-- parameters: written by docs/make_abstraction_figures.py -->", "<!-- end of parameters -->"
 SYMBOLS = {"sigma_e": "σₑ", "epsilon": "ε", "phi_e": "φₑ", "lambda": "λ", "T_f": "T_f", "N(h)": "N(h)"}
 
@@ -66,3 +74,35 @@ def rewrite(captions: Mapping[str, str]) -> None:
     before, _, rest = PAGE.read_text().partition(BEGIN)
     _, _, after = rest.partition(END)
     PAGE.write_text(f"{before}{BEGIN}\n\n{section(captions)}\n{END}{after}")
+
+
+def methods_page(found: Iterable[Method]) -> str:
+    """A page that lists methods, with every input of each. Parameters are on the methods' own pages."""
+    listed = list(found)
+    lines = ["# Methods", "", "Written by `python -m docs.parameters` from the registry.", "", *methods_table(listed)]
+    for method in listed:
+        lines += ["", f"## {method.title}: `{method.name}`", "", method.summary, "", *_inputs(method)]
+    return "\n".join(lines) + "\n"
+
+
+def methods_table(found: Iterable[Method]) -> Iterator[str]:
+    """Methods as rows: name, what it does, inputs beside the video, artefacts, the paper's key in references.bib."""
+    yield "| method | what it does | further inputs | artefacts | paper |"
+    yield "|---|---|---|---|---|"
+    for method in found:
+        further = ", ".join(f"`{spec.name}`" for spec in method.inputs[1:])
+        artefacts = ", ".join(f"`{name}`" for name in method.artefacts)
+        yield f"| `{method.name}` | {method.summary} | {further} | {artefacts} | {method.paper} |"
+
+
+def _inputs(method: Method) -> Iterator[str]:
+    yield "| input | kind | required | what it is |"
+    yield "|---|---|---|---|"
+    for spec in method.inputs:
+        required = "yes" if spec.required else "no"
+        yield f"| `{spec.name}` | {spec.kind} | {required} | {spec.help.replace('|', '&#124;')} |"
+
+
+if __name__ == "__main__":
+    page = methods_page(methods().values())
+    print(page) if "--print" in sys.argv else METHODS_PAGE.write_text(page)

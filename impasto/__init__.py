@@ -1,4 +1,8 @@
-"""Impasto: video into paintings and cartoons. The command is `impasto`; from Python, `from impasto import Client`."""
+"""Impasto turns video into paintings and cartoons.
+
+`impasto.render` stylises frames in this process; `impasto.Client` and `impasto.LiveClient` use a service; the command
+is `impasto`.
+"""
 
 from __future__ import annotations
 
@@ -7,15 +11,16 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from impasto.client import Client
+    from impasto.library import render
     from impasto.live.client import LiveClient
 
-__all__ = ["DEFAULT_SERVER", "Client", "LiveClient", "__version__"]
+__all__ = ["DEFAULT_SERVER", "Client", "LiveClient", "__version__", "render"]
 __version__ = version("impasto")
 DEFAULT_SERVER = "http://127.0.0.1:8420"
 
 
 def __getattr__(name: str) -> object:
-    """Import the clients when they are asked for: the command does not need httpx to say its version."""
+    """Import on first use: `impasto --version` needs neither httpx nor NumPy."""
     if name == "Client":
         from impasto.client import Client
 
@@ -24,4 +29,8 @@ def __getattr__(name: str) -> object:
         from impasto.live.client import LiveClient
 
         return LiveClient
+    if name == "render":
+        from impasto.library import render
+
+        return render
     raise AttributeError(f"module 'impasto' has no attribute {name!r}")

@@ -26,19 +26,19 @@ from impasto.ops import Ops
 from impasto.problems import ServiceUnreachable, error_of, job_failed
 from pipeline.errors import BadInput
 from workers.errors import NotFound
+from workers.model import Json
 
-Json = dict[str, Any]
 FINAL = frozenset({"succeeded", "failed", "cancelled"})
 SMALL_BYTES = 8 << 20
 """Larger files go by resumable upload."""
 PLAIN_FILES = frozenset({"result", "poster", "sheet", "preview"})
 LOOK_EVERY_S = 0.2
 PATIENCE_S = 60.0
-"""How long `watch` and `wait` bear with a service that does not answer, a restart for example."""
+"""How long `watch` and `wait` retry while the service does not answer, seconds."""
 
 
 def _quiet(done: int, total: int) -> None:
-    """No progress asked for."""
+    """Progress callback that does nothing."""
 
 
 class Client:
@@ -48,7 +48,7 @@ class Client:
         server: address without `/v1`, for example "https://impasto.example.org".
         api_key: sent as a bearer token; empty where the service is open (loopback).
         timeout_s: seconds to connect, and between bytes of an answer.
-        transport: another way to the service, for tests.
+        transport: HTTP transport, for tests.
     """
 
     def __init__(
@@ -137,6 +137,16 @@ class Client:
         """The newest jobs. `filters`: state, method, label, limit, cursor."""
         return self._items("/jobs", **filters)
 
+    def newest_jobs(self, most: int) -> Iterator[Json]:
+        """The newest jobs, at most `most`, read page by page."""
+        cursor, left = None, most
+        while left > 0:
+            page = self._json("GET", "/jobs", params={"limit": min(left, 200)} | ({"cursor": cursor} if cursor else {}))
+            yield from page["items"]
+            left, cursor = left - len(page["items"]), page["cursor"]
+            if cursor is None:
+                return
+
     def cancel(self, job_id: str) -> Json:
         return self._json("POST", f"/jobs/{job_id}/cancel")
 
@@ -145,15 +155,15 @@ class Client:
         return self._json("POST", f"/tasks/{task_id}/requeue")
 
     def retry(self, job_id: str) -> Json:
-        """Run again only what failed or was cancelled."""
+        """Run the failed and cancelled tasks again."""
         return self._json("POST", f"/jobs/{job_id}/retry")
 
     def delete(self, job_id: str) -> None:
-        """Forget a job that is over, and its files."""
+        """Delete a finished job and its files."""
         self._send("DELETE", f"/jobs/{job_id}")
 
     def events(self, job_id: str, after: int = 0) -> Iterator[ServerEvent]:
-        """A job's events from seq > `after` until it is over, over any number of reconnects."""
+        """A job's events with seq > `after` until it ends; reconnects as needed."""
         for event in follow(self._http, f"/jobs/{job_id}/events", after=after):
             if event is not None:
                 yield event
@@ -161,7 +171,7 @@ class Client:
                 return
 
     def watch(self, job_id: str, poll_s: float = 1.0) -> Iterator[Json]:
-        """The job now, then each time it has changed, until it is over. Survives restarts of the service."""
+        """The job now and after each change, until it ends. Survives restarts of the service."""
         seen: Json = {}
         for job in self._looks(job_id, poll_s):
             if job != seen:
@@ -179,10 +189,10 @@ class Client:
                 return _succeeded(job)
             if time.monotonic() > deadline:
                 break
-        raise TimeoutError(f"Job {job_id} is not over after {timeout_s} s.")
+        raise TimeoutError(f"Job {job_id} has not ended after {timeout_s} s.")
 
     def _looks(self, job_id: str, poll_s: float) -> Iterator[Json]:
-        """The job at every sign of change or life, at most five times a second, up to and including its end."""
+        """The job after each event or heartbeat, at most five times a second, up to its end."""
         job, last = self.job(job_id), time.monotonic()
         yield job
         events = follow(self._http, f"/jobs/{job_id}/events", poll_s=poll_s)
@@ -209,10 +219,10 @@ class Client:
 
     @property
     def ops(self) -> Ops:
-        """Who works, what failed, and what operators do about it. Needs an admin key."""
+        """Operators' calls: queue, workers, failures. They need an admin key."""
         return Ops(self._json, self._send)
 
-    # -- the wire
+    # -- HTTP
 
     def _items(self, path: str, **query: Any) -> list[Json]:
         found = self._json("GET", path, params={k: v for k, v in query.items() if v is not None})

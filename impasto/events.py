@@ -1,4 +1,4 @@
-"""Server-Sent Events: resumed where they broke off, and replaced by polling where they cannot pass."""
+"""Server-Sent Events: resumed after a broken connection, replaced by polling where streams do not pass."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import httpx
 from impasto.problems import error_of
 
 SILENCE_S = 45.0
-"""A live stream sends at least a comment this often; a longer silence is a dead connection."""
+"""A stream sends at least a comment this often, seconds; a longer silence means a broken connection."""
 LONGEST_PAUSE_S = 10.0
 
 
@@ -27,7 +27,7 @@ class ServerEvent:
 
 
 class NotAStream(Exception):
-    """The answer is no event stream: a proxy stands between, or the service does not offer one."""
+    """The answer is not an event stream, for example because of a proxy."""
 
 
 def parse(lines: Iterable[str]) -> Iterator[ServerEvent | None]:

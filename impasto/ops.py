@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 from urllib.parse import quote
 
-Json = dict[str, Any]
+from workers.model import Json
 
 
 class Ops:

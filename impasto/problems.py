@@ -1,16 +1,16 @@
-"""What goes wrong with a service far away, on the tree of `pipeline.errors`.
+"""Errors of the client, on the tree of `pipeline.errors`.
 
 ImpastoError
 ├── ServiceUnreachable          nothing answers at that address
 ├── NotAllowed                  no key, a wrong key, or one without that right   401, 403
-└── JobFailed                   the job ended without a result; `job` is what the service says of it
+└── JobFailed                   the job ended without a result; `job` is its last state
 
 Every other problem document becomes the class with its `code`, so that `except BadParameter` works over HTTP as well.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pipeline.errors import (
     BadFrame,
@@ -27,6 +27,7 @@ from pipeline.errors import (
     UnreadableMedia,
 )
 from workers.errors import Conflict, IdempotencyMismatch, NotFound, QuotaExceeded
+from workers.model import Json
 
 if TYPE_CHECKING:
     import httpx
@@ -41,13 +42,13 @@ class NotAllowed(ImpastoError):
 
 
 class JobFailed(ImpastoError):
-    """A job that ended as failed or cancelled. `job` is the last word on it, `log` what its failed tasks wrote."""
+    """A job failed or was cancelled. `job`: its last state; `log`: the logs of its failed tasks."""
 
     code = "job-failed"
 
     def __init__(self, message: str, *, field: str = "", value: object = None, remedy: str = "") -> None:
         super().__init__(message, field=field, value=value, remedy=remedy)
-        self.job: dict[str, Any] = {}
+        self.job: Json = {}
         self.log = ""
 
 
@@ -56,7 +57,7 @@ SHARED = (
     *(Cancelled, DeviceError, StorageError, StorageFull),
     *(NotFound, Conflict, IdempotencyMismatch, QuotaExceeded),
 )
-"""The classes that a caller may know from working without a service: the same codes mean the same there and here."""
+"""Classes shared with local rendering: the same codes mean the same over HTTP."""
 BY_CODE: dict[str, type[ImpastoError]] = {kind.code: kind for kind in SHARED}
 BY_STATUS: dict[int, type[ImpastoError]] = {
     401: NotAllowed,
@@ -65,11 +66,11 @@ BY_STATUS: dict[int, type[ImpastoError]] = {
     409: Conflict,
     429: QuotaExceeded,
 }
-"""For codes that only a service has, and for answers that bear none: those of a proxy, for example."""
+"""By HTTP status, for codes that only a service has, and for answers without a code, for example of a proxy."""
 
 
 def error_of(response: httpx.Response) -> ImpastoError:
-    """The problem in an HTTP answer of 4xx or 5xx as an error of our tree, with code, field, value and remedy."""
+    """The problem document of a 4xx or 5xx answer as an exception with code, field, value and remedy."""
     problem = _problem(response)
     code = str(problem.get("code") or "")
     kind = BY_CODE.get(code) or BY_STATUS.get(response.status_code, ImpastoError)
@@ -80,11 +81,20 @@ def error_of(response: httpx.Response) -> ImpastoError:
         remedy=str(problem.get("remedy") or ""),
     )
     error.code = code or error.code
+    error.others = tuple(_other(fault) for fault in (problem.get("errors") or [])[1:])
     return error
 
 
-def job_failed(job: dict[str, Any]) -> JobFailed:
-    """The error for a job that is over and has no result."""
+def _other(fault: Json) -> ImpastoError:
+    kind = BY_CODE.get(str(fault.get("code")), ImpastoError)
+    said, remedy = str(fault.get("message", "")), str(fault.get("remedy", ""))
+    error = kind(said, field=str(fault.get("field", "")), value=fault.get("value"), remedy=remedy)
+    error.code = str(fault.get("code") or error.code)
+    return error
+
+
+def job_failed(job: Json) -> JobFailed:
+    """The exception for a job that ended without a result."""
     fault = job.get("error") or {}
     said = fault.get("message") or f"The job was {job['state']}."
     error = JobFailed(said, field=fault.get("field", ""), value=fault.get("value"), remedy=fault.get("remedy", ""))
@@ -93,7 +103,7 @@ def job_failed(job: dict[str, Any]) -> JobFailed:
     return error
 
 
-def _problem(response: httpx.Response) -> dict[str, Any]:
+def _problem(response: httpx.Response) -> Json:
     try:
         found = response.json()
     except ValueError:

@@ -1,4 +1,4 @@
-"""What the command takes from the environment (prefix `IMPASTO_`), read once at its start; flags win over it."""
+"""Settings of the command from the environment (prefix `IMPASTO_`). Flags override them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ S = TypeVar("S", bound=BaseSettings)
 
 
 class CommandSettings(BaseSettings):
-    """Where the command keeps its work, and which service it talks to."""
+    """The command's data folder, and the service that it uses."""
 
     model_config = SettingsConfigDict(env_prefix="IMPASTO_", extra="ignore", frozen=True)
 
@@ -39,5 +39,5 @@ def load(kind: type[S], **flags: Any) -> S:
             f"{first['msg']}.",
             field=f"IMPASTO_{name.upper()}",
             value=first.get("input"),
-            remedy=f"Mend the environment variable, or the flag --{name.replace('_', '-')}.",
+            remedy=f"Correct the environment variable, or the flag --{name.replace('_', '-')}.",
         ) from None

@@ -1,32 +1,42 @@
 """Every error Impasto raises on purpose.
 
     ImpastoError                    code, message, field, value, remedy
-    ├── BadInput                    what the user gave is wrong: HTTP 4xx, exit status 2
+    ├── BadInput                    the user's input is invalid: HTTP 4xx, exit status 2
     │   ├── BadParameter            a parameter is out of range, of the wrong type, or unknown
-    │   ├── BadMedia                the bytes are not what they should be
-    │   │   ├── UnreadableMedia     truncated, empty, renamed, of an unknown codec
-    │   │   ├── NoVideoStream       a real container without pictures
+    │   ├── BadMedia                the bytes of a media file are invalid
+    │   │   ├── UnreadableMedia     truncated, empty, wrong file extension, or unknown codec
+    │   │   ├── NoVideoStream       a valid container without a video stream
     │   │   └── MediaTooLarge       more bytes, pixels or seconds than the limits allow
-    │   └── BadFrame                an array is not a frame (shape, dtype, finite)
+    │   └── BadFrame                an array is not a frame (wrong type, dtype, shape or size)
     ├── Cancelled                   the user asked to stop
-    ├── DeviceError                 no compute device works, or one failed
-    └── StorageError                blobs or the database cannot be reached or are full (workers raise these)
+    ├── DeviceError                 no compute device works, or the device failed during a task
+    └── StorageError                the blob store or the database is unreachable (raised by `workers`)
         └── StorageFull
 
-A `code` is stable and shown by the API; the message names the field, the value and the remedy.
+`code` is a stable identifier that the API returns; the message names the field, the value and the remedy.
 """
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable, Mapping, Sequence
+
+_LONGEST_COLLECTION = 80
+"""Maximum length, in characters, of a list or object that an error quotes in full."""
+
 
 class ImpastoError(Exception):
-    """The root: a stable `code`, and a message that says what to do.
+    """Base class of all errors: a stable `code`, and a message with the remedy.
 
     Args:
-        message: one sentence, for a person.
-        field: the input, parameter or setting that is wrong, as the user wrote it (dotted path).
-        value: what it was, shortened to 200 characters.
-        remedy: one sentence: what to do instead.
+        message: one sentence that describes the error to the user.
+        field: the invalid input, parameter or setting, as the user wrote it (dotted path).
+        value: the invalid value, shortened to 200 characters. Large lists, objects and byte strings are replaced by
+            their size, since they may come from a private file.
+        remedy: one sentence that tells the user how to correct the error.
+
+    Attributes:
+        others: further errors in the same request, so that the user can correct all of them at once.
     """
 
     code = "internal-error"
@@ -35,8 +45,9 @@ class ImpastoError(Exception):
         super().__init__(message)
         self.message = message
         self.field = field
-        self.value = None if value is None else str(value)[:200]
+        self.value = None if value is None else _shown(value)
         self.remedy = remedy
+        self.others: tuple[ImpastoError, ...] = ()
 
     def __str__(self) -> str:
         parts = [self.message]
@@ -47,12 +58,46 @@ class ImpastoError(Exception):
         return " ".join(parts)
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Keep field, value and remedy across process borders."""
-        return _rebuild, (type(self), self.message, self.field, self.value, self.remedy)
+        """Pickle all attributes, so that errors can cross process boundaries."""
+        return _rebuild, (type(self), self.message, self.field, self.value, self.remedy, self.others)
 
 
-def _rebuild(kind: type[ImpastoError], message: str, field: str, value: object, remedy: str) -> ImpastoError:
-    return kind(message, field=field, value=value, remedy=remedy)
+def _rebuild(
+    kind: type[ImpastoError], message: str, field: str, value: object, remedy: str, others: tuple[ImpastoError, ...]
+) -> ImpastoError:
+    error = kind(message, field=field, value=value, remedy=remedy)
+    error.others = others
+    return error
+
+
+def _shown(value: object) -> str:
+    text = str(value)
+    if isinstance(value, bytes | bytearray):
+        return f"{len(value)} bytes"
+    if len(text) > _LONGEST_COLLECTION and isinstance(value, Mapping):
+        return f"an object with {len(value)} fields"
+    if len(text) > _LONGEST_COLLECTION and isinstance(value, list | tuple | set | frozenset):
+        return f"a list of {len(value)} items"
+    return text[:200]
+
+
+def together(errors: Sequence[ImpastoError]) -> ImpastoError:
+    """Combine one or more errors of a request: returns the first, with the rest in its `others`."""
+    first, *rest = errors
+    first.others += tuple(other for error in rest for other in (error, *error.others))
+    return first
+
+
+def did_you_mean(name: str, known: Iterable[str], what: str) -> str:
+    """Remedy text for an unknown name: suggests the most similar known name, if any, and lists all known names.
+
+    Args:
+        what: plural noun for the named things, for example "parameters".
+    """
+    names = list(known)
+    close = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
+    guess = f"Did you mean {close[0]!r}? " if close else ""
+    return f"{guess}Known {what}: {', '.join(names) or 'none'}."
 
 
 class BadInput(ImpastoError):

@@ -1,4 +1,4 @@
-"""What a frame is, and the one validator.
+"""Array types of frames, flow fields, label maps and masks, and the validator of frames.
 
 A *frame* is a C-contiguous `uint8` array of shape (height, width, 3): red, green, blue, sRGB-encoded, range 0..255,
 row 0 at the top. Positions are (x, y) in pixels, x right, y down, the centre of the top left pixel at (0, 0).
@@ -19,14 +19,21 @@ Flow: TypeAlias = NDArray[np.float32]
 Labels: TypeAlias = NDArray[np.int32]
 Mask: TypeAlias = NDArray[np.bool_]
 Plane: TypeAlias = NDArray[np.float32]
-"""A scalar per pixel: `float32` (height, width)."""
+"""One scalar per pixel: `float32` (height, width)."""
 
 MIN_SIDE_PX = 16
-"""Smallest side a method accepts: below it no neighbourhood of the papers fits."""
+"""Minimum width and height that the methods accept; the neighbourhoods of the papers do not fit smaller images."""
 
 
 def check_frame(array: object, field: str = "frame") -> Frame:
-    """Return `array` as a frame, or raise `BadFrame` that names `field`, what it is, and what it should be."""
+    """Return `array` as a C-contiguous frame.
+
+    Args:
+        field: name of the array in error messages.
+
+    Raises:
+        BadFrame: `array` is not an array, or has a wrong dtype, a wrong shape or a side below `MIN_SIDE_PX`.
+    """
     if not isinstance(array, np.ndarray):
         raise BadFrame("A frame is a NumPy array.", field=field, value=type(array).__name__)
     if array.dtype != np.uint8:
@@ -44,7 +51,7 @@ def check_frame(array: object, field: str = "frame") -> Frame:
 
 
 def same_size(array: Frame, size: tuple[int, int], field: str = "frame") -> Frame:
-    """Return `array` if it is (width, height) = `size`, else raise `BadFrame`."""
+    """Return `array` unchanged; raises `BadFrame` if its (width, height) differs from `size`."""
     if (array.shape[1], array.shape[0]) != size:
         raise BadFrame(
             "Every frame of a video has one size.",

@@ -1,21 +1,21 @@
-"""create_app: the parts put together, nothing more."""
+"""`create_app`: routers, middleware and background work assembled into one FastAPI application."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from pathlib import Path
 from typing import Any
 
 from fastapi import FastAPI
 from prometheus_client import CollectorRegistry
 from starlette.staticfiles import StaticFiles
 
-from service import errors
-from service.access.depends import Service, Streams
+from service import bundle, errors
+from service.access.depends import ServiceContext, Streams
 from service.access.gate import Gate
 from service.access.rates import Rates
+from service.artefacts.routes import router as artefacts
 from service.assets.routes import router as assets
 from service.background import background
 from service.bodies import JsonBodies
@@ -34,14 +34,19 @@ from service.ops.metrics import FarmMetrics, HttpMetrics, LiveMetrics
 from service.ops.routes import router as ops
 from service.pages import router as pages
 from service.previews.routes import router as previews
-from service.regions.routes import router as regions
+from service.projects.archive import router as project_archives
+from service.projects.estimates import router as estimates
+from service.projects.jobs import router as project_jobs
+from service.projects.previews import router as project_previews
+from service.projects.routes import router as projects
+from service.projects.sharing import router as sharing
+from service.projects.versions import router as project_versions
 from service.settings import Settings
 from service.uploads.routes import router as uploads
 from service.webhooks.routes import router as webhooks
 from service.webhooks.secrets import WebhookSecrets
 from workers.farm import Farm
 
-WEB = Path(__file__).parent / "web"
 ROUTERS = (
     methods,
     assets,
@@ -52,7 +57,14 @@ ROUTERS = (
     files,
     webhooks,
     previews,
-    regions,
+    artefacts,
+    project_archives,
+    projects,
+    project_versions,
+    project_jobs,
+    project_previews,
+    estimates,
+    sharing,
     live,
     keys,
     ops,
@@ -63,7 +75,7 @@ ROUTERS = (
 
 def create_app(settings: Settings, farm: Farm) -> FastAPI:
     """The HTTP service over `farm`, which the caller starts and stops."""
-    service = _parts(settings, farm)
+    service = _context(settings, farm)
     app = FastAPI(
         title="Impasto",
         version="1",
@@ -78,7 +90,7 @@ def create_app(settings: Settings, farm: Farm) -> FastAPI:
     errors.install(app)
     for router in ROUTERS:
         app.include_router(router, responses=errors.PROBLEM_RESPONSES)
-    app.mount("/static", StaticFiles(directory=WEB / "static"), name="static")
+    app.mount("/static", StaticFiles(directory=bundle.DIST, check_dir=False), name="static")
     _add_middleware(app, service)
     _describe(app)
     return app
@@ -93,14 +105,14 @@ async def _life(app: FastAPI) -> AsyncIterator[None]:
             await app.state.live.close()
 
 
-def _sessions(service: Service) -> Sessions:
+def _sessions(service: ServiceContext) -> Sessions:
     farm_live = service.farm.live
     metrics = LiveMetrics(service.registry, lambda: farm_live.sessions)
     return Sessions(farm_live, metrics, service.settings.live_resume_s)
 
 
-def _parts(settings: Settings, farm: Farm) -> Service:
-    service = Service(
+def _context(settings: Settings, farm: Farm) -> ServiceContext:
+    service = ServiceContext(
         settings=settings,
         farm=farm,
         streams=Streams(settings.max_streams),
@@ -119,10 +131,15 @@ def _secrets(settings: Settings) -> WebhookSecrets:
     return WebhookSecrets(settings.home / "webhook_secret", given.get_secret_value() if given else "")
 
 
-def _add_middleware(app: FastAPI, service: Service) -> None:
+def _add_middleware(app: FastAPI, service: ServiceContext) -> None:
     """The last one added is the outermost."""
     settings = service.settings
-    app.add_middleware(JsonBodies, max_bytes=settings.max_json_bytes, idle_s=settings.idle_s)
+    app.add_middleware(
+        JsonBodies,
+        max_bytes=settings.max_json_bytes,
+        max_project_bytes=settings.max_project_bytes,
+        idle_s=settings.idle_s,
+    )
     app.add_middleware(Gate, settings=settings, keys=service.farm.keys, rates=Rates())
     app.add_middleware(Edge, metrics=HttpMetrics(service.registry, service.streams.count))
 

@@ -1,5 +1,4 @@
-"""What runs beside the requests: the webhook sender, the sweeper of forgotten uploads, and the register of live
-sessions."""
+"""Background tasks of the service: sending webhooks, deleting expired uploads, publishing live sessions."""
 
 from __future__ import annotations
 
@@ -11,7 +10,7 @@ from functools import partial
 
 from starlette.concurrency import run_in_threadpool
 
-from service.access.depends import Service
+from service.access.depends import ServiceContext
 from service.live.register import register
 from service.live.sessions import Sessions
 from service.uploads.store import UploadStore
@@ -24,31 +23,31 @@ PAUSE_S = 5.0
 
 
 @asynccontextmanager
-async def background(parts: Service, sessions: Sessions) -> AsyncIterator[None]:
-    """Work while the app is up."""
-    sender = Sender(parts.farm.webhooks, parts.webhook_secrets, parts.settings)
-    jobs = (sender.run, _sweeper(parts), partial(register, parts.farm, sessions))
-    tasks = [asyncio.create_task(_for_ever(job)) for job in jobs]
+async def background(context: ServiceContext, sessions: Sessions) -> AsyncIterator[None]:
+    """Run the background tasks while the block runs."""
+    sender = Sender(context.farm.webhooks, context.webhook_secrets, context.settings)
+    jobs = (sender.run, _sweeper(context), partial(register, context.farm, sessions))
+    tasks = [asyncio.create_task(_run_forever(job)) for job in jobs]
     try:
         yield
     finally:
-        parts.closing.set()
+        context.closing.set()
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
 
 
-async def _for_ever(work: Callable[[], Awaitable[None]]) -> None:
+async def _run_forever(work: Callable[[], Awaitable[None]]) -> None:
     while True:
         try:
             await work()
         except Exception:
-            log.exception("Background work failed; it begins again in %g s", PAUSE_S)
+            log.exception("Background task failed; restarting in %g s", PAUSE_S)
         await asyncio.sleep(PAUSE_S)
 
 
-def _sweeper(parts: Service) -> Callable[[], Awaitable[None]]:
-    store = UploadStore(parts.settings.uploads_dir, parts.settings.upload_ttl_s)
+def _sweeper(context: ServiceContext) -> Callable[[], Awaitable[None]]:
+    store = UploadStore(context.settings.uploads_dir, context.settings.upload_ttl_s)
 
     async def sweep() -> None:
         while True:

@@ -1,11 +1,14 @@
-"""Request bodies: JSON is small, strict and read whole; uploads are streamed to disk, counted, and may not stall."""
+"""Request bodies: JSON is bounded, strict and read whole; uploads are streamed and must not stall."""
 
 from __future__ import annotations
 
 import asyncio
 import json
 import math
-from collections.abc import AsyncIterator
+import re
+import time
+from collections.abc import AsyncIterator, Sequence
+from itertools import accumulate
 from typing import Any, NoReturn
 
 from starlette.datastructures import Headers
@@ -15,15 +18,31 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from pipeline.errors import ImpastoError
 from service.errors import BadJson, BodyTooLarge, RequestTimeout, UnsupportedMediaType, respond
 
-STREAMED = ("/v1/assets", "/v1/uploads")
-"""Their bodies are files: their routes read them themselves."""
+MIN_BYTES_PER_S = 1024
+"""Slower bodies are given up: each holds a connection."""
+MAX_DEPTH = 64
+"""Most levels of lists and objects in a JSON body."""
+_STRINGS = re.compile(rb'"(?:[^"\\]|\\.)*+"?', re.DOTALL)
+_NO_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
+STREAMED = ("/v1/assets", "/v1/uploads", "/v1/projects/import")
+"""Paths whose routes stream the body themselves."""
+
+
+PROJECTS = "/v1/projects"
+"""Documents and previews of them are larger than other bodies, and may be patches."""
+PATCHES = ("application/json-patch+json", "application/merge-patch+json")
 
 
 class JsonBodies:
-    """Reads every other body before its route: bounded in bytes and seconds, JSON by type and by content."""
+    """Reads every other body before its route: bounded in bytes and seconds, JSON by type and by content.
 
-    def __init__(self, app: ASGIApp, max_bytes: int, idle_s: float) -> None:
+    Args:
+        max_project_bytes: the bound for routes of projects.
+    """
+
+    def __init__(self, app: ASGIApp, max_bytes: int, max_project_bytes: int, idle_s: float) -> None:
         self._app, self._max_bytes, self._idle_s = app, max_bytes, idle_s
+        self._max_project_bytes = max_project_bytes
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http" or scope["path"].startswith(STREAMED):
@@ -39,16 +58,18 @@ class JsonBodies:
         await self._app(scope, _replay(body, receive), send)
 
     async def _read(self, scope: Scope, receive: Receive) -> bytes:
-        parts = [chunk async for chunk in chunks(Request(scope, receive), self._max_bytes, self._idle_s)]
+        limit = self._max_project_bytes if scope["path"].startswith(PROJECTS) else self._max_bytes
+        parts = [chunk async for chunk in chunks(Request(scope, receive), limit, self._idle_s)]
         body = b"".join(parts)
         if body:
-            _check_type(Headers(scope=scope).get("content-type", ""))
+            patch = scope["method"] == "PATCH" and scope["path"].startswith(PROJECTS)
+            _check_type(Headers(scope=scope).get("content-type", ""), PATCHES if patch else ("application/json",))
             strict_json(body)
         return body
 
 
 def _replay(body: bytes, receive: Receive) -> Receive:
-    """A `receive` that gives the body that was read, then goes on with the connection (to see it close)."""
+    """A `receive` that returns the body that was read, then the connection's further messages (its end)."""
     waiting: list[Message] = [{"type": "http.request", "body": body, "more_body": False}]
 
     async def replay() -> Message:
@@ -57,38 +78,51 @@ def _replay(body: bytes, receive: Receive) -> Receive:
     return replay
 
 
-def _check_type(content_type: str) -> None:
+def _check_type(content_type: str, known: Sequence[str]) -> None:
     kind = content_type.partition(";")[0].strip().lower()
-    if kind != "application/json":
+    if kind not in known:
         raise UnsupportedMediaType(
             "The body must be JSON.",
             field="Content-Type",
             value=content_type,
-            remedy="Send the header 'Content-Type: application/json'.",
+            remedy=f"Send the header 'Content-Type: {' or '.join(known)}'.",
         )
 
 
 async def chunks(request: Request, max_bytes: int, idle_s: float) -> AsyncIterator[bytes]:
-    """The body's pieces as they arrive.
+    """The parts of the body as they arrive.
 
-    Raises: BodyTooLarge beyond `max_bytes`, RequestTimeout when nothing comes for `idle_s`, ClientDisconnect.
+    Raises: BodyTooLarge beyond `max_bytes`, RequestTimeout if fewer than `MIN_BYTES_PER_S` bytes a second arrive over
+    `idle_s` seconds, ClientDisconnect.
     """
     announced = request.headers.get("content-length", "")
     if announced.isdecimal() and int(announced[:20]) > max_bytes:
         _too_large(max_bytes, announced)
     stream, total = request.stream(), 0
+    window_total, window_end = 0, time.monotonic() + idle_s
     while True:
         try:
-            chunk = await asyncio.wait_for(anext(stream), idle_s)
+            chunk = await asyncio.wait_for(anext(stream), max(0.0, window_end - time.monotonic()))
         except StopAsyncIteration:
             return
         except TimeoutError:
-            raise RequestTimeout("The body stopped arriving.", field="body", remedy="Send it again.") from None
+            raise _too_slow(total) from None
         total += len(chunk)
+        if total - window_total >= MIN_BYTES_PER_S * idle_s:
+            window_total, window_end = total, time.monotonic() + idle_s
         if total > max_bytes:
             _too_large(max_bytes, total)
         if chunk:
             yield chunk
+
+
+def _too_slow(received: int) -> RequestTimeout:
+    return RequestTimeout(
+        "The body arrives too slowly.",
+        field="body",
+        value=f"{received} bytes so far",
+        remedy=f"Send at least {MIN_BYTES_PER_S} bytes a second.",
+    )
 
 
 def _too_large(max_bytes: int, value: object) -> NoReturn:
@@ -96,19 +130,30 @@ def _too_large(max_bytes: int, value: object) -> NoReturn:
 
 
 def strict_json(body: bytes) -> Any:
-    """Parse JSON as RFC 8259 has it: no NaN or Infinity, numbers that fit a float, text that is Unicode without NUL.
+    """Parse JSON by RFC 8259: no NaN or Infinity, numbers within float64, valid Unicode without NUL, bounded depth.
 
     Raises: BadJson.
     """
+    _check_depth(body)
     try:
         parsed = json.loads(body, parse_constant=_no_constant, parse_float=_finite)
         text = json.dumps(parsed, ensure_ascii=False)
         text.encode()
     except (ValueError, RecursionError) as error:
-        raise BadJson("The body is not JSON.", field="body", remedy=f"Mend it: {error}.") from None
+        raise BadJson("The body is not JSON.", field="body", remedy=f"Correct it: {error}.") from None
     if "\\u0000" in text:
-        raise BadJson("The body holds a NUL character.", field="body", remedy="Leave it out.")
+        raise BadJson("The body contains a NUL character.", field="body", remedy="Remove it.")
     return parsed
+
+
+def _check_depth(body: bytes) -> None:
+    """Refuse deep nesting before anything that recurses sees it. Brackets inside strings do not count."""
+    brackets = _STRINGS.sub(b"", body).translate(None, _NO_BRACKETS)
+    depth = max(accumulate(1 if byte in b"[{" else -1 for byte in brackets), default=0)
+    if depth > MAX_DEPTH:
+        raise BadJson(
+            f"The body nests deeper than {MAX_DEPTH} levels.", field="body", value=depth, remedy="Nest less deeply."
+        )
 
 
 def _no_constant(name: str) -> NoReturn:

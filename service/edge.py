@@ -1,4 +1,4 @@
-"""The outermost layer: headers and figures of every answer, and tus's way around proxies that know no PATCH."""
+"""The outermost middleware: headers, metrics and a log line for every answer; tus's X-HTTP-Method-Override."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from service.errors import SECURITY_HEADERS
 from service.ops.metrics import HttpMetrics
 from service.uploads.headers import VERSION
-from workers.about import about, here, working_for
+from workers.log_context import about, here, working_for
 
 PAGE_CSP = (
     "default-src 'self'; img-src 'self' blob: data:; media-src 'self' blob:; object-src 'none'; "
     "base-uri 'none'; form-action 'self'; frame-ancestors 'none'"
 )
-"""Nothing from elsewhere, no inline script or style. Blobs: thumbnails and a local file before its upload."""
+"""Only this origin, no inline script or style. `blob:` serves thumbnails and local files before their upload."""
 PERMISSIONS = (
     "camera=(self), display-capture=(self), fullscreen=(self), microphone=(), geolocation=(), payment=(), usb=()"
 )
-"""What pages may ask the browser for: the live page needs a camera or a screen, and nothing hears anyone."""
+"""Browser features that pages may use: the live page needs a camera or the screen. Never a microphone."""
 TUS = "/v1/uploads"
 _FACTS = {"job_id": "job", "task_id": "task", "asset_id": "asset", "key_id": "key", "upload_id": "upload"}
-"""Parameters of an address, as logs call them."""
+"""Path parameters -> their names in log lines."""
 log = logging.getLogger(__name__)
 
 
 class Edge:
-    """Adds what every answer bears, unless its route has said otherwise, and counts it."""
+    """Adds common headers to every answer unless its route has set them, counts the answer, and logs it."""
 
     def __init__(self, app: ASGIApp, metrics: HttpMetrics) -> None:
         self._app, self._metrics = app, metrics
@@ -66,7 +66,7 @@ class Edge:
 
 
 def _log(scope: Scope, verb: str, status: int, seconds: float) -> None:
-    """One line a request. The route, not the address: a query may hold what is nobody's business."""
+    """One line per request, with the route and not the address: a query may contain private values."""
     principal = scope.get("state", {}).get("principal")
     named = scope.get("path_params") or {}
     facts = {short: str(named[name]) for name, short in _FACTS.items() if name in named}
@@ -76,7 +76,7 @@ def _log(scope: Scope, verb: str, status: int, seconds: float) -> None:
 
 
 def _route(scope: Scope) -> str:
-    """The template of the route, never the address itself: that would be a label without bound."""
+    """The route's template. The address itself would be an unbounded metric label."""
     return str(getattr(scope.get("route"), "path", "") or "none")
 
 
@@ -87,7 +87,14 @@ def _add(headers: MutableHeaders, path: str) -> None:
         headers["Tus-Resumable"] = VERSION
     headers.setdefault("Content-Security-Policy", PAGE_CSP)
     headers.setdefault("Permissions-Policy", PERMISSIONS)
-    headers.setdefault("Cache-Control", "no-store" if path.startswith("/v1/") else "no-cache")
+    headers.setdefault("Cache-Control", _caching(path))
+
+
+def _caching(path: str) -> str:
+    """The names of bundled files contain a hash of their bytes, so that they never change."""
+    if path.startswith("/static/assets/"):
+        return "public, max-age=31536000, immutable"
+    return "no-store" if path.startswith("/v1/") else "no-cache"
 
 
 def _override(scope: Scope) -> None:

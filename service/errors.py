@@ -1,13 +1,13 @@
-"""Exceptions to RFC 9457 problems: one table, one way to answer.
+"""Conversion of exceptions to problem documents (RFC 9457).
 
 ImpastoError
-└── RequestError                what is wrong with the request itself, seen only here
+└── RequestError                errors of the HTTP request itself
     ├── BadRequest 400          ├── MethodNotAllowed 405     ├── RangeNotSatisfiable 416
     │   └── BadJson 400         ├── RequestTimeout 408       ├── Locked 423
     ├── Unauthorized 401        ├── OffsetMismatch 409       ├── RateLimited 429
     ├── Forbidden 403           ├── WrongVersion 412         ├── ChecksumMismatch 460
     ├── Gone 410                ├── UnsupportedMediaType 415 ├── Busy 503
-    └── BodyTooLarge 413                                     └── BadMessage 400 (live)
+    └── BodyTooLarge 413        └── PreconditionRequired 428 └── BadMessage 400 (live)
 """
 
 from __future__ import annotations
@@ -25,9 +25,11 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 from starlette.responses import JSONResponse, Response
 
-from pipeline.errors import BadParameter, ImpastoError
+from pipeline.errors import BadParameter, ImpastoError, together
 from workers.errors import NotFound
-from workers.live.seats import NoSeat
+from workers.live.worker import NoLiveWorker
+from workers.projects.faults import BadProject
+from workers.projects.model import VersionMismatch
 
 log = logging.getLogger(__name__)
 
@@ -42,7 +44,7 @@ SECURITY_HEADERS = {
 
 
 class RequestError(ImpastoError):
-    """A fault of the request; `headers` go out with the answer."""
+    """An error of the request. `headers` are added to the answer."""
 
     code = "bad-request"
 
@@ -97,6 +99,10 @@ class BodyTooLarge(RequestError):
     code = "body-too-large"
 
 
+class PreconditionRequired(RequestError):
+    code = "precondition-required"
+
+
 class UnsupportedMediaType(RequestError):
     code = "unsupported-media-type"
 
@@ -136,10 +142,12 @@ TABLE: dict[str, tuple[int, str]] = {
     "slow-reader": (408, "Answers were not read"),
     "taken-over": (409, "Another connection has taken the session up"),
     "conflict": (409, "Not possible in this state"),
+    "overtaken": (409, "A later request has replaced this one"),
     "cancelled": (409, "It was cancelled"),
     "offset-mismatch": (409, "The upload stands elsewhere"),
     "gone": (410, "It is no longer there"),
     "wrong-version": (412, "Another protocol version is spoken here"),
+    "version-mismatch": (412, "Something newer is stored"),
     "body-too-large": (413, "The body is too large"),
     "too-large": (413, "The message is too large"),
     "media-too-large": (413, "The media are too large"),
@@ -147,12 +155,15 @@ TABLE: dict[str, tuple[int, str]] = {
     "range-not-satisfiable": (416, "The range lies outside the file"),
     "bad-input": (422, "The input is wrong"),
     "bad-parameter": (422, "A parameter is wrong"),
+    "bad-project": (422, "The project is wrong"),
+    "bad-patch": (422, "The patch does not fit"),
     "bad-media": (422, "The media are wrong"),
     "unreadable-media": (422, "The media cannot be read"),
     "no-video-stream": (422, "There is no video in it"),
     "bad-frame": (422, "A frame is wrong"),
     "idempotency-mismatch": (422, "The idempotency key was used for another request"),
     "locked": (423, "Another request is at work on it"),
+    "precondition-required": (428, "A change needs the version that it was made on"),
     "quota-exceeded": (429, "A quota is used up"),
     "rate-limited": (429, "Too many requests"),
     "checksum-mismatch": (460, "The checksum does not match"),
@@ -170,6 +181,17 @@ TABLE: dict[str, tuple[int, str]] = {
 """Code -> (status, title). Every code of the error tree has a row."""
 
 
+class ProblemPlace(BaseModel):
+    """One fault of a request or document. `path`: JSON Pointer (RFC 6901); `field`: the same place with dots."""
+
+    path: str
+    field: str
+    code: str
+    message: str
+    value: str | None
+    remedy: str
+
+
 class Problem(BaseModel):
     """RFC 9457, with Impasto's stable code, the field that is wrong, its value, and what to do."""
 
@@ -182,6 +204,8 @@ class Problem(BaseModel):
     value: str | None
     remedy: str
     instance: str
+    errors: list[ProblemPlace] | None = None
+    """Every fault of the request or document, if there are several; absent otherwise."""
 
 
 PROBLEM_RESPONSES: dict[int | str, dict[str, Any]] = {
@@ -195,7 +219,7 @@ PROBLEM_RESPONSES: dict[int | str, dict[str, Any]] = {
 
 
 def problem(error: ImpastoError, instance: str) -> Problem:
-    """The problem that `error` is, at the path `instance`."""
+    """The problem document of `error` at the path `instance`."""
     status, title = TABLE.get(error.code, TABLE["internal-error"])
     return Problem(
         type=f"urn:impasto:problem:{error.code}",
@@ -207,6 +231,24 @@ def problem(error: ImpastoError, instance: str) -> Problem:
         value=error.value,
         remedy=error.remedy,
         instance=instance,
+        errors=_places(error),
+    )
+
+
+def _places(error: ImpastoError) -> list[ProblemPlace] | None:
+    if isinstance(error, BadProject):
+        return [ProblemPlace(**vars(fault)) for fault in error.errors]
+    return [_place(one) for one in (error, *error.others)] if error.others else None
+
+
+def _place(error: ImpastoError) -> ProblemPlace:
+    return ProblemPlace(
+        path="/" + error.field.replace(".", "/"),
+        field=error.field,
+        code=error.code,
+        message=error.message,
+        value=error.value,
+        remedy=error.remedy,
     )
 
 
@@ -214,13 +256,16 @@ def respond(error: ImpastoError, instance: str) -> Response:
     """The answer to a request that failed with `error`."""
     body = problem(error, instance)
     headers = SECURITY_HEADERS | {"Cache-Control": "no-store"} | _headers(error, body.status)
-    return JSONResponse(body.model_dump(), body.status, headers, PROBLEM_TYPE)
+    left_out = None if body.errors else {"errors"}
+    return JSONResponse(body.model_dump(exclude=left_out), body.status, headers, PROBLEM_TYPE)
 
 
 def _headers(error: ImpastoError, status: int) -> dict[str, str]:
     own = dict(error.headers) if isinstance(error, RequestError) else {}
-    if isinstance(error, NoSeat):
+    if isinstance(error, NoLiveWorker):
         own |= retry_after(error.retry_after_s)
+    if isinstance(error, VersionMismatch):
+        own["ETag"] = f'"{error.stored}"'
     if status == HTTPStatus.UNAUTHORIZED:
         own.setdefault("WWW-Authenticate", "Bearer")
     if status in (429, 503):
@@ -234,7 +279,7 @@ def retry_after(seconds: float) -> dict[str, str]:
 
 
 def install(app: FastAPI) -> None:
-    """Make every failure of `app` a problem."""
+    """Answer every exception in `app` with a problem document."""
     app.add_exception_handler(ImpastoError, _on_impasto)
     app.add_exception_handler(RequestValidationError, _on_validation)
     app.add_exception_handler(HTTPException, _on_http)
@@ -258,17 +303,20 @@ def _on_validation(request: Request, error: Exception) -> Response:
 
 
 def from_validation(error: RequestValidationError) -> ImpastoError:
-    """The first fault that validation found, as an error that names it."""
-    first = error.errors()[0]
-    where, *names = (str(part) for part in first["loc"])
+    """The errors that validation found: the first, with the others."""
+    return together([_from_detail(found) for found in error.errors()])
+
+
+def _from_detail(found: Mapping[str, Any]) -> ImpastoError:
+    where, *names = (str(part) for part in found["loc"])
     field = ".".join(names) or where
-    if first["type"] == "json_invalid":
-        return BadJson("The body is not JSON.", field="body", remedy=f"Mend it: {first['ctx']['error']}.")
-    if first["type"] == "missing":
-        return _validation(f"{field} is missing.", field, None, f"Give {field} ({where}).")
-    if first["type"] == "extra_forbidden":
-        return _validation(f"There is no field {field} here.", field, first["input"], "Leave it out.")
-    return _validation(f"{field} is not what it should be.", field, first["input"], f"{first['msg']}.")
+    if found["type"] == "json_invalid":
+        return BadJson("The body is not JSON.", field="body", remedy=f"Correct it: {found['ctx']['error']}.")
+    if found["type"] == "missing":
+        return _validation(f"{field} is missing.", field, None, f"Add {field} ({where}).")
+    if found["type"] == "extra_forbidden":
+        return _validation(f"Unknown field {field!r}.", field, found["input"], "Remove it; see /docs for the fields.")
+    return _validation(f"{field} is not valid.", field, found["input"], f"{found['msg']}.")
 
 
 def _validation(message: str, field: str, value: object, remedy: str) -> ImpastoError:
@@ -281,15 +329,15 @@ def _on_http(request: Request, error: Exception) -> Response:
 
 
 def from_http(error: HTTPException, request: Request) -> ImpastoError:
-    """What the framework itself refuses (no such route, wrong method), as one of our errors."""
+    """An error of the framework (unknown route, wrong method) as an `ImpastoError`."""
     headers = dict(error.headers or {})
     if error.status_code == HTTPStatus.NOT_FOUND:
         return NotFound(
-            "There is nothing at this address.", field="path", value=request.url.path, remedy="See /docs for what is."
+            "There is no such address.", field="path", value=request.url.path, remedy="See /docs for all addresses."
         )
     if error.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
         return MethodNotAllowed(
-            f"{request.method} is not possible here.",
+            f"{request.method} is not allowed here.",
             headers=headers,
             field="method",
             value=request.method,
@@ -297,16 +345,17 @@ def from_http(error: HTTPException, request: Request) -> ImpastoError:
         )
     if error.status_code == HTTPStatus.REQUEST_ENTITY_TOO_LARGE:
         return BodyTooLarge(str(error.detail), field="body", remedy="Send less.")
-    return BadRequest(str(error.detail), field="body", remedy="See /docs for what is expected.")
+    return BadRequest(str(error.detail), field="body", remedy="See /docs for the expected request.")
 
 
 def _on_disconnect(_request: Request, _error: Exception) -> Response:
-    return Response(status_code=400)  # nobody is there to read it
+    return Response(status_code=400)  # nobody reads it
 
 
 def _on_surprise(request: Request, error: Exception) -> Response:
     log.error("%s %s failed", request.method, request.url.path, exc_info=error)
     unknown = ImpastoError(
-        "The service failed at this request.", remedy="Try again; if it stays, send the operator the time and address."
+        "The service failed to answer this request.",
+        remedy="Try again; if it fails again, report the time and address to the operator.",
     )
     return respond(unknown, request.url.path)

@@ -6,25 +6,34 @@ from pathlib import Path
 
 from fastapi import APIRouter
 from starlette.exceptions import HTTPException
-from starlette.responses import FileResponse
+from starlette.responses import FileResponse, PlainTextResponse, Response
+
+from service import bundle
 
 HERE = Path(__file__).parent
 router = APIRouter(include_in_schema=False)
 
 
 @router.get("/")
-def index() -> FileResponse:
-    return FileResponse(HERE / "web" / "index.html")
+def index() -> Response:
+    return _page("index.html")
 
 
 @router.get("/live")
-def live() -> FileResponse:
-    return FileResponse(HERE / "web" / "live.html")
+def live() -> Response:
+    return _page("live.html")
 
 
 @router.get("/ops")
-def ops() -> FileResponse:
-    return FileResponse(HERE / "web" / "ops.html")
+def ops() -> Response:
+    return _page("ops.html")
+
+
+def _page(name: str) -> Response:
+    """A built page, or 503 with the remedy in a checkout whose pages were not built."""
+    if not bundle.is_built():
+        return PlainTextResponse(f"The pages of this checkout are not built. {bundle.REMEDY}\n", status_code=503)
+    return FileResponse(bundle.DIST / name)
 
 
 @router.get("/docs")

@@ -1,4 +1,4 @@
-"""Shapes that several parts of the API share."""
+"""Path and query parameters, and response shapes, that several routers share."""
 
 from __future__ import annotations
 

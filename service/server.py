@@ -1,8 +1,10 @@
-"""serve: the farm and the HTTP service in one process, until a signal."""
+"""`serve`: the farm and the HTTP service in one process, until a signal stops it."""
 
 from __future__ import annotations
 
+import asyncio
 import gc
+import logging
 import signal
 import socket
 import threading
@@ -15,28 +17,35 @@ from fastapi import FastAPI
 
 from pipeline.errors import BadParameter
 from service.app import create_app
+from service.connections import ConnectionGuard, connection_limit, raise_descriptor_limit
+from service.repeats import RepeatFilter
 from service.settings import Settings
-from service.sockets import LiveSocket
-from workers.farm import Farm
+from service.sockets import guarded
+from workers.farm import Farm, open_farm
 from workers.logs import set_up_logs
-from workers.studio import open_farm
 
+ACCEPTED_AT_ONCE = 64
+"""Connections that asyncio accepts in one turn of its loop, before the guard can close any."""
+LISTEN_QUEUE = 1024
+"""Connections that wait in the kernel."""
 GRACE_S = 10
-"""Answers under way may take this long when the service stops; event streams end at once."""
+"""At shutdown, unfinished answers may take this long, seconds; event streams end at once."""
 
 
 def serve(settings: Settings, on_ready: Callable[[str], None] = lambda url: None) -> None:
-    """Open the farm, serve until SIGINT or SIGTERM, stop in order. Call it on the main thread.
+    """Open the farm, serve until SIGINT or SIGTERM, then shut down cleanly. Call it on the main thread.
 
     Args:
         on_ready: called with the address, for example "http://127.0.0.1:8420", once requests are answered.
 
     Raises:
-        BadParameter: a key is needed and there is none.
+        BadParameter: a key is required and none exists.
         StorageError: the farm cannot be opened.
         OSError: the address cannot be bound.
     """
     set_up_logs(settings)
+    for handler in logging.getLogger().handlers:
+        handler.addFilter(RepeatFilter())
     farm = open_farm(settings)
     try:
         _check_way_in(settings, farm)
@@ -44,7 +53,7 @@ def serve(settings: Settings, on_ready: Callable[[str], None] = lambda url: None
         farm.start()
         server = make_server(create_app(settings, farm), settings, on_ready)
         gc.collect()
-        gc.freeze()  # what is there now stays; looking through it for garbage would hold up every answer
+        gc.freeze()  # objects of start-up live on: without them, collections are short
         with listener, _gentle_signals():
             server.run(sockets=[listener])
     finally:
@@ -53,44 +62,59 @@ def serve(settings: Settings, on_ready: Callable[[str], None] = lambda url: None
 
 def make_server(app: FastAPI, settings: Settings, on_ready: Callable[[str], None] = lambda url: None) -> uvicorn.Server:
     """The server of `app`; run it with the socket that it listens on."""
+    limit = connection_limit(raise_descriptor_limit(), settings.max_connections)
+    guard = ConnectionGuard(limit, settings.header_s, settings.idle_s)
+    http, live_socket = guarded(guard)
     config = uvicorn.Config(
         app,
+        http=http,
         host=settings.host,
         port=settings.port,
-        log_config=None,  # ours, made before
+        log_config=None,  # `set_up_logs` has configured logging
         log_level="warning",
-        access_log=False,  # the edge writes a better one
+        access_log=False,  # `service.edge` logs requests
         lifespan="on",
         server_header=False,
         timeout_graceful_shutdown=GRACE_S,
-        ws=LiveSocket,
+        backlog=ACCEPTED_AT_ONCE,
+        ws=live_socket,
         ws_max_size=2 * max(settings.live_frame_bytes, settings.max_json_bytes),
         ws_ping_interval=settings.live_ping_s,
         ws_ping_timeout=settings.live_ping_s,
         ws_per_message_deflate=False,
     )
-    return _Server(config, app, on_ready)
+    return _Server(config, app, guard, on_ready)
 
 
 class _Server(uvicorn.Server):
-    def __init__(self, config: uvicorn.Config, app: FastAPI, on_ready: Callable[[str], None]) -> None:
+    def __init__(
+        self, config: uvicorn.Config, app: FastAPI, guard: ConnectionGuard, on_ready: Callable[[str], None]
+    ) -> None:
         super().__init__(config)
-        self._app, self._on_ready = app, on_ready
+        self._app, self._guard, self._on_ready = app, guard, on_ready
+        self._sweeping: asyncio.Task[None] | None = None
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        self._sweeping = asyncio.create_task(self._guard.run())
         await super().startup(sockets)
+        for listener in sockets or ():
+            listener.listen(LISTEN_QUEUE)
         if self.started and sockets:
             self._on_ready(address_of(sockets[0]))
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        self._app.state.service.closing.set()  # before the wait for open answers: streams are among them
+        self._app.state.service.closing.set()  # before uvicorn waits for open answers: event streams must end
         await self._app.state.live.close()
         await super().shutdown(sockets)
+        if self._sweeping is not None:
+            self._sweeping.cancel()
 
 
 def _bind(host: str, port: int) -> socket.socket:
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)  # named, so that asyncio sends at once
+    listener = socket.socket(
+        family, socket.SOCK_STREAM, socket.IPPROTO_TCP
+    )  # with the protocol named, asyncio sets TCP_NODELAY
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listener.bind((host, port))
@@ -101,7 +125,7 @@ def _bind(host: str, port: int) -> socket.socket:
 
 
 def address_of(listener: socket.socket) -> str:
-    """Where a browser on this machine finds the socket."""
+    """The URL of the socket for a browser on this machine."""
     host, port = listener.getsockname()[:2]
     here = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)  # noqa: S104  (shown, not bound)
     return f"http://[{here}]:{port}" if ":" in here else f"http://{here}:{port}"
@@ -111,15 +135,15 @@ def _check_way_in(settings: Settings, farm: Farm) -> None:
     if settings.open or settings.admin_key or any(key.revoked_at is None for key in farm.keys.list()):
         return
     raise BadParameter(
-        "Requests need an API key here, and there is none.",
+        "Requests need an API key, and none exists.",
         field="IMPASTO_ADMIN_KEY",
-        remedy="Make one with `impasto keys create`, set IMPASTO_ADMIN_KEY to a long secret, or bind 127.0.0.1.",
+        remedy="Create one with `impasto keys create`, set IMPASTO_ADMIN_KEY to a long secret, or bind 127.0.0.1.",
     )
 
 
 @contextmanager
 def _gentle_signals() -> Iterator[None]:
-    """uvicorn raises the signal that stopped it again at its end: it must not cut short what follows."""
+    """uvicorn raises the signal that stopped it again when it returns; ignore it, so that the farm stops cleanly."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

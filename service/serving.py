@@ -1,4 +1,4 @@
-"""Files over HTTP: RFC 9110 single ranges, entity tags, HEAD, and headers that keep user content harmless."""
+"""Files over HTTP: single ranges (RFC 9110), entity tags, HEAD, and headers that make user content inert."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response, StreamingResponse
 
 from service.errors import RangeNotSatisfiable
-from workers.farm import Farm, Served
+from workers.farm import Farm
+from workers.farm_parts.stored_file import StoredFile
 
 CONTENT_CSP = "sandbox; default-src 'none'; img-src 'self'; media-src 'self'; style-src 'unsafe-inline'"
-"""A file that a user brought, opened as a page, can run nothing (an SVG with a script)."""
+"""A user's file that is opened as a page (an SVG, for example) runs no scripts."""
 
 _RANGE = re.compile(r"bytes=\s*(\d{0,18})\s*-\s*(\d{0,18})\s*")
 
@@ -29,7 +30,7 @@ class Span:
 
 
 def wanted(headers: Headers, size: int, etag: str) -> Span | None:
-    """The range that a request asks for, or None for the whole file (also for ranges we may ignore: RFC 9110, 14.2).
+    """The requested range; None: the whole file, also where RFC 9110, 14.2, allows to ignore the range.
 
     Raises: RangeNotSatisfiable.
     """
@@ -68,9 +69,9 @@ def disposition(filename: str, attachment: bool) -> str:
     return f'{kind}; filename="{plain}"{full}'
 
 
-def serve(farm: Farm, served: Served, request: Request, attachment: bool = False) -> Response:
-    """Answer a GET or HEAD for a file of the farm. A download may be sent on to where the bytes are."""
-    if attachment and request.method == "GET" and (url := farm.direct_url(served)):
+def serve(farm: Farm, served: StoredFile, request: Request, attachment: bool = False) -> Response:
+    """Answer a GET or HEAD for a file of the farm. A download may be redirected to the blob store."""
+    if attachment and request.method == "GET" and (url := farm.files.direct_url(served)):
         return RedirectResponse(url, 307, {"Cache-Control": "private, no-store"})
     etag = '"' + served.etag.strip('"') + '"'
     headers = {
@@ -87,5 +88,5 @@ def serve(farm: Farm, served: Served, request: Request, attachment: bool = False
     headers["Content-Length"] = str(stop - start)
     if span:
         headers["Content-Range"] = f"bytes {start}-{stop - 1}/{served.size_bytes}"
-    body: Iterator[bytes] = iter(()) if request.method == "HEAD" else farm.read(served, start, stop)
+    body: Iterator[bytes] = iter(()) if request.method == "HEAD" else farm.files.read(served, start, stop)
     return StreamingResponse(body, 206 if span else 200, headers, served.media_type)

@@ -1,4 +1,4 @@
-"""Settings of a service process, read once at its entry (prefix `IMPASTO_`) and passed down."""
+"""Settings of a service process, read once from the environment (prefix `IMPASTO_`)."""
 
 from __future__ import annotations
 
@@ -16,10 +16,7 @@ MIB = 1 << 20
 
 
 class Settings(BaseSettings, FarmSettings):
-    """What an operator may choose: how the farm works (`FarmSettings`) and how the service answers.
-
-    Sizes are in bytes, times in seconds.
-    """
+    """Settings of the farm (`FarmSettings`) and of the HTTP service. Sizes are in bytes, times in seconds."""
 
     model_config = SettingsConfigDict(env_prefix="IMPASTO_", extra="ignore", frozen=True)
 
@@ -29,46 +26,57 @@ class Settings(BaseSettings, FarmSettings):
     port: int = Field(default=8420, ge=0, le=65535)
 
     auth: Literal["auto", "required", "off"] = "auto"
-    """"auto": no key is needed while bound to loopback, one is needed otherwise."""
+    """"auto": a key is required unless the service is bound to loopback."""
     admin_key: SecretStr | None = None
-    """A key with every scope that is kept nowhere: the way in to a fresh server."""
+    """A key with every scope that is not stored, for a new server without keys."""
     allowed_hosts: frozenset[str] = frozenset()
-    """More names that a request may give as its Host while no key is needed (loopback names always may)."""
+    """Names beside those of loopback that are accepted as Host while no key is required."""
 
     requests_per_minute: int = Field(default=6000, ge=1)
-    """In the long run, a key (or an address without one); a sixth of it may come at once. A key may have its own."""
+    """Rate limit per key, or per address without one; a sixth of it may come at once. A key may have its own."""
     quota_active_jobs: int = Field(default=1000, ge=1)
-    """Unfinished jobs an owner may have; a key may have its own bound."""
+    """Unfinished jobs of an owner; a key may have its own limit."""
     quota_asset_bytes: int | None = Field(default=None, ge=1)
-    """Bytes of assets an owner may keep (None: any); a key may have its own bound."""
+    """Bytes of an owner's assets and unfinished uploads (None: unlimited); a key may have its own limit."""
+
+    quota_open_uploads: int = Field(default=1000, ge=1)
+    """Unfinished resumable uploads of an owner."""
 
     max_json_bytes: int = Field(default=1 * MIB, ge=1024)
+    max_project_bytes: int = Field(default=32 * MIB, ge=1024)
+    """Of a request about a project: a preview may bring a painted frame with it."""
     upload_ttl_s: float = Field(default=24 * 3600.0, gt=0)
-    """An unfinished resumable upload is forgotten after this long without a byte."""
+    """An unfinished resumable upload without new bytes for this long is deleted."""
     idle_s: float = Field(default=60.0, gt=0)
-    """A request body that brings nothing for this long is given up."""
+    """A request body must bring 1 KiB a second, averaged over this time; an answer that is not read for this long is
+    dropped."""
+
+    header_s: float = Field(default=15.0, gt=0)
+    """A connection on which no whole request header has arrived after this long is closed."""
+    max_connections: int = Field(default=4096, ge=1)
+    """Client connections at once; fewer where the limit of open files is lower: a quarter of it is kept for files."""
 
     heartbeat_s: float = Field(default=15.0, gt=0)
     max_streams: int = Field(default=100, ge=1)
-    """Event streams open at once."""
+    """Most open event streams."""
     preview_slots: int = Field(default=2, ge=1)
-    """Previews made at once; more are told to come back."""
+    """Previews rendered at once; further ones are answered with 503 and Retry-After."""
     frame_slots: int = Field(default=4, ge=1)
-    """Single frames of assets decoded at once; more wait a moment, then are told to come back."""
+    """Frames of assets decoded at once; further requests wait, then are answered with 503 and Retry-After."""
 
     live_hello_s: float = Field(default=10.0, gt=0)
-    """A live connection says hello within this time."""
+    """The first message of a live connection must arrive within this time."""
     live_idle_s: float = Field(default=60.0, gt=0)
     """A live session without a frame for this long ends."""
     live_resume_s: float = Field(default=10.0, ge=0)
-    """A live session waits this long for a client that was lost."""
+    """A live session waits this long for a lost client to reconnect."""
     live_slow_s: float = Field(default=90.0, gt=0)
     """A live client that reads nothing for this long is closed."""
     live_ping_s: float = Field(default=20.0, gt=0)
-    """WebSocket clients are pinged this often; one that is silent for as long after it is lost."""
+    """Interval of WebSocket pings; a client that sends nothing for as long after a ping is disconnected."""
 
     webhook_secret: SecretStr | None = Field(default=None, min_length=32)
-    """What webhooks are signed from, the same for all processes of a service; None: a file in the home, made once."""
+    """Master secret of webhook signatures, the same for all processes of a service; None: a file in the home."""
     webhook_private: bool = False
     """Allow webhook targets on private and loopback addresses."""
     webhook_timeout_s: float = Field(default=10.0, gt=0)
@@ -76,12 +84,12 @@ class Settings(BaseSettings, FarmSettings):
 
     @property
     def loopback(self) -> bool:
-        """Whether the service is bound to this machine only."""
+        """Whether the service is bound to loopback."""
         return is_loopback(self.host)
 
     @property
     def open(self) -> bool:
-        """Whether requests without a key are let in, with every scope."""
+        """Whether requests without a key are accepted, with every scope."""
         return self.auth == "off" or (self.auth == "auto" and self.loopback)
 
     @property
@@ -90,7 +98,7 @@ class Settings(BaseSettings, FarmSettings):
 
 
 def is_loopback(host: str) -> bool:
-    """Whether `host` (a name or an address, no port) can only mean this machine."""
+    """Whether `host` (a name or address without port) always means this machine."""
     if host.lower().rstrip(".") == "localhost":
         return True
     try:

@@ -16,6 +16,9 @@ import pytest
 from numpy.typing import NDArray
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
+from service import bundle
+from tests.parallel import arrange
+
 if TYPE_CHECKING:  # they are imported where they are needed: most tests have no server
     from tests.real.postgres import Postgres
     from tests.real.swift import Swift
@@ -25,11 +28,16 @@ MEDIA = ROOT.parent / "shared" / "media"
 
 
 class TestSettings(BaseSettings):
-    """IMPASTO_REQUIRE_REAL=1 makes a missing real part a failure: CI proves that nothing was skipped."""
+    """Settings of a test run, from the environment.
+
+    IMPASTO_REQUIRE_REAL=1 makes a missing real part a failure: CI proves that nothing was skipped.
+    IMPASTO_ENCODER_RUNS: how often each encoder is repeated to see whether its bytes vary.
+    """
 
     __test__ = False
     model_config = SettingsConfigDict(env_prefix="IMPASTO_")
     require_real: bool = False
+    encoder_runs: int = 100
 
 
 def _missing_chromium() -> str:
@@ -99,6 +107,13 @@ MAY_BE_ABSENT = {"media"}
 """Test media are not ours to ship: another machine may lack them even where every part must be real."""
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Arrange tests for several processes. Alone, the order stays that of the files."""
+    if config.getoption("numprocesses", None) or hasattr(config, "workerinput"):
+        arrange(items)
+
+
 def pytest_runtest_setup(item: pytest.Item) -> None:
     for mark in item.iter_markers("real"):
         for part in mark.args:
@@ -146,6 +161,13 @@ def one_opencv_thread() -> Iterator[None]:
     cv2.setNumThreads(1)
     yield
     cv2.setNumThreads(before)
+
+
+@pytest.fixture(scope="session")
+def pages() -> Path:
+    """The built pages of this checkout; they are built now if a source has changed."""
+    bundle.build()
+    return bundle.DIST
 
 
 @pytest.fixture

@@ -7,7 +7,8 @@ from pathlib import Path
 import av
 import pytest
 
-from tests.conftest import PARTS, TINY_FRAMES, TINY_HEIGHT, TINY_WIDTH, _require
+from tests.conftest import PARTS, ROOT, TINY_FRAMES, TINY_HEIGHT, TINY_WIDTH, _require
+from tests.parallel import LONGEST, arrange
 
 
 def test_the_tiny_clip_has_pictures_and_sound(tiny_clip: Path) -> None:
@@ -41,6 +42,15 @@ def test_media_may_be_absent_even_then(monkeypatch: pytest.MonkeyPatch) -> None:
     _lack(monkeypatch, "media", "1")
     with pytest.raises(pytest.skip.Exception):
         _require("media")
+
+
+def test_files_that_take_longest_are_there_and_come_first(request: pytest.FixtureRequest) -> None:
+    assert [file for file in LONGEST if not (ROOT / file).is_file()] == []
+    items = list(request.session.items)
+    arrange(items)
+    places = [LONGEST.index(file) for item in items if (file := item.nodeid.partition("::")[0]) in LONGEST]
+    assert places == sorted(places)
+    assert all(item.get_closest_marker("xdist_group") for item in items)
 
 
 def test_an_unknown_part_is_a_mistake() -> None:

@@ -4,7 +4,7 @@ ImpastoError
 ├── NotFound                    no such job, task, asset, result            404
 ├── Conflict                    not in this state; or the same key with another body   409 / 422
 │   └── IdempotencyMismatch
-├── NoRoom                      no machine has what a task needs            (of a task, never answered)
+├── NoCapacity                      no machine has what a task needs            (of a task, never answered)
 └── QuotaExceeded               a key's quota or rate is used up            429
 """
 
@@ -25,7 +25,7 @@ class IdempotencyMismatch(Conflict):
     code = "idempotency-mismatch"
 
 
-class NoRoom(ImpastoError):
+class NoCapacity(ImpastoError):
     code = "no-room"
 
 

@@ -1,267 +1,185 @@
-"""Farm: all that the service and the command line see of assets, jobs and workers.
+"""`Farm`: assets, jobs and workers, as the service and the command line use them.
 
-A Farm ties a store (the truth), blobs and a pool (the muscle) together. Open one with `open_farm`.
+A farm joins a store (the database, source of truth), blobs (bytes), a pool (runs attempts) and a dispatcher (moves
+tasks from the store to the pool). It is reached by noun: `farm.jobs`, `farm.assets`, `farm.tasks`, `farm.files`,
+`farm.keys`, `farm.webhooks`, `farm.workers`, `farm.live`, `farm.projects`, `farm.previews`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import AbstractContextManager
-from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+import contextlib
+import shutil
+import socket
+from collections.abc import Callable
 
-from workers.model import Asset, Event, Job, JobRequest, Json, Submitted, TaskView
+from pipeline.errors import ImpastoError
+from pipeline.video.probe import probe_guarded
+from workers.blobs.base import Blobs
+from workers.blobs.open import open_blobs
+from workers.execution.lru_cache import LruCache
+from workers.farm_parts.assets import FarmAssets, Probe
+from workers.farm_parts.files import FarmFiles
+from workers.farm_parts.health import HealthChecks
+from workers.farm_parts.jobs import FarmJobs
+from workers.farm_parts.tasks import FarmTasks
+from workers.live.local_workers import LocalLiveWorkers
+from workers.live.renderer import LiveRenderer
+from workers.live.sessions import LiveSessions
+from workers.live.worker import LiveWorkers
+from workers.model import Json
+from workers.operations import DrainScope, WorkerInfo
+from workers.pools.base import Pool
+from workers.previews.local_runner import LocalRunner
+from workers.previews.service import PreviewService
+from workers.projects.projects import Projects
+from workers.scheduling.dispatcher import Dispatcher
+from workers.scheduling.garbage_collector import GarbageCollector
+from workers.scheduling.process_lock import ProcessLock
+from workers.settings import FarmSettings
+from workers.state_machine import Limits
+from workers.store import Store, StorePolicy
+from workers.store.projects import Retention
+from workers.version import version
 
-if TYPE_CHECKING:  # they need what is described here
-    from workers.fleet import Fleet
-    from workers.live.live import Live
-
-
-@dataclass(frozen=True)
-class Page:
-    """One page of a listing; `cursor` is None on the last."""
-
-    items: tuple[Any, ...]
-    cursor: str | None
-
-
-@dataclass(frozen=True)
-class Served:
-    """A file that can be read in ranges."""
-
-    key: str
-    size_bytes: int
-    media_type: str
-    filename: str
-    etag: str
-
-
-SCOPES = ("submit", "read", "admin")
-"""What a key may do; "admin" includes the others."""
-
-
-@dataclass(frozen=True)
-class ApiKey:
-    """A key as operators see it; the secret itself is not kept, only its hash."""
-
-    id: str
-    """`key_...`: also the `owner` of what is made with it."""
-    name: str
-    scopes: frozenset[str]
-    """Of SCOPES."""
-    quotas: dict[str, int]
-    """Name -> bound, as the service understands it ("active_jobs", "asset_bytes", "requests_per_minute") and the
-    dispatcher ("running_tasks")."""
-    created_at: float
-    revoked_at: float | None = None
-
-    def allows(self, scope: str) -> bool:
-        return scope in self.scopes or "admin" in self.scopes
+_CACHED_IMAGES = 128
 
 
-class Keys(Protocol):
-    """API keys: made, listed, revoked, verified."""
+class Farm:
+    """
+    Args:
+        settings: where data is stored, and limits.
+        pool: runs attempts; None: this process accepts and shows jobs only.
+        live_workers: render live sessions; None: threads of this process.
+        probe: examines uploaded files; by default in a child process, because they are untrusted.
 
-    def create(self, name: str, scopes: Collection[str], quotas: Mapping[str, int] | None = None) -> tuple[ApiKey, str]:
-        """A new key and its secret, which is shown this once. Raises BadParameter (unknown scope, bad quota)."""
-        ...
+    Raises:
+        StorageError: the database or the blob store cannot be used.
+    """
 
-    def list(self) -> list[ApiKey]:
-        """Every key, oldest first, revoked ones too."""
-        ...
+    def __init__(
+        self,
+        settings: FarmSettings,
+        pool: Pool | None,
+        live_workers: LiveWorkers | None = None,
+        probe: Probe = probe_guarded,
+    ) -> None:
+        limits = Limits(settings.attempts, settings.interruptions)
+        policy = StorePolicy(limits, settings.retry_delay_s, settings.events_kept, settings.owner_tasks)
+        images: LruCache[bytes] = LruCache(_CACHED_IMAGES)
+        self._settings, self._pool = settings, pool
+        self._store, self._blobs = Store(settings.url, policy), open_blobs(settings)
+        self._collector = GarbageCollector(
+            self._store,
+            self._blobs,
+            settings.sweep_s,
+            self._may_sweep,
+            settings.project_undo_s,
+            Retention(settings.project_versions_s),
+        )
+        self._dispatcher = None if pool is None else self._make_dispatcher(pool)
+        self.assets = FarmAssets(self._store, self._blobs, probe, settings.limits, images)
+        self.jobs = FarmJobs(self._store, self._blobs, self._collector, self._wake, images)
+        self.tasks = FarmTasks(self._store, self._wake)
+        self.files = FarmFiles(self._store, self._blobs, settings.s3_direct)
+        self.projects = Projects(self._store.projects, self.assets, self.jobs, self.files)
+        self.previews = PreviewService(LocalRunner(self._blobs, settings.preview_bytes), settings.preview_threads)
+        self.keys, self.webhooks, self.workers = self._store.keys, self._store.webhooks, self._store.workers
+        self.live = LiveSessions(live_workers or LocalLiveWorkers(lambda: LiveRenderer(self._blobs)), settings)
+        self._health = HealthChecks(self._parts())
 
-    def revoke(self, key_id: str) -> ApiKey:
-        """From now on `verify` refuses it. Revoking twice is the same as once. Raises NotFound."""
-        ...
+    def _make_dispatcher(self, pool: Pool) -> Dispatcher:
+        who = WorkerInfo(socket.gethostname(), self._settings.role, str(pool.describe()["kind"]), version())
+        return Dispatcher(self._store, pool, self._settings, self._blobs.check_room, self._collector.later, who)
 
-    def verify(self, secret: str) -> ApiKey | None:
-        """The key of a secret, or None: malformed, unknown or revoked. Takes the same time for right and wrong ones."""
-        ...
+    def _parts(self) -> dict[str, Callable[[], None]]:
+        parts = {"store": self._store.check, "blobs": self._blobs.check}
+        return parts if self._dispatcher is None else {**parts, "pool": self._dispatcher.check}
 
-    def usage(self, key_id: str) -> dict[str, int]:
-        """What counts against quotas now: "active_jobs" and "asset_bytes"."""
-        ...
+    def _may_sweep(self) -> bool:
+        """Among all processes that share the store, the dispatcher that has lived longest sweeps."""
+        return self._store.queue.dispatchers()[:1] == [self.worker_id]
 
-
-@dataclass(frozen=True)
-class Delivery:
-    """One webhook message of the outbox: written with the job's end, in the same transaction."""
-
-    id: str
-    """`msg_...`: the Standard Webhooks message id, the same over all tries."""
-    job_id: str
-    owner: str
-    url: str
-    body: Json
-    """{"type": "job.succeeded" | "job.failed" | "job.cancelled", "timestamp": ISO 8601, "data": {...}}"""
-    created_at: float
-    tries: int
-    """Tries made so far."""
-    state: str = "waiting"
-    """"waiting", "delivered" or "dead" (the last try failed)."""
-    next_at: float | None = None
-    """When it is tried again; None once it is delivered or dead."""
-    last_error: str = ""
-
-
-class Webhooks(Protocol):
-    """The outbox. Who sends: `for d in due(): status = post(d); record(d.id, status, error)`."""
-
-    def due(self, limit: int = 20, lease_s: float = 60.0) -> list[Delivery]:
-        """Claim messages to send now. One that is not recorded within `lease_s` becomes due again."""
-        ...
-
-    def record(self, delivery_id: str, status: int | None, error: str = "") -> Delivery:
-        """The outcome of a try: 2xx delivers it; anything else (None: no answer) waits longer each time, then is
-        dead. 410 (gone) is dead at once. Raises NotFound."""
-        ...
-
-    def of_job(self, job_id: str) -> list[Delivery]: ...
-
-
-class Farm(Protocol):
-    @property
-    def keys(self) -> Keys: ...
-
-    @property
-    def webhooks(self) -> Webhooks: ...
-
-    @property
-    def live(self) -> Live:
-        """Live sessions."""
-        ...
-
-    @property
-    def fleet(self) -> Fleet:
-        """Who works where: for operators."""
-        ...
+    def _wake(self) -> None:
+        if self._dispatcher is not None:
+            self._dispatcher.poke()
 
     @property
     def worker_id(self) -> str:
-        """As the fleet knows this process; empty if it runs nothing."""
-        ...
+        """The id of this process among `farm.workers`; empty if it runs nothing."""
+        return "" if self._dispatcher is None else self._dispatcher.id
 
-    # -- life
-    def start(self) -> None: ...
+    def start(self) -> None:
+        """Begin to run tasks and live sessions. With Ray: on the main thread."""
+        if self._dispatcher is None:
+            return
+        lock = ProcessLock(self._settings.home / "dispatchers")
+        if lock.alone():  # scratch files are leftovers of a crash
+            shutil.rmtree(self._settings.scratch, ignore_errors=True)
+        try:
+            self._dispatcher.start(lock)
+        except BaseException:
+            lock.end()
+            raise
+        self._collector.start()
+        self.live.start()
+
     def drain(self, timeout_s: float) -> bool:
-        """Take no new task, and let those that run end; whether all did within `timeout_s`. Call `stop` then."""
-        ...
+        """Take no new task and let running attempts end; whether all ended within `timeout_s`. Call `stop` then."""
+        if self._dispatcher is None:
+            return True
+        with contextlib.suppress(ImpastoError):  # shown to operators; draining itself needs no store
+            self.workers.drain(DrainScope.WORKER, self.worker_id, reason="It was asked to stop.")
+        return self._dispatcher.drain(timeout_s)
 
     def stop(self) -> None:
-        """Give back what still runs, and end."""
-        ...
+        """Give running tasks back and end."""
+        self.live.stop()
+        if self._dispatcher is not None:
+            self._dispatcher.stop()
+        self._collector.stop()
+        self.jobs.close()
+        self.previews.close()
+        self.assets.close()
+        self._store.close()
 
-    # -- assets
-    def add_asset(self, path: Path, filename: str, owner: str = "") -> Asset:
-        """Probe and keep the file at `path` (which the caller may delete after). Raises BadMedia, StorageFull."""
-        ...
-
-    def asset(self, asset_id: str, owner: str | None = None) -> Asset:
-        """The asset. Several owners may hold the same bytes: with `owner`, as that one holds it, else NotFound."""
-        ...
-
-    def assets(self, owner: str | None = None, cursor: str | None = None, limit: int = 50) -> Page: ...
-    def delete_asset(self, asset_id: str, owner: str | None = None) -> None:
-        """Forget it; with `owner`, for that owner only. Raises Conflict while a job (of theirs) that is not final
-        uses it."""
-        ...
-
-    def asset_file(self, asset_id: str) -> Served: ...
-    def asset_frame(self, asset_id: str, index: int, max_side_px: int = 720) -> bytes:
-        """Frame `index` (of a shorter video, its last) as uploaded, scaled to fit; JPEG bytes. Raises BadMedia."""
-        ...
-
-    # -- jobs
-    def submit(
-        self,
-        request: JobRequest,
-        owner: str = "",
-        idempotency_key: str = "",
-        admit: Callable[[], None] = lambda: None,
-    ) -> Submitted:
-        """Validate (method, params, inputs exist and fit) and accept durably. Same key and body: the same job.
-
-        Args:
-            admit: called before a job is accepted that is new; what it raises (a quota) is raised, and there is no job.
-
-        Raises BadParameter, NotFound (an asset), IdempotencyMismatch, StorageFull.
-        """
-        ...
-
-    def job(self, job_id: str) -> Job: ...
-    def jobs(
-        self,
-        state: str | None = None,
-        method: str | None = None,
-        owner: str | None = None,
-        label: tuple[str, str] | None = None,
-        cursor: str | None = None,
-        limit: int = 50,
-    ) -> Page:
-        """Newest first."""
-        ...
-
-    def cancel(self, job_id: str) -> Job: ...
-    def pause(self, job_id: str) -> Job: ...
-    def resume(self, job_id: str) -> Job: ...
-    def retry(self, job_id: str) -> Job:
-        """Queue again only what failed or was cancelled. Raises Conflict unless the job failed or was cancelled."""
-        ...
-
-    def delete(self, job_id: str) -> None:
-        """Forget the job and its blobs. Raises Conflict unless it is final."""
-        ...
-
-    def tasks(self, job_id: str, state: str | None = None, cursor: str | None = None, limit: int = 100) -> Page:
-        """TaskView items in plan order."""
-        ...
-
-    def task(self, task_id: str) -> TaskView: ...
-    def task_log(self, task_id: str) -> str: ...
-    def requeue(self, task_id: str) -> TaskView:
-        """Run a failed or cancelled task again."""
-        ...
-
-    def events(self, job_id: str, after: int = 0, limit: int = 500) -> tuple[list[Event], bool]:
-        """Events with seq > `after`, and whether some of those asked for are gone (history is kept to a bound)."""
-        ...
-
-    def wait(self, job_id: str, after: int, timeout_s: float) -> bool:
-        """Block until the job has an event with seq > `after`; False on time-out."""
-        ...
-
-    # -- files
-    def file(self, job_id: str, name: str) -> Served:
-        """ "result", "poster" (JPEG), "sheet" (contact sheet, JPEG), "preview" (newest frame, JPEG), or an artefact's
-        name. Raises NotFound, or Conflict while it is not there yet."""
-        ...
-
-    def read(self, served: Served, start: int = 0, stop: int | None = None) -> Iterator[bytes]: ...
-    def local(self, served: Served) -> AbstractContextManager[Path]: ...
-    def direct_url(self, served: Served) -> str | None:
-        """A signed URL that gives the file past us, good for an hour; None unless the operator wants that."""
-        ...
-
-    # -- one frame, now
-    def preview(
-        self, request: JobRequest, frame: int, max_side_px: int = 640, design: Json | None = None,
-        regions_of: str | None = None,
-    ) -> bytes:  # fmt: skip
-        """Stylise one frame (scaled to fit) with the request's parameters; PNG bytes. For live thumbnails.
-
-        Args:
-            design: a design document instead of the request's input of that name.
-            regions_of: a job whose artefact "regions" tells where tubes and objects are.
-        """
-        ...
-
-    # -- operators
     def ready(self) -> dict[str, str]:
         """Part ("store", "blobs", "pool") -> "ok" or what is wrong."""
-        ...
+        return self._health.verdicts()
 
     def snapshot(self) -> Json:
-        """Queue depth and age, tasks by state, workers, throughput, and under "totals" what this process has counted
-        since it began (attempts by outcome, failures by code, frames and busy seconds by method): for metrics."""
-        ...
+        """Figures for metrics: queue depth and age, tasks by state, workers, throughput. "totals": counts of this
+        process since it began (attempts by outcome, failures by code, frames and busy seconds by method)."""
+        pool = {"kind": "none", "workers": 0, "busy": {}} if self._pool is None else self._pool.describe()
+        return {**self._store.statistics.snapshot(), "pool": pool}
+
+
+def open_farm(settings: FarmSettings) -> Farm:
+    """The farm of these settings; call `start` to let it work. With Ray: on the main thread.
+
+    Raises:
+        StorageError: the database or the blob store cannot be used.
+    """
+    blobs = open_blobs(settings)
+    return Farm(settings, _pool(settings, blobs), _live_workers(settings, blobs))
+
+
+def _pool(settings: FarmSettings, blobs: Blobs) -> Pool | None:
+    if settings.pool == "none":
+        return None
+    if settings.pool == "ray":
+        from workers.pools.ray_pool import RayPool
+
+        return RayPool(blobs, settings)
+    from workers.execution.renderer import Renderer
+    from workers.pools.local_pool import LocalPool
+
+    return LocalPool(lambda: Renderer(blobs, settings.scratch), settings.workers)
+
+
+def _live_workers(settings: FarmSettings, blobs: Blobs) -> LiveWorkers | None:
+    """On a Ray cluster every live session has a process of its own."""
+    if settings.pool != "ray":
+        return None
+    from workers.live.ray_workers import RayLiveWorkers
+
+    return RayLiveWorkers(blobs, settings.live_spares)

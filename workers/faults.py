@@ -1,17 +1,24 @@
-"""Exceptions as faults: what an attempt, a plan or an order answers when it raises."""
+"""Exceptions as faults: how an attempt, a plan or an order that raised is reported, and what follows from it."""
 
 from __future__ import annotations
 
+import errno
 import traceback
+from collections.abc import Iterator
 
-from pipeline.errors import BadInput, Cancelled, ImpastoError, StorageError
+from pipeline.errors import BadInput, Cancelled, ImpastoError, StorageError, StorageFull
 from workers.blobs.keys import NoBlob
-from workers.errors import NoRoom, NotFound
+from workers.errors import NoCapacity, NotFound
 from workers.model import Fault, TaskOutcome
+
+RESOURCES_EXHAUSTED = "resources-exhausted"
+"""Code: the operating system refused descriptors, processes or memory."""
+_DISK_FULL = {errno.ENOSPC, errno.EDQUOT}
+_EXHAUSTED = {errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN}
 
 
 def failed_outcome(attempt_id: str, error: BaseException) -> TaskOutcome:
-    """What an attempt answers when its runner raises instead of answering."""
+    """The outcome of an attempt whose runner raised `error`."""
     log = "".join(traceback.format_exception(error))
     if isinstance(error, Cancelled):
         return TaskOutcome(attempt_id, {}, {}, {}, None, {}, log, cancelled=True)
@@ -19,29 +26,54 @@ def failed_outcome(attempt_id: str, error: BaseException) -> TaskOutcome:
 
 
 def fault_from(error: BaseException) -> Fault:
-    """An exception as a Fault: ours keep code, field and remedy; others are internal errors."""
+    """An exception as a Fault. An ImpastoError keeps its code, field and remedy; other exceptions are internal errors,
+    except those that a shortage on the machine has caused, directly or further back in the chain of causes."""
+    if shortage := _shortage(error):
+        return shortage
     if isinstance(error, ImpastoError):
         return Fault(error.code, error.message, error.remedy, error.field, error.value)
     if isinstance(error, NoBlob):
         remedy = "Restore it from a backup, or upload the input again and submit a new job."
-        return Fault(NotFound.code, "Bytes that the task needs are gone.", remedy, "blob", str(error.args[0])[:200])
+        return Fault(NotFound.code, "A blob that the task needs is gone.", remedy, "blob", str(error.args[0])[:200])
     if isinstance(error, MemoryError):
         return Fault("out-of-memory", "The task needs more memory than there is.", "Use a smaller video.")
     return Fault("internal-error", f"{type(error).__name__}: {error}"[:500], "See the log of the task.")
 
 
+def _shortage(error: BaseException) -> Fault | None:
+    """The fault of a full disk or of exhausted descriptors, processes or memory; None for all other errors."""
+    numbers = {cause.errno for cause in _chain(error) if isinstance(cause, OSError)}
+    if numbers & _DISK_FULL:
+        return Fault(StorageFull.code, f"The disk is full: {error}."[:500], "Free some space on the machine.")
+    if numbers & _EXHAUSTED:
+        remedy = "Raise the limits of the service (descriptors, processes, memory), or run fewer tasks at once."
+        return Fault(RESOURCES_EXHAUSTED, f"The machine has no resources left: {error}."[:500], remedy)
+    return None
+
+
+def _chain(error: BaseException) -> Iterator[BaseException]:
+    """The error and what caused it, newest first."""
+    seen: set[int] = set()
+    current: BaseException | None = error
+    while current is not None and id(current) not in seen:
+        seen.add(id(current))
+        yield current
+        current = current.__cause__ or current.__context__
+
+
 def is_final(fault: Fault) -> bool:
-    """Whether trying again cannot help: the same input is wrong the same way."""
+    """Whether another attempt would fail in the same way: the input is wrong."""
     return fault.code in _FINAL
 
 
-def is_storage_away(fault: Fault) -> bool:
-    """Whether the task only met a store that was away for a while."""
-    return fault.code == StorageError.code
+def is_resource_away(fault: Fault) -> bool:
+    """Whether storage, disk space or resources of the machine were missing. The task waits; no attempt is counted."""
+    return fault.code in _AWAY
 
 
 def _codes(kind: type[ImpastoError]) -> set[str]:
     return {kind.code}.union(*(_codes(child) for child in kind.__subclasses__()))
 
 
-_FINAL = _codes(BadInput) | {NotFound.code, NoRoom.code}
+_FINAL = _codes(BadInput) | {NotFound.code, NoCapacity.code}
+_AWAY = _codes(StorageError) | {RESOURCES_EXHAUSTED}

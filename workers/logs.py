@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 
-from workers.about import About, here, of, working_for
+from workers.log_context import About, here, of, working_for
 from workers.settings import FarmSettings
 
 OURS = ("impasto", "service", "workers", "pipeline")

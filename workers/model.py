@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
-from pipeline.methods.base import Needs
+from pipeline.methods.base import Resources
 
 Json = dict[str, Any]
 
@@ -57,6 +57,11 @@ class Asset:
     """What probing found: width, height, frames, fps, duration_s, codec, has_audio, rotation_deg, ..."""
     created_at: float
     owner: str = ""
+
+
+def asset_key(asset_id: str) -> str:
+    """Blob key of an asset's bytes."""
+    return f"assets/{asset_id.removeprefix('ast_')}"
 
 
 @dataclass(frozen=True)
@@ -192,7 +197,7 @@ class TaskOrder:
     input_info: dict[str, Json]
     """Input name -> the asset's info."""
     output: OutputSpec
-    notes: dict[str, dict[str, Json]]
+    results: dict[str, dict[str, Json]]
     """Notes of finished steps."""
     artefacts: dict[str, str]
     """"step/name" -> blob key of every artefact that earlier steps, and the tasks of `after`, have saved."""
@@ -202,7 +207,7 @@ class TaskOrder:
     """For "assemble": (start, stop, blob key) of every emitted run, in order."""
     stages: dict[str, dict[str, float]] = field(default_factory=dict)
     """For "assemble": step -> stage -> seconds, summed over the step's tasks."""
-    needs: Needs | None = None
+    resources: Resources | None = None
     """Of a machine; None: what the farm gives to every task."""
     leads: bool = False
     """Whether tasks of this step wait for it."""
@@ -213,7 +218,7 @@ class TaskOutcome:
     """What one attempt brought back. Blobs are already committed; nothing counts until the store accepts this."""
 
     attempt_id: str
-    note: Json
+    result: Json
     artefacts: dict[str, str]
     """"step/name" -> blob key."""
     files: dict[str, tuple[str, str]]
@@ -225,3 +230,55 @@ class TaskOutcome:
     log: str
     fault: Fault | None = None
     cancelled: bool = False
+
+
+@dataclass(frozen=True)
+class Page:
+    """One page of a listing; `cursor` is None on the last."""
+
+    items: tuple[Any, ...]
+    cursor: str | None
+
+
+SCOPES = ("submit", "read", "admin")
+"""What a key may do; "admin" includes the others."""
+
+
+@dataclass(frozen=True)
+class ApiKey:
+    """A key as operators see it; the secret itself is not kept, only its hash."""
+
+    id: str
+    """`key_...`: also the `owner` of what is made with it."""
+    name: str
+    scopes: frozenset[str]
+    """Of SCOPES."""
+    quotas: dict[str, int]
+    """Name -> bound, as the service understands it ("active_jobs", "asset_bytes", "requests_per_minute") and the
+    dispatcher ("running_tasks")."""
+    created_at: float
+    revoked_at: float | None = None
+
+    def allows(self, scope: str) -> bool:
+        return scope in self.scopes or "admin" in self.scopes
+
+
+@dataclass(frozen=True)
+class Delivery:
+    """One webhook message of the outbox: written with the job's end, in the same transaction."""
+
+    id: str
+    """`msg_...`: the Standard Webhooks message id, the same over all tries."""
+    job_id: str
+    owner: str
+    url: str
+    body: Json
+    """{"type": "job.succeeded" | "job.failed" | "job.cancelled", "timestamp": ISO 8601, "data": {...}}"""
+    created_at: float
+    tries: int
+    """Tries made so far."""
+    state: str = "waiting"
+    """"waiting", "delivered" or "dead" (the last try failed)."""
+    next_at: float | None = None
+    """When it is tried again; None once it is delivered or dead."""
+    last_error: str = ""

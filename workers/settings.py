@@ -98,6 +98,15 @@ class FarmSettings(BaseModel):
     sweep_s: float = Field(default=6 * 3600.0, gt=0)
     """Between two sweeps for blobs that nobody needs: those of jobs that died while they cleared up."""
 
+    preview_bytes: int = Field(default=512 << 20, ge=16 << 20)
+    """Frames and other state of projects that are kept warm for previews, at most."""
+    preview_threads: int = Field(default=2, ge=1, le=64)
+    """Previews of projects made at once."""
+    project_undo_s: float = Field(default=30 * 86400.0, ge=0)
+    """A deleted project can be restored for this long."""
+    project_versions_s: float = Field(default=7 * 86400.0, ge=0)
+    """Every version of a project is kept for this long; after that one an hour, and named ones."""
+
     log_format: Literal["text", "json"] = "text"
     """What a process says on stderr: for people, or one JSON object a line."""
     log_level: Literal["debug", "info", "warning", "error"] = "warning"

@@ -1,33 +1,16 @@
-"""The command line put together: every command, one way to fail."""
+"""The `impasto` command: all its subcommands, and how each failure becomes a message and an exit status."""
 
 from __future__ import annotations
 
 import errno
 import sys
 from collections.abc import Sequence
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 from typer.exceptions import Abort, TyperException
 
-from impasto.cli import (
-    cancel,
-    doctor,
-    get,
-    jobs,
-    keys,
-    live,
-    methods,
-    ops,
-    render,
-    retry,
-    scene,
-    serve,
-    submit,
-    version,
-    watch,
-    worker,
-)
+from impasto.cli import doctor, jobs, keys, live, methods, ops, render, scene, serve, submit, worker
 from impasto.cli.console import FAILED, INTERRUPTED, Interrupted, fail
 from pipeline.errors import BadInput, ImpastoError
 
@@ -41,29 +24,37 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-HERE, AWAY, AROUND = "On this machine", "At a service", "Looking around"
+HERE, REMOTE, INFORMATION = "On this machine", "At a service", "Information"
+
+
+@app.callback()
+def _global_options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=doctor.print_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Options before the command."""
+
+
 app.command(epilog=render.EPILOG, rich_help_panel=HERE)(render.render)
 app.command(epilog=live.EPILOG, rich_help_panel=HERE)(live.live)
 app.command(epilog=serve.EPILOG, rich_help_panel=HERE)(serve.serve)
 app.command(epilog=worker.EPILOG, rich_help_panel=HERE)(worker.worker)
 app.command(epilog=scene.EPILOG, rich_help_panel=HERE)(scene.scene)
 app.add_typer(keys.app, name="keys", rich_help_panel=HERE)
-app.command(epilog=submit.EPILOG, rich_help_panel=AWAY)(submit.submit)
-app.command(rich_help_panel=AWAY)(watch.watch)
-app.command(epilog=get.EPILOG, rich_help_panel=AWAY)(get.get)
-app.command(rich_help_panel=AWAY)(cancel.cancel)
-app.command(rich_help_panel=AWAY)(retry.retry)
-app.command(rich_help_panel=AWAY)(jobs.jobs)
-app.add_typer(ops.app, name="ops", rich_help_panel=AWAY)
-app.command(epilog=methods.EPILOG, rich_help_panel=AROUND)(methods.methods)
-app.command(rich_help_panel=AROUND)(doctor.doctor)
-app.command(rich_help_panel=AROUND)(version.version)
+app.command(epilog=submit.EPILOG, rich_help_panel=REMOTE)(submit.submit)
+for _command, _epilog in jobs.COMMANDS:
+    app.command(epilog=_epilog, rich_help_panel=REMOTE)(_command)
+app.add_typer(ops.app, name="ops", rich_help_panel=REMOTE)
+app.command(epilog=methods.EPILOG, rich_help_panel=INFORMATION)(methods.methods)
+app.command(rich_help_panel=INFORMATION)(doctor.doctor)
+app.command(rich_help_panel=INFORMATION)(doctor.version)
 
 
 REMEDIES = {
     errno.ENOSPC: "Free some space, then run the same command again.",
-    errno.EACCES: "Check the permissions, or name another place.",
-    errno.EROFS: "Name a place that can be written to.",
+    errno.EACCES: "Check the permissions, or name another path.",
+    errno.EROFS: "Name a path that can be written to.",
     errno.EADDRINUSE: "Choose another port: --port 0 takes a free one.",
 }
 
@@ -93,11 +84,11 @@ def _usage(error: TyperException) -> ImpastoError:
 
 
 def _system(error: OSError) -> ImpastoError:
-    """What the operating system refused: a full disk, a right that is missing, a port that is taken."""
+    """An error of the operating system: a full disk, a missing permission, a port in use."""
     return ImpastoError(
         f"{error.strerror or type(error).__name__}.",
         field=str(error.filename or ""),
-        remedy=REMEDIES.get(error.errno or 0, "Mend that, then run the same command again."),
+        remedy=REMEDIES.get(error.errno or 0, "Correct that, then run the same command again."),
     )
 
 

@@ -1,11 +1,13 @@
-"""`impasto doctor`: whether this machine can render, and what to do where it cannot."""
+"""`impasto doctor`: whether this machine can render, and how to repair it if not. `impasto version`."""
 
 from __future__ import annotations
 
+import platform
 from typing import Annotated
 
 import typer
 
+from impasto import __version__
 from impasto.cli.console import FAILED, emit, out
 from impasto.cli.options import HomeOption, JsonFlag, home_of
 
@@ -14,7 +16,7 @@ MARKS = {"ok": "[green]ok  [/green]", "warning": "[yellow]warn[/yellow]", "broke
 
 def doctor(
     home: HomeOption = None,
-    device: Annotated[str, typer.Option(help="The device you would choose: gpu, cpu, or a part of a name.")] = "",
+    device: Annotated[str, typer.Option(help="An OpenCL device to check: gpu, cpu, or part of a name.")] = "",
     as_json: JsonFlag = False,
 ) -> None:
     """Check Python, packages, OpenCL devices, codecs, disk and memory.
@@ -35,3 +37,18 @@ def doctor(
                 out.print(f"       {check.remedy}", markup=False)
     if broken:
         raise typer.Exit(FAILED)
+
+
+def version(as_json: JsonFlag = False) -> None:
+    """Print the version of Impasto."""
+    if as_json:
+        emit({"version": __version__, "python": platform.python_version()})
+    else:
+        out.print(f"impasto {__version__}")
+
+
+def print_version(asked: bool) -> None:
+    """Callback of `impasto --version`."""
+    if asked:
+        version()
+        raise typer.Exit

@@ -8,7 +8,9 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
+
+from workers.model import Json
 
 State = Literal["ok", "warning", "broken"]
 GIB = 1 << 30
@@ -38,7 +40,7 @@ class Check:
     detail: str
     remedy: str = ""
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> Json:
         return asdict(self)
 
 

@@ -1,21 +1,43 @@
-"""`impasto jobs`: the newest jobs of a service."""
+"""Commands about jobs at a service: `impasto jobs`, `watch`, `get`, `cancel`, `retry`."""
 
 from __future__ import annotations
 
+import tempfile
+from collections.abc import Callable
 from datetime import datetime
-from typing import Annotated, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.table import Table
 
-from impasto.cli.console import emit, out
-from impasto.cli.options import JsonFlag, KeyOption, ServerOption, client_of
+from impasto.cli.console import emit, out, print_table, say, table
+from impasto.cli.options import JsonFlag, KeyOption, QuietFlag, ServerOption, client_of
+from pipeline.errors import BadInput
+from workers.errors import NotFound
+from workers.model import Json
+
+if TYPE_CHECKING:
+    from impasto.client import Client
+    from impasto.delivery import Target
+
+GET_EPILOG = """[bold]Examples[/bold]
+
+impasto get job_01J... -o cartoon.mp4
+
+impasto get job_01J... -o frames/            the frames of a "png" job, numbered
+
+impasto get job_01J... --file sheet -o sheet.jpg
+"""
+SEARCHED_JOBS = 1000
+"""Newest jobs among which an abbreviated id is looked up."""
+
+JobArgument = Annotated[str, typer.Argument(metavar="JOB", help="A job's id, or a unique beginning of it.")]
 
 
 def jobs(
     state: Annotated[str | None, typer.Option(help="queued, running, paused, succeeded, failed or cancelled.")] = None,
-    method: Annotated[str | None, typer.Option("--method", "-m", help="Only this method's.")] = None,
-    limit: Annotated[int, typer.Option(min=1, max=200, help="How many at most.")] = 20,
+    method: Annotated[str | None, typer.Option("--method", "-m", help="Only jobs of this method.")] = None,
+    limit: Annotated[int, typer.Option(min=1, max=200, help="Most jobs to list.")] = 20,
     server: ServerOption = None,
     api_key: KeyOption = None,
     as_json: JsonFlag = False,
@@ -25,14 +47,127 @@ def jobs(
         found = client.jobs(state=state, method=method, limit=limit)
     if as_json:
         emit(found)
-    else:
-        out.print(_table(found))
-
-
-def _table(found: list[dict[str, Any]]) -> Table:
-    table = Table("job", "name", "method", "state", "done", "since", box=None, header_style="bold")
+        return
+    rows = table("job", "name", "method", "state", "done", "submitted")
     for job in found:
-        since = datetime.fromtimestamp(job["created_at"]).astimezone().strftime("%Y-%m-%d %H:%M")
+        submitted = datetime.fromtimestamp(job["created_at"]).astimezone().strftime("%Y-%m-%d %H:%M")
         request = job["request"]
-        table.add_row(job["id"], request["name"], request["method"], job["state"], f"{job['progress']:.0%}", since)
-    return table
+        rows.add_row(job["id"], request["name"], request["method"], job["state"], f"{job['progress']:.0%}", submitted)
+    print_table(rows)
+
+
+def watch(
+    job: JobArgument,
+    server: ServerOption = None,
+    api_key: KeyOption = None,
+    quiet: QuietFlag = False,
+    as_json: JsonFlag = False,
+) -> None:
+    """Show a job's progress until it ends. Ctrl-C stops watching, not the job.
+
+    The exit status is 0 if the job succeeded, 1 if it failed or was cancelled.
+    """
+    from impasto.cli.progress import progress
+    from impasto.problems import job_failed
+
+    with client_of(server, api_key) as client, progress(quiet) as show:
+        for latest in client.watch(find_id(client, job)):
+            show(latest)
+    if latest["state"] != "succeeded":
+        raise job_failed(latest)
+    if as_json:
+        emit(latest)
+    else:
+        say(f"succeeded; fetch it with: impasto get {latest['id']} -o cartoon.mp4")
+
+
+def get(
+    job: JobArgument,
+    output: Annotated[str, typer.Option("--output", "-o", metavar="OUT", help="A file, or a folder: DIR/.")],
+    file: Annotated[str, typer.Option(help="result, poster, sheet, preview, or an artefact.")] = "result",
+    server: ServerOption = None,
+    api_key: KeyOption = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """Download a job's result. OUT appears whole or not at all; a broken download is resumed."""
+    from impasto.delivery import Target, deliver, target
+
+    with client_of(server, api_key) as client:
+        job_id = find_id(client, job)
+        where = target(output) if file == "result" else Target(Path(output).expanduser().absolute(), "", "file")
+        if file == "result":
+            _check_format(client.job(job_id), where)
+        with tempfile.TemporaryDirectory(prefix="impasto-") as scratch:
+            deliver(client.download(job_id, Path(scratch) / "file", file), where)
+    if as_json:
+        emit({"job": job_id, "file": file, "output": str(where.path)})
+    else:
+        out.print(str(where.path), markup=False)
+
+
+def _check_format(job: Json, where: Target) -> None:
+    made = job["request"]["output"]["format"]
+    if made != where.format:
+        raise BadInput(
+            f"The job's result is {made}, and OUT is {where.format}.",
+            field="--output",
+            value=where.path,
+            remedy="Name a .zip file, or a folder with / at the end." if made == "png" else f"End OUT with .{made}.",
+        )
+
+
+def cancel(job: JobArgument, server: ServerOption = None, api_key: KeyOption = None, as_json: JsonFlag = False) -> None:
+    """Cancel a job. Finished tasks are kept: `impasto retry` resumes it."""
+    with client_of(server, api_key) as client:
+        cancelled = client.cancel(find_id(client, job))
+    _print(cancelled, as_json, "")
+
+
+def retry(job: JobArgument, server: ServerOption = None, api_key: KeyOption = None, as_json: JsonFlag = False) -> None:
+    """Run the failed and cancelled tasks of a job again; succeeded tasks are kept."""
+    with client_of(server, api_key) as client:
+        again = client.retry(find_id(client, job))
+    _print(again, as_json, f"; follow it with: impasto watch {again['id']}")
+
+
+def _print(job: Json, as_json: bool, hint: str) -> None:
+    if as_json:
+        emit(job)
+    else:
+        say(f"{job['id']}: {job['state']}{hint}")
+
+
+def find_id(client: Client, text: str) -> str:
+    """The whole id of the job that `text` is, or begins. The prefix "job_" may be left out.
+
+    Raises: NotFound, BadInput (several jobs begin with it).
+    """
+    try:
+        return str(client.job(text)["id"])
+    except NotFound:
+        pass
+    prefix = text if text.startswith("job_") else f"job_{text}"
+    return _only(text, [job["id"] for job in client.newest_jobs(SEARCHED_JOBS) if job["id"].startswith(prefix)])
+
+
+def _only(text: str, ids: list[str]) -> str:
+    if not ids:
+        raise NotFound("There is no such job.", field="JOB", value=text, remedy="List them with `impasto jobs`.")
+    if len(ids) > 1:
+        raise BadInput(
+            f"{len(ids)} jobs begin with that.",
+            field="JOB",
+            value=text,
+            remedy=f"Give more of the id: {', '.join(ids[:4])}{', ...' if len(ids) > 4 else ''}",
+        )
+    return ids[0]
+
+
+COMMANDS: tuple[tuple[Callable[..., None], str], ...] = (
+    (watch, ""),
+    (get, GET_EPILOG),
+    (cancel, ""),
+    (retry, ""),
+    (jobs, ""),
+)
+"""In the order of `impasto --help`, each with the text below its help."""

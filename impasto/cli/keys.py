@@ -6,16 +6,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.table import Table
 
-from impasto.cli.console import emit, out, say
+from impasto.cli.console import emit, out, print_table, say, table
 from impasto.cli.options import DatabaseOption, HomeOption, JsonFlag, home_of
+from workers.model import Json
 
 if TYPE_CHECKING:
-    from workers.farm import ApiKey, Keys
+    from workers.model import ApiKey
+    from workers.store.keys import Keys
 
 app = typer.Typer(no_args_is_help=True, help="Make, list and revoke API keys of the service with this home.")
 
@@ -46,12 +47,12 @@ def list_(home: HomeOption = None, database: DatabaseOption = None, as_json: Jso
     if as_json:
         emit(rows)
         return
-    table = Table("key", "name", "scopes", "made", "revoked", box=None, header_style="bold")
+    listed = table("key", "name", "scopes", "created", "revoked")
     for row in rows:
-        table.add_row(
+        listed.add_row(
             row["id"], row["name"], ", ".join(row["scopes"]), _day(row["created_at"]), _day(row["revoked_at"])
         )
-    out.print(table)
+    print_table(listed)
 
 
 @app.command()
@@ -72,7 +73,7 @@ def _keys(home: Path | None, database: str | None) -> Iterator[Keys]:
     """The keys of the home, or of its database, through a farm that runs nothing and so disturbs no service at work."""
     from impasto.settings import load
     from service.settings import Settings
-    from workers.studio import open_farm
+    from workers.farm import open_farm
 
     farm = open_farm(load(Settings, home=home_of(home), database_url=database, pool="none"))
     try:
@@ -81,7 +82,7 @@ def _keys(home: Path | None, database: str | None) -> Iterator[Keys]:
         farm.stop()
 
 
-def _row(key: ApiKey) -> dict[str, Any]:
+def _row(key: ApiKey) -> Json:
     return {
         "id": key.id,
         "name": key.name,

@@ -28,6 +28,7 @@ from impasto.cli.options import (
     ServerOption,
 )
 from pipeline.errors import BadInput
+from workers.model import Json
 
 if TYPE_CHECKING:
     from impasto.client import Client
@@ -110,8 +111,8 @@ def live(
 
 
 def _stream(
-    address: str, key: str, options: dict[str, Any], source: Source, sink: Any, duration_s: float, quiet: bool
-) -> dict[str, Any]:  # fmt: skip
+    address: str, key: str, options: Json, source: Source, sink: Any, duration_s: float, quiet: bool
+) -> Json:  # fmt: skip
     from impasto.live.client import LiveClient
     from impasto.live.run import Stream
 
@@ -143,7 +144,7 @@ def _until_told(stream: Stream) -> Iterator[None]:
         restore()
 
 
-def _summary(stream: Stream, client: LiveClient, where: str) -> dict[str, Any]:
+def _summary(stream: Stream, client: LiveClient, where: str) -> Json:
     work = client.stats or client.ready
     return stream.tally.as_json() | {
         "width": stream.source.size[0], "height": stream.source.size[1],
@@ -152,7 +153,7 @@ def _summary(stream: Stream, client: LiveClient, where: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _tell(summary: dict[str, Any], as_json: bool) -> None:
+def _tell(summary: Json, as_json: bool) -> None:
     if as_json:
         emit(summary)
         return
@@ -238,7 +239,7 @@ def _check_codec(codec: str) -> None:
 
 
 def _upload(client: Client, paths: Mapping[str, Path]) -> dict[str, str]:
-    from impasto.cli.materials import gather
+    from impasto.cli.input_files import gather
 
     with tempfile.TemporaryDirectory(prefix="impasto-") as scratch:
         files = {name: gather(f"--input {name}", path, Path(scratch)).path for name, path in paths.items()}

@@ -1,4 +1,4 @@
-"""`impasto methods`: what there is, and what every parameter of it means."""
+"""`impasto methods`: the methods, and every parameter of each."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.padding import Padding
-from rich.table import Table
 from rich.text import Text
 
-from impasto.cli.console import emit, out
+from impasto.cli.console import emit, out, print_table, table
 from impasto.cli.options import JsonFlag
+from workers.model import Json
 
 if TYPE_CHECKING:
     from pipeline.methods.base import Method
@@ -26,7 +26,7 @@ impasto methods --json | jq '.[].name'
 
 
 def methods(
-    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="Explain every parameter of this one.")] = None,
+    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="A method: list all its parameters.")] = None,
     as_json: JsonFlag = False,
 ) -> None:
     """List the methods, or explain one: every parameter with unit, range, default and the paper's symbol."""
@@ -42,7 +42,7 @@ def methods(
         _list(list(registry().values()))
 
 
-def describe(chosen: Method) -> dict[str, Any]:
+def describe(chosen: Method) -> Json:
     """A method as JSON: name, title, summary, paper, inputs, parameters, steps, artefacts, examples."""
     return {
         "name": chosen.name,
@@ -60,14 +60,14 @@ def describe(chosen: Method) -> dict[str, Any]:
     }
 
 
-def parameters(chosen: Method) -> list[dict[str, Any]]:
+def parameters(chosen: Method) -> list[Json]:
     """A row a parameter: name, type, unit, range, default, symbol, group, help."""
     schema = chosen.Params.model_json_schema()
     kinds = schema.get("$defs", {})
     return [_parameter(name, _resolved(field, kinds)) for name, field in schema["properties"].items()]
 
 
-def _resolved(field: dict[str, Any], kinds: dict[str, Any]) -> dict[str, Any]:
+def _resolved(field: Json, kinds: Json) -> Json:
     """A property with what it refers to (an enum of its own, an optional value) written out."""
     options = [option for option in field.get("anyOf", [field]) if option.get("type") != "null"]
     first = options[0] if options else {}
@@ -75,7 +75,7 @@ def _resolved(field: dict[str, Any], kinds: dict[str, Any]) -> dict[str, Any]:
     return {**referred, **first, **field}
 
 
-def _parameter(name: str, field: dict[str, Any]) -> dict[str, Any]:
+def _parameter(name: str, field: Json) -> Json:
     return {
         "name": name,
         "type": "choice" if "enum" in field else field.get("type", "value"),
@@ -88,7 +88,7 @@ def _parameter(name: str, field: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _range(field: dict[str, Any]) -> str:
+def _range(field: Json) -> str:
     """What is allowed, as people read it: "0 to 50", "more than 0", "off, on"."""
     if "enum" in field:
         return ", ".join(str(value) for value in field["enum"])
@@ -102,10 +102,10 @@ def _range(field: dict[str, Any]) -> str:
 
 
 def _list(found: list[Method]) -> None:
-    table = Table("method", "what it does", box=None, header_style="bold")
+    rows = table("method", "what it does")
     for each in found:
-        table.add_row(each.name, f"{each.title}. {each.summary}")
-    out.print(table)
+        rows.add_row(each.name, f"{each.title}. {each.summary}")
+    print_table(rows)
     out.print("[dim]`impasto methods NAME` explains every parameter.")
 
 
@@ -138,7 +138,7 @@ def _section(title: str) -> None:
     out.print(Text(title, "bold"))
 
 
-def _teach_parameter(row: dict[str, Any]) -> None:
+def _teach_parameter(row: Json) -> None:
     facts = [f"default {_shown(row['default'])}", row["range"] or row["type"]]
     facts += [row["unit"]] if row["unit"] else []
     facts += [f"{row['symbol']} in the paper"] if row["symbol"] else []

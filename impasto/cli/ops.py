@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.table import Table
 
-from impasto.cli.console import emit, out, say
+from impasto.cli.console import emit, out, print_table, say, table
 from impasto.cli.options import JsonFlag, KeyOption, ServerOption, client_of
+from workers.model import Json
 
 app = typer.Typer(no_args_is_help=True, help="Look at a service's queue, workers and failures; pause, drain, requeue.")
 
@@ -22,7 +23,7 @@ PlaceArgument = Annotated[
 def status(server: ServerOption = None, api_key: KeyOption = None, as_json: JsonFlag = False) -> None:
     """Show the queue, tasks by state, workers and machines."""
     with client_of(server, api_key) as client:
-        found: dict[str, Any] = {
+        found: Json = {
             "snapshot": client.ops.snapshot(),
             "queue": client.ops.queue(),
             "workers": client.ops.workers(),
@@ -33,8 +34,8 @@ def status(server: ServerOption = None, api_key: KeyOption = None, as_json: Json
         emit(found)
         return
     out.print(_queue_line(found), markup=False)
-    out.print(_workers(found["workers"]))
-    out.print(_nodes(found["nodes"]))
+    print_table(_workers(found["workers"]))
+    print_table(_nodes(found["nodes"]))
 
 
 @app.command()
@@ -51,11 +52,11 @@ def failures(
     if as_json:
         emit(found)
         return
-    table = Table("attempt", "task", "job", "step", "when", "code", box=None, header_style="bold")
+    rows = table("attempt", "task", "job", "step", "when", "code")
     for one in found:
         code = (one["error"] or {}).get("code", one["outcome"])
-        table.add_row(one["attempt_id"], one["task_id"], one["job_id"], one["step"], _time(one["finished_at"]), code)
-    out.print(table)
+        rows.add_row(one["attempt_id"], one["task_id"], one["job_id"], one["step"], _time(one["finished_at"]), code)
+    print_table(rows)
 
 
 @app.command()
@@ -105,7 +106,7 @@ def requeue(
     emit(found) if as_json else say(f"{task} is {found['state']}.")
 
 
-def _queue_line(found: dict[str, Any]) -> str:
+def _queue_line(found: Json) -> str:
     jobs, tasks, queue = (found["snapshot"][name] for name in ("jobs", "tasks", "queue"))
     state = "PAUSED" if found["queue"]["paused"] else "open"
     return (
@@ -114,23 +115,21 @@ def _queue_line(found: dict[str, Any]) -> str:
     )
 
 
-def _workers(workers: list[dict[str, Any]]) -> Table:
-    table = Table("worker", "host", "role", "state", "slots", "version", "since", box=None, header_style="bold")
+def _workers(workers: list[Json]) -> Table:
+    rows = table("worker", "host", "role", "state", "slots", "version", "since")
     for one in workers:
         slots = f"{len(one['at_work'])}/{len(one['slots'])}"
         row = (one["id"], one["host"], one["role"], one["state"], slots, one["version"], _time(one["started_at"]))
-        table.add_row(*row)
-    return table
+        rows.add_row(*row)
+    return rows
 
 
-def _nodes(nodes: list[dict[str, Any]]) -> Table:
-    table = Table("machine", "state", "slots", "cpus", "gpus", "workers", box=None, header_style="bold")
+def _nodes(nodes: list[Json]) -> Table:
+    rows = table("machine", "state", "slots", "cpus", "gpus", "workers")
     for one in nodes:
         slots = f"{one['busy']}/{one['slots']}"
-        table.add_row(
-            one["name"], one["state"], slots, f"{one['cpus']:g}", f"{one['gpus']:g}", str(len(one["workers"]))
-        )
-    return table
+        rows.add_row(one["name"], one["state"], slots, f"{one['cpus']:g}", f"{one['gpus']:g}", str(len(one["workers"])))
+    return rows
 
 
 def _time(at: float) -> str:

@@ -15,19 +15,21 @@ WHERE, WHAT = "Where", "What to paint"
 MethodOption = Annotated[str, typer.Option("--method", "-m", help="See `impasto methods`.", rich_help_panel=WHAT)]
 ParamOption = Annotated[
     list[str] | None,
-    typer.Option("--param", "-p", metavar="NAME=VALUE", help="A parameter of the method.", rich_help_panel=WHAT),
+    typer.Option(
+        "--param", "-p", metavar="NAME=VALUE", help="A parameter of the method; repeatable.", rich_help_panel=WHAT
+    ),
 ]
 InputOption = Annotated[
     list[str] | None,
     typer.Option("--input", "-i", metavar="NAME=PATH", help="Another input: a file or a folder.", rich_help_panel=WHAT),
 ]
-SeedOption = Annotated[int, typer.Option(min=0, help="The same seed, the same picture.", rich_help_panel=WHAT)]
+SeedOption = Annotated[int, typer.Option(min=0, help="Seed of all random choices.", rich_help_panel=WHAT)]
 QualityOption = Annotated[
     int, typer.Option(min=0, max=51, help="Rate factor of the video codec: lower is better.", rich_help_panel=WHAT)
 ]
 HomeOption = Annotated[
     Path | None,
-    typer.Option(help="Folder for all that is kept; else IMPASTO_HOME, else your data folder.", rich_help_panel=WHERE),
+    typer.Option(help="Folder for data; else IMPASTO_HOME, else your data folder.", rich_help_panel=WHERE),
 ]
 DatabaseOption = Annotated[
     str | None,

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
 
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
 from impasto.cli.console import err, say
+from workers.model import Json
 
-Show = Callable[[dict[str, Any]], None]
-"""Takes a job as the API tells it in JSON: at least its `state`, `progress`, `eta_s` and `steps`."""
+Show = Callable[[Json], None]
+"""Shows a job, given as the API's JSON object: at least `state`, `progress`, `eta_s` and `steps`."""
 
 
 @contextmanager
 def progress(quiet: bool = False) -> Iterator[Show]:
-    """Something to show a job with, each time it has changed."""
+    """A function that shows a job; call it after each change."""
     if quiet:
         yield lambda job: None
     elif err.is_terminal:
@@ -38,19 +38,19 @@ def _bars() -> Progress:
 
 
 class _Bars:
-    """A rich bar for each step as it becomes known, and one for the whole, with the time left."""
+    """A progress bar for each step, and one for the job with the remaining time."""
 
     def __init__(self, bars: Progress) -> None:
         self._bars = bars
         self._whole = bars.add_task("[bold]job", total=1.0, note="")
         self._steps: dict[str, TaskID] = {}
 
-    def show(self, job: dict[str, Any]) -> None:
+    def show(self, job: Json) -> None:
         for step in job["steps"]:
             self._step(step)
         self._bars.update(self._whole, completed=job["progress"], note=_left(job))
 
-    def _step(self, step: dict[str, Any]) -> None:
+    def _step(self, step: Json) -> None:
         bar = self._steps.get(step["name"])
         if bar is None:
             bar = self._steps[step["name"]] = self._bars.add_task(_title(step), total=1.0, start=False, note="")
@@ -60,12 +60,12 @@ class _Bars:
 
 
 class _Lines:
-    """For logs and pipes: one line when a step begins and one when it ends."""
+    """For logs and pipes: one line when a step starts and one when it ends."""
 
     def __init__(self) -> None:
         self._seen: dict[str, str] = {}
 
-    def show(self, job: dict[str, Any]) -> None:
+    def show(self, job: Json) -> None:
         for step in job["steps"]:
             before, now = self._seen.get(step["name"], "waiting"), step["state"]
             self._seen[step["name"]] = now
@@ -73,24 +73,24 @@ class _Lines:
                 say(f"{_title(step)}: {now}" + (f", {_tasks(step)}" if _tasks(step) else ""))
 
 
-def _title(step: dict[str, Any]) -> str:
+def _title(step: Json) -> str:
     return str(step["title"] or step["name"])
 
 
-def _tasks(step: dict[str, Any]) -> str:
+def _tasks(step: Json) -> str:
     total = sum(step["counts"].values())
     return f"{step['counts'].get('succeeded', 0)} of {total} tasks" if total > 1 else ""
 
 
-def _left(job: dict[str, Any]) -> str:
-    """The time left, or the state where there is none to tell."""
+def _left(job: Json) -> str:
+    """The remaining time if it is known, else the state."""
     if job["state"] != "running" or job["eta_s"] is None:
         return str(job["state"])
     return f"{duration(job['eta_s'])} left"
 
 
 def duration(seconds: float) -> str:
-    """Seconds as people say them: "8 s", "3 min 20 s", "1 h 05 min"."""
+    """A duration as text: "8 s", "3 min 20 s", "1 h 05 min"."""
     whole = max(0, round(seconds))
     if whole < 60:
         return f"{whole} s"

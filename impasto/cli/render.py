@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import typer
@@ -20,6 +22,7 @@ from impasto.cli.options import (
     SeedOption,
     home_of,
 )
+from pipeline.errors import BadInput
 
 EPILOG = """[bold]Examples[/bold]
 
@@ -27,13 +30,21 @@ impasto render clip.mp4 -o cartoon.mp4
 
 impasto render clip.mp4 -o cartoon.mp4 --input reference=great_wave.jpg --param lines=off
 
+impasto render clip.mp4 -o cartoon.mp4 --overwrite      replaces the file of an earlier render
+
 impasto render clip.mp4 -o frames/ --seed 7 --workers 2
 
 impasto render photo.jpg -o painted.png
 
+ffmpeg -i clip.mov -f yuv4mpegpipe - | impasto render - -o - | ffplay -
+
+impasto render - -o - --raw 640x360@25 < frames.rgb > painted.rgb
+
 impasto render clip.mp4 -o cartoon.mp4 --artefact svg --json
 
-Ctrl-C keeps what is done: the same command goes on from there. `impasto methods abstraction` explains every parameter.
+impasto render project.zip -o film.mp4     (a project that a service exported)
+
+Ctrl-C keeps finished tasks: run the same command again to resume. `impasto methods abstraction` lists the parameters.
 """
 
 
@@ -56,27 +67,55 @@ def render(
     ] = None,
     quality: QualityOption = 20,
     seed: SeedOption = 0,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False,
     workers: Annotated[int, typer.Option(min=1, max=256, help="Tasks at once. Never changes a byte.")] = 1,
+    raw: Annotated[
+        str, typer.Option(metavar="WxH[@FPS]", help="Pipes carry raw RGB frames of this size, not YUV4MPEG2.")
+    ] = "",
     home: HomeOption = None,
     quiet: QuietFlag = False,
     as_json: JsonFlag = False,
 ) -> None:
-    """Render IN to OUT on this machine, with a bar for each step."""
-    from impasto.cli.delivery import target
-    from impasto.cli.materials import plain
+    """Render IN to OUT on this machine, with a bar for each step.
+
+    As IN or OUT, - is a pipe (YUV4MPEG2, or raw RGB with --raw): causal methods write each frame as soon as it is done.
+    """
+    if "-" in (str(source), output):
+        from impasto.cli.piping import PipeOrder
+
+        _check_pipe_options({"--artefact": bool(artefact), "--json": as_json, "--workers": workers != 1})
+        inputs = values.inputs(extra or [])
+        pipe = PipeOrder(str(source), output, method, values.params(param or []), inputs, seed, quality, overwrite, raw)
+        frames = pipe.run()
+        say(f"{frames} frames" if output == "-" else output)
+        return
+    from impasto.cli.input_files import plain
     from impasto.cli.progress import progress
-    from impasto.cli.rendering import Commission, run
+    from impasto.cli.project import is_project, project_order
+    from impasto.cli.rendering import RenderOrder, run
+    from impasto.delivery import target
     from workers.model import JobRequest, OutputSpec
 
     where, artefacts = target(output), values.artefacts(artefact or [])
     spec = OutputSpec(format=where.format, quality=quality, artefacts=tuple(sorted(artefacts)))
     request = JobRequest(method, {}, values.params(param or []), seed, spec, name=plain(source.name))
-    order = Commission(request, {"video": source, **values.inputs(extra or [])}, where, artefacts)
-    order.check()
-    with progress(quiet) as show:
-        summary = run(order, workers, home_of(home), show)
+    files = RenderOrder(request, {"video": source, **values.inputs(extra or [])}, where, artefacts, overwrite)
+    with TemporaryDirectory(prefix="impasto-") as scratch:
+        if is_project(source):
+            files = project_order(source, Path(scratch), where, artefacts, overwrite)
+        files.check()
+        with progress(quiet) as show:
+            summary = run(files, workers, home_of(home), show)
     if as_json:
         emit(summary)
         return
     out.print(summary["output"], markup=False)
     say(f"{summary['frames']} frames in {summary['seconds']:.2f} s: {summary['fps']:.1f} frames/s")
+
+
+def _check_pipe_options(given: Mapping[str, bool]) -> None:
+    for option, present in given.items():
+        if present:
+            raise BadInput(
+                f"{option} does not work with pipes.", field=option, remedy="Leave it out, or name files as IN and OUT."
+            )

@@ -1,4 +1,4 @@
-"""What `impasto render` does once its words are understood: gather, run, deliver, say what it cost."""
+"""The work behind `impasto render`: check the order, run one job in a private farm, deliver its files, sum up times."""
 
 from __future__ import annotations
 
@@ -11,32 +11,34 @@ from pathlib import Path
 
 from impasto import __version__
 from impasto.cli import embedded
-from impasto.cli.delivery import Target, beside, deliver
-from impasto.cli.materials import Material, gather
-from impasto.cli.place import forget, key_of, place, sweep
+from impasto.cli.input_files import InputFile, gather
 from impasto.cli.progress import Show
 from impasto.cli.timing import Timing, rounded
+from impasto.cli.workspace import Workspace, forget, key_of, sweep, workspace
+from impasto.delivery import Target, beside, check_space, check_still, deliver, output_faults, same_file
 from pipeline.errors import BadInput
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import Method
-from pipeline.video.probe import probe
+from pipeline.video.probe import probe, probe_guarded
+from workers.execution.warm_up import warm_up
 from workers.farm import Farm
 from workers.model import Job, JobRequest, Json
-from workers.warmup import warm_up
 
 
 @dataclass(frozen=True)
-class Commission:
-    """A render as ordered: the request without asset ids, the paths of its inputs, and where all goes."""
+class RenderOrder:
+    """A render as the command line gives it: the request without asset ids, input paths, and output paths."""
 
     request: JobRequest
     paths: Mapping[str, Path]
     where: Target
     artefacts: Mapping[str, Path | None]
-    """Artefact -> where it goes, None: beside the result."""
+    """Artefact -> its output path; None: beside the result."""
+    overwrite: bool = False
+    """Whether existing outputs may be replaced."""
 
     def check(self) -> None:
-        """Refuse what is plainly wrong before a byte is read. Raises: BadParameter, BadInput."""
+        """Refuse what is wrong with the order itself, before any file is read. Raises: BadParameter, BadInput."""
         chosen = method(self.request.method)
         parse_params(chosen, self.request.params)
         _check_inputs(chosen, self.paths)
@@ -48,6 +50,37 @@ class Commission:
                     value=name,
                     remedy=f"It can make: {', '.join(chosen.artefacts) or 'none'}.",
                 )
+        self._check_outputs_differ()
+
+    def _check_outputs_differ(self) -> None:
+        """No output may be an input, under any name (links included), or another output."""
+        taken = {"the output": self.where.path} | {f"the input {name!r}": path for name, path in self.paths.items()}
+        _refuse_equal("--output", self.where.path, {k: v for k, v in taken.items() if k != "the output"})
+        for name, path in self.artefacts.items():
+            if path is not None:
+                _refuse_equal(f"--artefact {name}", path.absolute(), taken)
+                taken[f"the artefact {name!r}"] = path.absolute()
+
+    def existing(self) -> list[Path]:
+        """Output files that exist. Artefacts without a path count by their stem: their extension is known later."""
+        found = [self.where.path, *(path.absolute() for path in self.artefacts.values() if path)]
+        stem = self.where.path.stem
+        unnamed = [name for name, path in self.artefacts.items() if path is None]
+        for name in unnamed:
+            found += self.where.path.parent.glob(f"{stem}-{name}.*")
+        return [path for path in found if path.exists() and not _is_empty_folder(path)]
+
+
+def _refuse_equal(field: str, path: Path, others: Mapping[str, Path]) -> None:
+    for what, other in others.items():
+        if same_file(path, other):
+            raise BadInput(
+                f"{field} is {what}: it would be overwritten.", field=field, value=path, remedy="Name another file."
+            )
+
+
+def _is_empty_folder(path: Path) -> bool:
+    return path.is_dir() and not any(path.iterdir())
 
 
 def _check_inputs(chosen: Method, paths: Mapping[str, Path]) -> None:
@@ -69,23 +102,46 @@ def _check_inputs(chosen: Method, paths: Mapping[str, Path]) -> None:
             )
 
 
-def run(order: Commission, workers: int, home: Path, show: Show) -> Json:
-    """Render, in a folder of this command's own, and return the summary that `--json` prints.
+def run(order: RenderOrder, workers: int, home: Path, show: Show) -> Json:
+    """Render in this command's own workspace and return the summary that `--json` prints.
 
-    Raises: BadInput (what is wrong with an input), Interrupted, JobFailed, Conflict (the same render is at work).
+    Raises: BadInput (an input or output cannot be used), Interrupted, JobFailed, Conflict (the same render is running).
     """
     began = time.monotonic()
     sweep(home)
     with tempfile.TemporaryDirectory(prefix="impasto-") as scratch:
-        materials = _gather(order.paths, Path(scratch))
-        key = key_of(_facts(order, materials))
-        _warm_up(order.request)
-        with place(home, key) as folder:
-            with embedded.opened(folder, workers) as farm:
-                job = embedded.follow(farm, embedded.submit(farm, order.request, materials, key).id, show)
+        files = _gather(order.paths, Path(scratch))
+        _check_result_fits(order, files["video"])
+        key = key_of(_facts(order, files))
+        with workspace(home, key) as place:
+            _check_consent(order, place)
+            _warm_up(order.request)
+            with embedded.opened(place.folder, workers) as farm:
+                job = embedded.follow(farm, embedded.submit(farm, order.request, files, key).id, show)
+                place.consent()  # from here on, the outputs that exist are our own
                 summary = _deliver(farm, job, order)
-            forget(folder)
+            forget(place.folder)
     return summary | {"wall_seconds": round(time.monotonic() - began, 4)}
+
+
+def _check_result_fits(order: RenderOrder, video: InputFile) -> None:
+    """Probe the video, and refuse an output that cannot hold its frames."""
+    info = probe_guarded(video.path)
+    check_still(order.where, info.frames)
+    check_space(order.where, info)
+
+
+def _check_consent(order: RenderOrder, place: Workspace) -> None:
+    """Refuse to replace files, unless this command or the interrupted one that it resumes may."""
+    if order.overwrite:
+        place.consent()
+    elif not place.consented and (existing := order.existing()):
+        raise BadInput(
+            "The output exists already.",
+            field="--output",
+            value=existing[0],
+            remedy="Add --overwrite to replace it, or name another file.",
+        )
 
 
 def _warm_up(request: JobRequest) -> None:
@@ -93,26 +149,27 @@ def _warm_up(request: JobRequest) -> None:
     warm_up(chosen, parse_params(chosen, request.params))
 
 
-def _gather(paths: Mapping[str, Path], scratch: Path) -> dict[str, Material]:
+def _gather(paths: Mapping[str, Path], scratch: Path) -> dict[str, InputFile]:
     return {name: gather("IN" if name == "video" else f"--input {name}", path, scratch) for name, path in paths.items()}
 
 
-def _facts(order: Commission, materials: Mapping[str, Material]) -> Json:
-    """What makes two commands the same one. The number of workers does not: it may change between two tries."""
+def _facts(order: RenderOrder, files: Mapping[str, InputFile]) -> Json:
+    """Fields that identify a command. The number of workers is not one of them: it may change between attempts."""
     return {
         "version": __version__,
         "request": dataclasses.asdict(order.request),
-        "inputs": {name: material.sha256 for name, material in materials.items()},
+        "inputs": {name: file.sha256 for name, file in files.items()},
         "output": order.where.path,
     }
 
 
-def _deliver(farm: Farm, job: Job, order: Commission) -> Json:
-    """Put artefacts and the result in their places, the result last: where it is, all is."""
+def _deliver(farm: Farm, job: Job, order: RenderOrder) -> Json:
+    """Write artefacts, then the result: if the result is there, everything is."""
     artefacts = _deliver_artefacts(farm, job, order)
-    with farm.local(farm.file(job.id, "result")) as file:
+    with farm.files.local(farm.files.get(job.id, "result")) as file:
         info = probe(file)
-        deliver(file, order.where)
+        with output_faults("--output", order.where.path):
+            deliver(file, order.where)
     timing = Timing.of(job, embedded.tasks(farm, job.id))
     return {
         "frames": info.frames,
@@ -128,11 +185,12 @@ def _deliver(farm: Farm, job: Job, order: Commission) -> Json:
     }
 
 
-def _deliver_artefacts(farm: Farm, job: Job, order: Commission) -> dict[str, str]:
+def _deliver_artefacts(farm: Farm, job: Job, order: RenderOrder) -> dict[str, str]:
     placed: dict[str, str] = {}
     for name, path in order.artefacts.items():
-        served = farm.file(job.id, name)
+        served = farm.files.get(job.id, name)
         at = path.absolute() if path else beside(order.where, served.filename)
-        deliver(farm.read(served), Target(at, "", "file"))
+        with output_faults(f"--artefact {name}", at):
+            deliver(farm.files.read(served), Target(at, "", "file"))
         placed[name] = str(at)
     return placed

@@ -1,4 +1,4 @@
-"""`impasto scene`: a small animation out of nothing, as a video or with every exact pass."""
+"""`impasto scene`: procedural test clips, as a video or as frames with exact ground truth."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ import re
 from typing import Annotated
 
 import typer
-from rich.table import Table
 
-from impasto.cli.console import emit, out, say
+from impasto.cli.console import emit, out, print_table, say, table
 from impasto.cli.options import JsonFlag, QuietFlag
 from pipeline.errors import BadInput, BadParameter
 
@@ -23,20 +22,22 @@ impasto scene shapes -o shapes/ --frames 24      every pass: image, ids, velocit
 
 
 def scene(
-    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="Without a name: list them.")] = None,
+    name: Annotated[
+        str | None, typer.Argument(metavar="[NAME]", help="A scene; without a name: list the scenes.")
+    ] = None,
     output: Annotated[
         str | None, typer.Option("--output", "-o", metavar="OUT", help="A .mp4, .webm or .zip file, or a folder: DIR/.")
     ] = None,
     size: Annotated[str, typer.Option(metavar="WxH", help="Width and height, px.")] = "640x360",
     frames: Annotated[int | None, typer.Option(min=1, help="How many; else as many as the scene was made for.")] = None,
     fps: Annotated[float, typer.Option(help="Frames per second.")] = 24.0,
-    seed: Annotated[int, typer.Option(min=0, help="Of textures and small shapes.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of textures and small shapes.")] = 0,
     quiet: QuietFlag = False,
     as_json: JsonFlag = False,
 ) -> None:
-    """Draw a procedural scene: test material with exact motion, nothing to download.
+    """Draw a procedural scene: a test clip with exact motion.
 
-    A folder gets every pass (scene.json in it says what each is), a file gets the pictures.
+    A folder gets every pass (described in its scene.json), a file gets the pictures.
     """
     from pipeline.scenes import scene as find
 
@@ -44,8 +45,8 @@ def scene(
         _list(as_json)
         return
     if output is None:
-        raise BadInput("Where to?", field="--output", remedy=f"Write: impasto scene {name} -o {name}.mp4")
-    from impasto.cli.staging import draw
+        raise BadInput("The output is missing.", field="--output", remedy=f"Write: impasto scene {name} -o {name}.mp4")
+    from impasto.cli.scene_output import draw
 
     path = draw(find(name, _size(size), frames, fps, seed), output, quiet)
     if as_json:
@@ -66,8 +67,8 @@ def _list(as_json: bool) -> None:
     if as_json:
         emit([{"name": name, "about": about} for name, about in scenes().items()])
         return
-    table = Table("scene", "what it shows", box=None, header_style="bold")
+    rows = table("scene", "what it shows")
     for name, about in scenes().items():
-        table.add_row(name, about)
-    out.print(table)
+        rows.add_row(name, about)
+    print_table(rows)
     say("Draw one with: impasto scene NAME -o NAME.mp4")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -22,6 +22,7 @@ from impasto.cli.options import (
     ServerOption,
     client_of,
 )
+from workers.model import Json
 
 if TYPE_CHECKING:
     from impasto.client import Client
@@ -45,17 +46,21 @@ def submit(
     artefact: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Also make an artefact.")] = None,
     quality: QualityOption = 20,
     seed: SeedOption = 0,
-    name: Annotated[str, typer.Option(help="What to call the job; else the name of IN.")] = "",
-    label: Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE", help="To find the job by.")] = None,
+    name: Annotated[str, typer.Option(help="Name of the job; else the name of IN.")] = "",
+    label: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=VALUE", help="A label for searching; repeatable.")
+    ] = None,
     priority: Annotated[int, typer.Option(min=-100, max=100, help="Higher goes first.")] = 0,
-    webhook: Annotated[str, typer.Option(metavar="URL", help="Told when the job is over.")] = "",
-    idempotency_key: Annotated[str, typer.Option(help="The same key and request: the same job.")] = "",
+    webhook: Annotated[str, typer.Option(metavar="URL", help="URL that receives a message when the job ends.")] = "",
+    idempotency_key: Annotated[
+        str, typer.Option(help="Repeating a request with the same key returns the same job.")
+    ] = "",
     server: ServerOption = None,
     api_key: KeyOption = None,
     as_json: JsonFlag = False,
 ) -> None:
-    """Upload IN and submit a job to a service; print its id."""
-    from impasto.cli.materials import plain
+    """Upload IN and submit a job to a service. Prints the job's id."""
+    from impasto.cli.input_files import plain
 
     paths = {"video": source, **values.inputs(extra or [])}
     given = values.params(param or [])
@@ -77,15 +82,15 @@ def submit(
 
 
 def _upload(client: Client, paths: Mapping[str, Path]) -> dict[str, str]:
-    """Input name -> asset id; bytes that the service has already are not sent again."""
-    from impasto.cli.materials import gather
+    """Input name -> asset id. Files that the service has already are not sent again."""
+    from impasto.cli.input_files import gather
 
     with tempfile.TemporaryDirectory(prefix="impasto-") as scratch:
         files = {name: gather(name, path, Path(scratch)).path for name, path in paths.items()}
         return {name: str(client.upload(file)["id"]) for name, file in files.items()}
 
 
-def _tell(job: dict[str, Any], as_json: bool) -> None:
+def _tell(job: Json, as_json: bool) -> None:
     if as_json:
         emit(job)
         return

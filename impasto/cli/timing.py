@@ -1,4 +1,4 @@
-"""What a render cost, told honestly: the method's own wall time apart from decoding, encoding and start-up.
+"""Time of a render: the method's own wall time, without decoding, encoding and start-up.
 
 `seconds` is the sum, over every step but the platform's "assemble", of the stage "method" that workers measure around
 the method's own work. Where several attempts ran at once their times overlap; the sum is then scaled by the wall time
@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from workers.model import Job, Json, TaskView
 
@@ -53,7 +52,7 @@ def _spans(tasks: Iterable[TaskView]) -> list[tuple[float, float]]:
     return [span for span in map(_span, last) if span]
 
 
-def _span(attempt: dict[str, Any]) -> tuple[float, float] | None:
+def _span(attempt: Json) -> tuple[float, float] | None:
     start, stop = attempt.get("started_at"), attempt.get("finished_at")
     return (start, stop) if start is not None and stop is not None else None
 

@@ -1,4 +1,4 @@
-"""What stands behind `--param`, `--input`, `--label` and `--artefact`: NAME=VALUE, read the way people write it."""
+"""Parsing of NAME=VALUE in `--param`, `--input`, `--label` and `--artefact`."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from pipeline.errors import BadInput, BadParameter
+from workers.model import Json
 
 T = TypeVar("T")
 
 
-def params(options: Sequence[str]) -> dict[str, Any]:
+def params(options: Sequence[str]) -> Json:
     """`["sigma_px=1.5", "lines=off"]` -> `{"sigma_px": 1.5, "lines": "off"}`.
 
     A value that is JSON is taken as JSON, anything else as text: `off`, `on` and names need no quotes.

@@ -1,4 +1,4 @@
-"""`impasto worker`: more muscle for a farm that exists, on this machine or another."""
+"""`impasto worker`: a process that runs tasks of an existing farm, on this machine or another."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from impasto.cli.options import DatabaseOption, HomeOption, home_of
 
 if TYPE_CHECKING:
     from service.settings import Settings
-    from workers.ray_node import RayNode
+    from workers.pools.ray_node import RayNode
 
 EPILOG = """[bold]Examples[/bold]
 
@@ -28,7 +28,7 @@ impasto worker --ray-address head.internal:6379 --workers 8 --gpus 1 --memory 24
 The first asks the stores for tasks, as `impasto serve` does: the same stores, a home of its own on a local disk.
 The second makes this machine a node of a Ray cluster, which `impasto serve --farm ray --ray-address` uses.
 
-SIGTERM or Ctrl-C lets running tasks end and takes no new ones; a second one gives them back at once. Nothing is lost.
+SIGTERM or Ctrl-C lets running tasks end and starts no new ones; a second one returns them to the queue at once.
 """
 GRACE_S = 3600.0
 
@@ -50,14 +50,14 @@ def worker(
         int | None, typer.Option(min=1, max=65535, help="Answer with Prometheus metrics at this port.")
     ] = None,
 ) -> None:
-    """Join a farm: run tasks, answer no requests.
+    """Run tasks of a farm, without serving requests.
 
-    Its name is the one line on stdout, printed once it works.
+    Once it runs, it prints its name, the only line on stdout.
     """
     from impasto.settings import load
     from service.settings import Settings
     from workers.logs import set_up_logs
-    from workers.ray_node import RayNode
+    from workers.pools.ray_node import RayNode
 
     settings = load(
         Settings,
@@ -78,9 +78,9 @@ def worker(
 
 
 def _join_farm(settings: Settings, grace_s: float, metrics_port: int | None) -> None:
-    """Take tasks from the stores until a signal comes."""
+    """Run tasks from the stores until a signal arrives."""
     from service.ops.expose import expose
-    from workers.studio import open_farm
+    from workers.farm import open_farm
 
     signals = _Signals()
     farm = open_farm(settings)
@@ -89,14 +89,14 @@ def _join_farm(settings: Settings, grace_s: float, metrics_port: int | None) -> 
             farm.start()
             typer.echo(farm.worker_id)
             signals.first.wait()
-            say("Running tasks may end; no new ones are taken. A second signal gives them back at once.")
+            say("Waiting for running tasks; no new ones start. A second signal returns them to the queue at once.")
             signals.until_second(lambda: farm.drain(1.0), grace_s)
         finally:
             farm.stop()
 
 
 def _join_cluster(settings: Settings, node: RayNode, grace_s: float) -> None:
-    """Be a node of a Ray cluster until a signal comes; then let what runs here end, if the database can be asked."""
+    """Run a Ray node until a signal arrives; then drain it, if the database is known."""
     signals = _Signals()
     with node:
         typer.echo(node.name)
@@ -107,22 +107,22 @@ def _join_cluster(settings: Settings, node: RayNode, grace_s: float) -> None:
 
 
 def _empty(settings: Settings, name: str, signals: _Signals, grace_s: float) -> None:
-    """Drain this node and wait until nothing runs on it."""
-    from workers.fleet import Place
-    from workers.studio import open_farm
+    """Drain this node and wait until no task runs on it."""
+    from workers.farm import open_farm
+    from workers.operations import DrainScope
 
     farm = open_farm(settings.model_copy(update={"pool": "none"}))
     try:
-        ours = not any(drain.name == name for drain in farm.fleet.drains())
-        farm.fleet.drain(Place.NODE, name, reason="It was asked to stop.")
+        ours = not any(drain.name == name for drain in farm.workers.drains())
+        farm.workers.drain(DrainScope.NODE, name, reason="It was asked to stop.")
 
         def empty() -> bool:
             signals.second.wait(1.0)
-            return not any(node.busy for node in farm.fleet.nodes() if node.name == name)
+            return not any(node.busy for node in farm.workers.nodes() if node.name == name)
 
         signals.until_second(empty, grace_s)
         if ours:  # the next life of this machine is welcome
-            farm.fleet.resume(Place.NODE, name)
+            farm.workers.resume(DrainScope.NODE, name)
     finally:
         farm.stop()
 
@@ -139,7 +139,7 @@ class _Signals:
         (self.second if self.first.is_set() else self.first).set()
 
     def until_second(self, done: Callable[[], bool], patience_s: float) -> None:
-        """Ask `done`, which takes its time, until it says yes, a second signal comes or patience ends."""
+        """Call `done` until it returns True, a second signal arrives, or `patience_s` seconds have passed."""
         deadline = time.monotonic() + patience_s
         while not self.second.is_set() and time.monotonic() < deadline and not done():
             pass

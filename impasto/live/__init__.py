@@ -1,1 +1,1 @@
-"""The client's side of a live stream (docs/live.md): `LiveClient`, sources, outputs, and what ties them together."""
+"""Client side of live sessions (docs/live.md): `LiveClient`, sources, sinks, and the loop that connects them."""

@@ -1,4 +1,4 @@
-"""A stream to a server on the network: FLV over RTMP, MPEG-TS over TCP and UDP."""
+"""Sinks that stream to a server: FLV over RTMP, MPEG-TS over TCP and UDP."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from pipeline.errors import BadInput, ImpastoError
 from pipeline.frames import Frame
 
 TICKS = 1000
-"""Of a second: what FLV counts in."""
+"""Ticks per second of FLV."""
 SILENT_S = 10
-"""How long the server may take nothing."""
+"""Longest time without the server accepting data, seconds."""
 _FORMATS = {"rtmp": "flv", "rtmps": "flv", "tcp": "mpegts", "udp": "mpegts"}
 _PORTS = {"rtmp": 1935, "rtmps": 443}
 
 
 class OutputLost(ImpastoError):
-    """What took the stream takes no more."""
+    """The server no longer accepts the stream."""
 
     code = "output-lost"
 
 
 class Broadcast(Sink):
-    """FFmpeg's fifo muxer writes on a thread of its own: a server that is slow costs packets, and never holds us up.
+    """FFmpeg's fifo muxer writes on a thread of its own: a slow server loses packets and never blocks the stream.
     (Without it a server that is silent stops the whole process, since PyAV connects with the interpreter locked.)
 
     Raises: BadInput (another scheme, nobody takes connections there); `put`, OutputLost.
@@ -48,7 +48,7 @@ class Broadcast(Sink):
         except (av.FFmpegError, OSError, ValueError) as error:
             raise BadInput(
                 f"It cannot be streamed to: {error}.", field="--output", value=address,
-                remedy="Check the address, and that the server takes a stream there.",
+                remedy="Check the address, and that the server accepts streams there.",
             ) from None  # fmt: skip
         self._last, self._lost = -1, False
 
@@ -66,7 +66,7 @@ class Broadcast(Sink):
             self._lost = True
             raise OutputLost(
                 f"The server takes no more: {error}.", field="--output", value=self._address,
-                remedy="Check the server, and that the address is one it takes a stream at; then start again.",
+                remedy="Check the server and the address, then start again.",
             ) from None  # fmt: skip
 
     def finish(self, end_s: float) -> str:
@@ -80,12 +80,12 @@ def _format(address: str) -> str:
     scheme = address.partition("://")[0]
     if scheme not in _FORMATS:
         remedy = f"Use an address that begins with one of: {', '.join(f'{name}://' for name in _FORMATS)}."
-        raise BadInput("Nothing can be streamed to that.", field="--output", value=address, remedy=remedy)
+        raise BadInput("The address has no known streaming protocol.", field="--output", value=address, remedy=remedy)
     return _FORMATS[scheme]
 
 
 def _knock(address: str) -> None:
-    """Find out now whether an RTMP server is there. Raises OSError, ValueError."""
+    """Check that an RTMP server answers. Raises OSError, ValueError."""
     parts = urlsplit(address)
     if parts.scheme in _PORTS and parts.hostname:
         socket.create_connection((parts.hostname, parts.port or _PORTS[parts.scheme]), SILENT_S).close()
@@ -99,7 +99,7 @@ def _fifo(address: str, kind: str) -> OutputContainer:
 
 
 def _h264(file: OutputContainer, size: Size, fps: float, headers_apart: bool) -> VideoStream:
-    """A stream that holds nothing back."""
+    """An encoder stream without look-ahead or reordering."""
     rate = Fraction(fps).limit_denominator(1001)
     stream = file.add_stream("libx264", rate=rate, options={"preset": "veryfast", "tune": "zerolatency"})
     assert isinstance(stream, VideoStream)

@@ -1,4 +1,4 @@
-"""`LiveClient`: frames to a service and back, from any program.
+"""`LiveClient`: send frames to a service and receive the stylised frames.
 
     with LiveClient("http://127.0.0.1:8420", size=(640, 480), fps=30) as live:
         for frame in frames:
@@ -35,19 +35,19 @@ from impasto.problems import BY_CODE, ServiceUnreachable, error_of
 from pipeline.errors import ImpastoError
 from pipeline.frames import Frame, check_frame
 from workers.live.codecs import Decoder, Encoder, decoder, encoder
-from workers.live.model import Wire
-from workers.live.seats import NoSeat
+from workers.live.model import WireFormat
+from workers.live.worker import NoLiveWorker
+from workers.model import Json
 
-Json = dict[str, Any]
 MAX_MESSAGE_BYTES = 128 << 20
 MAX_SIDE_PX = 16384
 ANSWERS_KEPT = 120
-"""Answers waiting for the caller. When there are more, the service is not read from, and drops frames."""
+"""Most answers that wait for the caller. Beyond it, reading stops and the service drops frames."""
 PATIENCE_S = 10.0
-"""How long a lost connection is tried again: as long as the service keeps the session."""
+"""How long a lost connection is retried, seconds: as long as the service keeps the session."""
 CLOSE_S = 2.0
 FRUITLESS = 3
-"""Connections in a row that may break before they bring an answer."""
+"""Most consecutive connections that may break without an answer."""
 _RETRIED = frozenset({1001, 1006, 1011, 1012})
 """Close codes after which connecting again may help."""
 
@@ -60,14 +60,14 @@ class LiveEnded(ImpastoError):
 
 @dataclass(frozen=True)
 class LiveOptions:
-    """What `hello` says, see docs/live.md."""
+    """Fields of the message `hello`: see docs/live.md."""
 
     size: tuple[int, int]
     fps: float = 30.0
     method: str = "abstraction"
     params: Mapping[str, Any] = field(default_factory=dict)
     inputs: Mapping[str, str] = field(default_factory=dict)
-    """Asset id by input name."""
+    """Input name -> asset id."""
     seed: int = 0
     send: Sequence[str] = ("jpeg",)
     receive: Sequence[str] = ("jpeg",)
@@ -92,8 +92,8 @@ class LiveClient:
         timeout_s: seconds to connect, and for the answer to `hello` (a reference may have to be learned).
         options: fields of `LiveOptions`: `size` at least.
 
-    Raises: ServiceUnreachable, NotAllowed, NoSeat (busy: come back after its `retry_after_s`), and whatever else the
-    service refuses with.
+    Raises: ServiceUnreachable, NotAllowed, NoLiveWorker (busy: try again after its `retry_after_s`), and any other
+    error with which the service refuses.
     """
 
     def __init__(
@@ -106,9 +106,9 @@ class LiveClient:
         self.stats: Json = {}
         """The newest statistics; after `close`, those of the whole session."""
         self.unsent = 0
-        """Frames that were not sent because there was no connection."""
+        """Number of frames not sent for lack of a connection."""
         self.ended = False
-        """Whether `answers` has come to the end of the session."""
+        """Whether `answers` has reached the end of the session."""
         self._server, self._key, self._timeout_s = server.rstrip("/"), api_key, timeout_s
         self._tell = on_message
         self._answers: queue.Queue[Answer | ImpastoError | None] = queue.Queue(ANSWERS_KEPT)
@@ -117,7 +117,7 @@ class LiveClient:
         self._decoder: Decoder | None = None
         self._sequence, self._want_key = 0, True
         self._sending = threading.Lock()
-        """No frame is encoded for one connection and sent on the next, where a video codec would not know it."""
+        """Held while a frame is encoded and sent: a video codec's state belongs to one connection."""
         self._fruitless = 0
         self._leaving, self._over = False, threading.Event()
         self._reader = threading.Thread(target=self._read, name="impasto-live", daemon=True)
@@ -133,7 +133,7 @@ class LiveClient:
         self.close(patience_s=5.0 if kind is None else 1.0)
 
     def close(self, patience_s: float = 5.0) -> Json:
-        """Say goodbye, wait for the figures of the whole session and return them. Answers still to come are kept."""
+        """End the session and return its statistics. Remaining answers are kept."""
         self._leaving = True
         if self._socket is not None and not self._over.is_set():
             self._say({"type": "bye"})
@@ -179,7 +179,7 @@ class LiveClient:
 
     @property
     def next_sequence(self) -> int:
-        """The number that the next frame will have."""
+        """Sequence number of the next frame."""
         return self._sequence + 1
 
     def send(self, frame: Frame, timestamp: int | None = None) -> int:
@@ -195,7 +195,7 @@ class LiveClient:
     def send_payload(
         self, payload: bytes, size: tuple[int, int], key: bool = True, timestamp: int | None = None
     ) -> int:
-        """Send a frame that is encoded already."""
+        """Send an encoded frame."""
         with self._sending:
             return self._send(payload, size, key, now_us() if timestamp is None else timestamp)
 
@@ -275,7 +275,7 @@ class LiveClient:
             self._answers.put(end)
 
     def _take(self, socket: ClientConnection) -> bool:
-        """Everything the connection brings; True when the session is over, False when it was lost."""
+        """Receive until the connection ends. Returns True at the end of the session, False after a loss."""
         fatal: ImpastoError | None = None
         try:
             for message in socket:
@@ -304,13 +304,13 @@ class LiveClient:
         return _problem(message) if message["type"] == "error" and message.get("fatal") else None
 
     def _again(self) -> None:
-        """Take the session up again. Raises what stands in the way when patience is at its end."""
+        """Reconnect and resume the session. Raises the last error once the time-out has passed."""
         deadline, wait_s = time.monotonic() + PATIENCE_S, 0.1
         while True:
             try:
                 return self._connect()
             except ImpastoError as error:
-                hopeless = not isinstance(error, ServiceUnreachable | NoSeat)
+                hopeless = not isinstance(error, ServiceUnreachable | NoLiveWorker)
                 if hopeless or self._leaving or time.monotonic() + wait_s > deadline:
                     raise
             time.sleep(wait_s)
@@ -322,14 +322,14 @@ def now_us() -> int:
     return time.monotonic_ns() // 1000
 
 
-def _wire(codec: str, options: LiveOptions) -> Wire:
+def _wire(codec: str, options: LiveOptions) -> WireFormat:
     """An encoder's orders for the way out."""
-    return Wire(send=codec, receive=codec, quality=options.quality, fps=options.fps)
+    return WireFormat(send=codec, receive=codec, quality=options.quality, fps=options.fps)
 
 
 def _problem(message: Json) -> ImpastoError:
     problem = message["problem"]
-    if problem.get("code") == NoSeat.code:
+    if problem.get("code") == NoLiveWorker.code:
         return _busy(problem.get("detail"), message.get("retry_after_s"))
     kind = BY_CODE.get(problem.get("code", ""), LiveEnded)
     error = kind(
@@ -341,18 +341,18 @@ def _problem(message: Json) -> ImpastoError:
 
 
 def _refusal(refused: InvalidStatus) -> ImpastoError:
-    """What the service answered instead of opening the WebSocket."""
+    """The error with which the service refused the WebSocket."""
     response = refused.response
     error = error_of(httpx.Response(response.status_code, content=bytes(response.body or b"")))
-    if error.code == NoSeat.code:
+    if error.code == NoLiveWorker.code:
         return _busy(error.message, response.headers.get("Retry-After"))
     return error
 
 
-def _busy(said: str | None, retry_after_s: str | float | None) -> NoSeat:
+def _busy(said: str | None, retry_after_s: str | float | None) -> NoLiveWorker:
     wait_s = float(retry_after_s or 5.0)
-    remedy = f"Try again in {wait_s:g} s, end another session, or let it take more: IMPASTO_LIVE_SESSIONS."
-    return NoSeat(said or "The service is busy.", retry_after_s=wait_s, field="server", remedy=remedy)
+    remedy = f"Try again in {wait_s:g} s, end another session, or raise IMPASTO_LIVE_SESSIONS."
+    return NoLiveWorker(said or "The service is busy.", retry_after_s=wait_s, field="server", remedy=remedy)
 
 
 def _ended(socket: ClientConnection) -> LiveEnded:

@@ -7,29 +7,28 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
 
 from impasto.live.client import LiveClient, now_us
 from impasto.live.sinks import Sink
 from impasto.live.sources import Source
 from impasto.live.wire import Answer
 from pipeline.frames import Frame
-from workers.live.figures import PERCENTILES, Histogram
+from workers.live.statistics import PERCENTILES, Histogram
+from workers.model import Json
 
-Json = dict[str, Any]
 REMEMBERED = 120
-"""Frames on their way whose times are kept."""
+"""Most unanswered frames whose times are kept."""
 ATTEND_S = 0.1
-"""The sink is attended to at least this often, also when no answers come."""
+"""Longest time between calls of the sink, seconds, also without answers."""
 
 
 @dataclass
 class Tally:
-    """What has been sent and what has come back."""
+    """Counts of sent and received frames."""
 
     sent: int = 0
     late: int = 0
-    """Frames that were not sent because their time had passed."""
+    """Number of frames not sent because they were late."""
     painted: int = 0
     server: Histogram = field(default_factory=Histogram)
     round_trip: Histogram = field(default_factory=Histogram)
@@ -61,7 +60,7 @@ class Tally:
 
 
 class Stream:
-    """One stream. `run` ends with the source, after `duration_s`, when the sink has enough, or when told to `stop`."""
+    """One stream. `run` returns after the source, after `duration_s`, when the sink ends it, or after `stop`."""
 
     def __init__(
         self, client: LiveClient, source: Source, sink: Sink, duration_s: float = float("inf"),
@@ -78,12 +77,12 @@ class Stream:
         self._sender = threading.Thread(target=self._send_all, name="impasto-sender", daemon=True)
 
     def stop(self) -> None:
-        """Send no more; what is on its way still comes. From any thread, or a signal handler."""
+        """Send no further frames; pending answers still arrive. Callable from any thread or signal handler."""
         self._stop.set()
         self.source.stop()
 
     def run(self) -> str:
-        """Stream to the end; where the answers are. What went wrong is raised after the sink is finished."""
+        """Stream to the end; returns where the output is. Errors are raised after the sink is finished."""
         self._sender.start()
         try:
             while not self.client.ended:
@@ -136,7 +135,7 @@ class Stream:
             self._end_s = when + 1 / self.source.fps
 
     def _in_time(self, due_s: float) -> bool:
-        """Wait for a frame's time; False if it has passed by more than a frame, as a camera would have gone on."""
+        """Wait for a frame's time. Returns False if the frame is late by more than one frame period."""
         wait_s = due_s - self._clock()
         if wait_s < -1 / self.source.fps:
             self.tally.late += 1

@@ -1,4 +1,4 @@
-"""The service that a live stream goes to: the one that was named, one on this machine, or one for the occasion."""
+"""The service of a live stream: a given address, one on this machine, or one started for the stream."""
 
 from __future__ import annotations
 

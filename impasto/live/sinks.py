@@ -1,4 +1,4 @@
-"""Where answers go: a video file (`film`), numbered frames, a network stream (`broadcast`), a window (`window`)."""
+"""Sinks of stylised frames: video file, numbered frames, network stream (`broadcast`), window (`window`)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 import cv2
 import numpy as np
 
-from impasto.cli.delivery import Target, forget, swap, target
+from impasto.delivery import Target, forget, swap, target
 from impasto.live.sources import Size, Source
 from pipeline.errors import BadInput
 from pipeline.frames import Frame
@@ -15,22 +15,22 @@ from pipeline.video.stills import encode_png
 
 
 class Sink(ABC):
-    """Takes frames in order of time. One thread makes it, feeds it and finishes it."""
+    """Receives frames in order of time. One thread creates, feeds and finishes it."""
 
     beside = False
-    """Whether it wants the originals."""
+    """Whether it also needs the original frames."""
 
     @abstractmethod
     def put(self, when_s: float, frame: Frame, original: Frame | None) -> None:
         """A frame shown from `when_s` on, seconds from the source's first. Of any size: that of the work may change."""
 
     def attend(self) -> bool:
-        """Called often. False: it wants no more."""
+        """Called often. Returns False to end the stream."""
         return True
 
     @abstractmethod
     def finish(self, end_s: float) -> str:
-        """The last frame is shown until `end_s`. Returns where it all is ("" if there was no frame). Called once."""
+        """Finish; the last frame lasts until `end_s`. Returns the output's path or address, "" without frames."""
 
 
 def open_sink(text: str, source: Source, quality: int) -> Sink:
@@ -51,16 +51,16 @@ def open_sink(text: str, source: Source, quality: int) -> Sink:
     where = target(text)
     if where.kind == "still" or where.path.suffix == ".zip":
         remedy = "Use a .mp4 or .webm file, or DIR/ for numbered frames."
-        raise BadInput("A stream cannot be written to that.", field="--output", value=text, remedy=remedy)
+        raise BadInput("The output is not a known sink.", field="--output", value=text, remedy=remedy)
     if where.kind == "frames":
         return Frames(where)
-    from impasto.live.film import Film
+    from impasto.live.video_file import VideoFileSink
 
-    return Film(where, source, quality)
+    return VideoFileSink(where, source, quality)
 
 
 class Nothing(Sink):
-    """Keeps nothing: for measuring."""
+    """Discards frames, for measurements."""
 
     def put(self, when_s: float, frame: Frame, original: Frame | None) -> None:
         return
@@ -91,7 +91,7 @@ class Frames(Sink):
 
 
 def at_size(frame: Frame, size: Size) -> Frame:
-    """An answer of a lower work resolution is enlarged: what is written has one size."""
+    """The frame at `size`: answers of a lower work resolution are enlarged."""
     if (frame.shape[1], frame.shape[0]) == size:
         return frame
     return np.asarray(cv2.resize(frame, size, interpolation=cv2.INTER_LINEAR), np.uint8)

@@ -1,4 +1,4 @@
-"""Where frames come from: a file at its own pace, a camera, a network stream."""
+"""Sources of frames: a video file, a camera, a network stream."""
 
 from __future__ import annotations
 
@@ -26,30 +26,30 @@ from pipeline.video.reader import VideoReader
 
 Size = tuple[int, int]
 Timed = tuple[float, Frame]
-"""When a frame is shown, seconds from the first, and the frame."""
+"""Time of a frame, seconds from the first, and the frame."""
 NETWORK = ("rtsp://", "rtsps://", "rtmp://", "http://", "https://", "udp://", "tcp://")
 OPEN_S = 10
-"""How long a camera or a sender may be silent."""
+"""Longest silence of a camera or sender, seconds."""
 LEAVE_S = 2
 _CAMERA_FORMATS = {"linux": "v4l2", "darwin": "avfoundation", "win32": "dshow"}
 
 
 class SourceLost(ImpastoError):
-    """A camera or a network stream that has stopped, and not in order."""
+    """A camera or network stream has stopped unexpectedly."""
 
     code = "source-lost"
 
 
 @dataclass(frozen=True)
 class Sound:
-    """What goes with the pictures."""
+    """Sound of the source."""
 
     path: Path
     """A media file, which may have no sound."""
     first_s: Fraction
-    """Its time of the first picture, seconds."""
+    """Time of the first picture in the file, seconds."""
     length_s: float
-    """From there to the end of the last."""
+    """Duration of the pictures, seconds."""
 
 
 class Source(Protocol):
@@ -58,23 +58,23 @@ class Source(Protocol):
     size: Size
     """(width, height), px."""
     fps: float
-    """Nominal."""
+    """Nominal frames per second."""
     paced: bool
-    """Whether frames come at their times by themselves; others are to be waited for."""
+    """Whether frames arrive in real time; frames of a file do not, and are paced by the caller."""
     sound: Sound | None
     skipped: int
-    """Frames that came and were not taken in time."""
+    """Number of frames that were replaced before the caller took them."""
 
     def __iter__(self) -> Iterator[Timed]:
         """Raises SourceLost, UnreadableMedia."""
         ...
 
     def stop(self) -> None:
-        """No more frames soon; from any thread."""
+        """Stop soon. Callable from any thread."""
         ...
 
     def close(self) -> None:
-        """When nobody takes frames any more."""
+        """Release the source."""
         ...
 
 
@@ -126,14 +126,14 @@ class FileSource:
                 yield loop * self._times[-1] + self._times[min(number, len(self._times) - 2)], frame
 
     def stop(self) -> None:
-        """Frames are never long in coming."""
+        """A file needs no interruption."""
 
     def close(self) -> None:
         self._reader.close()
 
 
 class StreamSource:
-    """A camera or a network stream, read on a thread of its own: only the newest frame waits."""
+    """A camera or network stream, read on its own thread. Only the newest frame is kept."""
 
     paced = True
     sound: Sound | None = None
@@ -205,7 +205,7 @@ class StreamSource:
         if self._lost and not self._stop.is_set():
             raise SourceLost(
                 f"It has stopped: {self._lost}.", field="--input", value=self._name,
-                remedy="What came until then is whole. Check the source, then start again.",
+                remedy="The output up to then is complete. Check the source, then start again.",
             )  # fmt: skip
 
     def stop(self) -> None:
@@ -222,7 +222,7 @@ class StreamSource:
 
 
 class Scaled:
-    """Another source's frames at a size of one's own."""
+    """Frames of another source, resized."""
 
     def __init__(self, source: Source, size: Size) -> None:
         self._source, self.size, self.skipped = source, size, 0
@@ -244,7 +244,9 @@ class Scaled:
 def _camera(text: str, size: Size | None, fps: float | None) -> StreamSource:
     _, _, number = text.partition(":")
     if number and not number.isdigit():
-        raise BadInput("A camera has a number.", field="--input", value=text, remedy="Write camera, or camera:1.")
+        raise BadInput(
+            "The number of the camera is not valid.", field="--input", value=text, remedy="Write camera, or camera:1."
+        )
     kind = _CAMERA_FORMATS.get(sys.platform, "v4l2")
     name = f"/dev/video{number or 0}" if kind == "v4l2" else (number or "0")
     options = {"framerate": str(Fraction(fps or 30).limit_denominator(1001))}

@@ -1,4 +1,4 @@
-"""A window that shows answers as they come."""
+"""A sink that shows frames in a window."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Window(Sink):
         return np.hstack([np.asarray(shown, np.uint8), frame])
 
     def _show(self, picture: Frame) -> None:
-        """As large as fits, in the middle."""
+        """Centred, at the largest size that fits."""
         width, height = self._screen.get_size()
         scale = min(width / picture.shape[1], height / picture.shape[0])
         size = (max(1, round(picture.shape[1] * scale)), max(1, round(picture.shape[0] * scale)))

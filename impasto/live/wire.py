@@ -1,4 +1,4 @@
-"""A frame on the wire, as the client packs and unpacks it: docs/live.md, Frames."""
+"""Binary messages of the client: see docs/live.md, Frames."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ _KEY = 1
 
 @dataclass(frozen=True)
 class Answer:
-    """A painted frame."""
+    """A stylised frame."""
 
     sequence: int
-    """That of the frame it was made from."""
+    """Sequence number of its source frame."""
     timestamp: int
-    """As it was sent."""
+    """Timestamp as sent."""
     size: tuple[int, int]
-    """(width, height) of its picture, px: smaller than what was sent when the service steps down."""
+    """(width, height), px: smaller than sent while the service works at a lower resolution."""
     key: bool
     latency_us: int
-    """What the service took: from the frame fully received to its answer sent."""
+    """Time from the frame's arrival at the service to the sending of its answer."""
     payload: bytes
 
 
 def pack(payload: bytes, size: tuple[int, int], key: bool, sequence: int, timestamp: int) -> bytes:
-    """A frame for the service."""
+    """A binary message with a frame for the service."""
     width, height = size
     return _HEADER.pack(VERSION, _KEY if key else 0, width, height, 0, sequence, 0, timestamp, 0) + payload
 
 
 def unpack(message: bytes) -> Answer:
-    """A frame from the service. Raises BadFrame."""
+    """The frame in a binary message of the service. Raises BadFrame."""
     if len(message) <= HEADER_BYTES or message[0] != VERSION:
         raise BadFrame(
             "The service sent a frame of another version.", field="frame.version",

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pipeline.colour.spaces import DELTA, RGB_TO_RELATIVE, srgb_to_linear
 from pipeline.frames import Frame
-from pipeline.segmentation.jit import kernel
+from pipeline.jit import kernel
 
 LabPlanes: TypeAlias = NDArray[np.uint8]
 """uint8 (3, h, w): L, a, b."""

@@ -6,12 +6,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.aside import ALONE, Aside
+from pipeline.background import INLINE, Background
 from pipeline.frames import Frame, Labels
-from pipeline.segmentation.jit import kernel
+from pipeline.jit import kernel
 
 
-def flat(labels: Labels, colours: NDArray[np.uint8], soften_px: float = 0.7, aside: Aside = ALONE) -> Frame:
+def flat(labels: Labels, colours: NDArray[np.uint8], soften_px: float = 0.7, background: Background = INLINE) -> Frame:
     """Every pixel in its region's colour, boundaries anti-aliased by a Gaussian of `soften_px` px.
 
     Args:
@@ -21,7 +21,7 @@ def flat(labels: Labels, colours: NDArray[np.uint8], soften_px: float = 0.7, asi
     Returns: uint8 (h, w, 3). Pixels further than the Gaussian from a boundary have exactly their region's colour.
     """
     out = np.empty((*labels.shape, 3), np.uint8)
-    aside.rows(lambda first, last: _flat(labels[first:last], colours, out[first:last]), len(out))
+    background.rows(lambda first, last: _flat(labels[first:last], colours, out[first:last]), len(out))
     return np.asarray(cv2.GaussianBlur(out, (3, 3), soften_px), np.uint8) if soften_px > 0 else out
 
 
@@ -37,11 +37,12 @@ def _flat(labels: Labels, colours: NDArray[np.uint8], out: Frame) -> None:
 
 
 def overlay(
-    picture: Frame, ink: NDArray[np.uint8], colour: tuple[int, int, int], opacity: float = 1.0, aside: Aside = ALONE
+    picture: Frame, ink: NDArray[np.uint8], colour: tuple[int, int, int], opacity: float = 1.0,
+    background: Background = INLINE,
 ) -> Frame:  # fmt: skip
     """Lay `ink` (uint8 (h, w), 0..255, times `opacity`) of one RGB `colour` over `picture`, in place; returns it."""
     rgb, strength = np.array(colour, np.int32), round(opacity * 257)
-    aside.rows(lambda first, last: _overlay(picture[first:last], ink[first:last], rgb, strength), len(picture))
+    background.rows(lambda first, last: _overlay(picture[first:last], ink[first:last], rgb, strength), len(picture))
     return picture
 
 

@@ -33,7 +33,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.errors import BadInput
 from pipeline.frames import Frame
-from pipeline.segmentation.jit import kernel
+from pipeline.jit import kernel
 
 HUES = 360
 """Bins of the hue histogram: bin i holds the hues that round to i degrees."""

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.segmentation.jit import kernel
+from pipeline.jit import kernel
 
 Colours = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""Where data-parallel work runs: an OpenCL device, chosen and opened once a process, never at import."""
+"""OpenCL device of this process: selected and opened on first use, never at import."""
 
 from pipeline.compute.choice import Candidate, candidates, report
 from pipeline.compute.opencl import Device, DeviceArray, Kernel, Launch, device

@@ -1,4 +1,4 @@
-"""Which device to compute on: the one the user named; a GPU; a working CPU runtime."""
+"""Device selection. Order of preference: the device that the user named, a GPU, a working CPU runtime."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ REMEDY = "Install a CPU runtime with `pip install 'impasto[cpu]'`, or your GPU d
 
 @dataclass(frozen=True)
 class Candidate:
-    """A listed device, whether it is the chosen one, and why or why not."""
+    """A listed device, whether it was chosen, and the reason."""
 
     found: Found
     chosen: bool
@@ -21,11 +21,11 @@ class Candidate:
 
 
 def candidates(wanted: str = "", fresh: bool = False) -> list[Candidate]:
-    """Every device, best first.
+    """All listed devices, best first.
 
     Args:
-        wanted: "" or "auto" (a GPU, else a CPU), "gpu", "cpu", or a part of a platform's or device's name.
-        fresh: test the devices anew, whatever is known from before.
+        wanted: "" or "auto" (a GPU, otherwise a CPU), "gpu", "cpu", or a substring of a platform or device name.
+        fresh: test the devices again and ignore cached results.
     """
     ordered = sorted(probe(fresh)[0], key=_order)
     best = next((f for f in ordered if not f.fault and _fits(f, wanted)), None)
@@ -33,7 +33,7 @@ def candidates(wanted: str = "", fresh: bool = False) -> list[Candidate]:
 
 
 def choose(wanted: str = "") -> Found:
-    """The device to use, or `DeviceError` that says why there is none."""
+    """The best working device that matches `wanted`; raises `DeviceError` with a reason for each rejected device."""
     rows = candidates(wanted)
     for row in rows:
         if row.chosen:
@@ -43,9 +43,9 @@ def choose(wanted: str = "") -> Found:
 
 
 def report(wanted: str = "", fresh: bool = True) -> list[dict[str, object]]:
-    """For people: a row a device with platform, device, kind, version, works, chosen and reason.
+    """Human-readable table: one row per device with platform, device, kind, version, works, chosen and reason.
 
-    Where no device is listed at all, one row says why. Never raises.
+    If no device is listed at all, the table has one row with the reason. Never raises.
     """
     rows: list[dict[str, object]] = [
         {
@@ -76,7 +76,7 @@ def _reason(found: Found, chosen: bool, wanted: str) -> str:
     if found.fault:
         return f"does not work: {found.fault}"
     if not _fits(found, wanted):
-        return f"works, but is not what was named: {wanted}"
+        return f"works, but does not match the requested device: {wanted}"
     if not chosen:
         return "works, but another one comes first"
-    return f"named: {wanted}" if wanted not in ("", "auto") else f"the best {found.kind.upper()} that works"
+    return f"requested: {wanted}" if wanted not in ("", "auto") else f"the best {found.kind.upper()} that works"

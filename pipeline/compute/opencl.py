@@ -1,7 +1,8 @@
-"""A compute device at work: queue, compiled kernels, memory. Made once a process, when first asked for."""
+"""OpenCL device: command queue, compiled kernels and memory pool. Opened once per process, on first use."""
 
 from __future__ import annotations
 
+import math
 import os
 import threading
 from collections.abc import Iterator, Mapping
@@ -15,28 +16,34 @@ from numpy.typing import DTypeLike, NDArray
 
 from pipeline.compute import choice, runtime
 from pipeline.compute.probe import Found, describe
+from pipeline.compute.signature import Parameter, check, signature
 from pipeline.errors import DeviceError
 
 Group: TypeAlias = tuple[int, ...] | None
 
 _PRELUDE = "#pragma OPENCL FP_CONTRACT OFF\n#line 1\n"
-"""Every kernel rounds as NumPy does: no fused multiply-add behind our back."""
+"""Forbids contraction into fused multiply-adds, so that kernels round as NumPy does."""
 _GROUP = {"cpu": (64, 16), "gpu": (32, 4), "other": (32, 1)}
 _IDLE_BYTES = 256 << 20
-"""How much memory in no use the pool may hold on to."""
+"""Maximum unused memory that the pool retains, bytes."""
 
 
 @dataclass(frozen=True, slots=True)
 class DeviceArray:
-    """An array in the device's memory, C order. Freed (into the pool) when no one refers to it."""
+    """An array in device memory, C order. Its memory returns to the pool when the last reference is dropped."""
 
     buffer: Any
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
 
+    @property
+    def nbytes(self) -> int:
+        """Size of the data, bytes."""
+        return math.prod(self.shape) * self.dtype.itemsize
+
 
 class Device:
-    """One OpenCL device. Safe to share between threads: work runs in the order in which it was handed over."""
+    """One OpenCL device. Thread-safe; work runs in the order of submission."""
 
     def __init__(self, found: Found) -> None:
         self._cl = runtime.opencl()
@@ -77,47 +84,48 @@ class Device:
         return target
 
     def empty(self, shape: tuple[int, ...], dtype: DTypeLike = np.float32) -> DeviceArray:
-        """Memory for an array, its content undefined. `DeviceError` if it does not fit."""
+        """Allocate an array with undefined content. Raises `DeviceError` if it does not fit into device memory."""
         kind = np.dtype(dtype)
         size = max(1, int(np.prod(shape))) * kind.itemsize
-        with self._lock, _as_device_error(self._cl, f"{size} bytes of device memory are not to be had"):
+        with self._lock, _as_device_error(self._cl, f"{size} bytes of device memory cannot be allocated"):
             if self._pool.managed_bytes - self._pool.active_bytes > _IDLE_BYTES:
                 self._pool.free_held()
             return DeviceArray(self._pool.allocate(size), tuple(shape), kind)
 
     def zeros(self, shape: tuple[int, ...], dtype: DTypeLike = np.float32) -> DeviceArray:
-        """An array of zeros on the device."""
+        """Allocate an array of zeros."""
         return self.upload(np.zeros(shape, dtype))
 
     def download(self, array: DeviceArray) -> NDArray[Any]:
-        """Copy an array from the device; waits for the work it depends on."""
+        """Copy an array from the device; waits for all work that it depends on."""
         target = np.empty(array.shape, array.dtype)
         with self._lock, _as_device_error(self._cl, "A download failed"):
             self._cl.enqueue_copy(self._queue, target, array.buffer)
         return target
 
     def finish(self) -> None:
-        """Wait until all work handed over is done (to measure it; `download` waits by itself)."""
+        """Wait until all submitted work is done. Needed for timing only: `download` waits by itself."""
         with self._lock, _as_device_error(self._cl, "The device failed"):
             self._queue.finish()
 
     def kernel(
         self, file: Path, name: str, defines: Mapping[str, int | float | str] | None = None, common: Path | None = None
     ) -> Kernel:
-        """The kernel `name` of the OpenCL C file, compiled on first use (and kept on disk by pyopencl).
+        """The kernel `name` of an OpenCL C file, compiled on first use (pyopencl caches the binary on disk).
 
         Args:
             file: usually `Path(__file__).with_suffix(".cl")`.
-            defines: macros, `-D name=value`.
-            common: a file of functions that several share, put in front.
+            defines: macros, passed as `-D name=value`.
+            common: a file of shared functions, prepended to the source.
         """
         options = tuple(f"-D{key}={value}" for key, value in (defines or {}).items())
         kept: dict[Any, Kernel] = self._kernels.__dict__.setdefault("kept", {})
         key = (file, name, options, common)
         if key not in kept:
             before = f"{common.read_text()}#line 1\n" if common else ""
-            program = self._program(before + file.read_text(), options, file.name)
-            kept[key] = Kernel(self, self._cl.Kernel(program, name))
+            text = file.read_text()
+            program = self._program(before + text, options, file.name)
+            kept[key] = Kernel(self, self._cl.Kernel(program, name), signature(text, name), defines or {})
         return kept[key]
 
     def _program(self, source: str, options: tuple[str, ...], name: str) -> Any:
@@ -129,10 +137,10 @@ class Device:
             return self._programs[key]
 
     def run(self, *launches: Launch, times: int = 1) -> None:
-        """Hand launches over in this order, all of them `times` over, and return at once.
+        """Submit the launches in order, repeat the whole sequence `times` times, and return without waiting.
 
-        An iteration is cheap: arguments are set once (35 us), then only enqueued (5 us). So a kernel may occur in
-        `launches` only once.
+        Arguments are set once (35 us per launch); each repetition only enqueues (5 us). A kernel may therefore occur
+        only once in `launches`.
         """
         with self._lock, _as_device_error(self._cl, f"The kernel {launches[0].compiled.function_name} failed"):
             for launch in launches:
@@ -143,7 +151,7 @@ class Device:
 
 @dataclass(frozen=True, slots=True)
 class Launch:
-    """A kernel with its arguments and sizes: what `Device.run` takes."""
+    """A kernel with its arguments and work sizes, for `Device.run`."""
 
     compiled: Any
     padded: tuple[int, ...]
@@ -152,25 +160,31 @@ class Launch:
 
 
 class Kernel:
-    """A compiled kernel. Belongs to the thread that asked for it."""
+    """A compiled kernel. Only the thread that requested it may use it."""
 
-    def __init__(self, device: Device, compiled: Any) -> None:
-        self._device, self._compiled = device, compiled
+    def __init__(
+        self, device: Device, compiled: Any, parameters: tuple[Parameter, ...], macros: Mapping[str, Any]
+    ) -> None:
+        self._device, self._compiled, self._parameters, self._macros = device, compiled, parameters, dict(macros)
 
     def at(self, size: tuple[int, ...], *args: DeviceArray | float | np.generic, group: Group = None) -> Launch:
-        """What to run over which work items.
+        """A launch of this kernel with arguments and work sizes; runs nothing yet.
 
         Args:
             size: work items along x, y, z; rounded up to whole work groups, so the kernel must check its bounds.
-            args: arrays; Python's int and float become `int` and `float`.
-            group: work-group size, where the kernel prescribes one; else what suits the device.
+            args: arrays and scalars; Python's int and float become OpenCL's `int` and `float`.
+            group: work-group size if the kernel prescribes one; None = a size that suits the device.
+
+        Raises:
+            DeviceError: an array is smaller than the kernel declares (see `signature`).
         """
+        check(self._compiled.function_name, self._parameters, args, size, self._macros)
         local = group or (*_GROUP[self._device.kind], 1)[: len(size)]
         padded = tuple(-(-n // m) * m for n, m in zip(size, local, strict=True))
         return Launch(self._compiled, padded, local, tuple(map(_argument, args)))
 
     def __call__(self, size: tuple[int, ...], *args: DeviceArray | float | np.generic, group: Group = None) -> None:
-        """Run it once: `Device.run` of `at`."""
+        """Run the kernel once; shorthand for `Device.run` with the launch that `at` returns."""
         self._device.run(self.at(size, *args, group=group))
 
 
@@ -198,13 +212,13 @@ if hasattr(os, "register_at_fork"):
 
 
 def device(wanted: str = "") -> Device:
-    """This process's device: opened when first asked for, then always the same one.
+    """The device of this process, opened on first use; later calls with the same argument return the same object.
 
     Args:
-        wanted: "" or "auto" (a GPU, else a CPU runtime), "gpu", "cpu", or a part of a platform's or device's name.
+        wanted: "" or "auto" (a GPU, otherwise a CPU), "gpu", "cpu", or a substring of a platform or device name.
 
     Raises:
-        DeviceError: none works, or none fits; the message says why for each.
+        DeviceError: no device works, or none matches; the message gives the reason for each device.
     """
     with _devices_lock:
         found = choice.choose(wanted)

@@ -1,7 +1,7 @@
-"""Which OpenCL devices really work: each builds and runs a tiny kernel, and its answer is checked.
+"""Test of the OpenCL devices: each device builds and runs a small kernel, and the result is verified.
 
-A listed runtime may fail to build, crash or hang. So this happens in a child process, whose end is the worst that can
-come of it; the verdicts are kept on disk for as long as runtimes, drivers and this file stay the same.
+A listed runtime may fail to build, crash or hang, so the test runs in a child process. The results are cached on disk
+until a runtime, a driver or this file changes.
 """
 
 from __future__ import annotations
@@ -22,33 +22,37 @@ import numpy as np
 from pipeline.compute import runtime
 
 TIMEOUT_S = 120.0
-"""For all devices together: a first build on a busy machine takes seconds, a hanging driver for ever."""
+"""Time limit for testing all devices together. A first build on a busy machine takes several seconds."""
 _NVIDIA = Path("/proc/driver/nvidia/version")
 _COUNT = 1003
 
 
 @dataclass(frozen=True)
 class Found:
-    """A listed device and how it did. `fault` is empty if it works."""
+    """A listed device and its test result. `fault` is empty if the device works."""
 
     platform: str
     device: str
     kind: str
-    """gpu, cpu or other."""
+    """Device type: "gpu", "cpu" or "other"."""
     version: str
-    """The driver's."""
+    """Driver version."""
     rank: tuple[int, int]
-    """Among devices of one kind: own memory first (or Intel's CPU runtime, the faster one), then bytes of memory."""
+    """Preference among devices of one kind: (1 for dedicated memory or Intel's faster CPU runtime, memory in bytes)."""
     fault: str = ""
 
     @property
     def identity(self) -> tuple[str, str, str, str]:
-        """What stays the same from one process to the next (the memory that a CPU runtime reports may not)."""
+        """Key that is stable between processes. Excludes the memory size, which CPU runtimes report inconsistently."""
         return self.platform, self.device, self.kind, self.version
 
 
 def probe(fresh: bool = False) -> tuple[list[Found], str]:
-    """Every device with its verdict, and why there are none (else empty). `fresh` asks them all anew."""
+    """All devices with their test results, and the reason if there are no devices (otherwise "").
+
+    Args:
+        fresh: test all devices again and ignore cached results.
+    """
     verdicts = runtime.cache_folder() / f"opencl-{_fingerprint()}.json"
     if not fresh and verdicts.exists():
         return _parse(verdicts.read_text().splitlines()), ""
@@ -59,7 +63,7 @@ def probe(fresh: bool = False) -> tuple[list[Found], str]:
 
 
 def _fingerprint() -> str:
-    """Changes whenever a runtime, a driver or the probe does."""
+    """Cache key: a hash of the installed runtimes, the driver version, the probe's source and the Python version."""
     runtime.prepare()
     libraries = sorted(runtime.registrations().items())
     stamps = [(s.st_size, s.st_mtime_ns) for _, lib in libraries if Path(lib).is_file() for s in [Path(lib).stat()]]
@@ -80,7 +84,10 @@ def _parse(lines: list[str]) -> list[Found]:
 
 
 def _ask_all() -> tuple[list[str], str]:
-    """Ask device after device; after one that takes the child down, a new child goes on with the next."""
+    """Test the devices one after the other. If a device crashes the child, a new child continues with the next one.
+
+    Returns one JSON line per device, and the reason if devices could not be listed or tested (otherwise "").
+    """
     lines: list[str] = []
     deadline = time.monotonic() + TIMEOUT_S
     while True:
@@ -90,7 +97,7 @@ def _ask_all() -> tuple[list[str], str]:
         lines += asked
         if not ending:
             return lines, "" if lines else "No OpenCL runtime is registered on this machine."
-        if len(announced) == len(asked):  # it did not fall over a device: listing them is what fails
+        if len(announced) == len(asked):  # no device was being tested: listing the devices failed
             return lines, f"Listing the OpenCL devices failed: {ending}."
         lines.append(json.dumps({**json.loads(announced[-1]), "fault": f"its test {ending}"}))
         if time.monotonic() > deadline:
@@ -98,7 +105,7 @@ def _ask_all() -> tuple[list[str], str]:
 
 
 def _child(skip: int, timeout_s: float) -> tuple[list[str], str]:
-    """Its lines, and how it came to a bad end (empty if it did not)."""
+    """Run the test child, skipping `skip` devices: its output lines, and how it failed ("" = it succeeded)."""
     root = Path(__file__).resolve().parents[2]
     code = f"import sys; sys.path.insert(0, {str(root)!r}); from pipeline.compute.probe import main; main({skip})"
     try:
@@ -116,7 +123,7 @@ def _how(status: int, stderr: str) -> str:
 
 
 def main(skip: int) -> None:
-    """The child: for each device from number `skip` on, announce it (`?{...}`), try it, print the verdict."""
+    """Entry point of the child. For each device from index `skip` on: print `?{...}`, test it, print the result."""
     cl = runtime.opencl()
     for found, device in list(_listed(cl))[skip:]:
         print("?" + json.dumps(asdict(found)), flush=True)
@@ -130,7 +137,7 @@ def _listed(cl: Any) -> Iterator[tuple[Found, Any]]:
 
 
 def describe(cl: Any, device: Any) -> Found:
-    """What a device says of itself, the same in the child and in the process that uses it."""
+    """Properties of a device, computed in the same way in the test child and in the process that uses the device."""
     kinds = {cl.device_type.GPU: "gpu", cl.device_type.CPU: "cpu"}
     kind = next((name for bit, name in kinds.items() if device.type & bit), "other")
     platform = device.platform.name.strip()
@@ -139,12 +146,12 @@ def describe(cl: Any, device: Any) -> Found:
 
 
 def _try(cl: Any, device: Any) -> str:
-    """Empty if the device computes the right thing, else what went wrong."""
+    """Run the test kernel. Returns "" if the result is correct, otherwise a description of the fault."""
     try:
         got, wanted = _run(cl, device)
     except cl.Error as error:
         return " ".join(str(error).split())[:300]
-    return "" if np.allclose(got, wanted, rtol=1e-5) else "its answer to the test is wrong"
+    return "" if np.allclose(got, wanted, rtol=1e-5) else "its result of the test kernel is wrong"
 
 
 def _run(cl: Any, device: Any) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:

@@ -1,8 +1,8 @@
-"""Make every OpenCL runtime on this machine visible, before the first `import pyopencl`.
+"""Registration of all OpenCL runtimes of this machine before the first `import pyopencl`.
 
-Drivers and distributions register their runtimes under /etc/OpenCL/vendors, which OpenCL's loader reads. Intel's CPU
-runtime from PyPI does not work so: its libraries lie in the environment's `lib`, where the dynamic linker does not
-look, and the registration that it ships holds a broken path. Both are put right here, without any setting by the user.
+Drivers and distributions register their runtimes under /etc/OpenCL/vendors, which the OpenCL loader reads. Intel's CPU
+runtime from PyPI needs two corrections: its libraries lie in the environment's `lib`, which the dynamic linker does not
+search, and its registration file contains a wrong path. This module makes both without any user setting.
 """
 
 from __future__ import annotations
@@ -25,27 +25,27 @@ SYSTEM_VENDORS = Path("/etc/OpenCL/vendors")
 _INTEL_PACKAGE = "intel-opencl-rt"
 _INTEL_RUNTIME = "libintelocl.so"
 _INTEL_NEEDS = ("libintlc.so.5", "libimf.so", "libsvml.so", "libirng.so")
-"""In the order in which they need each other."""
+"""Libraries that the runtime depends on, in loading order."""
 
 _lock = threading.Lock()
 _prepared = False
 
 
 def opencl() -> ModuleType:
-    """The module `pyopencl`, with every runtime of this machine listed. ImportError where it is not installed.
+    """Import `pyopencl` with all runtimes of this machine registered. Raises ImportError if it is not installed.
 
-    The only way in which Impasto imports it: whoever imports it before has fixed the list of runtimes.
+    Impasto imports pyopencl only through this function, because the first import fixes the list of runtimes.
     """
     prepare()
     import pyopencl
 
-    # Runtimes are talkative; what a failed build says is in the error that it raises.
+    # Runtimes emit many build warnings. A failed build raises an error that contains the build log.
     warnings.filterwarnings("ignore", category=pyopencl.CompilerWarning)
     return pyopencl
 
 
 def prepare() -> None:
-    """Register Intel's CPU runtime where it is installed. Once a process; what the user has set wins."""
+    """Register Intel's CPU runtime if it is installed, once per process. A user's OCL_ICD_VENDORS takes precedence."""
     global _prepared
     with _lock:
         if not _prepared and "pyopencl" not in sys.modules and "OCL_ICD_VENDORS" not in os.environ:
@@ -54,7 +54,7 @@ def prepare() -> None:
 
 
 def intel_runtime() -> Path | None:
-    """Where Intel's CPU runtime lies, if its package is installed in this environment."""
+    """Path of Intel's CPU runtime library; None if its package is not installed in this environment."""
     try:
         files = metadata.files(_INTEL_PACKAGE) or []
     except metadata.PackageNotFoundError:
@@ -64,9 +64,9 @@ def intel_runtime() -> Path | None:
 
 
 def registrations() -> dict[str, str]:
-    """What the loader will read: the name of each registration file -> the library it names."""
+    """Registrations that the loader reads: name of the registration file -> path or name of its library."""
     folder = Path(os.environ.get("OCL_ICD_VENDORS", SYSTEM_VENDORS))
-    if not folder.is_dir():  # the loader also takes one file or one library here
+    if not folder.is_dir():  # the variable may also name a single file or library
         return {folder.name: str(folder)}
     return {f.name: f.read_text(errors="replace").strip() for f in sorted(folder.glob("*.icd"))}
 
@@ -75,23 +75,23 @@ def _register(runtime: Path | None) -> None:
     if runtime is None or not _load_needs(runtime.parent):
         return
     wanted = {**registrations(), "impasto-intel-cpu.icd": str(runtime)}
-    # The loader has no other door than this variable, and reads it when pyopencl is imported: hence the one write to
-    # the environment in Impasto. Child processes inherit it, which is right: they see the same runtimes.
+    # The loader can be configured only through this variable, which it reads when pyopencl is imported. This is the
+    # only place where Impasto writes to the environment. Child processes inherit it and see the same runtimes.
     os.environ["OCL_ICD_VENDORS"] = str(_vendors(wanted))
 
 
 def _load_needs(folder: Path) -> bool:
-    """Load what the runtime needs, so that the linker finds it already there."""
+    """Load the libraries that the runtime depends on, so that the linker finds them; False if one cannot be loaded."""
     try:
         for name in _INTEL_NEEDS:
             ctypes.CDLL(str(folder / name), mode=ctypes.RTLD_GLOBAL)
     except OSError:
-        return False  # not this machine's architecture, or half installed: then it is not offered
+        return False  # another architecture or an incomplete installation: do not register the runtime
     return True
 
 
 def _vendors(wanted: dict[str, str]) -> Path:
-    """A folder with these registrations, named by its content: made once, never changed, shared by processes."""
+    """A folder with these registration files, named by their hash: created once, immutable, shared by processes."""
     name = hashlib.sha256(repr(sorted(wanted.items())).encode()).hexdigest()[:16]
     target = cache_folder() / "opencl-vendors" / name
     if target.is_dir():
@@ -108,7 +108,7 @@ def _vendors(wanted: dict[str, str]) -> Path:
 
 @cache
 def cache_folder() -> Path:
-    """Where verdicts and registrations are kept; a temporary folder where the user's own cannot be written."""
+    """Folder of cached test results and registrations; a temporary one if the user's cache folder is not writable."""
     try:
         return _made(Path(platformdirs.user_cache_dir("impasto", appauthor=False)))
     except OSError:

@@ -27,8 +27,10 @@ static float denoised(global const float *image, global const float *p, const fl
 }
 
 /* One dual step of ROF denoising; planes of p: x and y of image 0, of image 1. */
-kernel void rof(global const float *image, global const float *p, global float *p_next, const float theta,
-                const float ratio, const int width, const int height)
+kernel void rof(
+    global const float *image /* Z * height * width */, global const float *p /* 2 * Z * height * width */,
+    global float *p_next /* 2 * Z * height * width */, const float theta, const float ratio, const int width,
+    const int height)
 {
     const int n = get_global_id(2);
     GUARD;
@@ -43,8 +45,10 @@ kernel void rof(global const float *image, global const float *p, global float *
 }
 
 /* The texture part: the image less a share of its denoised self. */
-kernel void texture(global const float *image, global const float *p, global float *out, const float theta,
-                    const float share, const int width, const int height)
+kernel void texture(
+    global const float *image /* Z * height * width */, global const float *p /* 2 * Z * height * width */,
+    global float *out /* Z * height * width */, const float theta, const float share, const int width,
+    const int height)
 {
     const int n = get_global_id(2);
     GUARD;
@@ -53,8 +57,9 @@ kernel void texture(global const float *image, global const float *p, global flo
 }
 
 /* Half the size: binomial 1 4 6 4 1 along x, then along y, at the even pixels. */
-kernel void down(global const float *in, global float *out, const int in_width, const int in_height, const int width,
-                 const int height)
+kernel void down(
+    global const float *in /* Z * in_height * in_width */, global float *out /* Z * height * width */,
+    const int in_width, const int in_height, const int width, const int height)
 {
     const int n = get_global_id(2);
     GUARD;
@@ -71,8 +76,9 @@ kernel void down(global const float *in, global float *out, const int in_width, 
 }
 
 /* Twice the size: bilinear, lengths doubled. */
-kernel void up(global const float *in, global float *out, const int in_width, const int in_height, const int width,
-               const int height)
+kernel void up(
+    global const float *in /* Z * in_height * in_width */, global float *out /* Z * height * width */,
+    const int in_width, const int in_height, const int width, const int height)
 {
     const int n = get_global_id(2);
     GUARD;
@@ -85,7 +91,9 @@ kernel void up(global const float *in, global float *out, const int in_width, co
 }
 
 /* Central differences of fourth order; planes out: x and y of image 0, of image 1. */
-kernel void gradient(global const float *image, global float *out, const int width, const int height)
+kernel void gradient(
+    global const float *image /* Z * height * width */, global float *out /* 2 * Z * height * width */,
+    const int width, const int height)
 {
     const int n = get_global_id(2);
     GUARD;
@@ -123,8 +131,10 @@ static float sample(global const float *plane, const int4 column, const int4 row
 }
 
 /* The data term linearised about the flow: planes of out are its gradient (x, y) and its constant part. */
-kernel void linearise(global const float *image, global const float *slope, global const float *flow,
-                      global float *out, const int width, const int height)
+kernel void linearise(
+    global const float *image /* 2 * height * width */, global const float *slope /* 4 * height * width */,
+    global const float *flow /* 2 * height * width */, global float *out /* 3 * height * width */,
+    const int width, const int height)
 {
     GUARD;
     const float u = flow[AT(0, x, y)], v = flow[AT(1, x, y)];
@@ -146,8 +156,10 @@ kernel void linearise(global const float *image, global const float *slope, glob
 }
 
 /* Primal step: thresholding (zach2007duality, eq. 15), then the divergence of the dual field. */
-kernel void primal(global const float *data, global const float *p, global float *flow, const float bound,
-                   const float theta, const int width, const int height)
+kernel void primal(
+    global const float *data /* 3 * height * width */, global const float *p /* 4 * height * width */,
+    global float *flow /* 2 * height * width */, const float bound, const float theta, const int width,
+    const int height)
 {
     GUARD;
     const float gx = data[AT(0, x, y)], gy = data[AT(1, x, y)];
@@ -159,7 +171,9 @@ kernel void primal(global const float *data, global const float *p, global float
 }
 
 /* Dual step on both components of the flow. */
-kernel void dual(global const float *flow, global float *p, const float ratio, const int width, const int height)
+kernel void dual(
+    global const float *flow /* 2 * height * width */, global float *p /* 4 * height * width */,
+    const float ratio, const int width, const int height)
 {
     GUARD;
     const int below = min(y + 1, height - 1);
@@ -181,7 +195,9 @@ kernel void dual(global const float *flow, global float *p, const float ratio, c
         a = low;                                                                                                       \
     }
 
-kernel void median(global const float *in, global float *out, const int width, const int height)
+kernel void median(
+    global const float *in /* Z * height * width */, global float *out /* Z * height * width */,
+    const int width, const int height)
 {
     const int n = get_global_id(2);
     GUARD;

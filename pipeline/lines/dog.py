@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Plane
-from pipeline.segmentation.jit import kernel
+from pipeline.jit import kernel
 
 GAUSSIAN_RATIO = 1.6
 """Ratio of the two standard deviations: Marr and Hildreth's fit to the Laplacian, the paper's choice."""

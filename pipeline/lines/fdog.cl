@@ -24,8 +24,10 @@ static float sample(global const float *plane, const float px, const float py, c
 }
 
 /* Weighted samples along the normal, a pixel apart; weights[k] is for k pixels to either side. */
-kernel void across(global const float *gray, global const float *tangent, constant float *weights, global float *out,
-                   const int radius, const int width, const int height)
+kernel void across(
+    global const float *gray /* height * width */, global const float *tangent /* 2 * height * width */,
+    constant float *weights /* radius + 1 */, global float *out /* height * width */, const int radius,
+    const int width, const int height)
 {
     GUARD;
     const float2 t = vload2(y * width + x, tangent);
@@ -44,8 +46,10 @@ kernel void across(global const float *gray, global const float *tangent, consta
  * pixel takes the tangent half a step ahead. A streamline that has ended goes on with no weight: leaving the loop would
  * keep the compiler from taking many pixels at once, and takes twice the time.
  */
-kernel void along(global const float *response, global const float *tangent, constant float *weights, global float *out,
-                  const int steps, const int width, const int height)
+kernel void along(
+    global const float *response /* height * width */, global const float *tangent /* 2 * height * width */,
+    constant float *weights /* steps + 1 */, global float *out /* height * width */, const int steps,
+    const int width, const int height)
 {
     GUARD;
     const float right = (float)(width - 1), bottom = (float)(height - 1);
@@ -75,8 +79,9 @@ kernel void along(global const float *response, global const float *tangent, con
 }
 
 /* The picture with its lines drawn in. */
-kernel void superimpose(global const float *gray, global const float *response, global float *out, const int width,
-                        const int height)
+kernel void superimpose(
+    global const float *gray /* height * width */, global const float *response /* height * width */,
+    global float *out /* height * width */, const int width, const int height)
 {
     GUARD;
     const int at = y * width + x;

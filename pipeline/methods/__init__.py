@@ -9,8 +9,9 @@ from types import MappingProxyType
 from typing import Any
 
 from pydantic import ValidationError
+from pydantic_core import ErrorDetails
 
-from pipeline.errors import BadParameter
+from pipeline.errors import BadParameter, did_you_mean, together
 from pipeline.methods.base import Method, Params
 
 
@@ -36,26 +37,36 @@ def method(name: str) -> Method:
         return methods()[name]
     except KeyError:
         raise BadParameter(
-            f"There is no method named {name!r}.",
-            field="method",
-            value=name,
-            remedy=f"Use one of: {', '.join(methods())}.",
+            f"Unknown method {name!r}.", field="method", value=name, remedy=did_you_mean(name, methods(), "methods")
         ) from None
 
 
 def parse_params(chosen: Method, values: Mapping[str, Any]) -> Params:
-    """Validate `values` against the method's Params; the first fault becomes a `BadParameter` with its remedy."""
+    """Validate `values` against the method's Params.
+
+    Raises: BadParameter for the first fault, with all further ones as its `others`.
+    """
     try:
         return chosen.Params.model_validate(values)
     except ValidationError as error:
-        first = error.errors()[0]
-        name = ".".join(str(part) for part in first["loc"])
-        remedy = (
-            f"Known parameters: {', '.join(chosen.Params.model_fields)}." if first["type"] == "extra_forbidden" else ""
-        )
-        raise BadParameter(
-            f"{first['msg']}.",
-            field=f"params.{name}",
-            value=first.get("input"),
-            remedy=remedy or f"See the method {chosen.name!r}.",
-        ) from None
+        raise together([_param_fault(chosen, found) for found in error.errors()]) from None
+
+
+def param_faults(chosen: Method, values: Mapping[str, Any]) -> list[BadParameter]:
+    """Every fault of `values` as the method's Params; `field` is `params.<name>`."""
+    try:
+        chosen.Params.model_validate(values)
+    except ValidationError as error:
+        return [_param_fault(chosen, found) for found in error.errors()]
+    return []
+
+
+def _param_fault(chosen: Method, found: ErrorDetails) -> BadParameter:
+    name = ".".join(str(part) for part in found["loc"])
+    field = f"params.{name}"
+    if found["type"] == "extra_forbidden":
+        remedy = did_you_mean(name, chosen.Params.model_fields, "parameters")
+        return BadParameter(f"Unknown parameter {name!r}.", field=field, value=found["input"], remedy=remedy)
+    value = None if found["type"] == "missing" else found["input"]
+    remedy = f"See `impasto methods {chosen.name}` or GET /v1/methods/{chosen.name}."
+    return BadParameter(f"{found['msg']}.", field=field, value=value, remedy=remedy)

@@ -1,15 +1,16 @@
-"""What a method is: parameters, inputs, a plan, and step functions. Pure data and arrays; no farm, no HTTP.
+"""The contract of a method: parameters, inputs, steps, hooks. Pure data and arrays; no farm, no HTTP.
 
-A *method* describes its work as *steps*; a step is a list of *tasks*, each one unit that a worker runs alone.
-The farm runs any plan and knows no method:
+A *method* describes its work as *steps*. A step is a list of *tasks*; a task is a unit of work that one worker runs on
+its own. The farm runs any plan without knowing the method:
 
-    plan:   for each step in order: `tasks = step.plan(brief)`          once the steps it needs are done
-    run:    for each task whose `needs` and `after` are done:           on any worker, any number of times
-                note = step.run(task, bench)
+    plan:   for each step in order: `tasks = step.plan(plan_context)`     when all earlier steps are done
+    run:    for each task whose `after` is done:                          on any worker, any number of times
+                result = step.run(task, task_context)
 
-`brief.notes` carries the small JSON results ("notes") of finished steps, so that a later step can size itself by
-what an earlier one found (scene cuts, patches). Large results are *artefacts*: named dictionaries of arrays that a
-task saves on its bench and a later task loads. Finished frames are *emitted*; the platform encodes and joins them.
+`PlanContext.results` holds the small JSON results of the tasks of finished steps, so that a later step can size itself
+by what an earlier one found (scene cuts, patches). Large results are *artefacts*: named dictionaries of arrays that a
+task saves through its context and a later task loads. Finished frames are *emitted*; the platform encodes and joins
+them.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Literal, Protocol
+from types import MappingProxyType
+from typing import Any, ClassVar, Generic, Literal, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +28,7 @@ from pydantic import BaseModel, ConfigDict
 
 from pipeline.frames import Frame
 
-Note = dict[str, Any]
+TaskResult = dict[str, Any]
 """A task's small JSON result."""
 Arrays = Mapping[str, NDArray[Any]]
 """An artefact: arrays by name, stored without pickle."""
@@ -34,27 +36,43 @@ InputKind = Literal["video", "image", "image-or-video", "images", "json"]
 
 
 class Params(BaseModel):
-    """Base of every method's parameters: unknown names and NaN are refused, values are immutable."""
+    """Base class of every method's parameters: immutable; unknown names and NaN are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, validate_default=True)
 
 
+P = TypeVar("P", bound=Params)
+P_co = TypeVar("P_co", bound=Params, covariant=True)
+
+
 @dataclass(frozen=True)
 class InputSpec:
-    """An input a method takes. The video to be stylised is always named `video`."""
+    """An input of a method. The video to be stylised is always named `video`.
+
+    Attributes:
+        part: the part of a project's layer from which the input is made: "keys.image" = the images of its painted keys
+            by frame, "label_styles" = that member as JSON. Empty: a file that the layer names in its own `inputs`.
+        preview: whether the input takes part in a preview of a single frame. A preview refuses inputs that do not.
+    """
 
     name: str
     kind: InputKind
     required: bool
     title: str
     help: str
+    part: str = ""
+    preview: bool = True
 
 
 @dataclass(frozen=True)
 class VideoInfo:
-    """What planning may know of the video: sizes in pixels after rotation, frame count as the container tells it.
+    """Facts about the video that a plan may use.
 
-    `frames` may be wrong (containers lie); a method that must know counts them in a step of its own.
+    Attributes:
+        width, height: px, after rotation.
+        frames: frame count according to the container, which may be wrong. A method that needs the true count has a
+            step that decodes the video (`pipeline.methods.scan`).
+        fps: frames per second; duration_s: seconds.
     """
 
     width: int
@@ -65,63 +83,79 @@ class VideoInfo:
 
 
 @dataclass(frozen=True)
-class Brief:
-    """All that a plan may depend on. Two equal briefs give equal plans, on any machine."""
+class PlanContext(Generic[P_co]):
+    """Everything that a plan may depend on. Two equal plan contexts give equal plans, on any machine.
 
-    params: Any
-    """The method's Params."""
+    Attributes:
+        inputs: names of the inputs that were given.
+        results: results of the tasks of finished steps: step name -> task key -> result.
+    """
+
+    params: P_co
     seed: int
     video: VideoInfo
     inputs: frozenset[str] = frozenset()
-    """Names of the inputs that were given."""
-    notes: Mapping[str, Mapping[str, Note]] = field(default_factory=dict)
-    """Notes of finished steps: step name -> task key -> note."""
+    results: Mapping[str, Mapping[str, TaskResult]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
-class Needs:
-    """What a task has of a machine to itself while it runs. What is not said here, the farm's settings say."""
+class Resources:
+    """Resources that a task occupies while it runs. The farm's settings fill in what is None.
+
+    Attributes:
+        cpus: processors.
+        gpus: a share of one GPU (0.25: four such tasks share it) or a whole number of GPUs. 0: the task computes on
+            processors only. None: it computes on the compute device of its process.
+        memory_bytes: peak memory of the task's process; 0: no declared need.
+    """
 
     cpus: float | None = None
     gpus: float | None = None
-    """A part of one (0.25: four such tasks share a GPU), or whole ones. 0: it computes on processors, whatever there
-    is; None: it computes on the process's compute device, and takes of a GPU what the farm gives to such tasks."""
     memory_bytes: int = 0
-    """Its peak, and that of the process that it runs in; 0: nothing in particular."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """One unit of a step. `key` is unique in its step, stable, and made of [a-z0-9-]."""
+    """A unit of work of a step.
+
+    Attributes:
+        key: unique in its step, stable, made of [a-z0-9-].
+        after: keys of tasks of the SAME step that must be done first, in plan order. Earlier steps are always done. A
+            task may load artefacts of earlier steps and, within its own step, artefacts of these tasks only, so that
+            its input does not depend on the order in which tasks happen to run.
+        emits: frames [start, stop) that this task emits, each exactly once and in order; None: none.
+        weight: expected cost, for progress and ETA, where painting one frame costs 1. Decoding and scanning a frame
+            costs about 0.05.
+        resources: None: those that `Method.resources` gives for the step, else those of the farm's settings.
+    """
 
     key: str
-    args: Note = field(default_factory=dict)
+    args: TaskResult = field(default_factory=dict)
     after: tuple[str, ...] = ()
-    """Keys of tasks of the SAME step that must be done first (a chain), in plan order. Earlier steps are done anyway.
-
-    A task may load what earlier steps have saved and, of its own step, what these tasks have: nothing else, so that
-    what it sees does not depend on what happened to run before it."""
     emits: tuple[int, int] | None = None
-    """Frames [start, stop) that this task emits, each exactly once and in order; None = none."""
     weight: float = 1.0
-    """Expected cost, for progress and ETA, in one unit for all steps of the method: what it costs to paint one frame.
-    A pass that only decodes and looks is about 0.05 a frame."""
-    needs: Needs | None = None
-    """What it has of a machine; None: what the method's `needs` says of its step, if it has such, else what the farm's
-    settings say."""
+    resources: Resources | None = None
 
 
-class Bench(Protocol):
-    """What a step function works at: inputs in, artefacts and frames out, a clock, and a way to be told to stop."""
+class TaskContext(Protocol[P_co]):
+    """Environment of a running task: parameters, inputs, artefacts, emitted frames, clocks, progress, cancellation."""
 
-    params: Any
-    seed: int
-    video: VideoInfo
-    size: tuple[int, int]
-    """(width, height) of the frames, px."""
+    @property
+    def params(self) -> P_co: ...
+
+    @property
+    def seed(self) -> int: ...
+
+    @property
+    def video(self) -> VideoInfo: ...
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) of the video's frames, px."""
+        ...
 
     def frames(self, name: str = "video", start: int = 0, stop: int | None = None) -> Iterator[Frame]:
-        """Decode frames [start, stop) of an input; fewer when the video ends earlier. One at a time, never all."""
+        """Decode frames [start, stop) of an input, one at a time; fewer if the video ends earlier."""
         ...
 
     def has(self, name: str) -> bool:
@@ -141,21 +175,23 @@ class Bench(Protocol):
         ...
 
     def entries(self, name: str) -> Mapping[str, bytes]:
-        """The files in the input `name` if it is an archive, by their path in it (folders that all share left out),
-        read when asked for; empty if it is none."""
+        """The files of the archive `name` by path, without the folder that all share, each read on access. Empty if
+        the input is not an archive."""
         ...
 
     def save(self, name: str, arrays: Arrays) -> None:
-        """Keep arrays as the artefact `name` of this step (unique over the step's tasks)."""
+        """Save arrays as the artefact `name` of this step. The name is unique among the step's tasks."""
         ...
 
     def load(self, step: str, name: str) -> dict[str, NDArray[Any]]:
-        """The artefact `name` that a task of `step` has saved: an earlier step, or this one and a task of `after`.
-        KeyError if there is none."""
+        """Load the artefact `name` of an earlier step, or of a task of this step that `Task.after` names.
+
+        Raises: KeyError, if there is no such artefact.
+        """
         ...
 
     def save_file(self, name: str, data: bytes, media_type: str) -> None:
-        """Keep a file as an artefact that the user can download (an SVG, a JSON report)."""
+        """Save a file that the user can download (an SVG, a JSON report)."""
         ...
 
     def wants(self, artefact: str) -> bool:
@@ -163,171 +199,249 @@ class Bench(Protocol):
         ...
 
     def emit(self, index: int, frame: Frame) -> None:
-        """Hand over finished frame `index`, in order. Fast: encoding is done outside the method's clocks."""
+        """Deliver finished frame `index`, in order. Returns quickly: encoding runs outside the method's clocks."""
         ...
 
     def show(self, frame: Frame) -> None:
-        """Show a picture of work that goes on, of any size: a coarse preview before anything can be emitted."""
+        """Publish a picture of work in progress, of any size, before frames can be emitted."""
         ...
 
     def clock(self, stage: str) -> AbstractContextManager[None]:
-        """Time a stage of the method (wall seconds, may overlap other threads' stages)."""
+        """Measure a stage of the method, wall seconds. Stages of several threads may overlap."""
         ...
 
     def progress(self, done: float) -> None:
-        """Report the fraction done, 0..1. Raises `Cancelled` if the job was cancelled: call it a few times a second."""
+        """Report the fraction done, 0..1. Call it a few times a second.
+
+        Raises: Cancelled, if the job was cancelled.
+        """
         ...
 
 
 @dataclass(frozen=True)
-class Step:
-    """A stage of a method's plan."""
+class Step(Generic[P]):
+    """A stage of a method's plan.
+
+    Attributes:
+        weight: expected total weight of its tasks per frame of the video, used until the step is planned.
+    """
 
     name: str
     title: str
-    plan: Callable[[Brief], Sequence[Task]]
-    run: Callable[[Task, Bench], Note]
+    plan: Callable[[PlanContext[P]], Sequence[Task]]
+    run: Callable[[Task, TaskContext[P]], TaskResult]
     weight: float = 1.0
-    """Weight of its tasks together that is to be expected a frame of the video, until the step is planned."""
 
 
 class Session(Protocol):
-    """A causal method at work on a stream: one frame in, one frame out.
+    """A causal method applied to a stream: one frame in, one frame out.
 
-    `step(frame)` is `paint(look(frame))`. The two halves have memories of their own: `look` of a frame may run on one
-    thread while `paint` of an earlier one runs on another, as long as each sees every frame, in order.
+    `step(frame)` is `paint(analyze(frame))`. The two halves keep separate state: `analyze` of a frame may run on one
+    thread while `paint` of an earlier frame runs on another, as long as each half receives every frame, in order.
     """
 
     def step(self, frame: Frame) -> Frame: ...
 
-    def look(self, frame: Frame) -> Any:
-        """The first half: what is to be known of the incoming frame. Hand the result to `paint`."""
+    def analyze(self, frame: Frame) -> Any:
+        """First half: the analysis of the incoming frame, an opaque value for `paint`."""
         ...
 
-    def paint(self, seen: Any) -> Frame:
-        """The second half: the outgoing frame."""
+    def paint(self, analysis: Any) -> Frame:
+        """Second half: the outgoing frame."""
         ...
 
-    def hurry(self, helper: Executor) -> None:
-        """From now on, let parts of a frame that need not wait for each other run on `helper` as well: a frame is done
-        sooner, for more work in all; its bytes stay the same.
+    def use_helper(self, helper: Executor) -> None:
+        """Run independent parts of a frame on `helper`, too, from now on. This shortens the latency of a frame and
+        raises the total CPU time; the output bytes stay the same.
 
         Args:
-            helper: an executor of one thread. It must outlive the session.
+            helper: an executor with one thread. It must outlive the session.
         """
         ...
 
-    def follow(
+    def reconfigure(
         self, params: Any, size: tuple[int, int], references: Mapping[str, Iterator[Frame]] | None = None
     ) -> Session:
-        """A session that goes on from here with other parameters or frames of another size, without a jump.
+        """A session that continues this one with other parameters or another frame size, without a visible jump.
 
         Args:
             params: the method's Params.
-            size: (width, height) of the frames to come, px.
+            size: (width, height) of the following frames, px.
             references: as for `Method.stream`; None keeps those in use.
 
-        Call it when every frame looked at has been painted; this session is not to be used any more.
+        Call it when every analyzed frame has been painted; do not use this session afterwards.
         """
         ...
 
 
 @dataclass(frozen=True)
 class Example:
-    """A ready set of parameters with a name people recognise: listed by the API, offered by the page."""
+    """A preset: parameters with a name that users recognise. The API lists it, the page offers it."""
 
     name: str
     title: str
-    params: Note
+    params: TaskResult
 
 
-class Method(Protocol):
-    """A published method. An instance is stateless; registered in `pipeline.methods`."""
+@dataclass(frozen=True)
+class PreviewRequest(Generic[P_co]):
+    """A preview of one frame, for a method that has a way of its own to draw one (`Method.preview`).
+
+    Attributes:
+        frames: uint8 (height, width, 3), consecutive; the last one is to be painted, the others come before it.
+        number: of the last frame in the video; total: frames of the video.
+        documents: inputs of kind "json" by name, parsed.
+        images: inputs of kind "images" by name: image by frame number.
+        artefacts: archives that an earlier job of the same video made, by artefact name: file by path.
+    """
+
+    params: P_co
+    seed: int
+    frames: Sequence[Frame]
+    number: int
+    total: int
+    documents: Mapping[str, Any] = field(default_factory=dict)
+    images: Mapping[str, Mapping[int, NDArray[Any]]] = field(default_factory=dict)
+    artefacts: Mapping[str, Mapping[str, bytes]] = field(default_factory=dict)
+
+
+class KeyPropagator(Protocol):
+    """Repaints the frames around a painted key while somebody edits it (`Method.propagator`).
+
+    It keeps what an edit does not change, such as motion and earlier results, from call to call. Not thread-safe: one
+    call of `prepare`, or one iteration over `repaint`, at a time. An iteration may be abandoned at any frame.
+    """
+
+    @property
+    def size_bytes(self) -> int:
+        """Bytes of main memory that are kept between calls."""
+        ...
+
+    def prepare(self, key: int, around: int) -> None:
+        """Compute in advance what `repaint` needs besides the painting.
+
+        Args:
+            key: index of the key among the frames.
+            around: frames on each side of it.
+        """
+        ...
+
+    def repaint(self, key: int, image: NDArray[np.uint8], around: int) -> Iterator[tuple[int, Frame]]:
+        """(index, picture) of the key, then of the frames around it, nearest first; uint8 (height, width, 3).
+
+        Args:
+            image: the painted key, uint8 (height, width, 3) or, with opacity, (height, width, 4), of the frames' size.
+                The key's own picture equals it where it is opaque; the method fills its transparent pixels.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class InputFault:
+    """A fault of a JSON document that a method takes.
+
+    Attributes:
+        path: members and indices from the document's root.
+    """
+
+    path: tuple[str | int, ...]
+    message: str
+    value: Any = None
+    remedy: str = ""
+
+
+class InputCheck(Protocol):
+    """Checks a JSON document that a method takes, before anything runs."""
+
+    def __call__(self, document: Any, *, frames: int | None, masks: bool | None) -> Sequence[InputFault]:
+        """Every fault of the document.
+
+        Args:
+            frames: frame count of the video; None: frame numbers are not checked.
+            masks: whether the method's label maps are given; None: unknown.
+        """
+        ...
+
+
+class Method:
+    """Base class of a published method. An instance is stateless and registered in `pipeline.methods`.
+
+    A subclass sets the class variables without a default and overrides the hooks that it needs.
+
+    Attributes:
+        paper: key in references.bib.
+        artefacts: optional artefacts that a job may ask for.
+        input_schemas: JSON Schema of the inputs of kind "json", by input name, made when asked for.
+        input_checks: checks of those documents, by input name.
+    """
 
     name: ClassVar[str]
     title: ClassVar[str]
     summary: ClassVar[str]
     paper: ClassVar[str]
-    """Key in references.bib."""
     Params: ClassVar[type[Params]]
     inputs: ClassVar[tuple[InputSpec, ...]]
-    steps: ClassVar[tuple[Step, ...]]
-    artefacts: ClassVar[tuple[str, ...]]
-    """Optional artefacts a job may ask for."""
-    examples: ClassVar[tuple[Example, ...]]
+    steps: ClassVar[tuple[Step[Any], ...]]
+    artefacts: ClassVar[tuple[str, ...]] = ()
+    examples: ClassVar[tuple[Example, ...]] = ()
+    input_schemas: ClassVar[Mapping[str, Callable[[], dict[str, Any]]]] = MappingProxyType({})
+    input_checks: ClassVar[Mapping[str, InputCheck]] = MappingProxyType({})
 
     def stream(
         self, params: Any, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]
     ) -> Session | None:
-        """A live session for frames of `size` (width, height) px, or None if the method is not causal."""
-        ...
+        """A live session for frames of `size` (width, height) px; None if the method is not causal."""
+        return None
 
+    def preview(self, request: PreviewRequest[Any]) -> Frame | None:
+        """The last frame of the request, painted; None if the platform shall run the stream or the plan for it.
 
-@dataclass(frozen=True)
-class FoundRegions:
-    """What an earlier job has found of the regions of a video, for a preview: its artefact "regions".
+        Raises: BadParameter, if a document or an image is unsound, with the path of the fault.
+        """
+        return None
 
-    Attributes:
-        tubes: frame -> number of the tube that each pixel is in, int64 (height, width), at any size.
-        objects: tube -> object.
-    """
+    def directions(self, request: PreviewRequest[Any]) -> NDArray[np.float32] | None:
+        """Stroke directions in the last frame of the request: float32 (h', w', 2), angle in [0, pi), clockwise from x,
+        and strength >= 0, perhaps coarser than the frame; None if the method has none. Raises as `preview`."""
+        return None
 
-    tubes: Callable[[int], NDArray[np.int64]]
-    objects: Mapping[int, int]
-
-
-class Sketcher(Protocol):
-    """One frame with a design, now; a method that takes designs has it as its attribute `sketch`."""
-
-    def __call__(
-        self, params: Any, seed: int, frames: Sequence[Frame], number: int, total: int, *,
-        document: Any = None, masks: Mapping[int, NDArray[Any]] | None = None, found: FoundRegions | None = None,
-    ) -> Frame:  # fmt: skip
-        """The last of a few consecutive frames, painted.
+    def propagator(self, params: Any, frames: Sequence[Frame], seed: int) -> KeyPropagator | None:
+        """Repaints the frames around a painted key while somebody edits it; None if the method has no quick way for
+        these parameters: the platform then runs the plan over those frames.
 
         Args:
-            frames: the frame and some before it; `number`: of the last one; `total`: of the video.
-            document: the design, parsed JSON; masks: label maps by frame number; found: regions of an earlier job.
+            frames: of the shot at preview size, uint8 (height, width, 3); each is decoded when it is asked for.
         """
-        ...
+        return None
 
+    def single_frame_params(self, params: Any) -> Any:
+        """The parameters with which the plan paints a frame on its own: what needs other frames is switched off."""
+        return params
 
-def sketcher(chosen: Method) -> Sketcher | None:
-    """How a method sketches one frame with a design, if it takes designs."""
-    found: Sketcher | None = getattr(chosen, "sketch", None)
-    return found
+    def resources(self, step: str, context: PlanContext[Any]) -> Resources | None:
+        """Resources of a task of `step` that declares none; None: those of the farm's settings.
 
-
-def input_schemas(chosen: Method) -> Mapping[str, Callable[[], Note]]:
-    """JSON Schema, by the name of the input, of the JSON documents that a method takes, where it publishes them: its
-    attribute `input_schemas`."""
-    found: Mapping[str, Callable[[], Note]] = getattr(chosen, "input_schemas", {})
-    return found
+        Memory depends on the size of the frames and of the window, never on the length of the video.
+        """
+        return None
 
 
 PROCESS_BYTES = 512 << 20
-"""Of a process that runs tasks, before its first: our libraries, compiled kernels, and the children that decode."""
+"""Memory of a worker process before its first task: libraries, compiled kernels and its decoder processes."""
 
 
-def needs_of(chosen: Method, step: str, brief: Brief) -> Needs | None:
-    """What a task of a step has of a machine, where the method can say: its attribute `needs`, called with the step's
-    name and the brief. Memory goes by the size of the frames and of the window, never by the video's length."""
-    says: Callable[[str, Brief], Needs] | None = getattr(chosen, "needs", None)
-    return None if says is None else says(step, brief)
-
-
-def working(video: VideoInfo, bytes_a_pixel: float, device: bool = False) -> Needs:
-    """Needs of a task that keeps so many bytes for each pixel of a frame.
+def resources_per_pixel(video: VideoInfo, bytes_per_pixel: float, device: bool = False) -> Resources:
+    """Resources of a task that keeps `bytes_per_pixel` bytes for each pixel of a frame.
 
     Args:
-        device: it computes on the process's compute device.
+        device: whether the task computes on the compute device of its process.
     """
-    return Needs(
+    return Resources(
         gpus=None if device else 0.0,
-        memory_bytes=PROCESS_BYTES + int(bytes_a_pixel * video.width * video.height),
+        memory_bytes=PROCESS_BYTES + int(bytes_per_pixel * video.width * video.height),
     )
 
 
 def seeded(seed: int, *purpose: int) -> np.random.Generator:
-    """Random numbers for one purpose: Philox keyed by (seed, purpose...), the same on any worker in any order."""
+    """Random numbers for one purpose: Philox keyed by (seed, purpose...), equal on any worker in any order."""
     return np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=purpose)))

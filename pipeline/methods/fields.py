@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import Field
+
+Switch = Literal["on", "off"]
+FlowName = Literal["dis-ultrafast", "dis-fast", "dis-medium", "tvl1"]
+"""Optical flow methods, from the fastest to the most accurate: see `pipeline.flow.estimate`."""
 
 
 def number(

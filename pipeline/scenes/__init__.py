@@ -19,19 +19,19 @@ Maker = Callable[[Size, int | None, float, int], Scene]
 
 
 def scenes() -> dict[str, str]:
-    """Name -> what it shows."""
+    """Name -> description of each scene."""
     return {name: about for name, (about, _) in _SCENES.items()}
 
 
 def scene(name: str, size: Size = (640, 360), frames: int | None = None, fps: float = 24.0, seed: int = 0) -> Scene:
-    """A scene by its name.
+    """Make a scene.
 
     Args:
         name: one of `scenes()`.
-        size: (width, height), px, at least 16 each. The picture's height is what counts; the width shows more or less.
-        frames: how many; None = as long as the scene was made for (2 to 4 s). Longer ones just go on.
-        fps: frames per second; motion is per second, so this changes how far things go from frame to frame.
-        seed: of textures and small shapes. The same arguments give the same bytes.
+        size: (width, height), px, at least 16 each. Objects scale with the height; the width only crops the view.
+        frames: number of frames; None = the scene's own duration of 2 to 4 s. Motions continue beyond it.
+        fps: frames per second. Motions are defined per second, so displacements per frame depend on it.
+        seed: random seed of textures and small shapes. The same arguments give the same bytes.
 
     Raises:
         BadParameter: an unknown name, or a size, count or rate out of range.
@@ -61,7 +61,7 @@ def _one(name: str, shot: ModuleType) -> Maker:
 
 
 def _two(name: str, first: ModuleType, second: ModuleType) -> Maker:
-    """Half of one, half of the other; at least one frame of each."""
+    """Maker of a scene with two shots of equal length, at least one frame each."""
 
     def make(size: Size, frames: int | None, fps: float, seed: int) -> Cut:
         total = max(2, frames or round(4.0 * fps))

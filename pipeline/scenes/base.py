@@ -1,8 +1,8 @@
-"""What a scene is: cut-outs in painter's order, each with an exact motion, and every pass that a renderer would give.
+"""Scene interface: flat cut-outs in back-to-front order with exact motions, and the passes of a renderer.
 
-The picture's units: x from the centre to the right, y from the top (0) to the bottom (1), so that the height is 1
-whatever the size and the width depends on the aspect. A cut-out is drawn in its own plane and placed by a pose that
-depends on time; its colour depends on its own plane alone, so that a point keeps its colour while it moves.
+Picture units: x points right from the centre, y points down from 0 at the top to 1 at the bottom. The height is
+therefore 1 at any resolution, and the width is the aspect ratio. A cut-out is defined in its own plane and placed by a
+time-dependent pose. Its colour depends only on positions in its plane, so points keep their colour while they move.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pipeline.scenes.pose import Array, Pose
 
 @dataclass(frozen=True)
 class Spot:
-    """What a cut-out's colour may depend on: positions in its own plane, depth below its outline, a pixel's size."""
+    """Arguments of a paint: positions in the cut-out's plane, distance from its outline, and the pixel size there."""
 
     x: Array
     y: Array
@@ -30,7 +30,7 @@ class Spot:
     pixel: float
 
     def at(self, seen: Mask) -> Spot:
-        """Some of the spots, as one row."""
+        """Select the spots where `seen` is True, as 1-D arrays."""
         return Spot(self.x[seen], self.y[seen], self.depth[seen], self.pixel)
 
 
@@ -45,14 +45,14 @@ class CutOut:
     """One flat part of a scene."""
 
     thing: str
-    """The object it belongs to; cut-outs of one object share an id."""
+    """Name of the object it belongs to; cut-outs of one object share an id."""
     outline: Outline
     paint: Paint
     motion: Motion
     box: tuple[float, float, float, float] | None = None
     """Left, top, right, bottom of the outline in its own plane; None = unbounded."""
     bulge: float = 0.0
-    """From this depth on the surface faces us; 0 = flat."""
+    """Depth from which on the normal points at the viewer, in the cut-out's units; 0 = flat."""
     line_px: float = 1.2
     """Width of its outline in the line pass; 0 = none."""
 
@@ -75,9 +75,9 @@ class SceneFrame:
     orientation: Plane
     """Direction along the nearest outline: angle from x (right) towards y (down), radians in [0, pi)."""
     lines: Plane
-    """Coverage by outlines that are seen, 0..1."""
+    """Coverage by visible outlines, 0..1."""
     occluded_next: Mask
-    """True where the point is hidden or outside the picture in frame t + 1 (all True where there is none)."""
+    """True where the point is hidden or outside the picture in frame t + 1; all True in the last frame."""
     occluded_previous: Mask
 
 

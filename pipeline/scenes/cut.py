@@ -1,4 +1,4 @@
-"""Scenes one after the other, with a hard cut between them."""
+"""A sequence of scenes with hard cuts between them."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from pipeline.scenes.stage import Stage
 
 
 class Cut:
-    """A `Scene` of shots of one size and rate. Nothing is seen across a cut: there all is occluded."""
+    """A `Scene` of shots of the same size and frame rate. All pixels are occluded across a cut."""
 
     def __init__(self, name: str, shots: Sequence[Stage]) -> None:
         self.name, self._shots = name, tuple(shots)
         self.size, self.fps = shots[0].size, shots[0].fps
         self.frames = sum(shot.frames for shot in shots)
         self.cuts = tuple(np.cumsum([shot.frames for shot in shots])[:-1].tolist())
-        """The first frame of each shot but the first."""
+        """First frame of each shot except the first."""
         self._first_id = np.cumsum([0, *(len(shot.things) for shot in shots)]).tolist()
 
     @property

@@ -1,4 +1,4 @@
-"""Texture: smooth periodic noise, sampled anywhere, the same for a seed on any machine."""
+"""Texture: smooth periodic noise that can be sampled at any position. It depends on the seed alone."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _LEVELS = 7
 
 @lru_cache(maxsize=64)
 def _tile(seed: int, level: int) -> NDArray[np.float32]:
-    """Noise with a spectrum that falls as 1 / f, about -1..1; each level has half the detail of the one before."""
+    """Noise tile with a spectrum of about 1 / f and values of about -1..1; each level halves the bandwidth."""
     random = np.random.Generator(np.random.Philox(np.random.SeedSequence([seed, 0x67726169])))
     spectrum = np.fft.rfft2(random.standard_normal((TILE, TILE)))
     frequency = np.hypot(np.fft.fftfreq(TILE)[:, None], np.fft.rfftfreq(TILE)) * TILE
@@ -28,7 +28,7 @@ def _tile(seed: int, level: int) -> NDArray[np.float32]:
 
 
 def _deviation(falling: Array) -> float:
-    """Of white noise after this filter: what every level is scaled by, so that only detail tells them apart."""
+    """Standard deviation of white noise after this filter; all levels are scaled by it and differ only in detail."""
     both = 2 * np.square(falling).sum() - np.square(falling[:, 0]).sum() - np.square(falling[:, -1]).sum()
     return math.sqrt(both) / TILE
 
@@ -38,9 +38,9 @@ def grain(x: Array, y: Array, period: float, pixel: float, seed: int) -> Array:
 
     Args:
         x, y: positions, any unit.
-        period: after how much it repeats, in that unit; its coarsest features are a third of that.
-        pixel: size of a pixel in that unit; detail finer than some three pixels is left out, so nothing aliases.
-        seed: which noise.
+        period: period of the noise, in that unit; the coarsest features are a third of it.
+        pixel: size of a pixel in that unit; features below about three pixels are removed to avoid aliasing.
+        seed: random seed.
     """
     step = period / TILE
     level = min(_LEVELS - 1, max(0, math.ceil(math.log2(max(pixel / step, 1e-9)) - 0.4)))

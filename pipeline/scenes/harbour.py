@@ -19,7 +19,7 @@ SECONDS = 4.0
 
 
 def cutouts(seed: int) -> list[CutOut]:
-    """Farthest first."""
+    """Cut-outs of the scene, from back to front."""
     return [
         *_sky(seed),
         *_land(seed),
@@ -34,7 +34,7 @@ def cutouts(seed: int) -> list[CutOut]:
 
 
 def _camera(parallax: float) -> Motion:
-    """A slow pan to the right, eased in; far things move less."""
+    """Slow pan to the right with a smooth start; distant objects move less (parallax)."""
     return lambda t: Pose.shift(-0.05 * parallax * (t - 0.35 * math.sin(t * 2.2) / 2.2), 0.0)
 
 
@@ -84,7 +84,7 @@ def _cloud(seed: int, x: float, y: float, size: float, drift: float) -> CutOut:
 
 
 def _ridge(base: float, height: float, seed: int) -> Callable[[Array], Array]:
-    """A skyline: three waves with phases of their own."""
+    """A skyline made of three sine waves with random phases."""
     phase = seeded(seed, 2).uniform(0, 2 * math.pi, 3)
 
     def level(x: Array) -> Array:
@@ -192,7 +192,7 @@ def _sea(seed: int) -> list[CutOut]:
 
 
 def _sailing(x: float, y: float, speed: float, size: float, phase: float) -> Motion:
-    """Along at `speed`, up and down, rolling about the keel, a little nearer all the time."""
+    """Motion of a boat: horizontal at `speed`, heaving and rolling, and slowly growing as it approaches."""
 
     def motion(t: float) -> Pose:
         bob = 0.008 * size * math.sin(1.9 * t + phase)

@@ -1,6 +1,6 @@
-"""Outlines as functions of the plane: negative inside, positive outside, about the distance to the outline.
+"""Outlines as approximate signed distance functions: negative inside, positive outside.
 
-Each takes and returns float64 arrays of one shape; lengths in the cut-out's own units.
+Each takes and returns float64 arrays of the same shape; lengths are in the cut-out's units.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ Outline: TypeAlias = Callable[[Array, Array], Array]
 
 
 def everywhere(x: Array, y: Array) -> Array:
-    """No outline at all: a backdrop."""
+    """Unbounded shape that covers the whole plane, for backdrops."""
     return np.full(np.broadcast_shapes(x.shape, y.shape), -1.0)
 
 
@@ -26,7 +26,7 @@ def disc(cx: float, cy: float, radius: float) -> Outline:
 
 
 def ellipse(cx: float, cy: float, rx: float, ry: float) -> Outline:
-    """The distance is right near the outline only."""
+    """An ellipse. The distance is accurate only near the outline."""
 
     def outline(x: Array, y: Array) -> Array:
         u, v = (x - cx) / rx, (y - cy) / ry
@@ -37,7 +37,7 @@ def ellipse(cx: float, cy: float, rx: float, ry: float) -> Outline:
 
 
 def box(cx: float, cy: float, half_width: float, half_height: float, corner: float = 0.0) -> Outline:
-    """A rectangle, its corners rounded by `corner`."""
+    """A rectangle with corners rounded by the radius `corner`."""
 
     def outline(x: Array, y: Array) -> Array:
         u, v = np.abs(x - cx) - half_width + corner, np.abs(y - cy) - half_height + corner
@@ -47,7 +47,7 @@ def box(cx: float, cy: float, half_width: float, half_height: float, corner: flo
 
 
 def polygon(*corners: tuple[float, float], corner: float = 0.0) -> Outline:
-    """A simple polygon; `corner` lets it swell and rounds it."""
+    """A simple polygon, expanded by `corner`, which also rounds its corners."""
     points = np.asarray(corners, dtype=np.float64)
     edges = list(zip(points, np.roll(points, -1, axis=0), strict=True))
 
@@ -88,7 +88,7 @@ def star(points: int, outer: float, inner: float, corner: float = 0.0) -> Outlin
 
 
 def above(level: Callable[[Array], Array]) -> Outline:
-    """Everything under a skyline: y > level(x)."""
+    """The area below a skyline: y > level(x)."""
     return lambda x, y: level(x) - y
 
 
@@ -97,7 +97,7 @@ def union(*outlines: Outline) -> Outline:
 
 
 def common(*outlines: Outline) -> Outline:
-    """What lies in all of them."""
+    """Intersection of the outlines."""
     return lambda x, y: reduce(np.maximum, (o(x, y) for o in outlines))
 
 
@@ -106,7 +106,7 @@ def without(outline: Outline, hole: Outline) -> Outline:
 
 
 def blobs(discs: Sequence[tuple[float, float, float]], soft: float) -> Outline:
-    """Discs (cx, cy, radius) that melt together over a distance `soft`."""
+    """Smooth union of discs (cx, cy, radius); `soft` is the blending distance."""
 
     def outline(x: Array, y: Array) -> Array:
         total = np.zeros(np.broadcast_shapes(x.shape, y.shape))

@@ -1,4 +1,4 @@
-"""How cut-outs are coloured: plain paints, and ways to make one livelier."""
+"""Paints (colour functions) of cut-outs, and modifiers that add texture, shading and rims."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from pipeline.scenes.pose import Array
 
 
 def rgb(code: str) -> Array:
-    """ "#rrggbb" as three numbers 0..1."""
+    """Convert "#rrggbb" to float64 (3,), 0..1."""
     return np.array([int(code[i : i + 2], 16) / 255 for i in (1, 3, 5)])
 
 
 def ramp(value: Array, low: float, high: float) -> Array:
-    """0 below `low`, 1 above `high`, smooth between."""
+    """Smoothstep: 0 below `low`, 1 above `high`."""
     t = np.clip((value - low) / (high - low), 0.0, 1.0)
     return t * t * (3 - 2 * t)
 
 
 def mix(first: Array, second: Array, share: Array) -> Array:
-    """Colours between two, by a share for every spot."""
+    """Interpolate between two colours; `share` is the weight of the second at each spot, 0..1."""
     return first + (second - first) * share[..., None]
 
 
@@ -34,23 +34,23 @@ def flat(code: str) -> Paint:
 
 
 def blend(first: str, second: str, share: Callable[[Spot], Array]) -> Paint:
-    """Between two colours."""
+    """Blend two colours; `share` returns the weight of the second, 0..1."""
     a, b = rgb(first), rgb(second)
     return lambda spot: mix(a, b, share(spot))
 
 
 def vertical(top: str, bottom: str, start: float, stop: float) -> Paint:
-    """From one colour at y = start to another at y = stop."""
+    """Vertical gradient from `top` at y = start to `bottom` at y = stop."""
     return blend(top, bottom, lambda s: ramp(s.y, start, stop))
 
 
 def grainy(paint: Paint, amount: float, period: float, seed: int, stretch: float = 1.0) -> Paint:
-    """Lighter and darker by noise.
+    """Modulate the lightness of a paint by noise.
 
     Args:
-        amount: of change, 0..1.
-        period: of the noise, in the cut-out's units.
-        stretch: how much longer its features are along x than along y.
+        amount: relative amplitude, 0..1.
+        period: period of the noise, in the cut-out's units.
+        stretch: ratio of the size of features along x to that along y.
     """
 
     def painted(spot: Spot) -> Array:
@@ -61,7 +61,7 @@ def grainy(paint: Paint, amount: float, period: float, seed: int, stretch: float
 
 
 def shaded(paint: Paint, side: tuple[float, float], amount: float, size: float) -> Paint:
-    """Lighter towards `side` (a direction) over `size` units about the origin: soft light from there."""
+    """Soft directional shading: lighter towards the direction `side`, over `size` units around the origin."""
 
     def painted(spot: Spot) -> Array:
         towards = (spot.x * side[0] + spot.y * side[1]) / size
@@ -71,12 +71,12 @@ def shaded(paint: Paint, side: tuple[float, float], amount: float, size: float) 
 
 
 def rimmed(paint: Paint, code: str, width: float, strength: float) -> Paint:
-    """Another colour along the outline, over `width` units inwards."""
+    """Blend in another colour along the outline, up to `width` units inwards."""
     colour = rgb(code)
     return lambda spot: mix(paint(spot), colour, strength * (1 - ramp(spot.depth, 0.0, width)))
 
 
 def stamped(paint: Paint, code: str, shape: Outline) -> Paint:
-    """A shape painted on: part of the texture, with a soft edge of a pixel."""
+    """Paint a shape on the texture, anti-aliased over one pixel."""
     colour = rgb(code)
     return lambda spot: mix(paint(spot), colour, np.clip(0.5 - shape(spot.x, spot.y) / spot.pixel, 0.0, 1.0))

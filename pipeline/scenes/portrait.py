@@ -23,12 +23,12 @@ _BLINK_S = 0.30
 
 
 def cutouts(seed: int) -> list[CutOut]:
-    """Farthest first."""
+    """Cut-outs of the scene, from back to front."""
     return [*_room(seed), *_hair_behind(seed), *_body(seed), *_head(seed), *_face(seed), *_hair(seed)]
 
 
 def _turn(t: float) -> float:
-    """Of the head about its upright axis, rad."""
+    """Rotation of the head about its vertical axis, rad."""
     return 0.42 * math.sin(1.55 * t)
 
 

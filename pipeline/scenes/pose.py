@@ -1,4 +1,4 @@
-"""Where a cut-out lies: an affine map from its own plane to the picture's."""
+"""Pose of a cut-out: an affine map from its plane to the picture."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Pose:
-    """(x, y) -> (a x + b y + tx, c x + d y + ty). `p @ q` does q first."""
+    """Affine map (x, y) -> (a x + b y + tx, c x + d y + ty). `p @ q` applies q first."""
 
     a: float = 1.0
     b: float = 0.0
@@ -28,7 +28,7 @@ class Pose:
 
     @classmethod
     def turn(cls, angle_rad: float) -> Pose:
-        """About the origin; positive is clockwise on the screen, where y points down."""
+        """Rotation about the origin; positive angles are clockwise on the screen, since y points down."""
         cos, sin = math.cos(angle_rad), math.sin(angle_rad)
         return cls(cos, -sin, sin, cos)
 
@@ -51,7 +51,7 @@ class Pose:
 
     @property
     def area(self) -> float:
-        """How much larger an area gets."""
+        """Factor by which the map scales areas."""
         return abs(self.a * self.d - self.b * self.c)
 
     def inverse(self) -> Pose:

@@ -1,6 +1,6 @@
-"""Plain shapes with rich texture, each with a motion of its own: for tests and for measuring flow.
+"""Scene of textured shapes with different motions, for tests and for measuring optical flow.
 
-A disc passes behind a bar and is hidden for some frames; a star turns, a square grows, a ring passes in front of all.
+A disc passes behind a bar and is hidden for some frames; a star rotates, a square grows, a ring passes in front.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ SECONDS = 2.0
 
 
 def cutouts(seed: int) -> list[CutOut]:
-    """Farthest first."""
+    """Cut-outs of the scene, from back to front."""
     wall = p.grainy(p.vertical("#6d8f8a", "#39545f", 0.0, 1.0), 0.35, 0.5, seed)
     return [
         CutOut("wall", everywhere, wall, lambda t: Pose.shift(-0.06 * t, 0.015 * t), line_px=0),
@@ -67,7 +67,7 @@ def _paint(code: str, seed: int) -> Paint:
 
 
 def _line(x: float, y: float, vx: float, vy: float, spin: float = 0.0) -> Motion:
-    """Straight on at (vx, vy) heights a second, turning at `spin` rad a second."""
+    """Linear motion from (x, y) at (vx, vy), picture heights per second, with rotation at `spin`, rad per second."""
     return lambda t: Pose.shift(x + vx * t, y + vy * t) @ Pose.turn(spin * t)
 
 

@@ -1,4 +1,4 @@
-"""A scene as the files of a shot (`pipeline.video.shot`): what a renderer would give, with every pass exact."""
+"""Export of a scene as the files of a rendered shot (`pipeline.video.shot`), with exact passes."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from pipeline.video.exr import write_exr
 from pipeline.video.stills import encode_gray_png, encode_png
 
 Layers = Mapping[str, tuple[str, ...]]
-"""Layer -> the things it is made of, from back to front."""
+"""Layer name -> names of its objects, from back to front."""
 
 
 def shot_files(scene: Scene, layers: Layers | None = None) -> Iterator[tuple[str, bytes]]:
     """Path and contents of each file: frames, vectors (as Cycles writes them), normals, ids, lines, shot.json.
 
     Args:
-        layers: None = every thing of the scene is a layer.
+        layers: None = one layer for each object of the scene.
 
     Raises:
-        BadParameter: a thing that the scene has not.
+        BadParameter: a layer names an object that is not in the scene.
     """
     numbers = {thing: number for number, thing in scene.things.items()}
     chosen = layers or {thing: (thing,) for thing in numbers}
@@ -53,7 +53,7 @@ def _passes(frame: SceneFrame, number: str) -> Iterator[tuple[str, bytes]]:
 
 
 def vectors(frame: SceneFrame) -> dict[str, NDArray[np.float32]]:
-    """Blender's Vector pass as Cycles writes it: XY = previous - current, ZW = current - next, px, y up."""
+    """Vector pass in the convention of Blender's Cycles: XY = previous - current, ZW = current - next, px, y up."""
     minus, plus = frame.velocity_previous, frame.velocity_next
     return {"Vector.X": -minus[..., 0], "Vector.Y": minus[..., 1], "Vector.Z": -plus[..., 0], "Vector.W": plus[..., 1]}
 

@@ -1,4 +1,4 @@
-"""Renders cut-outs: colours with anti-aliased outlines, and the passes."""
+"""Renderer of cut-outs: anti-aliased colours and exact passes."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from pipeline.scenes.pose import Array, Pose
 
 @dataclass(frozen=True)
 class _Patch:
-    """A cut-out at one moment, within the rectangle of pixels that it may touch."""
+    """A cut-out in one frame, within its bounding rectangle of pixels."""
 
     number: int
-    """Of the cut-out on its stage."""
+    """Index of the cut-out in the stage."""
     cutout: CutOut
     rows: slice
     columns: slice
     spot: Spot
     slope: tuple[Array, Array]
-    """Gradient of the outline's function, per px along x and y."""
+    """Gradient of the outline function along x and y, per px."""
 
     @cached_property
     def distance_px(self) -> Array:
-        """To the outline, negative inside."""
+        """Signed distance to the outline, px; negative inside."""
         steep: Array = np.maximum(np.hypot(*self.slope), 1e-12)
         return -self.spot.depth / steep
 
     @cached_property
     def coverage(self) -> Array:
-        """Share of each pixel that it covers: exact for a straight outline, which is why one sample is enough."""
+        """Covered fraction of each pixel, 0..1. One sample per pixel suffices for nearly straight outlines."""
         return np.clip(0.5 - self.distance_px, 0.0, 1.0)
 
     @property
@@ -43,7 +43,7 @@ class _Patch:
 
 
 class Stage:
-    """A `Scene` of cut-outs, the farthest first."""
+    """A `Scene` of cut-outs, ordered from back to front."""
 
     def __init__(self, name: str, cutouts: Sequence[CutOut], size: tuple[int, int], frames: int, fps: float) -> None:
         self.name, self.size, self.frames, self.fps = name, size, frames, fps
@@ -100,7 +100,7 @@ class Stage:
         return _Patch(number, cutout, rows, columns, Spot(u, v, -value, pose.area**-0.5), (right, down))
 
     def _window(self, cutout: CutOut, pose: Pose) -> tuple[slice, slice] | None:
-        """Rows and columns that it may touch, at least two of each; None if it is out of the picture."""
+        """Rows and columns of the cut-out's bounding rectangle, at least two each; None if outside the picture."""
         width, height = self.size
         if cutout.box is None:
             return slice(0, height), slice(0, width)
@@ -110,7 +110,7 @@ class Stage:
         return None if columns is None or rows is None else (rows, columns)
 
     def _paint(self, patches: list[_Patch]) -> Frame:
-        """Nearest first, so that only what is seen is painted."""
+        """Composite the cut-outs front to back, so that hidden pixels are not painted: uint8 (h, w, 3)."""
         width, height = self.size
         canvas, clear = np.zeros((height, width, 3)), np.ones((height, width))
         for patch in reversed(patches):
@@ -123,7 +123,7 @@ class Stage:
         return np.asarray(np.rint(canvas.clip(0, 1) * 255), dtype=np.uint8)
 
     def _top(self, patches: list[_Patch]) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
-        """Which cut-out is on top at each pixel's centre."""
+        """Index of the topmost cut-out at each pixel's centre: (h, w)."""
         width, height = self.size
         top = np.zeros((height, width), dtype=np.intp)
         for patch in patches:
@@ -140,7 +140,7 @@ class Stage:
         return lines.astype(np.float32)
 
     def _follow(self, top: np.ndarray[tuple[int, ...], np.dtype[np.intp]], index: int, step: int) -> tuple[Flow, Mask]:
-        """Where each pixel's point is a frame later (`step` 1) or earlier (-1), and whether it is hidden there."""
+        """Flow to the next frame (`step` 1) or the previous one (-1), px, and the mask of points hidden there."""
         flow = np.zeros((*top.shape, 2), dtype=np.float32)
         hidden = np.ones(top.shape, dtype=np.bool_)
         for number in np.unique(top):
@@ -153,7 +153,7 @@ class Stage:
         return flow, hidden
 
     def _covered(self, number: int, x: Array, y: Array, index: int) -> Mask:
-        """Whether points of cut-out `number` at (x, y) are hidden in frame `index`, or outside it."""
+        """Flags of points (x, y) of cut-out `number` that are hidden or outside the picture in frame `index`."""
         width, height = self.size
         covered: Mask = (x < 0) | (x > width - 1) | (y < 0) | (y > height - 1)
         if not 0 <= index < self.frames:
@@ -185,7 +185,7 @@ def _span(values: Array, count: int) -> slice | None:
 def _surface(
     patches: list[_Patch], top: np.ndarray[tuple[int, ...], np.dtype[np.intp]]
 ) -> tuple[np.ndarray[tuple[int, ...], np.dtype[np.float32]], np.ndarray[tuple[int, ...], np.dtype[np.float32]]]:
-    """Normals as of a bulging cut-out, and the direction along its outline."""
+    """Normals of the bulging cut-outs, float32 (h, w, 3), and directions along their outlines, float32 (h, w), rad."""
     normals = np.zeros((*top.shape, 3), dtype=np.float32)
     orientation = np.zeros(top.shape, dtype=np.float32)
     for patch in patches:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Labels, Mask
-from pipeline.segmentation.jit import kernel
+from pipeline.jit import kernel
 
 
 def components(labels: Labels) -> tuple[Labels, NDArray[np.int32]]:

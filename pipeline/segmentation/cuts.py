@@ -36,7 +36,7 @@ def is_cut(before: Plane, now: Plane, sensitivity: float = 1.0) -> bool:
     return _correlation(before[..., 0], now[..., 0]) < CORRELATION
 
 
-def steadiness(before: Plane, now: Plane) -> float:
+def light_steadiness(before: Plane, now: Plane) -> float:
     """0..1: 1 when the light is steady, towards 0 in a fade: exp(-(drift / 0.8)^2), drift = median change in CIELAB.
 
     The median, since a fade changes every place alike, and a pan or somebody who comes in does not.

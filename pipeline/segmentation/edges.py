@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Plane
-from pipeline.segmentation.jit import kernel
+from pipeline.jit import kernel
 
 
 def edges(

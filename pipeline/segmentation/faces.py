@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Plane
+from pipeline.segmentation.face_detector import SLICES, Boxes, FaceDetector, join, slices
 from pipeline.segmentation.motion import median_motion
-from pipeline.segmentation.search import SLICES, Boxes, FaceFinder, join, slices
 
 Tracks = NDArray[np.float64]
 """One face a row: eased box (cx, cy, width, height), latest box, strength 0..1, frames unseen, detections. Px of the
@@ -70,7 +70,7 @@ class FaceTracker:
         self._every = every_frames
         self._gain = 1.0 - 0.5 ** (1.0 / half_life_frames) if half_life_frames > 0 else 1.0
         self._smallest = smallest
-        self._finder = FaceFinder()
+        self._finder = FaceDetector()
         self._search: _Search | None = None
         self.tracks: Tracks = np.empty((0, _COLUMNS))
 
@@ -104,11 +104,11 @@ class FaceTracker:
     def _begin(self, gray: NDArray[np.uint8], at_once: bool, fresh: bool) -> None:
         self._search = _Search(gray)
         while at_once and self._search.done < SLICES:
-            self.search_on()
+            self.continue_search()
         if at_once:
             self._meet_found(self._search, fresh)
 
-    def search_on(self) -> None:
+    def continue_search(self) -> None:
         """The next slice of the search under way, if there is one. Call it once after every `step`, or not at all."""
         search = self._search
         if search is None or search.done == SLICES:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Labels
-from pipeline.segmentation.jit import kernel
+from pipeline.jit import kernel
 from pipeline.segmentation.regions import Lab8, Means, Sums, means_of, move
 
 NO_LIMIT = 255

@@ -97,7 +97,7 @@ class ImportanceTracker:
             BadFrame: a wrong shape, dtype or range.
         """
         coarse = self.step_coarse(image, flow, cut, mask)
-        self.search_on()
+        self.continue_search()
         stretched = np.asarray(cv2.resize(coarse, self._size, interpolation=cv2.INTER_LINEAR), np.float32)
         return np.clip(stretched, 0, 1, out=stretched)
 
@@ -108,7 +108,7 @@ class ImportanceTracker:
         cut: bool = False,
         mask: Plane | Mask | None = None,
     ) -> Plane:
-        """The same before it is stretched to the frame, `MAP_SIDE_PX` on its longer side, and without `search_on`."""
+        """`step` without enlarging the map (`MAP_SIDE_PX` on its longer side) and without `continue_search`."""
         _check_shape(image, self._size, "image")
         if cut:
             self._age = 0
@@ -121,10 +121,10 @@ class ImportanceTracker:
             importance = importance * (1 - self._mask[..., 1]) + self._mask[..., 0]
         return np.clip(importance, 0, 1)
 
-    def search_on(self) -> None:
+    def continue_search(self) -> None:
         """A share of the search for faces, for the frames to come. Call it after every step, when there is time."""
         if self._params.face > 0:
-            self._faces.search_on()
+            self._faces.continue_search()
 
     def state(self) -> dict[str, NDArray[Any]]:
         """All that the next step depends on."""

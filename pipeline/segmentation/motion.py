@@ -12,13 +12,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.aside import ALONE, Aside
+from pipeline.background import INLINE, Background
 from pipeline.colour.lab8 import LabPlanes
 from pipeline.frames import Flow, Frame
-from pipeline.segmentation.jit import kernel
+from pipeline.jit import kernel
 from pipeline.segmentation.regions import Lab8
 
-WayBack: TypeAlias = tuple[NDArray[np.int16], NDArray[np.uint16]]
+BackwardMaps: TypeAlias = tuple[NDArray[np.int16], NDArray[np.uint16]]
 """Fixed-point maps for `cv2.remap`: (h, w, 2) whole pixels, (h, w) fractions."""
 RESIDUAL_STEPS = 4
 """A residual counts quarters of a CIELAB unit."""
@@ -37,7 +37,7 @@ def median_motion(flow: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.asarray(np.partition(rows, middle, axis=0)[middle], np.float32)
 
 
-def hold_still(
+def zero_still_flow(
     flow: Flow, previous_gray: NDArray[np.uint8], gray: NDArray[np.uint8], tolerance: float,
     moving: NDArray[np.uint8] | None = None,
 ) -> Flow:  # fmt: skip
@@ -68,7 +68,7 @@ def _zero_still(flow: Flow, difference: NDArray[np.uint8], tolerance: np.uint8) 
 _NO_SECOND_MAP = np.empty(0, np.float32)
 
 
-def way_back(flow: Flow) -> WayBack:
+def backward_maps(flow: Flow) -> BackwardMaps:
     """Where each pixel was in the previous frame, as OpenCV's fixed-point maps (1/32 px): made once, used by all."""
     where = _grid(flow.shape[1], flow.shape[0]) - flow
     whole, fractions = cv2.convertMaps(where, _NO_SECOND_MAP, cv2.CV_16SC2)
@@ -80,19 +80,19 @@ def _grid(width: int, height: int) -> NDArray[np.float32]:
     return np.stack(np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32)), axis=-1)
 
 
-def bring(image: NDArray[np.uint8], back: WayBack) -> NDArray[np.uint8]:
+def warp_back(image: NDArray[np.uint8], back: BackwardMaps) -> NDArray[np.uint8]:
     """The previous frame's `image`, uint8 (h, w[, c]), moved to this frame, bilinear; borders repeat."""
     return np.asarray(cv2.remap(image, *back, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.uint8)
 
 
-def settle(
-    lab: LabPlanes, settled: Lab8, flow: Flow, back: WayBack, memory: float, tolerance: float
+def denoise(
+    lab: LabPlanes, denoised: Lab8, flow: Flow, back: BackwardMaps, memory: float, tolerance: float
 ) -> tuple[LabPlanes, NDArray[np.uint8]]:  # fmt: skip
     """Average a frame with the settled previous one along the motion, where the two agree.
 
     Args:
         lab: current frame, uint8 (3, h, w).
-        settled: result for the previous frame, uint8 (h, w, 3).
+        denoised: result for the previous frame, uint8 (h, w, 3).
         flow: previous to current frame, float32 (h, w, 2), px; taken at the target (flow varies slowly).
         back: of `flow`.
         memory: weight of the past where the two agree perfectly and stand still, 0..0.95; `MOVING` of that where
@@ -105,7 +105,7 @@ def settle(
     """
     size = lab[0].size
     mixed = np.empty_like(lab)
-    cv2.split(bring(settled, back), list(mixed))
+    cv2.split(warp_back(denoised, back), list(mixed))
     here, past = lab.reshape(3, size), mixed.reshape(3, size)  # by plane, these loops vectorise
     residual = np.empty(lab.shape[1:], np.uint8)
     weights = np.empty(lab.shape[1:], np.int16)
@@ -115,8 +115,8 @@ def settle(
     return mixed, residual
 
 
-def fade(
-    picture: Frame, past: Frame, residual: NDArray[np.uint8], memory: float, aside: Aside = ALONE
+def blend_with_past(
+    picture: Frame, past: Frame, residual: NDArray[np.uint8], memory: float, background: Background = INLINE
 ) -> Frame:  # fmt: skip
     """Blend an output with the previous one, weight `memory` where the SOURCE agrees with
 
@@ -124,17 +124,25 @@ def fade(
 
     Args:
         picture: uint8 (h, w, 3), this output.
-        past: the previous one, moved here (`bring`); overwritten.
-        residual: of the source, as in `settle`.
+        past: the previous one, moved here (`warp_back`); overwritten.
+        residual: of the source, as in `denoise`.
         memory: 0..0.95.
 
     Returns: uint8 (h, w, 3), `past`.
     """
     weights = _weights(memory, FADE_TOLERANCE)
-    aside.rows(
+    background.rows(
         lambda first, last: _fade(picture[first:last], past[first:last], residual[first:last], weights), len(picture)
     )
     return past
+
+
+def past_weights(memory: float) -> NDArray[np.uint8]:
+    """Weight of the previous frame's colours by residual (as in `denoise`), uint8 (256,), 255 = 1.
+
+    `memory`, 0..0.95, where the source agrees with its past; falls with `FADE_TOLERANCE`.
+    """
+    return np.asarray((_weights(memory, FADE_TOLERANCE) * 255 + 128) // 256, np.uint8)
 
 
 @lru_cache(maxsize=64)

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Labels
+from pipeline.jit import kernel
 from pipeline.segmentation.growing import grow
-from pipeline.segmentation.jit import kernel
 from pipeline.segmentation.propagation import propagate, smooth_labels
+from pipeline.segmentation.refinement import adopt, correct, merge_table
 from pipeline.segmentation.regions import AREA, LIMIT, Lab8, Sums, means_of, measure, merge, rename
-from pipeline.segmentation.tidy import adopt, correct, merge_table
 from pipeline.segmentation.trapped_ball import fill_small
 
 CORE_ROLLS = 4

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Labels
-from pipeline.segmentation.jit import kernel
+from pipeline.jit import kernel
 from pipeline.segmentation.motion import FAR, RESIDUAL_STEPS
 
 CLOSED = np.int32(-1)
@@ -58,7 +58,7 @@ def _propagate(
 ) -> None:
     """Flat, unsigned indices and one store for both remainders: this is the loop that touches memory at random.
 
-    `out`: 0 where a label may settle, else `CLOSED`.
+    `out`: 0 where a label may denoise, else `CLOSED`.
     """
     height, width = np.uint64(labels.shape[0]), np.uint64(labels.shape[1])
     there = out.reshape(out.size)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pipeline.errors import BadParameter
 from pipeline.frames import Flow, Labels, Plane
-from pipeline.segmentation.jit import kernel
+from pipeline.jit import kernel
 from pipeline.solvers import Multigrid
 
 Edges: TypeAlias = tuple[NDArray[Any], NDArray[Any]]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Labels
-from pipeline.segmentation.jit import kernel
+from pipeline.jit import kernel
 
 Lab8 = NDArray[np.uint8]
 """OpenCV's 8-bit CIELAB, (h, w, 3): L scaled to 0..255, a and b offset by 128."""

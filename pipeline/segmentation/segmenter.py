@@ -10,12 +10,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.aside import Later
+from pipeline.background import Pending
 from pipeline.frames import Flow, Labels, Plane
 from pipeline.segmentation.growing import count_open, grow, unlabelled
 from pipeline.segmentation.passes import CORE_ROLLS, WORTH_A_ROLL, carry_over, fill_up, name_regions, with_room
+from pipeline.segmentation.refinement import adopt
 from pipeline.segmentation.regions import AREA, NOTHING_CARRIED, Lab8, Means, Sums, means_of, measure
-from pipeline.segmentation.tidy import adopt
 from pipeline.segmentation.trapped_ball import TAPPED_UP_TO_PX, fill, radii
 
 NO_AREAS = np.zeros(1, np.int32)
@@ -73,7 +73,7 @@ class Segmenter:
         self.next_id = first_id
 
     def step(
-        self, lab: Lab8, edges: Later[NDArray[np.uint8]], importance: Plane, flow: Flow | None,
+        self, lab: Lab8, edges: Pending[NDArray[np.uint8]], importance: Plane, flow: Flow | None,
         residual: NDArray[np.uint8] | None,
         fading: bool = False,
     ) -> Segmentation:  # fmt: skip

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Labels
-from pipeline.segmentation.jit import kernel
+from pipeline.jit import kernel
 
 SMALLEST_RADIUS_PX = 1
 TAPPED_UP_TO_PX = 4

@@ -1,4 +1,4 @@
-"""Which pixels hang on nothing: parts of the grid that no given value and no absorbing term can reach."""
+"""Detection of pixels whose value is undetermined: no path of edges leads to a given value or an absorbing term."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.segmentation.jit import kernel
+from pipeline.jit import kernel
 
 
 def adrift(anchored: NDArray[np.bool_], right: NDArray[Any], down: NDArray[Any]) -> NDArray[np.bool_]:

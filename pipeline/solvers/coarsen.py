@@ -1,8 +1,8 @@
-"""Coarse grids that know the weights and the given pixels: operator-dependent interpolation (dendy1982black).
+"""Operator-dependent interpolation and Galerkin coarse grids (dendy1982black).
 
-A pixel between two coarse ones takes their mean, weighted by its couplings towards either side; one amid four takes
-what its own equation says of its eight neighbours. So no value crosses a weak edge or a given pixel, on any grid, and
-the coarse matrix, P' A P, follows.
+A pixel between two coarse pixels is interpolated with weights proportional to its couplings to either side; a pixel
+between four is interpolated by its own equation. Values therefore do not cross weak edges or given pixels on any grid.
+The coarse matrix is P' A P.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.segmentation.jit import kernel
+from pipeline.jit import kernel
 
 Doubles: TypeAlias = NDArray[Any]
 
@@ -59,7 +59,7 @@ def _amid_four(stencil: Doubles, weights: Doubles, i: int, j: int) -> None:
 
 @kernel
 def coarse_stencil(stencil: Doubles, weights: Doubles, out: Doubles) -> None:
-    """Add P' A P to `out` (5, h' + 2, w' + 2), zeros before: pixel by pixel, row of A by row of A."""
+    """Add P' A P to `out` (5, h' + 2, w' + 2), initially zero, one row of A at a time."""
     _, height, width = stencil.shape
     row = np.zeros((3, 3))
     for i in range(1, height - 1):
@@ -72,7 +72,7 @@ def coarse_stencil(stencil: Doubles, weights: Doubles, out: Doubles) -> None:
 
 @kernel
 def _row_times_weights(stencil: Doubles, weights: Doubles, i: int, j: int, row: Doubles) -> None:
-    """The row of A P, on the at most 3 x 3 coarse pixels from (i // 2, j // 2) on that it reaches."""
+    """Compute the row of A P of pixel (i, j); `row` covers the 3 x 3 coarse pixels from (i // 2, j // 2) on."""
     for di in range(-1, 2):
         for dj in range(-1, 2):
             a = _entry(stencil, i, j, di, dj)
@@ -101,7 +101,7 @@ def _entry(stencil: Doubles, i: int, j: int, di: int, dj: int) -> float:
 
 @kernel
 def _add_outer(weights: Doubles, i: int, j: int, row: Doubles, out: Doubles) -> None:
-    """Its outer product with the pixel's weights, each pair of coarse pixels once."""
+    """Add the outer product of the pixel's weights and the row; each pair of coarse pixels is added once."""
     for corner in range(4):
         weight = weights[corner, i, j]
         if weight != 0.0:

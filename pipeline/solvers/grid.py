@@ -1,11 +1,12 @@
-"""The matrix of a pixel grid, level by level, and what a V-cycle does with it: sweep, residual, restrict, interpolate.
+"""Matrices of the multigrid levels, and the operations of a V-cycle: residual, restriction, interpolation.
 
-Every array has a rim of one pixel that stays zero, so that no loop asks where the picture ends. A stencil is symmetric
-and holds each coupling once: planes `CENTRE`, `EAST`, `SOUTH`, `SOUTH_EAST`, `SOUTH_WEST`, the couplings with positive
-sign. A pixel that is given has a row of zeros: nothing reaches it and nothing leaves it.
+Every array is padded by one pixel of zeros on each side, so that loops need no boundary checks. A stencil is symmetric
+and stores each coupling once, with positive sign, in the planes `CENTRE`, `EAST`, `SOUTH`, `SOUTH_EAST`, `SOUTH_WEST`.
+The row of a given pixel is zero, so it is not coupled to any other.
 
-Pixel (y, x), counted from the rim, is on the coarse grid where both are odd. An array of interpolation weights has a
-plane per corner of the coarse cell that a pixel lies in: `NW`, `NE`, `SW`, `SE`; what has fewer corners uses the first.
+A pixel with padded coordinates (y, x) is on the coarse grid if both are odd. Interpolation weights have one plane per
+corner of the coarse cell that contains the pixel: `NW`, `NE`, `SW`, `SE`. Pixels with fewer corners use the planes of
+those corners only.
 """
 
 from __future__ import annotations
@@ -16,17 +17,23 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.segmentation.jit import kernel
+from pipeline.jit import kernel
 from pipeline.solvers.coarsen import coarse_stencil, interpolation_weights
 from pipeline.solvers.lines import factor_lines, sweep
 
 Doubles: TypeAlias = NDArray[Any]
-"""float64 throughout: near the end of a solution, residuals are small differences of large numbers."""
+"""float64 array; near convergence, residuals are small differences of large numbers."""
 
 
 @dataclass(frozen=True)
 class Level:
-    """One grid: its stencil (5, h + 2, w + 2), the factors of its lines, the weights from the next coarser grid."""
+    """One grid.
+
+    Attributes:
+        stencil: the matrix, (5, h + 2, w + 2).
+        lines: factors of the line smoother, (4, h + 2, w + 2), see `factor_lines`.
+        weights: interpolation weights from the next coarser grid, (4, h + 2, w + 2).
+    """
 
     stencil: Doubles
     lines: Doubles
@@ -38,7 +45,7 @@ class Level:
 
 
 def build_levels(stencil: Doubles) -> list[Level]:
-    """Grids from the finest, of which this is the stencil, to a single pixel; sizes are halved, odd ones upwards."""
+    """Build all grids from the finest, given by its stencil, to a single pixel; sizes are halved and rounded up."""
     levels = []
     while True:
         height, width = stencil.shape[1] - 2, stencil.shape[2] - 2
@@ -54,19 +61,19 @@ def build_levels(stencil: Doubles) -> list[Level]:
 
 @dataclass(frozen=True)
 class Room:
-    """Where a V-cycle works on one grid; rims stay zero."""
+    """Work arrays of a V-cycle on one grid: right-hand side and solution; the padding stays zero."""
 
     right: Doubles
     x: Doubles
 
 
 def rooms(levels: list[Level]) -> list[Room]:
-    """One for each grid; a thread that solves has its own."""
+    """Allocate work arrays for each grid; each solving thread needs its own."""
     return [Room(np.zeros(level.shape), np.zeros(level.shape)) for level in levels]
 
 
 def v_cycle(levels: list[Level], work: list[Room]) -> None:
-    """From `right` of the finest room an approximate solution `x`: one V(1, 1)-cycle from 0, a symmetric operation."""
+    """Run one V(1, 1)-cycle from 0: `work[0].right` -> approximate solution `work[0].x`. The operator is symmetric."""
     level, here = levels[0], work[0]
     here.x.fill(0.0)
     sweep(level.stencil, level.lines, here.right, here.x, 0)
@@ -81,7 +88,7 @@ def v_cycle(levels: list[Level], work: list[Room]) -> None:
 
 @kernel
 def restrict(stencil: Doubles, weights: Doubles, right: Doubles, x: Doubles, coarse: Doubles) -> None:
-    """The residual, gathered on the coarse grid by the transpose of the interpolation."""
+    """Restrict the residual to the coarse grid by the transpose of the interpolation."""
     centre, east, south, south_east, south_west = stencil
     height, width = x.shape
     row = np.zeros(width)
@@ -106,7 +113,7 @@ def restrict(stencil: Doubles, weights: Doubles, right: Doubles, x: Doubles, coa
 
 @kernel
 def interpolate(weights: Doubles, coarse: Doubles, x: Doubles) -> None:
-    """Add the coarse grid's correction."""
+    """Add the interpolated correction of the coarse grid to `x`, in place."""
     height, width = x.shape
     for i in range(1, height - 1):
         top, below = (i + 1) // 2, i // 2 + 1
@@ -119,7 +126,7 @@ def interpolate(weights: Doubles, coarse: Doubles, x: Doubles) -> None:
 
 @kernel
 def multiply(stencil: Doubles, x: Doubles, out: Doubles) -> float:
-    """`out` = A x; returns x . A x."""
+    """Compute `out` = A x; return the dot product of x and A x."""
     centre, east, south, south_east, south_west = stencil
     height, width = x.shape
     result = 0.0
@@ -136,7 +143,7 @@ def multiply(stencil: Doubles, x: Doubles, out: Doubles) -> float:
 
 @kernel
 def dot(a: Doubles, b: Doubles) -> float:
-    """Summed row by row, always in the same order, which a threaded library does not promise."""
+    """Dot product, summed in a fixed order; a multithreaded library may sum in varying order."""
     height, width = a.shape
     result = 0.0
     for i in range(1, height - 1):
@@ -147,7 +154,7 @@ def dot(a: Doubles, b: Doubles) -> float:
 
 @kernel
 def advance(x: Doubles, residual: Doubles, way: Doubles, image: Doubles, step: float) -> float:
-    """A step of conjugate gradients along `way`, of which `image` is the product with A; returns |residual|^2."""
+    """Take a conjugate gradient step along `way`, where `image` = A `way`; return the squared residual norm."""
     height, width = x.shape
     result = 0.0
     for i in range(1, height - 1):
@@ -160,7 +167,7 @@ def advance(x: Doubles, residual: Doubles, way: Doubles, image: Doubles, step: f
 
 @kernel
 def conjugate(way: Doubles, better: Doubles, part: float) -> None:
-    """The next way: the better one, made conjugate to the last."""
+    """Update the search direction, in place: preconditioned residual `better` plus `part` times the last direction."""
     height, width = way.shape
     for i in range(1, height - 1):
         for j in range(1, width - 1):

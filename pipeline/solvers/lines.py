@@ -1,8 +1,8 @@
-"""Gauss-Seidel by whole lines of pixels, along and across.
+"""Line Gauss-Seidel smoother in both directions (zebra ordering).
 
-Where weights differ, a chain of strong edges among weak ones may miss every coarse pixel: no coarse grid sees it, and
-pixel by pixel it takes for ever. A line takes it in one step, and pays even where weights do not differ. A line is a
-tridiagonal system, taken apart beforehand; every second line is independent of the others.
+With strongly varying weights, a chain of strong edges among weak ones may contain no coarse pixel; point smoothers then
+converge very slowly. A line smoother solves whole rows or columns at once, and is also faster for uniform weights. Each
+line is a tridiagonal system, factored in advance. Lines of the same parity are independent of each other.
 """
 
 from __future__ import annotations
@@ -12,20 +12,20 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.segmentation.jit import kernel
+from pipeline.jit import kernel
 
 Doubles: TypeAlias = NDArray[Any]
 
 LOST = 1e-14
-"""Part of a diagonal below which a pivot is rounding: a line that hangs on nothing else."""
+"""Pivots below this fraction of the diagonal are treated as 0: the line is not coupled to anything else."""
 
 
 TINY = 1e-150
-"""Taken as 0: far from what is given, values die out along a line, and the smallest numbers are the slowest."""
+"""Smaller magnitudes are set to 0, since arithmetic with denormal numbers is slow."""
 
 
 def factor_lines(stencil: Doubles) -> Doubles:
-    """For rows, then for columns: the coupling to the next pixel over the pivot, and 1 / pivot, (4, h + 2, w + 2)."""
+    """Factor all lines: (4, h + 2, w + 2), for rows and then for columns coupling / pivot and 1 / pivot."""
     out = np.zeros((4, *stencil.shape[1:]))
     _factor(stencil[0], stencil[1], out[:2])
     _factor(stencil[0].T, stencil[2].T, out[2:].transpose(0, 2, 1))
@@ -45,7 +45,7 @@ def _factor(centre: Doubles, next_one: Doubles, out: Doubles) -> None:
 
 @kernel
 def sweep(stencil: Doubles, factors: Doubles, right: Doubles, x: Doubles, backward: int) -> None:
-    """Odd rows, even rows, odd columns, even columns; `backward` takes them in reverse order."""
+    """Smooth odd rows, even rows, odd columns, even columns, in place; `backward` reverses this order."""
     for turn in range(4):
         which = 3 - turn if backward else turn
         if which < 2:

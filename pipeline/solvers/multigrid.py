@@ -1,10 +1,10 @@
-"""Laplace's equation on the pixel grid, weighted, with given pixels and absorbing terms: set up once, solve often.
+"""Weighted Laplace equation on the pixel grid with given pixels and absorbing terms: set up once, solve often.
 
     sum over the four neighbours j of w_ij (x_i - x_j)  +  a_i x_i  =  b_i        where x_i is not given
 
-Beyond the border there is nothing: no weight, as by a mirror. Conjugate gradients, preconditioned by a V-cycle, need
-less than one V-cycle a decimal digit, whatever the size and the shape of the given regions; more where weights differ a
-thousandfold along ragged borders and little is given or absorbed.
+The picture's border is a Neumann boundary: no edges lead outside. Conjugate gradients preconditioned by a V-cycle need
+less than one V-cycle per decimal digit, for any size and any shape of the given regions. They need more where weights
+differ by a factor of 1000 along ragged borders and few pixels are given or absorb.
 """
 
 from __future__ import annotations
@@ -22,20 +22,19 @@ from pipeline.solvers.anchors import adrift
 from pipeline.solvers.grid import Doubles, Level, advance, build_levels, conjugate, dot, multiply, rooms, v_cycle
 
 TOLERANCE = 1e-6
-"""Residual at which a solution is done, as a part of the one that x = 0 leaves: below what float32 shows."""
+"""Residual norm relative to that of x = 0 at which the iteration stops; its effect is below float32 resolution."""
 
 MAX_CYCLES = 40
-"""V-cycles after which a solution is taken as it is; twelve do for any layout of regions with even weights."""
+"""Largest number of V-cycles. With uniform weights, twelve suffice for any layout of regions."""
 
 
 @dataclass(frozen=True)
 class Solution:
-    """What a solver has found, and how well.
+    """Solution and convergence history.
 
     Attributes:
-        x: float32 (h, w) or (labels, h, w), as the values were given.
-        residuals: for each label, the norm of the residual before the first V-cycle and after each, as a part of the
-            one that x = 0 leaves.
+        x: float32 (h, w) or (labels, h, w), the shape of the given values.
+        residuals: for each label, the residual norm before the first V-cycle and after each, relative to that of x = 0.
     """
 
     x: NDArray[np.float32]
@@ -43,34 +42,34 @@ class Solution:
 
     @property
     def cycles(self) -> int:
-        """V-cycles of the label that took most."""
+        """Largest number of V-cycles over the labels."""
         return max((len(history) - 1 for history in self.residuals), default=0)
 
     @property
     def residual(self) -> float:
-        """The last residual of the label that has the largest."""
+        """Largest final relative residual over the labels."""
         return max((history[-1] for history in self.residuals), default=0.0)
 
 
 FAINTEST = 1e-9
-"""Part of the largest edge's weight up to which a weight is rounding beside it."""
+"""Weights up to this fraction of the largest edge weight are treated as 0."""
 
 
 class Multigrid:
     """The matrix, ready to solve for any right-hand side; safe to share between threads.
 
     Attributes:
-        adrift: bool (h, w): pixels that no given value and no absorbing term reaches. Their equations have no unique
-            solution; they take a fallback.
+        adrift: bool (h, w), pixels that are not connected to any given value or absorbing term. Their equations have no
+            unique solution, so they get a fallback value.
     """
 
     def __init__(
         self, fixed: Mask, *, right: NDArray[Any] | None = None, down: NDArray[Any] | None = None,
         absorb: NDArray[Any] | None = None,
     ) -> None:  # fmt: skip
-        """Build all coarse grids: time and memory linear in the pixels.
+        """Build all coarse grids, in time and memory linear in the number of pixels.
 
-        An edge with less than `FAINTEST` of the largest weight passes nothing, and a term as small reaches nothing.
+        Edges up to `FAINTEST` of the largest weight are removed; absorbing terms as small do not determine a pixel.
 
         Args:
             fixed: bool (h, w), h and w >= 1: pixels whose value is given with each right-hand side.
@@ -97,18 +96,18 @@ class Multigrid:
         self, values: NDArray[Any], *, source: NDArray[Any] | None = None, start: NDArray[Any] | None = None,
         fallback: float = 0.0, tolerance: float = TOLERANCE, max_cycles: int = MAX_CYCLES,
     ) -> Solution:  # fmt: skip
-        """Solve for one right-hand side, or for many, each by itself and with the same bytes as alone.
+        """Solve for one or several right-hand sides. Each is solved independently, with the same bytes as alone.
 
-        Without sources at pixels that do not absorb, a solution never leaves the range of the given values and of
-        b / a: what rounding and the tolerance add is cut off.
+        If only absorbing pixels have sources, the solution is clipped to the range of the given values and of b / a
+        (maximum principle).
 
         Args:
-            values: (h, w) or (labels, h, w): what is given, read where `fixed`; finite there.
+            values: (h, w) or (labels, h, w), the given values; only pixels in `fixed` are read, and must be finite.
             source: the terms b, of the shape of `values` or (h, w); None = 0.
-            start: a first guess of the shape of `values` or (h, w), as the frame before; None = 0.
-            fallback: what pixels adrift become.
-            tolerance: in (0, 1): the part of the residual of x = 0 to reduce it to.
-            max_cycles: >= 0; then the solution is taken as it is, and its residual tells.
+            start: initial guess, of the shape of `values` or (h, w), such as the previous frame's solution; None = 0.
+            fallback: value of the pixels in `adrift`.
+            tolerance: target residual norm relative to that of x = 0, in (0, 1).
+            max_cycles: largest number of V-cycles, >= 1. `Solution.residual` tells whether the tolerance was reached.
 
         Raises:
             BadParameter: an array has a wrong shape or is not finite where it is read; a number is out of its range.
@@ -154,7 +153,7 @@ class Multigrid:
         return self._within(found, known, np.where(still, 0.0, source)), history
 
     def _within(self, x: Doubles, known: Doubles, source: Doubles) -> Doubles:
-        """The maximum principle, exactly."""
+        """Enforce the maximum principle by clipping."""
         absorbing = self._absorb > 0
         if np.any(source, where=~absorbing):
             return x
@@ -171,9 +170,9 @@ def solve_laplace(
     absorb: NDArray[Any] | None = None, source: NDArray[Any] | None = None, start: NDArray[Any] | None = None,
     fallback: float = 0.0, tolerance: float = TOLERANCE, max_cycles: int = MAX_CYCLES,
 ) -> Solution:  # fmt: skip
-    """Spread what is given over the rest of the picture: `Multigrid` and one `solve`, see there.
+    """Interpolate given values over the picture: `Multigrid` followed by one `solve`, see there for the parameters.
 
-    With nothing but `values` and `fixed`, equation 1 of kagaya2011video: every free pixel is the mean of its
+    With only `values` and `fixed` it solves equation 1 of kagaya2011video: each free pixel is the mean of its
     neighbours.
     """
     matrix = Multigrid(fixed, right=right, down=down, absorb=absorb)
@@ -185,7 +184,7 @@ def solve_laplace(
 def _iterate(
     levels: list[Level], right: Doubles, x: Doubles, tolerance: float, max_cycles: int
 ) -> tuple[Doubles, tuple[float, ...]]:
-    """Conjugate gradients, from `x` on and in place; norms as parts of that of `right`."""
+    """Conjugate gradients starting from `x`, in place; residual norms are relative to that of `right`."""
     stencil, work = levels[0].stencil, rooms(levels)
     whole = math.sqrt(dot(right, right))
     if whole == 0.0:
@@ -208,7 +207,7 @@ def _iterate(
 
 
 def _stencil(still: Mask, right: Doubles, down: Doubles, absorb: Doubles) -> Doubles:
-    """The matrix among the pixels that are neither given nor adrift; what is given only adds to the diagonal."""
+    """Matrix of the free pixels (neither given nor adrift); edges to given pixels only add to the diagonal."""
     height, width = still.shape
     out = np.zeros((5, height + 2, width + 2))
     centre, east, south = (plane[1:-1, 1:-1] for plane in out[:3])

@@ -1,1 +1,1 @@
-"""Brush strokes: where they go, which way they run, how they look, how they live on from frame to frame."""
+"""Brush strokes: seeds, streamlines, rasterisation, layers, and stroke tracks over time."""

@@ -1,78 +1,90 @@
-"""What a stroke looks like: style parameters per pixel, and the strokes they make."""
+"""Brush parameters per pixel, and the strokes that they produce."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.frames import Frame
+from pipeline.frames import Frame, Plane
 from pipeline.strokes.random import Ids, Purpose, draws
-from pipeline.strokes.seeds import Field, Points, Seeds, nearest, sample
+from pipeline.strokes.seeds import Seeds, StyleField, nearest, sample
 
 Canvas: TypeAlias = NDArray[np.float32]
-"""A painting in the making, `float32` (height, width, 7): red, green, blue in 0..255; the paint's height in px; and
-what the painter meant to match: red, green, blue without the brush's shift, jitter and traces of hairs. Whether a place
-needs more strokes is judged by what was meant, or free colours would call for ever more of them."""
+"""A painting in progress, `float32` (height, width, 7): paint colour RGB in 0..255; paint height in px; target colour
+RGB, which is the paint colour without shift, jitter and bristle texture. The error that calls for finer strokes is
+measured on the target colour, otherwise strongly shifted colours would never count as painted."""
 
 Direction: TypeAlias = NDArray[np.float32]
-"""Orientation per pixel, `float32` (height, width, 2): (cos 2a, sin 2a) of the stroke's angle a; (0, 0) = none."""
+"""Orientation per pixel, `float32` (height, width, 2): (cos 2a, sin 2a) of the stroke angle a; (0, 0) = undefined."""
 
-
-STRAY = 80.0
-"""How far jitter at its fullest takes each of red, green and blue: gray levels up or down, half of them together."""
+JITTER_RANGE = 80.0
+"""Largest change of a colour channel by jitter 1, gray levels; half of it is common to all three channels."""
 
 
 @dataclass(frozen=True)
 class Brush:
-    """Style of strokes; each attribute is a number, or a plane float32 (h, w) that is read at the stroke's seed.
+    """Stroke parameters; each is a number, or a plane float32 (h, w) that is sampled at the stroke's seed.
 
     Attributes:
-        size_px: width of a stroke, diameter of a disc, > 0.
-        length_px: of a stroke from tip to tip, >= 0; 0 paints discs.
+        size_px: width of a stroke or diameter of a disc, > 0.
+        length_px: length of a stroke from tip to tip, >= 0; 0 paints discs.
         opacity: 0..1.
-        hue_deg, saturation, value: colour shift: degrees, and parts of the full range -1..1.
-        jitter: 0..1: how far a stroke's colour strays, in parts of `STRAY`.
+        hue_deg, saturation, value: colour shift in degrees, and as a fraction of the full range, -1..1.
+        jitter: random change of colour, 0..1, in units of `JITTER_RANGE`.
         relief_px: height of the paint, px.
-        grain: density of the bristle's traces in a stroke, 0..1; 0 = smooth.
+        grain: strength of the bristle texture, 0..1; 0 = smooth.
     """
 
-    size_px: Field = 8.0
-    length_px: Field = 48.0
-    opacity: Field = 1.0
-    hue_deg: Field = 0.0
-    saturation: Field = 0.0
-    value: Field = 0.0
-    jitter: Field = 0.0
-    relief_px: Field = 0.0
-    grain: Field = 0.0
+    size_px: StyleField = 8.0
+    length_px: StyleField = 48.0
+    opacity: StyleField = 1.0
+    hue_deg: StyleField = 0.0
+    saturation: StyleField = 0.0
+    value: StyleField = 0.0
+    jitter: StyleField = 0.0
+    relief_px: StyleField = 0.0
+    grain: StyleField = 0.0
 
-    def scaled(self, factor: float) -> Brush:
-        """The same brush, `factor` as large: size, length and relief."""
+    def scaled(self, factor: StyleField) -> Brush:
+        """Return the brush with size, length and relief multiplied by `factor`."""
         size, length, relief = (np.multiply(f, factor) for f in (self.size_px, self.length_px, self.relief_px))
         return replace(self, size_px=size, length_px=length, relief_px=relief)
 
 
+class StrokeArrays(NamedTuple):
+    """The arrays of `Strokes` without ids, as the compiled rasterisers take them."""
+
+    points: NDArray[np.float32]
+    counts: NDArray[np.int32]
+    radius_px: NDArray[np.float32]
+    colours: NDArray[np.float32]
+    targets: NDArray[np.float32]
+    opacity: NDArray[np.float32]
+    relief_px: NDArray[np.float32]
+    grain: NDArray[np.float32]
+
+
 @dataclass(frozen=True)
 class Strokes:
-    """Strokes ready to paint, n of them, each a line of up to P points.
+    """n strokes ready for rasterisation, each a polyline of up to P points.
 
     Attributes:
-        points: float32 (n, P, 2): (x, y), px; `counts` int32 (n,) of them are used, at least 1.
+        points: float32 (n, P, 2): (x, y), px; the first `counts` int32 (n,) are used, at least 1.
         radius_px, opacity, relief_px, grain: float32 (n,).
-        colours: float32 (n, 3), RGB 0..255, as they are painted; maybe beyond, since the light comes later.
-        aims: float32 (n, 3), RGB 0..255: the picture's colours that they stand for.
-        ids: uint64 (n,), the names of the seeds.
+        colours: float32 (n, 3), paint colour RGB; may exceed 0..255, since lighting is applied later.
+        targets: float32 (n, 3), RGB 0..255: colours of the picture that the strokes represent.
+        ids: uint64 (n,), identifiers of the seeds.
     """
 
     points: NDArray[np.float32]
     counts: NDArray[np.int32]
     radius_px: NDArray[np.float32]
     colours: NDArray[np.float32]
-    aims: NDArray[np.float32]
+    targets: NDArray[np.float32]
     opacity: NDArray[np.float32]
     relief_px: NDArray[np.float32]
     grain: NDArray[np.float32]
@@ -81,47 +93,80 @@ class Strokes:
     def __len__(self) -> int:
         return len(self.ids)
 
+    @property
+    def arrays(self) -> StrokeArrays:
+        return StrokeArrays(
+            self.points, self.counts, self.radius_px, self.colours, self.targets, self.opacity, self.relief_px,
+            self.grain,
+        )  # fmt: skip
 
-def discs(seeds: Seeds, brush: Brush, aims: NDArray[np.float32], seed: int = 0) -> Strokes:
-    """Strokes of one point each, where the seeds are: pointillists' dots, or the start of longer strokes.
+
+class GuideArgs(NamedTuple):
+    """Reference picture that confines strokes to pixels of their own colour, as the compiled rasterisers take it.
+
+    Attributes:
+        image: uint8 (h, w, 3); anything if not `enabled`.
+        slopes: float32 (h, w), change of colour a px, RGB distance, see `raster.slopes_of`.
+        tolerances: float32 (n,), RGB distance between pixel and stroke up to which the stroke covers the pixel.
+    """
+
+    image: Frame
+    slopes: Plane
+    tolerances: NDArray[np.float32]
+    enabled: bool
+
+
+def guide_args(
+    count: int, guide: Frame | None, tolerance: float | NDArray[np.float32], slopes: Plane | None = None
+) -> GuideArgs:
+    """Arguments for `count` strokes; `guide` None lets strokes cover any pixel."""
+    own = np.ascontiguousarray(np.broadcast_to(np.asarray(tolerance, np.float32), count))
+    image = np.zeros((1, 1, 3), np.uint8) if guide is None else guide
+    flat = np.zeros(image.shape[:2], np.float32) if slopes is None else slopes
+    return GuideArgs(image, flat, own, guide is not None)
+
+
+def discs(seeds: Seeds, brush: Brush, targets: NDArray[np.float32], seed: int = 0) -> Strokes:
+    """Make strokes of one point each at the seeds: dots, or starting points of longer strokes.
 
     Args:
-        aims: float32 (n, 3), RGB 0..255, the picture's colour for each; `tint` makes the paint of it.
-        seed: of the jitter.
+        targets: float32 (n, 3), RGB 0..255, the picture's colour for each seed; `tint` turns it into paint colour.
+        seed: random seed of the colour jitter.
     """
     n = len(seeds)
     size, opacity, relief, grain = (
         sample(f, seeds.xy) for f in (brush.size_px, brush.opacity, brush.relief_px, brush.grain)
     )
-    colours, points, counts = tint(aims, seeds, brush, seed), seeds.xy.reshape(n, 1, 2), np.ones(n, np.int32)
-    return Strokes(points, counts, size / np.float32(2), colours, aims, opacity, relief, grain, seeds.ids)
+    colours, points, counts = tint(targets, seeds, brush, seed), seeds.xy.reshape(n, 1, 2), np.ones(n, np.int32)
+    return Strokes(points, counts, size / np.float32(2), colours, targets, opacity, relief, grain, seeds.ids)
 
 
 def colours_at(seeds: Seeds, picture: Frame) -> NDArray[np.float32]:
-    """The picture's colour at each seed, float32 (n, 3), RGB 0..255.
+    """Sample the picture's colour at each seed: float32 (n, 3), RGB 0..255.
 
     Args:
-        picture: uint8 (h, w, 3), the frame, or better a blurred one: a pixel's noise is no colour to paint with.
+        picture: uint8 (h, w, 3), usually blurred, so that the noise of a single pixel does not become paint.
     """
     x, y = nearest(seeds.xy, picture.shape)
     return picture[y, x].astype(np.float32)
 
 
-def tint(aims: NDArray[np.float32], seeds: Seeds, brush: Brush, seed: int = 0) -> NDArray[np.float32]:
-    """Colours (n, 3) of the seeds' paint: shifted, then jittered; exactly as given where the brush does neither.
+def tint(targets: NDArray[np.float32], seeds: Seeds, brush: Brush, seed: int = 0) -> NDArray[np.float32]:
+    """Shift and jitter target colours (n, 3) into paint colours; without shift and jitter they stay exactly the same.
 
-    Grays have no hue, so a shift of saturation leaves them gray. A stroke keeps its jitter for life.
+    Grays have no hue and stay gray under a shift of saturation. The jitter depends on the stroke's id alone, so it is
+    constant over the stroke's lifetime.
     """
     hue, saturation, value, jitter = (
         sample(f, seeds.xy) for f in (brush.hue_deg, brush.saturation, brush.value, brush.jitter)
     )
-    colours = np.ascontiguousarray(aims, np.float32)
+    colours = np.ascontiguousarray(targets, np.float32)
     if len(seeds) and (hue.any() or saturation.any() or value.any()):
         colours = _shift(colours, hue, saturation, value)
     if jitter.any():
         noise = draws(seeds.ids, seed, Purpose.COLOUR) * 2 - 1
         stray = np.float32(0.5) * (noise[:, 3:] + noise[:, :3] - noise[:, :3].mean(axis=1, keepdims=True))
-        colours = np.clip(colours + stray * (jitter[:, None] * np.float32(STRAY)), 0, 255)
+        colours = np.clip(colours + stray * (jitter[:, None] * np.float32(JITTER_RANGE)), 0, 255)
     return colours
 
 
@@ -136,10 +181,7 @@ def _shift(
 
 
 def blank(reference: Frame) -> Canvas:
-    """A canvas in the reference's colours, without paint on it."""
+    """Make a canvas that has the reference's colours and paint of height 0."""
     out = np.zeros((*reference.shape[:2], 7), np.float32)
     out[..., :3] = out[..., 4:] = reference
     return out
-
-
-__all__ = ["Brush", "Canvas", "Direction", "Points", "Strokes", "blank", "colours_at", "discs", "tint"]

@@ -1,7 +1,7 @@
-"""Random numbers that depend on what they are for and on nothing else: Philox 4x32-10, counter-based.
+"""Counter-based random numbers: Philox 4x32-10.
 
-A number is a function of (key, counter): no state, no order. The key says whose run it is and what the number is for,
-the counter which stroke asks. So a stroke draws the same numbers whoever paints it, in whatever order, on any machine.
+A number is a function of a key (seed and purpose) and a counter (stroke id) alone. There is no generator state, so a
+stroke draws the same numbers in any task, in any order and on any machine.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.segmentation.jit import kernel
+from pipeline.jit import kernel
 
 Ids = NDArray[np.uint64]
-"""A name per stroke, `uint64` (n,); equal names draw equal numbers."""
+"""Stroke identifiers, `uint64` (n,); equal ids draw equal numbers."""
 
 Word: TypeAlias = int | np.uint64
-"""A 32 bit word: any integer in, `uint64` out."""
+"""A 32-bit word: any integer as input, `uint64` as output."""
 
 _LOW = np.uint64(0xFFFFFFFF)
 _SHIFT = np.uint64(32)
@@ -28,7 +28,7 @@ _UNIT = 2.0**-24
 
 
 class Purpose(IntEnum):
-    """What a random number is for: numbers for different purposes have nothing in common."""
+    """Use of a random number; numbers for different purposes are independent."""
 
     PLACE = 1
     COLOUR = 2
@@ -39,7 +39,7 @@ class Purpose(IntEnum):
 
 @kernel
 def philox(c0: Word, c1: Word, c2: Word, c3: Word, k0: Word, k1: Word) -> tuple[Word, Word, Word, Word]:
-    """Four random 32 bit words for a counter of four words and a key of two. To be called in other kernels too.
+    """Return four random 32-bit words for a counter of four words and a key of two words. Callable from other kernels.
 
     Source: salmon2011parallel, Philox 4x32 with ten rounds.
     """
@@ -53,7 +53,7 @@ def philox(c0: Word, c1: Word, c2: Word, c3: Word, k0: Word, k1: Word) -> tuple[
 
 
 def draws(ids: Ids, seed: int, purpose: Purpose) -> NDArray[np.float32]:
-    """Four numbers in [0, 1) for each name, float32 (n, 4); `seed` is taken modulo 2^32."""
+    """Draw four numbers in [0, 1) for each id: float32 (n, 4). `seed` is taken modulo 2^32."""
     out = np.empty((len(ids), 4), np.float32)
     _draws(ids, seed & 0xFFFFFFFF, int(purpose), out)
     return out

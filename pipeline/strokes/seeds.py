@@ -1,39 +1,39 @@
-"""Where strokes start: a jittered grid whose density follows the size of the strokes, and whose seeds have names.
+"""Stroke seeds: a jittered grid whose density follows the stroke size, and whose seeds have stable ids.
 
-The grid is the same at every size. A cell has a rank by Bayer's ordered dither, so the cells up to any rank are spread
-evenly; larger strokes use fewer of them. As a size grows slowly, over the picture or over time, seeds drop out one by
-one and the others stay where they are.
+The grid is nested: each cell has a rank by Bayer's ordered dither, so the cells up to any rank are evenly spread and
+larger strokes use a subset of the cells of smaller ones. When the size changes slowly over space or time, single seeds
+appear or vanish and the others keep their place.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import BadParameter
 from pipeline.frames import Plane
-from pipeline.segmentation.jit import kernel
+from pipeline.jit import kernel
 from pipeline.strokes.random import Ids, Purpose, philox
 
 Points: TypeAlias = NDArray[np.float32]
 """Positions in px, `float32` (n, 2): (x, y)."""
 
-Field: TypeAlias = float | Plane
-"""A number for the whole picture, or one per pixel."""
+StyleField: TypeAlias = float | Plane
+"""A style parameter: one number for the whole picture, or one per pixel."""
 
 _LEVELS = 4
-"""Halvings that Bayer's ranks know: strokes of one picture may differ 16-fold in size before the smallest repeat."""
+"""Levels of Bayer's matrix: spacings of one picture may differ by a factor of 2 to this power."""
 
 _UNIT = 2.0**-32
 
 
 @dataclass(frozen=True)
 class Seeds:
-    """Starting points of strokes: `xy` float32 (n, 2) in px, inside the picture, and their names `ids` uint64 (n,)."""
+    """Starting points of strokes: `xy` float32 (n, 2) in px, inside the picture, and their `ids` uint64 (n,)."""
 
     xy: Points
     ids: Ids
@@ -45,25 +45,27 @@ class Seeds:
         return Seeds(np.ascontiguousarray(self.xy[keep]), self.ids[keep])
 
 
-def as_plane(field: Field, shape: tuple[int, ...]) -> Plane:
-    """The field as float32 (h, w), C-contiguous.
+def as_plane(field: StyleField, shape: tuple[int, ...]) -> Plane:
+    """Expand the field to float32 (h, w), C-contiguous.
 
     Raises:
-        BadParameter: it has another shape, or is not finite.
+        BadParameter: the field has another shape than the picture, or is not finite.
     """
     plane = np.asarray(field, np.float32)
     if plane.ndim and plane.shape != tuple(shape[:2]):
         raise BadParameter(
-            "A style field has one value, or one per pixel.",
+            "A style field must have one value, or one per pixel.",
             field="style", value=plane.shape, remedy=f"Give it the shape {tuple(shape[:2])}.",
         )  # fmt: skip
     if not np.isfinite(plane).all():
-        raise BadParameter("A style field has finite values.", field="style", value="nan or inf", remedy="Fill it in.")
+        raise BadParameter(
+            "A style field must be finite.", field="style", value="nan or inf", remedy="Use finite values."
+        )
     return np.ascontiguousarray(np.broadcast_to(plane, shape[:2]))
 
 
-def sample(field: Field, xy: Points) -> NDArray[np.float32]:
-    """The field's value in the pixel that each point lies in, float32 (n,)."""
+def sample(field: StyleField, xy: Points) -> NDArray[np.float32]:
+    """Read the field at the pixel nearest to each point: float32 (n,)."""
     plane = np.asarray(field, np.float32)
     if plane.ndim == 0:
         return np.full(len(xy), plane, np.float32)
@@ -72,50 +74,61 @@ def sample(field: Field, xy: Points) -> NDArray[np.float32]:
 
 
 def nearest(xy: Points, shape: tuple[int, ...]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Column and row of the pixel each point lies in; points outside take the border's."""
+    """Column and row of the pixel nearest to each point, clamped to the picture."""
     x = np.clip(np.floor(xy[:, 0] + 0.5), 0, shape[1] - 1).astype(np.intp)
     y = np.clip(np.floor(xy[:, 1] + 0.5), 0, shape[0] - 1).astype(np.intp)
     return x, y
 
 
+class Grid(NamedTuple):
+    """Cells of the jittered grid: side of a cell in px, and their number."""
+
+    cell_px: float
+    rows: int
+    columns: int
+
+
 def place(
-    shape: tuple[int, ...], spacing_px: Field, *, jitter: float = 1.0, seed: int = 0, layer: int = 0, birth: int = 0
-) -> Seeds:
-    """Seeds about `spacing_px` apart, nowhere further than twice that (without jitter).
+    shape: tuple[int, ...], spacing_px: StyleField, *, jitter: float = 1.0, seed: int = 0, layer: int = 0,
+    birth: int = 0,
+) -> Seeds:  # fmt: skip
+    """Place seeds about `spacing_px` apart; without jitter no place is further than twice that from a seed.
 
     Args:
         shape: (height, width, ...) of the picture.
-        spacing_px: distance of neighbours, > 0; where it is below a sixteenth of its maximum, that sixteenth.
-        jitter: 0 = on the grid, 1 = anywhere within a square of side `spacing_px` about it.
-        seed, layer: whose numbers: each layer has its own jitter.
-        birth: the frame that the seeds are for, a part of their names, not of their places.
+        spacing_px: distance of neighbours, > 0; values below a sixteenth of the maximum count as that sixteenth.
+        jitter: 0 = on the grid, 1 = anywhere within a square of side `spacing_px` about the grid point.
+        seed, layer: random seed, and number of the layer; each layer has its own jitter.
+        birth: frame that the seeds are made for; it is a part of their ids and does not change their places.
 
-    Source: kagaya2011video, section 4.1 (jittered grid). Departure: density follows the size; the paper keeps one
-    density for all styles since it saw jumps, which Bayer's nested grids do not have.
+    Source: kagaya2011video, section 4.1 (jittered grid). Departure: the density follows the stroke size. The paper
+    keeps one density for all styles because a change of density made strokes jump; nested grids avoid the jumps.
     """
     spacing = as_plane(spacing_px, shape)
     if spacing.min(initial=1.0) <= 0:
-        raise BadParameter("Strokes need a spacing above 0.", field="size_px", value=float(spacing.min()))
+        raise BadParameter(
+            "Strokes need a spacing above 0.", field="size_px", value=float(spacing.min()), remedy="Use a size above 0."
+        )
     cell = 2.0 ** math.floor(math.log2(max(float(spacing.min()), float(spacing.max()) / 2**_LEVELS)))
-    rows, columns = (math.ceil(side / cell) for side in shape[:2])
-    xy, ids = np.empty((rows * columns, 2), np.float32), np.empty(rows * columns, np.uint64)
-    n = _place(
-        spacing, cell, jitter, (seed & 0xFFFFFFFF, int(Purpose.PLACE)), layer, birth & 0xFFFFFF, rows, columns, xy, ids
-    )
+    grid = Grid(cell, *(math.ceil(side / cell) for side in shape[:2]))
+    xy, ids = np.empty((grid.rows * grid.columns, 2), np.float32), np.empty(grid.rows * grid.columns, np.uint64)
+    n = _place(spacing, grid, jitter, (seed & 0xFFFFFFFF, int(Purpose.PLACE)), (layer, birth & 0xFFFFFF), xy, ids)
     return Seeds(xy[:n].copy(), ids[:n].copy())
 
 
 @kernel
 def _place(
-    spacing: Plane, cell: float, jitter: float, key: tuple[int, int], layer: int, birth: int, rows: int, columns: int,
-    xy: Points, ids: Ids,
-) -> int:  # fmt: skip
+    spacing: Plane, grid: Grid, jitter: float, key: tuple[int, int], origin: tuple[int, int], xy: Points, ids: Ids
+) -> int:
+    """Fill `xy` and `ids`; return the number of seeds. `origin` is (layer, birth)."""
     height, width = spacing.shape
+    cell = grid.cell_px
+    layer, birth = origin
     n = 0
-    # The cell's size is in the counter, so a change of grid is a change of names; quarter pixels tell all sizes apart.
-    grid = (layer & 0xFF) | (int(cell * 64.0) << 8)
-    for i in range(rows):
-        for j in range(columns):
+    # The cell size is a part of the counter, so another grid gives other ids; quarter pixels distinguish all sizes.
+    salt = (layer & 0xFF) | (int(cell * 64.0) << 8)
+    for i in range(grid.rows):
+        for j in range(grid.columns):
             x, y = (j + 0.5) * cell - 0.5, (i + 0.5) * cell - 0.5
             px, py = min(int(x + 0.5), width - 1), min(int(y + 0.5), height - 1)
             step = max(np.float64(spacing[py, px]), cell)
@@ -124,8 +137,8 @@ def _place(
                 a, b = (j >> k) & 1, (i >> k) & 1
                 rank = rank * 4 + ((a ^ b) * 2 + b)
             if rank / 4.0**_LEVELS * step * step >= cell * cell:
-                continue  # whatever it draws
-            words = philox(j, i, grid, 0, key[0], key[1])
+                continue  # no random number can bring the rank below the limit
+            words = philox(j, i, salt, 0, key[0], key[1])
             rank_unit = (rank + words[2] * _UNIT) / 4.0**_LEVELS
             if rank_unit * step * step >= cell * cell:
                 continue
@@ -133,7 +146,7 @@ def _place(
             y += (words[1] * _UNIT - 0.5) * jitter * step
             xy[n, 0] = min(max(x, 0.0), width - 1.0)
             xy[n, 1] = min(max(y, 0.0), height - 1.0)
-            name = (np.uint64(layer & 0xF) << np.uint64(60)) | (np.uint64(birth) << np.uint64(36))
-            ids[n] = name | (np.uint64(i & 0x3FFFF) << np.uint64(18)) | np.uint64(j & 0x3FFFF)
+            base = (np.uint64(layer & 0xF) << np.uint64(60)) | (np.uint64(birth) << np.uint64(36))
+            ids[n] = base | (np.uint64(i & 0x3FFFF) << np.uint64(18)) | np.uint64(j & 0x3FFFF)
             n += 1
     return n

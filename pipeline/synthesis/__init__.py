@@ -1,1 +1,1 @@
-"""Guided texture synthesis: a picture made of another one's pixels. See `goal`, `engine`, `sweeps`."""
+"""Guided texture synthesis: composes a picture from pixels of a style image. See `energy`, `refine` and `sweeps`."""

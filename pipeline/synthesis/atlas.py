@@ -1,4 +1,4 @@
-"""Several style images as one: one below the other, so far apart that no patch sees two, at sizes that halve."""
+"""Atlas of several style images, stacked vertically with gaps wider than a patch at every pyramid level."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pipeline.synthesis.images import NOWHERE, Bytes, Offsets
 
 @dataclass(frozen=True)
 class Place:
-    """Where an image lies in an atlas: px from its top, and its size."""
+    """Position (rows from the top) and size of an image in an atlas, px."""
 
     top: int
     width: int
@@ -22,17 +22,18 @@ class Place:
 
 @dataclass(frozen=True)
 class Atlas:
-    """Where images lie.
+    """Layout of an atlas.
 
     Attributes:
-        size: (width, height) of the whole, multiples of 2^(levels - 1).
+        places: position and size of each image.
+        size: (width, height) of the atlas, px, multiples of 2^(levels - 1).
     """
 
     places: tuple[Place, ...]
     size: tuple[int, int]
 
     def lay(self, images: Sequence[NDArray[np.generic]]) -> NDArray[np.generic]:
-        """The images in their places; what lies between repeats the border of the nearest."""
+        """Compose the atlas from the images; gaps repeat the border of the image above or to the left."""
         ends = [place.top for place in self.places[1:]] + [self.size[1]]
         parts = []
         for image, place, end in zip(images, self.places, ends, strict=True):
@@ -41,7 +42,7 @@ class Atlas:
         return np.ascontiguousarray(np.concatenate(parts))
 
     def usable(self, masks: Sequence[Bytes | None]) -> Bytes:
-        """1 where an image lies (and its mask is not 0), uint8 (h, w)."""
+        """1 at the pixels of images whose mask is not 0, otherwise 0, uint8 (h, w); mask None = the whole image."""
         out = np.zeros((self.size[1], self.size[0]), np.uint8)
         for place, mask in zip(self.places, masks, strict=True):
             box = out[place.top : place.top + place.height, : place.width]
@@ -49,7 +50,7 @@ class Atlas:
         return out
 
     def identity(self, index: int, painted: Bytes | None) -> Offsets:
-        """Offsets that show image `index` as it is, NOWHERE where its mask is 0."""
+        """Offsets that reproduce image `index`; NOWHERE where `painted` is 0."""
         place = self.places[index]
         y, x = np.mgrid[: place.height, : place.width].astype(np.float32)
         found = np.stack([x, y + np.float32(place.top)], -1)
@@ -59,7 +60,7 @@ class Atlas:
 
 
 def atlas(sizes: Sequence[tuple[int, int]], levels: int, gutter_px: int) -> Atlas:
-    """Places for images of these (width, height), at least `gutter_px` apart at the coarsest of `levels` levels."""
+    """Lay out images of the given (width, height), at least `gutter_px` apart at the coarsest of `levels` levels."""
     unit = 1 << (levels - 1)
 
     def up(value: int) -> int:
@@ -72,8 +73,8 @@ def atlas(sizes: Sequence[tuple[int, int]], levels: int, gutter_px: int) -> Atla
     return Atlas(tuple(places), (up(max(width for width, _ in sizes)), top))
 
 
-def coarser(offsets: Offsets, levels: int) -> Offsets:
-    """Offsets of the finest level as those of a level `levels` up: every second pixel of every second row, halved."""
+def downscaled_offsets(offsets: Offsets, levels: int) -> Offsets:
+    """Downscale offsets by `levels` levels: each takes every second pixel of every second row and halves the values."""
     for _ in range(levels):
         kept = offsets[::2, ::2]
         offsets = np.where(kept > NOWHERE, (kept - np.float32(0.5)) * np.float32(0.5), NOWHERE)

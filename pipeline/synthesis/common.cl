@@ -22,7 +22,7 @@ static float unit(const uint word) { return (float)(word >> 8) * 5.9604645e-8f; 
 
 static int2 rounded(const float2 offset) { return convert_int2_rte(offset); }
 
-static int2 within(const int2 at, const int width, const int height)
+static int2 clamped(const int2 at, const int width, const int height)
 {
     return clamp(at, (int2)(0), (int2)(width - 1, height - 1));
 }
@@ -39,11 +39,11 @@ static int turn_between(global const uchar *style_bins, const int index, const i
 }
 
 /* Where an offset would have a pixel `step` away: C_t(p, step) of benard2013stylizing. */
-static float2 carried(const float2 offset, const float2 step, const int bin, global const uchar *style_bins,
+static float2 extrapolated_offset(const float2 offset, const float2 step, const int bin, global const uchar *style_bins,
                       constant float2 *cosines, const int style_width, const int style_height)
 {
 #if ROTATE
-    const int2 at = within(rounded(offset), style_width, style_height);
+    const int2 at = clamped(rounded(offset), style_width, style_height);
     const float2 c = cosines[turn_between(style_bins, at.y * style_width + at.x, bin)];
     return offset + (float2)(c.x * step.x - c.y * step.y, c.y * step.x + c.x * step.y);
 #else

@@ -1,7 +1,9 @@
 /* Exact Euclidean distance transform: for each pixel, the nearest one of a set. The specification: distance.py. */
 
 /* The row of the nearest set pixel in the same column (the upper one of two), -1 where the column has none. */
-kernel void columns(global const uchar *set, global int *rows, const int width, const int height)
+kernel void columns(
+    global const uchar *set /* height * width */, global int *rows /* height * width */, const int width,
+    const int height)
 {
     const int x = get_global_id(0);
     if (x >= width)
@@ -24,7 +26,9 @@ kernel void columns(global const uchar *set, global int *rows, const int width, 
 
 /* The nearest set pixel less than sqrt(most) away, (-1, -1) where there is none: columns from here outward, the left
    one first. */
-kernel void nearest(global const int *rows, global int2 *out, const int most, const int width, const int height)
+kernel void nearest(
+    global const int *rows /* height * width */, global int2 *out /* height * width */, const int most,
+    const int width, const int height)
 {
     const int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)

@@ -1,4 +1,4 @@
-"""Distance transforms, and fields that go on beyond what they are known of."""
+"""Exact Euclidean distance transforms, and extrapolation of fields beyond the region where they are known."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from numpy.typing import NDArray
 
 from pipeline.compute import Device
 from pipeline.frames import Mask, Plane
-from pipeline.segmentation.jit import kernel
+from pipeline.jit import kernel
 
 _SOURCE = Path(__file__).with_suffix(".cl")
 _FAR_PX = 46340
 Values = TypeVar("Values", bound="NDArray[np.generic]")
 Sites = NDArray[np.int32]
-"""The nearest set pixel of each, int32 (h, w, 2): (x, y), (-1, -1) = there is none."""
+"""Position (x, y) of the nearest True pixel for each pixel, int32 (h, w, 2); (-1, -1) = no such pixel."""
 
 
 def nearest(mask: Mask, device: Device | None = None, reach_px: int = _FAR_PX) -> Sites:
-    """Each pixel's nearest one that is True: exact, Euclidean; of two as near the left one, then the upper one.
+    """The nearest True pixel of each pixel: exact Euclidean distance; ties go to the left, then to the upper pixel.
 
     Args:
         mask: bool (h, w).
-        device: where to compute; None = the reference. The choice changes nothing.
-        reach_px: farther ones are not looked for.
+        device: compute device; None = the reference implementation. Both give the same result.
+        reach_px: maximum distance of the search, px.
     """
     most = min(reach_px, _FAR_PX) ** 2 + 1
     marked = np.ascontiguousarray(mask, np.uint8)
@@ -41,7 +41,7 @@ def nearest(mask: Mask, device: Device | None = None, reach_px: int = _FAR_PX) -
 
 
 def distance(mask: Mask, device: Device | None = None) -> Plane:
-    """Distance to the nearest pixel that is True, px, float32 (h, w); where none is, the image's diagonal."""
+    """Distance to the nearest True pixel, px, float32 (h, w); the image's diagonal if no pixel is True."""
     sites = nearest(mask, device)
     height, width = mask.shape
     x, y = np.arange(width, dtype=np.int64), np.arange(height, dtype=np.int64)[:, None]
@@ -51,21 +51,21 @@ def distance(mask: Mask, device: Device | None = None) -> Plane:
 
 
 def extrapolated(field: Values, sites: Sites) -> Values:
-    """A field that holds where something is known, gone on outside: each pixel has the value of its site, 0 = no site.
+    """Extrapolate a field: each pixel receives the value of its nearest known pixel, or 0 if it has none.
 
-    Source: benard2013stylizing, section 4: velocities carry paint beyond the outline.
+    Source: benard2013stylizing, section 4: velocities are extrapolated so that paint beyond the outline moves too.
 
     Args:
         field: (h, w) or (h, w, channels).
-        sites: `nearest` of the mask of what is known.
+        sites: result of `nearest` for the mask of known pixels.
     """
     found = field[sites[..., 1], sites[..., 0]]
     found[sites[..., 0] < 0] = 0
     return cast(Values, np.ascontiguousarray(found))
 
 
-def within(sites: Sites, reach_px: float) -> Mask:
-    """Where the nearest known pixel is at most so far, bool (h, w)."""
+def within_reach(sites: Sites, reach_px: float) -> Mask:
+    """Mask of the pixels whose nearest known pixel is at most `reach_px` px away, bool (h, w)."""
     height, width = sites.shape[:2]
     x, y = np.arange(width, dtype=np.int64), np.arange(height, dtype=np.int64)[:, None]
     near: Mask = (sites[..., 0] - x) ** 2 + (sites[..., 1] - y) ** 2 <= reach_px**2

@@ -19,7 +19,7 @@ static float2 anywhere(const int x, const int y, const uint seed, const uint str
 {
     for (int k = 0; k < 8; k++) {
         const uint4 words = philox((uint4)(x, y, k, 0x5CA77E12u), (uint2)(seed, stream));
-        const int2 at = within((int2)((int)(unit(words.x) * style_width), (int)(unit(words.y) * style_height)),
+        const int2 at = clamped((int2)((int)(unit(words.x) * style_width), (int)(unit(words.y) * style_height)),
                                style_width, style_height);
         if (usable(at, holes, style_width, style_height))
             return convert_float2(at);
@@ -27,9 +27,11 @@ static float2 anywhere(const int x, const int y, const uint seed, const uint str
     return convert_float2(first);
 }
 
-kernel void scatter(global float2 *offsets, global const uchar *holes, const uint seed, const uint stream,
-                    const int first_x, const int first_y, const int style_width, const int style_height,
-                    const int width, const int height)
+kernel void random_offsets(
+    global float2 *offsets /* height * width */,
+    global const uchar *holes /* HOLES * style_height * style_width */, const uint seed, const uint stream,
+    const int first_x, const int first_y, const int style_width, const int style_height, const int width,
+    const int height)
 {
     const int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)
@@ -40,21 +42,24 @@ kernel void scatter(global float2 *offsets, global const uchar *holes, const uin
 
 /* Colours of the offsets into the target's first COLOURS channels, and the rounded offsets, both with a margin of
    RADIUS px: beyond the frame each border pixel's texture goes on. */
-kernel void render(global const float2 *offsets, global const uchar *bins, global const uchar *style,
-                   global const uchar *style_bins, constant float2 *cosines, global uchar *target,
-                   global short2 *field, const int style_width, const int style_height, const int width,
-                   const int height)
+kernel void render(
+    global const float2 *offsets /* height * width */, global const uchar *bins /* ROTATE * height * width */,
+    global const uchar *style /* (style_height + 2 * PAD) * (style_width + 2 * PAD) * CHANNELS */,
+    global const uchar *style_bins /* ROTATE * style_height * style_width */, constant float2 *cosines /* 64 */,
+    global uchar *target /* (height + 2 * RADIUS) * (width + 2 * RADIUS) * CHANNELS */,
+    global short2 *field /* (height + 2 * RADIUS) * (width + 2 * RADIUS) */, const int style_width,
+    const int style_height, const int width, const int height)
 {
     const int x = get_global_id(0), y = get_global_id(1), stride = width + 2 * RADIUS;
     if (x >= stride || y >= height + 2 * RADIUS)
         return;
-    const int2 here = (int2)(x - RADIUS, y - RADIUS), inside = within(here, width, height);
+    const int2 here = (int2)(x - RADIUS, y - RADIUS), inside = clamped(here, width, height);
     const int index = inside.y * width + inside.x;
     float2 offset = offsets[index];
     if (here.x != inside.x || here.y != inside.y)
-        offset = carried(offset, convert_float2(here - inside), ROTATE ? bins[index] : 255, style_bins, cosines,
+        offset = extrapolated_offset(offset, convert_float2(here - inside), ROTATE ? bins[index] : 255, style_bins, cosines,
                          style_width, style_height);
-    const int2 at = rounded(offset), shown = within(at, style_width, style_height);
+    const int2 at = rounded(offset), shown = clamped(at, style_width, style_height);
     global const uchar *from = style + ((shown.y + PAD) * (style_width + 2 * PAD) + shown.x + PAD) * CHANNELS;
     global uchar *to = target + (y * stride + x) * CHANNELS;
     for (int c = 0; c < COLOURS; c++)
@@ -63,18 +68,22 @@ kernel void render(global const float2 *offsets, global const uchar *bins, globa
 }
 
 /* How often each pixel of the style is shown: eq. 8's histogram. Integers, so that order does not matter. */
-kernel void count(global const float2 *offsets, volatile global int *counts, const int style_width,
-                  const int style_height, const int width, const int height)
+kernel void count(
+    global const float2 *offsets /* height * width */,
+    volatile global int *counts /* style_height * style_width */, const int style_width, const int style_height,
+    const int width, const int height)
 {
     const int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)
         return;
-    const int2 at = within(rounded(offsets[y * width + x]), style_width, style_height);
+    const int2 at = clamped(rounded(offsets[y * width + x]), style_width, style_height);
     atomic_inc(counts + at.y * style_width + at.x);
 }
 
 /* Binomial 1 6 15 20 15 6 1 over 64 along x; the second pass is along y. */
-kernel void blur_counts(global const int *counts, global float *out, const int width, const int height)
+kernel void blur_counts(
+    global const int *counts /* height * width */, global float *out /* height * width */, const int width,
+    const int height)
 {
     const int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)
@@ -87,8 +96,9 @@ kernel void blur_counts(global const int *counts, global float *out, const int w
 }
 
 /* The penalty of eq. 8 for each pixel of the style. */
-kernel void crowding(global const float *rows, global float *out, const float threshold, const float slope,
-                     const int width, const int height)
+kernel void histogram_penalty(
+    global const float *rows /* height * width */, global float *out /* height * width */,
+    const float threshold, const float slope, const int width, const int height)
 {
     const int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)
@@ -102,22 +112,24 @@ kernel void crowding(global const float *rows, global float *out, const float th
 }
 
 /* The other frame's offsets, carried here: nearest sample, then extrapolated; NOWHERE where nothing came from. */
-kernel void advect(global const float2 *offsets, global const uchar *bins, global const float2 *way,
-                   global const uchar *visible, global const uchar *style_bins, constant float2 *cosines,
-                   global const uchar *holes, global float2 *out, const int style_width, const int style_height,
-                   const int width, const int height)
+kernel void advect(
+    global const float2 *offsets /* height * width */, global const uchar *bins /* ROTATE * height * width */,
+    global const float2 *displacement /* height * width */, global const uchar *visible /* height * width */,
+    global const uchar *style_bins /* ROTATE * style_height * style_width */, constant float2 *cosines /* 64 */,
+    global const uchar *holes /* HOLES * style_height * style_width */, global float2 *out /* height * width */,
+    const int style_width, const int style_height, const int width, const int height)
 {
     const int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)
         return;
     const int here = y * width + x;
-    const float2 from = (float2)(x, y) + way[here];
+    const float2 from = (float2)(x, y) + displacement[here];
     const int2 near = rounded(from);
     float2 found = (float2)(NOWHERE);
     if (visible[here] && near.x >= 0 && near.y >= 0 && near.x < width && near.y < height) {
         const int index = near.y * width + near.x;
         if (offsets[index].x > NOWHERE)
-            found = carried(offsets[index], from - convert_float2(near), ROTATE ? bins[index] : 255, style_bins,
+            found = extrapolated_offset(offsets[index], from - convert_float2(near), ROTATE ? bins[index] : 255, style_bins,
                             cosines, style_width, style_height);
         if (!usable(rounded(found), holes, style_width, style_height))
             found = (float2)(NOWHERE);
@@ -127,22 +139,25 @@ kernel void advect(global const float2 *offsets, global const uchar *bins, globa
 
 /* A coarser level's offsets at twice the size, extrapolated from the nearest sample. Style sizes are the coarse one's
    for the directions and the fine one's for what may be used. */
-kernel void upsample(global const float2 *coarse, global const uchar *bins, global const uchar *style_bins,
-                     constant float2 *cosines, global const uchar *holes, global float2 *out,
-                     const int coarse_style_width, const int coarse_style_height, const int coarse_width,
-                     const int coarse_height, const int style_width, const int style_height, const int width,
-                     const int height)
+kernel void upsample(
+    global const float2 *coarse /* coarse_height * coarse_width */,
+    global const uchar *bins /* ROTATE * coarse_height * coarse_width */,
+    global const uchar *style_bins /* ROTATE * coarse_style_height * coarse_style_width */,
+    constant float2 *cosines /* 64 */, global const uchar *holes /* HOLES * style_height * style_width */,
+    global float2 *out /* height * width */, const int coarse_style_width, const int coarse_style_height,
+    const int coarse_width, const int coarse_height, const int style_width, const int style_height,
+    const int width, const int height)
 {
     const int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)
         return;
     const float2 from = ((float2)(x, y) + 0.5f) * 0.5f - 0.5f;
-    const int2 near = within((int2)(x / 2, y / 2), coarse_width, coarse_height);
+    const int2 near = clamped((int2)(x / 2, y / 2), coarse_width, coarse_height);
     const int index = near.y * coarse_width + near.x;
     const float2 offset = coarse[index];
     float2 found = (float2)(NOWHERE);
     if (offset.x > NOWHERE) {
-        found = carried(offset, from - convert_float2(near), ROTATE ? bins[index] : 255, style_bins, cosines,
+        found = extrapolated_offset(offset, from - convert_float2(near), ROTATE ? bins[index] : 255, style_bins, cosines,
                         coarse_style_width, coarse_style_height) * 2.0f + 0.5f;
         if (!usable(rounded(found), holes, style_width, style_height))
             found = offset * 2.0f;
@@ -154,10 +169,11 @@ kernel void upsample(global const float2 *coarse, global const uchar *bins, glob
 
 /* Of two fields, each pixel's offset from the first with probability `share`; what is nowhere in one is taken from
    the other, and anywhere where it is nowhere in both. */
-kernel void merge(global const float2 *first, global const float2 *second, global const uchar *holes,
-                  global float2 *out, const float share, const uint seed, const uint stream, const int first_x,
-                  const int first_y, const int style_width, const int style_height, const int width,
-                  const int height)
+kernel void merge(
+    global const float2 *first /* height * width */, global const float2 *second /* height * width */,
+    global const uchar *holes /* HOLES * style_height * style_width */, global float2 *out /* height * width */,
+    const float share, const uint seed, const uint stream, const int first_x, const int first_y,
+    const int style_width, const int style_height, const int width, const int height)
 {
     const int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)
@@ -171,20 +187,25 @@ kernel void merge(global const float2 *first, global const float2 *second, globa
 }
 
 /* What the pixels looked like before: the advected offsets' colours, and whether there are any. */
-kernel void recall(global const float2 *offsets, global const uchar *style, global uchar4 *out,
-                   const int style_width, const int style_height, const int width, const int height)
+kernel void colours_at(
+    global const float2 *offsets /* height * width */,
+    global const uchar *style /* (style_height + 2 * PAD) * (style_width + 2 * PAD) * CHANNELS */,
+    global uchar4 *out /* height * width */, const int style_width, const int style_height, const int width,
+    const int height)
 {
     const int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)
         return;
     const float2 offset = offsets[y * width + x];
-    const int2 at = within(rounded(offset), style_width, style_height);
+    const int2 at = clamped(rounded(offset), style_width, style_height);
     global const uchar *from = style + ((at.y + PAD) * (style_width + 2 * PAD) + at.x + PAD) * CHANNELS;
     out[y * width + x] = (uchar4)(from[0], from[1], from[2], offset.x > NOWHERE ? 255 : 0);
 }
 
 /* Offsets that are given (painted pixels) over those that were found. */
-kernel void impose(global const float2 *given, global float2 *offsets, const int width, const int height)
+kernel void impose(
+    global const float2 *given /* height * width */, global float2 *offsets /* height * width */,
+    const int width, const int height)
 {
     const int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)

@@ -1,4 +1,4 @@
-"""Which way to a frame's neighbour in time: from optical flow, or from velocities that are given."""
+"""Displacement and visibility between neighbouring frames, from optical flow or given velocities."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from pipeline.synthesis.images import Bytes, halved
 
 @dataclass(frozen=True)
 class Motion:
-    """From a frame to a neighbour in time."""
+    """Motion from a frame to the next or the previous frame."""
 
-    way: Flow
-    """float32 (h, w, 2): from each pixel to where it is in the other frame, px."""
+    displacement: Flow
+    """Displacement from each pixel to its position in the other frame, px, float32 (h, w, 2)."""
     visible: Bytes
-    """uint8 (h, w): chi of benard2013stylizing, 1 = seen in the other frame."""
+    """chi of benard2013stylizing: 1 = visible in the other frame, 0 = occluded; uint8 (h, w)."""
 
 
-def between(velocity_plus: Flow, velocity_minus: Flow, epsilon_px2: float) -> tuple[Motion, Motion]:
+def motions_between(velocity_plus: Flow, velocity_minus: Flow, epsilon_px2: float) -> tuple[Motion, Motion]:
     """The motions between two frames: from the first to the second, and back.
 
     Args:
         velocity_plus: V+ of the first frame: a point at p goes to p + V+(p).
         velocity_minus: V- of the second frame: a point at p came from p - V-(p).
-        epsilon_px2: of chi; math.inf = nothing is ever taken to be hidden.
+        epsilon_px2: tolerance of chi, px^2; math.inf = every pixel counts as visible.
     """
     forth = chi_plus(velocity_plus, velocity_minus, epsilon_px2)
     back = chi_minus(velocity_minus, velocity_plus, epsilon_px2)
@@ -38,19 +38,19 @@ def between(velocity_plus: Flow, velocity_minus: Flow, epsilon_px2: float) -> tu
 STILL_PX = 0.1
 BARELY_PX = 0.5
 STILL_LEVELS = 2.0
-"""Mean difference of the grays over 5x5 up to which what barely moves stands still."""
+"""Maximum mean gray difference over 5x5 px at which velocities below `BARELY_PX` are set to 0, gray levels."""
 
 
-def stilled(velocity: Flow, here: Bytes, there: Bytes) -> Flow:
-    """A velocity field that is exactly 0 where nothing moves.
+def suppress_small_motion(velocity: Flow, here: Bytes, there: Bytes) -> Flow:
+    """Set estimated velocities to exactly 0 in static regions.
 
     Args:
-        velocity: float32 (h, w, 2), px, as estimated.
-        here, there: uint8 (h, w), both frames' grays.
+        velocity: estimated velocity, px, float32 (h, w, 2).
+        here, there: gray images of both frames, uint8 (h, w).
 
-    Departure: an estimated velocity is a few hundredths of a pixel wherever nothing moves, and strokes that it carries
-    slip to and fro by a pixel. Up to `STILL_PX` it is taken for 0, and up to `BARELY_PX` where the pictures do not
-    differ. A flat part of what moves faster goes on moving with the rest of it.
+    Departure from the paper: optical flow is a few hundredths of a pixel in static regions, which would make advected
+    strokes jitter by a pixel. Velocities below `STILL_PX` are set to 0, and velocities below `BARELY_PX` if the images
+    do not differ there. Untextured parts of faster objects keep their velocity.
     """
     squares = np.square(velocity).sum(-1)
     apart = cv2.boxFilter(cv2.absdiff(here, there), cv2.CV_32F, (5, 5))
@@ -58,10 +58,10 @@ def stilled(velocity: Flow, here: Bytes, there: Bytes) -> Flow:
     return np.where(still[..., None], np.float32(0), velocity)
 
 
-def coarser(velocity: Flow, levels: int) -> Flow:
-    """A velocity field `levels` levels up: half the size and half the speed each.
+def downscaled_velocity(velocity: Flow, levels: int) -> Flow:
+    """Downscale a velocity field by `levels` pyramid levels; each level halves the size and the speed.
 
-    The top left pixel of each four, since a mean of two objects' velocities is neither's.
+    Takes the top left pixel of each 2x2 block, because the mean over two objects is the velocity of neither.
     """
     for _ in range(levels):
         velocity = np.asarray(halved(velocity, nearest=True), np.float32) / np.float32(2)

@@ -1,4 +1,7 @@
-"""Synthesis on a device: launches of `patchmatch.cl` and `fields.cl`, nothing more. The specification: `reference`."""
+"""Synthesis operations on an OpenCL device: launches the kernels of `patchmatch.cl` and `fields.cl`.
+
+`reference` is their specification and gives the same bytes.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.compute import Device, DeviceArray, Launch
-from pipeline.synthesis.goal import SCALE_SHIFT, STEP_SCALE, Goal, cosines, steps_table, tables, taps
+from pipeline.synthesis.energy import SCALE_SHIFT, Energy, cosines, steps_table, tables, taps
 from pipeline.synthesis.images import TAIL, Bytes, Style, Target, padded
 from pipeline.synthesis.images import packed as pack
-from pipeline.synthesis.operations import Key, Loaded, Search, Sitting
+from pipeline.synthesis.operations import FrameState, LoadedStyle, RandomKey, Search, iteration, words
 
 _HERE = Path(__file__)
 _COMMON, _FIELDS, _PATCHES = (_HERE.with_name(f"{name}.cl") for name in ("common", "fields", "patchmatch"))
@@ -20,14 +23,14 @@ Size = tuple[int, int]
 
 
 class Kernels:
-    """The operations of `operations.Operations` on a device; what they make stays there."""
+    """Implementation of `operations.Operations` on a device. Results stay in device memory."""
 
     def __init__(self, device: Device) -> None:
         self.device = device
         self._nothing = device.zeros((16,), np.int32)
         self.costs: DeviceArray | None = None
-        """What the goal function came to at each pixel in the latest iteration, float32 (h, w)."""
-        self._constants: dict[Goal, tuple[DeviceArray, ...]] = {}
+        """Cost of each pixel after the latest iteration, float32 (h, w)."""
+        self._constants: dict[Energy, tuple[DeviceArray, ...]] = {}
         self._cosines = device.upload(cosines())
 
     def upload(self, array: NDArray[Any]) -> DeviceArray:
@@ -37,189 +40,198 @@ class Kernels:
         return self.device.download(array)
 
     def finish(self) -> None:
-        """Wait for what has been handed over."""
+        """Wait until all submitted work is done."""
         self.device.finish()
 
-    def _tables(self, goal: Goal) -> tuple[DeviceArray, ...]:
-        if goal not in self._constants:
-            made = tables(goal)
-            arrays = (made.weights, made.keyed, made.step_weights)
-            self._constants[goal] = tuple(self.upload(a) for a in arrays)
-        return self._constants[goal]
+    def _tables(self, energy: Energy) -> tuple[DeviceArray, ...]:
+        if energy not in self._constants:
+            made = tables(energy)
+            arrays = (made.weights, made.share, made.step_weights)
+            self._constants[energy] = tuple(self.upload(a) for a in arrays)
+        return self._constants[energy]
 
-    def load(self, style: Style, goal: Goal) -> Loaded[DeviceArray]:
-        """A style, ready for patches: padded features, taps as pixels of that image."""
-        width = style.size[0] + 2 * goal.pad
-        found = taps(goal.radius)
+    def load(self, style: Style, energy: Energy) -> LoadedStyle[DeviceArray]:
+        """Upload a style: features padded for patches, and patch taps as pixel indices of the padded image."""
+        width = style.size[0] + 2 * energy.pad
+        found = taps(energy.radius)
         turns = np.ascontiguousarray(found[..., 1] * width + found[..., 0], np.int32)
-        return Loaded(
-            style, goal,
-            self.upload(padded(style.features, goal.pad)),
+        return LoadedStyle(
+            style, energy,
+            self.upload(padded(style.features, energy.pad)),
             self._or_nothing(style.bins), self._or_nothing(style.usable), self._or_nothing(style.distance),
-            self.upload(turns), self.upload(steps_table(goal.radius, style.bins is not None)),
+            self.upload(turns), self.upload(steps_table(energy.radius, style.bins is not None)),
         )  # fmt: skip
 
     def _or_nothing(self, array: NDArray[Any] | None) -> DeviceArray:
         return self._nothing if array is None else self.upload(array)
 
     def margined(self, plane: Bytes, margin_px: int) -> DeviceArray:
-        """A plane with its border repeated around it."""
+        """Upload a plane, padded by `margin_px` px of its repeated border."""
         return self.upload(padded(plane, margin_px))
 
-    def seat(self, style: Loaded[DeviceArray], target: Target) -> Sitting[DeviceArray]:
-        """A frame, its colours not yet rendered."""
-        goal, (width, height) = style.goal, target.size
-        blank = pack(goal, np.zeros((height, width, goal.colours), np.uint8), target.guides)
-        stride, rows = width + 2 * goal.radius, height + 2 * goal.radius
+    def prepare(self, style: LoadedStyle[DeviceArray], target: Target) -> FrameState[DeviceArray]:
+        """Upload a frame; its colours are not rendered yet."""
+        energy, (width, height) = style.energy, target.size
+        blank = pack(energy, np.zeros((height, width, energy.colours), np.uint8), target.guides)
+        stride, rows = width + 2 * energy.radius, height + 2 * energy.radius
         field = self.device.empty((rows * stride * 2 + TAIL,), np.int16)
         bins = None if target.bins is None else self.upload(target.bins)
         distance = None if target.distance is None else self.upload(target.distance)
-        return Sitting(target.size, self.upload(padded(blank, goal.radius)), field, bins, distance)
+        return FrameState(target.size, self.upload(padded(blank, energy.radius)), field, bins, distance)
 
-    def _defines(self, style: Loaded[DeviceArray]) -> dict[str, int]:
+    def _defines(self, style: LoadedStyle[DeviceArray]) -> dict[str, int]:
         return {
-            "RADIUS": style.goal.radius,
-            "CHANNELS": style.goal.channels,
-            "COLOURS": style.goal.colours,
-            "PAD": style.goal.pad,
+            "RADIUS": style.energy.radius,
+            "CHANNELS": style.energy.channels,
+            "COLOURS": style.energy.colours,
+            "PAD": style.energy.pad,
             "ROTATE": int(style.style.bins is not None),
             "HOLES": int(style.style.usable is not None),
         }
 
-    def _at(self, style: Loaded[DeviceArray], name: str, size: Size, *args: Any, over: Size | None = None) -> Launch:
-        """Over every pixel; the frame's width and height are the last two arguments."""
+    def _at(
+        self, style: LoadedStyle[DeviceArray], name: str, size: Size, *args: Any, over: Size | None = None
+    ) -> Launch:
+        """A launch with one work item per pixel; appends the frame's width and height to the arguments."""
         kernel = self.device.kernel(_FIELDS, name, self._defines(style), _COMMON)
         return kernel.at(over or size, *args, *size)
 
-    def scatter(self, style: Loaded[DeviceArray], size: Size, key: Key) -> DeviceArray:
-        """Random offsets."""
+    def random_offsets(self, style: LoadedStyle[DeviceArray], size: Size, key: RandomKey) -> DeviceArray:
+        """Uniformly random offsets, float32 (h, w, 2)."""
         out = self.device.empty((size[1], size[0], 2))
-        args = (out, style.usable, *_words(key), *style.style.first, *style.size)
-        self.device.run(self._at(style, "scatter", size, *args))
+        args = (out, style.usable, *map(np.uint32, words(key)), *style.style.first, *style.size)
+        self.device.run(self._at(style, "random_offsets", size, *args))
         return out
 
-    def render(self, style: Loaded[DeviceArray], sitting: Sitting[DeviceArray], offsets: DeviceArray) -> None:
-        """Show the offsets' colours in the frame, with a margin in which each border pixel's texture goes on."""
-        margin = 2 * style.goal.radius
-        over = (sitting.size[0] + margin, sitting.size[1] + margin)
+    def render(self, style: LoadedStyle[DeviceArray], state: FrameState[DeviceArray], offsets: DeviceArray) -> None:
+        """Write the style colours at `offsets` into the frame; the margin continues the texture of border pixels."""
+        margin = 2 * style.energy.radius
+        over = (state.size[0] + margin, state.size[1] + margin)
         args = (
-            offsets, sitting.bins or self._nothing, style.features, style.bins, self._cosines, sitting.packed,
-            sitting.field, *style.size,
+            offsets, state.bins or self._nothing, style.features, style.bins, self._cosines, state.packed,
+            state.field, *style.size,
         )  # fmt: skip
-        self.device.run(self._at(style, "render", sitting.size, *args, over=over))
+        self.device.run(self._at(style, "render", state.size, *args, over=over))
 
-    def penalty(self, style: Loaded[DeviceArray], size: Size, offsets: DeviceArray) -> DeviceArray:
-        """Eq. 8 for each pixel of the style: how often it is used, blurred, beyond the limit."""
-        goal, (width, height) = style.goal, style.size
+    def penalty(self, style: LoadedStyle[DeviceArray], size: Size, offsets: DeviceArray) -> DeviceArray:
+        """Histogram penalty (eq. 8) of each style pixel: blurred number of uses in excess of the limit."""
+        energy, (width, height) = style.energy, style.size
         counts = self.device.zeros((height, width), np.int32)
         rows, out = self.device.empty((height, width)), self.device.empty((height, width))
         alike = max(1.0, size[0] * size[1] / _usable_area(style.style))
-        threshold = np.float32(goal.h_limit * alike)
-        slope = np.float32(goal.w_h / alike * tables(goal).centre)
+        threshold = np.float32(energy.h_limit * alike)
+        slope = np.float32(energy.w_h / alike * tables(energy).centre)
         self.device.run(self._at(style, "count", size, offsets, counts, width, height))
         self.device.run(self._at(style, "blur_counts", style.size, counts, rows))
-        self.device.run(self._at(style, "crowding", style.size, rows, out, threshold, slope))
+        self.device.run(self._at(style, "histogram_penalty", style.size, rows, out, threshold, slope))
         return out
 
     def improve(
-        self, style: Loaded[DeviceArray], sitting: Sitting[DeviceArray], offsets: DeviceArray,
-        penalty: DeviceArray | None, key: Key, round_: int, search: Search, top: int = 0,
+        self, style: LoadedStyle[DeviceArray], state: FrameState[DeviceArray], offsets: DeviceArray,
+        penalty: DeviceArray | None, search: Search,
     ) -> DeviceArray:  # fmt: skip
-        """One iteration: every pixel's offset, or a better one from its neighbours, the ribbons or chance.
-
-        Args:
-            top: row of the frame that is the first one here; chance is keyed by the frame's rows.
-        """
-        goal, made, none = style.goal, tables(style.goal), self._nothing
-        out = self.device.empty((sitting.size[1], sitting.size[0], 2))
-        self.costs = self.device.empty((sitting.size[1], sitting.size[0]))
-        weights, keyed, step_weights = self._tables(goal)
-        past = sitting.past
-        args = (
-            offsets, out, self.costs, sitting.packed, sitting.field,
-            sitting.bins or none, style.features, style.bins, style.usable, style.distance, weights, style.turns,
-            self._cosines, style.steps, step_weights, sitting.before or none, penalty or none,
-            sitting.distance or none, sitting.was or none, past.packed if past else none,
-            past.visible if past else none, keyed, sitting.ribbons or none, sitting.given or none,
-            round(goal.r_max_px2),
-            np.float32(goal.w_sc * made.unit / STEP_SCALE), np.float32(goal.w_tc / goal.colours * made.centre),
-            np.float32(goal.d_max_px), np.float32(goal.w_dt * made.centre), search.jump, np.float32(search.search_px),
-            np.float32(search.ribbon_px), *_words(key), np.uint32(round_), top, *style.size,
-        )  # fmt: skip
-        kernel = self.device.kernel(_PATCHES, "improve", self._terms(style, sitting, penalty), _COMMON)
-        self.device.run(kernel.at(sitting.size, *args, *sitting.size))
+        """One PatchMatch iteration: the best offset of each pixel among neighbours, ribbons and random candidates."""
+        out = self.device.empty((state.size[1], state.size[0], 2))
+        self.costs = self.device.empty((state.size[1], state.size[0]))
+        weights, share, step_weights = self._tables(style.energy)
+        neighbour, none = state.neighbour, self._nothing
+        kernel = self.device.kernel(_PATCHES, "improve", self._terms(style, state, penalty), _COMMON)
+        self.device.run(kernel.at(
+            state.size, iteration(style, state.size, search), offsets, out, self.costs, state.packed, state.field,
+            state.bins or none, style.features, style.bins, style.usable, style.distance, weights, style.turns,
+            self._cosines, style.steps, step_weights, state.advected_colours or none, penalty or none,
+            state.distance or none, state.advected or none, neighbour.packed if neighbour else none,
+            neighbour.visible if neighbour else none, share, state.ribbons or none, state.fixed or none,
+        ))  # fmt: skip
         return out
 
     def _terms(
-        self, style: Loaded[DeviceArray], sitting: Sitting[DeviceArray], penalty: DeviceArray | None
+        self, style: LoadedStyle[DeviceArray], state: FrameState[DeviceArray], penalty: DeviceArray | None
     ) -> dict[str, int]:
-        """Which terms the kernel is compiled with: what is not there costs nothing."""
+        """Macros that select the energy terms compiled into the kernel; absent terms cost no time."""
         present = {
-            "COHERENT": style.goal.w_sc > 0,
-            "TEMPORAL": sitting.before is not None,
+            "COHERENT": style.energy.w_sc > 0,
+            "TEMPORAL": state.advected_colours is not None,
             "HISTOGRAM": penalty is not None,
-            "LINES": sitting.distance is not None,
-            "KEYED": sitting.past is not None,
-            "RIBBONS": sitting.ribbons is not None,
-            "FROZEN": sitting.given is not None,
+            "LINES": state.distance is not None and style.style.distance is not None,
+            "KEYED": state.neighbour is not None,
+            "RIBBONS": state.ribbons is not None,
+            "FROZEN": state.fixed is not None,
         }
-        shape = {"VECTORS": style.goal.vectors, "SCALE_SHIFT": SCALE_SHIFT}
+        shape = {"VECTORS": style.energy.vectors, "SCALE_SHIFT": SCALE_SHIFT}
         return self._defines(style) | shape | {name: int(there) for name, there in present.items()}
 
     def advect(
-        self, style: Loaded[DeviceArray], sitting: Sitting[DeviceArray], offsets: DeviceArray,
-        bins: DeviceArray | None, way: DeviceArray, visible: DeviceArray,
+        self, style: LoadedStyle[DeviceArray], state: FrameState[DeviceArray], offsets: DeviceArray,
+        bins: DeviceArray | None, displacement: DeviceArray, visible: DeviceArray,
     ) -> DeviceArray:  # fmt: skip
-        """Another frame's offsets, carried to this one: nearest sample, extrapolated through both directions.
+        """Advect the offsets of another frame to this one: nearest sample, extrapolated with both frames' directions.
 
         Args:
-            offsets, bins: the other frame's.
-            way: float32 (h, w, 2): from each pixel of this frame to where it is in the other, px.
-            visible: uint8 (h, w): 0 = not seen there.
+            offsets, bins: offsets and directions of the other frame.
+            displacement: float32 (h, w, 2): from each pixel of this frame to its position in the other frame, px.
+            visible: uint8 (h, w): 0 = not visible in the other frame.
         """
-        out = self.device.empty((sitting.size[1], sitting.size[0], 2))
+        out = self.device.empty((state.size[1], state.size[0], 2))
         args = (
-            offsets, bins or self._nothing, way, visible, style.bins, self._cosines, style.usable, out, *style.size,
+            offsets, bins or self._nothing, displacement, visible, style.bins, self._cosines, style.usable, out,
+            *style.size,
         )  # fmt: skip
-        self.device.run(self._at(style, "advect", sitting.size, *args))
+        self.device.run(self._at(style, "advect", state.size, *args))
         return out
 
     def upsample(
-        self, coarse: Loaded[DeviceArray], sitting: Sitting[DeviceArray], offsets: DeviceArray,
-        style: Loaded[DeviceArray], to: Sitting[DeviceArray],
+        self, coarse: LoadedStyle[DeviceArray], state: FrameState[DeviceArray], offsets: DeviceArray,
+        style: LoadedStyle[DeviceArray], to: FrameState[DeviceArray],
     ) -> DeviceArray:  # fmt: skip
-        """A coarser level's offsets at twice the size, extrapolated as `advect` does."""
+        """Upsample the offsets of the next coarser level by 2, extrapolated as in `advect`."""
         out = self.device.empty((to.size[1], to.size[0], 2))
         args = (
-            offsets, sitting.bins or self._nothing, coarse.bins, self._cosines, style.usable, out, *coarse.size,
-            *sitting.size, *style.size,
+            offsets, state.bins or self._nothing, coarse.bins, self._cosines, style.usable, out, *coarse.size,
+            *state.size, *style.size,
         )  # fmt: skip
         self.device.run(self._at(style, "upsample", to.size, *args))
         return out
 
     def merge(
-        self, style: Loaded[DeviceArray], size: Size, first: DeviceArray, second: DeviceArray, share: float, key: Key
+        self,
+        style: LoadedStyle[DeviceArray],
+        size: Size,
+        first: DeviceArray,
+        second: DeviceArray,
+        share: float,
+        key: RandomKey,
     ) -> DeviceArray:
-        """Each pixel's offset from `first` with probability `share`, else from `second`; what is there wins."""
+        """Random merge: the offset of `first` with probability `share`, otherwise of `second`.
+
+        If only one of the two has an offset at a pixel, that one is used.
+        """
         out = self.device.empty((size[1], size[0], 2))
-        args = (first, second, style.usable, out, np.float32(share), *_words(key), *style.style.first, *style.size)
+        args = (
+            first,
+            second,
+            style.usable,
+            out,
+            np.float32(share),
+            *map(np.uint32, words(key)),
+            *style.style.first,
+            *style.size,
+        )
         self.device.run(self._at(style, "merge", size, *args))
         return out
 
-    def recall(self, style: Loaded[DeviceArray], size: Size, offsets: DeviceArray) -> DeviceArray:
-        """Colours of offsets, uint8 (h, w, 4), the fourth 0 where there are none."""
+    def colours_at(self, style: LoadedStyle[DeviceArray], size: Size, offsets: DeviceArray) -> DeviceArray:
+        """Style colours at the offsets, uint8 (h, w, 4); the fourth channel is 0 at pixels without an offset."""
         out = self.device.empty((size[1], size[0], 4), np.uint8)
-        self.device.run(self._at(style, "recall", size, offsets, style.features, out, *style.size))
+        self.device.run(self._at(style, "colours_at", size, offsets, style.features, out, *style.size))
         return out
 
-    def impose(self, style: Loaded[DeviceArray], size: Size, given: DeviceArray, offsets: DeviceArray) -> DeviceArray:
-        """The given offsets where there are any. In place."""
+    def impose(
+        self, style: LoadedStyle[DeviceArray], size: Size, given: DeviceArray, offsets: DeviceArray
+    ) -> DeviceArray:
+        """Overwrite `offsets` in place by the `given` offsets, at pixels that have one."""
         self.device.run(self._at(style, "impose", size, given, offsets))
         return offsets
-
-
-def _words(key: Key) -> tuple[np.uint32, np.uint32]:
-    return np.uint32(key[0] & 0xFFFFFFFF), np.uint32(key[1] & 0xFFFFFFFF)
 
 
 def _usable_area(style: Style) -> int:

@@ -1,6 +1,6 @@
-"""The operations synthesis is made of, whatever they run on: `opencl.Kernels`, or `reference.Reference`.
+"""Interface of the synthesis operations, implemented by `opencl.Kernels`, `reference.Reference` and `bands.Bands`.
 
-T is an array where the operations run: offset fields float32 (h, w, 2), costs float32 (h, w), images as bytes.
+T is the array type of an implementation: offset fields are float32 (h, w, 2), costs float32 (h, w), images bytes.
 """
 
 from __future__ import annotations
@@ -8,29 +8,30 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
+import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.synthesis.goal import Goal
+from pipeline.synthesis.energy import STEP_SCALE, Energy, tables
 from pipeline.synthesis.images import Style, Target
 
 T = TypeVar("T")
-Key = tuple[int, int]
-"""Of Philox: (seed, stream), 32 bits each."""
+RandomKey = tuple[int, int]
+"""Key of the Philox random number generator: (seed, stream), 32 bits each."""
 
 
 @dataclass
-class Loaded(Generic[T]):
-    """A style where the operations run."""
+class LoadedStyle(Generic[T]):
+    """A style, in arrays of the implementation."""
 
     style: Style
-    goal: Goal
+    energy: Energy
     features: T
-    """Padded by `goal.pad`."""
+    """Style features, padded by `energy.pad` px."""
     bins: T
     usable: T
     distance: T
     turns: T
-    """Taps as pixels in the padded style."""
+    """Patch taps of each turn, as pixel indices of the padded style."""
     steps: T
 
     @property
@@ -39,73 +40,101 @@ class Loaded(Generic[T]):
 
 
 @dataclass
-class Sitting(Generic[T]):
-    """A frame where the operations run, with all that its cost depends on. Absent terms are None."""
+class FrameState(Generic[T]):
+    """A frame, in arrays of the implementation, with all data that its cost depends on. Absent terms are None."""
 
     size: tuple[int, int]
     packed: T
-    """Colours (of the offsets rendered last) and guides, with a margin of `goal.radius`."""
+    """Colours of the most recently rendered offsets, and guides, with a margin of `energy.radius` px."""
     field: T
-    """The offsets rendered last, rounded, with the same margin: shorts."""
+    """The most recently rendered offsets, rounded to shorts, with the same margin."""
     bins: T | None = None
     distance: T | None = None
-    was: T | None = None
-    """Advected offsets, NOWHERE where there are none."""
-    before: T | None = None
-    """Advected colours, uint8 (h, w, 4), the fourth 0 where there are none: eq. 6 and 7."""
-    past: Past[T] | None = None
+    advected: T | None = None
+    """Advected offsets; NOWHERE = none."""
+    advected_colours: T | None = None
+    """Advected colours for eq. 6 and 7, uint8 (h, w, 4); the fourth channel is 0 at pixels without a colour."""
+    neighbour: NeighbourAppearance[T] | None = None
     ribbons: T | None = None
-    """float32 (2, h, w, 2): corresponding places in the style of the last and the next key."""
-    given: T | None = None
-    """Offsets that are not to be changed, NOWHERE where they are free."""
+    """Corresponding positions in the style for the previous and the next keyframe, float32 (2, h, w, 2)."""
+    fixed: T | None = None
+    """Fixed offsets; NOWHERE = the pixel is free."""
 
 
 @dataclass
-class Past(Generic[T]):
-    """What eq. 10 compares with."""
+class NeighbourAppearance(Generic[T]):
+    """Appearance of the neighbouring frame, which eq. 10 compares with."""
 
     packed: T
-    """The other frame's colours and guides as seen from here, with a margin."""
+    """Colours and guides of the other frame, warped to this one, with a margin."""
     visible: T
-    """uint8, with a margin: 0 where a pixel is not seen in the other frame."""
-
-
-class Operations(Protocol[T]):
-    """See `opencl.Kernels` for what each does; sizes are (width, height) px."""
-
-    def upload(self, array: NDArray[Any]) -> T: ...
-    def fetch(self, array: T) -> NDArray[Any]: ...
-    def finish(self) -> None: ...
-    def load(self, style: Style, goal: Goal) -> Loaded[T]: ...
-    def margined(self, plane: NDArray[Any], margin_px: int) -> T: ...
-    def seat(self, style: Loaded[T], target: Target) -> Sitting[T]: ...
-    def scatter(self, style: Loaded[T], size: tuple[int, int], key: Key) -> T: ...
-    def render(self, style: Loaded[T], sitting: Sitting[T], offsets: T) -> None: ...
-    def penalty(self, style: Loaded[T], size: tuple[int, int], offsets: T) -> T: ...
-    def improve(
-        self,
-        style: Loaded[T],
-        sitting: Sitting[T],
-        offsets: T,
-        penalty: T | None,
-        key: Key,
-        round_: int,
-        search: Search,
-    ) -> T: ...
-    def advect(self, style: Loaded[T], sitting: Sitting[T], offsets: T, bins: T | None, way: T, visible: T) -> T: ...
-    def upsample(self, coarse: Loaded[T], sitting: Sitting[T], offsets: T, style: Loaded[T], to: Sitting[T]) -> T: ...
-    def merge(self, style: Loaded[T], size: tuple[int, int], first: T, second: T, share: float, key: Key) -> T: ...
-    def recall(self, style: Loaded[T], size: tuple[int, int], offsets: T) -> T: ...
-    def impose(self, style: Loaded[T], size: tuple[int, int], given: T, offsets: T) -> T: ...
+    """uint8 for each byte of `packed`: 255 = the pixel is visible in the other frame, 0 = it is not."""
 
 
 @dataclass(frozen=True)
 class Search:
-    """Where an iteration looks."""
+    """Parameters of one iteration: its candidates, and the key of its random numbers."""
 
+    key: RandomKey
+    round: int = 0
     jump: int = 1
-    """Candidates come from the four neighbours, and from the four at this distance, px."""
+    """Distance of four further neighbours that propose candidates besides the four direct ones, px; 1 = none."""
     search_px: float = 8.0
-    """Radius of the first random draw."""
+    """Radius of the first random candidate, px."""
     ribbon_px: float = 3.0
-    """Radius of the draw around a ribbon's end."""
+    """Radius of the random candidates around a ribbon's end, px."""
+    top: int = 0
+    """First row of a band within the frame; random numbers depend on the row within the frame."""
+
+
+class Operations(Protocol[T]):
+    """Synthesis operations, documented in `opencl.Kernels`. Sizes are (width, height) px."""
+
+    def upload(self, array: NDArray[Any]) -> T: ...
+    def fetch(self, array: T) -> NDArray[Any]: ...
+    def finish(self) -> None: ...
+    def load(self, style: Style, energy: Energy) -> LoadedStyle[T]: ...
+    def margined(self, plane: NDArray[Any], margin_px: int) -> T: ...
+    def prepare(self, style: LoadedStyle[T], target: Target) -> FrameState[T]: ...
+    def random_offsets(self, style: LoadedStyle[T], size: tuple[int, int], key: RandomKey) -> T: ...
+    def render(self, style: LoadedStyle[T], state: FrameState[T], offsets: T) -> None: ...
+    def penalty(self, style: LoadedStyle[T], size: tuple[int, int], offsets: T) -> T: ...
+    def improve(
+        self, style: LoadedStyle[T], state: FrameState[T], offsets: T, penalty: T | None, search: Search
+    ) -> T: ...
+    def advect(
+        self, style: LoadedStyle[T], state: FrameState[T], offsets: T, bins: T | None, displacement: T, visible: T
+    ) -> T: ...
+    def upsample(
+        self, coarse: LoadedStyle[T], state: FrameState[T], offsets: T, style: LoadedStyle[T], to: FrameState[T]
+    ) -> T: ...
+    def merge(
+        self, style: LoadedStyle[T], size: tuple[int, int], first: T, second: T, share: float, key: RandomKey
+    ) -> T: ...
+    def colours_at(self, style: LoadedStyle[T], size: tuple[int, int], offsets: T) -> T: ...
+    def impose(self, style: LoadedStyle[T], size: tuple[int, int], given: T, offsets: T) -> T: ...
+
+
+ITERATION = np.dtype(
+    [("reach", "i4"), *((name, "f4") for name in ("coherence", "steadiness", "line_limit", "line_weight")),
+     ("jump", "i4"), ("search_px", "f4"), ("ribbon_px", "f4"), ("seed", "u4"), ("stream", "u4"), ("round", "u4"),
+     *((name, "i4") for name in ("top", "style_width", "style_height", "width", "height"))]
+)  # fmt: skip
+"""Layout of the struct `Iteration` in patchmatch.cl."""
+
+
+def iteration(style: LoadedStyle[Any], size: tuple[int, int], search: Search) -> np.void:
+    """The parameters of an iteration as a record, for the kernel and the reference implementation."""
+    energy, made = style.energy, tables(style.energy)
+    values = (
+        round(energy.r_max_px2), energy.w_sc * made.unit / STEP_SCALE, energy.w_tc / energy.colours * made.centre,
+        energy.d_max_px, energy.w_dt * made.centre, search.jump, search.search_px, search.ribbon_px,
+        *words(search.key), search.round, search.top, *style.size, *size,
+    )  # fmt: skip
+    numbers: np.void = np.array(values, ITERATION)[()]  # type: ignore[assignment]
+    return numbers
+
+
+def words(key: RandomKey) -> tuple[int, int]:
+    """The two 32-bit words of a key."""
+    return key[0] & 0xFFFFFFFF, key[1] & 0xFFFFFFFF

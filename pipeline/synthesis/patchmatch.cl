@@ -28,17 +28,16 @@ typedef struct {
     constant int8 *step_weights;     /* SIDE * 2 */
     int reach;                       /* r_max */
     float coherence;
-    int4 before;                     /* advected colour, w = known */
+    int4 advected_colour;                   /* advected colour, w = known */
     float steadiness;
     global const float *penalty;     /* of each style pixel, eq. 8 */
     global const float *style_distance;
     float distance, line_limit, line_weight;
     global const uchar *holes;       /* 0 = may not be used */
 #if KEYED
-    const short16 *wanted;           /* SIDE * VECTORS: what the derivative terms expect of the style */
-    const short16 *wanted_weights;
+    const short16 *expected;         /* SIDE * VECTORS: the target with the change of eq. 10 added */
 #endif
-} Spot;
+} Patch;
 
 static uint total(const uint8 lanes)
 {
@@ -71,16 +70,16 @@ static uchar16 turned(global const uint *centre, global const int *taps, const i
 }
 #endif
 
-static uint8 row_difference(const Spot *spot, const int2 at, const int turn, const int row, uint8 lanes)
+static uint8 row_difference(const Patch *patch, const int2 at, const int turn, const int row, uint8 lanes)
 {
-    const int width = spot->style_width + 2 * PAD;
-    global const uchar *mine = spot->target + row * spot->target_row;
+    const int width = patch->style_width + 2 * PAD;
+    global const uchar *mine = patch->target + row * patch->target_row;
 #if ROTATE
-    global const uint *centre = (global const uint *)spot->style + ((at.y + PAD) * width + at.x + PAD) * WORDS;
-    global const int *taps = spot->turns + turn * SIDE * SIDE + row * SIDE;
+    global const uint *centre = (global const uint *)patch->style + ((at.y + PAD) * width + at.x + PAD) * WORDS;
+    global const int *taps = patch->turns + turn * SIDE * SIDE + row * SIDE;
 #else
     global const uchar *theirs =
-        spot->style + ((at.y + PAD + row - RADIUS) * width + at.x + PAD - RADIUS) * CHANNELS;
+        patch->style + ((at.y + PAD + row - RADIUS) * width + at.x + PAD - RADIUS) * CHANNELS;
 #endif
     for (int v = 0; v < VECTORS; v++) {
 #if ROTATE
@@ -88,26 +87,27 @@ static uint8 row_difference(const Spot *spot, const int2 at, const int turn, con
 #else
         const short16 style = convert_short16(vload16(v, theirs));
 #endif
-        const short16 difference = convert_short16(vload16(v, mine)) - style;
-        lanes += squares(difference * spot->weights[row * VECTORS + v]);
 #if KEYED
-        lanes += squares((spot->wanted[row * VECTORS + v] - style) * spot->wanted_weights[row * VECTORS + v]);
+        const short16 difference = patch->expected[row * VECTORS + v] - style;
+#else
+        const short16 difference = convert_short16(vload16(v, mine)) - style;
 #endif
+        lanes += squares(difference * patch->weights[row * VECTORS + v]);
     }
     return lanes;
 }
 
 /* Eq. 5: how far the neighbours are from where this offset would have them. */
-static uint incoherence(const Spot *spot, const int2 at, const int turn)
+static uint incoherence(const Patch *patch, const int2 at, const int turn)
 {
     const short2 here = convert_short2(at);
     const short16 base = (short16)(here, here, here, here, here, here, here, here);
     uint8 sum = 0;
     for (int row = 0; row < SIDE; row++)
         for (int v = 0; v < 2; v++) {
-            const short16 off = vload16(v, spot->field + row * spot->field_row) - base - spot->steps[(turn * SIDE + row) * 2 + v];
+            const short16 off = vload16(v, patch->field + row * patch->field_row) - base - patch->steps[(turn * SIDE + row) * 2 + v];
             const short16 near = clamp(off, (short16)(-255), (short16)(255));
-            sum += as_uint8(min(as_int8(squares(near)), (int8)(spot->reach)) * spot->step_weights[row * 2 + v]);
+            sum += as_uint8(min(as_int8(squares(near)), (int8)(patch->reach)) * patch->step_weights[row * 2 + v]);
         }
     const uint4 four = sum.lo + sum.hi;
     const uint2 two = four.lo + four.hi;
@@ -115,37 +115,37 @@ static uint incoherence(const Spot *spot, const int2 at, const int turn)
 }
 
 /* The terms that look at the centre alone: eq. 6 to 9. */
-static float centre_cost(const Spot *spot, const int2 at)
+static float centre_cost(const Patch *patch, const int2 at)
 {
     float cost = 0.0f;
-    const int index = at.y * spot->style_width + at.x;
+    const int index = at.y * patch->style_width + at.x;
 #if TEMPORAL
     global const uchar *pixel =
-        spot->style + ((at.y + PAD) * (spot->style_width + 2 * PAD) + at.x + PAD) * CHANNELS;
-    const int3 off = (int3)(pixel[0], pixel[1], pixel[2]) - spot->before.xyz;
-    cost += spot->before.w ? spot->steadiness * (float)(off.x * off.x + off.y * off.y + off.z * off.z) : 0.0f;
+        patch->style + ((at.y + PAD) * (patch->style_width + 2 * PAD) + at.x + PAD) * CHANNELS;
+    const int3 off = (int3)(pixel[0], pixel[1], pixel[2]) - patch->advected_colour.xyz;
+    cost += patch->advected_colour.w ? patch->steadiness * (float)(off.x * off.x + off.y * off.y + off.z * off.z) : 0.0f;
 #endif
 #if HISTOGRAM
-    cost += spot->penalty[index];
+    cost += patch->penalty[index];
 #endif
 #if LINES
-    const float apart = fmin(fabs(spot->distance - spot->style_distance[index]), spot->line_limit);
-    cost += spot->line_weight * (apart * apart);
+    const float apart = fmin(fabs(patch->distance - patch->style_distance[index]), patch->line_limit);
+    cost += patch->line_weight * (apart * apart);
 #endif
     return cost;
 }
 
 /* Eq. 1 at this pixel for one offset, or something not below `limit`. */
-static float goal(const Spot *spot, const int2 at, const float limit)
+static float patch_cost(const Patch *patch, const int2 at, const float limit)
 {
-    float cost = centre_cost(spot, at);
+    float cost = centre_cost(patch, at);
     if (cost >= limit)
         return cost;
-    const int turn = turn_between(spot->style_bins, at.y * spot->style_width + at.x, spot->bin);
-    uint8 lanes = row_difference(spot, at, turn, RADIUS, (uint8)(0));
+    const int turn = turn_between(patch->style_bins, at.y * patch->style_width + at.x, patch->bin);
+    uint8 lanes = row_difference(patch, at, turn, RADIUS, (uint8)(0));
     for (int out = 1; out <= RADIUS; out++) {
-        lanes = row_difference(spot, at, turn, RADIUS - out, lanes);
-        lanes = row_difference(spot, at, turn, RADIUS + out, lanes);
+        lanes = row_difference(patch, at, turn, RADIUS - out, lanes);
+        lanes = row_difference(patch, at, turn, RADIUS + out, lanes);
         const float so_far = cost + (float)total(lanes);
         if (so_far >= limit)
             return so_far;
@@ -153,7 +153,7 @@ static float goal(const Spot *spot, const int2 at, const float limit)
     cost += (float)total(lanes);
 #if COHERENT
     if (cost < limit)
-        cost += spot->coherence * (float)incoherence(spot, at, turn);
+        cost += patch->coherence * (float)incoherence(patch, at, turn);
 #endif
     return cost;
 }
@@ -167,18 +167,18 @@ typedef struct {
 
 static int same(const int2 a, const int2 b) { return a.x == b.x && a.y == b.y; }
 
-static void consider(const Spot *spot, Best *best, const float2 offset)
+static void consider(const Patch *patch, Best *best, const float2 offset)
 {
     const int2 at = rounded(offset);
-    if (at.x < 0 || at.y < 0 || at.x >= spot->style_width || at.y >= spot->style_height)
+    if (at.x < 0 || at.y < 0 || at.x >= patch->style_width || at.y >= patch->style_height)
         return;
     if (same(at, best->at) || same(at, best->refused))
         return;
 #if HOLES
-    if (!spot->holes[at.y * spot->style_width + at.x])
+    if (!patch->holes[at.y * patch->style_width + at.x])
         return;
 #endif
-    const float cost = goal(spot, at, best->cost);
+    const float cost = patch_cost(patch, at, best->cost);
     if (cost < best->cost) {
         best->offset = offset;
         best->at = at;
@@ -188,31 +188,43 @@ static void consider(const Spot *spot, Best *best, const float2 offset)
 }
 
 #if KEYED
-/* What eq. 10 expects of the style at each tap: what it was where the pixel came from, and the change since. */
-static void expect(const Spot *spot, const float2 was, global const uchar *past, global const uchar *visible,
-                   const int row_px, constant short *weights, short *wanted, short *wanted_weights)
+/* The patch that the style is compared with where eq. 10 holds: the target, moved by `share` / 128 of the difference
+   between the style at the advected offset and the neighbouring frame. Two squares with a common variable are one
+   square plus a constant, so that eq. 3, 4 and 10 together cost as much as eq. 3 and 4. */
+static void expect(const Patch *patch, const float2 advected, global const uchar *neighbour,
+                   global const uchar *visible, constant short16 *share, short16 *expected)
 {
-    const int2 at = within(rounded(was), spot->style_width, spot->style_height);
-    const int width = spot->style_width + 2 * PAD;
-    const int turn = turn_between(spot->style_bins, at.y * spot->style_width + at.x, spot->bin);
-    global const uchar *centre = spot->style + ((at.y + PAD) * width + at.x + PAD) * CHANNELS;
-    for (int i = 0; i < SIDE * ROW; i++)
-        wanted[i] = wanted_weights[i] = 0;
-    for (int row = 0; row < SIDE; row++)
-        for (int tap = 0; tap < SIDE; tap++) {
-            if (was.x <= NOWHERE || !visible[row * row_px + tap])
-                continue;
-            global const uchar *then = centre + spot->turns[(turn * SIDE + row) * SIDE + tap] * CHANNELS;
-            for (int c = 0; c < CHANNELS; c++) {
-                const int i = row * ROW + tap * CHANNELS + c, j = (row * row_px + tap) * CHANNELS + c;
-                wanted[i] = (short)((int)then[c] + (int)spot->target[j] - (int)past[j]);
-                wanted_weights[i] = weights[i];
-            }
+    const int2 at = clamped(rounded(advected), patch->style_width, patch->style_height);
+    const int width = patch->style_width + 2 * PAD, known = advected.x > NOWHERE;
+    const int turn = turn_between(patch->style_bins, at.y * patch->style_width + at.x, patch->bin);
+    for (int row = 0; row < SIDE; row++) {
+        global const uchar *now = patch->target + row * patch->target_row;
+        global const uchar *then = neighbour + row * patch->target_row;
+        global const uchar *seen = visible + row * patch->target_row;
+#if ROTATE
+        global const uint *centre =
+            (global const uint *)patch->style + ((at.y + PAD) * width + at.x + PAD) * WORDS;
+        global const int *taps = patch->turns + turn * SIDE * SIDE + row * SIDE;
+#else
+        global const uchar *theirs =
+            patch->style + ((at.y + PAD + row - RADIUS) * width + at.x + PAD - RADIUS) * CHANNELS;
+#endif
+        for (int v = 0; v < VECTORS; v++) {
+            const short16 target = convert_short16(vload16(v, now));
+#if ROTATE
+            const short16 style = convert_short16(turned(centre, taps, v * 16 / CHANNELS, SIDE - 1));
+#else
+            const short16 style = convert_short16(vload16(v, theirs));
+#endif
+            const short16 mask = convert_short16(as_char16(vload16(v, seen)));
+            const short16 change = (style - convert_short16(vload16(v, then))) & mask;
+            expected[row * VECTORS + v] = known ? target + ((change * share[v] + (short16)(64)) >> 7) : target;
         }
+    }
 }
 #endif
 
-static void propagate(const Spot *spot, Best *best, global const float2 *offsets, global const uchar *bins,
+static void propagate(const Patch *patch, Best *best, global const float2 *offsets, global const uchar *bins,
                       constant float2 *cosines, const int jump, const int x, const int y, const int width,
                       const int height)
 {
@@ -223,106 +235,128 @@ static void propagate(const Spot *spot, Best *best, global const float2 *offsets
         if (x + dx < 0 || x + dx >= width || y + dy < 0 || y + dy >= height)
             continue;
         const int other = (y + dy) * width + x + dx;
-        consider(spot, best,
-                 carried(offsets[other], (float2)(-dx, -dy), ROTATE ? bins[other] : 255, spot->style_bins, cosines,
-                         spot->style_width, spot->style_height));
+        consider(patch, best,
+                 extrapolated_offset(offsets[other], (float2)(-dx, -dy), ROTATE ? bins[other] : 255, patch->style_bins, cosines,
+                         patch->style_width, patch->style_height));
     }
 }
 
 /* Around the best so far, `far` px and less: two draws for each number of Philox, each span half the last. */
-static void search(const Spot *spot, Best *best, float far, const uint4 counter, const uint2 key)
+static void search(const Patch *patch, Best *best, float far, const uint4 counter, const uint2 key)
 {
     for (int step = 0; far >= 1.0f; far *= 0.25f, step++) {
         const uint4 words = philox(counter + (uint4)(0, 0, 0, step), key);
         for (int k = 0; k < 2; k++) {
             const float2 draw = (float2)(unit(k ? words.z : words.x), unit(k ? words.w : words.y)) * 2.0f - 1.0f;
             const int2 step_px = convert_int2_rte(draw * (k ? far * 0.5f : far));
-            consider(spot, best, convert_float2(best->at + step_px));
+            consider(patch, best, convert_float2(best->at + step_px));
         }
     }
 }
 
+/* The numbers of an iteration; energy.py has the same layout as a structured dtype. */
+typedef struct {
+    int reach;                       /* r_max of eq. 5, px^2 */
+    float coherence, steadiness;
+    float line_limit, line_weight;
+    int jump;
+    float search_px, ribbon_px;
+    uint seed, stream, round;
+    int top;                         /* row of the frame that is the first one here */
+    int style_width, style_height, width, height;
+} Iteration;
+
 __attribute__((vec_type_hint(short16))) kernel void
-improve(global const float2 *offsets, global float2 *improved, global float *costs, global const uchar *target,
-        global const short *field, global const uchar *bins, global const uchar *style,
-        global const uchar *style_bins, global const uchar *holes, global const float *style_distance,
-        constant short16 *weights, global const int *turns, constant float2 *cosines, global const short16 *steps,
-        constant int8 *step_weights, global const uchar4 *before, global const float *penalty,
-        global const float *distance, global const float2 *was, global const uchar *past,
-        global const uchar *visible, constant short *keyed_weights, global const float2 *ribbons,
-        global const float2 *given, const int reach, const float coherence, const float steadiness,
-        const float line_limit, const float line_weight, const int jump, const float search_px,
-        const float ribbon_px, const uint seed, const uint stream, const uint round_, const int top,
-        const int style_width, const int style_height, const int width, const int height)
+improve(
+    const Iteration it, global const float2 *offsets /* height * width */,
+    global float2 *improved /* height * width */, global float *costs /* height * width */,
+    global const uchar *target /* (height + 2 * RADIUS) * (width + 2 * RADIUS) * CHANNELS + 64 */,
+    global const short *field /* 2 * (height + 2 * RADIUS) * (width + 2 * RADIUS) + 32 */,
+    global const uchar *bins /* ROTATE * height * width */,
+    global const uchar *style /* (style_height + 2 * PAD) * (style_width + 2 * PAD) * CHANNELS + 64 */,
+    global const uchar *style_bins /* ROTATE * style_height * style_width */,
+    global const uchar *holes /* HOLES * style_height * style_width */,
+    global const float *style_distance /* LINES * style_height * style_width */,
+    constant short16 *weights /* (2 * RADIUS + 1) * VECTORS */,
+    global const int *turns /* 64 * (2 * RADIUS + 1) * (2 * RADIUS + 1) */, constant float2 *cosines /* 64 */,
+    global const short16 *steps /* (63 * ROTATE + 1) * (2 * RADIUS + 1) * 2 */,
+    constant int8 *step_weights /* (2 * RADIUS + 1) * 2 */,
+    global const uchar4 *advected_colours /* TEMPORAL * height * width */,
+    global const float *penalty /* HISTOGRAM * style_height * style_width */,
+    global const float *distance /* LINES * height * width */,
+    global const float2 *advected /* (TEMPORAL or KEYED) * height * width */,
+    global const uchar *neighbour /* KEYED * ((height + 2 * RADIUS) * (width + 2 * RADIUS) * CHANNELS + 64) */,
+    global const uchar *visible /* KEYED * ((height + 2 * RADIUS) * (width + 2 * RADIUS) * CHANNELS + 64) */,
+    constant short16 *share /* VECTORS */, global const float2 *ribbons /* RIBBONS * 2 * height * width */,
+    global const float2 *fixed /* FROZEN * height * width */)
 {
     const int x = get_global_id(0), y = get_global_id(1);
+    const int width = it.width, height = it.height, style_width = it.style_width, style_height = it.style_height;
     if (x >= width || y >= height)
         return;
     const int here = y * width + x, stride = width + 2 * RADIUS, corner = y * stride + x;
 #if FROZEN
-    if (given[here].x > NOWHERE) {
-        improved[here] = given[here];
+    if (fixed[here].x > NOWHERE) {
+        improved[here] = fixed[here];
         costs[here] = 0.0f;
         return;
     }
 #endif
-    Spot spot;
-    spot.target = target + corner * CHANNELS;
-    spot.target_row = stride * CHANNELS;
-    spot.style = style;
-    spot.style_width = style_width;
-    spot.style_height = style_height;
-    spot.weights = weights;
-    spot.style_bins = style_bins;
-    spot.turns = turns;
-    spot.bin = ROTATE ? bins[here] : 255;
-    spot.field = field + corner * 2;
-    spot.field_row = stride * 2;
-    spot.steps = steps;
-    spot.step_weights = step_weights;
-    spot.reach = reach;
-    spot.coherence = coherence;
-    spot.steadiness = steadiness;
-    spot.penalty = penalty;
-    spot.style_distance = style_distance;
-    spot.line_limit = line_limit;
-    spot.line_weight = line_weight;
-    spot.holes = holes;
+    Patch patch;
+    patch.target = target + corner * CHANNELS;
+    patch.target_row = stride * CHANNELS;
+    patch.style = style;
+    patch.style_width = style_width;
+    patch.style_height = style_height;
+    patch.weights = weights;
+    patch.style_bins = style_bins;
+    patch.turns = turns;
+    patch.bin = ROTATE ? bins[here] : 255;
+    patch.field = field + corner * 2;
+    patch.field_row = stride * 2;
+    patch.steps = steps;
+    patch.step_weights = step_weights;
+    patch.reach = it.reach;
+    patch.coherence = it.coherence;
+    patch.steadiness = it.steadiness;
+    patch.penalty = penalty;
+    patch.style_distance = style_distance;
+    patch.line_limit = it.line_limit;
+    patch.line_weight = it.line_weight;
+    patch.holes = holes;
 #if TEMPORAL
-    spot.before = convert_int4(before[here]);
+    patch.advected_colour = convert_int4(advected_colours[here]);
 #endif
 #if LINES
-    spot.distance = distance[here];
+    patch.distance = distance[here];
 #endif
 #if KEYED
-    short16 wanted[SIDE * VECTORS], wanted_weights[SIDE * VECTORS];
-    expect(&spot, was[here], past + corner * CHANNELS, visible + corner, stride, keyed_weights, (short *)wanted,
-           (short *)wanted_weights);
-    spot.wanted = wanted;
-    spot.wanted_weights = wanted_weights;
+    short16 expected[SIDE * VECTORS];
+    expect(&patch, advected[here], neighbour + corner * CHANNELS, visible + corner * CHANNELS, share, expected);
+    patch.expected = expected;
 #endif
     Best best;
     best.offset = offsets[here];
-    best.at = within(rounded(best.offset), style_width, style_height);
+    best.at = clamped(rounded(best.offset), style_width, style_height);
     best.refused = (int2)(-1);
-    best.cost = goal(&spot, best.at, INFINITE);
+    best.cost = patch_cost(&patch, best.at, INFINITE);
 #if TEMPORAL
-    if (was[here].x > NOWHERE)
-        consider(&spot, &best, was[here]);
+    if (advected[here].x > NOWHERE)
+        consider(&patch, &best, advected[here]);
 #endif
-    propagate(&spot, &best, offsets, bins, cosines, jump, x, y, width, height);
+    propagate(&patch, &best, offsets, bins, cosines, it.jump, x, y, width, height);
 #if RIBBONS
     for (int k = 0; k < 2; k++) {
         const float2 ribbon = ribbons[k * width * height + here];
         if (ribbon.x <= NOWHERE)
             continue;
-        const uint4 words = philox((uint4)(x, y + top, round_, 0x41BB0000u + k), (uint2)(seed, stream));
+        const uint4 words = philox((uint4)(x, y + it.top, it.round, 0x41BB0000u + k), (uint2)(it.seed, it.stream));
         const float2 draw = (float2)(unit(words.x), unit(words.y)) * 2.0f - 1.0f;
-        consider(&spot, &best, ribbon);
-        consider(&spot, &best, ribbon + convert_float2(convert_int2_rte(draw * ribbon_px)));
+        consider(&patch, &best, ribbon);
+        consider(&patch, &best, ribbon + convert_float2(convert_int2_rte(draw * it.ribbon_px)));
     }
 #endif
-    search(&spot, &best, search_px, (uint4)(x, y + top, round_, 0), (uint2)(seed, stream));
+    search(&patch, &best, it.search_px, (uint4)(x, y + it.top, it.round, 0), (uint2)(it.seed, it.stream));
     improved[here] = best.offset;
     costs[here] = best.cost;
 }

@@ -1,4 +1,4 @@
-"""Synthesis in NumPy and Numba: the specification of `fields.cl` and `patchmatch.cl`, operation by operation."""
+"""Reference implementation of synthesis in NumPy and Numba: the specification of `fields.cl` and `patchmatch.cl`."""
 
 from __future__ import annotations
 
@@ -7,20 +7,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.segmentation.jit import kernel
+from pipeline.jit import kernel
 from pipeline.strokes.random import philox
-from pipeline.synthesis.goal import NO_DIRECTION, STEP_SCALE, cosines, tables, taps
-from pipeline.synthesis.goal import Goal as Goal
+from pipeline.synthesis.energy import NO_DIRECTION, cosines, tables, taps
+from pipeline.synthesis.energy import Energy as Energy
 from pipeline.synthesis.images import NOWHERE, Offsets, Style, Target
 from pipeline.synthesis.images import packed as pack
-from pipeline.synthesis.operations import Key, Loaded, Search, Sitting
-from pipeline.synthesis.reference_goal import carried, improve, unit
+from pipeline.synthesis.operations import FrameState, LoadedStyle, RandomKey, Search, iteration, words
+from pipeline.synthesis.reference_energy import Inputs, Iteration, extrapolated_offset, improve, unit
 
 Array = NDArray[Any]
 Size = tuple[int, int]
 _NONE = np.zeros(0, np.uint8)
 _BINOMIAL = (20, 15, 6, 1)
 _NOWHERE = NOWHERE
+_WHOLE = ("reach", "jump", "seed", "stream", "round")
 _SCATTER, _MERGE = 0x5CA77E12, 0x3E26E000
 
 
@@ -29,7 +30,7 @@ def _spread(image: Array, margin: int) -> Array:
 
 
 class Reference:
-    """The operations of `operations.Operations` in memory."""
+    """Implementation of `operations.Operations` in host memory."""
 
     def upload(self, array: Array) -> Array:
         return array
@@ -38,101 +39,114 @@ class Reference:
         return array
 
     def finish(self) -> None:
-        """Nothing goes on behind."""
+        """Return immediately: all operations are synchronous."""
 
-    def load(self, style: Style, goal: Goal) -> Loaded[Array]:
+    def load(self, style: Style, energy: Energy) -> LoadedStyle[Array]:
         def there(array: Array | None, like: Any = np.uint8) -> Array:
             return np.zeros((0, 0), like) if array is None else array
 
-        features = _spread(style.features, goal.pad)
+        features = _spread(style.features, energy.pad)
         distance = there(style.distance, np.float32)
-        return Loaded(style, goal, features, there(style.bins), there(style.usable), distance, taps(goal.radius), _NONE)
+        return LoadedStyle(
+            style, energy, features, there(style.bins), there(style.usable), distance, taps(energy.radius), _NONE
+        )
 
     def margined(self, plane: Array, margin_px: int) -> Array:
         return _spread(plane, margin_px)
 
-    def seat(self, style: Loaded[Array], target: Target) -> Sitting[Array]:
-        goal, (width, height) = style.goal, target.size
-        blank = pack(goal, np.zeros((height, width, goal.colours), np.uint8), target.guides)
-        field = np.zeros((height + 2 * goal.radius, width + 2 * goal.radius, 2), np.int16)
-        return Sitting(target.size, _spread(blank, goal.radius), field, target.bins, target.distance)
+    def prepare(self, style: LoadedStyle[Array], target: Target) -> FrameState[Array]:
+        energy, (width, height) = style.energy, target.size
+        blank = pack(energy, np.zeros((height, width, energy.colours), np.uint8), target.guides)
+        field = np.zeros((height + 2 * energy.radius, width + 2 * energy.radius, 2), np.int16)
+        return FrameState(target.size, _spread(blank, energy.radius), field, target.bins, target.distance)
 
-    def scatter(self, style: Loaded[Array], size: Size, key: Key) -> Array:
+    def random_offsets(self, style: LoadedStyle[Array], size: Size, key: RandomKey) -> Array:
         out = np.full((size[1], size[0], 2), NOWHERE, np.float32)
-        _merge(out, out, out, np.float32(0), style.usable, *_words(key), style.style.first, style.size)
+        _merge(out, out, out, np.float32(0), style.usable, *words(key), style.style.first, style.size)
         return out
 
-    def render(self, style: Loaded[Array], sitting: Sitting[Array], offsets: Array) -> None:
-        goal, bins = style.goal, sitting.bins if sitting.bins is not None else np.zeros((0, 0), np.uint8)
-        _render(offsets, bins, style.features, style.bins, cosines(), sitting.packed, sitting.field, goal.radius,
-                goal.pad, goal.colours)  # fmt: skip
+    def render(self, style: LoadedStyle[Array], state: FrameState[Array], offsets: Array) -> None:
+        energy, bins = style.energy, state.bins if state.bins is not None else np.zeros((0, 0), np.uint8)
+        _render(offsets, bins, style.features, style.bins, cosines(), state.packed, state.field, energy.radius,
+                energy.pad, energy.colours)  # fmt: skip
 
-    def penalty(self, style: Loaded[Array], size: Size, offsets: Array) -> Array:
-        goal, (width, height) = style.goal, style.size
+    def penalty(self, style: LoadedStyle[Array], size: Size, offsets: Array) -> Array:
+        energy, (width, height) = style.energy, style.size
         at = np.rint(offsets).astype(np.int64)
         index = np.clip(at[..., 1], 0, height - 1) * width + np.clip(at[..., 0], 0, width - 1)
         counts = np.bincount(index.ravel(), minlength=width * height).reshape(height, width).astype(np.float32)
         sum_ = _binomial(_binomial(counts, 1), 0)
         area = width * height if style.style.usable is None else max(1, int(np.count_nonzero(style.style.usable)))
         alike = max(1.0, size[0] * size[1] / area)
-        threshold = np.float32(goal.h_limit * alike)
-        slope = np.float32(goal.w_h / alike * tables(goal).centre)
+        threshold = np.float32(energy.h_limit * alike)
+        slope = np.float32(energy.w_h / alike * tables(energy).centre)
         return np.asarray(slope * np.maximum(np.float32(0), sum_ * np.float32(2.44140625e-4) - threshold), np.float32)
 
     def improve(
-        self, style: Loaded[Array], sitting: Sitting[Array], offsets: Array, penalty: Array | None, key: Key,
-        round_: int, search: Search,
-    ) -> Array:  # fmt: skip
-        goal, made, out = style.goal, tables(style.goal), np.empty_like(offsets)
-        past = sitting.past
-        numbers = np.array(
-            [round(goal.r_max_px2), goal.w_sc * made.unit / STEP_SCALE, goal.w_tc / goal.colours * made.centre,
-             goal.d_max_px, goal.w_dt * made.centre], np.float32,
-        )  # fmt: skip
+        self, style: LoadedStyle[Array], state: FrameState[Array], offsets: Array, penalty: Array | None, search: Search
+    ) -> Array:
+        _energy, made, out = style.energy, tables(style.energy), np.empty_like(offsets)
+        neighbour = state.neighbour
+        lines = None if style.style.distance is None else state.distance
         flat, deep = np.zeros((0, 0), np.float32), np.zeros((0, 0, 0), np.float32)
         bytes2, bytes3 = np.zeros((0, 0), np.uint8), np.zeros((0, 0, 0), np.uint8)
-        improve(
-            offsets, out, sitting.packed, sitting.field, _or(sitting.bins, bytes2), style.features, style.bins,
-            style.usable, style.distance, made.weights, style.turns, cosines(), made.step_weights,
-            _or(sitting.before, bytes3), _or(penalty, flat), _or(sitting.distance, flat), _or(sitting.was, deep),
-            past.packed if past else bytes3, past.visible if past else bytes2, made.keyed,
-            _or(sitting.ribbons, np.zeros((0, 0, 0, 0), np.float32)), _or(sitting.given, deep), numbers,
-            goal.channels, goal.pad, search.jump, np.float32(search.search_px), np.float32(search.ribbon_px),
-            *_words(key), round_,
+        inputs = Inputs(
+            offsets, state.packed, state.field, _or(state.bins, bytes2), style.features, style.bins, style.usable,
+            style.distance, made.weights, style.turns, cosines(), made.step_weights,
+            _or(state.advected_colours, bytes3), _or(penalty, flat), _or(lines, flat),
+            _or(state.advected, deep), neighbour.packed if neighbour else bytes3,
+            neighbour.visible if neighbour else bytes3, made.share,
+            _or(state.ribbons, np.zeros((0, 0, 0, 0), np.float32)), _or(state.fixed, deep),
         )  # fmt: skip
+        improve(inputs, self._iteration(style, state.size, search), out)
         return out
 
+    @staticmethod
+    def _iteration(style: LoadedStyle[Array], size: Size, search: Search) -> Iteration:
+        numbers = iteration(style, size, search)
+        given: dict[str, Any] = {name: numbers[name] for name in Iteration._fields[:-2]}
+        whole = {name: int(given[name]) for name in _WHOLE}
+        return Iteration(**(given | whole), channels=style.energy.channels, pad=style.energy.pad)
+
     def advect(
-        self, style: Loaded[Array], sitting: Sitting[Array], offsets: Array, bins: Array | None, way: Array,
+        self, style: LoadedStyle[Array], state: FrameState[Array], offsets: Array, bins: Array | None, displacement:
+        Array,
         visible: Array,
     ) -> Array:  # fmt: skip
-        out = np.empty((sitting.size[1], sitting.size[0], 2), np.float32)
+        out = np.empty((state.size[1], state.size[0], 2), np.float32)
         there = _or(bins, np.zeros((0, 0), np.uint8))
         turned = style.bins if style.style.bins is not None else np.zeros((0, 0), np.uint8)
         usable = style.usable if style.style.usable is not None else np.zeros((0, 0), np.uint8)
-        _advect(offsets, there, way, visible, turned, cosines(), usable, out, style.size)
+        _advect(offsets, there, displacement, visible, turned, cosines(), usable, out, style.size)
         return out
 
     def upsample(
-        self, coarse: Loaded[Array], sitting: Sitting[Array], offsets: Array, style: Loaded[Array], to: Sitting[Array]
+        self,
+        coarse: LoadedStyle[Array],
+        state: FrameState[Array],
+        offsets: Array,
+        style: LoadedStyle[Array],
+        to: FrameState[Array],
     ) -> Array:
         out = np.empty((to.size[1], to.size[0], 2), np.float32)
-        there = _or(sitting.bins, np.zeros((0, 0), np.uint8))
+        there = _or(state.bins, np.zeros((0, 0), np.uint8))
         _upsample(offsets, there, coarse.bins, cosines(), style.usable, out, coarse.size, style.size)
         return out
 
-    def merge(self, style: Loaded[Array], size: Size, first: Array, second: Array, share: float, key: Key) -> Array:
+    def merge(
+        self, style: LoadedStyle[Array], size: Size, first: Array, second: Array, share: float, key: RandomKey
+    ) -> Array:
         out = np.empty((size[1], size[0], 2), np.float32)
-        _merge(first, second, out, np.float32(share), style.usable, *_words(key), style.style.first, style.size)
+        _merge(first, second, out, np.float32(share), style.usable, *words(key), style.style.first, style.size)
         return out
 
-    def recall(self, style: Loaded[Array], size: Size, offsets: Array) -> Array:
-        pad = style.goal.pad
+    def colours_at(self, style: LoadedStyle[Array], size: Size, offsets: Array) -> Array:
+        pad = style.energy.pad
         x, y = (np.clip(np.rint(offsets[..., k]).astype(np.int64), 0, style.size[k] - 1) for k in (0, 1))
         known = np.where(offsets[..., 0] > NOWHERE, np.uint8(255), np.uint8(0))
         return np.dstack([style.features[y + pad, x + pad, :3], known])
 
-    def impose(self, style: Loaded[Array], size: Size, given: Array, offsets: Array) -> Array:
+    def impose(self, style: LoadedStyle[Array], size: Size, given: Array, offsets: Array) -> Array:
         np.copyto(offsets, given, where=given[..., :1] > NOWHERE)
         return offsets
 
@@ -141,12 +155,8 @@ def _or(array: Array | None, absent: Array) -> Array:
     return absent if array is None else array
 
 
-def _words(key: Key) -> tuple[int, int]:
-    return key[0] & 0xFFFFFFFF, key[1] & 0xFFFFFFFF
-
-
 def _binomial(image: Array, axis: int) -> Array:
-    """1 6 15 20 15 6 1 along an axis, its border repeated; exact in float32."""
+    """Filter with the kernel 1 6 15 20 15 6 1 along an axis, with repeated border; exact in float32."""
     wide = np.pad(image, [(3, 3) if axis == k else (0, 0) for k in (0, 1)], "edge")
     size = image.shape[axis]
 
@@ -201,7 +211,8 @@ def _render(
             ox, oy = offsets[iy, ix, 0], offsets[iy, ix, 1]
             if hx != ix or hy != iy:
                 direction = bins[iy, ix] if bins.size else NO_DIRECTION
-                ox, oy = carried(ox, oy, np.float32(hx - ix), np.float32(hy - iy), direction, style_bins, cosines,
+                ox, oy = extrapolated_offset(ox, oy, np.float32(hx - ix), np.float32(hy - iy), direction, style_bins,
+                cosines,
                                  style_width, style_height)  # fmt: skip
             ax, ay = int(np.rint(ox)), int(np.rint(oy))
             sx, sy = min(max(ax, 0), style_width - 1), min(max(ay, 0), style_height - 1)
@@ -212,19 +223,20 @@ def _render(
 
 @kernel
 def _advect(
-    offsets: Offsets, bins: Array, way: Array, visible: Array, style_bins: Array, cosines: Array, usable: Array,
+    offsets: Offsets, bins: Array, displacement: Array, visible: Array, style_bins: Array, cosines: Array, usable:
+    Array,
     out: Offsets, size: tuple[int, int],
 ) -> None:  # fmt: skip
     height, width = out.shape[:2]
     for y in range(height):
         for x in range(width):
-            fx, fy = np.float32(x) + way[y, x, 0], np.float32(y) + way[y, x, 1]
+            fx, fy = np.float32(x) + displacement[y, x, 0], np.float32(y) + displacement[y, x, 1]
             nx, ny = int(np.rint(fx)), int(np.rint(fy))
             found_x, found_y = _NOWHERE, _NOWHERE
             if visible[y, x] and 0 <= nx < width and 0 <= ny < height:
                 if offsets[ny, nx, 0] > _NOWHERE:
                     direction = bins[ny, nx] if bins.size else NO_DIRECTION
-                    found_x, found_y = carried(
+                    found_x, found_y = extrapolated_offset(
                         offsets[ny, nx, 0], offsets[ny, nx, 1], fx - np.float32(nx), fy - np.float32(ny), direction,
                         style_bins, cosines, size[0], size[1],
                     )  # fmt: skip
@@ -249,7 +261,9 @@ def _upsample(
                 dx = (np.float32(x) + half) * half - half - np.float32(nx)
                 dy = (np.float32(y) + half) * half - half - np.float32(ny)
                 direction = bins[ny, nx] if bins.size else NO_DIRECTION
-                cx, cy = carried(ox, oy, dx, dy, direction, style_bins, cosines, coarse_size[0], coarse_size[1])
+                cx, cy = extrapolated_offset(
+                    ox, oy, dx, dy, direction, style_bins, cosines, coarse_size[0], coarse_size[1]
+                )
                 found_x, found_y = cx * two + half, cy * two + half
                 if not _usable(int(np.rint(found_x)), int(np.rint(found_y)), usable, size[0], size[1]):
                     found_x, found_y = ox * two, oy * two

@@ -1,8 +1,8 @@
-"""An animation at one level: forward through time, then backward, each frame beginning with what its neighbour found.
+"""Synthesis of an animation at one pyramid level by sweeps forward and backward through time.
 
-Section 3.3 of benard2013stylizing: a sweep visits its frames in order; each is initialised by a random merge of what is
-known of it already (the sweep before, or the coarser level) with its neighbour's offsets, carried along the motion;
-then it is refined, held to the neighbour by the temporal terms.
+Section 3.3 of benard2013stylizing: a sweep visits its frames in order. Each frame is initialised by a random merge of
+its previous result (of the sweep before, or of the coarser level) and the neighbouring frame's offsets, advected along
+the motion. It is then refined; the temporal terms keep it coherent with the neighbour.
 """
 
 from __future__ import annotations
@@ -14,53 +14,53 @@ from typing import Generic, Protocol
 import numpy as np
 
 from pipeline.flow.warp import fetch
-from pipeline.synthesis.engine import refine
 from pipeline.synthesis.images import NOWHERE, Offsets, Target
 from pipeline.synthesis.motion import Motion
-from pipeline.synthesis.operations import Key, Loaded, Operations, Past, Sitting, T
+from pipeline.synthesis.operations import FrameState, LoadedStyle, NeighbourAppearance, Operations, RandomKey, T
+from pipeline.synthesis.refine import refine
 
 
-class Shot(Protocol):
-    """The animation at one level, as a sweep asks for it: each frame about once, in the sweep's order."""
+class Animation(Protocol):
+    """The animation at one level. A sweep requests each frame about once, in the order of the sweep."""
 
     def target(self, index: int) -> Target: ...
     def motion(self, index: int, other: int) -> Motion:
-        """From frame `index` to frame `other` = index - 1 or index + 1."""
+        """Motion from frame `index` to its neighbour `other` (index - 1 or index + 1)."""
         ...
 
-    def given(self, index: int) -> Offsets | None:
-        """Offsets of painted pixels, NOWHERE elsewhere; None = the frame is not painted on."""
+    def fixed_offsets(self, index: int) -> Offsets | None:
+        """Fixed offsets of painted pixels, float32 (h, w, 2), NOWHERE elsewhere; None = no pixel is painted."""
         ...
 
     def share(self, index: int, forward: bool) -> float:
-        """How much of the merge comes from the neighbour in time."""
+        """Probability, 0..1, with which the random merge takes the neighbour's offset."""
         ...
 
     def ribbons(self, index: int) -> Offsets | None:
-        """float32 (2, h, w, 2): each pixel's place in the last and in the next key, as offsets."""
+        """Each pixel's positions in the previous and the next keyframe, as offsets, float32 (2, h, w, 2)."""
         ...
 
 
 @dataclass(frozen=True)
-class Rounds:
-    """How hard to look."""
+class SearchSchedule:
+    """Effort of the search: rounds of PatchMatch per frame, radius of the random search (px), and random seed."""
 
     iterations: int = 4
     search_px: float = 32.0
     seed: int = 0
     stream: int = 0
-    """Level and sweep; the frame's number is added in the low 20 bits."""
+    """Random stream of the level and sweep; `key` adds the frame number in the low 20 bits."""
 
-    def key(self, index: int) -> Key:
+    def key(self, index: int) -> RandomKey:
         return self.seed, ((self.stream << 20) | (index & 0xFFFFF)) & 0xFFFFFFFF
 
 
 @dataclass
-class Seated(Generic[T]):
-    """A finished frame, as its neighbour needs it."""
+class SolvedFrame(Generic[T]):
+    """A finished frame: the data that the next frame of the sweep needs."""
 
     index: int
-    sitting: Sitting[T]
+    state: FrameState[T]
     offsets: T
 
 
@@ -70,104 +70,109 @@ class Sweep(Generic[T]):
 
     Args:
         style: the style at this level.
-        known: what is known of a frame already: offsets of the sweep before or of the coarser level; None = nothing.
-        keep_first: the first frame visited is done already (it ended the sweep before).
+        known: returns the previous result of a frame: offsets of the sweep before or of the coarser level; None = none.
+        keep_first: whether to keep the known offsets of the first frame, because the sweep before ended with it.
     """
 
     ops: Operations[T]
-    style: Loaded[T]
-    shot: Shot
-    known: Callable[[int, Sitting[T]], T | None]
-    rounds: Rounds
+    style: LoadedStyle[T]
+    shot: Animation
+    known: Callable[[int, FrameState[T]], T | None]
+    rounds: SearchSchedule
     forward: bool
     keep_first: bool = False
-    last: Seated[T] | None = None
-    """The neighbour to begin with: the frame visited last by the run before this one."""
+    last: SolvedFrame[T] | None = None
+    """Neighbour of the first frame: the last frame of the run before this one; None = there is no such run."""
     tick: Callable[[], None] = field(default=lambda: None)
 
-    def run(self, frames: Iterable[int]) -> Iterator[Seated[T]]:
-        """Visit frames in the sweep's order and yield each when it is done."""
+    def run(self, frames: Iterable[int]) -> Iterator[SolvedFrame[T]]:
+        """Solve frames in the given order; yields each as soon as it is solved."""
         for index in frames:
             self.tick()
-            sitting = self.ops.seat(self.style, self.shot.target(index))
-            offsets = self._visit(index, sitting)
-            self.last = Seated(index, sitting, offsets)
+            state = self.ops.prepare(self.style, self.shot.target(index))
+            offsets = self._visit(index, state)
+            self.last = SolvedFrame(index, state, offsets)
             yield self.last
 
-    def _visit(self, index: int, sitting: Sitting[T]) -> T:
-        given = self.shot.given(index)
+    def _visit(self, index: int, state: FrameState[T]) -> T:
+        given = self.shot.fixed_offsets(index)
         fixed = None if given is None else self.ops.upload(given)
-        known = self.known(index, sitting)
+        known = self.known(index, state)
         if self.last is None and self.keep_first and known is not None:
-            return known if fixed is None else self._impose(sitting, fixed, known)
-        advected = self._advected(index, sitting)
-        start = self._merged(index, sitting, known, advected)
+            return known if fixed is None else self._impose(state, fixed, known)
+        advected = self._advected(index, state)
+        start = self._merged(index, state, known, advected)
         if fixed is not None:
-            sitting.given = fixed
-            start = self._impose(sitting, fixed, start)
+            state.fixed = fixed
+            start = self._impose(state, fixed, start)
         if given is not None and (given[..., 0] > NOWHERE).all():
             return start
-        self._remember(index, sitting, advected)
+        self._remember(index, state, advected)
         rounds, key = self.rounds, self.rounds.key(index)
-        return refine(self.ops, self.style, sitting, start, key, rounds.iterations, rounds.search_px)
+        return refine(self.ops, self.style, state, start, key, rounds.iterations, rounds.search_px)
 
-    def _impose(self, sitting: Sitting[T], fixed: T, offsets: T) -> T:
-        return self.ops.impose(self.style, sitting.size, fixed, offsets)
+    def _impose(self, state: FrameState[T], fixed: T, offsets: T) -> T:
+        return self.ops.impose(self.style, state.size, fixed, offsets)
 
-    def _advected(self, index: int, sitting: Sitting[T]) -> T | None:
+    def _advected(self, index: int, state: FrameState[T]) -> T | None:
         if self.last is None:
             return None
         motion, there = self.shot.motion(index, self.last.index), self.last
-        way, visible = self.ops.upload(motion.way), self.ops.upload(motion.visible)
-        return self.ops.advect(self.style, sitting, there.offsets, there.sitting.bins, way, visible)
+        displacement, visible = self.ops.upload(motion.displacement), self.ops.upload(motion.visible)
+        return self.ops.advect(self.style, state, there.offsets, there.state.bins, displacement, visible)
 
-    def _merged(self, index: int, sitting: Sitting[T], known: T | None, advected: T | None) -> T:
-        """Section 3.3: advected or known, at random; anywhere where there is neither."""
+    def _merged(self, index: int, state: FrameState[T], known: T | None, advected: T | None) -> T:
+        """Initial offsets (section 3.3): random merge of advected and known offsets; random offsets without either."""
         key = self.rounds.key(index)
         if known is None and advected is None:
-            return self.ops.scatter(self.style, sitting.size, key)
+            return self.ops.random_offsets(self.style, state.size, key)
         if known is None or advected is None:
             only = advected if known is None else known
             assert only is not None
-            return self.ops.merge(self.style, sitting.size, only, only, 1.0, key)
+            return self.ops.merge(self.style, state.size, only, only, 1.0, key)
         share = self.shot.share(index, self.forward)
-        return self.ops.merge(self.style, sitting.size, advected, known, share, key)
+        return self.ops.merge(self.style, state.size, advected, known, share, key)
 
-    def _remember(self, index: int, sitting: Sitting[T], advected: T | None) -> None:
-        """What the temporal terms compare with."""
-        goal = self.style.goal
-        if advected is not None and (goal.w_tc > 0 or goal.keyed):
-            sitting.was = advected
-        if advected is not None and goal.w_tc > 0:
-            sitting.before = self.ops.recall(self.style, sitting.size, advected)
-        if advected is not None and goal.keyed:
-            sitting.past = self._past(index, advected)
+    def _remember(self, index: int, state: FrameState[T], advected: T | None) -> None:
+        """Store in `state` the advected data that the temporal terms compare with."""
+        energy = self.style.energy
+        if advected is not None and (energy.w_tc > 0 or energy.keyed):
+            state.advected = advected
+        if advected is not None and energy.w_tc > 0:
+            state.advected_colours = self.ops.colours_at(self.style, state.size, advected)
+        if advected is not None and energy.keyed:
+            state.neighbour = self._past(index, advected)
         ribbons = self.shot.ribbons(index)
         if ribbons is not None:
-            sitting.ribbons = self.ops.upload(ribbons)
+            state.ribbons = self.ops.upload(ribbons)
 
-    def _past(self, index: int, advected: T) -> Past[T]:
-        """The neighbour's colours and guides as seen from here: what eq. 10 takes the change from."""
+    def _past(self, index: int, advected: T) -> NeighbourAppearance[T]:
+        """The neighbour's colours and guides warped to this frame; eq. 10 measures the change from them."""
         assert self.last is not None
         motion = self.shot.motion(index, self.last.index)
-        guides = fetch(self.shot.target(self.last.index).guides, motion.way)
+        guides = fetch(self.shot.target(self.last.index).guides, motion.displacement)
         seen = guides[..., None] if guides.ndim == 2 else guides
-        then = self.ops.seat(self.style, Target(np.asarray(seen, np.uint8)))
-        then.bins = self.last.sitting.bins
+        then = self.ops.prepare(self.style, Target(np.asarray(seen, np.uint8)))
+        then.bins = self.last.state.bins
         self.ops.render(self.style, then, advected)
-        return Past(then.packed, self.ops.margined(motion.visible, self.style.goal.radius))
+        seen_bytes = np.repeat((motion.visible * np.uint8(255))[..., None], self.style.energy.channels, axis=2)
+        return NeighbourAppearance(then.packed, self.ops.margined(seen_bytes, self.style.energy.radius))
 
 
 def carried_ribbons(
-    ops: Operations[T], style: Loaded[T], shot: Shot, frames: Iterable[int], start: Offsets
+    ops: Operations[T], style: LoadedStyle[T], shot: Animation, frames: Iterable[int], start: Offsets
 ) -> Iterator[tuple[int, Offsets]]:
-    """A key's pixels followed from frame to frame: for each pixel, its place in the key, as an offset.
+    """Trace the pixels of a keyframe from frame to frame: for each pixel, its position in the keyframe as an offset.
+
+    These are the ribbons of section 4.1 of benard2013stylizing. Positions are translated but not rotated, because they
+    are points and not patches.
 
     Args:
-        frames: in order, away from the key, which is the first.
-        start: the key's own offsets.
+        frames: frame numbers in order of distance from the keyframe, which is the first.
+        start: offsets of the keyframe, float32 (h, w, 2).
 
-    Section 4.1 of benard2013stylizing: ribbons. Places are moved, not turned: they are points, not patches.
+    Yields:
+        (frame number, offsets).
     """
     plain = replace(style, style=replace(style.style, bins=None, usable=None))
     before: tuple[int, T] | None = None
@@ -176,13 +181,13 @@ def carried_ribbons(
             found = ops.upload(start)
         else:
             motion = shot.motion(index, before[0])
-            sitting = Sitting((start.shape[1], start.shape[0]), before[1], before[1])
-            way, visible = ops.upload(motion.way), ops.upload(motion.visible)
-            found = ops.advect(plain, sitting, before[1], None, way, visible)
+            state = FrameState((start.shape[1], start.shape[0]), before[1], before[1])
+            displacement, visible = ops.upload(motion.displacement), ops.upload(motion.visible)
+            found = ops.advect(plain, state, before[1], None, displacement, visible)
         before = index, found
         yield index, ops.fetch(found)
 
 
 def order(start: int, stop: int, forward: bool) -> range:
-    """The frames [start, stop) as a sweep visits them."""
+    """The frame numbers [start, stop) in the order of a sweep."""
     return range(start, stop) if forward else range(stop - 1, start - 1, -1)

@@ -1,7 +1,7 @@
-"""Which way a picture runs: the smoothed structure tensor and its tangent field.
+"""The smoothed structure tensor and its tangent field.
 
-Directions have no sign, so they cannot be averaged as vectors: opposite sides of a line would cancel. Tensors can. So
-whoever smooths directions, over space or along the motion, smooths the tensor, and takes the tangent last.
+Directions have no sign and cannot be averaged as vectors, since opposite sides of a line would cancel. Tensors can be
+averaged. Smoothing over space or time is therefore done on the tensor, and the tangent is computed last.
 """
 
 from __future__ import annotations
@@ -13,23 +13,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Plane
-from pipeline.segmentation.jit import kernel
+from pipeline.jit import kernel
 
 Tensors: TypeAlias = NDArray[np.float32]
 """A symmetric 2 x 2 tensor per pixel, `float32` (3, height, width): the planes xx, xy, yy."""
 
 FLAT = 0.01
-"""Difference of the eigenvalues, (gray levels/px)^2, up to which a place runs nowhere: 0.1 gray levels/px."""
+"""Difference of the eigenvalues, (gray levels/px)^2, up to which the direction is undefined: 0.1 gray levels/px."""
 
 
 def structure_tensor(gray: Plane, sigma_px: float) -> Tensors:
-    """Outer product of the gray gradient with itself, smoothed: float32 (3, h, w), (gray levels/px)^2.
+    """Gaussian-blurred outer product of the gray gradient with itself: float32 (3, h, w), (gray levels/px)^2.
 
     Args:
         gray: float32 (h, w), gray levels.
-        sigma_px: of the Gaussian it is smoothed with, > 0: structures this near to each other share a direction.
+        sigma_px: sigma of the Gaussian, > 0; structures closer than this share a direction.
 
-    The gradient is Scharr's, the 3 x 3 one least biased in direction; outside the picture its border pixel goes on.
+    The gradient is Scharr's, the 3 x 3 operator with the least bias in direction; border pixels are replicated.
     """
     dx = cv2.Scharr(gray, cv2.CV_32F, 1, 0, scale=1 / 32, borderType=cv2.BORDER_REPLICATE)
     dy = cv2.Scharr(gray, cv2.CV_32F, 0, 1, scale=1 / 32, borderType=cv2.BORDER_REPLICATE)
@@ -41,18 +41,18 @@ def structure_tensor(gray: Plane, sigma_px: float) -> Tensors:
 
 
 def tangent_field(tensors: Tensors, flat: float = FLAT) -> Flow:
-    """Unit vector along the structure (the minor eigenvector), float32 (h, w, 2): (x, y); (0, 0) where it is flat.
+    """Unit vector along the structure (minor eigenvector), float32 (h, w, 2): (x, y); (0, 0) where undefined.
 
-    A tangent's sign means nothing: t and -t are the same direction, and neighbours may differ in it.
+    The sign is arbitrary: t and -t are the same direction, and neighbours may differ in sign.
 
     Args:
-        tensors: float32 (3, h, w), smoothed in any way.
-        flat: up to this difference of the eigenvalues there is no direction, (gray levels/px)^2, >= 0.
+        tensors: float32 (3, h, w), smoothed.
+        flat: largest difference of the eigenvalues at which the direction is undefined, (gray levels/px)^2, >= 0.
 
     Source: the edge tangent flow of kang2007coherent, section 2.1.
 
-    Departure: the paper smooths vectors, weighted by how alike they are, again and again; tensors are smoothed once,
-    linearly. By half-angle formulas: square roots and divisions round alike on every processor, arc tangents do not.
+    Departure: the paper filters vectors iteratively, weighted by similarity; here tensors are smoothed once, linearly.
+    Half-angle formulas are used: square roots and divisions round alike on every processor, arc tangents do not.
     """
     out = np.empty((*tensors.shape[1:], 2), np.float32)
     _tangents(tensors, np.float32(flat), out)

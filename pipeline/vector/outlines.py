@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Labels
-from pipeline.segmentation.jit import kernel
+from pipeline.jit import kernel
 
 Points = NDArray[np.float64]
 

@@ -1,16 +1,18 @@
-"""Zip archives of numbered PNG, JPEG or EXR images, as sequences: checked before a byte of them is unpacked.
+"""Zip archives of numbered PNG, JPEG or EXR images, read as sequences and checked before anything is decompressed.
 
-Nothing is ever extracted to disk, so a name cannot escape; names that try are refused all the same.
+Entries are never extracted to disk, so their names cannot escape a folder; names that try are rejected nevertheless.
 """
 
 from __future__ import annotations
 
+import os
 import re
 import stat
 import zipfile
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO, cast
 
@@ -19,16 +21,23 @@ from pipeline.video.media import Limits, unreadable
 
 IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".exr"})
 MANIFEST = "shot.json"
-"""The one file of an archive that may be something else than an image: see `pipeline.video.shot`."""
+"""The only entry of an archive that may be something else than an image; see `pipeline.video.shot`."""
+_MAX_NAME = 512
+"""Maximum path length of an entry, characters. Python rejects numbers of more than 4,300 digits in names."""
+_LOCAL_HEADER_BYTES = 30
+"""Length of the fixed part of an entry's local header, which precedes its data."""
+_DRIVE = re.compile(r"[A-Za-z]:")
 _BOMB_RATIO = 200
 _BOMB_FLOOR_BYTES = 1 << 20
 _DAMAGE = (zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, NotImplementedError)
 
 
 def open_archive(path: Path, limits: Limits) -> tuple[zipfile.ZipFile, list[zipfile.ZipInfo]]:
-    """An open archive and its images in the order of the numbers in their names. The caller closes it.
+    """Open an archive and list its images, ordered by the numbers in their names. The caller closes the archive.
 
-    Raises: UnreadableMedia, MediaTooLarge.
+    Raises:
+        UnreadableMedia: the archive is damaged, encrypted or empty, or an entry is not allowed.
+        MediaTooLarge: it has too many entries or decompresses to too many bytes.
     """
     try:
         archive = zipfile.ZipFile(path)
@@ -45,6 +54,7 @@ def _checked(archive: zipfile.ZipFile, limits: Limits) -> list[zipfile.ZipInfo]:
     members = archive.infolist()
     if len(members) > limits.frames:
         _too_large("The archive has too many entries.", len(members), f"At most {limits.frames}.")
+    _check_overlap(members)
     images = [m for m in members if _is_wanted(m)]
     for member in images:
         _check_bomb(member)
@@ -58,26 +68,37 @@ def _checked(archive: zipfile.ZipFile, limits: Limits) -> list[zipfile.ZipInfo]:
     return sorted(images, key=lambda m: natural_key(m.filename))
 
 
+def _check_overlap(members: list[zipfile.ZipInfo]) -> None:
+    """Reject entries that share bytes of the file: a small archive could decompress to any size in this way."""
+    ordered = sorted(members, key=lambda m: m.header_offset)
+    for member, following in pairwise(ordered):
+        if member.header_offset + _LOCAL_HEADER_BYTES + member.compress_size > following.header_offset:
+            unreadable("Entries of the archive overlap.", following.filename, "Zip the frames again.")
+
+
 def _is_wanted(member: zipfile.ZipInfo) -> bool:
-    """Refuse what no honest archive holds; skip folders and what desktop systems leave behind."""
+    """Whether an entry is an image. False for folders, shot.json and desktop metadata; raises for any other file."""
     _check_name(member)
-    parts = PurePosixPath(member.filename).parts
-    if member.is_dir() or "__MACOSX" in parts or parts[-1].startswith(".") or parts[-1] == "Thumbs.db":
+    folders, _, name = member.filename.rpartition("/")  # strings: paths would cost half of the check
+    if member.is_dir() or "__MACOSX" in folders.split("/") or name.startswith(".") or name == "Thumbs.db":
         return False
-    if parts[-1] == MANIFEST:
+    if name == MANIFEST:
         _check_bomb(member)
         return False
-    if PurePosixPath(member.filename).suffix.lower() not in IMAGE_SUFFIXES:
-        unreadable("The archive holds something else than PNG, JPEG or EXR images.", member.filename,
+    if os.path.splitext(name)[1].lower() not in IMAGE_SUFFIXES:  # noqa: PTH122
+        unreadable("The archive contains a file that is not a PNG, JPEG or EXR image.", member.filename,
                    "Remove that entry.")  # fmt: skip
     return True
 
 
 def _check_name(member: zipfile.ZipInfo) -> None:
     name, mode = member.filename, member.external_attr >> 16
+    if len(name) > _MAX_NAME:
+        unreadable("The name of an entry of the archive is too long.", name, f"Use at most {_MAX_NAME} characters.")
     raw = getattr(member, "orig_filename", name)
-    path = PurePosixPath(name.replace("\\", "/"))
-    if not path.parts or path.is_absolute() or ".." in path.parts or "\0" in raw or re.match(r"[A-Za-z]:", name):
+    plain = name.replace("\\", "/")
+    leaves = plain.startswith("/") or ".." in plain.split("/") or _DRIVE.match(name) is not None
+    if not plain.strip("./") or leaves or "\0" in raw:
         unreadable("An entry of the archive points outside it.", repr(raw), "Use plain relative names.")
     if stat.S_IFMT(mode) not in (0, stat.S_IFREG, stat.S_IFDIR):
         unreadable("An entry of the archive is a link or a device.", name, "Zip the files themselves.")
@@ -87,7 +108,7 @@ def _check_name(member: zipfile.ZipInfo) -> None:
 
 def _check_bomb(member: zipfile.ZipInfo) -> None:
     if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-        unreadable("An entry is compressed in an unusual way.", member.filename, "Use the usual zip (deflate).")
+        unreadable("An entry uses an unsupported compression method.", member.filename, "Use the usual zip (deflate).")
     large = member.file_size > _BOMB_FLOOR_BYTES
     if large and member.file_size > _BOMB_RATIO * max(1, member.compress_size):
         _too_large("An entry of the archive is a decompression bomb.", member.filename, "Store real images.")
@@ -99,7 +120,7 @@ def _too_large(message: str, value: object, remedy: str) -> None:
 
 @contextmanager
 def entry_stream(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Iterator[BinaryIO]:
-    """One entry as a stream. Raises UnreadableMedia, also for what goes wrong while it is read."""
+    """Open one entry as a stream. Raises UnreadableMedia, also for errors while the caller reads from it."""
     try:
         with archive.open(member) as stream:
             yield cast(BinaryIO, stream)
@@ -108,15 +129,15 @@ def entry_stream(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Iterator[
 
 
 def read_entry(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> bytes:
-    """The bytes of one entry, never more than its header says. Raises UnreadableMedia."""
+    """Read the bytes of one entry, at most the size stated in its header. Raises UnreadableMedia."""
     with entry_stream(archive, member) as stream:
         return stream.read(member.file_size)
 
 
 def natural_key(name: str) -> tuple[tuple[int, int | str], ...]:
-    """Sort key by which `f2` comes before `f10`."""
+    """Sort key for natural order: `f2` sorts before `f10`."""
     pieces = re.split(r"(\d+)", name)
-    return tuple((0, int(p)) if p.isdigit() else (1, p) for p in pieces if p)
+    return tuple((0, int(p)) if p.isdecimal() else (1, p) for p in pieces if p)
 
 
 def number_of(name: str) -> int | None:

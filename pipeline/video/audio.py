@@ -1,4 +1,4 @@
-"""The source's sound for the output: copied packet by packet where the container takes its codec, else re-encoded."""
+"""Audio of the source for the output: packets are copied if the container supports the codec, otherwise re-encoded."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ _ENCODER = {"mp4": ("aac", 48000), "webm": ("libopus", 48000)}
 _BITS_PER_S = 160_000
 
 Timed: TypeAlias = "tuple[Fraction, Packet[Any]]"
-"""Seconds from the start of the output, and a packet ready to be muxed."""
+"""Time from the start of the output, seconds, and a packet ready to be muxed."""
 
 
 def audio_of(source: InputContainer) -> AudioStream | None:
-    """The stream players would pick: the first that can be decoded."""
+    """The first audio stream that can be decoded, which players select by default; None = no such stream."""
     return next((s for s in source.streams.audio if s.codec_context is not None), None)
 
 
 def add_audio(source: InputContainer, out: OutputContainer, container: str, origin_s: Fraction) -> Iterator[Timed]:
-    """Add the source's sound to `out` (a stream now, its packets as they are taken). Nothing if there is none.
+    """Add an audio stream to `out` and return an iterator over its packets; the iterator is empty without audio.
 
     Args:
         container: "mp4" or "webm".
-        origin_s: the source's time of its first frame, which is time 0 of the output.
+        origin_s: time of the first frame in the source, seconds; it becomes time 0 of the output.
     """
     stream = audio_of(source)
     if stream is None:
@@ -46,7 +46,7 @@ def add_audio(source: InputContainer, out: OutputContainer, container: str, orig
 
 def _can_copy(stream: AudioStream, container: str) -> bool:
     name = stream.codec_context.codec.canonical_name
-    # AAC as transport streams carry it (no extradata) must be repacked for MP4.
+    # AAC from transport streams (without extradata) cannot be copied into MP4 unchanged.
     return name in _COPIED[container] and (name != "aac" or bool(stream.codec_context.extradata))
 
 
@@ -64,7 +64,7 @@ def _copied(source: InputContainer, stream: AudioStream, target: AudioStream, or
 
 
 def _readable(source: InputContainer, stream: AudioStream) -> Iterator[Packet[Any]]:
-    """Packets until the end, or until where the file is cut off."""
+    """Packets up to the end of the file, or up to the point where it is truncated."""
     try:
         for packet in source.demux(stream):
             if packet.size:
@@ -94,7 +94,7 @@ def _decoded(source: InputContainer, stream: AudioStream) -> Iterator[Any]:
         try:
             yield from stream.decode(packet)
         except (av.FFmpegError, ValueError):
-            continue  # a damaged packet of sound is a moment of silence
+            continue  # skip a damaged audio packet
 
 
 def _ready(packets: list[Packet[Any]], target: AudioStream) -> Iterator[Timed]:

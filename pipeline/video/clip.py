@@ -1,7 +1,7 @@
-"""Frames of a container by exact index.
+"""Access to the frames of a video container by exact frame index.
 
-A video's frames are its presentation times in order: frame i is what is shown from the i-th time on. A frame that
-would not decode is shown as the one before it, and noted in `errors`, so that indices and sound stay in step.
+Frame i is the picture shown from the i-th presentation time on. A frame that cannot be decoded is replaced by the frame
+before it and reported in `errors`, so that frame indices and sound stay synchronous.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ _Placed = tuple[int, av.VideoFrame]
 
 
 class Clip:
-    """A container's frames, read forwards, with seeks to keyframes. One decoder is kept open between reads.
+    """Frames of a container, decoded forwards, with seeks to keyframes. One decoder stays open between reads.
 
-    A damaged file is decoded from its start on a single thread, so that what is concealed does not depend on where
-    reading began.
+    A damaged file is always decoded from its start, by a single thread, so that error concealment does not depend on
+    the frame at which reading starts.
     """
 
     def __init__(self, path: Path, limits: Limits) -> None:
@@ -44,9 +44,9 @@ class Clip:
     def _forget(self) -> None:
         self._pass: Pass | None = None
         self._current: _Placed | None = None
-        """The last picture at or before the frame asked for (or the very first one)."""
+        """The last picture at or before the requested frame (or the first picture of the video)."""
         self._ahead: _Placed | None = None
-        """One picture further, if a gap made us look."""
+        """The picture after `_current`, if it was decoded already to detect a gap."""
 
     def close(self) -> None:
         if self._pass:
@@ -55,13 +55,13 @@ class Clip:
 
     @property
     def position(self) -> int | None:
-        """The first frame that can be read without a seek, or None."""
+        """Index of the first frame that can be read without a seek; None = no decoder is open."""
         if self._current:
             return self._current[0]
         return self._pass.position if self._pass else None
 
     def read(self, start: int, stop: int) -> Iterator[Frame]:
-        """Frames [start, stop), fewer if the video ends earlier."""
+        """Yield the frames [start, stop); fewer if the video ends earlier."""
         for at in range(start, min(stop, len(self.index.pts)) if self.index.exact else stop):
             picture = self._retried(at)
             if picture is None:
@@ -77,7 +77,7 @@ class Clip:
             return self._picture(at)
 
     def _picture(self, at: int) -> av.VideoFrame | None:
-        """What is shown at frame `at`: the last picture at or before it, else the first one there is."""
+        """The picture shown at frame `at`: the last one at or before it, otherwise the first one of the video."""
         source = self._pass_to(at)
         while self._current is None or self._current[0] < at:
             self._ahead = self._ahead or next(source, None)
@@ -89,7 +89,7 @@ class Clip:
         return self._current[1]
 
     def _after_end(self) -> av.VideoFrame | None:
-        """The decoder has ended before a frame that was asked for."""
+        """The picture to show if the decoder ends before the requested frame; None = the video ends here."""
         if not self.index.exact or self._current is None:
             return None
         if not self._tolerant:
@@ -97,7 +97,7 @@ class Clip:
         return self._current[1]
 
     def _pass_to(self, at: int) -> Pass:
-        """The open pass if it leads to `at` the short way, else a new one from the keyframe before."""
+        """The open decoder pass if decoding on reaches `at` fastest, otherwise a new one from the keyframe before."""
         key = 0 if self._tolerant or not len(self.index.pts) else self.index.key_before(at)
         reached = self.position
         if self._pass is None or reached is None or at < reached or key > self._pass.position:

@@ -1,4 +1,4 @@
-"""Small pictures of a finished video: a poster and a contact sheet, as JPEG. The same video gives the same bytes."""
+"""Poster and contact sheet of a finished video, as JPEG. The same video gives the same bytes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _GAP_PX = 4
 
 
 def fit(frame: Frame, max_side_px: int) -> Frame:
-    """The frame, scaled down (never up) so that its longer side is at most `max_side_px`."""
+    """Scale a frame down (never up) so that its longer side is at most `max_side_px`."""
     height, width = frame.shape[:2]
     scale = max_side_px / max(width, height)
     if scale >= 1:
@@ -24,12 +24,12 @@ def fit(frame: Frame, max_side_px: int) -> Frame:
 
 
 def poster(reader: VideoReader, max_side_px: int = 1280) -> bytes:
-    """The frame a third into the video (openings are often black), JPEG."""
+    """The frame at one third of the video, since the first frames are often black; JPEG."""
     return encode_jpeg(fit(_frame(reader, reader.frames // 3), max_side_px))
 
 
 def contact_sheet(reader: VideoReader, tile_px: int = 320) -> bytes:
-    """Up to twelve frames, evenly spaced, on a dark sheet four wide; JPEG."""
+    """Up to twelve evenly spaced frames in rows of four on a dark background; JPEG."""
     count = min(reader.frames, _COLUMNS * _ROWS)
     tiles = [fit(_frame(reader, round((i + 0.5) * reader.frames / count - 0.5)), tile_px) for i in range(count)]
     height, width = tiles[0].shape[:2]

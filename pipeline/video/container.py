@@ -1,6 +1,6 @@
-"""Opening containers safely, and the index of a video: its presentation times, without decoding.
+"""Safe opening of containers, and the frame index of a video (presentation times), read without decoding.
 
-Only demuxers of self-contained files are allowed: a playlist could name other files or addresses.
+Only demuxers of self-contained formats are allowed, since a playlist could refer to other files or network addresses.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ _DEMUXERS = (
     "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,gif,apng,mpegts,mpeg,flv,ogg,asf,ivf,obu,h264,hevc,m4v,mjpeg,nut,mxf,"
     "dv,rm,yuv4mpegpipe,mpegvideo,vc1,wtv,mp3,wav,flac,aac,ac3,aiff,caf,amr"
 )
-"""Video containers, and audio ones only so that they can be told from rubbish."""
+"""Allowed demuxers: video containers, and audio containers, to distinguish audio files from unreadable ones."""
 _SEEKABLE = ("mov,mp4,m4a,3gp,3g2,mj2", "matroska,webm", "avi")
-"""Demuxers whose times after a seek are those of a read from the start."""
+"""Demuxers that give the same times after a seek as in a read from the start."""
 _WITH_ALPHA: dict[str, Literal["libvpx", "libvpx-vp9"]] = {"vp8": "libvpx", "vp9": "libvpx-vp9"}
-"""Decoders that see the alpha plane, which travels beside the picture, where FFmpeg's own do not."""
+"""Decoders that also decode the separate alpha plane, which FFmpeg's native decoders ignore."""
 _DEPENDENT = frozenset({"gif", "apng"})
-"""Codecs whose every picture is painted over the one before, whatever their packets' flags say."""
+"""Codecs whose pictures are drawn over the previous one, even if the packets are marked as keyframes."""
 
 
 def open_container(path: Path, limits: Limits) -> InputContainer:
-    """A container open for reading. Raises UnreadableMedia."""
+    """Open a container for reading. Raises UnreadableMedia."""
     options = {"format_whitelist": _DEMUXERS, "protocol_whitelist": "file", "max_pixels": _most_pixels(limits)}
     try:
         return av.open(f"file:{path}", "r", options=options, metadata_errors="replace")
@@ -46,7 +46,7 @@ def open_container(path: Path, limits: Limits) -> InputContainer:
 
 
 def _most_pixels(limits: Limits) -> str:
-    """A bound for decoders, which pad what they allocate; the exact limit is checked by us."""
+    """Pixel limit for decoders. It is looser than `limits.pixels`, which we check, since decoders pad allocations."""
     return str(2 * limits.pixels + (1 << 20))
 
 
@@ -55,9 +55,11 @@ def _reason(error: Exception) -> str:
 
 
 def video_stream(container: InputContainer) -> VideoStream:
-    """The stream of moving pictures (cover art does not count).
+    """The video stream of a container; ignores cover art.
 
-    Raises: NoVideoStream, UnreadableMedia (no decoder for its codec).
+    Raises:
+        NoVideoStream: the container has no video stream.
+        UnreadableMedia: there is no decoder for its codec.
     """
     streams = [s for s in container.streams.video if not s.disposition & s.disposition.attached_pic]
     if not streams:
@@ -73,10 +75,10 @@ def video_stream(container: InputContainer) -> VideoStream:
 
 
 def decoder_of(stream: VideoStream, limits: Limits, threads: int) -> VideoCodecContext:
-    """A decoder for the stream, which refuses pictures far above the limits.
+    """Create a decoder for the stream that rejects pictures far above the limits.
 
     Args:
-        threads: decoding threads; 0 = as many as cores. Output does not depend on it for undamaged files.
+        threads: decoding threads; 0 = one per core. The output of undamaged files does not depend on it.
     """
     context = stream.codec_context
     name = _WITH_ALPHA.get(context.name)
@@ -90,20 +92,20 @@ def decoder_of(stream: VideoStream, limits: Limits, threads: int) -> VideoCodecC
 
 @dataclass(frozen=True)
 class Index:
-    """The presentation times of a video's frames, in display order.
+    """Presentation times of the frames of a video, in display order.
 
-    `exact`: every frame has its own time, so that a decoded picture's index is its time's rank. If not, `pts` is made
-    up at the nominal rate, and the length is an estimate.
+    `exact`: every frame has a time of its own, and the index of a decoded picture is the rank of its time. Otherwise
+    `pts` is generated at the nominal rate, and the number of frames is an estimate.
     """
 
     pts: NDArray[np.int64]
     """Ticks of `time_base`, strictly increasing."""
     keys: NDArray[np.int64]
-    """Frame indices at which decoding can start; 0 always can."""
+    """Frame indices at which decoding can start; decoding can always start at 0."""
     end: int
-    """Ticks at which the last frame ends."""
+    """End of the last frame, ticks."""
     time_base: Fraction
-    """Seconds a tick."""
+    """Duration of a tick, seconds."""
     exact: bool
 
     @property
@@ -112,12 +114,12 @@ class Index:
 
     @property
     def fps(self) -> float:
-        """Mean rate, frames per second. The last frame's own duration does not count: some are held for long."""
+        """Mean frame rate, frames per second. Excludes the duration of the last frame, which some files prolong."""
         steps, seconds = len(self.pts) - 1, float((int(self.pts[-1]) - int(self.pts[0])) * self.time_base)
         return steps / seconds if steps > 0 else float(SEQUENCE_FPS)
 
     def time(self, frame: int) -> int:
-        """Ticks at which `frame` starts; beyond the end, going on at the last frame's pace."""
+        """Start of `frame`, ticks; frames beyond the end have the duration of the last frame."""
         if frame < len(self.pts):
             return int(self.pts[frame])
         last = self.end - int(self.pts[-1])
@@ -129,7 +131,7 @@ class Index:
 
 
 def build_index(path: Path, limits: Limits) -> Index:
-    """Read every packet of the video stream (none is decoded). Raises UnreadableMedia, NoVideoStream."""
+    """Build the index from the packets of the video stream, without decoding. Raises UnreadableMedia, NoVideoStream."""
     with open_container(path, limits) as container:
         stream = video_stream(container)
         for other in container.streams:
@@ -144,7 +146,7 @@ def build_index(path: Path, limits: Limits) -> Index:
 
 
 def _shown(container: InputContainer, stream: VideoStream) -> Iterator[tuple[int | None, int, bool]]:
-    """(pts, duration, is key) of every packet that becomes a picture."""
+    """(pts, duration, is keyframe) of every packet that yields a picture."""
     vp8 = stream.codec_context.name in ("vp8", "libvpx")
     try:
         for packet in container.demux(stream):
@@ -152,7 +154,7 @@ def _shown(container: InputContainer, stream: VideoStream) -> Iterator[tuple[int
             if packet.size and not hidden:
                 yield packet.pts, packet.duration or 0, packet.is_keyframe
     except (av.FFmpegError, OSError):
-        return  # cut off: what could be read is what there is
+        return  # truncated file: use the packets read so far
 
 
 def _exact(packets: list[tuple[int | None, int, bool]], time_base: Fraction, seekable: bool) -> Index:
@@ -165,7 +167,7 @@ def _exact(packets: list[tuple[int | None, int, bool]], time_base: Fraction, see
 
 
 def _estimated(count: int, rate: Fraction) -> Index:
-    """Frames without times of their own: counted, at the nominal rate."""
+    """Index of frames without times: `count` frames at the nominal rate."""
     return Index(np.arange(count, dtype=np.int64), np.zeros(1, np.int64), count, 1 / rate, False)
 
 

@@ -1,4 +1,4 @@
-"""One pass of a decoder over a container, from a keyframe on: (frame index, picture) in display order."""
+"""One decoder pass over a container, from a keyframe on; yields (frame index, picture) in display order."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ from pipeline.video.media import Limits
 
 
 class Damage(Exception):
-    """Something would not decode in a pass that was not told to tolerate it."""
+    """A decoding error in a pass that does not tolerate errors."""
 
 
 class Pass:
-    """A decoder reading forwards from `start` (an index key, or 0). Close it.
+    """A decoder that reads forwards from frame `start`, which is 0 or one of `index.keys`. The caller closes it.
 
     Args:
-        errors: where to note what would not decode; None: raise `Damage` instead.
+        errors: list to which decoding errors are appended; None = raise `Damage` instead.
     """
 
     def __init__(self, path: Path, index: Index, start: int, limits: Limits, errors: list[str] | None) -> None:
         self._index = index
         self._errors = errors
         self._container = open_container(path, limits)
-        # Concealment of damage may depend on how many threads decode; whole files do not.
+        # Error concealment may depend on the number of decoder threads; the output of undamaged files does not.
         self._stream = video_stream(self._container)
         self._decoder = decoder_of(self._stream, limits, threads=0 if errors is None else 1)
         self.position = start
-        """Index of the next frame, unless frames are missing."""
+        """Index of the next frame, if no frames are missing."""
         self._pictures = self._decode(self._packets(start))
 
     def close(self) -> None:
@@ -58,11 +58,14 @@ class Pass:
 
     @property
     def aspect(self) -> Fraction | None:
-        """Width over height of a stored pixel, or None if unknown."""
+        """Sample aspect ratio (width / height of a stored pixel); None = unknown."""
         return self._stream.sample_aspect_ratio
 
     def _place(self, picture: av.VideoFrame) -> int | None:
-        """A picture's frame index: its time's rank, or a count where times cannot be trusted."""
+        """Frame index of a picture: the rank of its time, or a running count if the index is not exact.
+
+        None = its time is not in the index.
+        """
         if not self._index.exact:
             return self.position
         at = int(np.searchsorted(self._index.pts, picture.pts)) if picture.pts is not None else len(self._index.pts)

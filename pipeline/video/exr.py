@@ -1,8 +1,8 @@
-"""OpenEXR images: every channel of every part as a plane of the display window, and the passes found among them.
+"""OpenEXR images: reading of all channels of all parts as planes of the display window, and detection of passes.
 
-Renderers name and sign their passes differently. What is found by name: velocities (Blender's Vector pass, Nuke's
-forward and backward, velocity and motion channels), normals, object ids, depth. Where a sign is not known by name, two
-frames tell: the right one makes the one look like the other.
+Renderers use different pass names and different signs of motion vectors. Passes are identified by name: velocities
+(Blender's Vector pass, Nuke's forward and backward, velocity and motion channels), normals, object ids and depth. Signs
+that the name does not determine are estimated from two frames: the correct signs give the smallest warping error.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 import re
 import struct
-import tempfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +23,7 @@ from numpy.typing import NDArray
 from pipeline.errors import BadInput, MediaTooLarge, UnreadableMedia
 from pipeline.frames import Flow, Frame, Plane
 from pipeline.video.media import Limits
+from pipeline.video.memory_file import path_of
 
 Convention = Literal["auto", "cycles", "eevee", "nuke"]
 Planes = Mapping[str, Plane]
@@ -42,25 +42,24 @@ _DEPTHS = ("z", "depth", "mist")
 
 @dataclass(frozen=True)
 class Exr:
-    """An image: its size, and its channels as float32 (h, w) planes by full name, "part.layer.pass.X"."""
+    """Decoded EXR image: (width, height) px, and float32 (h, w) planes by full channel name, "part.layer.pass.X"."""
 
     size: tuple[int, int]
     planes: Planes
 
 
 def read_exr(source: bytes | Path, limits: Limits | None = None, name: str = "image") -> Exr:
-    """Every channel of an EXR: half, float or integer; single or multi-part; a data window smaller or larger than the
-    display window, 0 outside it.
+    """Read all channels of an EXR file: half, float or integer; single-part or multi-part.
+
+    Pixels of the display window outside the data window are 0.
 
     Raises:
-        UnreadableMedia: it is not one, is damaged, deep, or subsampled.
-        MediaTooLarge: its display window is larger than the limits allow.
+        UnreadableMedia: the file is not an EXR, is damaged, or has deep or subsampled channels.
+        MediaTooLarge: a window is larger than the limits allow.
     """
     if isinstance(source, bytes):
-        with tempfile.NamedTemporaryFile(suffix=".exr") as file:
-            file.write(source)
-            file.flush()
-            return read_exr(Path(file.name), limits, name)
+        with path_of(source, ".exr") as path:
+            return read_exr(path, limits, name)
     _check_window(source, limits or Limits(), name)
     try:
         with OpenEXR.File(str(source), separate_channels=True) as file:
@@ -83,7 +82,7 @@ _HEADER_BYTES = 1 << 20
 
 
 def _check_window(path: Path, limits: Limits, name: str) -> None:
-    """The windows by the header's bytes alone, before OpenEXR sees the file."""
+    """Check the windows in the header's bytes against the limits, before OpenEXR opens the file."""
     with path.open("rb") as stream:
         head = stream.read(_HEADER_BYTES)
     windows = [struct.unpack("<4i", found) for found in _WINDOW.findall(head)]
@@ -116,6 +115,8 @@ def _placed(parts: Iterable[tuple[Mapping[str, Any], Mapping[str, NDArray[Any]]]
             if pixels.ndim != 2 or pixels.shape[::-1] != _extent(header["dataWindow"]):
                 raise _unreadable(name, f"channel {channel}: deep or subsampled")
             planes[_named(prefix, channel)] = _within(pixels, (int(shift[0]), int(shift[1])), size)
+    if not planes:  # OpenEXR leaves out a part whose pixels it cannot decode
+        raise _unreadable(name, "no channel could be decoded")
     return Exr(size, planes)
 
 
@@ -124,7 +125,7 @@ def _named(prefix: str, channel: str) -> str:
 
 
 def _within(pixels: NDArray[Any], shift: tuple[int, int], size: tuple[int, int]) -> Plane:
-    """The data window's pixels in the display window."""
+    """Copy the pixels of the data window into the display window."""
     if shift == (0, 0) and pixels.shape[::-1] == size:
         return np.ascontiguousarray(pixels, np.float32)
     out = np.zeros(size[::-1], np.float32)
@@ -139,14 +140,14 @@ def _within(pixels: NDArray[Any], shift: tuple[int, int], size: tuple[int, int])
 
 
 def beauty(image: Exr) -> Frame | None:
-    """The picture itself as a frame, without its opacity; see `pixels`."""
+    """The beauty pass as a frame, without opacity; see `pixels`. None if there is no beauty pass."""
     found = pixels(image)
     return None if found is None else np.ascontiguousarray(found[..., :3])
 
 
 def pixels(image: Exr) -> NDArray[np.uint8] | None:
-    """The picture itself, uint8 (h, w, 3), or (h, w, 4) with straight opacity where it has an alpha channel; None where
-    there is no R, G, B. Linear light becomes sRGB, clipped to 0..1; EXR's colours are stored multiplied by opacity."""
+    """The beauty pass, uint8 (h, w, 3), or (h, w, 4) with straight alpha if it has an alpha channel; None if it lacks
+    R, G or B. Converts linear light, clipped to 0..1, to sRGB, and EXR's premultiplied colours to straight ones."""
     found = _group(image.planes, _PICTURES, ("r", "g", "b"))
     if found is None:
         return None
@@ -169,25 +170,25 @@ def _eight_bit(values: Linear) -> NDArray[np.uint8]:
 
 
 def normals(image: Exr) -> NDArray[np.float32] | None:
-    """The normal pass, float32 (h, w, 3), or None."""
+    """The normal pass, float32 (h, w, 3); None if there is no such pass."""
     found = _group(image.planes, _NORMALS, ("x", "y", "z")) or _group(image.planes, _NORMALS, ("r", "g", "b"))
     return None if found is None else np.stack(found, -1)
 
 
 def object_ids(image: Exr) -> NDArray[np.int32] | None:
-    """The object index pass, int32 (h, w), or None."""
+    """The object index pass, int32 (h, w); None if there is no such pass."""
     found = next((f for last in ("x", "y", "r", "id") if (f := _group(image.planes, _IDS, (last,)))), None)
     return None if found is None else np.rint(found[0]).astype(np.int32)
 
 
 def depth(image: Exr) -> Plane | None:
-    """The depth pass, or None."""
+    """The depth pass, float32 (h, w), in the renderer's unit; None if there is no such pass."""
     found = _group(image.planes, _DEPTHS, ("z",)) or _group(image.planes, ("",), ("z",))
     return None if found is None else found[0]
 
 
 def _group(planes: Planes, passes: tuple[str, ...], channels: tuple[str, ...]) -> tuple[Plane, ...] | None:
-    """The planes `channels` of the first pass with one of these names, whatever part or layer it is in."""
+    """The planes `channels` of the first pass named as one of `passes`, in any part or layer; None = not found."""
     by_name = {full.lower(): plane for full, plane in planes.items()}
     for wanted in passes:
         for full in by_name:
@@ -201,16 +202,18 @@ def _group(planes: Planes, passes: tuple[str, ...], channels: tuple[str, ...]) -
 
 @dataclass(frozen=True)
 class Velocities:
-    """V+ and V- of benard2013stylizing: a point at p goes to p + plus(p), and came from p - minus(p). px, y down."""
+    """V+ and V- of benard2013stylizing, px, y down: the point at p moves to p + plus(p) and came from p - minus(p)."""
 
     plus: Flow | None
     minus: Flow | None
 
 
 def raw_vectors(image: Exr) -> tuple[str, Flow | None, Flow | None]:
-    """How the vectors are given ("blender" or "named"), those to or from the next frame, those of the previous one.
+    """Motion vectors as stored, without any change of sign or axis.
 
-    As stored: neither sign nor axis is touched.
+    Returns:
+        The naming scheme ("blender" or "named"), the vectors between this and the next frame, and the vectors between
+        this and the previous frame; None = missing.
     """
     for channels in _VECTOR:
         found = _group(image.planes, ("vector",), channels)
@@ -230,11 +233,12 @@ _SIGNS: Mapping[str, tuple[float, float, float]] = {
     "eevee": (-1.0, 1.0, -1.0),
     "nuke": (1.0, -1.0, 1.0),
 }
-"""Factor of the vectors to the next frame for V+, of those of the previous for V-, and of every y."""
+"""Sign factors of each convention: of the next-frame vectors (gives V+), of the previous-frame vectors (gives V-), and
+of all y components."""
 
 
 def signed(forth: Flow | None, back: Flow | None, factors: tuple[float, float, float]) -> Velocities:
-    """Stored vectors as V+ and V-."""
+    """Convert stored vectors to V+ and V- by sign factors; see `_SIGNS`."""
     axis = np.array([1.0, factors[2]], np.float32)
 
     def turned(field: Flow | None, factor: float) -> Flow | None:
@@ -246,20 +250,21 @@ def signed(forth: Flow | None, back: Flow | None, factors: tuple[float, float, f
 def factors_of(
     convention: Convention, first: tuple[Exr, Frame], second: tuple[Exr, Frame]
 ) -> tuple[tuple[float, float, float], str]:
-    """The factors of a convention, or those that two frames in a row show to be right, and a sentence that says so.
+    """Sign factors of a convention, or those estimated from two frames, and a message for the job's log.
 
     Args:
         convention: "cycles" (XY = previous - current, ZW = current - next, y up), "eevee" (XY = current - previous),
-            "nuke" (forward and backward point to where a pixel is in the other frame; y as stored), or "auto".
-        first, second: vectors and pictures of two frames in a row.
+            "nuke" (forward and backward vectors point to the pixel's position in the other frame; y as stored), or
+            "auto" (the signs with the smallest warping error).
+        first, second: EXR image and picture of two consecutive frames.
 
     Raises:
-        BadInput: no such convention, or no vectors.
+        BadInput: the convention is unknown, or the images have no motion vectors.
     """
     if convention in _SIGNS:
-        return _SIGNS[convention], f"Vectors are read as {convention} writes them."
+        return _SIGNS[convention], f"Motion vectors use the {convention} convention."
     if convention != "auto":
-        raise BadInput("There is no such convention.", field="vectors", value=convention,
+        raise BadInput("The vector convention is unknown.", field="vectors", value=convention,
                        remedy=f"Use one of: {', '.join(get_args(Convention))}.")  # fmt: skip
     _, forth, _ = raw_vectors(first[0])
     _, _, back = raw_vectors(second[0])
@@ -271,14 +276,15 @@ def factors_of(
     best = min(scores, key=lambda f: (scores[f], f))
     still = _misfit(Velocities(np.zeros((*first[1].shape[:2], 2), np.float32), None), first[1], second[1])
     says = (
-        f"Vectors were tried in all signs: V+ = {best[0]:+.0f} next, V- = {best[1]:+.0f} previous, "
-        f"y {'as stored' if best[2] > 0 else 'turned'}; misfit {scores[best]:.2f} gray levels, {still:.2f} without."
+        f"Signs of the motion vectors were estimated: V+ = {best[0]:+.0f} next, V- = {best[1]:+.0f} previous, "
+        f"y {'as stored' if best[2] > 0 else 'negated'}; warping error {scores[best]:.2f} gray levels, {still:.2f} "
+        "without vectors."
     )
     return best, says
 
 
 def _misfit(velocities: Velocities, first: Frame, second: Frame) -> float:
-    """How unlike the frames are, gray levels, when each is fetched from the other along its vectors."""
+    """Mean absolute difference between each frame and the other one warped along the vectors, gray levels."""
     total, count = 0.0, 0
     if velocities.plus is not None:
         total, count = total + _unlike(first, second, velocities.plus), count + 1
@@ -295,7 +301,7 @@ def _unlike(here: Frame, there: Frame, way: Flow) -> float:
 
 
 def write_exr(path: Path, planes: Planes, half: bool = False) -> None:
-    """Save planes by their full names, "pass.X", zipped: what `read_exr` reads."""
+    """Write planes, by full channel name "pass.X", as a ZIP-compressed EXR in float32, or in float16 if `half`."""
     kind = np.float16 if half else np.float32
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     with OpenEXR.File(header, {name: np.ascontiguousarray(plane, kind) for name, plane in planes.items()}) as file:

@@ -1,8 +1,8 @@
-"""From a decoded picture to a frame as shown: colour matrix, range, alpha, square pixels, rotation.
+"""Conversion of decoded pictures to frames as displayed: colour matrix, range, alpha, square pixels, rotation.
 
-Colour: the stream's own matrix and range; where a stream says nothing, players' custom: BT.709 from 720 lines up,
-BT.601 below, limited range. Transfer functions are left as they are (HDR is not tone-mapped).
-Swscale's fast path is used: it truncates, at most 3 of 255 levels below the exact product.
+Colour: the stream's own matrix and range. Untagged streams are treated as players treat them: limited range, BT.709
+from 720 lines up and BT.601 below. Transfer functions are not converted (no tone mapping of HDR).
+The conversion uses swscale's fast path, which truncates: values are at most 3 of 255 levels below the exact result.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _MATRICES = {
     9: Colorspace.BT2020,
     10: Colorspace.BT2020,
 }
-"""Matrix coefficients of ISO/IEC 23091-2 (as frames carry them) -> swscale's."""
+"""Matrix coefficients of decoded frames (ISO/IEC 23091-2 code) -> swscale's constant."""
 
 
 def customary_matrix(height: int) -> Colorspace:
@@ -43,7 +43,7 @@ def customary_matrix(height: int) -> Colorspace:
 
 @dataclass(frozen=True)
 class Geometry:
-    """How stored pictures become frames: scaled to `scaled` (width, height) px, then transposed, then flipped."""
+    """Transform from stored pictures to frames: scale to `scaled` (width, height) px, then transpose, then flip."""
 
     scaled: tuple[int, int]
     transpose: bool = False
@@ -57,14 +57,14 @@ class Geometry:
 
     @property
     def rotation_deg(self) -> int:
-        """Clockwise turn for display; of a mirrored picture, the turn before mirroring left to right."""
+        """Clockwise rotation for display; for mirrored pictures, the rotation before mirroring left to right."""
         if self.transpose:
             return 270 if self.flip_y and not self.flip_x else 90
         return 180 if self.flip_y else 0
 
 
 def geometry_of(picture: av.VideoFrame, aspect: Fraction | None) -> Geometry:
-    """The geometry of a stream by its first picture and its sample aspect ratio (None or 0 = square)."""
+    """The geometry of a stream, from its first picture and its sample aspect ratio (None or 0 = square pixels)."""
     a, b, c, d = _display_matrix(picture)
     scaled = _square(picture.width, picture.height, aspect)
     if abs(a) + abs(d) >= abs(b) + abs(c):
@@ -73,7 +73,7 @@ def geometry_of(picture: av.VideoFrame, aspect: Fraction | None) -> Geometry:
 
 
 def _display_matrix(picture: av.VideoFrame) -> tuple[int, int, int, int]:
-    """(a, b, c, d) of x' = a x + c y, y' = b x + d y, in 16.16 fixed point; identity if there is none."""
+    """Display matrix (a, b, c, d): x' = a x + c y, y' = b x + d y, 16.16 fixed point; identity if the file has none."""
     data = picture.side_data.get("DISPLAYMATRIX")
     if data is None:
         return 1, 0, 0, 1
@@ -82,7 +82,7 @@ def _display_matrix(picture: av.VideoFrame) -> tuple[int, int, int, int]:
 
 
 def _square(width: int, height: int, aspect: Fraction | None) -> tuple[int, int]:
-    """The size with square pixels: the shorter axis is enlarged, to an even number, so that no detail is lost."""
+    """The size with square pixels. One axis is enlarged, to an even number of px; none is reduced, to keep detail."""
     if not aspect or abs(aspect - 1) <= _SQUARE_TOLERANCE:
         return width, height
     if aspect > 1:
@@ -91,7 +91,7 @@ def _square(width: int, height: int, aspect: Fraction | None) -> tuple[int, int]
 
 
 def to_frame(picture: av.VideoFrame, geometry: Geometry) -> Frame:
-    """A decoded picture as a frame of `geometry.size`. A picture of another size is scaled to it."""
+    """Convert a decoded picture to a frame of `geometry.size`; pictures of other sizes are scaled to it."""
     width, height = geometry.scaled
     same = (picture.width, picture.height) == geometry.scaled
     pixels = picture.reformat(

@@ -1,6 +1,6 @@
-"""What a file is by its first bytes, never by its name; and the size of an image without decoding it.
+"""Media type of a file from its first bytes (never from its name), and image size without decoding.
 
-Decoders allocate what a header claims, so sizes are read here first.
+Decoders allocate the size that a header claims, so this module reads and checks sizes before any decoder runs.
 """
 
 from __future__ import annotations
@@ -35,13 +35,14 @@ class ImageHeader:
     width: int
     height: int
     animated: bool = False
-    """More than one picture, perhaps: a PNG or GIF like that is read as a video."""
+    """Whether the file may contain more than one picture; such a PNG or GIF is read as a video."""
 
 
 def sniff(stream: BinaryIO) -> str:
-    """The media type by content: an image type, zip, JSON, GIF, Matroska, AVI, MP4, or "" if only a demuxer can tell.
+    """Detect the media type: an image type, zip, JSON, GIF, Matroska, AVI or MP4; "" = unknown, try the demuxers.
 
-    Raises: UnreadableMedia for programs and for text that is not JSON.
+    Raises:
+        UnreadableMedia: the file is a program, or text that is not JSON.
     """
     head = stream.read(4096)
     stream.seek(0)
@@ -79,9 +80,10 @@ def _is_text(head: bytes) -> bool:
 
 
 def image_header(stream: BinaryIO, media_type: str) -> ImageHeader:
-    """The size (px) in the header of an image of one of `IMAGE_TYPES` or a GIF, as stored (before any EXIF turn).
+    """Read the header of a GIF or of an image of one of `IMAGE_TYPES`. Sizes are as stored, before EXIF rotation, px.
 
-    Raises: UnreadableMedia if the header is cut off or nonsense.
+    Raises:
+        UnreadableMedia: the header is truncated or invalid.
     """
     try:
         width, height, animated = _PARSERS[media_type](stream)
@@ -91,7 +93,7 @@ def image_header(stream: BinaryIO, media_type: str) -> ImageHeader:
 
 
 def is_still(header: ImageHeader) -> bool:
-    """Whether the image is read as one picture: PNGs and GIFs may move, of a moving WebP the first picture counts."""
+    """Whether the file is read as one picture. Animated PNG and GIF are videos; an animated WebP yields one picture."""
     return not (header.animated and header.media_type in ("image/png", "image/gif"))
 
 

@@ -1,6 +1,6 @@
-"""Joining segments end to end, without re-encoding, and adding the source's sound: the finished file.
+"""Concatenation of segments without re-encoding, with the audio of the source, into the finished file.
 
-The same segments and source give the same bytes: no creation time and no version is written.
+The same segments and source give the same bytes: the file contains no creation time and no version.
 """
 
 from __future__ import annotations
@@ -37,11 +37,12 @@ def join(
     """Write the finished file at `out`.
 
     Args:
-        segments: files of `segment_writer`, all of one spec, in order, at least one; each with the time at which the
-            source shows its first frame, seconds. The first of these is time 0 of the output.
+        segments: (start time, file) of each segment, in order, at least one. The files are written by `segment_writer`
+            with the same spec. A start time is the time of the segment's first frame in the source, seconds; the first
+            one becomes time 0 of the output.
         container: "mp4" (streamable from its first bytes), "webm", or "png" (one zip of numbered frames).
-        sound: a media file whose audio is added in step, if it has any. "png" takes none.
-        progress: told the fraction done after each segment; may raise to stop.
+        sound: a media file whose audio, if any, is added in sync. Ignored for "png".
+        progress: called with the fraction done, 0..1, after each segment; may raise an exception to abort.
     """
     if container == "png":
         _join_images([path for _start, path in segments], out, progress)
@@ -64,12 +65,12 @@ def _sound(
     try:
         source = stack.enter_context(open_container(sound, Limits()))
     except UnreadableMedia:
-        return iter(())  # pictures that no demuxer takes (a zip, a still) have no sound
+        return iter(())  # zips and still images, which no demuxer accepts, have no audio
     return add_audio(source, target, container, origin_s)
 
 
 def _interleave(target: OutputContainer, *tracks: Iterator[Timed]) -> None:
-    """Mux in order of time, so that neither track is ever held in memory."""
+    """Mux packets in order of time, so that no track has to be buffered in memory."""
     for _time, packet in heapq.merge(*tracks, key=lambda timed: timed[0]):
         target.mux(packet)
 

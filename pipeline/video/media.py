@@ -1,4 +1,4 @@
-"""What a media file is (`MediaInfo`), how large it may be (`Limits`), and the two errors everyone here raises."""
+"""Properties of a media file (`MediaInfo`), its size limits (`Limits`), and the checks of these limits."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from pipeline.frames import MIN_SIDE_PX
 Kind = Literal["video", "image", "archive", "json"]
 
 SEQUENCE_FPS = 24
-"""Frames per second of image sequences, which carry none: film's rate."""
+"""Frames per second assumed for image sequences, which store no rate: the rate of film."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """How large a media file may be. All inclusive."""
+    """Maximum size of a media file. All limits are inclusive."""
 
     size_bytes: int = 8 << 30
     pixels: int = 50_000_000
-    """Pixels of one frame."""
+    """Maximum number of pixels of one frame."""
     side_px: int = 16384
-    """Longest side."""
+    """Maximum width and height."""
     seconds: float = 2 * 3600.0
     frames: int = 1_000_000
-    """Also the most entries an archive may hold."""
+    """Maximum number of frames, and of entries of an archive."""
     json_bytes: int = 16 << 20
 
 
 @dataclass(frozen=True)
 class MediaInfo:
-    """What probing found. `width` and `height` are px as shown: after rotation, with square pixels."""
+    """Result of probing. `width` and `height` are in px as displayed: after rotation, with square pixels."""
 
     kind: Kind
     media_type: str
@@ -44,20 +44,25 @@ class MediaInfo:
     pixel_format: str = ""
     has_audio: bool = False
     rotation_deg: int = 0
-    """Clockwise turn that the file asks players to make: 0, 90, 180 or 270."""
+    """Clockwise rotation for display, from the file's metadata: 0, 90, 180 or 270."""
 
     def as_json(self) -> dict[str, Any]:
         return asdict(self)
 
 
 def unreadable(message: str, value: object = None, remedy: str = "") -> NoReturn:
-    """Raise `UnreadableMedia` about the file."""
+    """Raise `UnreadableMedia` for the field "file", with a default remedy."""
     remedy = remedy or "Upload a video (MP4, MOV, MKV, WebM, AVI, GIF), an image, or a zip of PNG or JPEG frames."
     raise UnreadableMedia(message, field="file", value=value, remedy=remedy)
 
 
 def check_size(width: int, height: int, limits: Limits, what: str = "The picture") -> None:
-    """Raise unless a picture of this size can be stylised, before anything of that size is allocated."""
+    """Check a picture size before any allocation.
+
+    Raises:
+        UnreadableMedia: a side is shorter than `MIN_SIDE_PX`.
+        MediaTooLarge: the picture exceeds the limits.
+    """
     value = f"{width}x{height}"
     if width < MIN_SIDE_PX or height < MIN_SIDE_PX:
         remedy = f"Use at least {MIN_SIDE_PX} px on each side."
@@ -72,7 +77,7 @@ def check_size(width: int, height: int, limits: Limits, what: str = "The picture
 
 
 def check_bytes(size_bytes: int, most: int) -> None:
-    """Raise unless a file has between 1 and `most` bytes."""
+    """Raise UnreadableMedia for an empty file, MediaTooLarge for one with more than `most` bytes."""
     if size_bytes == 0:
         unreadable("The file is empty.", "0 bytes", "Upload it again: nothing arrived.")
     if size_bytes > most:
@@ -81,7 +86,7 @@ def check_bytes(size_bytes: int, most: int) -> None:
 
 
 def check_length(frames: int, seconds: float, limits: Limits) -> None:
-    """Raise unless a video of that many frames and seconds is within the limits."""
+    """Raise MediaTooLarge if a video has more frames or seconds than the limits allow."""
     if seconds > limits.seconds or frames > limits.frames:
         raise MediaTooLarge(
             "The video is too long.",

@@ -1,4 +1,4 @@
-"""A zip of numbered images (masks, label maps, keyframes) as a lazy mapping: an image is decoded when asked for."""
+"""Lazy mapping over a zip of numbered images (masks, label maps, keyframes); images are decoded on access."""
 
 from __future__ import annotations
 
@@ -17,9 +17,12 @@ from pipeline.video.stills import decode_raw
 
 
 class NumberedImages(Mapping[int, "NDArray[Any]"]):
-    """Images by the last number in their file name, ascending, as stored. A file that is one image has number 0.
+    """Images as stored, by the last number in their file names, ascending. A single image file has number 0.
 
-    Raises: UnreadableMedia (not images, a name without a number, a number twice). Close it.
+    The caller closes it.
+
+    Raises:
+        UnreadableMedia: an entry is not an image, a name has no number, or two names have the same number.
     """
 
     def __init__(self, path: Path, field: str, limits: Limits | None = None) -> None:
@@ -37,7 +40,7 @@ class NumberedImages(Mapping[int, "NDArray[Any]"]):
         for member in members:
             number = number_of(member.filename)
             if number is None or number in self._members:
-                fault = "has no number in its name" if number is None else "has a number that another has"
+                fault = "has no number in its name" if number is None else "has the number of another image"
                 self.close()
                 raise UnreadableMedia(
                     f"An image of the archive {fault}.",

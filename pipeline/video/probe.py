@@ -1,7 +1,7 @@
-"""What is this file? Really decodes the header and the first frame; never trusts a name.
+"""Media probing: type, size, length and frame rate of a file, from its header and its decoded first frame.
 
-`probe` works in this process. `probe_guarded` works in a child that can be killed and has little memory, because
-decoders may hang, crash or allocate without end on hostile bytes: the service uses that one.
+`probe` runs in this process. `probe_guarded` runs in a child process with limited time and memory, because decoders may
+hang, crash or allocate without limit on hostile files; the service uses this one.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pathlib import Path
 from pipeline.video.archive import entry_stream, open_archive
 from pipeline.video.clip import Clip
 from pipeline.video.container import open_container, video_stream
-from pipeline.video.guard.nursery import begin
+from pipeline.video.guard.decoder_server import start_decoder
 from pipeline.video.headers import IMAGE_TYPES, image_header, is_still, sniff
 from pipeline.video.media import (
     Limits,
@@ -30,9 +30,12 @@ from pipeline.video.shot_files import ShotFiles, is_shot
 
 
 def probe(path: Path, limits: Limits | None = None) -> MediaInfo:
-    """Find out what a file is, decoding its first frame.
+    """Probe a file and decode its first frame.
 
-    Raises: UnreadableMedia, NoVideoStream, MediaTooLarge, each with field, value and remedy.
+    Raises:
+        UnreadableMedia: the file is damaged or of an unknown type.
+        NoVideoStream: the container has no video stream.
+        MediaTooLarge: the file exceeds the limits.
     """
     limits = limits or Limits()
     check_bytes(path.stat().st_size, limits.size_bytes)
@@ -55,7 +58,7 @@ def _probe_json(path: Path, limits: Limits) -> MediaInfo:
     try:
         json.loads(path.read_text("utf-8-sig"))
     except (ValueError, RecursionError) as error:
-        unreadable("The file looks like JSON and is not.", error, "Check it with a JSON validator.")
+        unreadable("The file is not valid JSON.", error, "Check it with a JSON validator.")
     return MediaInfo("json", "application/json")
 
 
@@ -70,7 +73,7 @@ def _probe_zip(path: Path, limits: Limits) -> MediaInfo:
 
 
 def _check_members(path: Path, limits: Limits) -> None:
-    """Every image's header: one of another size would stop a job half-way."""
+    """Check the header of every image: an image of a different size would make the job fail halfway."""
     archive, members = open_archive(path, limits)
     if is_shot([member.filename for member in members]):
         archive.close()
@@ -89,11 +92,11 @@ def _check_members(path: Path, limits: Limits) -> None:
             first = first or size
             if size != first:
                 value = f"{member.filename}: {size[0]}x{size[1]} instead of {first[0]}x{first[1]}"
-                unreadable("The images of the archive have several sizes.", value, "Make all frames one size.")
+                unreadable("The images of the archive differ in size.", value, "Make all frames one size.")
 
 
 def _check_shot(path: Path, limits: Limits) -> None:
-    """A shot's layout, and the header of every picture in it."""
+    """Check the layout of a shot and the header of every picture in it."""
     with closing(ShotFiles(path, limits)) as files, closing(open_zip(path, limits)) as frames:
         layout = read_shot(files)
         check_size(*frames.geometry.size, limits)
@@ -123,7 +126,7 @@ def _media_type(demuxer: str) -> str:
 
 
 def _described(source: Clip | Sequence, found: MediaInfo, limits: Limits) -> MediaInfo:
-    """`found` with what the opened source knows; closes it."""
+    """Complete `found` with size, length and rate of the opened source; closes the source."""
     try:
         index, (width, height) = source.index, source.geometry.size
         check_size(width, height, limits)
@@ -145,11 +148,12 @@ def _described(source: Clip | Sequence, found: MediaInfo, limits: Limits) -> Med
 
 
 def probe_guarded(path: Path, limits: Limits | None = None, timeout_s: float = 60.0) -> MediaInfo:
-    """`probe` in a child process with bounded time and memory.
+    """Run `probe` in a child process with limited time and memory.
 
-    Raises: what `probe` raises; UnreadableMedia too if the decoder hangs, crashes or wants too much memory.
+    Raises:
+        BadMedia: as `probe`; also UnreadableMedia if the decoder hangs, crashes or exceeds its memory limit.
     """
     task = {"path": str(path.absolute()), "limits": asdict(limits or Limits())}
-    child = begin("probe", task, 1, timeout_s)
+    child = start_decoder("probe", task, 1, timeout_s)
     child.close()
     return MediaInfo(**child.began[0]["info"])

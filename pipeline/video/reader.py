@@ -1,4 +1,4 @@
-"""`VideoReader`: the frames of anything that shows pictures, by exact index, one at a time."""
+"""`VideoReader`: access to the frames of videos, image sequences and still images by exact frame index."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ from pipeline.video.sequence import Sequence, open_folder, open_still, open_zip
 class VideoReader:
     """Reads a video container, a GIF, a folder or zip of numbered images, or one still image (a video of one frame).
 
-    Frames come as shown: turned by rotation metadata, with square pixels, composited over white, sRGB from the
-    stream's own matrix and range; a picture whose size changes mid-stream is scaled to the first one's. Reading on
-    where the last read stopped never seeks. Memory is bounded by a few frames. Not thread-safe. Close it.
+    Frames are as displayed: rotated according to the metadata, with square pixels, composited over white, converted to
+    sRGB with the stream's matrix and range. If the size changes within the stream, pictures are scaled to the first
+    one's size. A read that starts where the last one stopped never seeks. Holds a few frames in memory. Not
+    thread-safe. The caller closes it.
 
     Raises: UnreadableMedia, NoVideoStream, MediaTooLarge.
     """
@@ -54,46 +55,49 @@ class VideoReader:
 
     @property
     def pixel_format(self) -> str:
-        """How pictures are stored (FFmpeg's name)."""
+        """Pixel format of the stored pictures (FFmpeg's name)."""
         return self._source.pixel_format
 
     @property
     def frames(self) -> int:
-        """How many frames there are; an estimate if `index.exact` is false."""
+        """Number of frames; an estimate if `index.exact` is false."""
         return len(self._source.index.pts)
 
     @property
     def index(self) -> Index:
-        """Presentation times, without decoding."""
+        """Presentation times of the frames."""
         return self._source.index
 
     @property
     def timestamps(self) -> NDArray[np.int64]:
-        """When each frame is shown, ticks of `time_base`."""
+        """Presentation time of each frame, ticks of `time_base`."""
         return self._source.index.pts
 
     @property
     def time_base(self) -> Fraction:
-        """Seconds a tick."""
+        """Duration of a tick, seconds."""
         return self._source.index.time_base
 
     @property
     def fps(self) -> float:
-        """Mean rate."""
+        """Mean frame rate, frames per second."""
         return self._source.index.fps
 
     @property
     def errors(self) -> list[str]:
-        """What would not decode so far; the frames concerned repeat the one before."""
+        """Decoding errors so far; an undecodable frame is replaced by the frame before it."""
         return self._source.errors
 
     @property
     def position(self) -> int | None:
-        """The first frame that can be read without a seek, or None."""
+        """Index of the first frame that can be read without a seek; None = no decoder is open."""
         return self._source.position
 
     def read(self, start: int = 0, stop: int | None = None) -> Iterator[Frame]:
-        """Frames [start, stop) in order; fewer if the video ends earlier. Start another read only after this one."""
+        """Yield the frames [start, stop) in order; fewer if the video ends earlier.
+
+        Only one read may be active at a time.
+        """
         if start < 0 or (stop is not None and stop < start):
             raise ValueError(f"no frames [{start}, {stop})")
         return self._source.read(start, stop if stop is not None else _FOREVER)

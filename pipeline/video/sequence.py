@@ -1,4 +1,4 @@
-"""Frames of numbered images, in a folder or a zip, and of a single still image: the same face as a `Clip`."""
+"""Image sequences (a folder or zip of numbered images, or one still image) with the same interface as `Clip`."""
 
 from __future__ import annotations
 
@@ -20,11 +20,17 @@ from pipeline.video.stills import decode_rgb
 _SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".exr"})
 _IMAGE_BYTES = 1 << 30
 Loader = tuple[str, Callable[[], bytes]]
-"""An image's name, and what gives its encoded bytes."""
+"""Name of an image, and a function that returns its encoded bytes."""
 
 
 class Sequence:
-    """Images as the frames of a video at `SEQUENCE_FPS`. `loaders` give (name, encoded bytes) of each frame."""
+    """Images as the frames of a video at `SEQUENCE_FPS` frames per second.
+
+    Args:
+        loaders: one for each frame, in order.
+        limits: limits of each image.
+        close: releases the source of the images.
+    """
 
     def __init__(self, loaders: list[Loader], limits: Limits, close: Callable[[], None]) -> None:
         self._loaders = loaders
@@ -43,7 +49,7 @@ class Sequence:
         self._close()
 
     def read(self, start: int, stop: int) -> Iterator[Frame]:
-        """Frames [start, stop). Raises BadFrame if one has another size than the first."""
+        """Yield the frames [start, stop). Raises BadFrame if the size of a frame differs from that of the first."""
         for at in range(start, min(stop, len(self._loaders))):
             self.position = at + 1
             yield same_size(self._load(at), self.geometry.size, self._loaders[at][0])
@@ -54,13 +60,13 @@ class Sequence:
 
 
 def open_still(path: Path, limits: Limits) -> Sequence:
-    """One image as a video of one frame."""
+    """Open one image as a video of one frame."""
     check_bytes(path.stat().st_size, min(limits.size_bytes, _IMAGE_BYTES))
     return Sequence([("image", path.read_bytes)], limits, lambda: None)
 
 
 def open_folder(path: Path, limits: Limits) -> Sequence:
-    """The images of a folder, in the order of the numbers in their names; of a shot, those in its `frames`."""
+    """Open the images of a folder, ordered by the numbers in their names; for a shot, the images in `frames`."""
     below = [str(p.relative_to(path)) for p in (*path.glob("*"), *path.glob("*/*"))]
     found = path / FRAMES if is_shot(below) else path
     files = [p for p in found.iterdir() if p.suffix.lower() in _SUFFIXES and not p.name.startswith(".")]
@@ -71,7 +77,7 @@ def open_folder(path: Path, limits: Limits) -> Sequence:
 
 
 def open_zip(path: Path, limits: Limits) -> Sequence:
-    """The images of a zip archive, in the order of the numbers in their names; of a shot, those in its `frames`."""
+    """Open the images of a zip, ordered by the numbers in their names; for a shot, the images in `frames`."""
     archive, members = open_archive(path, limits)
     try:
         frames = {member.filename: member for member in members}

@@ -1,19 +1,19 @@
 """A shot: rendered frames with their passes, layers, styles and painted keyframes, in folders of one archive.
 
-    shot.json               optional: the order of layers and what is particular to each, see `ShotJson`
-    frames/0001.png         the whole picture, PNG, JPEG or EXR; every other numbered file has one of these numbers
-    vectors/0001.exr        motion vectors; EXR frames may hold them themselves
-    normals/0001.png        normals as colours, or EXR with a Normal pass; EXR frames may hold them themselves
-    ids/0001.png            number of the object at each pixel, 8 or 16 bit, or EXR with IndexOB
+    shot.json               optional: order and settings of the layers, see `ShotJson`
+    frames/0001.png         the whole picture, PNG, JPEG or EXR; all other numbered files use these frame numbers
+    vectors/0001.exr        motion vectors; optional if the EXR frames contain them
+    normals/0001.png        normals as colours, or EXR with a Normal pass; optional if the EXR frames contain them
+    ids/0001.png            object number of each pixel, 8 or 16 bit, or EXR with IndexOB
     lines/0001.png          black lines on white
-    guides/NAME/0001.png    any further picture of the scene
-    keyframes/0001.png      painted frames, some of them
-    painted/0001.png        white where the keyframe of that number is painted, if not all over
-    style/output.png        the painting; style/input.png: what it is of; style/NAME.png: what guide NAME shows of it;
-                            style/lines.png: its lines; style/mask.png: white where its subject is
-    layers/LAYER/...        any of the above for one layer, and masks/0001.png: white where it is
+    guides/NAME/0001.png    additional guide images of the scene
+    keyframes/0001.png      painted frames, for some of the frame numbers
+    painted/0001.png        white where the keyframe of this number is painted; needed for partly painted keyframes
+    style/output.png        the painting; style/input.png: the picture it was painted from; style/NAME.png: counterpart
+                            of guide NAME; style/lines.png: lines; style/mask.png: white where the subject is
+    layers/LAYER/...        any of the above for one layer, and masks/0001.png: white inside the layer's silhouette
 
-What a layer does not have it takes from the shot. `read_shot` reads names only; `check_pictures` every header.
+A layer inherits missing files from the shot. `read_shot` reads file names only; `check_pictures` reads every header.
 """
 
 from __future__ import annotations
@@ -34,21 +34,23 @@ from pipeline.video.shot_files import FRAMES, LAYERS, PASSES, Files
 
 NUMBERED = ("masks", "vectors", "normals", "ids", "lines", "keyframes", "painted")
 SPARSE = frozenset({"keyframes", "painted"})
-"""Passes that need not have every frame."""
+"""Passes that may lack frames."""
 WHOLE = ""
-"""Name of the layer that is the whole picture."""
+"""Layer name that stands for the whole picture."""
 
 
 class LayerJson(BaseModel):
-    """What shot.json says of a layer."""
+    """Settings of one layer in shot.json."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    name: str = Field(min_length=1, description="Its folder in layers/, or any name if `ids` says what it is.")
-    ids: tuple[int, ...] = Field((), description="Objects of the ids pass that make up the layer.")
+    name: str = Field(min_length=1, description="Name of its folder in layers/; any name if `ids` is given.")
+    ids: tuple[int, ...] = Field((), description="Object numbers of the ids pass that form the layer.")
     params: dict[str, Any] = Field({}, description="Parameters of the method that differ for this layer.")
-    guides: dict[str, float] = Field({}, description="Weights of its guides by name; 0 leaves one out.")
-    overpaint_px: float | None = Field(None, ge=0, le=500, description="How far paint may lie outside; None = as keys.")
+    guides: dict[str, float] = Field({}, description="Weights of its guides by name; 0 = not used.")
+    overpaint_px: float | None = Field(
+        None, ge=0, le=500, description="Reach of paint beyond the silhouette; None = as keys."
+    )
 
 
 class ShotJson(BaseModel):
@@ -59,37 +61,39 @@ class ShotJson(BaseModel):
     version: Literal[1] = 1
     vectors: Literal["auto", "cycles", "eevee", "nuke"] | tuple[float, float, float] | None = Field(
         None,
-        description="How motion vectors are stored; or three factors: of those to the next frame, of those of the "
-        "previous one, and of every y.",
+        description="Convention of the motion vectors; or three sign factors: of the next-frame vectors, of the "
+        "previous-frame vectors, and of all y components.",
     )
-    background: str = Field("#ffffff", pattern="^#[0-9a-fA-F]{6}$", description="What is seen where no layer is.")
-    layers: tuple[LayerJson, ...] | None = Field(None, description="From back to front. None: by name.")
+    background: str = Field("#ffffff", pattern="^#[0-9a-fA-F]{6}$", description="Background colour behind all layers.")
+    layers: tuple[LayerJson, ...] | None = Field(
+        None, description="Layers from back to front; None = in order of their names."
+    )
 
 
 @dataclass(frozen=True)
 class LayerFiles:
-    """A layer's files: pass -> frame (counted from 0) -> path."""
+    """Files of one layer: pass name -> frame index (from 0) -> path in the archive."""
 
     name: str
     passes: Mapping[str, Mapping[int, str]]
     guides: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
     style: Mapping[str, str] = field(default_factory=dict)
-    """Stem -> path."""
+    """File name without extension -> path."""
     says: LayerJson | None = None
 
     @property
     def where(self) -> str:
-        """How errors call it."""
+        """Name of the layer in error messages."""
         return f"layer {self.name}" if self.name else "shot"
 
 
 @dataclass(frozen=True)
 class ShotLayout:
-    """What an archive holds."""
+    """Contents of a shot archive: files of the whole picture, files of the layers, and shot.json."""
 
     whole: LayerFiles
     layers: tuple[LayerFiles, ...]
-    """From back to front; none: the whole picture is all there is."""
+    """Layers from back to front; empty if the shot has only the whole picture."""
     says: ShotJson
 
     @property
@@ -98,10 +102,10 @@ class ShotLayout:
 
 
 def read_shot(files: Files) -> ShotLayout:
-    """The layout of a shot's files, by their names alone.
+    """Determine the layout of a shot from file names and shot.json; reads no image.
 
     Raises:
-        UnreadableMedia: names the layer, the pass and the frame that is missing, doubled or unknown.
+        UnreadableMedia: a picture is missing, duplicate or unknown; the message names layer, pass and frame.
     """
     tree = _Tree(files)
     says = _manifest(files)
@@ -145,7 +149,7 @@ def _manifest(files: Files) -> ShotJson:
 
 
 class _Tree:
-    """The names of a shot's files, taken apart."""
+    """File names of a shot, split by layer and pass."""
 
     def __init__(self, files: Files) -> None:
         self._paths = [PurePosixPath(name) for name in sorted(files) if name != MANIFEST]
@@ -157,15 +161,15 @@ class _Tree:
         depth = 3 if parts[:1] == ("guides",) else 2
         if not parts or parts[0] not in (FRAMES, *PASSES) or len(parts) != depth:
             _refuse(
-                "The shot holds a file that has no place in it.", "file", path,
-                f"Folders are: {', '.join((FRAMES, *PASSES, LAYERS))}, with pictures in them.",
+                "The shot contains an unknown file.", "file", path,
+                f"Put pictures into these folders: {', '.join((FRAMES, *PASSES, LAYERS))}.",
             )  # fmt: skip
 
     def layer_names(self) -> list[str]:
         return sorted({path.parts[1] for path in self._paths if path.parts[0] == LAYERS})
 
     def numbers(self) -> dict[int, int]:
-        """Number in a file's name -> frame, from the whole picture's frames."""
+        """Number in the file name -> frame index, from the frames of the whole picture."""
         found = self._numbered(f"{FRAMES}/", "The shot")
         if not found:
             _refuse("The shot has no pictures.", "file", f"{FRAMES}/", "Number the rendered frames in frames/.")
@@ -188,7 +192,7 @@ class _Tree:
         for number, path in found.items():
             if number not in numbers:
                 _refuse(
-                    f"{who} has a picture for a frame that there is not.", path, number,
+                    f"{who} has a picture for a frame that does not exist.", path, number,
                     f"Number it as one of {FRAMES}/: {min(numbers)} to {max(numbers)}.",
                 )  # fmt: skip
         missing = sorted(set(numbers) - set(found))
@@ -204,7 +208,7 @@ class _Tree:
                 continue
             number = number_of(path.name)
             if number is None or number in found:
-                fault = "without a number in its name" if number is None else "with a number that another has"
+                fault = "without a number in its name" if number is None else "with the number of another picture"
                 other = None if number is None else found[number]
                 _refuse(f"{who} has a picture {fault}.", str(path), other, "Number pictures by their frames.")
             found[number] = str(path)
@@ -212,13 +216,13 @@ class _Tree:
 
 
 def check_pictures(files: Files, layout: ShotLayout, size: tuple[int, int]) -> None:
-    """Every numbered picture is an image of the frames' size, by its header.
+    """Check from the headers that every numbered file is an image of the frames' size.
 
     Args:
-        size: (width, height), px.
+        size: (width, height) of the frames, px.
 
     Raises:
-        UnreadableMedia: names the file and its size.
+        UnreadableMedia: a file is not an image or has a different size; the message names the file.
     """
     for layer in (layout.whole, *layout.layers):
         for paths in (*layer.passes.values(), *layer.guides.values()):
@@ -237,7 +241,7 @@ def _check_picture(files: Files, path: str, size: tuple[int, int]) -> None:
         _refuse(error.message, path, error.value, error.remedy)
     if (header.width, header.height) != size:
         _refuse(
-            "A picture of the shot has another size than its frames.", path, f"{header.width}x{header.height}",
+            "A picture of the shot differs in size from its frames.", path, f"{header.width}x{header.height}",
             f"Make it {size[0]}x{size[1]}.",
         )  # fmt: skip
 

@@ -1,8 +1,9 @@
-"""The files of a shot: an archive with folders of pictures, passes and layers. See `pipeline.video.shot`."""
+"""Access to the files of a shot: an archive with folders of frames, passes and layers; see `pipeline.video.shot`."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from itertools import takewhile
 from pathlib import Path, PurePosixPath
 from zipfile import ZipFile, ZipInfo
 
@@ -12,32 +13,33 @@ from pipeline.video.media import Limits
 
 FRAMES, LAYERS = "frames", "layers"
 PASSES = ("masks", "vectors", "normals", "ids", "lines", "keyframes", "painted", "guides", "style")
-"""Folders of a shot or of a layer besides its frames."""
+"""Folders that a shot or a layer may contain besides `frames`."""
 Files = Mapping[str, bytes]
-"""Paths below the shot, with / between folders -> contents, read when asked for."""
+"""Path relative to the shot, separated by "/" -> contents, read on access."""
 
 
 def root_of(names: Iterable[str]) -> str:
-    """The folders that all names share and that say nothing: "shot/" of "shot/frames/1.png" and "shot/shot.json"."""
-    folders = [PurePosixPath(name).parts[:-1] for name in names]
-    shared = 0
-    while folders and all(len(f) > shared and f[shared] == folders[0][shared] for f in folders):
-        shared += 1
-    return "".join(f"{part}/" for part in folders[0][:shared]) if folders else ""
+    """The common parent folder of all names: "shot/" for "shot/frames/1.png" and "shot/shot.json"."""
+    folders = sorted(name.split("/")[:-1] for name in names)
+    if not folders:
+        return ""
+    shared = takewhile(lambda pair: pair[0] == pair[1], zip(folders[0], folders[-1], strict=False))
+    return "".join(f"{part}/" for part, _ in shared)
 
 
 def is_shot(names: Iterable[str]) -> bool:
-    """Whether files with these names are a shot, not plain numbered images: it has `frames` beside something else."""
+    """Whether these file names form a shot: a file shot.json, or a folder `frames` beside at least one other file."""
     listed = list(names)
-    below = [name[len(root_of(listed)) :] for name in listed]
-    return MANIFEST in below or any(PurePosixPath(name).parts[0] == FRAMES and "/" in name for name in below)
+    root = root_of(listed)
+    below = [name[len(root) :] for name in listed]
+    return MANIFEST in below or any(name.startswith(f"{FRAMES}/") for name in below)
 
 
 def pictures_of(names: Iterable[str]) -> list[str]:
-    """Which of an archive's images are the frames of its video, in order.
+    """Names of those images of an archive that are the frames of its video, in order.
 
     Raises:
-        UnreadableMedia: a shot without any.
+        UnreadableMedia: the archive is a shot without frames.
     """
     listed = sorted(names, key=natural_key)
     if not is_shot(listed):
@@ -53,7 +55,7 @@ def pictures_of(names: Iterable[str]) -> list[str]:
 
 
 class ShotFiles(Mapping[str, bytes]):
-    """The files of a shot in a zip. Close it.
+    """The files of a shot in a zip archive, read on access. The caller closes it.
 
     Raises: UnreadableMedia, MediaTooLarge.
     """

@@ -1,7 +1,7 @@
-"""Still images from bytes: checked against their header first, then decoded to RGB.
+"""Decoding of still images to RGB, after a check of their headers, and encoding to PNG and JPEG.
 
-Orientation (EXIF) is applied, alpha is composited over white, 16 bits become 8. ICC profiles are ignored. Of an EXR,
-the picture itself is taken, linear light made sRGB.
+Applies EXIF orientation, composites alpha over white, and converts 16 bits to 8; ignores ICC profiles. An EXR image
+yields its beauty pass, converted from linear light to sRGB.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pipeline.video.media import Limits, check_size, unreadable
 
 
 def check_image(data: bytes, limits: Limits, name: str = "image") -> ImageHeader:
-    """The header of an encoded image that is whole and within the limits.
+    """Check that an encoded image is complete and within the limits; returns its header.
 
     Raises: UnreadableMedia, MediaTooLarge.
     """
@@ -34,7 +34,7 @@ def check_image(data: bytes, limits: Limits, name: str = "image") -> ImageHeader
 
 
 def _check_end(data: bytes, media_type: str, name: str) -> None:
-    """libjpeg and libpng paint what is missing grey: a cut-off file must be told by its missing end."""
+    """Reject a truncated image by its missing end marker: libjpeg and libpng fill missing parts with gray silently."""
     ends = {"image/jpeg": b"\xff\xd9", "image/png": b"IEND"}
     end = ends.get(media_type)
     if end and data.rfind(end, max(0, len(data) - (1 << 16))) < 0:
@@ -42,7 +42,7 @@ def _check_end(data: bytes, media_type: str, name: str) -> None:
 
 
 def decode_rgb(data: bytes, limits: Limits, name: str = "image") -> Frame:
-    """An encoded image as a frame. Raises UnreadableMedia, MediaTooLarge."""
+    """Decode an image to a frame. Raises UnreadableMedia, MediaTooLarge."""
     check_image(data, limits, name)
     if data.startswith(EXR_MAGIC):
         straight = _exr(data, limits, name)
@@ -57,7 +57,7 @@ def decode_rgb(data: bytes, limits: Limits, name: str = "image") -> Frame:
 
 
 def decode_raw(data: bytes, limits: Limits, name: str = "image") -> NDArray[Any]:
-    """An encoded image as stored: (h, w), (h, w, 3) RGB or (h, w, 4) RGBA; uint8 or uint16; orientation not applied."""
+    """Decode an image as stored, without EXIF rotation: (h, w), (h, w, 3) RGB or (h, w, 4) RGBA; uint8 or uint16."""
     check_image(data, limits, name)
     if data.startswith(EXR_MAGIC):
         return _exr(data, limits, name)
@@ -86,7 +86,7 @@ def _to_8_bit(image: NDArray[Any]) -> NDArray[np.uint8]:
 
 
 def over_white(rgba: NDArray[np.uint8]) -> Frame:
-    """Composite straight-alpha RGBA, uint8 (h, w, 4), over white; rounded to nearest."""
+    """Composite RGBA with straight alpha, uint8 (h, w, 4), over white; rounds to nearest."""
     alpha = rgba[..., 3:].astype(np.uint16)
     if alpha.min(initial=255) == 255:
         return np.ascontiguousarray(rgba[..., :3])
@@ -95,19 +95,19 @@ def over_white(rgba: NDArray[np.uint8]) -> Frame:
 
 
 def encode_png(frame: Frame, level: int = 1) -> bytes:
-    """A frame as PNG bytes. `level` 0..9: 1 is fast and only some percent larger than the default."""
+    """Encode a frame as PNG. `level`: zlib level 0..9; 1 is fast, and its files are only a few percent larger."""
     return cv2.imencode(".png", cv2.cvtColor(frame, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_PNG_COMPRESSION, level])[
         1
     ].tobytes()
 
 
 def encode_gray_png(plane: NDArray[np.uint8], level: int = 1) -> bytes:
-    """One channel as PNG bytes."""
+    """Encode one channel, uint8 (h, w), as a gray PNG."""
     return cv2.imencode(".png", plane, [cv2.IMWRITE_PNG_COMPRESSION, level])[1].tobytes()
 
 
 def encode_jpeg(frame: Frame, quality: int = 85) -> bytes:
-    """A frame as JPEG bytes. `quality` 1..100."""
+    """Encode a frame as JPEG; `quality` 1..100."""
     return cv2.imencode(".jpg", cv2.cvtColor(frame, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, quality])[
         1
     ].tobytes()

@@ -1,4 +1,4 @@
-"""The plane motion that explains a flow: robust least squares, from a shift up to a homography."""
+"""Robust fit of a global motion to point pairs: translation, affine map or homography, by the number of points."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.segmentation.jit import kernel
+from pipeline.jit import kernel
 
 Homography: TypeAlias = NDArray[np.float64]
-"""float64 (3, 3), maps (x, y, 1), px."""
+"""float64 (3, 3), acts on homogeneous coordinates (x, y, 1), px."""
 Points: TypeAlias = NDArray[Any]
 """(n, 2): (x, y), px."""
 
 IDENTITY: Homography = np.eye(3)
 IDENTITY.setflags(write=False)
 MOST = 1500
-"""Points that a fit looks at: evenly chosen from more."""
+"""Largest number of points used by a fit; more points are subsampled evenly."""
 
 
 def apply(matrix: Homography, points: Points) -> NDArray[np.float64]:
-    """Where the points (..., 2) go."""
+    """Map points (..., 2) by the homography."""
     x, y = points[..., 0], points[..., 1]
     a = matrix
     scale = 1 / (a[2, 0] * x + a[2, 1] * y + a[2, 2])
@@ -31,7 +31,7 @@ def apply(matrix: Homography, points: Points) -> NDArray[np.float64]:
 
 
 def deviation(flow: NDArray[np.float32], matrix: Homography) -> NDArray[np.float32]:
-    """How far a flow, float32 (h, w, 2), is from the plane motion, at each pixel: float32 (h, w), px."""
+    """Distance between a flow, float32 (h, w, 2), and the homography's motion at each pixel: float32 (h, w), px."""
     out = np.empty(flow.shape[:2], np.float32)
     _deviation(flow, np.ascontiguousarray(matrix), out)
     return out
@@ -58,17 +58,17 @@ def fit(
     source: Points, target: Points, *, weights: NDArray[Any] | None = None, noise_px: float = 0.25, rounds: int = 6,
     start: Homography | None = None,
 ) -> Homography:  # fmt: skip
-    """The homography that takes `source` to `target`, in spite of outliers.
+    """Fit a homography from `source` to `target`, robust to outliers.
 
-    With less than 4 points the identity; with less than 12, or all within a few px, a shift (the median); with less
-    than 200 an affine map: a homography of a small patch has nothing to hold its perspective.
+    The model depends on the points: the identity for fewer than 4; a translation (median) for fewer than 12 or a spread
+    of a few px; an affine map for fewer than 200, since the perspective of a small region is ill-conditioned.
 
     Args:
         source, target: (n, 2), px.
         weights: (n,) >= 0; None = 1.
         noise_px: residual at which a point's weight begins to fall (Geman and McClure).
-        rounds: of iteratively reweighted least squares.
-        start: first guess; None = all points count alike in the first round.
+        rounds: iterations of reweighted least squares.
+        start: initial estimate, from which the first weights are computed; None = `weights` alone.
     """
     n = len(source)
     if n < 4:
@@ -94,7 +94,7 @@ def fit(
 
 
 def dominant(source: Points, target: Points, noise_px: float = 0.5) -> Homography:
-    """The homography that most points agree on, where it may be less than half of them: RANSAC, then `fit`."""
+    """Fit the homography with the most inliers, which may be fewer than half of the points: RANSAC, then `fit`."""
     if len(source) < 12:
         return fit(source, target)
     pick = np.linspace(0, len(source) - 1, min(len(source), MOST)).astype(np.intp)
@@ -111,14 +111,14 @@ def shift(vector: Points) -> Homography:
 
 
 def _doubt(u: Points, v: Points, matrix: Homography, scale: float, noise_px: float) -> NDArray[np.float64]:
-    """Geman and McClure's weight of each point, by how far the matrix leaves it from its target."""
+    """Geman-McClure weight of each point by its residual: float64 (n,), 0..1."""
     out = np.empty(len(u))
     _weigh(u, v, np.ascontiguousarray(matrix), (scale / noise_px) ** 2, out)
     return out
 
 
 RIDGE = np.array([1, 1, 0.01, 1, 1, 0.01, 30, 30.0])
-"""Pull of each coefficient towards the identity's: shifts are free, perspective is not."""
+"""Relative regularisation of each coefficient towards the identity: weak for translation, strong for perspective."""
 
 
 def _solve(u: Points, v: Points, share: NDArray[np.float64], *, affine: bool) -> Homography:
@@ -149,7 +149,7 @@ def _add_up(
     u: Points, v: Points, share: NDArray[np.float64], size: int, normal: NDArray[np.float64],
     pull: NDArray[np.float64],
 ) -> None:  # fmt: skip
-    """Point by point, always in the same order, which a threaded library does not promise."""
+    """Accumulate the normal equations in a fixed order; a multithreaded library may sum in varying order."""
     across, down = np.zeros(8), np.zeros(8)
     across[2] = down[5] = 1.0
     for n in range(len(share)):

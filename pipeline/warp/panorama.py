@@ -1,6 +1,6 @@
-"""Panoramas: the mean of many frames in one frame's coordinates, and the way back.
+"""Panoramas: the mean of many frames in common coordinates, and the mapping from frames to the panorama.
 
-A *lay* says where the pixels of a rectangle of a frame are in the panorama: a homography, and what differs from it.
+A *lay* is the placement of a rectangle of a frame in the panorama: a homography plus a residual displacement.
 """
 
 from __future__ import annotations
@@ -13,21 +13,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Plane
-from pipeline.segmentation.jit import kernel
+from pipeline.jit import kernel
 from pipeline.warp.homography import Homography, apply, lattice
 
 Rect = tuple[int, int, int, int]
-"""Left, top, right, bottom, px; right and bottom are beyond it."""
+"""Left, top, right, bottom, px; right and bottom are exclusive."""
 
 
 @dataclass(frozen=True)
 class Lay:
-    """Where a rectangle of a frame is: G(p) = matrix p + rest(p).
+    """Placement of a rectangle of a frame in the panorama: G(p) = matrix p + rest(p).
 
     Attributes:
-        rect: of the frame, working px.
-        matrix: from the frame's to the panorama's working px.
-        rest: float16 or float32 (h, w, 2), working px.
+        rect: the rectangle in the frame, working px.
+        matrix: homography from frame to panorama coordinates, working px.
+        rest: float16 or float32 (h, w, 2), residual displacement, working px.
     """
 
     rect: Rect
@@ -35,13 +35,16 @@ class Lay:
     rest: NDArray[Any]
 
     def positions(self) -> NDArray[np.float32]:
-        """G of the rectangle's pixels, float32 (h, w, 2)."""
+        """Panorama positions G of the rectangle's pixels: float32 (h, w, 2), working px."""
         left, top, right, bottom = self.rect
         here = lattice((bottom - top, right - left), (left, top))
         return np.asarray(apply(self.matrix, here) + self.rest, np.float32)
 
     def at(self, points: NDArray[np.float32]) -> NDArray[np.float32]:
-        """G of any points (h, w, 2) of the frame, bilinear; outside the rectangle its border's rest goes on."""
+        """Panorama positions G of arbitrary points (h, w, 2) of the frame.
+
+        The residual is interpolated bilinearly, and extended from the rectangle's border outside of it.
+        """
         x = np.ascontiguousarray(points[..., 0] - np.float32(self.rect[0]))
         y = np.ascontiguousarray(points[..., 1] - np.float32(self.rect[1]))
         rest = cv2.remap(self.rest.astype(np.float32), x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
@@ -51,7 +54,7 @@ class Lay:
 def full_map(lay: Lay, ratio: tuple[float, float], size: tuple[int, int], origin: tuple[int, int]) -> tuple[
     Rect, Plane, Plane
 ]:  # fmt: skip
-    """Where the frame's own pixels are in the panorama's: a rectangle of the frame, px, and planes of x and of y.
+    """Panorama positions of full-size pixels: a rectangle of the frame, px, and x and y, float32 (h, w) each, px.
 
     Args:
         ratio: width and height of a working pixel, px.
@@ -103,7 +106,7 @@ def _full_map(
 
 
 def gather(total: NDArray[np.float32], picture: Frame, weights: Plane, x: Plane, y: Plane) -> None:
-    """Add a picture to a panorama, in place: every pixel is spread over the four around its place.
+    """Add a picture to a panorama, in place: each pixel is distributed bilinearly over four panorama pixels.
 
     Args:
         total: float32 (H, W, 4): sums of red, green, blue times weight, and of the weights.
@@ -134,9 +137,9 @@ def _gather(total: NDArray[np.float32], picture: Frame, weights: Plane, x: Plane
 
 
 def mean(total: NDArray[np.float32], least: float = 0.05) -> tuple[Frame, Plane]:
-    """The panorama's mean colours, uint8 (H, W, 3), and where it has any, float32 (H, W) in 0..1.
+    """Mean colours of the panorama, uint8 (H, W, 3), and its coverage, float32 (H, W), 0..1.
 
-    What has less weight than `least` is filled in from around it, ever more coarsely: strokes may start and end there.
+    Pixels with a weight below `least` are filled from their surroundings, since strokes may extend there.
     """
     known = np.minimum(total[..., 3] / np.float32(least), 1)
     colours = total[..., :3] / np.maximum(total[..., 3:], np.float32(1e-6))
@@ -145,7 +148,7 @@ def mean(total: NDArray[np.float32], least: float = 0.05) -> tuple[Frame, Plane]
 
 
 def _fill(weighted: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Push and pull: what is unknown takes the colour of the coarser picture below it."""
+    """Push-pull interpolation: unknown pixels take the colour of the next coarser pyramid level."""
     height, width = weighted.shape[:2]
     known = weighted[..., 3:]
     if max(height, width) <= 1 or known.min() >= 1:

@@ -1,8 +1,8 @@
-"""Warps that distort little: pixels on springs, relaxed on a grid (zhang2011patches, section 5).
+"""Low-distortion warps by relaxation of a spring system on a grid (zhang2011patches, section 5).
 
-Every pixel of a region hangs on a spring of length 0 at the place where its flow leads, and on springs to its eight
-neighbours, of lengths 1 and sqrt 2. What relaxes is a coarse grid laid over the target: its corners move by the forces
-of the pixels around them, and pixels move with their cell. So several frames can relax on one grid.
+Each pixel of a region is attached by a spring of rest length 0 to the target position given by its flow, and by springs
+of rest lengths 1 and sqrt 2 to its eight neighbours. The relaxation moves the corners of a grid over the target by the
+forces on the pixels around them, and pixels move with their cell. Several frames can be relaxed on one grid.
 
     E = sum k_p |x_p - t_p|^2  +  sum over neighbours (|x_p - x_q| - L0)^2
 """
@@ -17,26 +17,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Mask, Plane
-from pipeline.segmentation.jit import kernel
+from pipeline.jit import kernel
 
 MOST_ITERATIONS = 10
 STEP = 1.4
-"""Of a corner: its force over the stiffness that pulls at it."""
+"""Step length of a corner, as a multiple of its force divided by the sum of the acting stiffnesses."""
 
 Positions = NDArray[np.float32]
-"""float32 (h, w, 2): where each pixel of a rectangle is laid, (x, y)."""
+"""float32 (h, w, 2): position (x, y) of each pixel of a rectangle in the target, px."""
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """The pixels of a region in one frame, laid over the target.
+    """Spring system of a region in one frame.
 
     Attributes:
-        targets: float32 (h, w, 2), where the flow leads: the springs' fixed ends, and where the pixels start.
-        inside: bool (h, w): which pixels of the rectangle are in the region.
-        stiffness: float32 (h, w), k of the springs to the targets, >= 0.
-        rest: length of a spring between 4-neighbours, px: 1, or the scale of the region's motion, so that to grow is
-            no distortion; times the stride if the sheet holds every second pixel only.
+        targets: float32 (h, w, 2), positions given by the flow: fixed ends of the springs, and initial positions.
+        inside: bool (h, w), pixels of the rectangle that belong to the region.
+        stiffness: float32 (h, w), stiffness k of the springs to the targets, >= 0.
+        rest: rest length between 4-neighbours, px: the scale of the region's motion, so that uniform scaling is no
+            distortion, times the stride of subsampled pixels.
     """
 
     targets: Positions
@@ -47,12 +47,14 @@ class Sheet:
 
 @dataclass(frozen=True)
 class Relaxed:
-    """A grid of corner displacements that relaxes sheets, and what it has gained.
+    """Result of a relaxation: displacements of the grid's corners, and the energies.
 
     Attributes:
-        shifts: float32 (rows, columns, 2), px; `origin` (x, y) is the first corner, `cell` px apart.
-        before, after: energy E, px^2. `after` <= `before`.
-        iterations: steps taken.
+        shifts: float32 (rows, columns, 2), displacement of each corner, px.
+        origin: (x, y) of the first corner, px.
+        cell: distance of the corners, px.
+        before, after: energy E before and after, px^2; `after` <= `before`.
+        iterations: number of steps.
     """
 
     shifts: NDArray[np.float32]
@@ -63,7 +65,7 @@ class Relaxed:
     iterations: int
 
     def moved(self, positions: Positions) -> Positions:
-        """Where positions (h, w, 2) come to lie."""
+        """Move positions, float32 (h, w, 2), with the grid."""
         out = np.empty_like(positions)
         _move(positions, self.shifts, *self._place, out)
         return out
@@ -74,14 +76,15 @@ class Relaxed:
 
 
 def relax(sheets: Sequence[Sheet], cell: float = 1.0, most: int = MOST_ITERATIONS) -> Relaxed:
-    """Relax the sheets together, until the force no longer falls or `most` steps are done.
+    """Relax the sheets jointly, until the force no longer decreases or `most` steps are done.
 
     Args:
         cell: distance of the grid's corners, px.
+        most: largest number of steps.
 
-    Source: zhang2011patches, section 5. Departures: a corner's force is the sum over its pixels, divided by the sum of
-    their springs' stiffness, since a quarter of the plain force overshoots for every k above 4 and k is 10; and what is
-    returned is the step of least energy, so that no patch is worse for it.
+    Source: zhang2011patches, section 5. Departures: a corner's force is divided by the sum of the acting stiffnesses,
+    since the paper's step (a quarter of the force) overshoots for k > 4 and its k is 10; the result is the step with
+    the lowest energy, so the relaxation never increases the energy.
     """
     low, high = _bounds(sheets)
     origin = math.floor(low[0]) - cell, math.floor(low[1]) - cell
@@ -103,7 +106,7 @@ def relax(sheets: Sequence[Sheet], cell: float = 1.0, most: int = MOST_ITERATION
 
 
 def _bounds(sheets: Sequence[Sheet]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Least and greatest (x, y) that any pixel hangs on; 0 and 1 if there is none."""
+    """Smallest and largest (x, y) of the targets; (0, 0) and (1, 1) if the sheets have no pixels."""
     ends = np.array([np.inf, np.inf, -np.inf, -np.inf], np.float32)
     for sheet in sheets:
         _bound(sheet.targets, sheet.inside, ends)
@@ -113,7 +116,7 @@ def _bounds(sheets: Sequence[Sheet]) -> tuple[NDArray[np.float32], NDArray[np.fl
 def _pull(
     sheets: Sequence[Sheet], grid: Relaxed, shifts: NDArray[np.float32]
 ) -> tuple[float, float, NDArray[np.float32]]:
-    """Energy, the norm of the force on the corners, and the step that it asks for."""
+    """Energy, norm of the forces on the corners, and the resulting step, float32 (rows, columns, 2)."""
     total = np.zeros((*shifts.shape[:2], 3), np.float32)
     energy = 0.0
     for sheet in sheets:
@@ -127,7 +130,7 @@ def _pull(
 
 
 def distortion(sheet: Sheet, positions: Positions) -> Plane:
-    """Energy of each pixel laid at `positions`: its own spring and half of each to its neighbours, float32 (h, w)."""
+    """Energy of each pixel at `positions`: its target spring and half of each neighbour spring, float32 (h, w)."""
     out = np.zeros(sheet.inside.shape, np.float32)
     _distortion(positions, sheet.targets, sheet.inside, sheet.stiffness, np.float32(sheet.rest), out)
     return out
@@ -167,9 +170,9 @@ def _bound(targets: Positions, inside: Mask, ends: NDArray[np.float32]) -> None:
 def _strain(
     laid: Positions, targets: Positions, inside: Mask, stiffness: Plane, rest: np.float32, force: NDArray[np.float32]
 ) -> float:
-    """Add each pixel's force (half of -dE/dx) and stiffness to `force`, zeros before; returns the energy.
+    """Add each pixel's force (half of -dE/dx) and stiffness to `force`, initially zero; return the energy.
 
-    Each spring is met once, from the pixel above or left of it.
+    Each neighbour spring is visited once, from the first of its pixels in scan order.
     """
     height, width = inside.shape
     energy = 0.0
@@ -231,7 +234,7 @@ def _gather(
 
 @kernel
 def _steps(total: NDArray[np.float32], step: NDArray[np.float32]) -> float:
-    """Each corner's force over its stiffness; returns the sum of the forces' squares."""
+    """Divide each corner's force by its stiffness; return the sum of squared forces."""
     result = 0.0
     for i in range(total.shape[0]):
         for j in range(total.shape[1]):

@@ -1,4 +1,4 @@
-"""What routes ask for: who is calling (with the right scope) and the parts of the service."""
+"""Dependencies of routes: the caller, with the scope that the route needs, and the service's context."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from workers.farm import Farm
 
 
 class Streams:
-    """Counts event streams, and keeps their waiting threads apart from those that serve requests."""
+    """Counts open event streams. They wait on threads of their own, so that they cannot block other requests."""
 
     def __init__(self, most: int) -> None:
         self._most, self._open = most, 0
@@ -32,12 +32,12 @@ class Streams:
         return self._open >= self._most
 
     def count(self) -> int:
-        """Streams open now."""
+        """Number of open streams."""
         return self._open
 
     @contextmanager
     def one(self) -> Iterator[None]:
-        """Count a stream while it lasts. Called on the event loop only."""
+        """Count a stream while the block runs. Call it on the event loop only."""
         self._open += 1
         try:
             yield
@@ -46,28 +46,28 @@ class Streams:
 
 
 @dataclass
-class Service:
-    """The parts that routes work with; made by `create_app`."""
+class ServiceContext:
+    """What routes work with: settings, farm, semaphores, metrics. Created by `create_app`."""
 
     settings: Settings
     farm: Farm
     streams: Streams
     previews: threading.BoundedSemaphore
-    """Paintings of one frame that may be made at once."""
+    """Slots for previews of one frame."""
     frames: threading.BoundedSemaphore
-    """Frames of assets that may be decoded at once."""
+    """Slots for decoding single frames of assets."""
     webhook_secrets: WebhookSecrets
     registry: CollectorRegistry
-    """Of this app's metrics."""
+    """Registry of this app's metrics."""
     closing: threading.Event = field(default_factory=threading.Event)
-    """Set when the process is about to stop: long answers end."""
+    """Set when the process is about to stop: event streams end."""
 
 
-async def _service(request: Request) -> Service:  # not on a thread: it waits for nothing
-    return cast(Service, request.app.state.service)
+async def _context(request: Request) -> ServiceContext:  # async: no thread is needed, nothing blocks
+    return cast(ServiceContext, request.app.state.service)
 
 
-bearer = HTTPBearer(auto_error=False, description="An API key; not needed on loopback unless the operator says so.")
+bearer = HTTPBearer(auto_error=False, description="An API key. On loopback none is needed by default.")
 
 
 def _needs(scope: Scope) -> Callable[..., Awaitable[Principal]]:
@@ -78,7 +78,7 @@ def _needs(scope: Scope) -> Callable[..., Awaitable[Principal]]:
         if principal.may(scope):
             return principal
         raise Forbidden(
-            f"This key may not do that: it lacks the scope {scope.value!r}.",
+            f"This key lacks the scope {scope.value!r}.",
             field="Authorization",
             value=", ".join(sorted(principal.scopes)),
             remedy=f"Use a key with the scope {scope.value!r}.",
@@ -87,7 +87,7 @@ def _needs(scope: Scope) -> Callable[..., Awaitable[Principal]]:
     return caller
 
 
-Parts = Annotated[Service, Depends(_service)]
+Context = Annotated[ServiceContext, Depends(_context)]
 Reader = Annotated[Principal, Depends(_needs(Scope.READ))]
 Submitter = Annotated[Principal, Depends(_needs(Scope.SUBMIT))]
 Admin = Annotated[Principal, Depends(_needs(Scope.ADMIN))]

@@ -1,4 +1,4 @@
-"""The gate before every request: is the address meant for us, who is asking, and not too often."""
+"""Middleware before every request: Host and Origin checks, authentication, rate limit."""
 
 from __future__ import annotations
 
@@ -14,13 +14,16 @@ from service.access.keys import EVERYONE, OPERATOR, Principal
 from service.access.rates import Rates
 from service.errors import Forbidden, RateLimited, Unauthorized, respond, retry_after
 from service.settings import Settings, is_loopback
-from workers.farm import Keys
+from workers.store.keys import Keys
 
 GUARDED = ("/v1/", "/metrics")
-"""What needs a key where keys are needed. Pages, health and the API's description hold no one's data."""
+"""Paths that need a key where keys are required. Pages, health and the OpenAPI document contain no user data."""
+
+SHARED = "/v1/shared/"
+"""What a signed link opens: its routes check the token that is in the address."""
 
 KEY_PROTOCOL = "impasto.key."
-"""What a WebSocket subprotocol begins with that is a key."""
+"""Prefix of a WebSocket subprotocol that carries a key."""
 
 
 class Gate:
@@ -49,9 +52,11 @@ class Gate:
             return None
         principal = await self._known(secret)
         self._check_rate(principal, _address(scope))
+        if scope["path"].startswith(SHARED):
+            return None
         if principal is None:
             raise Unauthorized(
-                "This needs an API key." if secret is None else "This API key is not known.",
+                "An API key is required." if secret is None else "Unknown API key.",
                 field="Authorization",
                 remedy="Send the header 'Authorization: Bearer <key>' with a valid key.",
             )
@@ -80,11 +85,11 @@ class Gate:
             )
 
     def _check_local(self, headers: Headers, scheme: str) -> None:
-        """Without keys, a page from elsewhere must not reach us: by a name that it rebinds, or across origins."""
+        """Without keys, pages of other origins must not reach the service, neither directly nor by DNS rebinding."""
         host = headers.get("host", "")
         if self._settings.auth == "auto" and not self._local_name(host):
             raise Forbidden(
-                "This service answers to this machine only.",
+                "This service answers requests to this machine only.",
                 field="Host",
                 value=host,
                 remedy="Use http://127.0.0.1, add the name to IMPASTO_ALLOWED_HOSTS, or use an API key.",
@@ -113,7 +118,7 @@ def _bearer(headers: Headers) -> str | None:
 
 
 def _offered(scope: Scope) -> str | None:
-    """The key that a browser puts among a WebSocket's subprotocols, where it can set no headers."""
+    """The key among a WebSocket's subprotocols: browsers cannot set headers there."""
     names = scope.get("subprotocols", ()) if scope["type"] == "websocket" else ()
     keys = (name.removeprefix(KEY_PROTOCOL) for name in names if name.startswith(KEY_PROTOCOL))
     return next(keys, None) or None

@@ -1,4 +1,4 @@
-"""Who is asking, and what they may do. The keys themselves are the farm's (`farm.keys`)."""
+"""Callers and their scopes. The keys are stored by the farm (`farm.keys`)."""
 
 from __future__ import annotations
 
@@ -10,33 +10,33 @@ class Scope(StrEnum):
     READ = "read"
     SUBMIT = "submit"
     ADMIN = "admin"
-    """Everything, of everyone."""
+    """All operations on the data of all owners."""
 
 
 @dataclass(frozen=True)
 class Principal:
-    """The holder of a key, or whoever is let in without one."""
+    """A caller: the holder of a key, or anyone where no key is required."""
 
     owner: str
-    """The key's id: the owner of what is made with it. "" when no key was needed."""
+    """The key's id, which owns what the caller creates; "" without a key."""
     scopes: frozenset[str]
     quotas: dict[str, int] = field(default_factory=dict)
-    """The key's own bounds, by name: "active_jobs", "asset_bytes", "requests_per_minute", "running_tasks"."""
+    """The key's own limits, by name: "active_jobs", "asset_bytes", "requests_per_minute", "running_tasks"."""
 
     def may(self, scope: Scope) -> bool:
         return scope in self.scopes or Scope.ADMIN in self.scopes
 
     def sees(self, owner: str) -> bool:
-        """Whether things of `owner` exist for this one."""
+        """Whether the caller may know of `owner`'s jobs and assets."""
         return Scope.ADMIN in self.scopes or owner == self.owner
 
     @property
     def only_owner(self) -> str | None:
-        """For listings: the one owner whose things may be seen, None for all."""
+        """For listings: the only owner whose entries are visible; None: all owners."""
         return None if Scope.ADMIN in self.scopes else self.owner
 
 
 EVERYONE = Principal("", frozenset(Scope))
-"""Without a key where none is needed."""
+"""A caller without a key, where none is required."""
 OPERATOR = Principal("admin", frozenset(Scope))
 """The holder of `Settings.admin_key`."""

@@ -1,4 +1,4 @@
-"""From a file on disk to an asset: quota, the farm's probe, and whether it was known before."""
+"""Turning an uploaded file into an asset: quota, disk space, probe."""
 
 from __future__ import annotations
 
@@ -9,55 +9,57 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from pipeline.errors import StorageFull
-from service.access.depends import Service
+from service.access.depends import ServiceContext
 from service.access.keys import Principal
+from service.uploads.store import UploadStore
 from workers.errors import NotFound, QuotaExceeded
 from workers.model import Asset
 
-NO_ROOM = "Try later, or tell the operator to free space."
+NO_ROOM = "Try again later, or ask the operator to free space."
 
 
-def adopt(parts: Service, caller: Principal, path: Path, filename: str, sha256: str) -> tuple[Asset, bool]:
+def adopt(context: ServiceContext, caller: Principal, path: Path, filename: str, sha256: str) -> tuple[Asset, bool]:
     """Keep the file at `path` as an asset of the caller. Returns it, and whether it is new to the caller.
 
     Raises: BadMedia, StorageFull, QuotaExceeded.
     """
-    known = _known(parts, caller, f"ast_{sha256}")
+    known = _known(context, caller, f"ast_{sha256}")
     if not known:
-        check_quota(parts, caller, path.stat().st_size)
-    return parts.farm.add_asset(path, filename, caller.owner), not known
+        open_uploads = UploadStore(context.settings.uploads_dir, context.settings.upload_ttl_s).reserved()
+        check_quota(context, caller, path.stat().st_size + open_uploads.owned_bytes.get(caller.owner, 0))
+    return context.farm.assets.add(path, filename, caller.owner), not known
 
 
-def _known(parts: Service, caller: Principal, asset_id: str) -> bool:
+def _known(context: ServiceContext, caller: Principal, asset_id: str) -> bool:
     try:
-        parts.farm.asset(asset_id, caller.owner)
+        context.farm.assets.get(asset_id, caller.owner)
     except NotFound:
         return False
     return True
 
 
-def check_quota(parts: Service, caller: Principal, size_bytes: int) -> None:
-    """Raise QuotaExceeded if `size_bytes` more would be more than the caller may keep."""
-    limit = caller.quotas.get("asset_bytes", parts.settings.quota_asset_bytes)
-    if limit is not None and size_bytes + parts.farm.keys.usage(caller.owner)["asset_bytes"] > limit:
+def check_quota(context: ServiceContext, caller: Principal, size_bytes: int) -> None:
+    """Raise QuotaExceeded if `size_bytes` more would exceed the caller's quota of stored bytes."""
+    limit = caller.quotas.get("asset_bytes", context.settings.quota_asset_bytes)
+    if limit is not None and size_bytes + context.farm.keys.usage(caller.owner)["asset_bytes"] > limit:
         raise QuotaExceeded(
-            f"Your assets may be {limit} bytes together.",
+            f"Your assets and unfinished uploads may have {limit} bytes together.",
             field="file",
             value=size_bytes,
             remedy="Delete assets that you no longer need.",
         )
 
 
-def check_room(parts: Service, size_bytes: int) -> None:
-    """Raise StorageFull unless the disk of unfinished uploads has room for `size_bytes` and the reserve."""
-    free = shutil.disk_usage(parts.settings.uploads_dir).free
-    if free - size_bytes < parts.settings.reserve_bytes:
+def check_room(context: ServiceContext, size_bytes: int) -> None:
+    """Raise StorageFull unless the disk of uploads has `size_bytes` free beyond its reserve."""
+    free = shutil.disk_usage(context.settings.uploads_dir).free
+    if free - size_bytes < context.settings.reserve_bytes:
         raise StorageFull("The disk is nearly full.", field="file", value=size_bytes, remedy=NO_ROOM)
 
 
 @contextmanager
 def disk_faults() -> Iterator[None]:
-    """Say StorageFull when the disk is."""
+    """Turn ENOSPC and EDQUOT into StorageFull."""
     try:
         yield
     except OSError as error:

@@ -1,4 +1,4 @@
-"""One file out of a multipart/form-data body, straight to disk, hashed on the way."""
+"""Receives one file of a multipart/form-data body: streamed to disk and hashed on the way."""
 
 from __future__ import annotations
 

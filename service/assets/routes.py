@@ -1,15 +1,16 @@
-"""/v1/assets: upload a small file in one go, list, look, fetch, delete."""
+"""/v1/assets: upload a file in one request, list, describe, download, delete."""
 
 from __future__ import annotations
 
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
-from service.access.depends import Parts, Reader, Service, Submitter
+from service.access.depends import Context, Reader, ServiceContext, Submitter
 from service.access.keys import Principal
 from service.assets.adopt import adopt, check_room, disk_faults
 from service.assets.multipart import FileReceiver
@@ -23,10 +24,10 @@ from workers.model import Asset
 router = APIRouter(prefix="/v1/assets", tags=["assets"])
 
 FRAME_WAIT_S = 3.0
-"""How long a request for a frame waits for its turn."""
+"""How long a request for a frame waits for a slot, seconds."""
 JPEG: Responses = {200: binary("image/jpeg", "The frame")[200]}
 FORM_BYTES = 64 * 1024
-"""What a form may add to its file."""
+"""Bytes that a multipart form may add to its file."""
 FORM = {
     "requestBody": {
         "required": True,
@@ -44,28 +45,28 @@ FORM = {
 
 
 @router.post("", status_code=201, openapi_extra=FORM, responses={200: {"model": Asset, "description": "Known"}})
-async def upload(request: Request, response: Response, parts: Parts, caller: Submitter) -> Asset:
+async def upload(request: Request, response: Response, context: Context, caller: Submitter) -> Asset:
     """Upload one file (field `file`). 201 with Location, or 200 when you have uploaded these bytes before."""
-    with tempfile.TemporaryDirectory(dir=await run_in_threadpool(_room, parts)) as folder:
-        received = await _receive(request, parts, Path(folder) / "file")
-        asset, new = await run_in_threadpool(adopt, parts, caller, received.path, received.filename, received.sha256)
+    with tempfile.TemporaryDirectory(dir=await run_in_threadpool(_room, context)) as folder:
+        received = await _receive(request, context, Path(folder) / "file")
+        asset, new = await run_in_threadpool(adopt, context, caller, received.path, received.filename, received.sha256)
     response.headers["Location"] = f"/v1/assets/{asset.id}"
     response.status_code = 201 if new else 200
     return asset
 
 
-def _room(parts: Service) -> Path:
+def _room(context: ServiceContext) -> Path:
     with disk_faults():
-        parts.settings.uploads_dir.mkdir(parents=True, exist_ok=True)
-    check_room(parts, 0)
-    return parts.settings.uploads_dir
+        context.settings.uploads_dir.mkdir(parents=True, exist_ok=True)
+    check_room(context, 0)
+    return context.settings.uploads_dir
 
 
-async def _receive(request: Request, parts: Service, path: Path) -> FileReceiver:
+async def _receive(request: Request, context: ServiceContext, path: Path) -> FileReceiver:
     receiver = FileReceiver(request.headers.get("content-type", ""), path)
     try:
         with disk_faults():
-            async for chunk in chunks(request, parts.settings.max_asset_bytes + FORM_BYTES, parts.settings.idle_s):
+            async for chunk in chunks(request, context.settings.max_asset_bytes + FORM_BYTES, context.settings.idle_s):
                 await run_in_threadpool(receiver.feed, chunk)
     finally:
         receiver.close()
@@ -74,16 +75,16 @@ async def _receive(request: Request, parts: Service, path: Path) -> FileReceiver
 
 
 @router.get("")
-def list_assets(parts: Parts, caller: Reader, cursor: Cursor = None, limit: Limit = 50) -> Listing[Asset]:
+def list_assets(context: Context, caller: Reader, cursor: Cursor = None, limit: Limit = 50) -> Listing[Asset]:
     """Your assets, newest first."""
-    page = parts.farm.assets(owner=caller.only_owner, cursor=cursor, limit=limit)
+    page = context.farm.assets.page(owner=caller.only_owner, cursor=cursor, limit=limit)
     return Listing(page.items, page.cursor)
 
 
 @router.get("/{asset_id}")
-def get_asset(asset_id: AssetId, parts: Parts, caller: Reader) -> Asset:
-    """What is known of an asset."""
-    return visible(parts, caller, asset_id)
+def get_asset(asset_id: AssetId, context: Context, caller: Reader) -> Asset:
+    """An asset: type, size, dimensions, duration."""
+    return visible(context, caller, asset_id)
 
 
 @router.head("/{asset_id}/content", include_in_schema=False)
@@ -93,43 +94,44 @@ def get_asset(asset_id: AssetId, parts: Parts, caller: Reader) -> Asset:
     responses=binary("*/*", "The bytes as uploaded"),
 )
 def get_content(
-    asset_id: AssetId, request: Request, parts: Parts, caller: Reader, download: Download = False
+    asset_id: AssetId, request: Request, context: Context, caller: Reader, download: Download = False
 ) -> Response:
-    """The bytes, whole or a range."""
-    visible(parts, caller, asset_id)
-    return serve(parts.farm, parts.farm.asset_file(asset_id), request, download)
+    """The file, whole or a range of it."""
+    asset = visible(context, caller, asset_id)
+    served = replace(context.farm.assets.file(asset_id), filename=asset.filename)  # the caller's name for these bytes
+    return serve(context.farm, served, request, download)
 
 
 @router.get("/{asset_id}/frame", response_class=Response, responses=JPEG)
 def get_frame(
     asset_id: AssetId,
-    parts: Parts,
+    context: Context,
     caller: Reader,
     index: Annotated[int, Query(ge=0, le=10_000_000, description="Which frame, from 0; beyond the end: the last.")] = 0,
     max_side_px: Annotated[int, Query(ge=16, le=2048, description="Its longer side at most; never enlarged.")] = 720,
 ) -> Response:
-    """One frame as uploaded, decoded here: for videos that a browser cannot play. 503 while too many are asked for."""
-    visible(parts, caller, asset_id)
-    if not parts.frames.acquire(timeout=FRAME_WAIT_S):
+    """One frame, decoded by the service, for videos that a browser cannot play. 503 while all slots are taken."""
+    visible(context, caller, asset_id)
+    if not context.frames.acquire(timeout=FRAME_WAIT_S):
         raise Busy("Too many frames are being decoded.", headers=retry_after(1), remedy="Ask again in a second.")
     try:
-        jpeg = parts.farm.asset_frame(asset_id, index, max_side_px)
+        jpeg = context.farm.assets.frame(asset_id, index, max_side_px)
     finally:
-        parts.frames.release()
+        context.frames.release()
     return Response(jpeg, media_type="image/jpeg", headers={"Cache-Control": "private, max-age=3600"})
 
 
 @router.delete("/{asset_id}", status_code=204)
-def delete_asset(asset_id: AssetId, parts: Parts, caller: Submitter) -> None:
-    """Forget an asset. 409 while an unfinished job uses it."""
-    visible(parts, caller, asset_id)
-    parts.farm.delete_asset(asset_id, caller.only_owner)
+def delete_asset(asset_id: AssetId, context: Context, caller: Submitter) -> None:
+    """Delete an asset. 409 while an unfinished job uses it."""
+    visible(context, caller, asset_id)
+    context.farm.assets.delete(asset_id, caller.only_owner)
 
 
-def visible(parts: Service, caller: Principal, asset_id: str, field: str = "asset_id") -> Asset:
-    """The asset as the caller holds it, or NotFound: also if it is only others', which is not to be told apart."""
+def visible(context: ServiceContext, caller: Principal, asset_id: str, field: str = "asset_id") -> Asset:
+    """The asset as the caller uploaded it. Raises NotFound, also for assets of other owners only."""
     try:
-        return parts.farm.asset(asset_id, caller.only_owner)
+        return context.farm.assets.get(asset_id, caller.only_owner)
     except NotFound:
         raise NotFound(
             "There is no such asset.", field=field, value=asset_id, remedy="See GET /v1/assets for yours."

@@ -19,7 +19,7 @@ import anyio.to_thread
 from fastapi import APIRouter, Header, Response
 from starlette.responses import StreamingResponse
 
-from service.access.depends import Parts, Reader, Service
+from service.access.depends import Context, Reader, ServiceContext
 from service.errors import Busy, retry_after
 from service.jobs.lookup import find_job
 from service.schemas import JobId, Responses
@@ -29,7 +29,7 @@ from workers.model import Event
 router = APIRouter(prefix="/v1/jobs", tags=["events"])
 
 SLICE_S = 1.0
-"""No thread waits longer than this, so that a closing service and a lost client are noticed."""
+"""Longest wait of a thread, seconds, after which shutdown and lost clients are checked."""
 AT_ONCE = 500
 RETRY_MS = 1000
 
@@ -43,54 +43,55 @@ STREAM: Responses = {
 @router.get("/{job_id}/events", response_class=StreamingResponse, responses=STREAM)
 def get_events(
     job_id: JobId,
-    parts: Parts,
+    context: Context,
     caller: Reader,
     last_event_id: Annotated[int, Header(ge=0, le=2**53, description="Go on after this `seq`.")] = 0,
 ) -> Response:
-    """What happens to the job, as it happens."""
-    job = find_job(parts, caller, job_id)
-    if last_event_id and job.state.final and not parts.farm.events(job_id, last_event_id, 1)[0]:
+    """The job's events as they occur."""
+    job = find_job(context, caller, job_id)
+    if last_event_id and job.state.final and not context.farm.jobs.events(job_id, last_event_id, 1)[0]:
         return Response(status_code=204)
-    if parts.streams.full:
+    if context.streams.full:
         raise Busy("Too many event streams are open.", headers=retry_after(5), remedy="Look at the job now and then.")
     headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
-    return StreamingResponse(_stream(parts, job_id, last_event_id), 200, headers, "text/event-stream")
+    return StreamingResponse(_stream(context, job_id, last_event_id), 200, headers, "text/event-stream")
 
 
 @dataclass(frozen=True)
 class _Look:
-    """What one look at the job's history brought."""
+    """Result of one read of the job's history."""
 
     text: str
     after: int
     over: bool = False
 
 
-async def _stream(parts: Service, job_id: str, after: int) -> AsyncIterator[str]:
-    with parts.streams.one():
+async def _stream(context: ServiceContext, job_id: str, after: int) -> AsyncIterator[str]:
+    with context.streams.one():
         yield f"retry: {RETRY_MS}\n\n"
         heard_at = anyio.current_time()
         look = _Look("", after)
-        while not (look.over or parts.closing.is_set()):
-            look = await anyio.to_thread.run_sync(_look, parts, job_id, look.after, limiter=parts.streams.threads)
+        while not (look.over or context.closing.is_set()):
+            look = await anyio.to_thread.run_sync(_look, context, job_id, look.after, limiter=context.streams.threads)
             silent_s = anyio.current_time() - heard_at
-            if look.text or silent_s >= parts.settings.heartbeat_s:
+            if look.text or silent_s >= context.settings.heartbeat_s:
                 heard_at = anyio.current_time()
                 yield look.text or ": still here\n\n"
 
 
-def _look(parts: Service, job_id: str, after: int) -> _Look:
-    """What is new after `after`; waits a little if nothing is."""
+def _look(context: ServiceContext, job_id: str, after: int) -> _Look:
+    """Events after `after`; waits briefly if there are none."""
     try:
-        final = parts.farm.job(job_id).state.final  # before the events: what ends a job is then among them
-        events, gone = parts.farm.events(job_id, after, AT_ONCE)
+        # The state is read before the events, so that the final event is among them.
+        final = context.farm.jobs.get(job_id).state.final
+        events, gone = context.farm.jobs.events(job_id, after, AT_ONCE)
     except NotFound:  # deleted meanwhile
         return _Look("", after, over=True)
     if events:
         lost = _lost(job_id, after, events[0].seq) if gone else ""
         return _Look(lost + "".join(map(_text, events)), events[-1].seq)
     if not final:
-        parts.farm.wait(job_id, after, min(SLICE_S, parts.settings.heartbeat_s))
+        context.farm.jobs.wait_for_event(job_id, after, min(SLICE_S, context.settings.heartbeat_s))
     return _Look("", after, over=final)
 
 

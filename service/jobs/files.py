@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from fastapi import APIRouter, Request, Response
 
-from service.access.depends import Parts, Reader, Service
+from service.access.depends import Context, Reader, ServiceContext
 from service.jobs.lookup import find_job
 from service.jobs.schemas import FileOut
 from service.schemas import Download, FileName, JobId, Listing, binary
@@ -26,16 +26,16 @@ PLAIN = {
 
 
 @router.get("/files")
-def list_files(job_id: JobId, parts: Parts, caller: Reader) -> Listing[FileOut]:
-    """What can be had of the job now."""
-    return Listing(tuple(_files(parts, find_job(parts, caller, job_id))), None)
+def list_files(job_id: JobId, context: Context, caller: Reader) -> Listing[FileOut]:
+    """Files of the job that exist now."""
+    return Listing(tuple(_files(context, find_job(context, caller, job_id))), None)
 
 
-def _files(parts: Service, job: Job) -> Iterator[FileOut]:
+def _files(context: ServiceContext, job: Job) -> Iterator[FileOut]:
     for name in job.results:
         try:
-            served = parts.farm.file(job.id, name)
-        except (NotFound, Conflict):  # gone, or not there yet: between two looks
+            served = context.farm.files.get(job.id, name)
+        except (NotFound, Conflict):  # deleted or not finished since the job was read
             continue
         url = f"/v1/jobs/{job.id}/files/{name}"
         yield FileOut(name, served.size_bytes, served.media_type, served.filename, served.etag, url)
@@ -44,16 +44,16 @@ def _files(parts: Service, job: Job) -> Iterator[FileOut]:
 @router.head("/files/{name}", include_in_schema=False)
 @router.get("/files/{name}", response_class=Response, responses=binary("*/*", "The file"))
 def get_file(
-    job_id: JobId, name: FileName, request: Request, parts: Parts, caller: Reader, download: Download = False
+    job_id: JobId, name: FileName, request: Request, context: Context, caller: Reader, download: Download = False
 ) -> Response:
     """A file, whole or a range. 409 while it is not there yet."""
-    find_job(parts, caller, job_id)
-    return serve(parts.farm, parts.farm.file(job_id, name), request, download)
+    find_job(context, caller, job_id)
+    return serve(context.farm, context.farm.files.get(job_id, name), request, download)
 
 
 def _add_plain(name: str, media_type: str, text: str) -> None:
-    def get(job_id: JobId, request: Request, parts: Parts, caller: Reader, download: Download = False) -> Response:
-        return get_file(job_id, name, request, parts, caller, download)
+    def get(job_id: JobId, request: Request, context: Context, caller: Reader, download: Download = False) -> Response:
+        return get_file(job_id, name, request, context, caller, download)
 
     get.__name__ = f"get_{name}"
     answers = binary(media_type, text)

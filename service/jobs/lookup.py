@@ -1,20 +1,20 @@
-"""Jobs and tasks as their owner may see them, and what a new job must pass."""
+"""Looking up jobs and tasks that the caller may see; checks of a new job."""
 
 from __future__ import annotations
 
 from pipeline.errors import BadParameter
-from service.access.depends import Service
+from service.access.depends import ServiceContext
 from service.access.keys import Principal
 from service.assets.routes import visible
 from service.jobs.schemas import Work
-from workers.errors import NotFound, QuotaExceeded
+from workers.errors import NotFound
 from workers.model import Job, TaskView
 
 
-def find_job(parts: Service, caller: Principal, job_id: str) -> Job:
-    """The job, or NotFound: also if it is someone else's, which is not to be told apart."""
+def find_job(context: ServiceContext, caller: Principal, job_id: str) -> Job:
+    """The job. Raises NotFound, also for jobs of other owners."""
     try:
-        job = parts.farm.job(job_id)
+        job = context.farm.jobs.get(job_id)
     except NotFound:
         job = None
     if job is None or not caller.sees(job.owner):
@@ -22,11 +22,11 @@ def find_job(parts: Service, caller: Principal, job_id: str) -> Job:
     return job
 
 
-def find_task(parts: Service, caller: Principal, task_id: str) -> TaskView:
+def find_task(context: ServiceContext, caller: Principal, task_id: str) -> TaskView:
     """The task, or NotFound."""
     try:
-        task = parts.farm.task(task_id)
-        find_job(parts, caller, task.job_id)
+        task = context.farm.tasks.get(task_id)
+        find_job(context, caller, task.job_id)
     except NotFound:
         raise NotFound(
             "There is no such task.", field="task_id", value=task_id, remedy="See GET /v1/jobs/{job_id}/tasks."
@@ -34,22 +34,22 @@ def find_task(parts: Service, caller: Principal, task_id: str) -> TaskView:
     return task
 
 
-def check_inputs(parts: Service, caller: Principal, work: Work) -> None:
-    """Raise NotFound unless every asset is there for the caller."""
+def check_inputs(context: ServiceContext, caller: Principal, work: Work) -> None:
+    """Raise NotFound unless every asset is there for the caller; BadParameter for a URL."""
     for name, asset_id in work.inputs.items():
-        visible(parts, caller, asset_id, f"inputs.{name}")
+        if "://" in asset_id:
+            raise BadParameter(
+                "An input is the id of an asset; URLs are not fetched.",
+                field=f"inputs.{name}",
+                value=asset_id,
+                remedy="Upload the file (POST /v1/assets or /v1/uploads), then give its id.",
+            )
+        visible(context, caller, asset_id, f"inputs.{name}")
 
 
-def check_quota(parts: Service, caller: Principal) -> None:
-    """Raise QuotaExceeded if the caller has as many unfinished jobs as they may."""
-    limit = caller.quotas.get("active_jobs", parts.settings.quota_active_jobs)
-    if parts.farm.keys.usage(caller.owner)["active_jobs"] >= limit:
-        raise QuotaExceeded(
-            f"You may have {limit} unfinished jobs.",
-            field="active_jobs",
-            value=limit,
-            remedy="Wait until one ends, or cancel one.",
-        )
+def max_active_jobs(context: ServiceContext, caller: Principal) -> int:
+    """Unfinished jobs that the caller may have at once."""
+    return caller.quotas.get("active_jobs", context.settings.quota_active_jobs)
 
 
 def parse_label(text: str | None) -> tuple[str, str] | None:

@@ -1,4 +1,4 @@
-"""/v1/jobs: submit, look, steer, forget."""
+"""/v1/jobs: submit, list, describe, cancel, pause, resume, retry, delete."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from typing import Annotated
 
 from fastapi import APIRouter, Header, Query, Response
 
-from service.access.depends import Parts, Reader, Submitter
-from service.jobs.lookup import check_inputs, check_quota, find_job, parse_label
+from service.access.depends import Context, Reader, Submitter
+from service.jobs.lookup import check_inputs, find_job, max_active_jobs, parse_label
 from service.jobs.schemas import JobIn, JobOut, job_out
 from service.schemas import Cursor, JobId, Limit, Listing
 from service.webhooks.targets import check_target
@@ -30,18 +30,18 @@ IdempotencyKey = Annotated[
 def submit(
     body: JobIn,
     response: Response,
-    parts: Parts,
+    context: Context,
     caller: Submitter,
     idempotency_key: IdempotencyKey = None,
 ) -> JobOut:
-    """Submit a job: accepted durably before the answer goes out."""
+    """Submit a job. It is stored durably before the answer is sent."""
 
     def admit() -> None:
-        check_inputs(parts, caller, body)
-        check_target(body.webhook, parts.settings.webhook_private)
-        check_quota(parts, caller)
+        check_inputs(context, caller, body)
+        check_target(body.webhook, context.settings.webhook_private)
 
-    job = parts.farm.submit(body.request(), caller.owner, idempotency_key or "", admit)
+    limit = max_active_jobs(context, caller)
+    job = context.farm.jobs.submit(body.request(), caller.owner, idempotency_key or "", admit, limit)
     response.headers["Location"] = f"/v1/jobs/{job.id}"
     response.status_code = 201 if job.new else 200
     return job_out(job)
@@ -49,7 +49,7 @@ def submit(
 
 @router.get("")
 def list_jobs(
-    parts: Parts,
+    context: Context,
     caller: Reader,
     state: RunState | None = None,
     method: Annotated[str | None, Query(max_length=64)] = None,
@@ -58,46 +58,46 @@ def list_jobs(
     limit: Limit = 50,
 ) -> Listing[JobOut]:
     """Your jobs, newest first."""
-    page = parts.farm.jobs(state, method, caller.only_owner, parse_label(label), cursor, limit)
+    page = context.farm.jobs.page(state, method, caller.only_owner, parse_label(label), cursor, limit)
     return Listing(tuple(job_out(job) for job in page.items), page.cursor)
 
 
 @router.get("/{job_id}")
-def get_job(job_id: JobId, parts: Parts, caller: Reader) -> JobOut:
+def get_job(job_id: JobId, context: Context, caller: Reader) -> JobOut:
     """A job: its state, progress, ETA, steps, error and results."""
-    return job_out(find_job(parts, caller, job_id))
+    return job_out(find_job(context, caller, job_id))
 
 
 @router.delete("/{job_id}", status_code=204)
-def delete_job(job_id: JobId, parts: Parts, caller: Submitter) -> None:
-    """Forget a finished job and its files. 409 while it is not finished."""
-    find_job(parts, caller, job_id)
-    parts.farm.delete(job_id)
+def delete_job(job_id: JobId, context: Context, caller: Submitter) -> None:
+    """Delete a finished job and its files. 409 while it is not finished."""
+    find_job(context, caller, job_id)
+    context.farm.jobs.delete(job_id)
 
 
 @router.post("/{job_id}/cancel")
-def cancel(job_id: JobId, parts: Parts, caller: Submitter) -> JobOut:
-    """Stop the job; what is done is kept, so that it can be retried."""
-    find_job(parts, caller, job_id)
-    return job_out(parts.farm.cancel(job_id))
+def cancel(job_id: JobId, context: Context, caller: Submitter) -> JobOut:
+    """Cancel the job. Finished tasks are kept, so that it can be retried."""
+    find_job(context, caller, job_id)
+    return job_out(context.farm.jobs.cancel(job_id))
 
 
 @router.post("/{job_id}/pause")
-def pause(job_id: JobId, parts: Parts, caller: Submitter) -> JobOut:
-    """Start no more tasks of it; those at work are finished."""
-    find_job(parts, caller, job_id)
-    return job_out(parts.farm.pause(job_id))
+def pause(job_id: JobId, context: Context, caller: Submitter) -> JobOut:
+    """Pause the job: no further task starts, running tasks finish."""
+    find_job(context, caller, job_id)
+    return job_out(context.farm.jobs.pause(job_id))
 
 
 @router.post("/{job_id}/resume")
-def resume(job_id: JobId, parts: Parts, caller: Submitter) -> JobOut:
-    """Go on with a paused job."""
-    find_job(parts, caller, job_id)
-    return job_out(parts.farm.resume(job_id))
+def resume(job_id: JobId, context: Context, caller: Submitter) -> JobOut:
+    """Resume a paused job."""
+    find_job(context, caller, job_id)
+    return job_out(context.farm.jobs.resume(job_id))
 
 
 @router.post("/{job_id}/retry")
-def retry(job_id: JobId, parts: Parts, caller: Submitter) -> JobOut:
-    """Run again only what failed or was cancelled."""
-    find_job(parts, caller, job_id)
-    return job_out(parts.farm.retry(job_id))
+def retry(job_id: JobId, context: Context, caller: Submitter) -> JobOut:
+    """Run the failed and cancelled tasks again."""
+    find_job(context, caller, job_id)
+    return job_out(context.farm.jobs.retry(job_id))

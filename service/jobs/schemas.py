@@ -1,4 +1,4 @@
-"""What a job looks like going in and coming out."""
+"""Request and response bodies of jobs."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from pydantic import BaseModel, ConfigDict, Field
 from workers.model import Job, JobRequest, OutputSpec
 
 MAX_SEED = 2**53 - 1
-"""The largest whole number that every JSON reader keeps exact."""
+"""The largest integer that every JSON parser represents exactly."""
 
 Name = Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z0-9._-]+$")]
 AssetRef = Annotated[str, Field(min_length=1, max_length=100)]
 
 
-class _In(BaseModel):
+class _Body(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-class OutputIn(_In):
+class OutputIn(_Body):
     format: Literal["mp4", "webm", "png"] = "mp4"
     quality: int = Field(default=20, ge=0, le=51, description="Constant rate factor, 0 (lossless) to 51.")
     artefacts: tuple[Name, ...] = Field(default=(), max_length=32)
@@ -29,8 +29,8 @@ class OutputIn(_In):
         return OutputSpec(self.format, self.quality, self.artefacts)
 
 
-class Work(_In):
-    """A method at work on inputs: what a job and a preview share."""
+class Work(_Body):
+    """Method, inputs, parameters and seed: the common part of a job and a preview."""
 
     method: str = Field(min_length=1, max_length=64)
     inputs: dict[Name, AssetRef] = Field(max_length=64, description="Input name -> asset id.")
@@ -43,7 +43,9 @@ class JobIn(Work):
     priority: int = Field(default=0, ge=-100, le=100, description="Higher first.")
     name: str = Field(default="", max_length=200)
     labels: dict[Name, Annotated[str, Field(max_length=200)]] = Field(default_factory=dict, max_length=32)
-    webhook: str = Field(default="", max_length=2000, description="http(s) URL that is told of the job's end.")
+    webhook: str = Field(
+        default="", max_length=2000, description="http(s) URL that receives a message when the job ends."
+    )
 
     def request(self) -> JobRequest:
         values = {name: getattr(self, name) for name in type(self).model_fields}
@@ -54,12 +56,18 @@ class PreviewIn(Work):
     frame: int = Field(default=0, ge=0, le=10_000_000, description="Which frame of the video, from 0.")
     max_side_px: int = Field(default=640, ge=16, le=2048)
     design: dict[str, Any] | None = Field(default=None, description="A design document, instead of the input `design`.")
-    regions_of: str | None = Field(
-        default=None, max_length=100, description="A job with the artefact `regions`: its tubes and objects are used."
+    artefacts_of: str | None = Field(
+        default=None, max_length=100, description="A job of the same method whose artefacts this preview builds on."
     )
+    regions_of: str | None = Field(default=None, max_length=100, deprecated="Use `artefacts_of`.")
 
     def request(self) -> JobRequest:
         return JobRequest(self.method, self.inputs, self.params, self.seed)
+
+    @property
+    def earlier_job(self) -> str | None:
+        """Id of the job whose artefacts are used."""
+        return self.artefacts_of or self.__dict__["regions_of"]
 
 
 @dataclass(frozen=True)
@@ -72,7 +80,7 @@ class Links:
 
 @dataclass(frozen=True)
 class JobOut(Job):
-    """A job, and where its parts are."""
+    """A job with the addresses of its events, result and tasks."""
 
     links: Links
 

@@ -9,11 +9,11 @@ from typing import Any
 
 from pipeline.errors import BadInput
 from service.live.closing import Ending
+from service.live.message_sender import MessageSender
 from service.live.messages import ParamsIn, ParamsOut
 from service.live.sessions import LiveSession
-from service.live.voice import Voice
 from workers.errors import NotFound
-from workers.live.live import Live
+from workers.live.sessions import LiveSessions
 from workers.live.stream import Stream
 from workers.model import Asset
 
@@ -25,7 +25,7 @@ Find = Callable[[Mapping[str, str]], Awaitable[dict[str, Asset]]]
 
 @dataclass(frozen=True)
 class _Wanted:
-    """Parameters and references as they are to be."""
+    """Parameters and references to apply."""
 
     params: dict[str, Any]
     inputs: dict[str, str]
@@ -37,22 +37,22 @@ class _Wanted:
 class Changes:
     """
     Args:
-        find: the assets of the one who asks.
+        find: looks up assets that the caller may see.
     """
 
-    def __init__(self, live: Live, voice: Voice, find: Find) -> None:
-        self._live, self._voice, self._find = live, voice, find
+    def __init__(self, live: LiveSessions, sender: MessageSender, find: Find) -> None:
+        self._live, self._sender, self._find = live, sender, find
         self._asked: asyncio.Queue[ParamsIn] = asyncio.Queue(MAX_WAITING)
 
     def ask(self, change: ParamsIn) -> None:
-        """Never waits. Raises Ending: far too many."""
+        """Queue a change. Raises Ending: too many are waiting."""
         try:
             self._asked.put_nowait(change)
         except asyncio.QueueFull:
             raise Ending("rate-limited", "Too many changes wait.", remedy="Send fewer.") from None
 
     async def run(self, session: LiveSession, stream: Stream) -> None:
-        """For ever. Changes that come close together (a slider on the move) are made at once, and answered once."""
+        """Apply changes until cancelled. Those that arrive together (a moving slider) count as one."""
         while True:
             asked = [await self._asked.get()]
             while not self._asked.empty():
@@ -67,19 +67,19 @@ class Changes:
             if wanted is not before:
                 await stream.change(wanted.params, wanted.keys)
         except (BadInput, NotFound) as error:
-            await self._voice.refuse(error)
+            await self._sender.send_error(error)
             return
         if wanted is not before:
             session.inputs = wanted.inputs
-            await self._voice.say(ParamsOut(params=wanted.params, inputs=wanted.inputs))
+            await self._sender.send_message(ParamsOut(params=wanted.params, inputs=wanted.inputs))
 
     async def _with(self, change: ParamsIn, now: _Wanted, method: str) -> _Wanted:
-        """As it is now if the change is wrong, which is then said."""
+        """`now` with the change; `now` itself if the change is invalid, which is reported to the client."""
         try:
             params = self._live.params(method, {**now.params, **change.params})
             inputs = {n: asset for n, asset in {**now.inputs, **change.inputs}.items() if asset is not None}
             keys = self._live.inputs(method, await self._find(inputs)) if change.inputs else now.keys
         except (BadInput, NotFound) as error:
-            await self._voice.refuse(error)
+            await self._sender.send_error(error)
             return now
         return _Wanted(params, inputs, keys)

@@ -6,7 +6,7 @@ import logging
 
 from pipeline.errors import BadFrame, BadInput, ImpastoError
 from workers.errors import NotFound
-from workers.live.seats import NoSeat
+from workers.live.worker import NoLiveWorker
 
 log = logging.getLogger(__name__)
 
@@ -26,7 +26,7 @@ BAD_MESSAGE, NOT_FOUND, BAD_FRAME = 4400, 4404, 4415
 
 
 class Ending(ImpastoError):
-    """A connection ends, and not because the client said goodbye. `code` is also the close reason."""
+    """The service ends a connection. `code` is also the close reason."""
 
     def __init__(self, code: str, message: str, **parts: object) -> None:
         super().__init__(message, **parts)  # type: ignore[arg-type]
@@ -34,7 +34,7 @@ class Ending(ImpastoError):
 
 
 class Lost(Exception):
-    """The client is gone without a word."""
+    """The connection was lost."""
 
 
 class Left(Exception):
@@ -45,7 +45,7 @@ def close_code(error: ImpastoError) -> int:
     """The WebSocket close code of an error."""
     if error.code in _CODES:
         return _CODES[error.code]
-    if isinstance(error, NoSeat):
+    if isinstance(error, NoLiveWorker):
         return BUSY
     if isinstance(error, NotFound):
         return NOT_FOUND
@@ -55,7 +55,7 @@ def close_code(error: ImpastoError) -> int:
 
 
 def shown(error: BaseException) -> ImpastoError:
-    """What is told of an error: our faults only that they are ours."""
+    """The error as clients see it: details of internal errors are only logged."""
     if isinstance(error, ImpastoError) and close_code(error) != INTERNAL:
         return error
     log.error("a live session failed", exc_info=error)

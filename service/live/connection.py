@@ -1,11 +1,11 @@
-"""One WebSocket connection of a live session: what comes in, what goes out, and when it is over.
+"""One WebSocket connection of a live session, as four concurrent tasks.
 
-    reader     messages and frames as they come; offers frames to the stream, never waits for it
-    sender     answers and notices of the stream, as the client takes them
-    changes    of parameters, one after another
-    ticker     figures, once a second
+    reader     receives messages and frames; offers frames to the stream without waiting for it
+    sender     sends painted frames and notices of the stream, as fast as the client reads
+    changes    applies parameter changes, one after another
+    statistics sends figures once a second
 
-The first of them to end ends the connection; the rest are cancelled.
+When one of them ends, the connection ends, and the others are cancelled.
 """
 
 from __future__ import annotations
@@ -22,13 +22,14 @@ from starlette.websockets import WebSocket
 from pipeline.errors import BadFrame, BadParameter
 from pipeline.frames import MIN_SIDE_PX
 from pipeline.methods import methods
-from service.access.depends import Service
+from service.access.depends import ServiceContext
 from service.access.keys import Principal
 from service.assets.routes import visible
 from service.errors import BadMessage
 from service.live.changes import Changes
 from service.live.closing import NORMAL, Ending, Left, Lost
 from service.live.frames import HEADER_BYTES, Header, pack, unpack
+from service.live.message_sender import MessageSender
 from service.live.messages import (
     ByeIn,
     ByeOut,
@@ -37,7 +38,7 @@ from service.live.messages import (
     KeyframeOut,
     Outgoing,
     ParamsIn,
-    Ready,
+    ReadyOut,
     Receiving,
     ReplacedOut,
     Resolution,
@@ -46,10 +47,9 @@ from service.live.messages import (
     parse,
 )
 from service.live.sessions import LiveSession, Sessions
-from service.live.voice import Voice
 from workers.errors import NotFound
 from workers.live.codecs import BUILT_ON, webcodecs_name
-from workers.live.model import LiveOrder, Packet, Wire
+from workers.live.model import LiveOrder, Packet, WireFormat
 from workers.live.resolution import deadline_s
 from workers.live.stream import Answer, Item, NeedsKey, Replaced, Resized, Stream
 from workers.model import Asset
@@ -66,46 +66,46 @@ class Connection:
         sessions: where the session lives on when this connection is lost.
     """
 
-    def __init__(self, socket: WebSocket, parts: Service, sessions: Sessions, principal: Principal) -> None:
-        self._socket, self._parts, self._sessions, self._principal = socket, parts, sessions, principal
-        self._settings = parts.settings
-        self._told: asyncio.Future[Ending] = asyncio.get_running_loop().create_future()
+    def __init__(self, socket: WebSocket, context: ServiceContext, sessions: Sessions, principal: Principal) -> None:
+        self._socket, self._context, self._sessions, self._principal = socket, context, sessions, principal
+        self._settings = context.settings
+        self._stopped: asyncio.Future[Ending] = asyncio.get_running_loop().create_future()
         self._over, self._closed = asyncio.Event(), asyncio.Event()
-        self._voice = Voice(socket, parts.settings.live_slow_s)
-        self._changes = Changes(sessions.live, self._voice, self._assets)
+        self._sender = MessageSender(socket, context.settings.live_slow_s)
+        self._changes = Changes(sessions.live, self._sender, self._assets)
         self._arrivals: deque[float] = deque(maxlen=MAX_FRAMES_PER_S)
         self._sequence = -1
 
     async def stop(self, ending: Ending) -> None:
-        if not self._told.done():
-            self._told.set_result(ending)
+        if not self._stopped.done():
+            self._stopped.set_result(ending)
         await self._over.wait()
 
     async def wait_closed(self) -> None:
         await self._closed.wait()
 
     def abandon(self, session: LiveSession) -> None:
-        """The client went before it was accepted."""
-        self._let_go(session, keep=True)
+        """The client disconnected before the WebSocket was accepted."""
+        self._release(session, keep=True)
         self._closed.set()
 
     async def run(self, session: LiveSession) -> None:
-        """Serve until it is over; close the WebSocket; leave or end the session."""
+        """Serve until the connection ends; then close it, and keep or end the session."""
         try:
-            await self._race(self._serve(session), self._be_told())
+            await self._race(self._serve(session), self._wait_for_stop())
         except (Lost, Left) as left:
-            self._let_go(session, keep=isinstance(left, Lost))
+            self._release(session, keep=isinstance(left, Lost))
         except Exception as error:
-            self._let_go(session, keep=isinstance(error, Ending) and error.code == "taken-over")
-            await self._voice.fail(error)
+            self._release(session, keep=isinstance(error, Ending) and error.code == "taken-over")
+            await self._sender.fail(error)
         else:
-            self._let_go(session, keep=False)
-            await self._voice.close(NORMAL, "bye")
+            self._release(session, keep=False)
+            await self._sender.close(NORMAL, "bye")
         finally:
-            self._let_go(session, keep=False)
+            self._release(session, keep=False)
             self._closed.set()
 
-    def _let_go(self, session: LiveSession, keep: bool) -> None:
+    def _release(self, session: LiveSession, keep: bool) -> None:
         if self._over.is_set():
             return
         self._over.set()
@@ -114,26 +114,26 @@ class Connection:
         elif session.connection is self:
             self._sessions.end(session)
 
-    async def _be_told(self) -> None:
-        raise await asyncio.shield(self._told)
+    async def _wait_for_stop(self) -> None:
+        raise await asyncio.shield(self._stopped)
 
     async def _serve(self, session: LiveSession) -> None:
-        hello = await self._first()
-        await self._race(self._begin(session, hello), self._nothing())
+        hello = await self._receive_hello()
+        await self._race(self._begin(session, hello), self._refuse_messages())
         stream = session.stream
         assert stream is not None, "it has begun"
-        await self._race(self._converse(session, stream), self._send(stream))
+        await self._race(self._exchange(session, stream), self._send(stream))
         self._sessions.count(session)
-        await self._voice.say(ByeOut(stats=Stats(**stream.figures())))
+        await self._sender.send_message(ByeOut(stats=Stats(**stream.figures())))
 
-    async def _converse(self, session: LiveSession, stream: Stream) -> None:
-        """Until the client has said bye and has had its last answer."""
-        await self._race(self._read(stream), self._changes.run(session, stream), self._tick(session, stream))
-        await self._race(stream.finish(), self._until_gone())
+    async def _exchange(self, session: LiveSession, stream: Stream) -> None:
+        """Exchange frames until the client sends bye and has received its last frame."""
+        await self._race(self._read(stream), self._changes.run(session, stream), self._send_statistics(session, stream))
+        await self._race(stream.finish(), self._discard_messages())
 
     @staticmethod
     async def _race(*works: Coroutine[Any, Any, None]) -> None:
-        """Until the first is done; the others are cancelled, and what the first raises is raised."""
+        """Run until the first is done, cancel the others, and raise what the first raised."""
         tasks = [asyncio.create_task(work) for work in works]
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
@@ -146,7 +146,7 @@ class Connection:
 
     # -- opening
 
-    async def _first(self) -> Hello:
+    async def _receive_hello(self) -> Hello:
         try:
             async with asyncio.timeout(self._settings.live_hello_s):
                 message = await self._receive()
@@ -156,11 +156,11 @@ class Connection:
             ) from None
         said = parse(message) if isinstance(message, str) else None
         if not isinstance(said, Hello):
-            raise BadMessage("The first message is hello.", field="type", remedy="Send hello, then frames.")
+            raise BadMessage("The first message must be hello.", field="type", remedy="Send hello, then frames.")
         return said
 
     async def _begin(self, session: LiveSession, hello: Hello) -> None:
-        """Open the session's stream, or go on with it, and say so."""
+        """Open the session's stream, or resume it, and send `ready`."""
         order = await self._order(hello)
         session.inputs = dict(hello.inputs)
         before = session.stream
@@ -171,16 +171,16 @@ class Connection:
                 await before.change(order.params, order.inputs)
         else:
             await self._open(session, order, hello.adaptive)
-        await self._voice.say(self._ready(session, hello, order, resumed))
+        await self._sender.send_message(self._ready(session, hello, order, resumed))
 
     async def _order(self, hello: Hello) -> LiveOrder:
         """Raises NotFound, BadParameter."""
         live = self._sessions.live
         if hello.method not in methods():
             remedy = f"Use one of: {', '.join(live.methods())}."
-            raise NotFound("There is no such method.", field="method", value=hello.method, remedy=remedy)
+            raise NotFound(f"Unknown method {hello.method!r}.", field="method", value=hello.method, remedy=remedy)
         send = _chosen("send", hello.send, live.receives)
-        wire = Wire(send, _chosen("receive", hello.receive, live.sends), hello.quality, hello.fps)
+        wire = WireFormat(send, _chosen("receive", hello.receive, live.sends), hello.quality, hello.fps)
         assets = await self._assets(hello.inputs)
         return live.order(hello.method, hello.params, assets, hello.seed, (hello.width, hello.height), wire)
 
@@ -195,17 +195,17 @@ class Connection:
     async def _assets(self, inputs: Mapping[str, str]) -> dict[str, Asset]:
         def found() -> dict[str, Asset]:
             return {
-                name: visible(self._parts, self._principal, asset_id, f"inputs.{name}")
+                name: visible(self._context, self._principal, asset_id, f"inputs.{name}")
                 for name, asset_id in inputs.items()
             }
 
         return await run_in_threadpool(found)
 
     @staticmethod
-    def _ready(session: LiveSession, hello: Hello, order: LiveOrder, resumed: bool) -> Ready:
+    def _ready(session: LiveSession, hello: Hello, order: LiveOrder, resumed: bool) -> ReadyOut:
         send, receive = order.wire.send, order.wire.receive
         name = webcodecs_name(receive, (hello.width, hello.height), hello.fps)
-        return Ready(
+        return ReadyOut(
             session=session.id, resumed=resumed, method=order.method, params=dict(order.params),
             send=Sending(codec=send, format=_FORMATS.get(send)),
             receive=Receiving(codec=receive, format=_FORMATS.get(receive), webcodecs=name),
@@ -232,7 +232,7 @@ class Connection:
         return data
 
     async def _read(self, stream: Stream) -> None:
-        """Until the client says bye."""
+        """Receive until the client sends bye."""
         deadline = asyncio.get_running_loop().time() + self._settings.live_idle_s
         while True:
             try:
@@ -245,7 +245,7 @@ class Connection:
             if isinstance(message, bytes):
                 stream.offer(self._packet(message, stream))
                 deadline = asyncio.get_running_loop().time() + self._settings.live_idle_s
-            elif await self._obey(message, stream):
+            elif await self._handle_control(message, stream):
                 return
 
     def _packet(self, message: bytes, stream: Stream) -> Packet:
@@ -254,7 +254,7 @@ class Connection:
         header, payload = unpack(message)
         if header.sequence <= self._sequence:
             raise BadMessage(
-                "Sequence numbers rise.", field="frame.sequence", value=header.sequence,
+                "Sequence numbers must increase.", field="frame.sequence", value=header.sequence,
                 remedy=f"The one before was {self._sequence}.",
             )  # fmt: skip
         self._sequence = header.sequence
@@ -282,28 +282,32 @@ class Connection:
                 "The picture is too small.", field="frame", value=value, remedy=f"At least {MIN_SIDE_PX} px a side."
             )
 
-    async def _obey(self, text: str, stream: Stream) -> bool:
-        """A message while it runs. True: bye."""
+    async def _handle_control(self, text: str, stream: Stream) -> bool:
+        """Handle a JSON message of a running session. Returns True for bye."""
         try:
             said = parse(text)
         except BadParameter as error:
-            await self._voice.refuse(error)
+            await self._sender.send_error(error)
             return False
         if isinstance(said, Hello):
-            raise BadMessage("hello is said once.", field="type", value="hello", remedy="Send params to change them.")
+            raise BadMessage(
+                "hello may be sent only once.", field="type", value="hello", remedy="Send params to change them."
+            )
         if isinstance(said, KeyframeIn):
             stream.want_key()
         elif isinstance(said, ParamsIn):
             self._changes.ask(said)
         return isinstance(said, ByeIn)
 
-    async def _nothing(self) -> None:
-        """Until the client is gone: it waits for `ready`. Raises BadMessage: it does not."""
+    async def _refuse_messages(self) -> None:
+        """Before `ready`, the client must wait. Raises BadMessage at any message; Lost, Left."""
         await self._receive()
-        raise BadMessage("Nothing is taken before ready.", field="message", remedy="Wait for ready, then send frames.")
+        raise BadMessage(
+            "No message is accepted before ready.", field="message", remedy="Wait for ready, then send frames."
+        )
 
-    async def _until_gone(self) -> None:
-        """After bye: nothing more is taken."""
+    async def _discard_messages(self) -> None:
+        """After bye: discard messages until the client leaves."""
         while True:
             await self._receive()
 
@@ -314,13 +318,13 @@ class Connection:
             if isinstance(item, Answer):
                 await self._answer(item, stream)
             else:
-                await self._voice.say(self._notice(item))
+                await self._sender.send_message(self._notice(item))
 
     async def _answer(self, answer: Answer, stream: Stream) -> None:
         packet, painted = answer.packet, answer.painted
         latency_s = time.perf_counter() - packet.at_s
         header = Header(painted.key, *painted.size, packet.sequence, packet.timestamp, round(latency_s * 1e6))
-        await self._voice.show(pack(header, painted.data))
+        await self._sender.send_frame(pack(header, painted.data))
         latency_s = time.perf_counter() - packet.at_s
         stream.sent(answer, latency_s)
         self._sessions.metrics.latency.observe(latency_s)
@@ -334,15 +338,15 @@ class Connection:
         assert isinstance(item, NeedsKey)
         return KeyframeOut(reason=item.reason)
 
-    async def _tick(self, session: LiveSession, stream: Stream) -> None:
+    async def _send_statistics(self, session: LiveSession, stream: Stream) -> None:
         while True:
             await asyncio.sleep(1.0)
             self._sessions.count(session)
-            await self._voice.say(Stats(**stream.second()))
+            await self._sender.send_message(Stats(**stream.second()))
 
 
 def _chosen(field: str, asked: list[str], there: tuple[str, ...]) -> str:
-    """The first of the client's codecs that the service has."""
+    """The first of the client's codecs that the service supports."""
     for codec in asked:
         if codec in there:
             return codec

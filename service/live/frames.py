@@ -1,4 +1,4 @@
-"""The header of a frame, both ways: 32 bytes, big-endian, then the payload."""
+"""Binary messages in both directions: a big-endian header of 32 bytes, then the encoded frame."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ class Header:
     sequence: int
     timestamp: int
     latency_us: int = 0
-    """To the service 0; from it: from the frame fully received to its answer sent."""
+    """Microseconds from the frame's arrival to the sending of its answer; 0 in messages to the service."""
 
 
 def unpack(message: bytes) -> tuple[Header, bytes]:
-    """A binary message taken apart. Raises BadMessage."""
+    """Header and payload of a binary message. Raises BadMessage."""
     if len(message) <= HEADER_BYTES:
         raise _bad("A frame is a header of 32 bytes and a payload.", "frame", f"{len(message)} bytes")
     version, flags, width, height, zero, sequence, latency, timestamp, zeros = _HEADER.unpack_from(message)

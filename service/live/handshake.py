@@ -1,4 +1,4 @@
-"""Before the WebSocket is accepted: what can be refused with an ordinary HTTP answer."""
+"""Checks before the WebSocket is accepted, which can be refused with an ordinary HTTP answer."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ PROTOCOL = "impasto.live.1"
 
 
 def caller(socket: WebSocket) -> Principal:
-    """Who asks, if they may. Raises Forbidden."""
+    """The caller, if their key has the scope. Raises Forbidden."""
     principal = cast(Principal, socket.scope["state"]["principal"])
     if principal.may(Scope.SUBMIT):
         return principal
     raise Forbidden(
-        f"This key may not do that: it lacks the scope {Scope.SUBMIT.value!r}.",
+        f"This key lacks the scope {Scope.SUBMIT.value!r}.",
         field="Authorization",
         value=", ".join(sorted(principal.scopes)),
         remedy=f"Use a key with the scope {Scope.SUBMIT.value!r}.",
@@ -27,14 +27,14 @@ def caller(socket: WebSocket) -> Principal:
 
 
 def subprotocol(socket: WebSocket) -> str | None:
-    """The protocol to agree on; None if the client offers none. Raises BadRequest: it speaks others only."""
+    """The subprotocol to accept; None if the client offers none. Raises BadRequest: it offers only others."""
     offered = [name for name in socket.scope.get("subprotocols", ()) if not name.startswith(KEY_PROTOCOL)]
     if PROTOCOL in offered:
         return PROTOCOL
     if not offered:
         return None
     raise BadRequest(
-        "This protocol is not spoken here.",
+        "None of these subprotocols is supported.",
         field="Sec-WebSocket-Protocol",
         value=", ".join(offered),
         remedy=f"Offer {PROTOCOL}.",

@@ -1,4 +1,4 @@
-"""Every JSON message of docs/live.md, as a model."""
+"""Models of the JSON messages of docs/live.md."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ MAX_SEED = 2**63 - 1
 Codecs = Annotated[list[str], Field(min_length=1, max_length=16)]
 
 
-class _In(BaseModel):
+class _Message(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
-class Hello(_In):
+class Hello(_Message):
     """The client's first message."""
 
     type: Literal["hello"]
@@ -37,17 +37,17 @@ class Hello(_In):
     adaptive: bool = True
 
 
-class ParamsIn(_In):
+class ParamsIn(_Message):
     type: Literal["params"]
     params: dict[str, Any] = {}
     inputs: dict[str, str | None] = {}
 
 
-class KeyframeIn(_In):
+class KeyframeIn(_Message):
     type: Literal["keyframe"]
 
 
-class ByeIn(_In):
+class ByeIn(_Message):
     type: Literal["bye"]
 
 
@@ -56,20 +56,20 @@ _INCOMING: TypeAdapter[Incoming] = TypeAdapter(Annotated[Incoming, Field(discrim
 
 
 class Sending(BaseModel):
-    """How the client is to send frames."""
+    """Codec of the frames that the client sends."""
 
     codec: str
     format: str | None = None
 
 
 class Receiving(Sending):
-    """How the client gets frames."""
+    """Codec of the frames that the client receives."""
 
     webcodecs: str | None = None
     """The codec string for a browser's VideoDecoder."""
 
 
-class Ready(BaseModel):
+class ReadyOut(BaseModel):
     type: Literal["ready"] = "ready"
     version: int = VERSION
     session: str
@@ -135,21 +135,21 @@ class ByeOut(BaseModel):
     stats: Stats
 
 
-Outgoing = Ready | ParamsOut | Stats | Resolution | ReplacedOut | KeyframeOut | ErrorOut | ByeOut
+Outgoing = ReadyOut | ParamsOut | Stats | Resolution | ReplacedOut | KeyframeOut | ErrorOut | ByeOut
 
 
 def parse(text: str) -> Incoming:
     """A text message of the client.
 
     Raises:
-        BadMessage: it is no JSON object, or of no known type.
-        BadParameter: a field of it is wrong.
+        BadMessage: not a JSON object, or of an unknown type.
+        BadParameter: a field is missing, unknown or invalid.
     """
     try:
         data = strict_json(text.encode())
     except (BadJson, UnicodeEncodeError):
         raise BadMessage(
-            "A text message is JSON.", field="message", value=text[:80], remedy="See docs/live.md for the messages."
+            "Text messages must be JSON.", field="message", value=text[:80], remedy="See docs/live.md for the messages."
         ) from None
     try:
         return _INCOMING.validate_python(data)
@@ -162,14 +162,12 @@ def _fault(error: ValidationError) -> ImpastoError:
     if not first["loc"]:
         kinds = "hello, params, keyframe, bye"
         return BadMessage(
-            "There is no such message.", field="type", value=first["input"], remedy=f"Its type is one of: {kinds}."
+            "Unknown message type.", field="type", value=first["input"], remedy=f"Its type is one of: {kinds}."
         )
     kind, *names = (str(part) for part in first["loc"])
     field = ".".join(names) or kind
     if first["type"] == "missing":
-        return BadParameter(f"{field} is missing.", field=field, remedy=f"Give {field} in {kind!r}.")
+        return BadParameter(f"{field} is missing.", field=field, remedy=f"Add {field} to {kind!r}.")
     if first["type"] == "extra_forbidden":
-        return BadParameter(f"There is no field {field} in {kind!r}.", field=field, remedy="Leave it out.")
-    return BadParameter(
-        f"{field} is not what it should be.", field=field, value=first["input"], remedy=f"{first['msg']}."
-    )
+        return BadParameter(f"Unknown field {field!r} in {kind!r}.", field=field, remedy="Leave it out.")
+    return BadParameter(f"{field} is not valid.", field=field, value=first["input"], remedy=f"{first['msg']}.")

@@ -1,4 +1,4 @@
-"""Live sessions made known to operators of all processes, and ended at their wish."""
+"""Publishes this process's live sessions to the farm, and ends those that an operator has asked to end."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from workers.farm import Farm
 from workers.ids import new_id
 
 EVERY_S = 2.0
-"""Between two looks: the figures' age, and how soon an operator's wish is heard."""
+"""Seconds between updates: the age of published figures, and the delay of an operator's command."""
 
 
 async def register(farm: Farm, sessions: Sessions) -> None:
-    """Until it is cancelled. Says nothing while there is nothing to say."""
+    """Publish until cancelled. Without sessions, nothing is written."""
     process = f"{new_id('srv_')}@{socket.gethostname()}:{os.getpid()}"
-    said = False
+    published = False
     while True:
-        if (views := sessions.views()) or said:
-            ending = await run_in_threadpool(farm.fleet.publish_live, process, views)
+        if (views := sessions.views()) or published:
+            ending = await run_in_threadpool(farm.workers.publish_live, process, views)
             for session_id in ending:
                 await sessions.dismiss(session_id)
-            said = bool(views)
+            published = bool(views)
         await asyncio.sleep(EVERY_S)

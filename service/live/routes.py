@@ -1,4 +1,4 @@
-"""/v1/live: what there is (GET), and the WebSocket itself. The protocol is docs/live.md."""
+"""/v1/live: capabilities (GET) and the WebSocket. docs/live.md describes the protocol."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from fastapi import APIRouter, Response
 from starlette.websockets import WebSocket
 
 from pipeline.errors import ImpastoError
-from service.access.depends import Parts, Service, Submitter
+from service.access.depends import Context, ServiceContext, Submitter
 from service.errors import Busy, respond, retry_after
 from service.live.connection import Connection
 from service.live.handshake import caller, subprotocol
 from service.live.messages import VERSION
 from service.live.sessions import LiveSession, Sessions
-from workers.live.live import RETRY_AFTER_S
+from workers.live.sessions import RETRY_AFTER_S
 
 router = APIRouter(tags=["live"])
 
@@ -32,7 +32,7 @@ class LimitsOut:
 class LiveOut:
     version: int
     methods: tuple[str, ...]
-    """Those that can run live."""
+    """Methods that can run live."""
     receives: tuple[str, ...]
     """Codecs that a client may send."""
     sends: tuple[str, ...]
@@ -44,9 +44,9 @@ class LiveOut:
 
 
 @router.get("/v1/live")
-def describe(response: Response, parts: Parts, _caller: Submitter) -> LiveOut:
-    """What live sessions can do, and whether there is room for one. The WebSocket at this address is docs/live.md."""
-    live = parts.farm.live
+def describe(response: Response, context: Context, _caller: Submitter) -> LiveOut:
+    """What live sessions support, and how many are free. The WebSocket has the same address: see docs/live.md."""
+    live = context.farm.live
     if not live.free:
         response.headers.update(retry_after(RETRY_AFTER_S))
     limits = LimitsOut(live.limits.side_px, live.limits.side_px, live.limits.fps, live.limits.frame_bytes)
@@ -55,12 +55,12 @@ def describe(response: Response, parts: Parts, _caller: Submitter) -> LiveOut:
 
 @router.websocket("/v1/live")
 async def connect(socket: WebSocket, session: str | None = None) -> None:
-    parts, sessions = _parts(socket)
+    context, sessions = _context(socket)
     try:
         principal, protocol = caller(socket), subprotocol(socket)
-        if parts.closing.is_set():
+        if context.closing.is_set():
             raise Busy("The service stops.", headers=retry_after(RETRY_AFTER_S), remedy="Connect again in a moment.")
-        connection = Connection(socket, parts, sessions, principal)
+        connection = Connection(socket, context, sessions, principal)
         claimed = await sessions.claim(session, principal, connection)
     except ImpastoError as error:
         await socket.send_denial_response(respond(error, socket.url.path))
@@ -77,6 +77,6 @@ async def _run(socket: WebSocket, connection: Connection, session: LiveSession, 
     await connection.run(session)
 
 
-def _parts(socket: WebSocket) -> tuple[Service, Sessions]:
+def _context(socket: WebSocket) -> tuple[ServiceContext, Sessions]:
     state = socket.app.state
-    return cast(Service, state.service), cast(Sessions, state.live)
+    return cast(ServiceContext, state.service), cast(Sessions, state.live)

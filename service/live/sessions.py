@@ -1,6 +1,6 @@
-"""The live sessions of this process: who holds which, and which wait for a lost client to come back.
+"""The live sessions of this process, connected or waiting for a lost client to reconnect.
 
-A session outlives its connection for `resume_s`: with its stream's memory, its worker and its place.
+A session outlives its connection by `resume_s` seconds: it keeps its stream, its worker and its slot.
 """
 
 from __future__ import annotations
@@ -14,31 +14,31 @@ from typing import Protocol
 from service.access.keys import Principal
 from service.live.closing import Ending
 from service.ops.metrics import LiveMetrics
-from workers.fleet import LiveView
 from workers.ids import new_id
-from workers.live.live import Live, Place
+from workers.live.sessions import LiveSessions, SessionSlot
 from workers.live.stream import Stream
 from workers.model import Json
+from workers.operations import LiveView
 
 log = logging.getLogger(__name__)
 
 
 class Connected(Protocol):
-    """A connection, as sessions see it."""
+    """The part of a connection that sessions use."""
 
     async def stop(self, ending: Ending) -> None:
-        """End it. Returns when it has let go of its session."""
+        """End the connection. Returns when it has released its session."""
         ...
 
     async def wait_closed(self) -> None:
-        """Until its WebSocket is closed."""
+        """Wait until its WebSocket is closed."""
         ...
 
 
 class LiveSession:
-    """A place, the stream that works in it, and what both are told about."""
+    """A live session: its slot, its stream, and the connection that it serves."""
 
-    def __init__(self, place: Place, owner: str) -> None:
+    def __init__(self, place: SessionSlot, owner: str) -> None:
         self.id = new_id("liv_")
         self.owner = owner
         self.place = place
@@ -49,18 +49,18 @@ class LiveSession:
         self.expiry: asyncio.TimerHandle | None = None
         self.opened_at = time.time()
         self.counted = (0, 0, 0)
-        """Frames received, painted and dropped that metrics know of."""
+        """(received, painted, dropped) frames that metrics have counted."""
 
 
 class Sessions:
-    """For the service's loop only, but for `count`.
+    """Sessions by id. Use it on the event loop only; `count` may run elsewhere.
 
     Args:
-        live: the farm's.
-        resume_s: how long a session waits for its client.
+        live: the farm's live sessions.
+        resume_s: how long a session waits for a lost client, seconds.
     """
 
-    def __init__(self, live: Live, metrics: LiveMetrics, resume_s: float) -> None:
+    def __init__(self, live: LiveSessions, metrics: LiveMetrics, resume_s: float) -> None:
         self.live, self.metrics = live, metrics
         self._resume_s = resume_s
         self._sessions: dict[str, LiveSession] = {}
@@ -85,7 +85,7 @@ class Sessions:
         return known
 
     def leave(self, session: LiveSession, connection: Connected) -> None:
-        """The connection was lost: the session waits for another. Nothing, if another has it already."""
+        """The connection was lost: let the session wait for another. No effect if another has taken it over."""
         if session.connection is not connection or session.id not in self._sessions:
             return
         session.connection = None
@@ -97,11 +97,11 @@ class Sessions:
         session.expiry = asyncio.get_running_loop().call_later(self._resume_s, self.end, session)
 
     def views(self) -> list[LiveView]:
-        """Those that are at work, for operators. Their process is left for the caller to name."""
+        """Sessions that have a stream, for operators. The caller fills in the process."""
         return [_view(session, session.stream) for session in self._sessions.values() if session.stream is not None]
 
     async def dismiss(self, session_id: str) -> None:
-        """End a session because an operator wants that. Nothing if there is none."""
+        """End a session at an operator's command. No effect if there is no such session."""
         session = self._sessions.get(session_id)
         if session is None:
             return
@@ -110,7 +110,7 @@ class Sessions:
         self.end(session)
 
     def end(self, session: LiveSession) -> None:
-        """Forget it; its worker is given back in the background, then its place is free."""
+        """Remove the session. In the background its worker is released, then its slot is freed."""
         if self._sessions.pop(session.id, None) is None:
             return
         task = asyncio.create_task(self._end(session))
@@ -128,18 +128,18 @@ class Sessions:
             session.place.release()
 
     async def close(self) -> None:
-        """The service stops: every connection is told, every session ends."""
+        """Stop: close every connection with "going-away" and end every session."""
         self._closing = True
         ending = Ending("going-away", "The service stops.", remedy="Connect again in a moment.")
-        held = [s.connection for s in self._sessions.values() if s.connection is not None]
-        await asyncio.gather(*(connection.stop(ending) for connection in held))
-        await asyncio.gather(*(connection.wait_closed() for connection in held))
+        connected = [s.connection for s in self._sessions.values() if s.connection is not None]
+        await asyncio.gather(*(connection.stop(ending) for connection in connected))
+        await asyncio.gather(*(connection.wait_closed() for connection in connected))
         for session in tuple(self._sessions.values()):
             self.end(session)
         await asyncio.gather(*self._ends, return_exceptions=True)
 
     def count(self, session: LiveSession) -> None:
-        """Let metrics know what the session's stream has done since the last time."""
+        """Add the stream's frames since the last call to the metrics."""
         if session.stream is None:
             return
         now = _counts(session.stream.figures())

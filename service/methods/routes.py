@@ -1,4 +1,4 @@
-"""GET /v1/methods: what can be done to a video, with the schema of every parameter."""
+"""GET /v1/methods: the methods with the JSON Schema of their parameters and inputs."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Path
 from starlette.responses import Response
 
+from pipeline.errors import did_you_mean
 from pipeline.methods import methods
-from pipeline.methods.base import Method, input_schemas
+from pipeline.methods.base import Method
 from service.access.depends import Reader
 from service.methods.schemas import MethodOut, MethodsOut, method_out
 from service.methods.thumbnail import thumbnail
@@ -48,7 +49,7 @@ def get_thumbnail(name: Name, _caller: Reader) -> Response:
 @router.get("/{name}/inputs/{input_name}/schema")
 def get_input_schema(name: Name, input_name: InputName, _caller: Reader) -> dict[str, Any]:
     """The JSON Schema of a document that the method takes as input."""
-    schemas = input_schemas(_find(name))
+    schemas = _find(name).input_schemas
     if input_name not in schemas:
         raise NotFound(
             "The method publishes no schema for such an input.", field="input_name", value=input_name,
@@ -62,8 +63,5 @@ def _find(name: str) -> Method:
         return methods()[name]
     except KeyError:
         raise NotFound(
-            f"There is no method named {name!r}.",
-            field="name",
-            value=name,
-            remedy=f"Use one of: {', '.join(methods())}.",
+            f"Unknown method {name!r}.", field="name", value=name, remedy=did_you_mean(name, methods(), "methods")
         ) from None

@@ -1,4 +1,4 @@
-"""A method as its users see it."""
+"""Response bodies of methods."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ class MethodOut:
     """Key of the paper in references.bib."""
     inputs: tuple[InputSpec, ...]
     params_schema: dict[str, Any]
-    """JSON Schema; properties carry `unit` and the paper's `symbol` where they have one."""
+    """JSON Schema; properties have the keywords `unit` and `symbol` (the paper's) where they apply."""
     defaults: dict[str, Any]
     examples: tuple[Example, ...]
     artefacts: tuple[str, ...]
-    """What a job may ask for in `output.artefacts`."""
+    """Optional artefacts, for `output.artefacts` of a job."""
     steps: tuple[StepOut, ...]
     thumbnail: str
-    """Address of a picture."""
+    """Path of a thumbnail."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""A picture for a method: what it makes of a small procedural scene, or a drawn card."""
+"""A thumbnail for a method: a small procedural scene rendered by it, or a drawing."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 SIZE = (320, 180)
 SCENE = "harbour"
 FRAMES = 3
-"""A causal method settles within a few frames."""
+"""Frames after which a causal method's temporal filters have settled."""
 
 
 @dataclass(frozen=True)
@@ -32,14 +32,14 @@ class Picture:
 
 @cache
 def thumbnail(name: str) -> Picture:
-    """The picture of the method `name`, 320x180 px; made once a process, in a fraction of a second.
+    """The thumbnail of the method `name`, 320x180 px, rendered once per process.
 
     Raises: BadParameter if there is no such method.
     """
     method = find_method(name)
     try:
         frame = _render(method)
-    except ImpastoError:  # no device, for example: a list of methods must not need one
+    except ImpastoError:  # for example without a compute device, which listing methods must not need
         log.warning("No thumbnail of %s", method.name, exc_info=True)
         frame = None
     return _card(method) if frame is None else _photo(frame)

@@ -1,1 +1,1 @@
-"""What operators look at."""
+"""Metrics, health, and control of the farm for operators."""

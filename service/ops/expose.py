@@ -1,4 +1,4 @@
-"""Metrics of a process that answers no other requests."""
+"""A metrics endpoint for processes without the HTTP service (`impasto worker`)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from workers.farm import Farm
 
 @contextmanager
 def expose(farm: Farm, settings: Settings, port: int | None) -> Iterator[None]:
-    """Answer at `settings.host`:`port` (None: do not), from a thread, while the block lasts."""
+    """Serve metrics at `settings.host`:`port` from a thread while the block runs; port None: do nothing."""
     if port is None:
         yield
         return

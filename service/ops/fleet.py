@@ -1,4 +1,4 @@
-"""/v1/ops: workers, machines, the queue, failures, timelines and live sessions, for holders of an admin key."""
+"""/v1/ops: queue, workers, machines, failures, timelines and live sessions, for admin keys."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Query
 from pydantic import BaseModel, ConfigDict, Field
 
-from service.access.depends import Admin, Parts
+from service.access.depends import Admin, Context
 from service.schemas import ID, Cursor, JobId, Limit, Listing
-from workers.fleet import AttemptLogView, Bar, Drain, Failure, LiveView, NodeView, Place, WorkerView
+from workers.operations import AttemptLogView, Drain, DrainScope, Failure, LiveView, NodeView, TimelineBar, WorkerView
 
 router = APIRouter(prefix="/v1/ops", tags=["ops"])
 
@@ -24,7 +24,7 @@ Bars = Annotated[int, Query(ge=1, le=2000, description="Items a page at most.")]
 
 
 class ReasonIn(BaseModel):
-    """Why, for the other operators."""
+    """Reason, shown to other operators."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -33,104 +33,106 @@ class ReasonIn(BaseModel):
 
 @dataclass(frozen=True)
 class QueueOut:
-    """Whether tasks are handed out."""
+    """State of the queue."""
 
     paused: bool
     drain: Drain | None
-    """Who has paused it, when and why; null while it is not paused."""
+    """Who paused the queue, when and why; null while it is not paused."""
 
 
 @router.get("/queue")
-def get_queue(parts: Parts, _caller: Admin) -> QueueOut:
-    """Whether tasks are handed out, and if not, who wanted that."""
-    found = next((drain for drain in parts.farm.fleet.drains() if drain.place is Place.QUEUE), None)
+def get_queue(context: Context, _caller: Admin) -> QueueOut:
+    """Whether the queue is paused, and by whom."""
+    found = next((drain for drain in context.farm.workers.drains() if drain.place is DrainScope.QUEUE), None)
     return QueueOut(found is not None, found)
 
 
 @router.post("/queue/pause")
-def pause_queue(parts: Parts, caller: Admin, body: ReasonIn | None = None) -> QueueOut:
-    """Hand out no task, to nobody; those at work are finished. Jobs are accepted, and wait."""
-    parts.farm.fleet.drain(Place.QUEUE, "", caller.owner, _reason(body))
-    return get_queue(parts, caller)
+def pause_queue(context: Context, caller: Admin, body: ReasonIn | None = None) -> QueueOut:
+    """Pause the queue: no further task starts, running tasks finish, new jobs are accepted and wait."""
+    context.farm.workers.drain(DrainScope.QUEUE, "", caller.owner, _reason(body))
+    return get_queue(context, caller)
 
 
 @router.post("/queue/resume")
-def resume_queue(parts: Parts, caller: Admin) -> QueueOut:
-    """Hand out tasks again. Twice is the same as once."""
-    parts.farm.fleet.resume(Place.QUEUE)
-    return get_queue(parts, caller)
+def resume_queue(context: Context, caller: Admin) -> QueueOut:
+    """Resume the queue. Idempotent."""
+    context.farm.workers.resume(DrainScope.QUEUE)
+    return get_queue(context, caller)
 
 
 @router.get("/workers")
-def list_workers(parts: Parts, _caller: Admin, cursor: Cursor = None, limit: Limit = 50) -> Listing[WorkerView]:
-    """Processes that take tasks, the longest alive first, each with its slots and what they run."""
-    page = parts.farm.fleet.workers(cursor, limit)
+def list_workers(context: Context, _caller: Admin, cursor: Cursor = None, limit: Limit = 50) -> Listing[WorkerView]:
+    """Processes that run tasks, oldest first, each with its slots and running tasks."""
+    page = context.farm.workers.workers(cursor, limit)
     return Listing(page.items, page.cursor)
 
 
 @router.post("/workers/{worker_id}/drain")
-def drain_worker(worker_id: WorkerId, parts: Parts, caller: Admin, body: ReasonIn | None = None) -> Drain:
-    """Give this worker nothing new; what it runs is finished. Twice is the same as once."""
-    return parts.farm.fleet.drain(Place.WORKER, worker_id, caller.owner, _reason(body))
+def drain_worker(worker_id: WorkerId, context: Context, caller: Admin, body: ReasonIn | None = None) -> Drain:
+    """Drain a worker: no further task starts there, running tasks finish. Idempotent."""
+    return context.farm.workers.drain(DrainScope.WORKER, worker_id, caller.owner, _reason(body))
 
 
 @router.post("/workers/{worker_id}/resume", status_code=204)
-def resume_worker(worker_id: WorkerId, parts: Parts, _caller: Admin) -> None:
-    """Give this worker tasks again. Twice is the same as once."""
-    parts.farm.fleet.resume(Place.WORKER, worker_id)
+def resume_worker(worker_id: WorkerId, context: Context, _caller: Admin) -> None:
+    """Resume a drained worker. Idempotent."""
+    context.farm.workers.resume(DrainScope.WORKER, worker_id)
 
 
 @router.get("/nodes")
-def list_nodes(parts: Parts, _caller: Admin) -> Listing[NodeView]:
-    """Machines where tasks run, or would if they were not drained."""
-    return Listing(tuple(parts.farm.fleet.nodes()), None)
+def list_nodes(context: Context, _caller: Admin) -> Listing[NodeView]:
+    """Machines that run tasks, drained ones included."""
+    return Listing(tuple(context.farm.workers.nodes()), None)
 
 
 @router.post("/nodes/{node}/drain")
-def drain_node(node: NodeName, parts: Parts, caller: Admin, body: ReasonIn | None = None) -> Drain:
-    """Start nothing new on this machine, whoever's slots are there, until it is resumed: a restart does not end it."""
-    return parts.farm.fleet.drain(Place.NODE, node, caller.owner, _reason(body))
+def drain_node(node: NodeName, context: Context, caller: Admin, body: ReasonIn | None = None) -> Drain:
+    """Drain a machine: no further task starts there until it is resumed, also after a restart."""
+    return context.farm.workers.drain(DrainScope.NODE, node, caller.owner, _reason(body))
 
 
 @router.post("/nodes/{node}/resume", status_code=204)
-def resume_node(node: NodeName, parts: Parts, _caller: Admin) -> None:
-    """Use this machine again. Twice is the same as once."""
-    parts.farm.fleet.resume(Place.NODE, node)
+def resume_node(node: NodeName, context: Context, _caller: Admin) -> None:
+    """Resume a drained machine. Idempotent."""
+    context.farm.workers.resume(DrainScope.NODE, node)
 
 
 @router.get("/failures")
 def list_failures(
-    parts: Parts, _caller: Admin, job_id: OfJob = None, cursor: Cursor = None, limit: Limit = 50
+    context: Context, _caller: Admin, job_id: OfJob = None, cursor: Cursor = None, limit: Limit = 50
 ) -> Listing[Failure]:
-    """Attempts that failed or were cut off, of everyone's jobs, newest first."""
-    page = parts.farm.fleet.failures(job_id, cursor, limit)
+    """Failed and interrupted attempts of all owners' jobs, newest first."""
+    page = context.farm.workers.failures(job_id, cursor, limit)
     return Listing(page.items, page.cursor)
 
 
 @router.get("/attempts/{attempt_id}/log")
-def get_attempt_log(attempt_id: AttemptId, parts: Parts, _caller: Admin) -> AttemptLogView:
-    """What one attempt said."""
-    return parts.farm.fleet.attempt_log(attempt_id)
+def get_attempt_log(attempt_id: AttemptId, context: Context, _caller: Admin) -> AttemptLogView:
+    """The log of an attempt."""
+    return context.farm.workers.attempt_log(attempt_id)
 
 
 @router.get("/jobs/{job_id}/timeline")
-def get_timeline(job_id: JobId, parts: Parts, _caller: Admin, cursor: Cursor = None, limit: Bars = 500) -> Listing[Bar]:
-    """Every attempt of the job: where it ran, from when to when, and how it ended; the latest begun first."""
-    page = parts.farm.fleet.timeline(job_id, cursor, limit)
+def get_timeline(
+    job_id: JobId, context: Context, _caller: Admin, cursor: Cursor = None, limit: Bars = 500
+) -> Listing[TimelineBar]:
+    """Every attempt of the job: place, start, end and outcome; newest first."""
+    page = context.farm.workers.timeline(job_id, cursor, limit)
     return Listing(page.items, page.cursor)
 
 
 @router.get("/live")
-def list_live(parts: Parts, _caller: Admin, cursor: Cursor = None, limit: Limit = 50) -> Listing[LiveView]:
-    """Live sessions of every process, oldest first, with figures that are a few seconds old."""
-    page = parts.farm.fleet.live(cursor, limit)
+def list_live(context: Context, _caller: Admin, cursor: Cursor = None, limit: Limit = 50) -> Listing[LiveView]:
+    """Live sessions of all processes, oldest first. Figures are a few seconds old."""
+    page = context.farm.workers.live(cursor, limit)
     return Listing(page.items, page.cursor)
 
 
 @router.post("/live/{session_id}/end", status_code=202)
-def end_live(session_id: SessionId, parts: Parts, _caller: Admin) -> None:
-    """End a live session within seconds: its client is told."""
-    parts.farm.fleet.end_live(session_id)
+def end_live(session_id: SessionId, context: Context, _caller: Admin) -> None:
+    """End a live session within seconds. Its connection is closed with the code `dismissed`."""
+    context.farm.workers.end_live(session_id)
 
 
 def _reason(body: ReasonIn | None) -> str:

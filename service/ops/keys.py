@@ -1,4 +1,4 @@
-"""/v1/keys: API keys, for holders of an admin key."""
+"""/v1/keys: API keys, managed with an admin key."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import Annotated
 from fastapi import APIRouter, Path
 from pydantic import BaseModel, ConfigDict, Field
 
-from service.access.depends import Admin, Parts
+from service.access.depends import Admin, Context
 from service.access.keys import Scope
 from service.schemas import ID, Listing
-from workers.farm import ApiKey
+from workers.model import ApiKey
 
 router = APIRouter(prefix="/v1/keys", tags=["ops"])
 
@@ -19,7 +19,7 @@ Quota = Annotated[int, Field(ge=0, le=2**53)]
 
 
 class QuotasIn(BaseModel):
-    """Bounds that differ from the service's own."""
+    """Limits that differ from the service's defaults."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -41,23 +41,23 @@ class KeyIn(BaseModel):
 class NewKeyOut:
     key: ApiKey
     secret: str
-    """What to send as the bearer token. Shown this once."""
+    """The bearer token. Shown only once."""
 
 
 @router.post("", status_code=201)
-def create_key(body: KeyIn, parts: Parts, _caller: Admin) -> NewKeyOut:
-    """Make a key. Its holder sees only what is made with it, unless it has the scope "admin"."""
+def create_key(body: KeyIn, context: Context, _caller: Admin) -> NewKeyOut:
+    """Create a key. Its holder sees only jobs and assets created with it, unless it has the scope "admin"."""
     quotas = body.quotas.model_dump(exclude_none=True)
-    return NewKeyOut(*parts.farm.keys.create(body.name, [scope.value for scope in body.scopes], quotas))
+    return NewKeyOut(*context.farm.keys.create(body.name, [scope.value for scope in body.scopes], quotas))
 
 
 @router.get("")
-def list_keys(parts: Parts, _caller: Admin) -> Listing[ApiKey]:
-    """Every key, without its secret, revoked ones too."""
-    return Listing(tuple(parts.farm.keys.list()), None)
+def list_keys(context: Context, _caller: Admin) -> Listing[ApiKey]:
+    """All keys, revoked ones included, without their secrets."""
+    return Listing(tuple(context.farm.keys.list()), None)
 
 
 @router.delete("/{key_id}")
-def revoke_key(key_id: Annotated[str, Path(pattern=ID)], parts: Parts, _caller: Admin) -> ApiKey:
-    """From now on this key opens nothing. What was made with it stays."""
-    return parts.farm.keys.revoke(key_id)
+def revoke_key(key_id: Annotated[str, Path(pattern=ID)], context: Context, _caller: Admin) -> ApiKey:
+    """Revoke a key at once. Jobs and assets created with it stay."""
+    return context.farm.keys.revoke(key_id)

@@ -1,4 +1,4 @@
-"""Metrics of the machine under the service: its disks, its process, its version."""
+"""Metrics of the service's machine: disks, process, version."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from prometheus_client.metrics_core import Metric
 from prometheus_client.registry import Collector
 
 from service.settings import Settings
-from workers.versions import version
+from workers.version import version
 
 
 def add_machine(registry: CollectorRegistry, settings: Settings) -> None:
-    """Register what this process and its disks have to tell."""
+    """Register metrics of this process and its disks."""
     ProcessCollector(registry=registry)
     Gauge("impasto_build_info", "1, with the version.", ("version",), registry=registry).labels(version()).set(1)
     registry.register(DiskMetrics(settings))
 
 
 class DiskMetrics(Collector):
-    """The disks that work is written to."""
+    """Free and total bytes of the disks that hold work."""
 
     def __init__(self, settings: Settings) -> None:
         blobs = settings.copies_at if settings.blob_url else settings.blobs_at
@@ -31,7 +31,7 @@ class DiskMetrics(Collector):
         self._reserve = settings.reserve_bytes
 
     def describe(self) -> Iterable[Metric]:
-        """Nothing ahead of time: a disk may be slow to answer."""
+        """No metrics at registration: a disk may be slow to answer."""
         return ()
 
     def collect(self) -> Iterator[Metric]:
@@ -48,7 +48,7 @@ class DiskMetrics(Collector):
 
 
 def _existing(path: Path) -> Path:
-    """`path`, or the nearest folder above it that is there: folders are made when they are needed."""
+    """`path`, or its nearest existing parent: folders are created on demand."""
     while not path.exists() and path != path.parent:
         path = path.parent
     return path

@@ -14,7 +14,7 @@ from prometheus_client.metrics_core import Metric
 from prometheus_client.registry import Collector
 
 from workers.farm import Farm
-from workers.fleet import Place
+from workers.operations import DrainScope
 
 log = logging.getLogger(__name__)
 
@@ -22,11 +22,11 @@ LATENCY_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30, 120)
 LIVE_LATENCY_S = (0.005, 0.01, 0.0167, 0.025, 0.0333, 0.05, 0.0667, 0.1, 0.2, 0.5, 1, 5)
 VERBS = frozenset({"GET", "HEAD", "POST", "PATCH", "PUT", "DELETE", "OPTIONS"})
 MAX_LABELS = 50
-"""Values of one label at most: more are not shown."""
+"""Most values of one label; further ones are dropped."""
 
 
 class HttpMetrics:
-    """What this process has answered."""
+    """Requests that this process has answered."""
 
     def __init__(self, registry: CollectorRegistry, streams: Callable[[], float]) -> None:
         labels = ("method", "route", "status")
@@ -47,7 +47,7 @@ class HttpMetrics:
 
 
 class LiveMetrics:
-    """What live sessions have done in this process."""
+    """Frames and latencies of live sessions in this process."""
 
     def __init__(self, registry: CollectorRegistry, sessions: Callable[[], float]) -> None:
         Gauge("impasto_live_sessions", "Live sessions now.", registry=registry).set_function(sessions)
@@ -63,21 +63,21 @@ class LiveMetrics:
 
 
 class FarmMetrics(Collector):
-    """What the farm says of itself when it is asked."""
+    """The farm's snapshot as metrics, read at each scrape."""
 
     def __init__(self, farm: Farm) -> None:
         self._farm = farm
 
     def describe(self) -> Iterable[Metric]:
-        """Nothing ahead of time: registering must not ask the store."""
+        """No metrics at registration, which must not query the store."""
         return ()
 
     def collect(self) -> Iterator[Metric]:
         began = time.perf_counter()
         try:
             snapshot = self._farm.snapshot()
-            drained = Counts(drain.place.value for drain in self._farm.fleet.drains())
-        except Exception:  # the store is away: say what can be said
+            drained = Counts(drain.place.value for drain in self._farm.workers.drains())
+        except Exception:  # the store is unreachable: report the rest
             log.exception("The farm gave no snapshot")
             snapshot, drained = {}, Counts()
         text = "The store took this long for the figures of this scrape."
@@ -85,7 +85,7 @@ class FarmMetrics(Collector):
         yield from _ready(snapshot.get("ready") or self._farm.ready())
         if snapshot:
             yield from _families(snapshot)
-            places = {place.value: float(drained[place.value]) for place in Place}
+            places = {place.value: float(drained[place.value]) for place in DrainScope}
             yield _gauge("impasto_drained", "Places that an operator lets start nothing new.", "place", places)
 
 
@@ -119,7 +119,7 @@ def _families(snapshot: Mapping[str, Any]) -> Iterator[Metric]:
 
 
 def _workers(pool: Mapping[str, Any]) -> Iterator[Metric]:
-    """The workers of this process: those that are there, that are wanted, that are at work."""
+    """Worker processes of this process: existing, configured and busy."""
     here = int(pool.get("workers", 0))
     yield _single("impasto_workers", "Workers that are there.", here)
     yield _single("impasto_workers_wanted", "Workers that there should be.", int(pool.get("wanted", here)))
@@ -127,7 +127,7 @@ def _workers(pool: Mapping[str, Any]) -> Iterator[Metric]:
 
 
 def _totals(totals: Mapping[str, Mapping[str, float]]) -> Iterator[Metric]:
-    """Counters of this process; a rate over them needs no window of ours."""
+    """Counters of this process, for rates over any window."""
     for name, text, label, key in (
         ("impasto_attempts", "Attempts that ended.", "outcome", "attempts"),
         ("impasto_attempt_failures", "Attempts that failed.", "code", "failures"),

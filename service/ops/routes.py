@@ -9,7 +9,7 @@ from typing import Any
 from fastapi import APIRouter, Response
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 
-from service.access.depends import Admin, Parts, Reader
+from service.access.depends import Admin, Context, Reader
 
 router = APIRouter(tags=["ops"])
 
@@ -24,19 +24,19 @@ class Ready:
     status: str
     """"ok" or "unavailable"."""
     parts: dict[str, str]
-    """Part -> "ok" or what is wrong."""
+    """Component -> "ok" or its error."""
 
 
 @router.get("/healthz")
 def healthz() -> Health:
-    """The process answers."""
+    """Liveness: the process answers."""
     return Health("ok")
 
 
 @router.get("/readyz", responses={503: {"model": Ready, "description": "A part does not work"}})
-def readyz(response: Response, parts: Parts) -> Ready:
-    """Every part works: store, blobs, pool."""
-    found = parts.farm.ready()
+def readyz(response: Response, context: Context) -> Ready:
+    """Readiness: database, blob store and pool work."""
+    found = context.farm.ready()
     if all(word == "ok" for word in found.values()):
         return Ready("ok", found)
     response.status_code = HTTPStatus.SERVICE_UNAVAILABLE
@@ -44,12 +44,12 @@ def readyz(response: Response, parts: Parts) -> Ready:
 
 
 @router.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
-def metrics(parts: Parts, _caller: Reader) -> Response:
-    """Prometheus metrics: sums over everyone, no one's data."""
-    return Response(generate_latest(parts.registry), headers={"Content-Type": CONTENT_TYPE_LATEST})
+def metrics(context: Context, _caller: Reader) -> Response:
+    """Prometheus metrics: totals over all owners, without user data."""
+    return Response(generate_latest(context.registry), headers={"Content-Type": CONTENT_TYPE_LATEST})
 
 
 @router.get("/v1/ops/snapshot")
-def snapshot(parts: Parts, _caller: Admin) -> dict[str, Any]:
-    """Queue, tasks, workers and throughput at this moment."""
-    return parts.farm.snapshot()
+def snapshot(context: Context, _caller: Admin) -> dict[str, Any]:
+    """Current state of queue, tasks, workers and throughput."""
+    return context.farm.snapshot()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fastapi import APIRouter, Response
 
-from service.access.depends import Parts, Submitter
+from service.access.depends import Context, Submitter
 from service.errors import Busy, retry_after
 from service.jobs.lookup import check_inputs, find_job
 from service.jobs.schemas import PreviewIn
@@ -16,15 +16,16 @@ PNG: Responses = {200: binary("image/png", "The frame")[200]}
 
 
 @router.post("", response_class=Response, responses=PNG)
-def preview(body: PreviewIn, parts: Parts, caller: Submitter) -> Response:
+def preview(body: PreviewIn, context: Context, caller: Submitter) -> Response:
     """Stylise one frame. 503 with Retry-After while as many as may are being made."""
-    check_inputs(parts, caller, body)
-    if body.regions_of is not None:
-        find_job(parts, caller, body.regions_of)
-    if not parts.previews.acquire(blocking=False):
+    check_inputs(context, caller, body)
+    earlier = body.earlier_job
+    if earlier is not None:
+        find_job(context, caller, earlier)
+    if not context.previews.acquire(blocking=False):
         raise Busy("Previews are busy.", headers=retry_after(1), remedy="Ask again in a second.")
     try:
-        png = parts.farm.preview(body.request(), body.frame, body.max_side_px, body.design, body.regions_of)
+        png = context.farm.jobs.preview(body.request(), body.frame, body.max_side_px, body.design, earlier)
     finally:
-        parts.previews.release()
+        context.previews.release()
     return Response(png, media_type="image/png", headers={"Cache-Control": "no-store"})

@@ -1,4 +1,4 @@
-"""The headers of tus 1.0.0, read strictly."""
+"""Strict parsing of the headers of tus 1.0.0."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ HASHES: dict[str, Callable[[], Any]] = {
 
 
 def check_version(headers: Headers) -> None:
-    """Raise WrongVersion unless the client speaks ours."""
+    """Raise WrongVersion unless the client uses tus 1.0.0."""
     spoken = headers.get("tus-resumable")
     if spoken != VERSION:
         raise WrongVersion(
-            f"This is tus {VERSION}.",
+            f"The service supports tus {VERSION} only.",
             headers={"Tus-Version": VERSION},
             field="Tus-Resumable",
             value=spoken,
@@ -40,11 +40,11 @@ def check_version(headers: Headers) -> None:
 
 
 def check_body_type(headers: Headers) -> None:
-    """Raise UnsupportedMediaType unless the body is said to be a piece of a file."""
+    """Raise UnsupportedMediaType unless the body has the media type of tus."""
     said = headers.get("content-type", "")
     if said.partition(";")[0].strip().lower() != BODY_TYPE:
         raise UnsupportedMediaType(
-            "The body of an upload has a type of its own.",
+            "The body of an upload must have the media type of tus.",
             field="Content-Type",
             value=said,
             remedy=f"Send the header 'Content-Type: {BODY_TYPE}'.",
@@ -56,7 +56,10 @@ def whole_number(headers: Headers, name: str) -> int:
     text = headers.get(name)
     if text is None or not (text.isascii() and text.isdecimal()) or len(text) > 18:
         raise BadRequest(
-            f"{name} is a number of bytes.", field=name, value=text, remedy=f"Send the header {name} with a number."
+            f"{name} must be a number of bytes.",
+            field=name,
+            value=text,
+            remedy=f"Send the header {name} with a number.",
         )
     return int(text)
 
@@ -91,14 +94,14 @@ def _bad_metadata(text: str) -> BadParameter:
 
 @dataclass
 class Checksum:
-    """What the client says of the bytes of one request."""
+    """The checksum that the client announces for the body of one request."""
 
     hash: Any
     wanted: bytes
 
     @classmethod
     def of(cls, headers: Headers) -> Checksum | None:
-        """From Upload-Checksum, None without. Raises BadRequest (unknown algorithm, no base64)."""
+        """From the header Upload-Checksum; None without it. Raises BadRequest (unknown algorithm, invalid base64)."""
         text = headers.get("upload-checksum")
         if text is None:
             return None
@@ -117,7 +120,7 @@ class Checksum:
         """Raise ChecksumMismatch."""
         if self.hash.digest() != self.wanted:
             raise ChecksumMismatch(
-                "The bytes are not what the checksum says.", field="Upload-Checksum", remedy="Send this piece again."
+                "The body does not match its checksum.", field="Upload-Checksum", remedy="Send this piece again."
             )
 
 

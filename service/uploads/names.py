@@ -1,4 +1,4 @@
-"""File names as users give them: for display only, and refused rather than mended."""
+"""Validation of file names. They are for display only; invalid ones are refused, not changed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ def check_filename(name: str) -> str:
     bad = not name.strip() or name in (".", "..") or len(name) > MAX_CHARS
     if bad or any(char in "/\\" or not char.isprintable() for char in name):
         raise BadParameter(
-            "That is not a plain file name.",
+            "The file name is not valid.",
             field="filename",
             value=name.encode("utf-8", "replace").decode(),
             remedy=f"Give a name of 1 to {MAX_CHARS} printable characters without / and \\, for example clip.mp4.",

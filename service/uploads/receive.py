@@ -1,4 +1,4 @@
-"""Bytes of one request onto the end of an upload, and what follows when it is whole."""
+"""Appends the body of a request to an upload, and turns a complete upload into an asset."""
 
 from __future__ import annotations
 
@@ -9,19 +9,21 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 
 from pipeline.errors import BadInput
-from service.access.depends import Service
-from service.assets.adopt import disk_faults
+from service.access.depends import ServiceContext
+from service.access.keys import Principal
+from service.assets.adopt import check_quota, check_room, disk_faults
 from service.bodies import chunks
 from service.errors import OffsetMismatch
 from service.uploads.headers import Checksum
 from service.uploads.store import Upload, UploadStore
+from workers.errors import NotFound
 from workers.model import Asset
 
 
-async def append(request: Request, parts: Service, store: UploadStore, upload: Upload, at: int) -> int:
+async def append(request: Request, context: ServiceContext, store: UploadStore, upload: Upload, at: int) -> int:
     """Append the body, which begins at offset `at`; returns the new offset.
 
-    What has arrived stays when the connection breaks, unless a checksum was promised: it can then not be checked.
+    If the connection breaks, the bytes that arrived are kept, unless a checksum was announced, which they cannot match.
 
     Raises: OffsetMismatch, Locked, BodyTooLarge, RequestTimeout, ChecksumMismatch, StorageFull, ClientDisconnect.
     """
@@ -31,8 +33,9 @@ async def append(request: Request, parts: Service, store: UploadStore, upload: U
         return upload.length
     with store.claim(upload) as file:
         _check_offset(file.tell(), at)
+        await run_in_threadpool(check_room, context, upload.length - at)
         try:
-            await _copy(request, parts, file, upload.length - at, checksum)
+            await _copy(request, context, file, upload.length - at, checksum)
         except BaseException:
             if checksum:
                 file.truncate(at)
@@ -43,18 +46,21 @@ async def append(request: Request, parts: Service, store: UploadStore, upload: U
 def _check_offset(stands: int, at: int) -> None:
     if stands != at:
         raise OffsetMismatch(
-            f"The upload stands at {stands}.",
+            f"The upload has {stands} bytes.",
             headers={"Upload-Offset": str(stands)},
             field="Upload-Offset",
             value=at,
-            remedy="Ask for the offset (HEAD) and go on from there.",
+            remedy="Ask for the offset (HEAD), then continue from there.",
         )
 
 
-async def _copy(request: Request, parts: Service, file: BinaryIO, room: int, checksum: Checksum | None) -> None:
+async def _copy(
+    request: Request, context: ServiceContext, file: BinaryIO, room: int, checksum: Checksum | None
+) -> None:
     with disk_faults():
         try:
-            async for chunk in chunks(request, room, parts.settings.idle_s):
+            async for chunk in chunks(request, room, context.settings.idle_s):
+                check_room(context, len(chunk))  # others fill the disk, too
                 await run_in_threadpool(file.write, chunk)
                 if checksum:
                     checksum.hash.update(chunk)
@@ -65,26 +71,48 @@ async def _copy(request: Request, parts: Service, file: BinaryIO, room: int, che
         await run_in_threadpool(os.fsync, file.fileno())
 
 
-def finish(parts: Service, store: UploadStore, upload: Upload) -> Upload:
-    """Make the whole upload an asset; done at most once, also after a restart.
+def finish(context: ServiceContext, store: UploadStore, caller: Principal, upload: Upload) -> Upload:
+    """Turn a complete upload into an asset, at most once, also across restarts.
 
-    Raises: BadMedia and the like, the same each time it is asked; StorageError (to be tried again).
+    Raises: BadMedia and the like, the same each time it is asked; QuotaExceeded, StorageError (to be tried again);
+    Locked (another request is doing this now).
     """
-    if upload.asset_id:
-        return upload
+    if upload.closed:
+        return _closed(upload)
+    try:
+        return _probe(context, store, caller, upload)
+    except NotFound:  # another request has closed it
+        return _closed(store.find(upload.id))
+
+
+def _closed(upload: Upload) -> Upload:
     if upload.fault:
         raise upload_fault(upload)
+    return upload
+
+
+def _probe(context: ServiceContext, store: UploadStore, caller: Principal, upload: Upload) -> Upload:
     with store.claim(upload):
+        check_upload_quota(context, store, caller, upload)
         try:
-            asset: Asset = parts.farm.add_asset(store.path(upload), upload.filename, upload.owner)
+            asset: Asset = context.farm.assets.add(store.path(upload), upload.filename, upload.owner)
         except BadInput as error:
             store.refused(upload, error)
             raise
         return store.became(upload, asset.id)
 
 
+def check_upload_quota(context: ServiceContext, store: UploadStore, caller: Principal, upload: Upload) -> None:
+    """Raise QuotaExceeded if the owner's assets and open uploads, this one included, exceed the quota.
+
+    An operator who asks about another owner's upload is not that owner: nothing is counted against the operator.
+    """
+    if caller.owner == upload.owner:
+        check_quota(context, caller, store.reserved().owned_bytes.get(upload.owner, 0))
+
+
 def upload_fault(upload: Upload) -> BadInput:
-    """The error that the media were refused with."""
+    """The error with which the file was refused."""
     assert upload.fault
     fault = upload.fault
     error = BadInput(fault.message, field=fault.field, value=fault.value, remedy=fault.remedy)

@@ -7,15 +7,16 @@ give a problem instead, the same at every later HEAD.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Annotated
 
 from fastapi import APIRouter, Path, Request, Response
 from starlette.concurrency import run_in_threadpool
 
-from service.access.depends import Parts, Reader, Service, Submitter
+from service.access.depends import Context, Reader, ServiceContext, Submitter
 from service.access.keys import Principal
 from service.assets.adopt import check_quota, check_room, disk_faults
-from service.errors import BodyTooLarge
+from service.errors import BodyTooLarge, Locked
 from service.uploads.headers import (
     BODY_TYPE,
     EXTENSIONS,
@@ -29,7 +30,7 @@ from service.uploads.headers import (
 )
 from service.uploads.receive import append, finish
 from service.uploads.store import Upload, UploadStore
-from workers.errors import NotFound
+from workers.errors import NotFound, QuotaExceeded
 
 router = APIRouter(prefix="/v1/uploads", tags=["uploads"])
 
@@ -38,61 +39,73 @@ BODY = {"requestBody": {"content": {BODY_TYPE: {"schema": {"type": "string", "fo
 
 
 @router.options("", status_code=204)
-def options(parts: Parts) -> Response:
-    """What this server can do."""
+def options(context: Context) -> Response:
+    """Versions, extensions and limits of this tus server."""
     return Response(
         status_code=204,
         headers={
             "Tus-Version": VERSION,
             "Tus-Extension": EXTENSIONS,
-            "Tus-Max-Size": str(parts.settings.max_asset_bytes),
+            "Tus-Max-Size": str(context.settings.max_asset_bytes),
             "Tus-Checksum-Algorithm": ",".join(HASHES),
         },
     )
 
 
 @router.post("", status_code=201, openapi_extra=BODY)
-async def create_upload(request: Request, parts: Parts, caller: Submitter) -> Response:
-    """Begin an upload of Upload-Length bytes; the body, if any, is its first piece."""
+async def create_upload(request: Request, context: Context, caller: Submitter) -> Response:
+    """Create an upload of Upload-Length bytes. The body, if any, is its first part."""
     check_version(request.headers)
-    store = _store(parts)
+    store = _store(context)
     first = request.headers.get("content-length", "0") != "0" or "transfer-encoding" in request.headers
     if first:
         check_body_type(request.headers)
-    upload = await run_in_threadpool(_create, request, parts, store, caller)
-    offset = await append(request, parts, store, upload, 0) if first else 0
-    upload = await _finish_if_whole(parts, store, upload, offset)
+    upload = await run_in_threadpool(_create, request, context, store, caller)
+    offset = await append(request, context, store, upload, 0) if first else 0
+    upload = await _finish_if_whole(context, store, caller, upload, offset)
     headers = {"Location": f"/v1/uploads/{upload.id}"} | _state(store, upload, offset)
     return Response(status_code=201, headers=headers)
 
 
-def _create(request: Request, parts: Service, store: UploadStore, caller: Principal) -> Upload:
+def _create(request: Request, context: ServiceContext, store: UploadStore, caller: Principal) -> Upload:
     length = whole_number(request.headers, "Upload-Length")
-    if length > parts.settings.max_asset_bytes:
+    if length > context.settings.max_asset_bytes:
         raise BodyTooLarge(
-            f"A file may have {parts.settings.max_asset_bytes} bytes.",
+            f"A file may have {context.settings.max_asset_bytes} bytes.",
             field="Upload-Length",
             value=length,
             remedy="Upload a smaller file.",
         )
     metadata = request.headers.get("upload-metadata", "")
     name = filename(metadata)
-    check_quota(parts, caller, length)
-    with disk_faults():
-        parts.settings.uploads_dir.mkdir(parents=True, exist_ok=True)
-        check_room(parts, length)
+    with disk_faults(), store.creating():
+        reserved = store.reserved()
+        _check_count(context, reserved.counts.get(caller.owner, 0))
+        check_quota(context, caller, length + reserved.owned_bytes.get(caller.owner, 0))
+        check_room(context, length + reserved.missing_bytes)
         return store.create(caller.owner, name, metadata, length)
 
 
+def _check_count(context: ServiceContext, count: int) -> None:
+    limit = context.settings.quota_open_uploads
+    if count >= limit:
+        raise QuotaExceeded(
+            f"You may have {limit} unfinished uploads.",
+            field="open_uploads",
+            value=count,
+            remedy="Finish or delete one, or wait until they expire.",
+        )
+
+
 @router.head("/{upload_id}")
-def get_upload(upload_id: UploadId, request: Request, parts: Parts, caller: Reader) -> Response:
-    """How far the upload is, and the asset it became."""
+def get_upload(upload_id: UploadId, request: Request, context: Context, caller: Reader) -> Response:
+    """The upload's offset, and its asset once complete."""
     check_version(request.headers)
-    store = _store(parts)
-    upload = _find(store, caller, upload_id)
-    offset = store.offset(upload)
+    store = _store(context)
+    upload, offset = _look(store, caller, upload_id)
     if offset == upload.length:  # perhaps the process died between the last byte and the asset
-        upload = finish(parts, store, upload)
+        with suppress(Locked):  # or another request is probing it at this moment: the asset is named later
+            upload = finish(context, store, caller, upload)
     headers = _state(store, upload, offset) | {"Upload-Length": str(upload.length), "Cache-Control": "no-store"}
     if upload.metadata:
         headers["Upload-Metadata"] = upload.metadata
@@ -100,29 +113,29 @@ def get_upload(upload_id: UploadId, request: Request, parts: Parts, caller: Read
 
 
 @router.patch("/{upload_id}", status_code=204, openapi_extra=BODY)
-async def patch_upload(upload_id: UploadId, request: Request, parts: Parts, caller: Submitter) -> Response:
-    """Go on with the upload at Upload-Offset."""
+async def patch_upload(upload_id: UploadId, request: Request, context: Context, caller: Submitter) -> Response:
+    """Append to the upload at Upload-Offset."""
     check_version(request.headers)
     check_body_type(request.headers)
     at = whole_number(request.headers, "Upload-Offset")
-    store = _store(parts)
+    store = _store(context)
     upload = await run_in_threadpool(_find, store, caller, upload_id)
-    offset = await append(request, parts, store, upload, at)
-    upload = await _finish_if_whole(parts, store, upload, offset)
+    offset = await append(request, context, store, upload, at)
+    upload = await _finish_if_whole(context, store, caller, upload, offset)
     return Response(status_code=204, headers=_state(store, upload, offset))
 
 
 @router.delete("/{upload_id}", status_code=204)
-def delete_upload(upload_id: UploadId, request: Request, parts: Parts, caller: Submitter) -> Response:
-    """Give the upload up. An asset that it has become stays."""
+def delete_upload(upload_id: UploadId, request: Request, context: Context, caller: Submitter) -> Response:
+    """Delete the upload. If it has become an asset, the asset stays."""
     check_version(request.headers)
-    store = _store(parts)
+    store = _store(context)
     store.remove(_find(store, caller, upload_id))
     return Response(status_code=204)
 
 
-def _store(parts: Service) -> UploadStore:
-    return UploadStore(parts.settings.uploads_dir, parts.settings.upload_ttl_s)
+def _store(context: ServiceContext) -> UploadStore:
+    return UploadStore(context.settings.uploads_dir, context.settings.upload_ttl_s)
 
 
 def _find(store: UploadStore, caller: Principal, upload_id: str) -> Upload:
@@ -132,8 +145,21 @@ def _find(store: UploadStore, caller: Principal, upload_id: str) -> Upload:
     return upload
 
 
-async def _finish_if_whole(parts: Service, store: UploadStore, upload: Upload, offset: int) -> Upload:
-    return await run_in_threadpool(finish, parts, store, upload) if offset == upload.length else upload
+def _look(store: UploadStore, caller: Principal, upload_id: str) -> tuple[Upload, int]:
+    """The upload and its offset, read again if a PATCH has closed it in between."""
+    upload = _find(store, caller, upload_id)
+    try:
+        return upload, store.offset(upload)
+    except NotFound:
+        upload = _find(store, caller, upload_id)
+        return upload, store.offset(upload)
+
+
+async def _finish_if_whole(
+    context: ServiceContext, store: UploadStore, caller: Principal, upload: Upload, offset: int
+) -> Upload:
+    whole = offset == upload.length
+    return await run_in_threadpool(finish, context, store, caller, upload) if whole else upload
 
 
 def _state(store: UploadStore, upload: Upload, offset: int) -> dict[str, str]:

@@ -1,7 +1,7 @@
-"""Unfinished uploads on disk: `<id>.json` says what it is, `<id>.part` holds its bytes; its size is the offset.
+"""Unfinished uploads on disk: `<id>.json` describes the upload, `<id>.part` contains its bytes; its size is the offset.
 
-Nothing is kept in memory, so that an upload survives the process. A lock on the part file keeps two writers apart,
-also over processes.
+Nothing is kept in memory, so uploads survive a restart. A lock on the part file excludes a second writer, also one in
+another process.
 """
 
 from __future__ import annotations
@@ -26,21 +26,33 @@ from workers.model import Fault
 
 @dataclass(frozen=True)
 class Upload:
-    """A resumable upload. When whole, either `asset_id` names the asset that it became, or `fault` says why not."""
+    """A resumable upload. Once complete, `asset_id` names its asset, or `fault` holds the error that refused it."""
 
     id: str
     owner: str
     filename: str
     metadata: str
-    """Upload-Metadata as it came: tus wants it back."""
+    """The header Upload-Metadata, which tus returns at HEAD."""
     length: int
     asset_id: str | None = None
     fault: Fault | None = None
 
     @property
     def closed(self) -> bool:
-        """Whether its bytes have gone on."""
+        """Whether it has become an asset or was refused."""
         return self.asset_id is not None or self.fault is not None
+
+
+@dataclass(frozen=True)
+class Reservation:
+    """Disk space and quota that open uploads have been promised."""
+
+    missing_bytes: int
+    """Bytes of all open uploads that have not arrived: disk space that they will still take."""
+    owned_bytes: dict[str, int]
+    """Owner -> announced bytes of their open uploads."""
+    counts: dict[str, int]
+    """Owner -> number of their open uploads."""
 
 
 class UploadStore:
@@ -48,7 +60,7 @@ class UploadStore:
 
     Args:
         folder: made when needed.
-        ttl_s: an upload that nothing has touched for so long is over.
+        ttl_s: an upload without new bytes for this long has expired, seconds.
         clock: seconds since the epoch.
     """
 
@@ -76,19 +88,53 @@ class UploadStore:
         return upload
 
     def offset(self, upload: Upload) -> int:
-        """Bytes that are safe here."""
-        return upload.length if upload.closed else self._part(upload.id).stat().st_size
+        """Bytes that have arrived. Raises: NotFound (removed, or closed since `upload` was read)."""
+        if upload.closed:
+            return upload.length
+        try:
+            return self._part(upload.id).stat().st_size
+        except FileNotFoundError:
+            raise _finished(upload.id) from None
+
+    def open_uploads(self) -> Iterator[Upload]:
+        """Every upload that still waits for bytes or for its probe, and has not expired."""
+        for path in self._folder.glob("*.json"):
+            with suppress(NotFound, Gone):
+                upload = self.find(path.stem)
+                if not upload.closed:
+                    yield upload
+
+    def reserved(self) -> Reservation:
+        """What all open uploads together may still occupy."""
+        rows = [(upload.owner, upload.length, self._part_bytes(upload.id)) for upload in self.open_uploads()]
+        owned: dict[str, int] = {}
+        counts: dict[str, int] = {}
+        for owner, length, _ in rows:
+            owned[owner] = owned.get(owner, 0) + length
+            counts[owner] = counts.get(owner, 0) + 1
+        return Reservation(sum(max(0, length - here) for _, length, here in rows), owned, counts)
+
+    @contextmanager
+    def creating(self) -> Iterator[None]:
+        """One creation at a time, over all processes: what it checks stays true until the upload is on disk."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        folder = os.open(self._folder, os.O_RDONLY)
+        try:
+            fcntl.flock(folder, fcntl.LOCK_EX)
+            yield
+        finally:
+            os.close(folder)
 
     def expires_at(self, upload: Upload) -> float:
         return self._touched_at(upload.id) + self._ttl_s
 
     @contextmanager
     def claim(self, upload: Upload) -> Iterator[BinaryIO]:
-        """The part, for this one writer, positioned at its end. Raises Locked, NotFound (finished or removed)."""
+        """The part file, locked and positioned at its end. Raises Locked, NotFound (closed or removed)."""
         try:
             file = self._part(upload.id).open("r+b")
         except FileNotFoundError:
-            raise NotFound("The upload is finished.", field="upload_id", value=upload.id) from None
+            raise _finished(upload.id) from None
         with file:
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -100,19 +146,21 @@ class UploadStore:
                     value=upload.id,
                     remedy="Ask for the offset in a second, then go on from there.",
                 ) from None
+            if os.fstat(file.fileno()).st_nlink == 0:  # closed or removed between open and lock
+                raise _finished(upload.id)
             file.seek(0, os.SEEK_END)
             yield file
 
     def path(self, upload: Upload) -> Path:
-        """Where the bytes are."""
+        """Path of the part file."""
         return self._part(upload.id)
 
     def became(self, upload: Upload, asset_id: str) -> Upload:
-        """Note the asset; the bytes are not needed here any more."""
+        """Record the asset and delete the part file."""
         return self._close(replace(upload, asset_id=asset_id))
 
     def refused(self, upload: Upload, error: ImpastoError) -> Upload:
-        """Note why the media were refused."""
+        """Record the error that refused the file, and delete the part file."""
         fault = Fault(error.code, error.message, error.remedy, error.field, error.value)
         return self._close(replace(upload, fault=fault))
 
@@ -121,7 +169,7 @@ class UploadStore:
         self._part(upload.id).unlink(missing_ok=True)
 
     def sweep(self) -> None:
-        """Delete what has expired, and what a killed process has left."""
+        """Delete expired uploads and files that a killed process left."""
         for path in self._folder.glob("*"):
             ours = path.suffix in (".json", ".part")
             with suppress(FileNotFoundError):  # finished or removed while we look
@@ -143,15 +191,24 @@ class UploadStore:
         fresh.replace(self._info(upload.id))
 
     def _touched_at(self, upload_id: str) -> float:
-        """When the upload last moved; both its files live and die together."""
+        """Time of the upload's last change, seconds since the epoch."""
         paths = (self._info(upload_id), self._part(upload_id))
         return max((path.stat().st_mtime for path in paths if path.exists()), default=0.0)
+
+    def _part_bytes(self, upload_id: str) -> int:
+        with suppress(FileNotFoundError):
+            return self._part(upload_id).stat().st_size
+        return 0
 
     def _info(self, upload_id: str) -> Path:
         return self._folder / f"{upload_id}.json"
 
     def _part(self, upload_id: str) -> Path:
         return self._folder / f"{upload_id}.part"
+
+
+def _finished(upload_id: str) -> NotFound:
+    return NotFound("The upload is finished.", field="upload_id", value=upload_id, remedy="Ask for its state (HEAD).")
 
 
 def _delete(path: Path) -> None:

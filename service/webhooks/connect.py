@@ -1,4 +1,4 @@
-"""Connections to webhook receivers: the address that is connected to is checked, not the name."""
+"""Connections to webhook receivers, with a check of the address after name resolution."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from service.webhooks.targets import is_public
 class GuardedBackend(httpcore.AsyncNetworkBackend):
     """Opens connections to public addresses only.
 
-    A name is resolved once, every address it has is checked, and the connection goes to one of those: a name that
-    points elsewhere a moment later gains nothing. TLS still verifies the name.
+    A name is resolved once, all its addresses are checked, and the connection is made to one of them, so that DNS
+    rebinding has no effect. TLS still verifies the name.
     """
 
     def __init__(self) -> None:
@@ -43,6 +43,6 @@ class GuardedBackend(httpcore.AsyncNetworkBackend):
 
 
 def open_pool(private: bool) -> httpcore.AsyncConnectionPool:
-    """Connections that are not kept (receivers are many and seldom); `private`: to any address."""
+    """A pool without keep-alive: there are many receivers, each rarely used. `private`: allow any address."""
     backend = httpcore.AnyIOBackend() if private else GuardedBackend()
     return httpcore.AsyncConnectionPool(max_keepalive_connections=0, network_backend=backend)

@@ -1,4 +1,4 @@
-"""What a receiver needs to verify webhooks, and what became of those of a job."""
+"""The signing secret of webhooks, and the deliveries of a job."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 from fastapi import APIRouter
 
-from service.access.depends import Parts, Reader, Submitter
+from service.access.depends import Context, Reader, Submitter
 from service.jobs.lookup import find_job
 from service.schemas import JobId, Listing
-from workers.farm import Delivery
+from workers.model import Delivery
 
 router = APIRouter(prefix="/v1", tags=["webhooks"])
 
@@ -21,13 +21,13 @@ class SecretOut:
 
 
 @router.get("/webhooks/secret")
-def get_webhook_secret(parts: Parts, caller: Submitter) -> SecretOut:
+def get_webhook_secret(context: Context, caller: Submitter) -> SecretOut:
     """The secret that your webhooks are signed with (Standard Webhooks 1.0.0)."""
-    return SecretOut(parts.webhook_secrets.of(caller.owner))
+    return SecretOut(context.webhook_secrets.of(caller.owner))
 
 
 @router.get("/jobs/{job_id}/webhooks")
-def list_webhooks(job_id: JobId, parts: Parts, caller: Reader) -> Listing[Delivery]:
-    """The job's messages: tried how often, delivered or not, and the last error."""
-    find_job(parts, caller, job_id)
-    return Listing(tuple(parts.farm.webhooks.of_job(job_id)), None)
+def list_webhooks(job_id: JobId, context: Context, caller: Reader) -> Listing[Delivery]:
+    """The job's messages: number of attempts, whether delivered, last error."""
+    find_job(context, caller, job_id)
+    return Listing(tuple(context.farm.webhooks.of_job(job_id)), None)

@@ -1,4 +1,4 @@
-"""Signing secrets: one for each owner, all derived from one file or setting, none stored elsewhere."""
+"""Signing secrets of webhooks: one per owner, all derived from one master secret."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class WebhookSecrets:
 
     Args:
         path: file with the master secret; made with mode 0600 on first use.
-        given: the master secret, if it comes from elsewhere.
+        given: the master secret, if it comes from a setting.
     """
 
     def __init__(self, path: Path, given: str = "") -> None:
@@ -25,11 +25,12 @@ class WebhookSecrets:
         self._given = given
 
     def of(self, owner: str) -> str:
-        """The secret that signs what is sent for `owner`."""
-        digest = hmac.new(self._master(), b"webhook:" + owner.encode(), hashlib.sha256).digest()
+        """The secret that signs the messages of `owner`."""
+        digest = hmac.new(self.master(), b"webhook:" + owner.encode(), hashlib.sha256).digest()
         return "whsec_" + base64.b64encode(digest).decode()
 
-    def _master(self) -> bytes:
+    def master(self) -> bytes:
+        """The secret that others are derived from: used with a purpose in front of what is signed."""
         if self._given:
             return self._given.encode()
         try:
@@ -38,7 +39,7 @@ class WebhookSecrets:
             return self._make()
 
     def _make(self) -> bytes:
-        """Write whole, then link: of two processes that start at once, one wins and both read the same."""
+        """Write a temporary file, then link it: if two processes start at once, both use the first one's secret."""
         self._path.parent.mkdir(parents=True, exist_ok=True)
         fresh = self._path.with_name(f"{self._path.name}.{secrets.token_hex(8)}")
         fresh.touch(mode=0o600)

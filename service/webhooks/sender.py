@@ -1,7 +1,7 @@
-"""Delivers the farm's outbox: signed as Standard Webhooks 1.0.0, each try on its own, no redirect followed.
+"""Delivers webhooks from the farm's outbox, signed as Standard Webhooks 1.0.0. Redirects are not followed.
 
-The farm keeps the messages and the back-off; here is one try. A receiver that hangs holds one of `SLOTS` for one
-time-out and nothing else.
+The farm stores messages and schedules retries; this module makes one attempt at a time for each. A receiver that hangs
+occupies one of `SLOTS` until the time-out.
 """
 
 from __future__ import annotations
@@ -18,24 +18,25 @@ from starlette.concurrency import run_in_threadpool
 from service.settings import Settings
 from service.webhooks.connect import open_pool
 from service.webhooks.secrets import WebhookSecrets
-from workers.about import about
 from workers.errors import NotFound
-from workers.farm import Delivery, Webhooks
+from workers.log_context import about
+from workers.model import Delivery
+from workers.store.webhooks import Webhooks
 
 log = logging.getLogger(__name__)
 
 SLOTS = 32
 LEASE_FACTOR = 3
-"""A claimed message comes back after so many time-outs, should this process die with it."""
+"""Lease of a claimed message in time-outs: if this process dies, another one then delivers it."""
 
 
 class Sender:
-    """Sends what is due until cancelled.
+    """Sends due messages until cancelled.
 
     Args:
-        outbox: the farm's.
+        outbox: the farm's outbox of messages.
         secrets: the signing secret of each owner.
-        settings: time-out, pace, whether private receivers are allowed.
+        settings: time-out, polling interval, whether private receivers are allowed.
     """
 
     def __init__(self, outbox: Webhooks, secrets: WebhookSecrets, settings: Settings) -> None:
@@ -56,7 +57,7 @@ class Sender:
         lease_s = LEASE_FACTOR * self._settings.webhook_timeout_s
         try:
             return await run_in_threadpool(self._outbox.due, self._free, lease_s)
-        except Exception:  # the store may be away: look again later
+        except Exception:  # the database may be unreachable: try again later
             log.exception("The webhook outbox cannot be read")
             return []
 
@@ -66,13 +67,13 @@ class Sender:
             await run_in_threadpool(self._outbox.record, delivery.id, status, error)
         except NotFound:
             log.info("The job of webhook %s has been deleted", delivery.id, extra=about(job=delivery.job_id))
-        except Exception:  # not recorded: its lease ends and it is tried again
-            log.exception("The outcome of webhook %s cannot be kept", delivery.id, extra=about(job=delivery.job_id))
+        except Exception:  # its lease expires, and it is sent again
+            log.exception("The outcome of webhook %s cannot be stored", delivery.id, extra=about(job=delivery.job_id))
         finally:
             self._free += 1
 
     async def _post(self, pool: httpcore.AsyncConnectionPool, delivery: Delivery) -> tuple[int | None, str]:
-        """One try: (status, error), the status None without an answer."""
+        """One attempt. Returns (HTTP status or None, error message or "")."""
         body = json.dumps(delivery.body, separators=(",", ":"), ensure_ascii=False)
         headers = [*sign(self._secrets.of(delivery.owner), delivery.id, datetime.now(UTC), body).items()]
         try:
@@ -86,7 +87,7 @@ class Sender:
 
 
 def sign(secret: str, message_id: str, at: datetime, body: str) -> dict[str, str]:
-    """The headers of a message."""
+    """The headers of a signed message."""
     return {
         "Content-Type": "application/json",
         "User-Agent": "Impasto-Webhooks/1",

@@ -1,25 +1,25 @@
-"""Where webhooks may go: http(s) to public addresses, unless the operator allows private ones.
+"""Allowed targets of webhooks: http(s) URLs of public addresses, unless the operator allows private ones.
 
-Checked when a job is submitted, and again for the very address that is connected to: by then the name may point
-elsewhere.
+The URL is checked when a job is submitted, and the address again at each connection, since a name may change.
 """
 
 from __future__ import annotations
 
 import ipaddress
 import socket
-from ipaddress import IPv4Address, IPv6Address
+from ipaddress import IPv4Address
 from urllib.parse import SplitResult, urlsplit
 
 from pipeline.errors import BadParameter
 
 NAT64 = ipaddress.ip_network("64:ff9b::/96")
+GLOBAL_UNICAST = ipaddress.ip_network("2000::/3")
 
 
 def check_target(url: str, private: bool) -> None:
-    """Raise BadParameter unless `url` is empty or may be told of a job's end.
+    """Raise BadParameter unless `url` is empty or an allowed target.
 
-    A name that cannot be resolved now is let through: whether the receiver is there is found out at delivery.
+    A name that cannot be resolved now is accepted: delivery will retry.
     """
     if not url:
         return
@@ -47,7 +47,7 @@ def _split(url: str) -> SplitResult:
 
 
 def _bad(url: str, why: str, remedy: str) -> BadParameter:
-    return BadParameter(f"That webhook cannot be used. {why}", field="webhook", value=url, remedy=remedy)
+    return BadParameter(f"The webhook cannot be used. {why}", field="webhook", value=url, remedy=remedy)
 
 
 def _resolve(host: str, port: int) -> list[str]:
@@ -58,22 +58,26 @@ def _resolve(host: str, port: int) -> list[str]:
 
 
 def is_public(address: str) -> bool:
-    """Whether an IP address is reachable on the public Internet, seen through every way to wrap IPv4 in IPv6."""
+    """Whether an IP address is reachable on the public Internet.
+
+    IPv6 addresses must be global unicast (2000::/3, RFC 4291) or a standard form of a public IPv4 address (mapped, or
+    NAT64's well-known prefix). Every other form that embeds IPv4, such as `::127.0.0.1`, is refused.
+    """
     try:
         found = ipaddress.ip_address(address.partition("%")[0])
     except ValueError:
         return False
-    return all(_global(one) for one in (found, *_wrapped(found)))
+    if isinstance(found, IPv4Address):
+        return _is_public_v4(found)
+    if (mapped := found.ipv4_mapped) is not None:
+        return _is_public_v4(mapped)
+    if found in NAT64:
+        return _is_public_v4(IPv4Address(int(found) & 0xFFFFFFFF))
+    embedded = [found.sixtofour, *(found.teredo or ())]
+    return (
+        found in GLOBAL_UNICAST and found.is_global and all(_is_public_v4(one) for one in embedded if one is not None)
+    )
 
 
-def _global(address: IPv4Address | IPv6Address) -> bool:
+def _is_public_v4(address: IPv4Address) -> bool:
     return address.is_global and not address.is_multicast
-
-
-def _wrapped(address: IPv4Address | IPv6Address) -> list[IPv4Address]:
-    if isinstance(address, IPv4Address):
-        return []
-    inner = [address.ipv4_mapped, address.sixtofour, *(address.teredo or ())]
-    if address in NAT64:
-        inner.append(IPv4Address(int(address) & 0xFFFFFFFF))
-    return [one for one in inner if one is not None]

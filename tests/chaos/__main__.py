@@ -23,18 +23,18 @@ from tests.real.postgres import Postgres
 from tests.real.swift import Swift
 from tests.workers.real_farm import real_settings
 from tests.workers.toy import Toy, ToyRunner
-from workers import studio as studio_module
-from workers.blobs.opened import open_blobs
-from workers.local_pool import LocalPool
+from workers import farm as farm_module
+from workers.blobs.open import open_blobs
+from workers.farm import Farm
+from workers.pools.local_pool import LocalPool
 from workers.settings import FarmSettings
-from workers.studio import Studio
 
 
 def main() -> None:
     """Exit status 1 if anything was lost."""
     given = _parser().parse_args()
     pipeline.methods.methods = lambda: {"toy": Toy()}  # type: ignore[assignment]
-    studio_module.probe_guarded = probe
+    farm_module.probe_guarded = probe
     postgres, s3 = Postgres(), Swift()
     postgres.start()
     s3.start()
@@ -87,15 +87,15 @@ def undisturbed(folder: Path) -> list[bytes]:
     """What the jobs make on a disk, with SQLite, without any fault."""
     settings = FarmSettings(home=folder / "quiet", workers=2, reserve_bytes=0)
     blobs = open_blobs(settings)
-    farm = Studio(settings, LocalPool(lambda: ToyRunner(blobs), 2))
+    farm = Farm(settings, LocalPool(lambda: ToyRunner(blobs), 2))
     farm.start()
     made = []
     for shape in SHAPES:
         job_id = submit(farm, folder, {**shape, "sleep_s": 0.0})
-        while not farm.job(job_id).state.final:
-            farm.wait(job_id, 0, 0.05)
+        while not farm.jobs.get(job_id).state.final:
+            farm.jobs.wait_for_event(job_id, 0, 0.05)
             time.sleep(0.02)
-        made.append(b"".join(farm.read(farm.file(job_id, "result"))))
+        made.append(b"".join(farm.files.read(farm.files.get(job_id, "result"))))
     farm.stop()
     return made
 

@@ -20,9 +20,9 @@ from tests.chaos.raylets import Raylets
 from tests.real.postgres import Postgres
 from tests.real.swift import Swift
 from tests.workers.real_farm import Accepting, Worker
+from workers.farm import Farm
 from workers.model import JobRequest, TaskOutcome
 from workers.settings import FarmSettings
-from workers.studio import Studio
 
 SHAPES: tuple[dict[str, Any], ...] = (
     {"tasks": 10, "chain": True, "sleep_s": 0.05},
@@ -41,7 +41,7 @@ class Scene:
 
     settings: FarmSettings
     folder: Path
-    asking: Studio
+    asking: Farm
     workers: list[Worker]
     postgres: Postgres
     s3: Swift
@@ -126,26 +126,26 @@ def answer_again(scene: Scene) -> None:
     """Every attempt that has ended answers once more, with something else: all of it must be refused."""
     store = scene.asking._store
     for job in store.jobs.page(limit=6).items:
-        for task in store.history.tasks(job.id, limit=200).items:
+        for task in store.tasks.page(job.id, limit=200).items:
             for attempt in task.attempts:
                 if attempt["outcome"] != "running":
                     wrong = TaskOutcome(attempt["id"], {"wrong": 1}, {}, {"result": ("wrong", "x/y")}, "wrong", {}, "")
-                    assert not store.work.finish(wrong), "a duplicate was taken"
+                    assert not store.queue.finish(wrong), "a duplicate was taken"
 
 
 def kill_accepting(scene: Scene) -> None:
     """kill -9 of a process while it accepts jobs: what it has answered is there, what it has not comes once."""
-    asset = scene.asking.jobs(limit=1).items[0].request.inputs["data"]
+    asset = scene.asking.jobs.page(limit=1).items[0].request.inputs["data"]
     accepting = Accepting(scene.settings, scene.folder / f"accepting-{len(scene.jobs)}")
     accepting.start()
     accepting.wait_up()
     threading.Timer(scene.chance.uniform(0.1, 0.8), accepting.kill).start()
     for number in range(100):
         shape, key = number % len(SHAPES), f"{len(scene.jobs)}-{number}"
-        answered = accepting.submit(asset, SHAPES[shape], key)
+        answered = accepting.jobs.submit(asset, SHAPES[shape], key)
         if not answered or number == 0:
             request = JobRequest("toy", {"data": asset}, SHAPES[shape], seed=7)
-            again = scene.asking.submit(request, idempotency_key=key).id
+            again = scene.asking.jobs.submit(request, idempotency_key=key).id
             assert not answered or again == answered, "accepted, and then lost"
         scene.jobs.append((answered or again, shape))
         if not answered:
@@ -191,9 +191,9 @@ def small_disk(place: Path) -> Iterator[Path]:
 
 def poison(scene: Scene) -> None:
     """A task that fails whenever it runs."""
-    asset = scene.asking.jobs(limit=1).items[0].request.inputs["data"]
+    asset = scene.asking.jobs.page(limit=1).items[0].request.inputs["data"]
     params = {**SHAPES[1], "trouble": "raise"}
-    scene.poisoned.append(scene.asking.submit(JobRequest("toy", {"data": asset}, params, seed=7)).id)
+    scene.poisoned.append(scene.asking.jobs.submit(JobRequest("toy", {"data": asset}, params, seed=7)).id)
 
 
 def kill_node(scene: Scene) -> None:

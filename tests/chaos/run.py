@@ -17,9 +17,9 @@ from tests.chaos.raylets import Raylets
 from tests.real.postgres import Postgres
 from tests.real.swift import Swift
 from tests.workers.real_farm import Worker
+from workers.farm import Farm
 from workers.model import Job, JobRequest
 from workers.settings import FarmSettings
-from workers.studio import Studio
 
 PATIENCE_S = 180.0
 
@@ -64,7 +64,7 @@ def run(
         faults: that are done.
         raylets: nodes for the tasks; None: they run in the workers.
     """
-    asking = Studio(settings, None)
+    asking = Farm(settings, None)
     asking.start()
     theirs = settings if raylets is None else _on(settings, raylets)
     workers = [Worker(theirs, folder / name) for name in ("one", "two")]
@@ -101,11 +101,11 @@ def _supervise(workers: Sequence[Worker], over: threading.Event) -> None:
             worker.revive()
 
 
-def submit(farm: Studio, folder: Path, shape: dict[str, Any]) -> str:
+def submit(farm: Farm, folder: Path, shape: dict[str, Any]) -> str:
     data = folder / "data.json"
     data.write_text('{"cat": 1}')
-    asset = farm.add_asset(data, "data.json")
-    return farm.submit(JobRequest("toy", {"data": asset.id}, shape, seed=7)).id
+    asset = farm.assets.add(data, "data.json")
+    return farm.jobs.submit(JobRequest("toy", {"data": asset.id}, shape, seed=7)).id
 
 
 def _do(scene: Scene, times: int, faults: Sequence[Callable[[Scene], None]]) -> Counter[str]:
@@ -135,31 +135,31 @@ def _patiently(ask: Callable[[], Any]) -> Any:
         time.sleep(0.1)
 
 
-def _final(farm: Studio, job_id: str) -> Job | None:
-    job = farm.job(job_id)
+def _final(farm: Farm, job_id: str) -> Job | None:
+    job = farm.jobs.get(job_id)
     return job if job.state.final else None
 
 
 def _judge(
-    farm: Studio, jobs: list[Job], expected: Sequence[bytes], poisoned: list[Job], faults: Counter[str]
+    farm: Farm, jobs: list[Job], expected: Sequence[bytes], poisoned: list[Job], faults: Counter[str]
 ) -> Outcome:
-    made = [b"".join(farm.read(farm.file(job.id, "result"))) if job.results else b"" for job in jobs]
+    made = [b"".join(farm.files.read(farm.files.get(job.id, "result"))) if job.results else b"" for job in jobs]
     lost = sum(job.state != "succeeded" or got != want for job, got, want in zip(jobs, made, expected, strict=True))
     lost += sum(not _failed_as_it_should(farm, job) for job in poisoned)
-    tasks = [task for job in jobs for task in farm.tasks(job.id, limit=200).items]
+    tasks = [task for job in jobs for task in farm.tasks.page(job.id, limit=200).items]
     found = Counter(attempt["outcome"] for task in tasks for attempt in task.attempts)
     twice = sum([a["outcome"] for a in task.attempts].count("succeeded") != 1 for task in tasks)
-    farm._tidier.sweep()
+    farm._collector.sweep()
     kept = {key for job in jobs for key in farm._store.jobs.blob_keys(job.id)}
     mine = {key for job in poisoned for key in farm._blobs.keys(f"jobs/{job.id}/")}
     orphans = len(set(farm._blobs.keys("jobs/")) - kept - mine)
     return Outcome(faults, len(jobs) + len(poisoned), lost, found, found.pop("running", 0), twice, orphans)
 
 
-def _failed_as_it_should(farm: Studio, job: Job) -> bool:
+def _failed_as_it_should(farm: Farm, job: Job) -> bool:
     """One task has used up its attempts, each with a log; what others have done is kept."""
-    tasks = {task.key: task for task in farm.tasks(job.id, limit=200).items}
+    tasks = {task.key: task for task in farm.tasks.page(job.id, limit=200).items}
     bad = tasks["run-1"]
     failures = [attempt for attempt in bad.attempts if attempt["outcome"] == "failed"]
     kept = tasks["run-0"].state == "succeeded"
-    return job.state == "failed" and len(failures) == 3 and "keyboard" in farm.task_log(bad.id) and kept
+    return job.state == "failed" and len(failures) == 3 and "keyboard" in farm.tasks.log(bad.id) and kept

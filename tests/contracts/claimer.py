@@ -18,12 +18,12 @@ def main(url: str, name: str) -> None:
     store = Store(url)
     print("ready", flush=True)
     while True:
-        store.work.renew(name, LEASE_S)
-        store.work.interrupt([])
-        claim = store.work.claim(name, LEASE_S)
+        store.queue.renew(name, LEASE_S)
+        store.queue.interrupt([])
+        claim = store.queue.claim(name, LEASE_S)
         if claim is None:
             time.sleep(0.02)
-        elif store.work.finish(TaskOutcome(claim.attempt_id, {"by": name}, {}, {}, None, {}, "")):
+        elif store.queue.finish(TaskOutcome(claim.attempt_id, {"by": name}, {}, {}, None, {}, "")):
             print(claim.task["key"], flush=True)
 
 

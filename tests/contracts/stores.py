@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.real.swift import ACCESS_KEY, REGION, SECRET_KEY, Swift
-from workers.blobs.copies import Copies
+from workers.blobs.local_copies import Copies
 from workers.blobs.s3 import S3Blobs
 from workers.blobs.s3_client import S3Options
 

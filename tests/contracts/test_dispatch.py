@@ -20,10 +20,10 @@ from pipeline.methods.base import Task
 from tests.contracts.databases import DATABASES
 from tests.contracts.test_stores import STEPS, Clock, _answer, _asset, _claim, _job, _plan
 from tests.real.postgres import Postgres
-from workers import jobs as machine
-from workers.jobs import Limits
+from workers import state_machine as machine
 from workers.model import JobRequest
-from workers.store import Accepted, Policy, Store
+from workers.state_machine import Limits
+from workers.store import Accepted, Store, StorePolicy
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -39,7 +39,7 @@ def url(request: pytest.FixtureRequest) -> str:
 
 
 def _open(url: str, clock: Clock | None = None, **policy: int) -> Store:
-    store = Store(url, Policy(Limits(2, 50), retry_delay_s=10, **policy), clock)  # type: ignore[arg-type]
+    store = Store(url, StorePolicy(Limits(2, 50), retry_delay_s=10, **policy), clock)  # type: ignore[arg-type]
     store.assets.add(_asset("a" * 64), lambda: True)
     return store
 
@@ -55,7 +55,7 @@ def store(url: str, clock: Clock) -> Iterator[Store]:
 
 
 def _served(store: Store, n: int) -> list[str]:
-    return [claim.job["owner"] for _ in range(n) if (claim := store.work.claim("me", 30))]
+    return [claim.job["owner"] for _ in range(n) if (claim := store.queue.claim("me", 30))]
 
 
 def test_owners_take_turns_however_much_one_has_asked_for(store: Store) -> None:
@@ -93,10 +93,10 @@ def test_a_key_may_have_so_many_tasks_at_work(url: str, clock: Clock) -> None:
         _job(store, owner)
     _plan(store, *(Task(f"t-{i}") for i in range(8)))
     claims = []
-    while (claim := store.work.claim("me", 30)) is not None:
+    while (claim := store.queue.claim("me", 30)) is not None:
         claims.append(claim)
     assert Counter(claim.job["owner"] for claim in claims) == {small.id: 1, large.id: 5, "open": 3}
-    assert store.work.finish(_answer(claims[0]))
+    assert store.queue.finish(_answer(claims[0]))
     assert _served(store, 2) == [claims[0].job["owner"]], "one place is free again"
     store.close()
 
@@ -104,9 +104,9 @@ def test_a_key_may_have_so_many_tasks_at_work(url: str, clock: Clock) -> None:
 def test_what_may_not_run_yet_holds_up_nobody(store: Store, clock: Clock) -> None:
     first, second = _job(store, priority=1), _job(store)
     _plan(store, Task("x"))
-    assert store.work.put_off(_claim(store).attempt_id, 100, "")
+    assert store.queue.put_off(_claim(store).attempt_id, 100, "")
     assert _claim(store).job_id == second
-    assert store.work.claim("me", 30) is None
+    assert store.queue.claim("me", 30) is None
     clock.now += 101
     assert _claim(store).job_id == first
 
@@ -114,7 +114,7 @@ def test_what_may_not_run_yet_holds_up_nobody(store: Store, clock: Clock) -> Non
 def test_a_clock_that_is_set_back_makes_nobody_wait_for_it(store: Store, clock: Clock) -> None:
     _job(store)
     _plan(store, Task("x"))
-    assert store.work.put_off(_claim(store).attempt_id, 100, "")
+    assert store.queue.put_off(_claim(store).attempt_id, 100, "")
     clock.now -= 7200
     assert _claim(store).task["key"] == "x"
 
@@ -126,7 +126,7 @@ def test_what_another_process_writes_wakes_who_waits(url: str) -> None:
     here, there = _open(url), _open(url)
     job_id = _job(here)
     woken: list[bool] = []
-    waiting = [threading.Thread(target=lambda: woken.append(here.history.wait(job_id, 1, 10))) for _ in range(3)]
+    waiting = [threading.Thread(target=lambda: woken.append(here.events.wait(job_id, 1, 10))) for _ in range(3)]
     for thread in waiting:
         thread.start()
     time.sleep(0.1)
@@ -136,9 +136,9 @@ def test_what_another_process_writes_wakes_who_waits(url: str) -> None:
         thread.join()
     assert woken == [True] * 3
     assert time.monotonic() - began < 8
-    assert not here.history.wait(job_id, 2, 0.05)
+    assert not here.events.wait(job_id, 2, 0.05)
     there.jobs.command(job_id, machine.Cancel())
-    gone = threading.Thread(target=lambda: woken.append(here.history.wait(job_id, 99, 10)))
+    gone = threading.Thread(target=lambda: woken.append(here.events.wait(job_id, 99, 10)))
     gone.start()
     there.jobs.remove(job_id)
     gone.join()
@@ -148,23 +148,23 @@ def test_what_another_process_writes_wakes_who_waits(url: str) -> None:
 
 
 def test_who_is_alive_is_known_and_who_ends_is_gone(store: Store, clock: Clock) -> None:
-    store.work.renew("one", 30)
+    store.queue.renew("one", 30)
     clock.now += 10
-    store.work.renew("two", 30)
-    assert store.work.dispatchers() == ["one", "two"]
+    store.queue.renew("two", 30)
+    assert store.queue.dispatchers() == ["one", "two"]
     clock.now += 25
-    assert store.work.dispatchers() == ["two"]
-    store.work.retire("two")
-    assert store.work.dispatchers() == []
+    assert store.queue.dispatchers() == ["two"]
+    store.queue.retire("two")
+    assert store.queue.dispatchers() == []
 
 
 def test_what_a_dispatcher_had_that_ended_is_given_back(store: Store) -> None:
     _job(store)
     _plan(store, Task("x"))
     claim = _claim(store, "old")
-    store.work.retire("old")
-    assert store.work.interrupt([]) == 1
-    assert not store.work.finish(_answer(claim))
+    store.queue.retire("old")
+    assert store.queue.interrupt([]) == 1
+    assert not store.queue.finish(_answer(claim))
     assert _claim(store, "new").task["id"] == claim.task["id"]
 
 
@@ -187,9 +187,7 @@ def test_dispatchers_that_die_at_any_moment_lose_nothing(url: str) -> None:
     for process in working:
         process.kill()
         process.wait()
-    outcomes = [
-        [attempt["outcome"] for attempt in task.attempts] for task in store.history.tasks(job_id, limit=200).items
-    ]
+    outcomes = [[attempt["outcome"] for attempt in task.attempts] for task in store.tasks.page(job_id, limit=200).items]
     assert all(found.count("succeeded") == 1 for found in outcomes)
     assert {outcome for found in outcomes for outcome in found} <= {"succeeded", "interrupted"}
     store.close()
@@ -218,8 +216,8 @@ def test_a_job_that_another_is_at_is_passed_over(two: tuple[Store, Store]) -> No
     one, other = two
     first, second = _job(one), _job(one)
     _plan(one, Task("x"))
-    with one.work._book(first):
-        claim = other.work.claim("other", 30)
+    with one.queue._book(first):
+        claim = other.queue.claim("other", 30)
     assert claim is not None and claim.job_id == second
 
 
@@ -227,8 +225,8 @@ def test_the_only_job_is_waited_for(two: tuple[Store, Store]) -> None:
     one, other = two
     job_id, claims = _job(one), []
     _plan(one, Task("x"), Task("y"))
-    thread = threading.Thread(target=lambda: claims.append(other.work.claim("other", 30)))
-    with one.work._book(job_id):
+    thread = threading.Thread(target=lambda: claims.append(other.queue.claim("other", 30)))
+    with one.queue._book(job_id):
         thread.start()
         time.sleep(0.2)
         assert not claims
@@ -240,10 +238,10 @@ def test_leases_go_by_the_servers_clock(two: tuple[Store, Store], monkeypatch: p
     one, other = two
     _job(one)
     _plan(one, Task("x"))
-    assert one.work.claim("one", 30) is not None
+    assert one.queue.claim("one", 30) is not None
     monkeypatch.setattr("time.time", lambda: 4e9)
     assert abs(other._db.now() - one._db.now()) < 1
-    assert other.work.interrupt([]) == 0, "a machine whose clock is wrong takes nothing away"
+    assert other.queue.interrupt([]) == 0, "a machine whose clock is wrong takes nothing away"
 
 
 def test_an_asset_is_added_and_swept_at_once_by_one_of_them_only(two: tuple[Store, Store]) -> None:
@@ -290,7 +288,7 @@ def test_a_server_that_is_away_is_said_and_comes_back(postgres: Postgres) -> Non
             store.check()
         assert error.value.remedy
         with pytest.raises(StorageError):
-            store.work.claim("me", 30)
+            store.queue.claim("me", 30)
         assert time.monotonic() - began < 30
     finally:
         postgres.start()
@@ -315,9 +313,9 @@ def _effort(store: Store) -> int:
 
     event.listen(store._db._engine, "checkout", watch)
     for _ in range(2):
-        claim = store.work.claim("me", 30)
+        claim = store.queue.claim("me", 30)
         assert claim is not None
-        assert store.work.finish(_answer(claim))
+        assert store.queue.finish(_answer(claim))
     event.remove(store._db._engine, "checkout", watch)
     return steps[0]
 

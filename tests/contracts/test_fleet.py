@@ -9,16 +9,16 @@ from dataclasses import replace
 import pytest
 
 from pipeline.errors import BadParameter
-from pipeline.methods.base import Needs, Task
+from pipeline.methods.base import Resources, Task
 from tests.contracts.databases import DATABASES
 from tests.contracts.test_stores import FAULT, Clock, _answer, _asset, _claim, _job, _plan
-from workers import jobs as machine
+from workers import state_machine as machine
 from workers.errors import NotFound
-from workers.fleet import Enrolment, LiveView, Place, Slot
-from workers.jobs import Limits
-from workers.store import Policy, Sign, Store
+from workers.operations import DrainScope, LiveView, Slot, WorkerInfo
+from workers.state_machine import Limits
+from workers.store import Heartbeat, Store, StorePolicy
 
-WHO = Enrolment("studio-1", "worker", "ray", "1.2.3")
+WHO = WorkerInfo("studio-1", "worker", "ray", "1.2.3")
 SLOTS = (Slot("s0", "node-a", 2.0, 0.5, 1 << 30), Slot("s1", "node-b"))
 
 
@@ -34,15 +34,15 @@ def url(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture
 def store(url: str, clock: Clock) -> Iterator[Store]:
-    opened = Store(url, Policy(Limits(2, 3), retry_delay_s=10), clock)
+    opened = Store(url, StorePolicy(Limits(2, 3), retry_delay_s=10), clock)
     opened.assets.add(_asset("a" * 64), lambda: True)
     yield opened
     opened.close()
 
 
 def _enrol(store: Store, dispatcher: str = "me", lease_s: float = 30) -> None:
-    store.work.renew(dispatcher, lease_s)
-    store.fleet.enrol(dispatcher, WHO, SLOTS)
+    store.queue.renew(dispatcher, lease_s)
+    store.workers.enrol(dispatcher, WHO, SLOTS)
 
 
 def test_a_worker_is_shown_with_its_slots_and_what_they_run(store: Store, clock: Clock) -> None:
@@ -50,8 +50,8 @@ def test_a_worker_is_shown_with_its_slots_and_what_they_run(store: Store, clock:
     job = _job(store)
     _plan(store, Task("one"))
     claim = _claim(store)
-    store.work.progress({claim.attempt_id: Sign(0.25, "s0")})
-    (worker,) = store.fleet.workers().items
+    store.queue.progress({claim.attempt_id: Heartbeat(0.25, "s0")})
+    (worker,) = store.workers.workers().items
     assert (worker.id, worker.host, worker.role, worker.kind, worker.version) == (
         *("me", "studio-1", "worker", "ray"),
         "1.2.3",
@@ -63,7 +63,7 @@ def test_a_worker_is_shown_with_its_slots_and_what_they_run(store: Store, clock:
         1,
     )
     assert (work.progress, work.slot, work.node) == (0.25, "s0", "node-a")
-    a, b = store.fleet.nodes()
+    a, b = store.workers.nodes()
     assert (a.name, a.state, a.slots, a.busy, a.cpus, a.gpus, a.memory_bytes) == (
         *("node-a", "open"),
         *(1, 1, 2.0, 0.5, 1 << 30),
@@ -74,20 +74,20 @@ def test_a_worker_is_shown_with_its_slots_and_what_they_run(store: Store, clock:
 def test_who_is_silent_is_away_and_who_retires_is_gone(store: Store, clock: Clock) -> None:
     _enrol(store)
     clock.now += 31
-    (worker,) = store.fleet.workers().items
+    (worker,) = store.workers.workers().items
     assert (worker.state, worker.seen_at) == ("away", clock.now - 31)
-    assert store.fleet.nodes() == []
-    store.work.renew("me", 30)
-    assert store.fleet.workers().items[0].state == "live"
-    store.fleet.drain(Place.WORKER, "me")
-    store.work.retire("me")
-    assert store.fleet.workers().items == ()
-    assert store.fleet.drains() == [], "nobody of that name will come again"
+    assert store.workers.nodes() == []
+    store.queue.renew("me", 30)
+    assert store.workers.workers().items[0].state == "live"
+    store.workers.drain(DrainScope.WORKER, "me")
+    store.queue.retire("me")
+    assert store.workers.workers().items == ()
+    assert store.workers.drains() == [], "nobody of that name will come again"
 
 
 def test_a_worker_that_has_no_lease_has_no_slots(store: Store) -> None:
-    store.fleet.enrol("nobody", WHO, SLOTS)
-    assert store.fleet.nodes() == []
+    store.workers.enrol("nobody", WHO, SLOTS)
+    assert store.workers.nodes() == []
 
 
 def test_workers_come_in_pages(store: Store, clock: Clock) -> None:
@@ -96,26 +96,26 @@ def test_workers_come_in_pages(store: Store, clock: Clock) -> None:
         clock.now += 1
     pages, cursor = [], None
     while True:
-        page = store.fleet.workers(cursor, 2)
+        page = store.workers.workers(cursor, 2)
         pages.append([worker.id for worker in page.items])
         if (cursor := page.cursor) is None:
             break
     assert pages == [["w0", "w1"], ["w2", "w3"], ["w4"]]
     with pytest.raises(BadParameter, match="cursor"):
-        store.fleet.workers("x")
+        store.workers.workers("x")
 
 
 def test_a_paused_queue_hands_out_nothing_and_loses_nothing(store: Store) -> None:
     _job(store)
     _plan(store, Task("one"), Task("two"))
     running = _claim(store)
-    first = store.fleet.drain(Place.QUEUE, by="key_1", reason="a leak")
-    assert store.fleet.drain(Place.QUEUE, by="key_2") == first, "twice is the same as once"
-    assert store.work.claim("me", 30) is None
-    assert store.work.claim("other", 30) is None
-    assert store.work.finish(_answer(running)), "what runs goes on"
-    store.fleet.resume(Place.QUEUE)
-    store.fleet.resume(Place.QUEUE)
+    first = store.workers.drain(DrainScope.QUEUE, by="key_1", reason="a leak")
+    assert store.workers.drain(DrainScope.QUEUE, by="key_2") == first, "twice is the same as once"
+    assert store.queue.claim("me", 30) is None
+    assert store.queue.claim("other", 30) is None
+    assert store.queue.finish(_answer(running)), "what runs goes on"
+    store.workers.resume(DrainScope.QUEUE)
+    store.workers.resume(DrainScope.QUEUE)
     assert _claim(store).task["key"] == "two"
 
 
@@ -125,35 +125,35 @@ def test_a_drained_worker_finishes_and_gets_nothing_new(store: Store) -> None:
     _job(store)
     _plan(store, *(Task(f"t-{i}") for i in range(4)))
     held = _claim(store, "old")
-    store.fleet.drain(Place.WORKER, "old", "key_1", "upgrade")
-    state = {worker.id: worker.state for worker in store.fleet.workers().items}
+    store.workers.drain(DrainScope.WORKER, "old", "key_1", "upgrade")
+    state = {worker.id: worker.state for worker in store.workers.workers().items}
     assert state == {"old": "draining", "new": "live"}
-    assert store.work.claim("old", 30) is None
+    assert store.queue.claim("old", 30) is None
     assert _claim(store, "new").task["key"] == "t-1"
-    assert store.work.finish(_answer(held))
-    (old,) = (worker for worker in store.fleet.workers().items if worker.id == "old")
+    assert store.queue.finish(_answer(held))
+    (old,) = (worker for worker in store.workers.workers().items if worker.id == "old")
     assert (old.state, old.drain and old.drain.reason) == ("drained", "upgrade")
-    store.fleet.resume(Place.WORKER, "old")
+    store.workers.resume(DrainScope.WORKER, "old")
     assert _claim(store, "old").task["key"] == "t-2"
 
 
 def test_a_drained_machine_is_so_until_it_is_resumed(store: Store) -> None:
     _enrol(store)
-    store.fleet.drain(Place.NODE, "node-a", "key_1")
-    store.work.retire("me")
-    assert [(node.name, node.state, node.slots) for node in store.fleet.nodes()] == [("node-a", "drained", 0)]
+    store.workers.drain(DrainScope.NODE, "node-a", "key_1")
+    store.queue.retire("me")
+    assert [(node.name, node.state, node.slots) for node in store.workers.nodes()] == [("node-a", "drained", 0)]
     _enrol(store, "its-next-life")
-    assert [node.state for node in store.fleet.nodes()] == ["drained", "open"]
-    store.fleet.resume(Place.NODE, "node-a")
-    assert [node.state for node in store.fleet.nodes()] == ["open", "open"]
+    assert [node.state for node in store.workers.nodes()] == ["drained", "open"]
+    store.workers.resume(DrainScope.NODE, "node-a")
+    assert [node.state for node in store.workers.nodes()] == ["open", "open"]
 
 
-@pytest.mark.parametrize("place", [Place.WORKER, Place.NODE])
-def test_what_is_not_there_is_not_drained(store: Store, place: Place) -> None:
+@pytest.mark.parametrize("place", [DrainScope.WORKER, DrainScope.NODE])
+def test_what_is_not_there_is_not_drained(store: Store, place: DrainScope) -> None:
     with pytest.raises(NotFound, match="nobody"):
-        store.fleet.drain(place, "nobody")
+        store.workers.drain(place, "nobody")
     with pytest.raises(NotFound, match="nobody"):
-        store.fleet.resume(place, "nobody")
+        store.workers.resume(place, "nobody")
 
 
 def test_failures_are_told_newest_first_with_their_logs(store: Store, clock: Clock) -> None:
@@ -164,18 +164,18 @@ def test_failures_are_told_newest_first_with_their_logs(store: Store, clock: Clo
         claim = _claim(store)
         clock.now += 1
         answer = replace(_answer(claim), log=f"log of {claim.job_id}\nTraceback")
-        assert store.work.finish(answer, machine.Failed(FAULT, True), "s1")
+        assert store.queue.finish(answer, machine.Failed(FAULT, True), "s1")
         failed.append(claim.attempt_id)
-    page = store.fleet.failures(limit=1)
+    page = store.workers.failures(limit=1)
     assert [one.attempt_id for one in page.items] == failed[1:]
-    assert [one.attempt_id for one in store.fleet.failures(cursor=page.cursor).items] == failed[:1]
-    (one,) = store.fleet.failures(jobs[0]).items
+    assert [one.attempt_id for one in store.workers.failures(cursor=page.cursor).items] == failed[:1]
+    (one,) = store.workers.failures(jobs[0]).items
     assert (one.job_name, one.job_state, one.task_state, one.outcome) == ("job-0", "failed", "failed", "failed")
     assert (one.slot, one.number, one.error and one.error["code"]) == ("s1", 1, FAULT.code)
-    said = store.fleet.attempt_log(failed[0])
+    said = store.workers.attempt_log(failed[0])
     assert said.log == f"log of {jobs[0]}\nTraceback"
     with pytest.raises(NotFound):
-        store.fleet.attempt_log("att_none")
+        store.workers.attempt_log("att_none")
 
 
 def test_a_timeline_has_every_attempt(store: Store, clock: Clock) -> None:
@@ -183,49 +183,49 @@ def test_a_timeline_has_every_attempt(store: Store, clock: Clock) -> None:
     _plan(store, Task("one"), Task("two"))
     first = _claim(store)
     clock.now += 2
-    assert store.work.finish(_answer(first), machine.Failed(FAULT, False), "s0")
+    assert store.queue.finish(_answer(first), machine.Failed(FAULT, False), "s0")
     clock.now += 400
     for _ in range(2):
         claim = _claim(store)
         clock.now += 3
-        assert store.work.finish(_answer(claim), worker="s1")
-    bars = store.fleet.timeline(job).items
+        assert store.queue.finish(_answer(claim), worker="s1")
+    bars = store.workers.timeline(job).items
     assert Counter((bar.key, bar.number, bar.outcome, bar.slot) for bar in bars) == Counter(
         [("one", 1, "failed", "s0"), ("one", 2, "succeeded", "s1"), ("two", 1, "succeeded", "s1")]
     )
     assert [bar.code for bar in bars if bar.code] == [FAULT.code]
     assert [bar.started_at for bar in bars] == sorted((bar.started_at for bar in bars), reverse=True)
-    first_page = store.fleet.timeline(job, limit=2)
-    rest = store.fleet.timeline(job, first_page.cursor, 2)
+    first_page = store.workers.timeline(job, limit=2)
+    rest = store.workers.timeline(job, first_page.cursor, 2)
     assert (*first_page.items, *rest.items) == bars
     with pytest.raises(NotFound):
-        store.fleet.timeline("job_none")
+        store.workers.timeline("job_none")
 
 
 def test_live_sessions_of_all_processes_are_told_and_ended(store: Store, clock: Clock) -> None:
     def view(name: str) -> LiveView:
         return LiveView(name, "", "key_1", "abstraction", 640, 360, clock.now, True, {"painted": 3})
 
-    assert store.fleet.publish_live("p1", [view("liv_1"), view("liv_2")]) == set()
-    assert store.fleet.publish_live("p2", [view("liv_3")]) == set()
-    assert [(one.id, one.process, one.figures) for one in store.fleet.live().items] == [
+    assert store.workers.publish_live("p1", [view("liv_1"), view("liv_2")]) == set()
+    assert store.workers.publish_live("p2", [view("liv_3")]) == set()
+    assert [(one.id, one.process, one.figures) for one in store.workers.live().items] == [
         ("liv_1", "p1", {"painted": 3}),
         ("liv_2", "p1", {"painted": 3}),
         ("liv_3", "p2", {"painted": 3}),
     ]
-    store.fleet.end_live("liv_2")
-    assert [one.ending for one in store.fleet.live().items] == [False, True, False]
-    assert store.fleet.publish_live("p1", [view("liv_1"), view("liv_2")]) == {"liv_2"}
-    assert store.fleet.publish_live("p1", [view("liv_1")]) == {"liv_2"}
-    assert [one.id for one in store.fleet.live().items] == ["liv_1", "liv_3"]
+    store.workers.end_live("liv_2")
+    assert [one.ending for one in store.workers.live().items] == [False, True, False]
+    assert store.workers.publish_live("p1", [view("liv_1"), view("liv_2")]) == {"liv_2"}
+    assert store.workers.publish_live("p1", [view("liv_1")]) == {"liv_2"}
+    assert [one.id for one in store.workers.live().items] == ["liv_1", "liv_3"]
     clock.now += 31
-    assert store.fleet.live().items == (), "their processes are gone"
+    assert store.workers.live().items == (), "their processes are gone"
     with pytest.raises(NotFound):
-        store.fleet.end_live("liv_9")
+        store.workers.end_live("liv_9")
 
 
 def test_what_a_task_needs_is_kept(store: Store) -> None:
     _job(store)
-    _plan(store, Task("one", needs=Needs(2, 0.25, 1 << 30)), Task("two"))
+    _plan(store, Task("one", resources=Resources(2, 0.25, 1 << 30)), Task("two"))
     assert _claim(store).task["needs"] == {"cpus": 2, "gpus": 0.25, "memory_bytes": 1 << 30}
     assert _claim(store).task["needs"] is None

@@ -49,14 +49,14 @@ def test_work_of_an_earlier_version_goes_on(url: str, revision: str) -> None:
     assert [job.id for job in store.jobs.page("running").items] == ["job_1"]
     assert store.assets.get("ast_" + "a" * 64, "anna").filename == "cat.mp4"
     assert [todo.job_id for todo in store.plans.to_plan()] == ["job_2"]
-    claim = store.work.claim("new", 30)
+    claim = store.queue.claim("new", 30)
     assert claim is not None and claim.task["id"] == "tsk_2"
-    assert store.work.claim("new", 30) is None, "the other one still runs, and a paused job starts nothing"
-    assert store.work.interrupt([]) == 0, "its dispatcher has its lease for 10 s more"
-    assert store.work.interrupt(["dsp_old@host"]) == 1
-    for answered in (claim, store.work.claim("new", 30)):
+    assert store.queue.claim("new", 30) is None, "the other one still runs, and a paused job starts nothing"
+    assert store.queue.interrupt([]) == 0, "its dispatcher has its lease for 10 s more"
+    assert store.queue.interrupt(["dsp_old@host"]) == 1
+    for answered in (claim, store.queue.claim("new", 30)):
         assert answered is not None
-        assert store.work.finish(TaskOutcome(answered.attempt_id, {}, {}, {}, None, {}, ""))
+        assert store.queue.finish(TaskOutcome(answered.attempt_id, {}, {}, {}, None, {}, ""))
     assert store.plans.planned("job_1", 1, (Task("last"),))
     store.close()
 

@@ -14,11 +14,11 @@ from sqlalchemy import event, select
 from pipeline.errors import BadParameter, StorageError
 from pipeline.methods.base import Task
 from tests.contracts.databases import DATABASES
-from workers import jobs as machine
-from workers.errors import Conflict, NotFound
-from workers.jobs import Limits
+from workers import state_machine as machine
+from workers.errors import Conflict, NotFound, QuotaExceeded
 from workers.model import Asset, Fault, JobRequest, TaskOutcome
-from workers.store import Accepted, Claim, Policy, Sign, Store, schema
+from workers.state_machine import Limits
+from workers.store import Accepted, Claim, Heartbeat, Store, StorePolicy, schema
 
 STEPS = (("look", "Look"), ("draw", "Draw"), ("assemble", "Join"))
 
@@ -42,7 +42,7 @@ def url(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture
 def store(url: str, clock: Clock) -> Iterator[Store]:
-    opened = Store(url, Policy(Limits(2, 3), retry_delay_s=10, events_kept=200), clock)
+    opened = Store(url, StorePolicy(Limits(2, 3), retry_delay_s=10, events_kept=200), clock)
     opened.assets.add(_asset("a" * 64), lambda: True)
     yield opened
     opened.close()
@@ -63,17 +63,38 @@ def _plan(store: Store, *tasks: Task) -> None:
 
 
 def _claim(store: Store, dispatcher: str = "me") -> Claim:
-    claim = store.work.claim(dispatcher, 30)
+    claim = store.queue.claim(dispatcher, 30)
     assert claim is not None
     return claim
 
 
 def _answer(claim: Claim, **changes: object) -> TaskOutcome:
-    given = {"note": {"n": 1}, "artefacts": {}, "files": {}, "segment": None, "stages": {"method": 2.0}, "log": "ok"}
+    given = {"result": {"n": 1}, "artefacts": {}, "files": {}, "segment": None, "stages": {"method": 2.0}, "log": "ok"}
     return TaskOutcome(claim.attempt_id, **{**given, **changes})  # type: ignore[arg-type]
 
 
 FAULT = Fault("internal-error", "It broke.", "Mend it.")
+
+
+def test_no_number_of_threads_exceeds_the_quota_of_active_jobs(store: Store) -> None:
+    accepted = Accepted(JobRequest("toy", {"video": "ast_" + "a" * 64}), {}, STEPS)
+    together, refused = threading.Barrier(30), []
+
+    def submit() -> None:
+        together.wait()
+        try:
+            store.jobs.add(accepted, "me", max_active=3)
+        except QuotaExceeded as error:
+            refused.append(error.field)
+
+    threads = [threading.Thread(target=submit) for _ in range(30)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(store.jobs.page(owner="me").items) == 3
+    assert refused == ["active_jobs"] * 27
+    store.jobs.add(accepted, "another", max_active=3)
 
 
 def test_migrations_make_the_tables_of_the_schema(store: Store) -> None:
@@ -91,16 +112,16 @@ def test_a_job_is_there_after_the_store_was_opened_again(store: Store, url: str)
 def test_notes_artefacts_and_segments_reach_later_steps(store: Store) -> None:
     job_id = _job(store)
     _plan(store, Task("all"))
-    assert store.work.finish(_answer(_claim(store), artefacts={"look/cuts": "k1"}, note={"cuts": [3]}))
+    assert store.queue.finish(_answer(_claim(store), artefacts={"look/cuts": "k1"}, result={"cuts": [3]}))
     _plan(store, Task("b", emits=(4, 8)), Task("a", emits=(0, 4)))
-    assert store.context.before(job_id, 1) == ({"look": {"all": {"cuts": [3]}}}, {"look/cuts": "k1"})
+    assert store.task_inputs.before(job_id, 1) == ({"look": {"all": {"cuts": [3]}}}, {"look/cuts": "k1"})
     for _ in range(2):
         claim = _claim(store)
-        assert store.work.finish(_answer(claim, segment=f"seg-{claim.task['key']}"))
-    assert store.context.segments(job_id) == ((0, 4, "seg-a"), (4, 8, "seg-b"))
-    assert store.context.stages(job_id, 2) == {"look": {"method": 2.0}, "draw": {"method": 4.0}}
+        assert store.queue.finish(_answer(claim, segment=f"seg-{claim.task['key']}"))
+    assert store.task_inputs.segments(job_id) == ((0, 4, "seg-a"), (4, 8, "seg-b"))
+    assert store.task_inputs.stages(job_id, 2) == {"look": {"method": 2.0}, "draw": {"method": 4.0}}
     _plan(store, Task("assemble"))
-    assert store.work.finish(_answer(_claim(store), files={"result": ("k", "video/mp4")}))
+    assert store.queue.finish(_answer(_claim(store), files={"result": ("k", "video/mp4")}))
     job = store.jobs.get(job_id)
     assert (job.state, job.results, job.progress) == ("succeeded", ("result",), 1.0)
     assert [step.seconds for step in job.steps] == [2.0, 4.0, 2.0]
@@ -109,12 +130,12 @@ def test_notes_artefacts_and_segments_reach_later_steps(store: Store) -> None:
 def test_a_task_sees_what_its_chain_has_saved_and_nothing_else(store: Store) -> None:
     _job(store)
     _plan(store, Task("all"))
-    assert store.work.finish(_answer(_claim(store)))
+    assert store.queue.finish(_answer(_claim(store)))
     _plan(store, Task("a"), Task("b", after=("a",)), Task("other"), Task("c", after=("b", "a")))
     for _ in range(3):
         claim = _claim(store)
-        assert store.work.finish(_answer(claim, artefacts={f"draw/{claim.task['key']}": f"k-{claim.task['key']}"}))
-    assert store.context.chain(_claim(store).task["id"]) == (("a", "b"), {"draw/a": "k-a", "draw/b": "k-b"})
+        assert store.queue.finish(_answer(claim, artefacts={f"draw/{claim.task['key']}": f"k-{claim.task['key']}"}))
+    assert store.task_inputs.chain(_claim(store).task["id"]) == (("a", "b"), {"draw/a": "k-a", "draw/b": "k-b"})
 
 
 def test_what_a_running_task_shows_is_a_file_of_the_job_until_there_is_better(store: Store) -> None:
@@ -122,12 +143,12 @@ def test_what_a_running_task_shows_is_a_file_of_the_job_until_there_is_better(st
     _plan(store)
     claim = _claim(store)
     for number in range(3):
-        store.work.progress({claim.attempt_id: Sign(0.1 * number, "w-1", f"live-{number}")})
+        store.queue.progress({claim.attempt_id: Heartbeat(0.1 * number, "w-1", f"live-{number}")})
     shown = store.jobs.file(job_id, "preview")
     assert shown is not None
     assert (shown["key"], store.jobs.get(job_id).results) == ("live-2", ("preview",))
-    assert store.work.finish(_answer(claim, files={"preview": ("last", "image/jpeg")}))
-    store.work.progress({claim.attempt_id: Sign(0.9, preview="late")})
+    assert store.queue.finish(_answer(claim, files={"preview": ("last", "image/jpeg")}))
+    store.queue.progress({claim.attempt_id: Heartbeat(0.9, preview="late")})
     assert store.jobs.blob_keys(job_id) == {"last"}
 
 
@@ -136,27 +157,27 @@ def test_a_late_answer_changes_nothing(store: Store, clock: Clock) -> None:
     _plan(store)
     late = _claim(store, "dead")
     clock.now += 31
-    assert store.work.interrupt([]) == 1, "its lease is over"
+    assert store.queue.interrupt([]) == 1, "its lease is over"
     newer = _claim(store, "alive")
     assert newer.task["id"] == late.task["id"]
-    before = store.jobs.get(job_id), store.history.events(job_id)
-    assert not store.work.finish(_answer(late, note={"wrong": 1}, files={"result": ("wrong", "x/y")}))
-    assert not store.work.finish(_answer(late), machine.Failed(FAULT))
-    assert not store.work.put_off(late.attempt_id, 0, "")
-    store.work.progress({late.attempt_id: Sign(0.9, preview="late")})
-    assert (store.jobs.get(job_id), store.history.events(job_id)) == before
-    assert store.work.finish(_answer(newer))
-    assert not store.work.finish(_answer(newer)), "an answer counts once"
-    assert not store.work.finish(TaskOutcome("att_unknown", {}, {}, {}, None, {}, ""))
+    before = store.jobs.get(job_id), store.events.list(job_id)
+    assert not store.queue.finish(_answer(late, result={"wrong": 1}, files={"result": ("wrong", "x/y")}))
+    assert not store.queue.finish(_answer(late), machine.Failed(FAULT))
+    assert not store.queue.put_off(late.attempt_id, 0, "")
+    store.queue.progress({late.attempt_id: Heartbeat(0.9, preview="late")})
+    assert (store.jobs.get(job_id), store.events.list(job_id)) == before
+    assert store.queue.finish(_answer(newer))
+    assert not store.queue.finish(_answer(newer)), "an answer counts once"
+    assert not store.queue.finish(TaskOutcome("att_unknown", {}, {}, {}, None, {}, ""))
 
 
 def test_the_work_of_a_dead_dispatcher_is_taken_up_before_its_lease_ends(store: Store) -> None:
     _job(store)
     _plan(store)
     claim = _claim(store, "dead")
-    assert store.work.claim("me", 30) is None
-    store.work.renew("me", 30)
-    assert store.work.interrupt(["dead"]) == 1
+    assert store.queue.claim("me", 30) is None
+    store.queue.renew("me", 30)
+    assert store.queue.interrupt(["dead"]) == 1
     assert _claim(store).task["id"] == claim.task["id"]
 
 
@@ -164,17 +185,17 @@ def test_a_failed_attempt_waits_longer_each_time_and_then_fails_the_job(store: S
     job_id = _job(store)
     _plan(store, Task("one"), Task("two"))
     claim = _claim(store)
-    assert store.work.finish(_answer(claim, log="first try"), machine.Failed(FAULT))
+    assert store.queue.finish(_answer(claim, log="first try"), machine.Failed(FAULT))
     other = _claim(store)
     assert other.task["key"] == "two", "the first one is to wait"
-    assert store.work.claim("me", 30) is None
+    assert store.queue.claim("me", 30) is None
     clock.now += 11
-    assert store.work.finish(_answer(_claim(store), log="second try"), machine.Failed(FAULT))
+    assert store.queue.finish(_answer(_claim(store), log="second try"), machine.Failed(FAULT))
     assert store.jobs.get(job_id).state == "running", "what runs beside it may end"
-    assert store.work.finish(_answer(other))
+    assert store.queue.finish(_answer(other))
     job = store.jobs.get(job_id)
     assert (job.state, job.error) == ("failed", FAULT)
-    assert store.history.log(claim.task["id"]).count("try") == 2
+    assert store.tasks.log(claim.task["id"]).count("try") == 2
     store.jobs.retry(job_id)
     assert _claim(store).task["key"] == "one", "only what failed"
 
@@ -183,21 +204,21 @@ def test_chains_are_freed_one_by_one(store: Store) -> None:
     _job(store)
     _plan(store, Task("c", after=("a", "b")), Task("a"), Task("b"))
     first, second = _claim(store), _claim(store)
-    assert store.work.claim("me", 30) is None
-    store.work.finish(_answer(first))
-    assert store.work.claim("me", 30) is None
-    store.work.finish(_answer(second))
+    assert store.queue.claim("me", 30) is None
+    store.queue.finish(_answer(first))
+    assert store.queue.claim("me", 30) is None
+    store.queue.finish(_answer(second))
     assert _claim(store).task["key"] == "c"
 
 
 def test_cancelling_ends_attempts_and_a_retry_starts_the_rest(store: Store) -> None:
     job_id = _job(store)
     _plan(store, Task("a"), Task("b", after=("a",)), Task("c"))
-    store.work.finish(_answer(_claim(store)))
+    store.queue.finish(_answer(_claim(store)))
     running = _claim(store)
     store.jobs.command(job_id, machine.Cancel())
-    assert store.work.mine("me") == set()
-    assert not store.work.finish(_answer(running))
+    assert store.queue.mine("me") == set()
+    assert not store.queue.finish(_answer(running))
     counts = store.jobs.get(job_id).counts
     assert (counts["succeeded"], counts["cancelled"]) == (1, 2)
     store.jobs.retry(job_id)
@@ -207,36 +228,36 @@ def test_cancelling_ends_attempts_and_a_retry_starts_the_rest(store: Store) -> N
 
 
 def _states(store: Store, job_id: str, state: str | None = None) -> dict[str, str]:
-    return {task.key: task.state.value for task in store.history.tasks(job_id, state).items}
+    return {task.key: task.state.value for task in store.tasks.page(job_id, state).items}
 
 
 def test_tasks_of_a_cancelled_job_are_cancelled_however_they_are_asked_for(store: Store) -> None:
     job_id = _job(store)
     _plan(store, Task("a"), Task("b"), Task("c", after=("b",)), Task("d"))
-    store.work.finish(_answer(_claim(store)))
+    store.queue.finish(_answer(_claim(store)))
     running = _claim(store)
     store.jobs.command(job_id, machine.Cancel())
     wanted = {"a": "succeeded", "b": "cancelled", "c": "cancelled", "d": "cancelled"}
     assert _states(store, job_id) == wanted
     for state in ("waiting", "ready", "running", "succeeded", "failed", "cancelled"):
         assert _states(store, job_id, state) == {key: is_in for key, is_in in wanted.items() if is_in == state}
-    assert store.history.task(running.task["id"]).attempts[0]["outcome"] == "cancelled"
-    assert store.overview.snapshot()["tasks"]["cancelled"] == 3
-    assert store.work.claim("me", 30) is None
+    assert store.tasks.get(running.task["id"]).attempts[0]["outcome"] == "cancelled"
+    assert store.statistics.snapshot()["tasks"]["cancelled"] == 3
+    assert store.queue.claim("me", 30) is None
 
 
 def test_one_task_of_a_cancelled_job_runs_again_alone(store: Store) -> None:
     job_id = _job(store)
     _plan(store, Task("a"), Task("b"), Task("c", after=("b",)), Task("d"))
     store.jobs.command(job_id, machine.Cancel())
-    ids = {task.key: task.id for task in store.history.tasks(job_id).items}
+    ids = {task.key: task.id for task in store.tasks.page(job_id).items}
     with pytest.raises(Conflict, match="waits"):
         store.jobs.requeue(ids["c"])
     store.jobs.requeue(ids["b"])
     assert _states(store, job_id) == {"a": "cancelled", "b": "ready", "c": "cancelled", "d": "cancelled"}
     claim = _claim(store)
-    assert claim.task["key"] == "b" and store.work.claim("me", 30) is None
-    store.work.finish(_answer(claim))
+    assert claim.task["key"] == "b" and store.queue.claim("me", 30) is None
+    store.queue.finish(_answer(claim))
     assert store.jobs.get(job_id).state == "cancelled", "the rest of it is, still"
     store.jobs.retry(job_id)
     assert _states(store, job_id) == {"a": "ready", "b": "succeeded", "c": "ready", "d": "ready"}
@@ -245,14 +266,14 @@ def test_one_task_of_a_cancelled_job_runs_again_alone(store: Store) -> None:
 def test_a_retry_after_a_cancel_keeps_chains_and_gives_a_fresh_budget(store: Store, clock: Clock) -> None:
     job_id = _job(store)
     _plan(store, Task("a"), Task("b", after=("a",)))
-    store.work.finish(_answer(_claim(store)), machine.Failed(FAULT))
+    store.queue.finish(_answer(_claim(store)), machine.Failed(FAULT))
     store.jobs.command(job_id, machine.Cancel())
     store.jobs.retry(job_id)
     counts = store.jobs.get(job_id).counts
     assert (counts["ready"], counts["waiting"], counts["cancelled"]) == (1, 1, 0)
     claim = _claim(store)
     assert (claim.task["key"], claim.task["failures"]) == ("a", 0), "at once, as if it had not failed"
-    store.work.finish(_answer(claim))
+    store.queue.finish(_answer(claim))
     assert _claim(store).task["key"] == "b"
 
 
@@ -276,7 +297,7 @@ def test_nothing_is_claimed_of_a_paused_job(store: Store) -> None:
     job_id = _job(store)
     _plan(store)
     store.jobs.command(job_id, machine.Pause())
-    assert store.work.claim("me", 30) is None
+    assert store.queue.claim("me", 30) is None
     assert store.plans.to_plan() == []
     store.jobs.command(job_id, machine.Resume())
     assert _claim(store).job_id == job_id
@@ -297,7 +318,7 @@ def test_a_step_is_planned_once(store: Store) -> None:
     assert store.plans.planned(job_id, 0, (Task("a"),))
     assert not store.plans.planned(job_id, 0, (Task("b"),))
     assert not store.plans.planned("job_gone", 0, (Task("b"),))
-    assert [task.key for task in store.history.tasks(job_id).items] == ["a"]
+    assert [task.key for task in store.tasks.page(job_id).items] == ["a"]
 
 
 def test_many_threads_claim_every_task_once(store: Store) -> None:
@@ -306,9 +327,9 @@ def test_many_threads_claim_every_task_once(store: Store) -> None:
     claimed: list[str] = []
 
     def work(name: str) -> None:
-        while (claim := store.work.claim(name, 30)) is not None:
+        while (claim := store.queue.claim(name, 30)) is not None:
             claimed.append(claim.task["key"])
-            store.work.finish(_answer(claim))
+            store.queue.finish(_answer(claim))
 
     threads = [threading.Thread(target=work, args=(f"d{i}",)) for i in range(4)]
     for thread in threads:
@@ -348,11 +369,11 @@ def test_text_that_cannot_be_stored_is_the_users_fault(store: Store) -> None:
 def test_tasks_are_listed_in_plan_order(store: Store) -> None:
     job_id = _job(store)
     _plan(store, *(Task(f"t-{i}") for i in range(5)))
-    first = store.history.tasks(job_id, limit=2)
-    rest = store.history.tasks(job_id, cursor=first.cursor)
+    first = store.tasks.page(job_id, limit=2)
+    rest = store.tasks.page(job_id, cursor=first.cursor)
     assert [task.key for task in (*first.items, *rest.items)] == [f"t-{i}" for i in range(5)]
     with pytest.raises(NotFound):
-        store.history.tasks("job_gone")
+        store.tasks.page("job_gone")
 
 
 def test_history_is_kept_to_a_bound_and_says_so(store: Store) -> None:
@@ -360,13 +381,13 @@ def test_history_is_kept_to_a_bound_and_says_so(store: Store) -> None:
     for _ in range(200):
         store.jobs.command(job_id, machine.Pause())
         store.jobs.command(job_id, machine.Resume())
-    events, gone = store.history.events(job_id, after=10, limit=1000)
+    events, gone = store.events.list(job_id, after=10, limit=1000)
     assert gone
     assert 200 <= len(events) < 400
-    assert not store.history.events(job_id, after=events[0].seq)[1]
-    assert store.history.events(job_id, after=events[-1].seq) == ([], False)
-    assert not store.history.wait(job_id, events[-1].seq, 0.01)
-    assert store.history.wait(job_id, events[-1].seq - 1, 0.01)
+    assert not store.events.list(job_id, after=events[0].seq)[1]
+    assert store.events.list(job_id, after=events[-1].seq) == ([], False)
+    assert not store.events.wait(job_id, events[-1].seq, 0.01)
+    assert store.events.wait(job_id, events[-1].seq - 1, 0.01)
 
 
 def test_the_same_bytes_are_one_asset_that_several_may_hold(store: Store) -> None:
@@ -446,12 +467,12 @@ def test_claiming_and_answering_read_no_whole_table(store: Store, monkeypatch: p
     event.listen(engine, "before_cursor_execute", lambda c, cursor, text, given, *_: said.append((text, given)))
     for _ in range(2):
         claim = _claim(store)
-        store.work.progress({claim.attempt_id: Sign(0.5)})
-        store.work.renew("me", 30)
-        store.work.finish(_answer(claim))
+        store.queue.progress({claim.attempt_id: Heartbeat(0.5)})
+        store.queue.renew("me", 30)
+        store.queue.finish(_answer(claim))
     store.jobs.get(job_id)
-    store.history.tasks(job_id, state="ready", limit=5)
-    store.history.events(job_id, 3, 5)
+    store.tasks.page(job_id, state="ready", limit=5)
+    store.events.list(job_id, 3, 5)
     for text, given in list(said):
         assert not _scanned(store, text, given) & {"tasks", "task_edges", "attempts", "events", "files"}, text
 
@@ -470,15 +491,15 @@ def test_totals_rise_with_every_attempt_that_counts(store: Store, clock: Clock) 
     _plan(store, Task("a", emits=(0, 8)))
     failing = _claim(store)
     clock.now += 2
-    assert store.work.finish(_answer(failing), machine.Failed(FAULT))
-    assert not store.work.finish(_answer(failing), machine.Failed(FAULT)), "a late answer is not counted"
+    assert store.queue.finish(_answer(failing), machine.Failed(FAULT))
+    assert not store.queue.finish(_answer(failing), machine.Failed(FAULT)), "a late answer is not counted"
     clock.now += 60
     claim = _claim(store)
     clock.now += 3
-    assert store.work.finish(_answer(claim))
+    assert store.queue.finish(_answer(claim))
     store.jobs.command(job_id, machine.Cancel())
     store.jobs.remove(job_id)
-    assert store.overview.snapshot()["totals"] == {
+    assert store.statistics.snapshot()["totals"] == {
         "attempts": {"failed": 1, "succeeded": 1},
         "failures": {"internal-error": 1},
         "frames": {"toy": 8},

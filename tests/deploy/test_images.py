@@ -107,6 +107,10 @@ def _copy(value: str, root: Path) -> None:
         shutil.copy2(ROOT / name, where)
 
 
+_PASSED_ON = ("PIP_", "SSL_", "REQUESTS_", "NODE_EXTRA_CA_CERTS", "npm_config_", "NPM_CONFIG_")
+"""Beginnings of variables that say how this machine reaches registries."""
+
+
 def _run(step: str, source: Path, root: Path, device: str) -> None:
     fetches = "-r /tmp/requirements.txt" in step
     line = re.sub(r"(?<!\S)/(opt|tmp)/", f"{root}/\\1/", step).replace("${DEVICE}", device)
@@ -114,7 +118,7 @@ def _run(step: str, source: Path, root: Path, device: str) -> None:
         folder.mkdir(exist_ok=True)
     env = {"PATH": f"{Path(sys.base_prefix) / 'bin'}:/usr/bin:/bin", "HOME": str(root), "PIP_NO_CACHE_DIR": "1"}
     env |= {name: value for name, value in os.environ.items() if name.upper().endswith("_PROXY")}
-    env |= {name: value for name, value in os.environ.items() if name.startswith(("PIP_", "SSL_", "REQUESTS_"))}
+    env |= {name: value for name, value in os.environ.items() if name.startswith(_PASSED_ON)}
     env |= {"PIP_DRY_RUN": "1", "PIP_NO_DEPS": "1"} if fetches else {}
     interpreter = line.replace("python -m venv", f"{sys.executable} -m venv").replace(
         "python docker/", f"{sys.executable} docker/"
@@ -128,8 +132,9 @@ def _run(step: str, source: Path, root: Path, device: str) -> None:
 def _check_installed(prefix: Path) -> None:
     """The packages are whole, and the command starts with nothing but them and their dependencies."""
     (site,) = prefix.glob("lib/python*/site-packages")
-    for name in tracked("pipeline", "workers", "service", "impasto"):
+    for name in tracked("pipeline", "workers", "service", "impasto", ":!service/web"):
         assert (site / name).is_file(), f"{name} is not in the image"
+    assert (site / "service/web/dist/index.html").is_file(), "the pages are not built into the image"
     needs = metadata.distribution("numpy").locate_file("")
     command = [str(prefix / "bin" / "impasto"), "methods", "--json"]
     env = {"PATH": "/usr/bin:/bin", "HOME": str(prefix), "PYTHONPATH": f"{site}:{needs}"}

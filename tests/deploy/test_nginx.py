@@ -16,7 +16,7 @@ from tests.conftest import tiny_frame
 from tests.real.nginx import Nginx
 from tests.service.live import running
 from tests.service.live_client import jpeg, live
-from workers.studio import open_farm
+from workers.farm import open_farm
 
 pytestmark = pytest.mark.real("nginx")
 KEY = "an admin key for behind a proxy"

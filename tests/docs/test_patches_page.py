@@ -10,11 +10,11 @@ import pytest
 from docs.make_patches_figures import ALL, FOLDER, MARKS, PAGE, SHOWN, TOLD, parameters_table
 from docs.pictures import CLIPS
 from pipeline.methods import parse_params
-from pipeline.methods.base import Brief, VideoInfo
+from pipeline.methods.base import PlanContext, VideoInfo
+from pipeline.methods.local import LocalContext
 from pipeline.methods.patches import Patches, PatchesParams
 from pipeline.methods.patches.guidance import styles_of
 from pipeline.scenes import scene
-from tests.pipeline.methods.bench import FakeBench
 
 TEXT = PAGE.read_text()
 
@@ -51,14 +51,16 @@ def test_every_input_artefact_and_step_is_told(part: str) -> None:
 def test_the_styles_by_example_are_sound() -> None:
     example = re.search(r'`(\{"background".*?\})`', TEXT)
     assert example
-    bench = FakeBench(PatchesParams(), [scene("shapes", size=(64, 48)).image(0)], {"styles": json.loads(example[1])})
-    assert set(styles_of(bench)) == {1, 3}
+    context = LocalContext(
+        PatchesParams(), [scene("shapes", size=(64, 48)).image(0)], {"styles": json.loads(example[1])}
+    )
+    assert set(styles_of(context)) == {1, 3}
 
 
 def test_every_parameter_of_a_command_is_one() -> None:
     for name, value in re.findall(r"--param (\w+)=(\S+)", TEXT):
         parse_params(Patches(), {name: value})
-    assert Patches.steps[0].plan(Brief(PatchesParams(), 0, VideoInfo(64, 48, 2, 25.0, 0.1)))
+    assert Patches.steps[0].plan(PlanContext(PatchesParams(), 0, VideoInfo(64, 48, 2, 25.0, 0.1)))
 
 
 def test_every_mode_of_time_is_shown() -> None:

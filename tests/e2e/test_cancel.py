@@ -14,9 +14,10 @@ import pytest
 from pipeline.scenes import scene
 from service.settings import Settings
 from tests.service.live import running
-from workers.farm import Farm
-from workers.studio import open_farm
-from workers.warmup import warm_up_process
+from workers.execution.warm_up import warm_up_process
+from workers.farm import Farm, open_farm
+
+pytestmark = pytest.mark.serial
 
 FRAMES, SIZE = 3000, (320, 180)
 """A minute of work: no step is over before it is cancelled."""

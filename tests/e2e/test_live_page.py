@@ -26,7 +26,7 @@ from websockets.sync.client import connect
 from pipeline.scenes import scene
 from tests.e2e.test_page import CHROMIUM_ARGS, KEY, Watched, open_page, serve
 
-pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(180), pytest.mark.serial]
 
 SIZE, FPS, FRAMES = (320, 240), 15, 30
 SLOW_MS = 30_000

@@ -20,6 +20,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, Route, expect, sync_playwright
 
+from service import bundle
+
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(180)]
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -61,6 +63,7 @@ def free_port() -> int:
 
 def serve(home: Path, **settings: str) -> Iterator[str]:
     """`impasto serve` as a user runs it, with one worker, until the test is over; its address."""
+    bundle.build()
     port, log = free_port(), home.with_suffix(".log")
     command = [sys.executable, "-m", "impasto", "serve", "--port", str(port), "--home", str(home), "--workers", "1"]
     env = os.environ | {f"IMPASTO_{name}": value for name, value in settings.items()}
@@ -336,7 +339,13 @@ def test_works_list_retry_and_delete(watched: Watched, service: str, clip: Path)
     card = page.locator(".work", has_text="To be deleted")
     expect(card.locator("img")).to_be_visible()
     card.get_by_role("button", name="Delete To be deleted").click()
-    card.get_by_role("button", name="Delete", exact=True).click()
+    expect(card).to_be_hidden()
+    page.get_by_role("button", name="Undo").click()
+    expect(card).to_be_visible()
+    card.get_by_role("button", name="Delete To be deleted").click()
+    page.get_by_role("button", name="Close").click()
+    page.reload()
+    expect(page.locator(".work img").first).to_be_visible()
     expect(card).to_have_count(0)
     watched.check()
 
@@ -375,47 +384,3 @@ def test_a_key_is_asked_for_only_where_one_is_needed(
         submit(page)
         until(lambda: now(page) > 0.2)
         assert page.evaluate("Object.keys(localStorage).length") == 0, "a key outlives no tab"
-
-
-def test_events_are_read_whole_however_they_arrive(watched: Watched, service: str) -> None:
-    watched.page.goto(service)
-    parse = "async text => (await import('/static/js/events.js')).parse(text)"
-    messages, rest = watched.page.evaluate(parse, ": ping\n\nid: 7\nevent: job.state\ndata: {\ndata: }\n\nid: 8\nda")
-    assert messages == [{"id": "7", "type": "job.state", "data": "{\n}"}]
-    assert rest == "id: 8\nda"
-
-
-SCHEMA = {
-    "$defs": {"Kind": {"enum": ["a", "b"], "type": "string"}},
-    "properties": {
-        "plain": {"type": "number"},
-        "low": {"type": "number", "minimum": 0, "maximum": 1000, "default": 10},
-        "whole": {"type": "integer", "exclusiveMinimum": 0, "maximum": 8, "default": 4},
-        "kind": {"$ref": "#/$defs/Kind", "default": "b", "title": "Which"},
-        "flag": {"enum": ["on", "off"], "default": "on"},
-        "maybe": {"anyOf": [{"type": "integer"}, {"type": "null"}], "default": None},
-        "many": {"type": "array", "items": {"$ref": "#/$defs/Kind"}, "default": []},
-        "odd": {"type": "object"},
-    },
-}
-
-
-def test_a_form_is_made_of_any_schema(watched: Watched, service: str) -> None:
-    watched.page.goto(service)
-    read = "async schema => (await import('/static/js/schema.js')).fieldsOf(schema)"
-    fields = {field["name"]: field for field in watched.page.evaluate(read, SCHEMA)}
-    kinds = {name: field["kind"] for name, field in fields.items()}
-    assert kinds == {
-        "plain": "number",
-        "low": "slider",
-        "whole": "slider",
-        "kind": "choice",
-        "flag": "onoff",
-        "maybe": "number",
-        "many": "choices",
-        "odd": "json",
-    }
-    assert fields["whole"]["min"] == 1
-    assert fields["kind"]["title"] == "Which"
-    assert fields["maybe"]["nullable"]
-    assert fields["low"]["curve"] > 1 == fields["whole"]["curve"]

@@ -80,7 +80,7 @@ def _raising(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
     def refuse(text: str) -> object:
         raise error
 
-    monkeypatch.setattr("impasto.cli.delivery.target", refuse)
+    monkeypatch.setattr("impasto.delivery.target", refuse)
 
 
 def test_what_the_system_refuses_is_no_traceback(
@@ -112,6 +112,11 @@ def test_a_broken_part_gives_status_1(
     monkeypatch.setattr("impasto.cli.health.PACKAGES", ("no-such-package-of-ours",))
     assert app.run(["doctor", "--home", str(home)]) == 1
     assert "pip install no-such-package-of-ours" in capsys.readouterr().out
+
+
+def test_the_version_option(capsys: pytest.CaptureFixture[str]) -> None:
+    assert app.run(["--version"]) == 0
+    assert capsys.readouterr().out.startswith("impasto ")
 
 
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,12 +9,11 @@ import pytest
 
 from impasto.cli import embedded
 from impasto.cli.console import Interrupted
-from impasto.cli.materials import gather
+from impasto.cli.input_files import gather
 from impasto.problems import JobFailed
-from workers.farm import Farm
+from workers.farm import Farm, open_farm
 from workers.model import JobRequest, RunState
 from workers.settings import FarmSettings
-from workers.studio import open_farm
 
 REQUEST = JobRequest("abstraction", {}, {"lines": "off"})
 
@@ -27,7 +26,7 @@ def test_what_was_cancelled_is_taken_up_again(tiny_clip: Path, home: Path, tmp_p
     idle = open_farm(FarmSettings(home=home, pool="none"))
     job = submit(idle, tiny_clip, tmp_path)
     assert submit(idle, tiny_clip, tmp_path).id == job.id
-    idle.cancel(job.id)
+    idle.jobs.cancel(job.id)
     idle.stop()
     shown: list[float] = []
     with embedded.opened(home, 1) as farm:
@@ -42,7 +41,7 @@ def test_what_was_cancelled_is_taken_up_again(tiny_clip: Path, home: Path, tmp_p
 def test_a_job_without_a_result_is_a_failure_that_says_why(tiny_clip: Path, home: Path, tmp_path: Path) -> None:
     farm = open_farm(FarmSettings(home=home, pool="none"))
     job = submit(farm, tiny_clip, tmp_path)
-    farm.cancel(job.id)
+    farm.jobs.cancel(job.id)
     with pytest.raises(JobFailed) as caught:
         embedded.follow(farm, job.id, lambda now: None)
     assert caught.value.job["state"] == "cancelled"
@@ -58,9 +57,9 @@ def test_ctrl_c_says_how_far_it_came_and_how_to_go_on(
     def ctrl_c(*_: object, **__: object) -> bool:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(farm, "wait", ctrl_c)
+    monkeypatch.setattr(farm.jobs, "wait_for_event", ctrl_c)
     with pytest.raises(Interrupted, match="0%") as caught:
         embedded.follow(farm, job.id, lambda now: None)
     assert "same command" in caught.value.remedy
-    assert farm.job(job.id).state is RunState.QUEUED
+    assert farm.jobs.get(job.id).state is RunState.QUEUED
     farm.stop()

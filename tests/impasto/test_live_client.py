@@ -24,7 +24,7 @@ from service.live import frames as service_side
 from service.live.messages import Hello
 from tests.impasto.live_service import only_echo, served, until
 from workers.errors import NotFound
-from workers.live.seats import NoSeat
+from workers.live.worker import NoLiveWorker
 
 SIZE = (96, 64)
 PICTURE = np.full((64, 96, 3), (90, 120, 60), np.uint8)
@@ -155,7 +155,7 @@ def test_no_service_is_an_error_with_a_remedy() -> None:
 def test_a_full_service_says_when_to_come_back(home: Path) -> None:
     with served(home, live_sessions=1) as (url, _), client(url):
         began = time.monotonic()
-        with pytest.raises(NoSeat, match="Try again in 5 s") as caught, client(url):
+        with pytest.raises(NoLiveWorker, match="Try again in 5 s") as caught, client(url):
             pass
     assert time.monotonic() - began < 2
     assert (caught.value.code, caught.value.retry_after_s) == ("busy", 5.0)

@@ -573,7 +573,7 @@ def test_a_clip_goes_through_a_service_started_for_it_and_keeps_its_sound(
 
 def painted(url: str) -> float:
     """Frames that live sessions have painted."""
-    lines = httpx.get(f"{url}/metrics").text.splitlines()
+    lines = httpx.get(f"{url}/metrics", timeout=30).text.splitlines()
     return sum(
         float(line.split()[-1]) for line in lines if line.startswith('impasto_live_frames_total{outcome="painted"')
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import signal
@@ -145,6 +146,9 @@ def test_references_parameters_and_artefacts_arrive(render: Here, tiny_clip: Pat
     ("words", "field", "hint"),
     [
         (["--param", "no_such=1"], "params.no_such", "growing_limit"),
+        (["--param", "line=off"], "params.line", "Did you mean 'lines'?"),
+        (["--method", "abstracton"], "method", "Did you mean 'abstraction'?"),
+        (["--input", "reference=https://example.org/a.png"], "--input reference", "Download it"),
         (["--param", "growing_limit=1e9"], "params.growing_limit", ""),
         (["--param", "growing_limit=NaN"], "params.growing_limit", ""),
         (["--param", "lines"], "--param", "--param sigma_px=1.5"),
@@ -166,6 +170,14 @@ def test_bad_words_are_refused_with_field_and_remedy(
     assert not (tmp_path / "out.mp4").exists()
 
 
+def test_all_errors_of_a_command_come_at_once(render: Here, tiny_clip: Path, tmp_path: Path) -> None:
+    words = ("--param", "line=off", "--param", "growing_limit=1e9")
+    error = render(tiny_clip, "-o", tmp_path / "out.mp4", *words, code=2)["error"]
+    fields = [error["field"], *(other["field"] for other in error["others"])]
+    assert sorted(fields) == ["params.growing_limit", "params.line"]
+    assert len(render.err.splitlines()) == 2
+
+
 @pytest.mark.parametrize(
     "data", [b"", b"MZ this is no video", b"\x00\x00\x00\x18ftypmp42"], ids=["empty", "exe", "cut"]
 )
@@ -174,6 +186,79 @@ def test_bad_media_are_refused(render: Here, tmp_path: Path, data: bytes) -> Non
     error = render(tmp_path / "clip.mp4", "-o", tmp_path / "out.mp4", code=2)["error"]
     assert error["code"] in ("unreadable-media", "no-video-stream")
     assert error["remedy"]
+
+
+# -- outputs
+
+
+@pytest.mark.parametrize("link", [None, "symlink_to", "hardlink_to"])
+def test_the_source_is_never_the_output(render: Here, tiny_clip: Path, tmp_path: Path, link: str | None) -> None:
+    clip, out = tmp_path / "clip.mp4", tmp_path / "other.mp4"
+    clip.write_bytes(tiny_clip.read_bytes())
+    if link is None:
+        out = clip
+    else:
+        getattr(out, link)(clip)
+    error = render(clip, "-o", out, "--overwrite", code=2)["error"]
+    assert (error["field"], "overwritten" in error["message"]) == ("--output", True)
+    assert clip.read_bytes() == tiny_clip.read_bytes()
+
+
+def test_no_artefact_goes_over_an_input_or_the_result(render: Here, tiny_clip: Path, tmp_path: Path) -> None:
+    for path in (tiny_clip, tmp_path / "out.mp4"):
+        words = ("-o", tmp_path / "out.mp4", "--artefact", f"svg={path}", "--overwrite")
+        assert render(tiny_clip, *words, code=2)["error"]["field"] == "--artefact svg"
+
+
+def test_an_existing_output_needs_overwrite(render: Here, tiny_clip: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out.mp4"
+    out.write_text("mine")
+    error = render(tiny_clip, "-o", out, code=2)["error"]
+    assert (error["field"], "--overwrite" in error["remedy"]) == ("--output", True)
+    assert out.read_text() == "mine"
+    render(tiny_clip, "-o", out, "--overwrite")
+    assert len(frames_of(out)) == TINY_FRAMES
+    assert render(tiny_clip, "-o", out, code=2)["error"]["field"] == "--output"  # that consent was for once
+
+
+def test_an_existing_artefact_needs_overwrite(render: Here, tiny_clip: Path, tmp_path: Path) -> None:
+    (tmp_path / "out-svg.zip").write_text("mine")
+    error = render(tiny_clip, "-o", tmp_path / "out.mp4", "--artefact", "svg", code=2)["error"]
+    assert error["value"] == str(tmp_path / "out-svg.zip")
+
+
+@pytest.mark.parametrize(("out", "text"), [("o.png", f"{TINY_FRAMES} frames"), ("/proc/o.mp4", "cannot be written")])
+def test_an_impossible_output_is_refused_before_painting(
+    render: Here, tiny_clip: Path, tmp_path: Path, out: str, text: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("impasto.cli.embedded.opened", lambda *_: pytest.fail("a farm was opened"))
+    error = render(tiny_clip, "-o", tmp_path / out, code=2)["error"]
+    assert (error["field"], text in error["message"]) == ("--output", True)
+
+
+def test_a_full_disk_is_found_before_painting_and_named(
+    render: Here, tiny_clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("impasto.cli.embedded.opened", lambda *_: pytest.fail("a farm was opened"))
+    monkeypatch.setattr("impasto.delivery.shutil.disk_usage", lambda _path: type("Usage", (), {"free": 10}))
+    error = render(tiny_clip, "-o", tmp_path / "out.mp4", code=1)["error"]
+    assert (error["code"], error["value"]) == ("storage-full", str(tmp_path / "out.mp4"))
+
+
+def test_a_disk_that_fills_up_at_the_end_is_named_and_the_render_resumes(
+    render: Here, tiny_clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out.mp4"
+
+    def full(_from: Path, _to: Path) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device", "/elsewhere")
+
+    with monkeypatch.context() as patched:
+        patched.setattr("impasto.delivery.shutil.copyfile", full)
+        error = render(tiny_clip, "-o", out, code=1)["error"]
+    assert (error["code"], error["value"]) == ("storage-full", str(out))
+    assert render(tiny_clip, "-o", out)["frames"] == TINY_FRAMES
+    assert "Resuming at" in render.err
 
 
 # -- interrupted
@@ -223,7 +308,7 @@ def test_the_same_command_goes_on_to_the_same_bytes(
         assert "error: Interrupted at" in said
         assert "Run the same command again" in said
     assert render(long_clip, "-o", out)["frames"] == LONG_FRAMES
-    assert "Going on from" in render.err
+    assert "Resuming at" in render.err
     render(long_clip, "-o", whole, "--workers", "2")
-    assert "Going on from" not in render.err
+    assert "Resuming at" not in render.err
     assert out.read_bytes() == whole.read_bytes()

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from impasto.cli import values
-from impasto.cli.delivery import deliver, target
-from impasto.cli.materials import gather
+from impasto.cli.input_files import gather
+from impasto.delivery import deliver, target
 from pipeline.errors import BadInput
 
 

@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 from impasto.cli import progress as shown
-from impasto.cli.place import forget, key_of, place, sweep
 from impasto.cli.timing import Timing, overlap
+from impasto.cli.workspace import forget, key_of, sweep, workspace
 from workers.errors import Conflict
 from workers.model import Job, JobRequest, RunState, StepView, TaskState, TaskView
 
@@ -74,30 +74,31 @@ def test_only_the_methods_own_time_counts() -> None:
     assert timing.stages == {"decode": 1.0, "method": 54.0, "encode": 5.0}
 
 
-# -- place
+# -- workspace
 
 
-def test_a_render_that_is_at_work_is_left_alone(home: Path) -> None:
-    with place(home, "k") as folder:
+def test_a_render_that_is_running_is_left_alone(home: Path) -> None:
+    with workspace(home, "k") as place:
         script = (
-            f"from pathlib import Path\nfrom impasto.cli.place import place\nwith place(Path({str(home)!r}), 'k'): pass"
+            "from pathlib import Path\nfrom impasto.cli.workspace import workspace\n"
+            f"with workspace(Path({str(home)!r}), 'k'): pass"
         )
         other = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False)
-        assert "at work in another process" in other.stderr
-        with pytest.raises(Conflict), place(home, "k"):
+        assert "running in another process" in other.stderr
+        with pytest.raises(Conflict), workspace(home, "k"):
             pass
-    with place(home, "k") as again:
-        assert again == folder
-        forget(again)
-    assert not folder.exists()
+    with workspace(home, "k") as again:
+        assert again == place
+        forget(again.folder)
+    assert not place.folder.exists()
 
 
 def test_what_was_left_long_ago_is_swept_and_nothing_else(home: Path) -> None:
     for name in ("old", "new", "busy"):
-        with place(home, name):
+        with workspace(home, name):
             pass
     long_ago = time.time() - 100
-    with place(home, "busy"):
+    with workspace(home, "busy"):
         for name in ("old", "busy"):
             os.utime(home / "renders" / name, (long_ago, long_ago))
         sweep(home, kept_s=50)

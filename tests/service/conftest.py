@@ -1,4 +1,4 @@
-"""An app over a farm in memory, and a client that speaks to it as a program on this machine would."""
+"""An app over a farm that runs nothing by itself, and a client that speaks to it as a program on this machine would."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fastapi.testclient import TestClient
 
 from service.app import create_app
 from service.settings import Settings
-from tests.service.fake_farm import MAGIC, FakeFarm
+from tests.service.driven_farm import MAGIC, DrivenFarm
 from tests.service.toy_method import Toy
 from workers.farm import Farm
 
@@ -20,7 +20,7 @@ CLIP = MAGIC + b" of a cat"
 
 @pytest.fixture
 def only_toy(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The one method there is: tests over the farm in memory do not depend on a real one."""
+    """The only method: these tests do not depend on a real one."""
     found = {"toy": Toy()}
     monkeypatch.setattr("pipeline.methods.methods", lambda: found)
     monkeypatch.setattr("service.methods.routes.methods", lambda: found)
@@ -32,12 +32,12 @@ def settings(home: Path) -> Settings:
 
 
 @pytest.fixture
-def farm(only_toy: None) -> FakeFarm:
-    return FakeFarm()
+def farm(only_toy: None, home: Path) -> DrivenFarm:
+    return DrivenFarm(home)
 
 
 @pytest.fixture
-def client(settings: Settings, farm: FakeFarm) -> Iterator[TestClient]:
+def client(settings: Settings, farm: DrivenFarm) -> Iterator[TestClient]:
     yield from open_client(settings, farm)
 
 

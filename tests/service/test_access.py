@@ -12,14 +12,14 @@ from service.access.rates import MAX_BUCKETS, Rates
 from service.app import create_app
 from service.settings import Settings, is_loopback
 from tests.service.conftest import CLIP
-from tests.service.fake_farm import FakeFarm
+from tests.service.driven_farm import DrivenFarm
 
 ADMIN = "a-long-secret"
 Login = Callable[..., TestClient]
 
 
 @pytest.fixture
-def login(settings: Settings, farm: FakeFarm) -> Login:
+def login(settings: Settings, farm: DrivenFarm) -> Login:
     """A client with a new key of some scopes and quotas; without any, one without a key."""
     closed = settings.model_copy(update={"auth": "required", "admin_key": None})
     app = create_app(closed.model_copy(update={"quota_active_jobs": 100}), farm)
@@ -47,12 +47,22 @@ def test_without_a_good_key_it_is_401(login: Login, header: str | None) -> None:
     assert answer.json()["field"] == "Authorization"
 
 
-def test_a_key_in_the_address_is_not_taken(login: Login, farm: FakeFarm) -> None:
+def test_a_key_in_the_address_is_not_taken(login: Login, farm: DrivenFarm) -> None:
     secret = farm.keys.create("k", ["read"])[1]
     assert login().get("/v1/jobs", params={"key": secret}).status_code == 401
 
 
-def test_a_revoked_key_opens_nothing(login: Login, farm: FakeFarm) -> None:
+def test_bytes_that_two_have_keep_the_name_that_each_gave(login: Login) -> None:
+    first, second = login("submit", "read"), login("submit", "read")
+    asset = first.post("/v1/assets", files={"file": ("secret-film.mp4", CLIP)}).json()["id"]
+    second.post("/v1/assets", files={"file": ("my-cat.mp4", CLIP)})
+    for query in ("", "?download=true"):
+        said = second.get(f"/v1/assets/{asset}/content{query}").headers["content-disposition"]
+        assert "my-cat.mp4" in said
+        assert "secret" not in said
+
+
+def test_a_revoked_key_opens_nothing(login: Login, farm: DrivenFarm) -> None:
     client = login("read")
     assert client.get("/v1/jobs").status_code == 200
     farm.keys.revoke(farm.keys.list()[0].id)
@@ -87,7 +97,7 @@ def test_pages_health_and_description_need_no_key(login: Login) -> None:
         assert login().get(path).status_code == 200, path
 
 
-def test_others_things_do_not_exist(login: Login, farm: FakeFarm) -> None:
+def test_others_things_do_not_exist(login: Login, farm: DrivenFarm) -> None:
     mine, other, admin = login("read", "submit"), login("read", "submit"), login("admin")
     job = submit(mine).json()
     asset, task = job["request"]["inputs"]["video"], farm.add_task(job["id"]).id
@@ -141,7 +151,7 @@ def test_a_keys_rate(login: Login) -> None:
     assert other.get("/v1/jobs").status_code == 200
 
 
-def test_guessing_keys_is_slowed(settings: Settings, farm: FakeFarm) -> None:
+def test_guessing_keys_is_slowed(settings: Settings, farm: DrivenFarm) -> None:
     app = create_app(settings.model_copy(update={"auth": "required", "requests_per_minute": 30}), farm)
     client = TestClient(app, "https://impasto.example")
     guesses = [client.get("/v1/jobs", headers={"Authorization": f"Bearer {n}"}).status_code for n in range(7)]
@@ -163,7 +173,7 @@ def test_quotas(login: Login) -> None:
     assert room.post("/v1/uploads", headers=tus).status_code == 429
 
 
-def test_an_admin_makes_and_revokes_keys(settings: Settings, farm: FakeFarm) -> None:
+def test_an_admin_makes_and_revokes_keys(settings: Settings, farm: DrivenFarm) -> None:
     closed = settings.model_validate(settings.model_dump() | {"auth": "required", "admin_key": ADMIN})
     client = TestClient(
         create_app(closed, farm), "https://impasto.example", headers={"Authorization": f"Bearer {ADMIN}"}
@@ -203,7 +213,7 @@ def test_our_own_page_is_not(client: TestClient) -> None:
     assert answer.status_code == 404
 
 
-def test_bound_elsewhere_a_key_is_needed(settings: Settings, farm: FakeFarm) -> None:
+def test_bound_elsewhere_a_key_is_needed(settings: Settings, farm: DrivenFarm) -> None:
     app = create_app(settings.model_copy(update={"host": "0.0.0.0"}), farm)
     assert TestClient(app, "http://127.0.0.1").get("/v1/jobs").status_code == 401
 

@@ -12,7 +12,7 @@ from fastapi.testclient import TestClient
 
 from service.settings import Settings
 from tests.service.conftest import CLIP
-from tests.service.fake_farm import FakeFarm
+from tests.service.driven_farm import DrivenFarm
 
 
 def test_an_upload_is_addressed_by_its_content(client: TestClient, settings: Settings) -> None:
@@ -42,7 +42,7 @@ def test_listing(client: TestClient, asset: str) -> None:
     assert ([row["id"] for row in page["items"]], page["cursor"]) == ([asset], None)
 
 
-def test_an_asset_in_use_cannot_go(client: TestClient, farm: FakeFarm, asset: str, body: dict[str, Any]) -> None:
+def test_an_asset_in_use_cannot_go(client: TestClient, farm: DrivenFarm, asset: str, body: dict[str, Any]) -> None:
     job = client.post("/v1/jobs", json=body).json()["id"]
     assert client.delete(f"/v1/assets/{asset}").json()["code"] == "conflict"
     farm.finish(job)
@@ -60,7 +60,7 @@ def test_a_frame_is_a_picture(client: TestClient, asset: str) -> None:
 
 
 def test_frames_are_decoded_a_few_at_once(
-    client: TestClient, farm: FakeFarm, asset: str, monkeypatch: pytest.MonkeyPatch
+    client: TestClient, farm: DrivenFarm, asset: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("service.assets.routes.FRAME_WAIT_S", 0.05)
     slots = client.app.state.service.frames  # type: ignore[attr-defined]

@@ -21,11 +21,11 @@ from service.app import create_app
 from service.errors import TABLE, Problem
 from service.settings import Settings
 from tests.service.conftest import open_client
-from workers.studio import open_farm
+from workers.farm import open_farm
 
 
 @dataclass
-class Bench:
+class Server:
     """A client of a real farm that accepts and runs nothing, and an asset it has."""
 
     client: TestClient
@@ -44,13 +44,13 @@ class Bench:
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory, tiny_clip: Path) -> Iterator[Bench]:
+def server(tmp_path_factory: pytest.TempPathFactory, tiny_clip: Path) -> Iterator[Server]:
     home = tmp_path_factory.mktemp("home")
     settings = Settings(home=home, pool="none", max_json_bytes=4096, max_asset_bytes=1 << 20, quota_active_jobs=3)
     farm = open_farm(settings)
     farm.start()
     for client in open_client(settings, farm):
-        found = Bench(client, "", tiny_clip.read_bytes())
+        found = Server(client, "", tiny_clip.read_bytes())
         found.asset = found.upload(found.clip).json()["id"]
         yield found
     farm.stop()
@@ -97,9 +97,37 @@ def unknown_codec(clip: bytes) -> bytes:
     return clip.replace(b"avc1", b"zzzz").replace(b"avcC", b"zzzC")
 
 
+def nested(levels: int) -> str:
+    return '{"method": "abstraction", "inputs": {}, "params": {"lines": ' + "[" * levels + "]" * levels + "}}"
+
+
+def frames_named(*names: str) -> bytes:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as file:
+        for name in names:
+            file.writestr(name, png(32, 32))
+    return out.getvalue()
+
+
+def half_lost(clip: Path) -> bytes:
+    """An H.264 stream without times, so that frames are counted by packets, whose second half does not decode."""
+    with av.open(str(clip)) as source, av.open(out := io.BytesIO(), "w", format="h264") as sink:
+        stream = sink.add_stream_from_template(source.streams.video[0])
+        for packet in source.demux(video=0):
+            if packet.dts is not None:
+                packet.stream = stream
+                sink.mux(packet)
+    data = out.getvalue()
+    units = data.split(b"\0\0\0\1")
+    broken = [
+        unit if index < len(units) // 2 else unit[:1] + b"\xff" * len(unit[1:]) for index, unit in enumerate(units)
+    ]
+    return b"\0\0\0\1".join(broken)
+
+
 # -- the table: name -> (what is sent, status, code, field)
 
-Case = tuple[Callable[[Bench], Any], int, str, str]
+Case = tuple[Callable[[Server], Any], int, str, str]
 
 UPLOADS: dict[str, Case] = {
     "no bytes": (lambda b: b.upload(b""), 422, "unreadable-media", "file"),
@@ -113,6 +141,12 @@ UPLOADS: dict[str, Case] = {
     "20000x20000 in the header": (lambda b: b.upload(png_header(20000, 20000), "p.png"), 413, "media-too-large", ""),
     "a zip that climbs out": (lambda b: b.upload(archive("../../evil.png", png(32, 32)), "z.zip"), 422, "", ""),
     "a zip of nothing useful": (lambda b: b.upload(archive("a.txt"), "z.zip"), 422, "", ""),
+    "a zip with a very long number": (
+        lambda b: b.upload(frames_named("0.png", "9" * 5000 + ".png"), "z.zip"),
+        422,
+        "unreadable-media",
+        "file",
+    ),
     "a zip bomb": (lambda b: b.upload(archive("0.png", bytes(300 << 20)), "z.zip"), 413, "media-too-large", "file"),
     "too many bytes": (lambda b: b.upload(bytes(2 << 20)), 413, "body-too-large", "body"),
     "a path for a name": (lambda b: b.upload(b.clip, "../../etc/passwd"), 422, "bad-parameter", "filename"),
@@ -161,6 +195,8 @@ REQUESTS: dict[str, Case] = {
     "a number beyond numbers": (lambda b: b.raw('{"params": {"x": 1e999}}'), 400, "bad-json", "body"),
     "half a character": (lambda b: b.raw('{"name": "\\ud800"}'), 400, "bad-json", "body"),
     "a NUL": (lambda b: b.raw('{"name": "\\u0000"}'), 400, "bad-json", "body"),
+    "deep parameters": (lambda b: b.raw(nested(480)), 400, "bad-json", "body"),
+    "deeper parameters": (lambda b: b.raw(nested(950)), 400, "bad-json", "body"),
     "endless nesting": (lambda b: b.raw("[" * 4000), 400, "bad-json", "body"),
     "too much JSON": (lambda b: b.raw('"' + "x" * 5000 + '"'), 413, "body-too-large", "body"),
     "JSON as a form": (lambda b: b.raw("{}", **{"Content-Type": "text/plain"}), 415, "unsupported-media-type", ""),
@@ -219,9 +255,9 @@ REQUESTS: dict[str, Case] = {
 
 
 @pytest.mark.parametrize("name", [*UPLOADS, *REQUESTS])
-def test_it_is_refused_with_code_field_and_remedy(bench: Bench, name: str) -> None:
+def test_it_is_refused_with_code_field_and_remedy(server: Server, name: str) -> None:
     send, status, code, field = (UPLOADS | REQUESTS)[name]
-    answer = send(bench)
+    answer = send(server)
     assert answer.status_code == status, answer.text
     assert answer.headers["content-type"] == "application/problem+json"
     problem = Problem.model_validate(answer.json())
@@ -233,15 +269,57 @@ def test_it_is_refused_with_code_field_and_remedy(bench: Bench, name: str) -> No
     assert problem.type == f"urn:impasto:problem:{problem.code}"
 
 
-def test_nothing_of_it_is_kept(bench: Bench) -> None:
-    assert [row["id"] for row in bench.client.get("/v1/assets").json()["items"]] == [bench.asset]
-    assert bench.client.get("/v1/jobs").json()["items"] == []
+def test_all_errors_of_a_request_come_at_once(server: Server) -> None:
+    answer = server.submit(params={"line": "off", "growing_limit": 1e9}, output={"artefacts": ["labls"]})
+    errors = {fault["field"]: fault["remedy"] for fault in answer.json()["errors"]}
+    assert set(errors) == {"params.line", "params.growing_limit", "output.artefacts"}
+    assert "Did you mean 'lines'?" in errors["params.line"]
+    shape = server.submit(seed=-1, priority=101, colour="red").json()["errors"]
+    assert {fault["field"] for fault in shape} == {"seed", "priority", "colour"}
 
 
-def test_the_same_key_with_another_body_and_one_job_too_many(bench: Bench) -> None:
+def test_a_url_as_input_is_refused_as_a_url(server: Server) -> None:
+    answer = server.submit(inputs={"video": "https://example.org/a.mp4"})
+    assert (answer.status_code, answer.json()["field"]) == (422, "inputs.video")
+    assert "URL" in answer.json()["detail"]
+
+
+def test_no_large_value_is_echoed(server: Server) -> None:
+    private = {"lines": {f"secret-{index}": index for index in range(30)}}
+    assert "secret" not in server.submit(params=private).text
+
+
+def test_superscript_digits_in_a_zip_are_letters(server: Server) -> None:
+    answer = server.upload(frames_named("a²1.png", "a²2.png"), "z.zip")
+    assert (answer.status_code, answer.json()["info"]["frames"]) == (201, 2)
+    server.client.delete(f"/v1/assets/{answer.json()['id']}")
+
+
+def test_a_frame_that_does_not_decode_is_422(server: Server, tiny_clip: Path) -> None:
+    sent = server.upload(half_lost(tiny_clip), "clip.h264")
+    assert sent.status_code == 201, sent.text
+    asset = sent.json()["id"]
+    last = sent.json()["info"]["frames"] - 1
+    assert server.client.get(f"/v1/assets/{asset}/frame?index=0").status_code == 200
+    request = {"method": "abstraction", "inputs": {"video": asset}, "frame": last, "max_side_px": 64}
+    for answer in (
+        server.client.get(f"/v1/assets/{asset}/frame?index={last}"),
+        server.client.post("/v1/previews", json=request),
+    ):
+        assert (answer.status_code, answer.json()["code"], answer.json()["field"]) == (422, "unreadable-media", "frame")
+        assert answer.json()["remedy"]
+    server.client.delete(f"/v1/assets/{asset}")
+
+
+def test_nothing_of_it_is_kept(server: Server) -> None:
+    assert [row["id"] for row in server.client.get("/v1/assets").json()["items"]] == [server.asset]
+    assert server.client.get("/v1/jobs").json()["items"] == []
+
+
+def test_the_same_key_with_another_body_and_one_job_too_many(server: Server) -> None:
     def submit(seed: int, key: str) -> Any:
-        body = {"method": "abstraction", "inputs": {"video": bench.asset}, "seed": seed}
-        return bench.client.post("/v1/jobs", json=body, headers={"Idempotency-Key": key})
+        body = {"method": "abstraction", "inputs": {"video": server.asset}, "seed": seed}
+        return server.client.post("/v1/jobs", json=body, headers={"Idempotency-Key": key})
 
     first, again, other = submit(1, "k"), submit(1, "k"), submit(2, "k")
     assert (first.status_code, again.status_code) == (201, 200)

@@ -7,13 +7,13 @@ from fastapi.testclient import TestClient
 
 from service.serving import disposition
 from tests.service.conftest import CLIP
-from tests.service.fake_farm import FakeFarm
+from tests.service.driven_farm import DrivenFarm
 
 BYTES = b"0123456789"
 
 
 @pytest.fixture
-def result(client: TestClient, farm: FakeFarm, job: str) -> str:
+def result(client: TestClient, farm: DrivenFarm, job: str) -> str:
     farm.finish(job, BYTES)
     return f"/v1/jobs/{job}/result"
 
@@ -27,7 +27,7 @@ def test_the_whole_file(client: TestClient, result: str) -> None:
     assert (answer.status_code, answer.content) == (200, BYTES)
     assert answer.headers["content-type"] == "video/mp4"
     assert answer.headers["accept-ranges"] == "bytes"
-    assert answer.headers["content-disposition"] == 'inline; filename="result.mp4"'
+    assert answer.headers["content-disposition"] == 'inline; filename="impasto-toy.mp4"'
     assert "sandbox" in answer.headers["content-security-policy"]
     assert client.get(result, params={"download": "true"}).headers["content-disposition"].startswith("attachment")
 
@@ -76,7 +76,7 @@ def test_head(client: TestClient, result: str) -> None:
     assert (answer.status_code, answer.content, answer.headers["content-length"]) == (200, b"", "10")
 
 
-def test_the_list_of_files_leads_to_them(client: TestClient, farm: FakeFarm, result: str) -> None:
+def test_the_list_of_files_leads_to_them(client: TestClient, farm: DrivenFarm, result: str) -> None:
     (row,) = client.get(result.replace("/result", "/files")).json()["items"]
     assert (row["name"], row["size_bytes"], row["media_type"]) == ("result", 10, "video/mp4")
     assert client.get(row["url"]).content == BYTES

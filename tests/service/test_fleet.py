@@ -11,8 +11,8 @@ from fastapi.testclient import TestClient
 
 from service.settings import Settings
 from tests.service.conftest import open_client
-from tests.service.fake_farm import FakeFarm
-from workers.fleet import Enrolment, LiveView, Slot
+from tests.service.driven_farm import DrivenFarm
+from workers.operations import LiveView, Slot, WorkerInfo
 from workers.store import Store
 
 ADMIN = {"Authorization": "Bearer top"}
@@ -21,34 +21,25 @@ ACTS = ("queue/pause", "queue/resume", "workers/dsp_1@h/drain", "nodes/h/drain",
 
 
 @pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
-    opened = Store(f"sqlite:///{tmp_path / 'fleet.db'}")
-    yield opened
-    opened.close()
+def store(farm: DrivenFarm) -> Store:
+    return farm._store
 
 
 @pytest.fixture
-def farm(only_toy: None, store: Store) -> FakeFarm:
-    made = FakeFarm()
-    made.fleet = store.fleet
-    return made
-
-
-@pytest.fixture
-def ops(farm: FakeFarm, home: Path) -> Iterator[TestClient]:
+def ops(farm: DrivenFarm, home: Path) -> Iterator[TestClient]:
     settings = Settings(home=home, auth="required", admin_key="top")
     yield from open_client(settings, farm, headers=ADMIN)
 
 
 @pytest.fixture
 def worker(store: Store) -> str:
-    store.work.renew("dsp_1@studio.local", 30)
-    who = Enrolment("studio.local", "worker", "local", "1.0")
-    store.fleet.enrol("dsp_1@studio.local", who, [Slot("s0", "studio.local")])
-    return "dsp_1@studio.local"
+    store.queue.renew("dsp_1@studio.files.local", 30)
+    who = WorkerInfo("studio.files.local", "worker", "local", "1.0")
+    store.workers.enrol("dsp_1@studio.files.local", who, [Slot("s0", "studio.files.local")])
+    return "dsp_1@studio.files.local"
 
 
-def test_only_admins_look_and_steer(ops: TestClient, farm: FakeFarm) -> None:
+def test_only_admins_look_and_steer(ops: TestClient, farm: DrivenFarm) -> None:
     _, secret = farm.keys.create("user", ["read", "submit"])
     for headers, status, code in (
         ({"Authorization": "Bearer none"}, 401, "unauthorized"),
@@ -75,10 +66,10 @@ def test_workers_and_machines_are_drained(ops: TestClient, worker: str) -> None:
     assert ops.post(f"/v1/ops/workers/{worker}/drain", json={"reason": "x"}).json()["name"] == worker
     assert ops.get("/v1/ops/workers").json()["items"][0]["state"] == "drained"
     assert ops.post(f"/v1/ops/workers/{worker}/resume").status_code == 204
-    assert ops.post("/v1/ops/nodes/studio.local/drain").status_code == 200
+    assert ops.post("/v1/ops/nodes/studio.files.local/drain").status_code == 200
     (node,) = ops.get("/v1/ops/nodes").json()["items"]
-    assert (node["name"], node["state"], node["drain"]["by"]) == ("studio.local", "drained", "admin")
-    assert ops.post("/v1/ops/nodes/studio.local/resume").status_code == 204
+    assert (node["name"], node["state"], node["drain"]["by"]) == ("studio.files.local", "drained", "admin")
+    assert ops.post("/v1/ops/nodes/studio.files.local/resume").status_code == 204
     assert ops.get("/v1/ops/workers").json()["items"][0]["state"] == "live"
 
 
@@ -109,13 +100,13 @@ def test_what_cannot_be_done_is_a_problem(
 
 
 def test_live_sessions_are_ended(ops: TestClient, store: Store) -> None:
-    view = LiveView("liv_1", "", "key_1", "toy", 64, 36, store.fleet.now(), True, {"fps": 24.0})
-    store.fleet.publish_live("p", [view])
+    view = LiveView("liv_1", "", "key_1", "toy", 64, 36, store.workers.now(), True, {"fps": 24.0})
+    store.workers.publish_live("p", [view])
     (session,) = ops.get("/v1/ops/live").json()["items"]
     assert (session["id"], session["figures"], session["ending"]) == ("liv_1", {"fps": 24.0}, False)
     assert ops.post("/v1/ops/live/liv_1/end").status_code == 202
     assert ops.get("/v1/ops/live").json()["items"][0]["ending"]
-    assert store.fleet.publish_live("p", [view]) == {"liv_1"}
+    assert store.workers.publish_live("p", [view]) == {"liv_1"}
 
 
 def test_the_page_is_there_and_safe(ops: TestClient) -> None:

@@ -18,7 +18,7 @@ from starlette.datastructures import Headers
 
 from pipeline.errors import BadInput, ImpastoError
 from pipeline.video.archive import open_archive, read_entry
-from pipeline.video.guard.wire import Broken, receive
+from pipeline.video.guard.wire import ConnectionBroken, receive
 from pipeline.video.headers import IMAGE_TYPES, image_header, sniff
 from pipeline.video.media import Limits
 from pipeline.video.stills import decode_rgb, encode_png
@@ -30,8 +30,8 @@ from service.uploads.headers import Checksum, filename, whole_number
 from service.uploads.names import check_filename
 from service.webhooks.targets import check_target, is_public
 from tests.conftest import tiny_frame
-from workers.arrays import read_arrays
 from workers.blobs.keys import check_key
+from workers.execution.arrays import read_arrays
 
 CHEAP = settings(
     max_examples=200, deadline=None, derandomize=True, database=None, suppress_health_check=list(HealthCheck)
@@ -40,7 +40,8 @@ SMALL = Limits(size_bytes=1 << 20, pixels=1 << 16, side_px=1024, frames=100)
 latin = some.text(some.characters(max_codepoint=255), max_size=60)
 """What a header can hold."""
 LOCAL = ("127.0.0.1", "10.1.2.3", "169.254.169.254", "0.0.0.0", "224.0.0.1")
-LOCAL_6 = ("::1", "fe80::1", "fd00::1", "::ffff:10.0.0.1", "64:ff9b::7f00:1", "2002:7f00:1::")
+LOCAL_6 = ("::1", "fe80::1", "fd00::1", "::ffff:10.0.0.1", "64:ff9b::7f00:1", "2002:7f00:1::",
+           "::127.0.0.1", "::ffff:0:127.0.0.1", "64:ff9b:1::7f00:1", "fec0::1")  # fmt: skip
 
 
 @CHEAP
@@ -230,6 +231,6 @@ def test_messages_of_a_child_that_was_taken_over(data: bytes) -> None:
         theirs.shutdown(socket.SHUT_WR)
         try:
             found, _ = receive(ours)
-        except Broken:
+        except ConnectionBroken:
             return
         assert isinstance(found, dict)

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
-from tests.service.fake_farm import FakeFarm
+from tests.service.driven_farm import DrivenFarm
 from workers.model import Fault, RunState, TaskState
 
 
@@ -53,7 +53,7 @@ def test_paging_visits_every_job_once_newest_first(client: TestClient, body: dic
     assert cursor is None
 
 
-def test_filters(client: TestClient, farm: FakeFarm, body: dict[str, Any]) -> None:
+def test_filters(client: TestClient, farm: DrivenFarm, body: dict[str, Any]) -> None:
     shot = client.post("/v1/jobs", json=body | {"labels": {"shot": "a:1"}}).json()["id"]
     farm.move(client.post("/v1/jobs", json=body).json()["id"], RunState.RUNNING)
 
@@ -74,36 +74,39 @@ def test_filters(client: TestClient, farm: FakeFarm, body: dict[str, Any]) -> No
         (RunState.FAILED, "retry", "queued"),
     ],
 )
-def test_steering(client: TestClient, farm: FakeFarm, job: str, state: RunState, verb: str, after: str) -> None:
+def test_steering(client: TestClient, farm: DrivenFarm, job: str, state: RunState, verb: str, after: str) -> None:
     farm.move(job, state)
     answer = client.post(f"/v1/jobs/{job}/{verb}")
     assert (answer.status_code, answer.json()["state"]) == (200, after)
 
 
 @pytest.mark.parametrize("verb", ["cancel", "resume", "retry"])
-def test_steering_what_is_over_is_409(client: TestClient, farm: FakeFarm, job: str, verb: str) -> None:
+def test_steering_what_is_over_is_409(client: TestClient, farm: DrivenFarm, job: str, verb: str) -> None:
     farm.finish(job)
     answer = client.post(f"/v1/jobs/{job}/{verb}")
     assert (answer.status_code, answer.json()["code"]) == (409, "conflict")
 
 
-def test_a_failed_job_says_why(client: TestClient, farm: FakeFarm, job: str) -> None:
+def test_a_failed_job_says_why(client: TestClient, farm: DrivenFarm, job: str) -> None:
     farm.move(job, RunState.FAILED, Fault("unreadable-media", "Frame 7 is broken.", "Encode it again."))
     error = client.get(f"/v1/jobs/{job}").json()["error"]
     assert (error["code"], error["remedy"]) == ("unreadable-media", "Encode it again.")
 
 
-def test_forgetting(client: TestClient, farm: FakeFarm, job: str) -> None:
+def test_forgetting(client: TestClient, farm: DrivenFarm, job: str) -> None:
     assert client.delete(f"/v1/jobs/{job}").status_code == 409
     farm.finish(job)
     assert client.delete(f"/v1/jobs/{job}").status_code == 204
     assert client.get(f"/v1/jobs/{job}").status_code == 404
 
 
-def test_tasks(client: TestClient, farm: FakeFarm, job: str) -> None:
+def test_tasks(client: TestClient, farm: DrivenFarm, job: str) -> None:
     task = farm.add_task(job, TaskState.FAILED)
     assert [row["id"] for row in client.get(f"/v1/jobs/{job}/tasks").json()["items"]] == [task.id]
     assert client.get(f"/v1/jobs/{job}/tasks", params={"state": "ready"}).json()["items"] == []
     assert client.get(f"/v1/tasks/{task.id}").json()["key"] == "run-0"
-    assert client.get(f"/v1/tasks/{task.id}/log").json() == {"task_id": task.id, "log": "log of run-0"}
+    assert client.get(f"/v1/tasks/{task.id}/log").json() == {
+        "task_id": task.id,
+        "log": "== attempt 1, failed, worker-0\nlog of run-0\n",
+    }
     assert client.post(f"/v1/tasks/{task.id}/requeue").json()["state"] == "ready"

@@ -24,7 +24,6 @@ from tests.service.live_client import LiveClient, jpeg, live
 from tests.service.toy_method import Toy
 from tests.workers.live_toys import Echo
 from workers.farm import Farm
-from workers.studio import Studio
 
 SIZE = (96, 64)
 PICTURE = np.full((64, 96, 3), (90, 120, 60), np.uint8)
@@ -42,14 +41,14 @@ def looped(test: Callable[..., Awaitable[None]]) -> Callable[..., None]:
 @pytest.fixture(autouse=True)
 def echo(monkeypatch: pytest.MonkeyPatch) -> None:
     found: dict[str, Method] = {"echo": Echo(), "toy": Toy()}  # type: ignore[dict-item]
-    for place in ("pipeline.methods", "workers.live.live", "service.live.connection"):
+    for place in ("pipeline.methods", "workers.live.sessions", "service.live.connection"):
         monkeypatch.setattr(f"{place}.methods", lambda: found)
 
 
 @contextmanager
 def served(home: Path, **more: Any) -> Iterator[tuple[str, Farm]]:
     settings = Settings(home=home, pool="none", **{"live_sessions": 2, "live_resume_s": 0.5, **more})
-    farm = Studio(settings, None)
+    farm = Farm(settings, None)
     farm.start()
     with running(settings, farm) as url:
         yield url, farm
@@ -115,11 +114,11 @@ def test_what_there_is(url: str) -> None:
 @pytest.mark.parametrize(("send", "receive"), [("h264", "vp8"), ("vp8", "h264"), ("raw", "webp"), ("webp", "raw")])
 def test_codecs(url: str, send: str, receive: str) -> None:
     from workers.live.codecs import decoder, encoder
-    from workers.live.model import Wire
+    from workers.live.model import WireFormat
 
     @looped
     async def run() -> None:
-        there, back = encoder(Wire("jpeg", send), SIZE), decoder(receive, 1920)
+        there, back = encoder(WireFormat("jpeg", send), SIZE), decoder(receive, 1920)
         async with live(url) as client:
             ready = await hello(client, send=["cat", send], receive=[receive, "jpeg"])
             assert (ready["send"]["codec"], ready["receive"]["codec"]) == (send, receive)

@@ -17,7 +17,7 @@ from tests.real.swift import Swift
 from tests.service.live import running
 from tests.service.test_real_farm import events
 from tests.workers.real_farm import real_settings
-from workers.studio import open_farm
+from workers.farm import open_farm
 
 Open = Callable[..., httpx.Client]
 SECRET = "a secret that all of them share, of some length"

@@ -18,7 +18,7 @@ from standardwebhooks import Webhook
 from service.settings import Settings
 from tests.service.live import running
 from tests.service.test_webhooks import Receiver, serve
-from workers.studio import open_farm
+from workers.farm import open_farm
 
 
 @pytest.fixture(scope="module")

@@ -15,10 +15,11 @@ from schemathesis.specs.openapi.checks import content_type_conformance, response
 
 from service.app import create_app
 from service.settings import Settings
+from workers.farm import open_farm
 from workers.model import JobRequest
-from workers.studio import open_farm
 
-schemathesis.serializer.alias("application/offset+octet-stream", "application/octet-stream")
+for kind in ("application/offset+octet-stream", "application/zip"):
+    schemathesis.serializer.alias(kind, "application/octet-stream")
 
 HEADERS = {"Host": "127.0.0.1"}
 CHECKS = [not_a_server_error, response_schema_conformance, content_type_conformance]
@@ -36,10 +37,11 @@ def schema(tmp_path_factory: pytest.TempPathFactory, tiny_clip: Path) -> Iterato
     options = Settings(home=home, pool="none", requests_per_minute=10**6, max_json_bytes=8192, heartbeat_s=0.05)
     farm = open_farm(options)
     farm.start()
-    asset = farm.add_asset(tiny_clip, "tiny.mp4")
-    job = farm.cancel(farm.submit(JobRequest("abstraction", {"video": asset.id})).id)
+    asset = farm.assets.add(tiny_clip, "tiny.mp4")
+    job = farm.jobs.cancel(farm.jobs.submit(JobRequest("abstraction", {"video": asset.id})).id)
     found = schemathesis.openapi.from_asgi("/openapi.json", create_app(options, farm), headers=HEADERS)
-    yield found, {"asset_id": asset.id, "job_id": job.id, "name": "abstraction"}
+    project = farm.projects.create({"schema": 1, "name": "Swan"}, "")
+    yield found, {"asset_id": asset.id, "job_id": job.id, "name": "abstraction", "project_id": project.id}
     farm.stop()
 
 

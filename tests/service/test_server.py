@@ -65,6 +65,6 @@ def test_a_taken_port_is_said(home: Path) -> None:
 def test_settings_come_from_the_environment(monkeypatch: pytest.MonkeyPatch, home: Path) -> None:
     monkeypatch.setenv("IMPASTO_HOME", str(home))
     monkeypatch.setenv("IMPASTO_WORKERS", "3")
-    monkeypatch.setenv("IMPASTO_ALLOWED_HOSTS", '["studio.local"]')
+    monkeypatch.setenv("IMPASTO_ALLOWED_HOSTS", '["studio.files.local"]')
     settings = Settings()
-    assert (settings.home, settings.workers, settings.allowed_hosts) == (home, 3, {"studio.local"})
+    assert (settings.home, settings.workers, settings.allowed_hosts) == (home, 3, {"studio.files.local"})

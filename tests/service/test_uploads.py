@@ -17,9 +17,9 @@ from tusclient.client import TusClient
 from tusclient.exceptions import TusCommunicationError, TusUploadFailed
 
 from service.settings import Settings
-from service.uploads.store import UploadStore
+from service.uploads.store import Upload, UploadStore
 from tests.service.conftest import CLIP, open_client
-from tests.service.fake_farm import FakeFarm
+from tests.service.driven_farm import DrivenFarm
 from tests.service.live import running
 
 TUS = {"Tus-Resumable": "1.0.0"}
@@ -107,7 +107,7 @@ def test_more_than_was_announced_is_413(client: TestClient) -> None:
     assert offset(client, where) == 0
 
 
-def test_more_than_may_be_is_413(settings: Settings, farm: FakeFarm) -> None:
+def test_more_than_may_be_is_413(settings: Settings, farm: DrivenFarm) -> None:
     for client in open_client(settings.model_copy(update={"max_asset_bytes": 10}), farm):
         answer = client.post("/v1/uploads", headers=TUS | {"Upload-Length": "11"})
         assert (answer.status_code, answer.json()["field"]) == (413, "Upload-Length")
@@ -167,6 +167,108 @@ def test_the_process_may_die_between_the_last_byte_and_the_asset(client: TestCli
     assert client.head(where, headers=TUS).headers["impasto-asset"].startswith("ast_")
 
 
+def limited(settings: Settings, **more: Any) -> Settings:
+    return settings.model_copy(update=more)
+
+
+def leave_free(monkeypatch: pytest.MonkeyPatch, free_bytes: int) -> None:
+    """Let the disk of uploads have so many free bytes."""
+    usage = type("Usage", (), {"free": free_bytes})
+    monkeypatch.setattr("service.assets.adopt.shutil.disk_usage", lambda _path: usage)
+
+
+def create(client: TestClient, length: int) -> Any:
+    return client.post("/v1/uploads", headers=TUS | {"Upload-Length": str(length)})
+
+
+def test_open_uploads_count_against_the_quota(settings: Settings, farm: DrivenFarm) -> None:
+    for client in open_client(limited(settings, quota_asset_bytes=100), farm):
+        assert create(client, 60).status_code == 201
+        second = create(client, 60)
+        assert (second.status_code, second.json()["code"]) == (429, "quota-exceeded")
+        assert create(client, 40).status_code == 201
+        sent = client.post("/v1/assets", files={"file": ("clip.mp4", CLIP)})
+        assert (sent.status_code, sent.json()["code"]) == (429, "quota-exceeded")
+
+
+def test_the_quota_is_checked_again_when_the_upload_is_whole(settings: Settings, farm: DrivenFarm) -> None:
+    for client in open_client(settings, farm):
+        where = begin(client)
+    for client in open_client(limited(settings, quota_asset_bytes=len(CLIP) - 1), farm):
+        last = patch(client, where, 0, CLIP)
+        assert (last.status_code, last.json()["code"]) == (429, "quota-exceeded")
+    for client in open_client(settings, farm):  # nothing was lost: with a larger quota the upload ends
+        assert "impasto-asset" in client.head(where, headers=TUS).headers
+
+
+def test_open_uploads_have_their_disk_space_reserved(
+    settings: Settings, farm: DrivenFarm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    leave_free(monkeypatch, settings.reserve_bytes + 1000)
+    for client in open_client(settings, farm):
+        assert create(client, 600).status_code == 201
+        second = create(client, 600)
+        assert (second.status_code, second.json()["code"]) == (507, "storage-full")
+        assert create(client, 400).status_code == 201
+
+
+def test_a_piece_never_goes_through_the_disk_reserve(
+    settings: Settings, farm: DrivenFarm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for client in open_client(settings, farm):
+        where = begin(client)
+        leave_free(monkeypatch, settings.reserve_bytes + 5)
+        assert patch(client, where, 0, CLIP).status_code == 507
+        monkeypatch.undo()
+        assert offset(client, where) == 0
+
+
+def test_an_owner_has_a_bounded_number_of_open_uploads(settings: Settings, farm: DrivenFarm) -> None:
+    for client in open_client(limited(settings, quota_open_uploads=2), farm):
+        where = [create(client, 1).headers["location"] for _ in range(2)]
+        assert create(client, 1).status_code == 429
+        client.delete(where[0], headers=TUS)
+        assert create(client, 1).status_code == 201
+
+
+def test_expired_uploads_reserve_nothing(settings: Settings, farm: DrivenFarm) -> None:
+    for client in open_client(limited(settings, quota_asset_bytes=100), farm):
+        where = create(client, 100).headers["location"].rpartition("/")[2]
+        old = time.time() - settings.upload_ttl_s - 10
+        for path in settings.uploads_dir.glob(f"{where}.*"):
+            os.utime(path, (old, old))
+        assert create(client, 100).status_code == 201
+
+
+def test_head_while_the_last_piece_is_probed(client: TestClient, settings: Settings) -> None:
+    where = begin(client)
+    store = UploadStore(settings.uploads_dir, settings.upload_ttl_s)
+    upload = store.find(where.rpartition("/")[2])
+    store.path(upload).write_bytes(CLIP)
+    with store.claim(upload):
+        head = client.head(where, headers=TUS)
+    assert (head.status_code, head.headers["upload-offset"]) == (200, str(len(CLIP)))
+    assert "impasto-asset" not in head.headers
+    assert "impasto-asset" in client.head(where, headers=TUS).headers
+
+
+def test_head_between_reading_the_record_and_the_size(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    where = begin(client)
+    ask = UploadStore.offset
+    waiting = [True]
+
+    def closed_just_before(store: UploadStore, upload: Upload) -> int:
+        if waiting:
+            waiting.clear()
+            patch(client, where, 0, CLIP)
+        return ask(store, upload)
+
+    monkeypatch.setattr(UploadStore, "offset", closed_just_before)
+    head = client.head(where, headers=TUS)
+    assert head.status_code == 200
+    assert head.headers["impasto-asset"].startswith("ast_")
+
+
 # -- a real client over a real socket
 
 
@@ -177,7 +279,7 @@ def clip(tmp_path: Path) -> Path:
     return path
 
 
-def test_tuspy_uploads_in_checked_pieces(settings: Settings, farm: FakeFarm, clip: Path) -> None:
+def test_tuspy_uploads_in_checked_pieces(settings: Settings, farm: DrivenFarm, clip: Path) -> None:
     with running(settings, farm) as url:
         uploader = TusClient(f"{url}/v1/uploads").uploader(
             str(clip), chunk_size=70_000, metadata={"filename": "clip.mp4"}, upload_checksum=True
@@ -185,10 +287,10 @@ def test_tuspy_uploads_in_checked_pieces(settings: Settings, farm: FakeFarm, cli
         uploader.upload()
         asset_id = uploader.request.response_headers["impasto-asset"]
     assert asset_id == "ast_" + hashlib.sha256(clip.read_bytes()).hexdigest()
-    assert farm.asset(asset_id).filename == "clip.mp4"
+    assert farm.assets.get(asset_id).filename == "clip.mp4"
 
 
-def test_tuspy_goes_on_after_a_restart_of_the_service(settings: Settings, farm: FakeFarm, clip: Path) -> None:
+def test_tuspy_goes_on_after_a_restart_of_the_service(settings: Settings, farm: DrivenFarm, clip: Path) -> None:
     with running(settings, farm) as url:
         uploader = TusClient(f"{url}/v1/uploads").uploader(str(clip), chunk_size=70_000)
         uploader.upload(stop_at=140_000)
@@ -199,10 +301,10 @@ def test_tuspy_goes_on_after_a_restart_of_the_service(settings: Settings, farm: 
         again = TusClient(f"{url}/v1/uploads").uploader(str(clip), url=url + path, chunk_size=70_000)
         assert again.offset == 140_000
         again.upload()
-        assert again.request.response_headers["impasto-asset"] in {key for key, _ in farm.all_assets}
+        assert farm.assets.get(again.request.response_headers["impasto-asset"])
 
 
-def test_a_broken_connection_loses_nothing_that_arrived(settings: Settings, farm: FakeFarm, clip: Path) -> None:
+def test_a_broken_connection_loses_nothing_that_arrived(settings: Settings, farm: DrivenFarm, clip: Path) -> None:
     data = clip.read_bytes()
     with running(settings, farm) as url:
         uploader = TusClient(f"{url}/v1/uploads").uploader(str(clip))
@@ -228,7 +330,7 @@ def _send_and_hang_up(url: str, data: bytes, sent: int) -> None:
     line.close()
 
 
-def test_tuspy_is_told_that_its_file_is_no_video(settings: Settings, farm: FakeFarm, tmp_path: Path) -> None:
+def test_tuspy_is_told_that_its_file_is_no_video(settings: Settings, farm: DrivenFarm, tmp_path: Path) -> None:
     fake = tmp_path / "clip.mp4"
     fake.write_bytes(b"#!/bin/sh\n")
     with running(settings, farm) as url, pytest.raises(TusUploadFailed) as failure:

@@ -21,9 +21,8 @@ from service.webhooks.connect import GuardedBackend
 from service.webhooks.secrets import WebhookSecrets
 from service.webhooks.targets import check_target, is_public
 from tests.service.conftest import open_client
-from tests.service.fake_farm import FakeFarm
-from workers.farm import Delivery
-from workers.ids import new_id
+from tests.service.driven_farm import DrivenFarm
+from workers.model import Delivery
 
 
 class Receiver:
@@ -63,7 +62,8 @@ class Receiver:
 
 
 @pytest.fixture
-def hooked(settings: Settings, farm: FakeFarm) -> Iterator[TestClient]:
+def hooked(settings: Settings, farm: DrivenFarm, monkeypatch: pytest.MonkeyPatch) -> Iterator[TestClient]:
+    monkeypatch.setattr("workers.store.webhooks.WAITS_S", (0.05,) * 7)
     more = {"webhook_private": True, "webhook_poll_s": 0.02, "webhook_timeout_s": 2}
     yield from open_client(settings.model_copy(update=more), farm)
 
@@ -73,21 +73,18 @@ def serve(receiver: Receiver) -> Receiver:
     return receiver
 
 
-def post(farm: FakeFarm, url: str) -> Delivery:
-    body = {"type": "job.succeeded", "timestamp": "2026-01-01T00:00:00Z", "data": {"name": "Mälö"}}
-    delivery = Delivery(new_id("msg_"), "job_x", "", url, body, time.time(), 0, next_at=0.0)
-    farm.webhooks.outbox[delivery.id] = delivery
-    return delivery
+def post(farm: DrivenFarm, url: str) -> Delivery:
+    return farm.send(url)
 
 
-def settled(farm: FakeFarm, count: int) -> list[tuple[str, int | None, str]]:
+def settled(farm: DrivenFarm, count: int) -> list[tuple[str, int | None, str]]:
     deadline = time.monotonic() + 5
-    while len(farm.webhooks.outcomes) < count and time.monotonic() < deadline:
+    while len(farm.outcomes) < count and time.monotonic() < deadline:
         time.sleep(0.02)
-    return farm.webhooks.outcomes
+    return farm.outcomes
 
 
-def test_a_message_verifies_and_a_changed_one_does_not(hooked: TestClient, farm: FakeFarm) -> None:
+def test_a_message_verifies_and_a_changed_one_does_not(hooked: TestClient, farm: DrivenFarm) -> None:
     receiver = serve(Receiver())
     sent = post(farm, receiver.url)
     receiver.wait(1)
@@ -100,7 +97,7 @@ def test_a_message_verifies_and_a_changed_one_does_not(hooked: TestClient, farm:
     assert settled(farm, 1) == [(sent.id, 204, "")]
 
 
-def test_a_failure_is_tried_again_with_the_same_id(hooked: TestClient, farm: FakeFarm) -> None:
+def test_a_failure_is_tried_again_with_the_same_id(hooked: TestClient, farm: DrivenFarm) -> None:
     receiver = serve(Receiver(500, 503))
     sent = post(farm, receiver.url)
     receiver.wait(3)
@@ -108,13 +105,13 @@ def test_a_failure_is_tried_again_with_the_same_id(hooked: TestClient, farm: Fak
     assert [status for _, status, _ in settled(farm, 3)] == [500, 503, 204]
 
 
-def test_a_redirect_is_not_followed(hooked: TestClient, farm: FakeFarm) -> None:
+def test_a_redirect_is_not_followed(hooked: TestClient, farm: DrivenFarm) -> None:
     receiver = serve(Receiver(302))
     post(farm, receiver.url)
     assert settled(farm, 1)[0][1:] == (302, "HTTP 302")
 
 
-def test_dead_and_hanging_receivers_hold_up_nobody(hooked: TestClient, farm: FakeFarm) -> None:
+def test_dead_and_hanging_receivers_hold_up_nobody(hooked: TestClient, farm: DrivenFarm) -> None:
     hanging, well = serve(Receiver(*[0] * 50)), serve(Receiver())
     for _ in range(5):
         post(farm, hanging.url)
@@ -125,13 +122,13 @@ def test_dead_and_hanging_receivers_hold_up_nobody(hooked: TestClient, farm: Fak
     well.wait(1)
     assert time.monotonic() - began < 2, "ten of them would take twenty seconds"
     deadline = time.monotonic() + 20
-    while not any(error == "no answer within 2 s" for _, _, error in farm.webhooks.outcomes):
+    while not any(error == "no answer within 2 s" for _, _, error in farm.outcomes):
         assert time.monotonic() < deadline
         time.sleep(0.02)
     assert hooked.get("/healthz").status_code == 200
 
 
-def test_a_job_shows_its_messages(hooked: TestClient, farm: FakeFarm) -> None:
+def test_a_job_shows_its_messages(hooked: TestClient, farm: DrivenFarm) -> None:
     asset = hooked.post("/v1/assets", files={"file": ("a.mp4", b"CLIP")}).json()["id"]
     job = hooked.post("/v1/jobs", json={"method": "toy", "inputs": {"video": asset}}).json()["id"]
     assert hooked.get(f"/v1/jobs/{job}/webhooks").json() == {"items": [], "cursor": None}
@@ -200,7 +197,7 @@ def test_a_name_that_points_inside_later_is_refused_at_the_connection() -> None:
     assert receiver.got == []
 
 
-def test_the_default_sends_nothing_inside(settings: Settings, farm: FakeFarm) -> None:
+def test_the_default_sends_nothing_inside(settings: Settings, farm: DrivenFarm) -> None:
     receiver = serve(Receiver())
     for _client in open_client(settings.model_copy(update={"webhook_poll_s": 0.02}), farm):
         post(farm, receiver.url)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
-from pipeline.frames import Frame
-from pipeline.methods.base import Example, InputSpec, Params, Session, Step
+from pipeline.methods.base import Example, InputSpec, Method, Params, Step
 
 
 class ToyParams(Params):
@@ -17,18 +15,13 @@ class ToyParams(Params):
     lines: bool = True
 
 
-class Toy:
+class Toy(Method):
     name: ClassVar[str] = "toy"
     title: ClassVar[str] = "Toy <method>"
     summary: ClassVar[str] = "Does nothing."
     paper: ClassVar[str] = "nobody"
     Params: ClassVar[type[Params]] = ToyParams
     inputs: ClassVar[tuple[InputSpec, ...]] = (InputSpec("video", "video", True, "Video", "What is painted."),)
-    steps: ClassVar[tuple[Step, ...]] = (Step("paint", "Paint", lambda brief: (), lambda task, bench: {}),)
+    steps: ClassVar[tuple[Step[Any], ...]] = (Step("paint", "Paint", lambda context: (), lambda task, context: {}),)
     artefacts: ClassVar[tuple[str, ...]] = ("svg",)
     examples: ClassVar[tuple[Example, ...]] = (Example("hard", "Hard", {"mode": "hard"}),)
-
-    def stream(
-        self, params: Any, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]
-    ) -> Session | None:
-        return None

@@ -12,10 +12,10 @@ import pytest
 from pipeline.video.probe import probe
 from tests.workers.toy import Toy, ToyRunner
 from workers.blobs.disk import DiskBlobs
-from workers.local_pool import LocalPool
+from workers.farm import Farm
 from workers.model import Job, JobRequest
+from workers.pools.local_pool import LocalPool
 from workers.settings import FarmSettings
-from workers.studio import Studio
 
 
 @pytest.fixture(autouse=True)
@@ -27,7 +27,7 @@ def only_toy(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(autouse=True)
 def quick_probe(monkeypatch: pytest.MonkeyPatch) -> None:
     """In this process: a child that imports every decoder takes longer than these tests."""
-    monkeypatch.setattr("workers.studio.probe_guarded", probe)
+    monkeypatch.setattr("workers.farm.probe_guarded", probe)
 
 
 @pytest.fixture
@@ -36,14 +36,14 @@ def settings(tmp_path: Path) -> FarmSettings:
 
 
 @pytest.fixture
-def open_studio(settings: FarmSettings) -> Iterator[Callable[..., Studio]]:
+def open_studio(settings: FarmSettings) -> Iterator[Callable[..., Farm]]:
     """Opens and starts farms; stops them at the end."""
-    opened: list[Studio] = []
+    opened: list[Farm] = []
 
-    def open_one(start: bool = True, **changes: Any) -> Studio:
+    def open_one(start: bool = True, **changes: Any) -> Farm:
         chosen = settings.model_copy(update=changes)
         blobs = DiskBlobs(chosen.blobs_at)
-        studio = Studio(chosen, LocalPool(lambda: ToyRunner(blobs), chosen.workers))
+        studio = Farm(chosen, LocalPool(lambda: ToyRunner(blobs), chosen.workers))
         opened.append(studio)
         if start:
             studio.start()
@@ -55,7 +55,7 @@ def open_studio(settings: FarmSettings) -> Iterator[Callable[..., Studio]]:
 
 
 @pytest.fixture
-def farm(open_studio: Callable[..., Studio]) -> Studio:
+def farm(open_studio: Callable[..., Farm]) -> Farm:
     return open_studio()
 
 
@@ -66,15 +66,15 @@ def data(tmp_path: Path) -> Path:
     return path
 
 
-def request_on(farm: Studio, data: Path, **changes: Any) -> JobRequest:
+def request_on(farm: Farm, data: Path, **changes: Any) -> JobRequest:
     """A request of the toy method on `data`."""
-    asset = farm.add_asset(data, "data.json")
+    asset = farm.assets.add(data, "data.json")
     return JobRequest(**{"method": "toy", "inputs": {"data": asset.id}, "seed": 7, **changes})
 
 
-def finished(farm: Studio, job_id: str, timeout_s: float = 20.0) -> Job:
+def finished(farm: Farm, job_id: str, timeout_s: float = 20.0) -> Job:
     """The job once it is final."""
-    return until(lambda: (job := farm.job(job_id)).state.final and job, timeout_s)
+    return until(lambda: (job := farm.jobs.get(job_id)).state.final and job, timeout_s)
 
 
 def until(ask: Callable[[], Any], timeout_s: float = 10.0) -> Any:
@@ -86,5 +86,5 @@ def until(ask: Callable[[], Any], timeout_s: float = 10.0) -> Any:
     return answer
 
 
-def result(farm: Studio, job_id: str) -> bytes:
-    return b"".join(farm.read(farm.file(job_id, "result")))
+def result(farm: Farm, job_id: str) -> bytes:
+    return b"".join(farm.files.read(farm.files.get(job_id, "result")))

@@ -8,12 +8,12 @@ from pathlib import Path
 import pipeline.methods
 from pipeline.video.probe import probe
 from tests.workers.toy import Toy, ToyRunner
-from workers import studio as studio_module
+from workers import farm as farm_module
 from workers.blobs.disk import DiskBlobs
-from workers.local_pool import LocalPool
+from workers.farm import Farm
 from workers.model import JobRequest
+from workers.pools.local_pool import LocalPool
 from workers.settings import FarmSettings
-from workers.studio import Studio
 
 PARAMS = {"tasks": 12, "sleep_s": 0.05, "chain": True}
 KEY = "the-job"
@@ -21,21 +21,21 @@ KEY = "the-job"
 
 def main(home: Path) -> None:
     pipeline.methods.methods = lambda: {"toy": Toy()}  # type: ignore[assignment]
-    studio_module.probe_guarded = probe
+    farm_module.probe_guarded = probe
     settings = FarmSettings(home=home, workers=2, reserve_bytes=0, lease_s=600)
     blobs = DiskBlobs(settings.blobs_at)
-    farm = Studio(settings, LocalPool(lambda: ToyRunner(blobs), 2))
+    farm = Farm(settings, LocalPool(lambda: ToyRunner(blobs), 2))
     data = home / "data.json"
     data.write_text("{}")
-    asset = farm.add_asset(data, "data.json")
-    job = farm.submit(JobRequest("toy", {"data": asset.id}, PARAMS, seed=3), idempotency_key=KEY)
+    asset = farm.assets.add(data, "data.json")
+    job = farm.jobs.submit(JobRequest("toy", {"data": asset.id}, PARAMS, seed=3), idempotency_key=KEY)
     farm.start()
     print(job.id, flush=True)
     seen = 0
-    while not farm.job(job.id).state.final:
-        farm.wait(job.id, seen, 1.0)
-        seen = max((event.seq for event in farm.events(job.id, seen)[0]), default=seen)
-        print(f"done {farm.job(job.id).counts['succeeded']}", flush=True)
+    while not farm.jobs.get(job.id).state.final:
+        farm.jobs.wait_for_event(job.id, seen, 1.0)
+        seen = max((event.seq for event in farm.jobs.events(job.id, seen)[0]), default=seen)
+        print(f"done {farm.jobs.get(job.id).counts['succeeded']}", flush=True)
     farm.stop()
 
 

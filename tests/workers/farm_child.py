@@ -16,14 +16,14 @@ from types import FrameType
 import pipeline.methods
 from pipeline.video.probe import probe
 from tests.workers.toy import Toy, ToyRunner
-from workers import studio as studio_module
+from workers import farm as farm_module
 from workers.blobs.base import Blobs
-from workers.blobs.opened import open_blobs
-from workers.local_pool import LocalPool
+from workers.blobs.open import open_blobs
+from workers.farm import Farm
 from workers.model import JobRequest
-from workers.pool import Pool
+from workers.pools.base import Pool
+from workers.pools.local_pool import LocalPool
 from workers.settings import FarmSettings
-from workers.studio import Studio
 
 STEP_S = 3600.0
 _told_time = time.time
@@ -32,11 +32,11 @@ _ahead_s = 0.0
 
 def main() -> None:
     pipeline.methods.methods = lambda: {"toy": Toy()}  # type: ignore[assignment]
-    studio_module.probe_guarded = probe
+    farm_module.probe_guarded = probe
     time.time = lambda: _told_time() + _ahead_s
     signal.signal(signal.SIGUSR1, _step)
     settings = FarmSettings.model_validate_json(sys.stdin.readline())
-    farm = Studio(settings, _pool(settings, open_blobs(settings)))
+    farm = Farm(settings, _pool(settings, open_blobs(settings)))
     farm.start()
     print("up", flush=True)
     if settings.pool == "none":
@@ -54,16 +54,16 @@ def _pool(settings: FarmSettings, blobs: Blobs) -> Pool | None:
         return None
     if settings.pool == "local":
         return LocalPool(lambda: ToyRunner(blobs), settings.workers)
-    from workers.ray_pool import RayPool
+    from workers.pools.ray_pool import RayPool
 
     return RayPool(blobs, settings, ToyRunner)
 
 
-def _accept(farm: Studio) -> None:
+def _accept(farm: Farm) -> None:
     for line in sys.stdin:
         asked = json.loads(line)
         request = JobRequest("toy", {"data": asked["asset"]}, asked["params"], seed=7)
-        print(farm.submit(request, idempotency_key=asked["key"]).id, flush=True)
+        print(farm.jobs.submit(request, idempotency_key=asked["key"]).id, flush=True)
 
 
 if __name__ == "__main__":

@@ -19,8 +19,8 @@ from pydantic import Field
 from pipeline.errors import BadFrame, BadInput
 from pipeline.frames import Frame
 from pipeline.methods.base import Example, InputSpec, Params, Step
-from workers.live.model import LiveOrder, Painted, Work
-from workers.live.seats import NoSeat, SeatLost
+from workers.live.model import FrameRequest, LiveOrder, RenderedFrame
+from workers.live.worker import LiveWorkerLost, NoLiveWorker
 
 
 class EchoParams(Params):
@@ -42,9 +42,9 @@ class EchoSession:
         self.params, self.size, self.green, self.seen = params, size, green, seen
 
     def step(self, frame: Frame) -> Frame:
-        return self.paint(self.look(frame))
+        return self.paint(self.analyze(frame))
 
-    def look(self, frame: Frame) -> Any:
+    def analyze(self, frame: Frame) -> Any:
         assert (frame.shape[1], frame.shape[0]) == self.size
         time.sleep(self.params.look_s)
         self.seen += 1
@@ -54,8 +54,8 @@ class EchoSession:
             os.kill(os.getpid(), signal.SIGKILL)
         return frame, self.seen
 
-    def paint(self, seen: Any) -> Frame:
-        frame, number = seen
+    def paint(self, analysis: Any) -> Frame:
+        frame, number = analysis
         time.sleep(self.params.paint_s + self.params.per_pixel_s * frame.shape[0] * frame.shape[1])
         if self.params.fault == "paint":
             raise RuntimeError("the cat sat on the easel")
@@ -63,10 +63,10 @@ class EchoSession:
         made[0, 0] = (self.params.add, self.green, number % 256)
         return made
 
-    def hurry(self, helper: Executor) -> None:
-        """It has nothing to do aside."""
+    def use_helper(self, helper: Executor) -> None:
+        """It has nothing to do background."""
 
-    def follow(
+    def reconfigure(
         self, params: Any, size: tuple[int, int], references: Mapping[str, Iterator[Frame]] | None = None
     ) -> EchoSession:
         green = self.green if references is None else _green(references)
@@ -114,9 +114,9 @@ class ToySeat:
     changes: int = 0
 
     def __post_init__(self) -> None:
-        self._looked: asyncio.Queue[Work | Exception] = asyncio.Queue()
+        self._analyzed: asyncio.Queue[FrameRequest | Exception] = asyncio.Queue()
         self.death = asyncio.Event()
-        self.seen: list[Work] = []
+        self.seen: list[FrameRequest] = []
 
     def open(self, order: LiveOrder) -> Awaitable[None]:
         return asyncio.ensure_future(self._open(order))
@@ -125,26 +125,26 @@ class ToySeat:
         await self._live(0.0)
         self.opened = order
 
-    def look(self, work: Work) -> Awaitable[None]:
-        return asyncio.ensure_future(self._look(work))
+    def analyze(self, work: FrameRequest) -> Awaitable[None]:
+        return asyncio.ensure_future(self._analyze(work))
 
-    async def _look(self, work: Work) -> None:
+    async def _analyze(self, work: FrameRequest) -> None:
         self.seen.append(work)
         await self._live(self.seats.look_s)
-        self._looked.put_nowait(BadFrame("No frame.") if work.payloads[-1] == b"bad" else work)
+        self._analyzed.put_nowait(BadFrame("No frame.") if work.payloads[-1] == b"bad" else work)
 
-    def paint(self) -> Awaitable[Painted]:
+    def paint(self) -> Awaitable[RenderedFrame]:
         return asyncio.ensure_future(self._paint())
 
-    async def _paint(self) -> Painted:
+    async def _paint(self) -> RenderedFrame:
         death = asyncio.ensure_future(self.death.wait())
-        got = asyncio.ensure_future(self._looked.get())
+        got = asyncio.ensure_future(self._analyzed.get())
         await asyncio.wait({death, got}, return_when=asyncio.FIRST_COMPLETED)
         await self._live(self.seats.paint_s)
         work = got.result()
         if isinstance(work, Exception):
             raise work
-        return Painted(
+        return RenderedFrame(
             work.payloads[-1], work.work_size, work.key, {"look": self.seats.look_s, "paint": self.seats.paint_s}
         )
 
@@ -164,7 +164,7 @@ class ToySeat:
         with suppress(TimeoutError):
             await asyncio.wait_for(self.death.wait(), seconds) if seconds else await asyncio.sleep(0)
         if self.death.is_set():
-            raise SeatLost("The process has died.")
+            raise LiveWorkerLost("The process has died.")
 
     def die(self) -> None:
         self.death.set()
@@ -182,6 +182,6 @@ class ToySeats:
 
     async def take(self) -> ToySeat:
         if len(self.made) >= self.most:
-            raise NoSeat("None is left.")
+            raise NoLiveWorker("None is left.")
         self.made.append(ToySeat(self))
         return self.made[-1]

@@ -8,7 +8,7 @@ import zipfile
 import numpy as np
 import pytest
 
-from workers.arrays import read_arrays, write_arrays
+from workers.execution.arrays import read_arrays, write_arrays
 
 LABELS = np.repeat(np.arange(64, dtype=np.uint16), 100).reshape(64, 100)
 NOISE = np.random.Generator(np.random.Philox(3)).integers(0, 256, (64, 100, 3), dtype=np.uint8)

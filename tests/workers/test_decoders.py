@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from workers.arrays import read_arrays, write_arrays
 from workers.blobs.disk import DiskBlobs
-from workers.decoders import Decoders
-from workers.stages import Stages
+from workers.execution.arrays import read_arrays, write_arrays
+from workers.execution.decoders import Decoders
+from workers.execution.stage_timer import StageTimer
 
 
 @pytest.fixture
@@ -88,8 +88,8 @@ def test_arrays_come_back_and_pickles_do_not(tmp_path: Path) -> None:
 
 def test_the_method_does_not_pay_for_the_platform(monkeypatch: pytest.MonkeyPatch) -> None:
     now = iter([0.0, 1.0, 3.0, 10.0])
-    monkeypatch.setattr("workers.stages.time.perf_counter", lambda: next(now))
-    stages = Stages()
+    monkeypatch.setattr("workers.execution.stage_timer.time.perf_counter", lambda: next(now))
+    stages = StageTimer()
     with stages.method(), stages.waiting("decode"):
         pass
     assert stages.seconds() == {"decode": 2.0, "method": 8.0}

@@ -10,16 +10,17 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import StorageError, StorageFull
+from pipeline.methods.base import Task
 from tests.workers.conftest import finished, request_on, until
 from tests.workers.toy import ToyRunner
 from workers.blobs.disk import DiskBlobs
-from workers.fleet import Slot
-from workers.life import Life
-from workers.local_pool import Listen
+from workers.farm import Farm
 from workers.model import TaskOrder, TaskOutcome
-from workers.pool import Report
+from workers.operations import Slot
+from workers.pools.base import Report
+from workers.pools.local_pool import Listen
+from workers.scheduling.process_lock import ProcessLock
 from workers.settings import FarmSettings
-from workers.studio import Studio
 
 
 class ByHand:
@@ -80,22 +81,22 @@ def blobs(settings: FarmSettings) -> DiskBlobs:
 
 
 @pytest.fixture
-def by_hand(settings: FarmSettings, pool: ByHand) -> Callable[..., Studio]:
-    def open_one(**changes: object) -> Studio:
-        farm = Studio(settings.model_copy(update=changes), pool)
+def by_hand(settings: FarmSettings, pool: ByHand) -> Callable[..., Farm]:
+    def open_one(**changes: object) -> Farm:
+        farm = Farm(settings.model_copy(update=changes), pool)
         opened.append(farm)
         farm.start()
         return farm
 
-    opened: list[Studio] = []
+    opened: list[Farm] = []
     yield open_one  # type: ignore[misc]
     for farm in opened:
         farm.stop()
 
 
-def test_a_worker_that_dies_costs_an_attempt(by_hand: Callable[..., Studio], pool: ByHand, data: Path) -> None:
+def test_a_worker_that_dies_costs_an_attempt(by_hand: Callable[..., Farm], pool: ByHand, data: Path) -> None:
     farm = by_hand()
-    job = farm.submit(request_on(farm, data))
+    job = farm.jobs.submit(request_on(farm, data))
     for _ in range(3):
         pool.listen(Report(pool.next().attempt_id, lost=True, worker="w-1"))
     error = finished(farm, job.id).error
@@ -103,9 +104,9 @@ def test_a_worker_that_dies_costs_an_attempt(by_hand: Callable[..., Studio], poo
     assert error.code == "worker-lost"
 
 
-def test_a_silent_worker_is_given_up(by_hand: Callable[..., Studio], pool: ByHand, data: Path) -> None:
+def test_a_silent_worker_is_given_up(by_hand: Callable[..., Farm], pool: ByHand, data: Path) -> None:
     farm = by_hand(stall_s=0.5, attempts=1)
-    job = farm.submit(request_on(farm, data))
+    job = farm.jobs.submit(request_on(farm, data))
     order = pool.next()
     error = finished(farm, job.id).error
     assert error is not None
@@ -114,38 +115,38 @@ def test_a_silent_worker_is_given_up(by_hand: Callable[..., Studio], pool: ByHan
 
 
 def test_a_late_answer_of_a_given_up_attempt_changes_nothing(
-    by_hand: Callable[..., Studio], pool: ByHand, data: Path
+    by_hand: Callable[..., Farm], pool: ByHand, data: Path
 ) -> None:
     farm = by_hand()
-    job = farm.submit(request_on(farm, data))
+    job = farm.jobs.submit(request_on(farm, data))
     late = pool.next()
     pool.listen(Report(late.attempt_id, lost=True))
     newer = pool.next()
     pool.listen(Report(late.attempt_id, outcome=TaskOutcome(late.attempt_id, {"found": 99}, {}, {}, None, {}, "")))
     pool.listen(Report(newer.attempt_id, outcome=TaskOutcome(newer.attempt_id, {"found": 2}, {}, {}, None, {}, "")))
-    until(lambda: farm.job(job.id).steps[1].counts["running"] == 2)
+    until(lambda: farm.jobs.get(job.id).steps[1].counts["running"] == 2)
 
 
-def test_progress_is_shown_while_it_runs(by_hand: Callable[..., Studio], pool: ByHand, data: Path) -> None:
+def test_progress_is_shown_while_it_runs(by_hand: Callable[..., Farm], pool: ByHand, data: Path) -> None:
     farm = by_hand()
-    job = farm.submit(request_on(farm, data))
+    job = farm.jobs.submit(request_on(farm, data))
     order = pool.next()
     pool.listen(Report(order.attempt_id, 0.4, worker="w-1", preview="live-0.jpg"))
     pool.listen(Report(order.attempt_id, 0.5, worker="w-1"))
-    until(lambda: farm.tasks(job.id).items[0].progress == 0.5)
-    assert farm.tasks(job.id).items[0].attempts[0]["worker"] == "w-1"
-    progress = [event for event in farm.events(job.id)[0] if event.type == "job.progress"]
+    until(lambda: farm.tasks.page(job.id).items[0].progress == 0.5)
+    assert farm.tasks.page(job.id).items[0].attempts[0]["worker"] == "w-1"
+    progress = [event for event in farm.jobs.events(job.id)[0] if event.type == "job.progress"]
     assert 0 < progress[-1].data["progress"] < 0.5
-    assert farm.job(job.id).results == ("preview",)
+    assert farm.jobs.get(job.id).results == ("preview",)
 
 
 def test_an_outcome_waits_while_the_store_is_away(
-    by_hand: Callable[..., Studio], pool: ByHand, blobs: DiskBlobs, data: Path, monkeypatch: pytest.MonkeyPatch
+    by_hand: Callable[..., Farm], pool: ByHand, blobs: DiskBlobs, data: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     farm = by_hand()
-    job = farm.submit(request_on(farm, data, params={"tasks": 1}))
+    job = farm.jobs.submit(request_on(farm, data, params={"tasks": 1}))
     order = pool.next()
-    finish = farm._store.work.finish
+    finish = farm._store.queue.finish
     down = time.monotonic() + 0.8
 
     def away(*args: object, **more: object) -> bool:
@@ -153,49 +154,49 @@ def test_an_outcome_waits_while_the_store_is_away(
             raise StorageError("The database does not answer.")
         return finish(*args, **more)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(farm._store.work, "finish", away)
+    monkeypatch.setattr(farm._store.queue, "finish", away)
     pool.run(blobs, order)
     until(lambda: "does not answer" in farm.ready()["pool"])
     for _ in range(2):
         pool.run(blobs, pool.next())
     assert finished(farm, job.id).state == "succeeded"
-    assert len(farm.tasks(job.id).items[0].attempts) == 1, "nothing was lost, nothing ran twice"
+    assert len(farm.tasks.page(job.id).items[0].attempts) == 1, "nothing was lost, nothing ran twice"
     assert farm.ready()["pool"] == "ok"
 
 
 def test_nothing_begins_while_the_disk_is_full(
-    by_hand: Callable[..., Studio], pool: ByHand, data: Path, monkeypatch: pytest.MonkeyPatch
+    by_hand: Callable[..., Farm], pool: ByHand, data: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     farm = by_hand()
     request = request_on(farm, data)
-    job = farm.submit(request)
+    job = farm.jobs.submit(request)
     pool.next()
     monkeypatch.setattr("workers.blobs.disk.shutil.disk_usage", lambda path: type("Usage", (), {"free": -1}))
     with pytest.raises(StorageFull):
-        farm.submit(request)
+        farm.jobs.submit(request)
     with pytest.raises(StorageFull):
-        farm.add_asset(data, "data.json")
+        farm.assets.add(data, "data.json")
     until(lambda: "nearly full" in farm.ready()["pool"])
     assert "nearly full" in farm.ready()["blobs"]
-    assert not farm.job(job.id).state.final, "what runs may end"
+    assert not farm.jobs.get(job.id).state.final, "what runs may end"
 
 
 def test_a_deleted_job_leaves_no_blobs_of_late_attempts(
-    by_hand: Callable[..., Studio], pool: ByHand, blobs: DiskBlobs, data: Path
+    by_hand: Callable[..., Farm], pool: ByHand, blobs: DiskBlobs, data: Path
 ) -> None:
     farm = by_hand()
-    job = farm.submit(request_on(farm, data, params={"tasks": 1}))
+    job = farm.jobs.submit(request_on(farm, data, params={"tasks": 1}))
     pool.run(blobs, pool.next())
     drawing = pool.next()
-    farm.cancel(job.id)
+    farm.jobs.cancel(job.id)
     until(lambda: pool.cancelled == [drawing.attempt_id])
-    farm.delete(job.id)
+    farm.jobs.delete(job.id)
     pool.run(blobs, drawing)
     until(lambda: list(blobs.keys("jobs/")) == [])
 
 
 def test_a_running_dispatcher_is_alive_and_a_closed_one_is_forgotten(tmp_path: Path) -> None:
-    first, second = Life(tmp_path), Life(tmp_path)
+    first, second = ProcessLock(tmp_path), ProcessLock(tmp_path)
     assert first.dead() == []
     assert not first.alone()
     os.close(second._handle)  # what the kernel does when it is killed
@@ -208,7 +209,7 @@ def test_a_running_dispatcher_is_alive_and_a_closed_one_is_forgotten(tmp_path: P
 
 
 def test_scratch_files_of_a_crash_are_swept_when_nobody_else_is_alive(
-    by_hand: Callable[..., Studio], settings: FarmSettings
+    by_hand: Callable[..., Farm], settings: FarmSettings
 ) -> None:
     left = settings.scratch / "impasto-x" / "segment"
     left.parent.mkdir(parents=True)
@@ -218,3 +219,72 @@ def test_scratch_files_of_a_crash_are_swept_when_nobody_else_is_alive(
     left.parent.mkdir(parents=True)
     by_hand()
     assert left.parent.exists(), "it may be in use by the other farm"
+
+
+def test_a_plan_that_cannot_be_stored_delays_no_other_job(
+    by_hand: Callable[..., Farm], pool: ByHand, data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    farm = by_hand()
+    planned = farm._store.plans.planned
+
+    def fail(job_id: str, step: int, tasks: list[Task]) -> bool:
+        if farm.jobs.get(job_id).request.name == "bad":
+            raise TypeError("not JSON")
+        return planned(job_id, step, tasks)
+
+    monkeypatch.setattr(farm._store.plans, "planned", fail)
+    broken = [farm.jobs.submit(request_on(farm, data, name="bad")) for _ in range(5)]
+    sound = farm.jobs.submit(request_on(farm, data))
+    assert pool.next().job_id == sound.id
+    for job in broken:
+        error = finished(farm, job.id).error
+        assert error is not None
+        assert error.code == "internal-error"
+
+
+def test_a_job_whose_failed_plan_cannot_be_recorded_delays_no_other_job(
+    by_hand: Callable[..., Farm], pool: ByHand, data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    farm = by_hand()
+
+    def fail(*_: object) -> bool:
+        raise TypeError("not JSON")
+
+    def fail_bad(job_id: str, step: int, tasks: list[Task]) -> bool:
+        return fail() if farm.jobs.get(job_id).request.name == "bad" else planned(job_id, step, tasks)
+
+    planned = farm._store.plans.planned
+    monkeypatch.setattr(farm._store.plans, "planned", fail_bad)
+    monkeypatch.setattr(farm._store.plans, "plan_failed", fail)
+    for _ in range(5):
+        farm.jobs.submit(request_on(farm, data, name="bad", priority=9))
+    sound = farm.jobs.submit(request_on(farm, data))
+    until(lambda: any(order.job_id == sound.id for order in pool.orders))
+
+
+def test_an_outcome_that_cannot_be_stored_fails_its_attempt_only(
+    by_hand: Callable[..., Farm], pool: ByHand, data: Path, blobs: DiskBlobs
+) -> None:
+    farm = by_hand(attempts=1)
+    job = farm.jobs.submit(request_on(farm, data))
+    order = pool.next()
+    pool.listen(Report(order.attempt_id, outcome=TaskOutcome(order.attempt_id, {"x": object()}, {}, {}, None, {}, "")))
+    assert finished(farm, job.id).state == "failed"
+    farm.jobs.submit(request_on(farm, data))
+    assert pool.next().job_id != job.id
+
+
+def test_an_order_that_fails_holds_no_slot(
+    by_hand: Callable[..., Farm], pool: ByHand, data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    farm = by_hand(attempts=1)
+
+    def fail(order: TaskOrder) -> None:
+        raise RuntimeError("the pool is confused")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(pool, "submit", fail)
+        jobs = [farm.jobs.submit(request_on(farm, data)) for _ in range(3)]
+        assert all(finished(farm, job.id).state == "failed" for job in jobs)
+    farm.jobs.submit(request_on(farm, data))
+    assert pool.next()

@@ -15,8 +15,8 @@ from pipeline.errors import StorageFull
 from tests.contracts.test_stores import _asset, _job
 from tests.workers.conftest import finished, request_on, result, until
 from workers.blobs.disk import DiskBlobs
+from workers.farm import Farm
 from workers.store import Store
-from workers.studio import Studio
 
 SIZE = 6 << 20
 
@@ -71,19 +71,19 @@ def test_a_store_whose_disk_is_full_keeps_what_it_has(small_disk: Path) -> None:
 
 
 def test_work_waits_for_room_and_new_work_is_refused(
-    small_disk: Path, open_studio: Callable[..., Studio], data: Path, tmp_path: Path
+    small_disk: Path, open_studio: Callable[..., Farm], data: Path, tmp_path: Path
 ) -> None:
     """The reserve is the point: what runs has room to end in, so nothing fails."""
     changes: dict[str, Any] = {"home": tmp_path / "home", "blob_root": small_disk / "blobs"}
     farm = open_studio(**changes, reserve_bytes=2 << 20)
-    job = farm.submit(request_on(farm, data, params={"tasks": 12, "sleep_s": 0.05, "chain": True}))
-    until(lambda: farm.job(job.id).counts["succeeded"] >= 3)
+    job = farm.jobs.submit(request_on(farm, data, params={"tasks": 12, "sleep_s": 0.05, "chain": True}))
+    until(lambda: farm.jobs.get(job.id).counts["succeeded"] >= 3)
     filler = _fill(small_disk, leave=1 << 20)
     until(lambda: "nearly full" in farm.ready()["pool"])
     with pytest.raises(StorageFull) as refused:
-        farm.submit(request_on(farm, data))
+        farm.jobs.submit(request_on(farm, data))
     assert refused.value.remedy
-    assert not farm.job(job.id).state.final
+    assert not farm.jobs.get(job.id).state.final
     filler.unlink()
     assert finished(farm, job.id, 60).error is None
     assert len(result(farm, job.id)) == 8 + 11 * 12

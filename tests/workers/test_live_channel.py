@@ -13,10 +13,10 @@ import pytest
 
 from pipeline.errors import BadFrame
 from pipeline.video.guard.wire import HEADER, lengths, parsed
-from workers.live.channel import GREET_S, SECRET_BYTES, Channel, Post
-from workers.live.letters import of_painted, of_work, painted_of, work_of
-from workers.live.model import Painted, Work
-from workers.live.seats import SeatLost
+from workers.live.channel import GREET_S, SECRET_BYTES, LiveWorkerClient, LiveWorkerServer
+from workers.live.messages import of_painted, of_work, painted_of, work_of
+from workers.live.model import FrameRequest, RenderedFrame
+from workers.live.worker import LiveWorkerLost
 
 SECRET = bytes(range(SECRET_BYTES))
 SIZE = (4, 2)
@@ -28,10 +28,10 @@ class Mirror:
     def __init__(self) -> None:
         self._seen: SimpleQueue[bytes] = SimpleQueue()
 
-    def look(self, work: Work) -> None:
+    def analyze(self, work: FrameRequest) -> None:
         self._seen.put(work.payloads[-1])
 
-    def paint(self) -> Painted:
+    def paint(self) -> RenderedFrame:
         data = self._seen.get()
         if data == b"bad":
             raise BadFrame("Not a frame.", field="payload", remedy="Send a JPEG.")
@@ -39,19 +39,21 @@ class Mirror:
             raise ZeroDivisionError("a brush without hairs")
         if data == b"slow":
             time.sleep(0.3)
-        return Painted(data, SIZE, True)
+        return RenderedFrame(data, SIZE, True)
 
 
 @pytest.fixture
-def post() -> Iterator[Post]:
-    made = Post(Mirror(), "127.0.0.1", SECRET)
+def post() -> Iterator[LiveWorkerServer]:
+    made = LiveWorkerServer(Mirror(), "127.0.0.1", SECRET)
     yield made
     made.close()
 
 
-def run(act: Callable[[Channel], Coroutine[Any, Any, None]], post: Post, secret: bytes = SECRET) -> None:
+def run(
+    act: Callable[[LiveWorkerClient], Coroutine[Any, Any, None]], post: LiveWorkerServer, secret: bytes = SECRET
+) -> None:
     async def connected() -> None:
-        channel = await Channel.connect(post.address, secret)
+        channel = await LiveWorkerClient.connect(post.address, secret)
         try:
             await act(channel)
         finally:
@@ -60,25 +62,25 @@ def run(act: Callable[[Channel], Coroutine[Any, Any, None]], post: Post, secret:
     asyncio.run(asyncio.wait_for(connected(), 20))
 
 
-def work(data: bytes) -> Work:
-    return Work((data,), SIZE, SIZE)
+def work(data: bytes) -> FrameRequest:
+    return FrameRequest((data,), SIZE, SIZE)
 
 
-def test_answers_keep_the_order_of_frames_and_large_ones_arrive_whole(post: Post) -> None:
+def test_answers_keep_the_order_of_frames_and_large_ones_arrive_whole(post: LiveWorkerServer) -> None:
     payloads = [bytes([i]) * (1 if i % 2 else 3_000_000) for i in range(6)]
 
-    async def act(channel: Channel) -> None:
-        both = [(channel.look(work(data)), channel.paint()) for data in payloads]
-        assert [await looked for looked, _ in both] == [None] * 6
+    async def act(channel: LiveWorkerClient) -> None:
+        both = [(channel.analyze(work(data)), channel.paint()) for data in payloads]
+        assert [await analyzed for analyzed, _ in both] == [None] * 6
         assert [(await painted).data for _, painted in both] == payloads
 
     run(act, post)
 
 
-def test_a_frame_is_looked_at_while_the_one_before_is_painted(post: Post) -> None:
-    async def act(channel: Channel) -> None:
-        _, slow = channel.look(work(b"slow")), channel.paint()
-        await channel.look(work(b"next"))
+def test_a_frame_is_looked_at_while_the_one_before_is_painted(post: LiveWorkerServer) -> None:
+    async def act(channel: LiveWorkerClient) -> None:
+        _, slow = channel.analyze(work(b"slow")), channel.paint()
+        await channel.analyze(work(b"next"))
         assert not slow.done()
         assert (await slow).data == b"slow"
         assert (await channel.paint()).data == b"next"
@@ -86,51 +88,51 @@ def test_a_frame_is_looked_at_while_the_one_before_is_painted(post: Post) -> Non
     run(act, post)
 
 
-def test_errors_are_told_and_the_stream_goes_on(post: Post) -> None:
-    async def act(channel: Channel) -> None:
-        await channel.look(work(b"bad"))
+def test_errors_are_told_and_the_stream_goes_on(post: LiveWorkerServer) -> None:
+    async def act(channel: LiveWorkerClient) -> None:
+        await channel.analyze(work(b"bad"))
         with pytest.raises(BadFrame) as told:
             await channel.paint()
         assert (told.value.field, told.value.remedy) == ("payload", "Send a JPEG.")
-        await channel.look(work(b"odd"))
+        await channel.analyze(work(b"odd"))
         with pytest.raises(RuntimeError, match="ZeroDivisionError: a brush without hairs"):
             await channel.paint()
-        await channel.look(work(b"fine"))
+        await channel.analyze(work(b"fine"))
         assert (await channel.paint()).data == b"fine"
 
     run(act, post)
 
 
 def test_all_of_a_frame_and_of_a_painting_arrives() -> None:
-    frame = Work((b"first", b"", b"last"), (640, 480), (320, 240), key=True)
-    painted = Painted(b"made", (320, 240), False, {"look": 0.25})
+    frame = FrameRequest((b"first", b"", b"last"), (640, 480), (320, 240), key=True)
+    painted = RenderedFrame(b"made", (320, 240), False, {"look": 0.25})
     for sent, made in ((of_work(frame), frame), (of_painted(painted), painted)):
         text, data = sent[HEADER.size :][: lengths(sent[: HEADER.size])[0]], sent[-lengths(sent[: HEADER.size])[1] :]
         assert (work_of if made is frame else painted_of)(parsed(text), data) == made
 
 
-def test_one_connection_after_another(post: Post) -> None:
-    async def act(channel: Channel) -> None:
-        channel.look(work(b"x"))
+def test_one_connection_after_another(post: LiveWorkerServer) -> None:
+    async def act(channel: LiveWorkerClient) -> None:
+        channel.analyze(work(b"x"))
         assert (await channel.paint()).data == b"x"
 
     for _ in range(3):
         run(act, post)
 
 
-def test_a_stranger_gets_nothing(post: Post) -> None:
-    async def act(channel: Channel) -> None:
-        looked, painted = channel.look(work(b"x")), channel.paint()
-        for awaited in (looked, painted):
-            with pytest.raises(SeatLost):
+def test_a_stranger_gets_nothing(post: LiveWorkerServer) -> None:
+    async def act(channel: LiveWorkerClient) -> None:
+        analyzed, painted = channel.analyze(work(b"x")), channel.paint()
+        for awaited in (analyzed, painted):
+            with pytest.raises(LiveWorkerLost):
                 await awaited
 
     run(act, post, secret=bytes(SECRET_BYTES))
 
 
-def test_a_stranger_who_says_nothing_does_not_hold_the_door(post: Post) -> None:
-    async def act(channel: Channel) -> None:
-        channel.look(work(b"x"))
+def test_a_stranger_who_says_nothing_does_not_hold_the_door(post: LiveWorkerServer) -> None:
+    async def act(channel: LiveWorkerClient) -> None:
+        channel.analyze(work(b"x"))
         assert (await channel.paint()).data == b"x"
 
     with socket.create_connection(post.address):
@@ -146,12 +148,12 @@ def test_when_the_other_end_dies_all_that_waits_fails_and_all_that_comes() -> No
 
     async def act() -> None:
         server = await asyncio.start_server(die, "127.0.0.1", 0)
-        channel = await Channel.connect(server.sockets[0].getsockname()[:2], SECRET)
+        channel = await LiveWorkerClient.connect(server.sockets[0].getsockname()[:2], SECRET)
         for _ in range(2):
-            looked, painted = channel.look(work(b"x")), channel.paint()
-            with pytest.raises(SeatLost):
-                await looked
-            with pytest.raises(SeatLost):
+            analyzed, painted = channel.analyze(work(b"x")), channel.paint()
+            with pytest.raises(LiveWorkerLost):
+                await analyzed
+            with pytest.raises(LiveWorkerLost):
                 await painted
         channel.close()
         server.close()

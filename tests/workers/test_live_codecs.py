@@ -12,7 +12,7 @@ import pipeline.scenes
 from pipeline.errors import BadFrame
 from pipeline.frames import Frame
 from workers.live.codecs import BUILT_ON, CODECS, decoder, encoder, webcodecs_name
-from workers.live.model import Size, Wire
+from workers.live.model import Size, WireFormat
 
 SIZE = (160, 96)
 ODD = (161, 97)
@@ -25,8 +25,8 @@ def frames(size: Size = SIZE, count: int = 12) -> list[Frame]:
     return [scene.image(index) for index in range(count)]
 
 
-def wire(codec: str, quality: int = 85, fps: float = 30) -> Wire:
-    return Wire(codec, codec, quality, fps)
+def wire(codec: str, quality: int = 85, fps: float = 30) -> WireFormat:
+    return WireFormat(codec, codec, quality, fps)
 
 
 @pytest.mark.parametrize("size", [SIZE, ODD])

@@ -9,26 +9,26 @@ from hypothesis import strategies as st
 
 from workers.live import policy as module
 from workers.live.model import Packet
-from workers.live.policy import Policy, Start
+from workers.live.policy import FramePolicy, Start
 
 
 def packet(number: int, key: bool = True, size: int = 1) -> Packet:
     return Packet(number, 0, (64, 64), key, bytes(size), number / 30)
 
 
-def begin(policy: Policy) -> Start:
+def begin(policy: FramePolicy) -> Start:
     start = policy.start()
     assert start is not None
     return start
 
 
 def test_a_frame_goes_all_the_way() -> None:
-    policy = Policy()
+    policy = FramePolicy()
     assert policy.idle
     policy.arrive(packet(1))
     start = begin(policy)
     assert start.frame.sequence == 1
-    policy.looked(start)
+    policy.analyzed(start)
     policy.painted()
     assert not policy.idle
     policy.sent()
@@ -37,25 +37,25 @@ def test_a_frame_goes_all_the_way() -> None:
 
 
 def test_the_newest_waits_and_older_ones_are_dropped() -> None:
-    policy = Policy(alone=False)
+    policy = FramePolicy(alone=False)
     policy.arrive(packet(1))
     start = begin(policy)
     for number in (2, 3, 4):
         policy.arrive(packet(number))
     assert policy.dropped == 2
-    policy.looked(start)
+    policy.analyzed(start)
     assert [p.sequence for p in begin(policy).packets] == [4]
 
 
 def test_a_look_overlaps_one_painting_and_no_more() -> None:
-    policy = Policy(alone=False)
+    policy = FramePolicy(alone=False)
     policy.arrive(packet(1))
     first = begin(policy)
     policy.arrive(packet(2))
-    assert policy.start() is None, "one is being looked at"
-    policy.looked(first)
+    assert policy.start() is None, "one is being analyzed"
+    policy.analyzed(first)
     second = begin(policy)
-    policy.looked(second)
+    policy.analyzed(second)
     policy.arrive(packet(3))
     assert policy.start() is None, "two are in work"
     policy.painted()
@@ -65,11 +65,11 @@ def test_a_look_overlaps_one_painting_and_no_more() -> None:
 
 
 def test_alone_a_frame_begins_when_the_one_before_is_sent() -> None:
-    policy = Policy()
+    policy = FramePolicy()
     policy.arrive(packet(1))
     first = begin(policy)
     policy.arrive(packet(2))
-    policy.looked(first)
+    policy.analyzed(first)
     assert policy.start() is None, "it would take time from the first"
     policy.painted()
     policy.sent()
@@ -77,19 +77,19 @@ def test_alone_a_frame_begins_when_the_one_before_is_sent() -> None:
 
 
 def test_what_is_dropped_of_a_video_codec_is_decoded_all_the_same() -> None:
-    policy = Policy(alone=False, built_on=True)
+    policy = FramePolicy(alone=False, built_on=True)
     policy.arrive(packet(1))
     start = begin(policy)
     for number in (2, 3):
         policy.arrive(packet(number, key=False))
-    policy.looked(start)
+    policy.analyzed(start)
     assert [p.sequence for p in begin(policy).packets] == [2, 3]
     assert policy.dropped == 1
 
 
 def test_too_many_to_decode_are_dropped_up_to_a_key_frame() -> None:
     for size, count in ((1, module.MAX_BUILT_ON + 1), (module.MAX_BUILT_ON_BYTES // 4, 5)):
-        policy = Policy(built_on=True)
+        policy = FramePolicy(built_on=True)
         policy.arrive(packet(0))
         begin(policy)
         asked = [policy.arrive(packet(n, key=False, size=size)) for n in range(1, count + 3)]
@@ -102,27 +102,27 @@ def test_too_many_to_decode_are_dropped_up_to_a_key_frame() -> None:
 
 
 def test_a_stream_that_begins_without_a_key_frame_is_asked_for_one_once() -> None:
-    policy = Policy(built_on=True)
+    policy = FramePolicy(built_on=True)
     assert [policy.arrive(packet(n, key=False)) for n in range(3)] == [True, False, False]
     assert policy.start() is None
 
 
 def test_a_death_drops_what_was_in_work_and_keeps_what_waits() -> None:
-    policy = Policy(alone=False)
+    policy = FramePolicy(alone=False)
     policy.arrive(packet(1))
     first = begin(policy)
-    policy.looked(first)
+    policy.analyzed(first)
     policy.arrive(packet(2))
     second = begin(policy)
     policy.arrive(packet(3))
     assert not policy.lost()
     assert policy.dropped == 2
-    policy.looked(second)  # the word of the dead comes late
+    policy.analyzed(second)  # the word of the dead comes late
     assert begin(policy).frame.sequence == 3
 
 
 def test_a_death_of_a_video_codec_needs_a_key_frame() -> None:
-    policy = Policy(built_on=True)
+    policy = FramePolicy(built_on=True)
     policy.arrive(packet(1))
     policy.arrive(packet(2, key=False))
     assert not policy.lost(), "what waits begins with a key frame"
@@ -135,7 +135,7 @@ def test_a_death_of_a_video_codec_needs_a_key_frame() -> None:
 
 
 def test_nothing_begins_while_it_is_held() -> None:
-    policy = Policy(held=True)
+    policy = FramePolicy(held=True)
     policy.arrive(packet(1))
     assert policy.start() is None
     policy.held = False
@@ -143,7 +143,7 @@ def test_nothing_begins_while_it_is_held() -> None:
 
 
 def test_when_the_client_is_gone_nothing_is_left() -> None:
-    policy = Policy()
+    policy = FramePolicy()
     policy.arrive(packet(1))
     begin(policy)
     policy.painted()
@@ -153,23 +153,23 @@ def test_when_the_client_is_gone_nothing_is_left() -> None:
     assert policy.dropped == 2
 
 
-EVENTS = st.lists(st.sampled_from(["key", "delta", "looked", "painted", "sent", "lost"]), max_size=120)
+EVENTS = st.lists(st.sampled_from(["key", "delta", "analyzed", "painted", "sent", "lost"]), max_size=120)
 
 
 @given(EVENTS, st.booleans(), st.booleans())
 def test_whatever_happens(events: list[str], built_on: bool, alone: bool) -> None:
-    policy = Policy(built_on=built_on, alone=alone)
+    policy = FramePolicy(built_on=built_on, alone=alone)
     in_work: deque[Start] = deque()
-    looking: Start | None = None
+    analyzing: Start | None = None
     painted = number = decoded = 0
     for event in events:
         if event in ("key", "delta"):
             number += 1
             policy.arrive(packet(number, event == "key"))
-        elif event == "looked" and looking:
-            policy.looked(looking)
-            looking = None
-        elif event == "painted" and in_work and in_work[0] is not looking:
+        elif event == "analyzed" and analyzing:
+            policy.analyzed(analyzing)
+            analyzing = None
+        elif event == "painted" and in_work and in_work[0] is not analyzing:
             in_work.popleft()
             policy.painted()
             painted += 1
@@ -178,13 +178,13 @@ def test_whatever_happens(events: list[str], built_on: bool, alone: bool) -> Non
         elif event == "lost":
             policy.lost()
             in_work.clear()
-            looking, decoded = None, -1
+            analyzing, decoded = None, -1
         if start := policy.start():
-            assert looking is None
+            assert analyzing is None
             assert not policy.unsent
             check_decodable(start, built_on, decoded)
             decoded = start.frame.sequence
-            looking = start
+            analyzing = start
             in_work.append(start)
         assert len(in_work) <= (1 if alone else 2)
         assert policy.working == len(in_work)

@@ -18,19 +18,19 @@ from pipeline.errors import BadFrame, BadParameter
 from tests.workers.conftest import until
 from tests.workers.live_toys import Echo
 from workers.blobs.disk import DiskBlobs
-from workers.live.model import LiveOrder, Packet, Wire, Work
-from workers.live.painter import LivePainter
+from workers.live.model import FrameRequest, LiveOrder, Packet, WireFormat
+from workers.live.renderer import LiveRenderer
 from workers.live.stream import Answer, Replaced, Stream
 from workers.settings import FarmSettings
 
-pytestmark = pytest.mark.real("ray")
+pytestmark = [pytest.mark.real("ray"), pytest.mark.serial]
 
 SIZE = (128, 96)
-ORDER = LiveOrder("echo", {}, 0, {}, SIZE, Wire("raw", "raw"))
+ORDER = LiveOrder("echo", {}, 0, {}, SIZE, WireFormat("raw", "raw"))
 FRAME = np.full((96, 128, 3), 50, np.uint8).tobytes()
 
 
-class Quick(LivePainter):
+class Quick(LiveRenderer):
     """Has practised before it began, and says where it is."""
 
     def __init__(self, blobs: DiskBlobs, pids: Path) -> None:
@@ -54,12 +54,12 @@ def pids(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def seats(tmp_path_factory: pytest.TempPathFactory, pids: Path) -> Iterator[Any]:
     import ray
 
-    from workers.ray_cluster import connect
-    from workers.ray_seats import RaySeats
+    from workers.live.ray_workers import RayLiveWorkers
+    from workers.pools.ray_cluster import connect
 
     home = tmp_path_factory.mktemp("ray")
     connect(FarmSettings(home=home, pool="ray", workers=1))
-    made = RaySeats(DiskBlobs(home), 1, partial(Quick, DiskBlobs(home), pids))
+    made = RayLiveWorkers(DiskBlobs(home), 1, partial(Quick, DiskBlobs(home), pids))
     made.start()
     until(lambda: len(list(pids.glob("[0-9]*"))) == 1, 30)
     yield made
@@ -72,10 +72,10 @@ def test_a_seat_paints_and_our_errors_stay_ours(seats: Any) -> None:
         seat = await seats.take()
         await seat.open(ORDER)
         for number in range(1, 4):
-            looked, painted = seat.look(Work((FRAME,), SIZE, SIZE)), seat.paint()
-            await looked
+            analyzed, painted = seat.analyze(FrameRequest((FRAME,), SIZE, SIZE)), seat.paint()
+            await analyzed
             assert (await painted).data[2] == number
-        await seat.look(Work((b"short",), SIZE, SIZE))
+        await seat.analyze(FrameRequest((b"short",), SIZE, SIZE))
         with pytest.raises(BadFrame) as told:
             await seat.paint()
         assert told.value.field == "payload"
@@ -143,10 +143,10 @@ def test_frames_that_go_through_the_object_store_leave_nothing_there(seats: Any)
 
     async def run() -> None:
         seat = await seats.take()
-        await seat.open(LiveOrder("echo", {}, 0, {}, size, Wire("raw", "raw")))
+        await seat.open(LiveOrder("echo", {}, 0, {}, size, WireFormat("raw", "raw")))
         for _ in range(120):
-            looked, painted = seat.look(Work((payload,), size, size)), seat.paint()
-            await looked
+            analyzed, painted = seat.analyze(FrameRequest((payload,), size, size)), seat.paint()
+            await analyzed
             await painted
         await seat.leave()
 

@@ -9,13 +9,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from workers.live.resolution import PATIENCE_S, SCALES, Cost, Ladder, Pace, deadline_s, scaled
+from workers.live.resolution import PATIENCE_S, SCALES, FrameCost, FrameRateMeter, ResolutionLadder, deadline_s, scaled
 
 FPS = 30.0
 
 
 def drive(
-    ladder: Ladder, seconds: float, cost_s: Callable[[float, float], float], start_s: float = 0.0, fps: float = FPS
+    ladder: ResolutionLadder,
+    seconds: float,
+    cost_s: Callable[[float, float], float],
+    start_s: float = 0.0,
+    fps: float = FPS,
 ) -> list[tuple[float, float, float]]:
     """Frames at `fps` whose work costs `cost_s(scale, now)`, half of it for each half; they overlap as `Policy` says.
 
@@ -36,8 +40,8 @@ def drive(
     return seen
 
 
-def halves(whole_s: float) -> Cost:
-    return Cost(0.0, whole_s / 2, whole_s / 2)
+def halves(whole_s: float) -> FrameCost:
+    return FrameCost(0.0, whole_s / 2, whole_s / 2)
 
 
 def by_side(full_s: float) -> Callable[[float, float], float]:
@@ -45,12 +49,12 @@ def by_side(full_s: float) -> Callable[[float, float], float]:
 
 
 def test_a_machine_with_time_stays_at_full_size() -> None:
-    ladder = Ladder()
+    ladder = ResolutionLadder()
     assert {scale for _, scale, _ in drive(ladder, 20, by_side(0.025))} == {1.0}
 
 
 def test_at_60_fps_the_halves_may_overlap_for_two_periods() -> None:
-    ladder = Ladder()
+    ladder = ResolutionLadder()
     drive(ladder, 10, by_side(0.026), fps=60)
     assert ladder.scale == 1.0
     drive(ladder, 3, by_side(0.040), start_s=10, fps=60)
@@ -62,14 +66,14 @@ def test_the_deadline() -> None:
 
 
 def test_decoding_does_not_get_cheaper_at_a_smaller_size() -> None:
-    smaller = Cost(0.01, 0.02, 0.03).at(0.5)
+    smaller = FrameCost(0.01, 0.02, 0.03).at(0.5)
     assert smaller.decode_s == 0.01
     assert smaller.look_s < 0.01 and smaller.paint_s < 0.015
-    assert Cost.of({"decode": 1, "look": 2, "paint": 3, "encode": 4}) == Cost(1, 2, 7)
+    assert FrameCost.of({"decode": 1, "look": 2, "paint": 3, "encode": 4}) == FrameCost(1, 2, 7)
 
 
 def test_an_overloaded_machine_steps_down_within_a_second_and_stays_below_two_periods() -> None:
-    ladder = Ladder()
+    ladder = ResolutionLadder()
     seen = drive(ladder, 10, by_side(0.1))
     later = [latency for came, _, latency in seen if came > 1.0]
     assert max(later) <= 2 / FPS
@@ -77,26 +81,26 @@ def test_an_overloaded_machine_steps_down_within_a_second_and_stays_below_two_pe
 
 
 def test_without_adaptive_the_size_stays() -> None:
-    ladder = Ladder(adaptive=False)
+    ladder = ResolutionLadder(adaptive=False)
     drive(ladder, 5, by_side(0.2))
     assert ladder.scale == 1.0
 
 
 def test_slow_first_frames_are_no_reason() -> None:
-    ladder = Ladder()
+    ladder = ResolutionLadder()
     drive(ladder, 5, lambda scale, now: 0.12 if now < 0.2 else 0.02)
     assert ladder.scale == 1.0
 
 
 @pytest.mark.parametrize(("every", "stays"), [(400, True), (60, False)])
 def test_a_slow_frame_now_and_then_is_no_reason_yet_one_in_a_hundred_is(every: int, stays: bool) -> None:
-    ladder = Ladder()
+    ladder = ResolutionLadder()
     seen = drive(ladder, 30, lambda scale, now: 0.06 if round(now * FPS) % every == every - 1 else 0.02)
     assert ({scale for _, scale, _ in seen} == {1.0}) == stays
 
 
 def test_a_size_that_holds_for_a_few_seconds_only_has_failed() -> None:
-    ladder = Ladder()
+    ladder = ResolutionLadder()
     seen = drive(ladder, 600, lambda scale, now: 0.03 + 0.01 * (int(now) % 12 == 11) if scale == 1 else 0.018)
     rises = sum(scale > before for (_, scale, _), (_, before, _) in zip(seen[1:], seen, strict=False))
     late = sum(latency > 1 / FPS for _, _, latency in seen)
@@ -105,7 +109,7 @@ def test_a_size_that_holds_for_a_few_seconds_only_has_failed() -> None:
 
 
 def test_it_rises_again_when_the_load_is_gone() -> None:
-    ladder = Ladder()
+    ladder = ResolutionLadder()
     drive(ladder, 3, by_side(0.08))
     assert ladder.scale < 1
     drive(ladder, 4 * PATIENCE_S, by_side(0.02), start_s=3)
@@ -114,7 +118,7 @@ def test_it_rises_again_when_the_load_is_gone() -> None:
 
 def test_steps_up_that_fail_become_rare() -> None:
     """At full size it costs far more than the smaller size lets expect."""
-    ladder = Ladder()
+    ladder = ResolutionLadder()
     seen = drive(ladder, 240, lambda scale, now: 0.06 if scale == 1 else 0.015)
     tries = [came for (came, scale, _), (_, before, _) in zip(seen[1:], seen, strict=False) if scale > before]
     waits = [b - a for a, b in pairwise(tries)]
@@ -125,7 +129,7 @@ def test_steps_up_that_fail_become_rare() -> None:
 @pytest.mark.parametrize("adaptive", [True, False])
 @pytest.mark.parametrize(("whole_s", "hurried"), [(0.020, False), (0.050, True)])
 def test_whether_frames_must_overlap(whole_s: float, hurried: bool, adaptive: bool) -> None:
-    ladder = Ladder(adaptive)
+    ladder = ResolutionLadder(adaptive)
     assert not ladder.hurried(0.0, 1 / FPS), "nothing is known"
     for i in range(20):
         ladder.painted(i / FPS, 1 / FPS, 0.03, halves(whole_s), 0)
@@ -133,7 +137,7 @@ def test_whether_frames_must_overlap(whole_s: float, hurried: bool, adaptive: bo
 
 
 def test_says_why() -> None:
-    ladder = Ladder()
+    ladder = ResolutionLadder()
     ladder.painted(0.0, 1 / FPS, 0.1, halves(0.1), 0)
     said = [ladder.painted(1.0 + i / FPS, 1 / FPS, 0.1, halves(0.1), ladder.rung) for i in range(2)]
     assert said == [None, "slow"]
@@ -143,7 +147,7 @@ def test_says_why() -> None:
 
 
 def test_what_was_begun_at_another_size_does_not_count() -> None:
-    ladder = Ladder(rung=2)
+    ladder = ResolutionLadder(rung=2)
     for i in range(100):
         ladder.painted(i / FPS, 1 / FPS, 1.0, halves(1.0), 0)
     assert ladder.rung == 2
@@ -151,7 +155,7 @@ def test_what_was_begun_at_another_size_does_not_count() -> None:
 
 @given(st.floats(0.001, 0.5), st.floats(0.3, 2.0))
 def test_whatever_it_costs_the_delay_falls_or_there_is_no_smaller_size(full_s: float, power: float) -> None:
-    ladder = Ladder()
+    ladder = ResolutionLadder()
     seen = drive(ladder, 8, lambda scale, now: full_s * scale**power)
     tail = [latency for came, _, latency in seen if came > 6]
     assert ladder.rung == len(SCALES) - 1 or max(tail) <= 2 / FPS
@@ -167,7 +171,7 @@ def test_sizes_below_full_are_even(scale: float) -> None:
 
 def test_the_pace_is_the_clients_real_one_but_no_faster_than_announced() -> None:
     def period(fps: float, count: int = 90) -> float:
-        pace = Pace(30)
+        pace = FrameRateMeter(30)
         for i in range(count):
             pace.arrived(i / fps)
         return pace.period_s

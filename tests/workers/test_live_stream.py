@@ -13,9 +13,9 @@ import pytest
 
 from pipeline.errors import BadFrame, BadInput
 from tests.workers.live_toys import ToySeats
-from workers.live.model import LiveOrder, Packet, Wire
-from workers.live.seats import NoSeat
+from workers.live.model import LiveOrder, Packet, WireFormat
 from workers.live.stream import Answer, NeedsKey, Replaced, Resized, Stream
+from workers.live.worker import NoLiveWorker
 
 SIZE = (64, 64)
 
@@ -29,7 +29,7 @@ def looped(test: Callable[..., Awaitable[None]]) -> Callable[..., None]:
 
 
 def order(send: str = "jpeg", fps: float = 30) -> LiveOrder:
-    return LiveOrder("echo", {}, 0, {}, SIZE, Wire(send, "jpeg", fps=fps))
+    return LiveOrder("echo", {}, 0, {}, SIZE, WireFormat(send, "jpeg", fps=fps))
 
 
 def packet(number: int, key: bool = True, size: tuple[int, int] = SIZE, data: bytes = b"x") -> Packet:
@@ -166,9 +166,9 @@ async def test_no_seat_for_a_dead_one_ends_the_stream() -> None:
         stream.offer(packet(1))
         await asyncio.sleep(0.001)
         seats.made[0].die()
-        with pytest.raises(NoSeat):
+        with pytest.raises(NoLiveWorker):
             await take(stream)
-        with pytest.raises(NoSeat):
+        with pytest.raises(NoLiveWorker):
             await stream.change({}, {})
 
 
@@ -221,7 +221,7 @@ async def test_another_connection_goes_on() -> None:
         stream.detach()
         stream.offer(packet(5))
         await asyncio.sleep(0.02)
-        await stream.attach(Wire("jpeg", "webp"), SIZE, adaptive=True)
+        await stream.attach(WireFormat("jpeg", "webp"), SIZE, adaptive=True)
         stream.offer(packet(0))
         answer = await take(stream)
         assert answer.packet.sequence == 0

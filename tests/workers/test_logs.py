@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from workers.about import about, belong, here, working_for
+from workers.log_context import about, belong, here, working_for
 from workers.logs import OURS, attempt_facts, captured, set_up_logs
 from workers.settings import FarmSettings
 

@@ -22,17 +22,20 @@ from pipeline.methods.patches import Patches
 from pipeline.video.stills import encode_png
 from tests.conftest import tiny_frame
 from workers.blobs.disk import DiskBlobs
-from workers.model import Asset, JobRequest
-from workers.orders import asset_key
-from workers.preview import PreviewAsk, Previews
+from workers.execution.preview import PreviewAsk, Previews
+from workers.model import Asset, JobRequest, asset_key
 
 
-class Last:
+class Last(Method):
     """Shows how many frames it has seen as red, the reference's green as green."""
 
     name = "last"
     Params = Params
-    inputs = (InputSpec("video", "video", True, "", ""), InputSpec("style", "image", False, "", ""))
+    inputs = (
+        InputSpec("video", "video", True, "", ""),
+        InputSpec("style", "image", False, "", ""),
+        InputSpec("keyframes", "images", False, "", "", preview=False),
+    )
 
     def stream(
         self, params: Any, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]
@@ -100,7 +103,8 @@ def test_a_method_that_needs_the_whole_film_shows_the_frame_on_its_own(
 def test_paintings_shrink_with_the_frame(previews: Previews, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: dict[str, Any] = {}
     monkeypatch.setattr(
-        "workers.preview.glimpse", lambda chosen, params, seed, pictures: seen.update(pictures) or seen["video"]
+        "workers.execution.preview._alone_in_memory",
+        lambda chosen, params, seed, frame, pictures: seen.update(pictures, video=frame) or frame,
     )
     shown(previews, 3, side=48, seed=1, names=("video", "style"))
     assert {name: picture.shape for name, picture in seen.items()} == {"video": (32, 48, 3), "style": (16, 16, 3)}
@@ -115,7 +119,7 @@ def test_keyframes_are_not_for_one_frame(previews: Previews) -> None:
 def test_a_method_without_designs_refuses_one(previews: Previews) -> None:
     request = JobRequest("last", {"video": "ast_video"})
     with pytest.raises(BadParameter) as caught:
-        previews.png(request, {"video": asset("video")}, PreviewAsk(3, 640, design={"version": 1}))
+        previews.png(request, {"video": asset("video")}, PreviewAsk(3, 640, documents={"design": {"version": 1}}))
     assert caught.value.field == "design"
 
 
@@ -154,7 +158,13 @@ def sketched(
 ) -> Frame:
     assets = {name: asset(name) for name in names}
     request = JobRequest("multistyle", {name: a.id for name, a in assets.items()})
-    data = painter.png(request, assets, PreviewAsk(5, 640, design, regions))
+    data = painter.png(
+        request,
+        assets,
+        PreviewAsk(
+            5, 640, {} if design is None else {"design": design}, {} if regions is None else {"regions": regions}
+        ),
+    )
     return np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)[..., ::-1], np.uint8)
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from workers.progress import StepMeter, job_eta_s, job_progress
+from workers.store.progress import StepMeter, job_eta_s, job_progress
 
 TIMELINES = sorted((Path(__file__).parent / "timelines").glob("*.json"))
 Timeline = list[tuple[float, list[StepMeter]]]

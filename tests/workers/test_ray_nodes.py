@@ -14,9 +14,9 @@ import pytest
 from tests.workers.conftest import finished, request_on, result, until
 from tests.workers.toy import ToyRunner
 from workers.blobs.disk import DiskBlobs
-from workers.fleet import Place
+from workers.farm import Farm
+from workers.operations import DrainScope
 from workers.settings import FarmSettings
-from workers.studio import Studio
 
 pytestmark = [pytest.mark.real("ray"), pytest.mark.slow]
 
@@ -42,8 +42,8 @@ def cluster() -> Iterator[Any]:
 
 
 @pytest.fixture(scope="module")
-def farm(cluster: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Studio]:
-    from workers.ray_pool import RayPool
+def farm(cluster: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
+    from workers.pools.ray_pool import RayPool
 
     home = tmp_path_factory.mktemp("nodes")
     settings = FarmSettings(
@@ -51,117 +51,115 @@ def farm(cluster: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stu
         task_memory_bytes=64 << 20, room_s=8,
     )  # fmt: skip
     blobs = DiskBlobs(settings.blobs_at)
-    studio = Studio(settings, RayPool(blobs, settings, ToyRunner))
+    studio = Farm(settings, RayPool(blobs, settings, ToyRunner))
     studio.start()
     until(lambda: len(_slots(studio)) == 3, 60)
     yield studio
     studio.stop()
 
 
-def _slots(farm: Studio) -> list[Any]:
-    return [slot for worker in farm.fleet.workers().items for slot in worker.slots]
+def _slots(farm: Farm) -> list[Any]:
+    return [slot for worker in farm.workers.workers().items for slot in worker.slots]
 
 
-def _bars(farm: Studio, job: str) -> list[Any]:
-    return [bar for bar in farm.fleet.timeline(job).items if bar.step == "draw"]
+def _bars(farm: Farm, job: str) -> list[Any]:
+    return [bar for bar in farm.workers.timeline(job).items if bar.step == "draw"]
 
 
-def _nodes_of(farm: Studio, bars: list[Any], known: dict[str, str]) -> set[str]:
+def _nodes_of(farm: Farm, bars: list[Any], known: dict[str, str]) -> set[str]:
     known.update({slot.name: slot.node for slot in _slots(farm)})
     return {known[bar.slot] for bar in bars}
 
 
-def test_a_drained_node_is_left_and_its_actors_go_where_there_is_room(farm: Studio, data: Path) -> None:
+def test_a_drained_node_is_left_and_its_actors_go_where_there_is_room(farm: Farm, data: Path) -> None:
     known = {slot.name: slot.node for slot in _slots(farm)}
     assert set(known.values()) == {"east", "west"}
-    running = farm.submit(request_on(farm, data, params={"tasks": 6, "sleep_s": 1.0})).id
-    until(lambda: farm.job(running).counts["running"] == 3, 30)
-    farm.fleet.drain(Place.NODE, "east", reason="a new kernel")
+    running = farm.jobs.submit(request_on(farm, data, params={"tasks": 6, "sleep_s": 1.0})).id
+    until(lambda: farm.jobs.get(running).counts["running"] == 3, 30)
+    farm.workers.drain(DrainScope.NODE, "east", reason="a new kernel")
     until(lambda: {slot.node for slot in _slots(farm)} == {"west"}, 60)
-    assert [node.state for node in farm.fleet.nodes() if node.name == "east"] == ["drained"]
+    assert [node.state for node in farm.workers.nodes() if node.name == "east"] == ["drained"]
     assert finished(farm, running, 60).state == "succeeded"
     assert {bar.outcome for bar in _bars(farm, running)} == {"succeeded"}, "what ran there was finished"
-    job = finished(farm, farm.submit(request_on(farm, data, seed=8, params={"tasks": 4, "sleep_s": 0.3})).id, 60)
+    job = finished(farm, farm.jobs.submit(request_on(farm, data, seed=8, params={"tasks": 4, "sleep_s": 0.3})).id, 60)
     assert _nodes_of(farm, _bars(farm, job.id), known) == {"west"}
-    farm.fleet.resume(Place.NODE, "east")
+    farm.workers.resume(DrainScope.NODE, "east")
     until(lambda: len(_slots(farm)) == 3, 60)
     assert {slot.node for slot in _slots(farm)} == {"east", "west"}
 
 
-def test_a_task_runs_where_there_is_what_it_needs(farm: Studio, data: Path) -> None:
+def test_a_task_runs_where_there_is_what_it_needs(farm: Farm, data: Path) -> None:
     params = {"tasks": 2, "sleep_s": 0.5, "gpus": 0.5, "memory_mib": 64}
-    job = finished(farm, farm.submit(request_on(farm, data, seed=9, params=params)).id, 60)
+    job = finished(farm, farm.jobs.submit(request_on(farm, data, seed=9, params=params)).id, 60)
     assert job.state == "succeeded", job.error
     slots = [slot for slot in _slots(farm) if slot.gpus == 0.5]
     assert slots and {slot.node for slot in slots} == {"west"}
     assert {(slot.cpus, slot.memory_bytes) for slot in slots} == {(1.0, 512 << 20)}
 
 
-def test_no_machine_is_given_more_than_it_has(farm: Studio, data: Path) -> None:
+def test_no_machine_is_given_more_than_it_has(farm: Farm, data: Path) -> None:
     """Two machines of 2.2 GiB, three workers, tasks of 2 GiB: one on each machine, while the third waits."""
     params = {"tasks": 6, "sleep_s": 1.0, "memory_mib": 2048}
-    job = farm.submit(request_on(farm, data, seed=13, params=params)).id
+    job = farm.jobs.submit(request_on(farm, data, seed=13, params=params)).id
     most = 0
-    while not farm.job(job).state.final:
+    while not farm.jobs.get(job).state.final:
         large = [slot.node for slot in _slots(farm) if slot.memory_bytes == 2 << 30]
         most = max(most, len(large))
         assert len(large) == len(set(large)), "two large tasks on one machine"
-    assert farm.job(job).state == "succeeded", farm.job(job).error
+    assert farm.jobs.get(job).state == "succeeded", farm.jobs.get(job).error
     assert most == 2
 
 
-def test_what_no_machine_could_hold_says_so_and_fails_and_the_farm_goes_on(farm: Studio, data: Path) -> None:
-    job = farm.submit(request_on(farm, data, seed=14, params={"tasks": 2, "memory_mib": 64 << 10})).id
+def test_what_no_machine_could_hold_says_so_and_fails_and_the_farm_goes_on(farm: Farm, data: Path) -> None:
+    job = farm.jobs.submit(request_on(farm, data, seed=14, params={"tasks": 2, "memory_mib": 64 << 10})).id
 
     def waits() -> bool:
-        attempts = [attempt for task in farm.tasks(job).items for attempt in task.attempts]
+        attempts = [attempt for task in farm.tasks.page(job).items for attempt in task.attempts]
         return any("65536 MiB: no machine has that" in attempt["worker"] for attempt in attempts)
 
     until(waits, 30)
     ended = finished(farm, job, 60)
     assert ended.state == "failed" and ended.error is not None
     assert ended.error.code == "no-room" and "65536 MiB" in ended.error.message and "east" in ended.error.message
-    after = finished(farm, farm.submit(request_on(farm, data, seed=15)).id, 60)
+    after = finished(farm, farm.jobs.submit(request_on(farm, data, seed=15)).id, 60)
     assert after.state == "succeeded"
     until(lambda: len(_slots(farm)) == 3, 60)
 
 
-def test_a_node_joins_works_and_leaves_with_its_work_done(
-    farm: Studio, cluster: Any, data: Path, tmp_path: Path
-) -> None:
+def test_a_node_joins_works_and_leaves_with_its_work_done(farm: Farm, cluster: Any, data: Path, tmp_path: Path) -> None:
     """`impasto worker --ray-address` as an operator starts and stops it."""
     command = [sys.executable, "-m", "impasto", "worker", "--ray-address", cluster.address, "--name", "north"]
     database = f"sqlite:///{farm._settings.home.absolute() / 'impasto.db'}"
     more = ["--workers", "3", "--gpus", "0", "--database", database, "--home", str(tmp_path / "north")]
     for name in ("east", "west"):
-        farm.fleet.drain(Place.NODE, name)
+        farm.workers.drain(DrainScope.NODE, name)
     with subprocess.Popen([*command, *more], cwd=ROOT, stdout=subprocess.PIPE, text=True) as node:
         try:
             until(lambda: {slot.node for slot in _slots(farm)} == {"north"}, 90)
-            before = finished(farm, farm.submit(request_on(farm, data, seed=10)).id, 60)
-            running = farm.submit(request_on(farm, data, seed=11, params={"tasks": 3, "sleep_s": 2})).id
-            until(lambda: farm.job(running).counts["running"] == 3, 30)
+            before = finished(farm, farm.jobs.submit(request_on(farm, data, seed=10)).id, 60)
+            running = farm.jobs.submit(request_on(farm, data, seed=11, params={"tasks": 3, "sleep_s": 2})).id
+            until(lambda: farm.jobs.get(running).counts["running"] == 3, 30)
             node.terminate()
             assert node.wait(60) == 0
         finally:
             node.kill()
     for name in ("east", "west"):
-        farm.fleet.resume(Place.NODE, name)
+        farm.workers.resume(DrainScope.NODE, name)
     assert before.state == finished(farm, running, 90).state == "succeeded"
     assert {bar.outcome for bar in _bars(farm, running)} == {"succeeded"}
-    assert [node.name for node in farm.fleet.nodes() if node.drain] == []
+    assert [node.name for node in farm.workers.nodes() if node.drain] == []
 
 
-def test_a_node_that_dies_loses_its_tasks_to_others(farm: Studio, cluster: Any, data: Path) -> None:
+def test_a_node_that_dies_loses_its_tasks_to_others(farm: Farm, cluster: Any, data: Path) -> None:
     until(lambda: len(_slots(farm)) == 3, 60)
     params = {"tasks": 6, "sleep_s": 1.5}
-    job = farm.submit(request_on(farm, data, seed=12, params=params)).id
-    until(lambda: farm.job(job).counts["running"] == 3, 30)
-    until(lambda: all(work.node for worker in farm.fleet.workers().items for work in worker.at_work), 10)
-    busy = {work.node for worker in farm.fleet.workers().items for work in worker.at_work}
+    job = farm.jobs.submit(request_on(farm, data, seed=12, params=params)).id
+    until(lambda: farm.jobs.get(job).counts["running"] == 3, 30)
+    until(lambda: all(work.node for worker in farm.workers.workers().items for work in worker.at_work), 10)
+    busy = {work.node for worker in farm.workers.workers().items for work in worker.at_work}
     cluster.remove_node(cluster.named[min(busy)], allow_graceful=False)
     ended = finished(farm, job, 120)
     assert ended.state == "succeeded", ended.error
     assert {"failed", "succeeded"} == {bar.outcome for bar in _bars(farm, job)}
-    again = finished(farm, farm.submit(request_on(farm, data, seed=12, params=params)).id, 120)
+    again = finished(farm, farm.jobs.submit(request_on(farm, data, seed=12, params=params)).id, 120)
     assert result(farm, job) == result(farm, again.id)

@@ -12,11 +12,11 @@ import pytest
 from tests.workers.conftest import finished, request_on, result, until
 from tests.workers.toy import ToyRunner
 from workers.blobs.disk import DiskBlobs
+from workers.farm import Farm
+from workers.pools.artefact_cache import SharedArtefacts
 from workers.settings import FarmSettings
-from workers.shelf import Handed
-from workers.studio import Studio
 
-pytestmark = pytest.mark.real("ray")
+pytestmark = [pytest.mark.real("ray"), pytest.mark.serial]
 
 
 class Watched(DiskBlobs):
@@ -30,33 +30,33 @@ class Watched(DiskBlobs):
 
 
 @pytest.fixture(scope="module")
-def ray_farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Studio]:
+def ray_farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
     """One cluster for all tests here: it takes seconds to start."""
-    from workers.ray_pool import RayPool
+    from workers.pools.ray_pool import RayPool
 
     home = tmp_path_factory.mktemp("ray")
     settings = FarmSettings(home=home, pool="ray", workers=2, reserve_bytes=0, retry_delay_s=0.02)
     blobs = Watched(settings.blobs_at)
-    farm = Studio(settings, RayPool(blobs, settings, ToyRunner))
+    farm = Farm(settings, RayPool(blobs, settings, ToyRunner))
     farm.start()
     yield farm
     farm.stop()
 
 
 def test_ray_and_the_local_pool_give_the_same_bytes(
-    ray_farm: Studio, open_studio: Callable[..., Studio], data: Path
+    ray_farm: Farm, open_studio: Callable[..., Farm], data: Path
 ) -> None:
     local = open_studio()
     results = set()
     for farm in (ray_farm, local):
-        job = finished(farm, farm.submit(request_on(farm, data, params={"tasks": 6, "chain": True})).id, 60)
+        job = finished(farm, farm.jobs.submit(request_on(farm, data, params={"tasks": 6, "chain": True})).id, 60)
         assert job.state == "succeeded", job.error
         results.add(result(farm, job.id))
     assert len(results) == 1
 
 
 def test_a_chain_hands_its_state_on_without_the_blob_store(
-    ray_farm: Studio, data: Path, monkeypatch: pytest.MonkeyPatch
+    ray_farm: Farm, data: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Where the store is a folder of this machine that would only cost; as if it were far away."""
     fetched, pool = ray_farm._settings.home / "fetched", ray_farm._pool
@@ -64,8 +64,10 @@ def test_a_chain_hands_its_state_on_without_the_blob_store(
     for far, most_bytes in ((True, 1 << 20), (True, 0), (False, 1 << 20)):
         fetched.unlink(missing_ok=True)
         monkeypatch.setattr(ray_farm._dispatcher._orders, "_hands_on", far)
-        monkeypatch.setattr(pool, "_handed", Handed(most_bytes))
-        job = finished(ray_farm, ray_farm.submit(request_on(ray_farm, data, params={"tasks": 6, "chain": True})).id, 60)
+        monkeypatch.setattr(pool, "_handed", SharedArtefacts(most_bytes))
+        job = finished(
+            ray_farm, ray_farm.jobs.submit(request_on(ray_farm, data, params={"tasks": 6, "chain": True})).id, 60
+        )
         assert job.state == "succeeded", job.error
         results.append(result(ray_farm, job.id))
         assert fetched.exists() == (not far or not most_bytes)
@@ -73,23 +75,25 @@ def test_a_chain_hands_its_state_on_without_the_blob_store(
     assert len(set(results)) == 1
 
 
-def test_cancel_reaches_an_actor_within_a_second(ray_farm: Studio, data: Path) -> None:
-    job = ray_farm.submit(request_on(ray_farm, data, params={"tasks": 2, "sleep_s": 30}))
-    until(lambda: ray_farm.job(job.id).progress > 0 and ray_farm.job(job.id).steps[1].counts["running"] == 2, 30)
-    ray_farm.cancel(job.id)
+def test_cancel_reaches_an_actor_within_a_second(ray_farm: Farm, data: Path) -> None:
+    job = ray_farm.jobs.submit(request_on(ray_farm, data, params={"tasks": 2, "sleep_s": 30}))
+    until(
+        lambda: ray_farm.jobs.get(job.id).progress > 0 and ray_farm.jobs.get(job.id).steps[1].counts["running"] == 2, 30
+    )
+    ray_farm.jobs.cancel(job.id)
     until(lambda: ray_farm.snapshot()["pool"]["busy"] == {}, 1.5)
 
 
-def test_a_worker_that_dies_is_replaced_and_its_task_runs_again(ray_farm: Studio, data: Path, tmp_path: Path) -> None:
+def test_a_worker_that_dies_is_replaced_and_its_task_runs_again(ray_farm: Farm, data: Path, tmp_path: Path) -> None:
     params = {"tasks": 3, "trouble": "die", "mark": str(tmp_path / "mark")}
-    job = finished(ray_farm, ray_farm.submit(request_on(ray_farm, data, params=params)).id, 60)
+    job = finished(ray_farm, ray_farm.jobs.submit(request_on(ray_farm, data, params=params)).id, 60)
     assert job.state == "succeeded", job.error
-    task = next(task for task in ray_farm.tasks(job.id).items if task.key == "run-1")
+    task = next(task for task in ray_farm.tasks.page(job.id).items if task.key == "run-1")
     assert [attempt["outcome"] for attempt in task.attempts] == ["failed", "succeeded"]
     assert task.attempts[0]["error"]["code"] == "worker-lost"
     until(lambda: ray_farm.snapshot()["pool"]["workers"] == 2, 30)
 
 
-def test_the_handler_of_sigterm_stays_ours(ray_farm: Studio) -> None:
+def test_the_handler_of_sigterm_stays_ours(ray_farm: Farm) -> None:
     assert ray_farm.ready()["pool"] == "ok"
     assert signal.getsignal(signal.SIGTERM) in (signal.SIG_DFL, signal.default_int_handler), os.getpid()

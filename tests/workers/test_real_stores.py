@@ -22,12 +22,12 @@ from tests.real.swift import Swift
 from tests.workers.conftest import finished, request_on, result, until
 from tests.workers.real_farm import real_settings
 from tests.workers.toy import Toy, ToyRunner
-from workers.blobs.opened import open_blobs
+from workers.blobs.open import open_blobs
+from workers.farm import Farm
 from workers.faults import failed_outcome, is_final
-from workers.local_pool import LocalPool
+from workers.pools.local_pool import LocalPool
+from workers.scheduling.garbage_collector import GarbageCollector, Removed
 from workers.settings import FarmSettings
-from workers.studio import Studio
-from workers.tidy import Swept, Tidier
 
 
 @pytest.fixture
@@ -36,14 +36,14 @@ def real(postgres: Postgres, s3: Swift, tmp_path: Path) -> FarmSettings:
 
 
 @pytest.fixture
-def opened() -> Iterator[Callable[..., Studio]]:
+def opened() -> Iterator[Callable[..., Farm]]:
     """Opens farms, working ones unless told otherwise; stops them at the end."""
-    farms: list[Studio] = []
+    farms: list[Farm] = []
 
-    def open_one(settings: FarmSettings, works: bool = True) -> Studio:
+    def open_one(settings: FarmSettings, works: bool = True) -> Farm:
         blobs = open_blobs(settings)
         pool = LocalPool(lambda: ToyRunner(blobs), settings.workers) if works else None
-        farms.append(Studio(settings, pool))
+        farms.append(Farm(settings, pool))
         farms[-1].start()
         return farms[-1]
 
@@ -57,23 +57,23 @@ def expected(tmp_path_factory: pytest.TempPathFactory) -> list[bytes]:
     """What undisturbed jobs of these shapes make, on disk and SQLite."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("pipeline.methods.methods", lambda: {"toy": Toy()})
-        patch.setattr("workers.studio.probe_guarded", probe)
+        patch.setattr("workers.farm.probe_guarded", probe)
         return undisturbed(tmp_path_factory.mktemp("quiet"))
 
 
-def _submit(farm: Studio, folder: Path) -> list[str]:
+def _submit(farm: Farm, folder: Path) -> list[str]:
     return [submit(farm, folder, shape) for shape in SHAPES]
 
 
 def test_two_farms_share_the_work_and_the_bytes_are_those_of_one(
-    real: FarmSettings, opened: Callable[..., Studio], tmp_path: Path, expected: list[bytes]
+    real: FarmSettings, opened: Callable[..., Farm], tmp_path: Path, expected: list[bytes]
 ) -> None:
     asking = opened(real, works=False)
     jobs = _submit(asking, tmp_path)
     for name in ("one", "two"):
         opened(real.model_copy(update={"home": tmp_path / name}))
     assert [result(asking, finished(asking, job, 150).id) for job in jobs] == expected
-    found = [attempt for job in jobs for task in asking.tasks(job).items for attempt in task.attempts]
+    found = [attempt for job in jobs for task in asking.tasks.page(job).items for attempt in task.attempts]
     assert {attempt["outcome"] for attempt in found} == {"succeeded"}
     with asking._store._db.read() as connection:
         doers = set(connection.exec_driver_sql("SELECT DISTINCT dispatcher FROM attempts").scalars())
@@ -89,16 +89,16 @@ def test_faults_of_every_part_lose_nothing(
     assert (shown.lost, shown.running, shown.twice, shown.orphans) == (0, 0, 0, 0), shown
 
 
-def _tidier(farm: Studio) -> Tidier:
-    return farm._tidier
+def _collector(farm: Farm) -> GarbageCollector:
+    return farm._collector
 
 
 def test_readiness_answers_while_postgres_does_not(
-    real: FarmSettings, opened: Callable[..., Studio], postgres: Postgres, monkeypatch: pytest.MonkeyPatch
+    real: FarmSettings, opened: Callable[..., Farm], postgres: Postgres, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     farm = opened(real, works=False)
     until(lambda: farm.ready() == {"store": "ok", "blobs": "ok"})
-    monkeypatch.setattr("workers.checks.PATIENCE_S", 1.5)
+    monkeypatch.setattr("workers.farm_parts.health.PATIENCE_S", 1.5)
     (backend,) = {row[0] for row in postgres.say("SELECT pid FROM pg_stat_activity WHERE application_name='impasto'")}
     postgres.process.send_signal(signal.SIGSTOP)
     _signal(backend, signal.SIGSTOP)
@@ -117,23 +117,21 @@ def _signal(pid: object, which: signal.Signals) -> None:
     os.kill(int(str(pid)), which)
 
 
-def test_orphans_are_swept_and_all_else_is_spared(
-    real: FarmSettings, opened: Callable[..., Studio], data: Path
-) -> None:
+def test_orphans_are_swept_and_all_else_is_spared(real: FarmSettings, opened: Callable[..., Farm], data: Path) -> None:
     farm = opened(real)
-    done = finished(farm, farm.submit(request_on(farm, data)).id)
-    failed = finished(farm, farm.submit(request_on(farm, data, params={"trouble": "raise"})).id)
+    done = finished(farm, farm.jobs.submit(request_on(farm, data)).id)
+    failed = finished(farm, farm.jobs.submit(request_on(farm, data, params={"trouble": "raise"})).id)
     until(lambda: len(list(farm._blobs.keys(f"jobs/{done.id}/"))) == 1)
     before = list(farm._blobs.keys(""))
     for key in ("jobs/job_gone/att_1/segment", f"jobs/{done.id}/late", "assets/" + "0" * 64):
         farm._blobs.put(key, b"left")
     farm._blobs.put(f"jobs/{failed.id}/kept", b"may be retried")
-    assert _tidier(farm).sweep() == Swept(0, 2, 1)
+    assert _collector(farm).sweep() == Removed(0, 2, 1)
     assert list(farm._blobs.keys("")) == sorted([*before, f"jobs/{failed.id}/kept"])
-    assert _tidier(farm).sweep() == Swept()
+    assert _collector(farm).sweep() == Removed()
 
 
-def test_an_input_whose_bytes_are_gone_is_said(farm: Studio, data: Path) -> None:
+def test_an_input_whose_bytes_are_gone_is_said(farm: Farm, data: Path) -> None:
     request = request_on(farm, data)
     farm._blobs.delete(f"assets/{request.inputs['data'].removeprefix('ast_')}")
     fault = failed_outcome("att_1", _raised(lambda: farm._blobs.get("assets/gone"))).fault
@@ -151,7 +149,7 @@ def _raised(act: Callable[[], object]) -> BaseException:
 
 
 def test_a_backup_of_postgres_is_restored_and_the_work_goes_on(
-    real: FarmSettings, opened: Callable[..., Studio], tmp_path: Path, postgres: Postgres, expected: list[bytes]
+    real: FarmSettings, opened: Callable[..., Farm], tmp_path: Path, postgres: Postgres, expected: list[bytes]
 ) -> None:
     farm = opened(real, works=False)
     jobs = _submit(farm, tmp_path)
@@ -168,11 +166,11 @@ def _name(url: str) -> str:
 
 
 def test_a_backup_of_sqlite_is_taken_while_it_works(
-    open_studio: Callable[..., Studio], tmp_path: Path, expected: list[bytes]
+    open_studio: Callable[..., Farm], tmp_path: Path, expected: list[bytes]
 ) -> None:
     farm = open_studio(home=tmp_path / "old", lease_s=1)
     jobs = _submit(farm, tmp_path)
-    until(lambda: farm.job(jobs[0]).counts["succeeded"] >= 2)
+    until(lambda: farm.jobs.get(jobs[0]).counts["succeeded"] >= 2)
     new = tmp_path / "new"
     new.mkdir()
     with sqlite3.connect(tmp_path / "old" / "impasto.db") as database:

@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.errors import BadParameter
 from workers.model import Asset, JobRequest, OutputSpec
-from workers.requests import check_request
+from workers.scheduling.requests import check_request
 
 
 def _asset(kind: str, **info: Any) -> Asset:

@@ -1,28 +1,38 @@
 """A method and a runner for tests of the farm: seconds of video arithmetic without any video.
 
 The method works on a JSON input; its tasks do what `args` and `params` say: wait, fail, stop the process. The runner
-keeps the contract of `workers.render.Renderer` with the smallest possible bench.
+keeps the contract of `workers.execution.renderer.Renderer` with the smallest possible context.
 """
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ClassVar
 
 from pydantic import Field
 
 from pipeline.errors import BadInput, Cancelled, StorageError, StorageFull
-from pipeline.frames import Frame
-from pipeline.methods.base import Brief, Example, InputSpec, Needs, Note, Params, Session, Step, Task, seeded
+from pipeline.methods.base import (
+    InputSpec,
+    Method,
+    Params,
+    PlanContext,
+    Resources,
+    Step,
+    Task,
+    TaskResult,
+    seeded,
+)
 from workers.blobs.base import Blobs
 from workers.faults import failed_outcome
-from workers.jobs import ASSEMBLE
 from workers.model import TaskOrder, TaskOutcome
-from workers.pool import Tell
+from workers.pools.base import Tell
+from workers.state_machine import ASSEMBLE
 
 
 class ToyParams(Params):
@@ -39,37 +49,37 @@ class ToyParams(Params):
     """A file that "once" leaves behind, so that it happens once only."""
 
 
-def _plan_look(brief: Brief) -> list[Task]:
+def _plan_look(context: PlanContext) -> list[Task]:
     return [Task("all")]
 
 
-def _look(task: Task, bench: Any) -> Note:
-    return {"found": bench.params.tasks}
+def _look(task: Task, context: Any) -> TaskResult:
+    return {"found": context.params.tasks}
 
 
-def _plan_draw(brief: Brief) -> list[Task]:
-    n = brief.notes["look"]["all"]["found"]
-    after = {i: (f"run-{i - 1}",) for i in range(1, n) if brief.params.chain}
-    if brief.params.trouble == "cycle":
+def _plan_draw(context: PlanContext) -> list[Task]:
+    n = context.results["look"]["all"]["found"]
+    after = {i: (f"run-{i - 1}",) for i in range(1, n) if context.params.chain}
+    if context.params.trouble == "cycle":
         after[0] = (f"run-{n - 1}",)
-    params = brief.params
+    params = context.params
     asked = params.gpus or params.memory_mib
-    needs = Needs(1.0, params.gpus, params.memory_mib << 20) if asked else None
+    needs = Resources(1.0, params.gpus, params.memory_mib << 20) if asked else None
     return [Task(f"run-{i}", {"i": i}, after.get(i, ()), (i, i + 1), 1.0 + i % 2, needs) for i in range(n)]
 
 
-def _draw(task: Task, bench: Any) -> Note:
-    params = bench.params
+def _draw(task: Task, context: Any) -> TaskResult:
+    params = context.params
     if task.key == "run-1":
         _trouble(params)
     deadline = time.monotonic() + params.sleep_s
     while time.monotonic() < deadline:
-        bench.progress(1 - (deadline - time.monotonic()) / max(params.sleep_s, 1e-9))
+        context.progress(1 - (deadline - time.monotonic()) / max(params.sleep_s, 1e-9))
         time.sleep(0.01)
-    before = bench.load("draw", task.after[0]) if task.after else b""
-    drawn = before[-4:] + seeded(bench.seed, task.args["i"]).bytes(8)
-    bench.save(task.key, drawn)
-    bench.segment = drawn
+    before = context.load("draw", task.after[0]) if task.after else b""
+    drawn = before[-4:] + seeded(context.seed, task.args["i"]).bytes(8)
+    context.save(task.key, drawn)
+    context.segment = drawn
     return {"i": task.args["i"]}
 
 
@@ -81,15 +91,17 @@ def _trouble(params: ToyParams) -> None:
         raise RuntimeError("the cat sat on the keyboard")
     if params.trouble == "bad-input":
         raise BadInput("No cat in the picture.", field="inputs.data", remedy="Add a cat.")
-    if params.trouble == "full":
+    if params.trouble == "full" and first:
         raise StorageFull("The disk is full.", remedy="Free some space.")
+    if params.trouble == "descriptors" and first:
+        raise OSError(errno.EMFILE, "Too many open files")
     if params.trouble == "away" and first:
         raise StorageError("S3 does not answer.")
     if params.trouble == "die" and first:
         os.kill(os.getpid(), signal.SIGKILL)
 
 
-class Toy:
+class Toy(Method):
     name: ClassVar[str] = "toy"
     title: ClassVar[str] = "Toy"
     summary: ClassVar[str] = "Draws random bytes."
@@ -100,20 +112,14 @@ class Toy:
         InputSpec("reference", "image", False, "Reference", "Colours."),
         InputSpec("video", "video", False, "Video", "A video."),
     )
-    steps: ClassVar[tuple[Step, ...]] = (
+    steps: ClassVar[tuple[Step[Any], ...]] = (
         Step("look", "Look", _plan_look, _look),
         Step("draw", "Draw", _plan_draw, _draw),
     )
     artefacts: ClassVar[tuple[str, ...]] = ("svg",)
-    examples: ClassVar[tuple[Example, ...]] = ()
-
-    def stream(
-        self, params: Any, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]
-    ) -> Session | None:
-        return None
 
 
-class _Bench:
+class _Context:
     def __init__(self, blobs: Blobs, order: TaskOrder, report: Tell, cancelled: Callable[[], bool]):
         self.params = ToyParams(**order.params)
         self.seed = order.seed
@@ -153,15 +159,15 @@ class ToyRunner:
 
     def _step(self, order: TaskOrder, report: Tell, cancelled: Callable[[], bool]) -> TaskOutcome:
         began = time.monotonic()
-        bench = _Bench(self._blobs, order, report, cancelled)
+        context = _Context(self._blobs, order, report, cancelled)
         step = next(step for step in Toy.steps if step.name == order.step)
         task = Task(order.key, order.args, order.after, order.emits)
-        note = step.run(task, bench)
-        key = f"jobs/{order.job_id}/{order.attempt_id}/segment" if bench.segment is not None else None
-        if key is not None and bench.segment is not None:
-            self._blobs.put(key, bench.segment)
+        result = step.run(task, context)
+        key = f"jobs/{order.job_id}/{order.attempt_id}/segment" if context.segment is not None else None
+        if key is not None and context.segment is not None:
+            self._blobs.put(key, context.segment)
         stages = {"method": time.monotonic() - began, "decode": 0.0, "encode": 0.0}
-        return TaskOutcome(order.attempt_id, note, bench.artefacts, {}, key, stages, f"ran {order.key}\n")
+        return TaskOutcome(order.attempt_id, result, context.artefacts, {}, key, stages, f"ran {order.key}\n")
 
     def _assemble(self, order: TaskOrder) -> TaskOutcome:
         key = f"jobs/{order.job_id}/{order.attempt_id}/result"

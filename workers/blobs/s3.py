@@ -23,8 +23,8 @@ from botocore.exceptions import ClientError
 
 from pipeline.errors import StorageError
 from workers.blobs.base import Content, Direct
-from workers.blobs.copies import Copies
 from workers.blobs.keys import check_key
+from workers.blobs.local_copies import Copies
 from workers.blobs.s3_client import S3Options, as_storage_error, client_for, code_of
 from workers.blobs.s3_direct import S3Direct
 from workers.ids import new_id

@@ -6,7 +6,7 @@
     figures      counts and percentiles                         pure
     codecs       frames to bytes and back
     painter      the work of one session, wherever it runs
-    seats        where a session's work runs; `local_seats`: threads here; `workers.ray_seats`: a Ray actor each
+    seats        where a session's work runs; `local_seats`: threads here; `workers.live.ray_workers`: a Ray actor each
     stream       one session: policy and resolution over a seat that may die
     live         what a service sees of all this
 

@@ -1,7 +1,7 @@
 """Frames to a painter in another process, and back: a socket of its own beside the calls of Ray.
 
 A call of an actor takes 2 ms and 1.5 ms of both cores' time before anything is done (measured, 2.60, two a frame); a
-message here a tenth of that. A frame is one message. Its answers are two: that it was looked at, then its painting, or
+message here a tenth of that. A frame is one message. Its answers are two: that it was analyzed, then its painting, or
 what was raised. The first bytes are a secret that the service gave to the process when it started it; without them the
 connection is closed.
 """
@@ -18,10 +18,10 @@ from collections import deque
 from queue import SimpleQueue
 from typing import Any, Protocol
 
-from pipeline.video.guard.wire import HEADER, Broken, Message, lengths, parsed, receive
-from workers.live.letters import LOOKED, error_of, of_error, of_painted, of_work, painted_of, work_of
-from workers.live.model import Painted, Work
-from workers.live.seats import SeatLost
+from pipeline.video.guard.wire import HEADER, ConnectionBroken, Message, lengths, parsed, receive
+from workers.live.messages import ANALYZED, error_of, of_error, of_painted, of_work, painted_of, work_of
+from workers.live.model import FrameRequest, RenderedFrame
+from workers.live.worker import LiveWorkerLost
 
 Address = tuple[str, int]
 
@@ -32,14 +32,14 @@ SECRET_BYTES = 32
 _BUFFER_BYTES = 1 << 22
 
 
-class Halves(Protocol):
+class FrameStages(Protocol):
     """The two halves of a `LivePainter`."""
 
-    def look(self, work: Work) -> None: ...
-    def paint(self) -> Painted: ...
+    def analyze(self, work: FrameRequest) -> None: ...
+    def paint(self) -> RenderedFrame: ...
 
 
-class Post:
+class LiveWorkerServer:
     """The painter's end, in its process: serves one connection after another, on threads of its own.
 
     Args:
@@ -47,10 +47,10 @@ class Post:
         secret: SECRET_BYTES bytes.
     """
 
-    def __init__(self, painter: Halves, host: str, secret: bytes) -> None:
+    def __init__(self, painter: FrameStages, host: str, secret: bytes) -> None:
         self._painter, self._secret = painter, secret
         self._listener = socket.create_server((host, 0), family=_family(host))
-        threading.Thread(target=self._serve, name="impasto-live-look", daemon=True).start()
+        threading.Thread(target=self._serve, name="impasto-live-analyze", daemon=True).start()
 
     @property
     def address(self) -> Address:
@@ -75,8 +75,8 @@ class Post:
     def _attend(self, wire: socket.socket) -> None:
         try:
             if self._greet(wire):
-                self._look(wire)
-        except (OSError, Broken):
+                self._analyze(wire)
+        except (OSError, ConnectionBroken):
             return
 
     def _greet(self, wire: socket.socket) -> bool:
@@ -88,7 +88,7 @@ class Post:
         wire.settimeout(None)
         return hmac.compare_digest(said, self._secret)
 
-    def _look(self, wire: socket.socket) -> None:
+    def _analyze(self, wire: socket.socket) -> None:
         """Look at what comes; another thread paints."""
         tickets: SimpleQueue[bool] = SimpleQueue()
         sending = threading.Lock()
@@ -98,8 +98,8 @@ class Post:
             while True:
                 work = work_of(*receive(wire))
                 tickets.put(True)
-                self._painter.look(work)
-                _send(wire, sending, LOOKED)
+                self._painter.analyze(work)
+                _send(wire, sending, ANALYZED)
         finally:
             tickets.put(False)
             painting.join()
@@ -123,38 +123,38 @@ def _family(host: str) -> socket.AddressFamily:
     return socket.AF_INET6 if ":" in host else socket.AF_INET
 
 
-class Channel:
+class LiveWorkerClient:
     """The service's end. For one loop only. Made by `connect`."""
 
     def __init__(self, reader: StreamReader, writer: StreamWriter) -> None:
         self._writer = writer
-        self._looks: deque[Future[None]] = deque()
-        self._paints: deque[Future[Painted]] = deque()
-        self._asked: deque[Future[Painted]] = deque()
+        self._analyses: deque[Future[None]] = deque()
+        self._paints: deque[Future[RenderedFrame]] = deque()
+        self._asked: deque[Future[RenderedFrame]] = deque()
         self._lost = False
         self._reading = asyncio.ensure_future(self._read(reader))
 
     @classmethod
-    async def connect(cls, address: Address, secret: bytes) -> Channel:
+    async def connect(cls, address: Address, secret: bytes) -> LiveWorkerClient:
         """Raises OSError, TimeoutError."""
         reader, writer = await asyncio.wait_for(asyncio.open_connection(*address, limit=_BUFFER_BYTES), CONNECT_S)
         writer.write(secret)
         return cls(reader, writer)
 
-    def look(self, work: Work) -> Future[None]:
-        """Send a frame; done when it has been looked at. Raises SeatLost if the other end is gone."""
+    def analyze(self, work: FrameRequest) -> Future[None]:
+        """Send a frame; done when it has been analyzed. Raises LiveWorkerLost if the other end is gone."""
         loop = asyncio.get_running_loop()
-        self._looks.append(looked := loop.create_future())
+        self._analyses.append(analyzed := loop.create_future())
         self._paints.append(painted := loop.create_future())
         self._asked.append(painted)
         if self._lost:
             self._lose()
         else:
             self._writer.write(of_work(work))
-        return looked
+        return analyzed
 
-    def paint(self) -> Future[Painted]:
-        """What painting the oldest frame not asked for yet returns or raises, or SeatLost."""
+    def paint(self) -> Future[RenderedFrame]:
+        """What painting the oldest frame not asked for yet returns or raises, or LiveWorkerLost."""
         return self._asked.popleft()
 
     def close(self) -> None:
@@ -168,12 +168,12 @@ class Channel:
                 text_bytes, data_bytes = lengths(await reader.readexactly(HEADER.size))
                 answer = parsed(await reader.readexactly(text_bytes))
                 self._answered(answer, await reader.readexactly(data_bytes))
-        except (EOFError, OSError, Broken):
+        except (EOFError, OSError, ConnectionBroken):
             self._lose()
 
     def _answered(self, answer: Message, data: bytes) -> None:
-        if "looked" in answer:
-            _end(self._looks.popleft(), None)
+        if "analyzed" in answer:
+            _end(self._analyses.popleft(), None)
         elif "error" in answer:
             _end(self._paints.popleft(), error_of(answer))
         else:
@@ -182,9 +182,9 @@ class Channel:
     def _lose(self) -> None:
         """Everything that is waited for fails."""
         self._lost = True
-        for waiting in (self._looks, self._paints):
+        for waiting in (self._analyses, self._paints):
             while waiting:
-                _end(waiting.popleft(), SeatLost("The process that painted has died."))
+                _end(waiting.popleft(), LiveWorkerLost("The process that painted has died."))
 
 
 def _end(future: Future[Any], result: object) -> None:

@@ -23,7 +23,7 @@ from pipeline.errors import BadFrame, ImpastoError
 from pipeline.frames import Frame
 from pipeline.video.geometry import Geometry, customary_matrix, to_frame
 from pipeline.video.headers import image_header, sniff
-from workers.live.model import Size, Wire
+from workers.live.model import Size, WireFormat
 
 BUILT_ON = frozenset({"h264", "vp8"})
 """Codecs whose frames are built on earlier ones."""
@@ -54,7 +54,7 @@ def decoder(codec: str, max_side_px: int) -> Decoder:
     return _VideoDecoder(codec, max_side_px) if codec in BUILT_ON else _StillDecoder(codec, max_side_px)
 
 
-def encoder(wire: Wire, size: Size) -> Encoder:
+def encoder(wire: WireFormat, size: Size) -> Encoder:
     """An encoder of `wire.receive` for frames of `size`."""
     if wire.receive == "raw":
         return _RawEncoder()
@@ -122,7 +122,7 @@ class _StillDecoder:
 
 
 class _StillEncoder:
-    def __init__(self, wire: Wire) -> None:
+    def __init__(self, wire: WireFormat) -> None:
         jpeg = wire.receive == "jpeg"
         self._suffix = ".jpg" if jpeg else ".webp"
         self._options = [cv2.IMWRITE_JPEG_QUALITY if jpeg else cv2.IMWRITE_WEBP_QUALITY, wire.quality]
@@ -157,7 +157,7 @@ class _VideoDecoder:
 
 
 class _VideoEncoder:
-    def __init__(self, wire: Wire, size: Size) -> None:
+    def __init__(self, wire: WireFormat, size: Size) -> None:
         self._size = (size[0] + size[0] % 2, size[1] + size[1] % 2)
         self._matrix = customary_matrix(size[1]) if wire.receive == "h264" else Colorspace.ITU601  # VP8 knows no other
         name, options = _h264(wire) if wire.receive == "h264" else _vp8(wire)
@@ -182,14 +182,14 @@ class _VideoEncoder:
         return bytes(packet), self._size, packet.is_keyframe
 
 
-def _h264(wire: Wire) -> tuple[str, dict[str, str]]:
+def _h264(wire: WireFormat) -> tuple[str, dict[str, str]]:
     """Constrained baseline: what every browser and phone decodes in hardware."""
     crf = round(50 - 0.32 * wire.quality)
     tuning = {"preset": "superfast", "tune": "zerolatency", "profile": "baseline", "forced-idr": "1"}
     return "libx264", tuning | {"crf": str(crf), "x264-params": "scenecut=0:repeat-headers=1:annexb=1"}
 
 
-def _vp8(wire: Wire) -> tuple[str, dict[str, str]]:
+def _vp8(wire: WireFormat) -> tuple[str, dict[str, str]]:
     quantizer = round(58 - 0.5 * wire.quality)
     speed = {"deadline": "realtime", "cpu-used": "8", "lag-in-frames": "0", "auto-alt-ref": "0"}
     return "libvpx", speed | {"b": "50000000", "qmin": str(quantizer), "qmax": str(min(63, quantizer + 6))}

@@ -27,7 +27,7 @@ class Packet:
 
 
 @dataclass(frozen=True)
-class Wire:
+class WireFormat:
     """How frames travel on one connection."""
 
     send: str
@@ -52,13 +52,13 @@ class LiveOrder:
     """Input name -> blob key of what the method refers to."""
     size: Size
     """To work at."""
-    wire: Wire
+    wire: WireFormat
     max_side_px: int = 1920
     """Longest side of a picture that is decoded."""
 
 
 @dataclass(frozen=True)
-class Work:
+class FrameRequest:
     """One frame to paint."""
 
     payloads: tuple[bytes, ...]
@@ -72,7 +72,7 @@ class Work:
 
 
 @dataclass(frozen=True)
-class Painted:
+class RenderedFrame:
     """An answer's picture."""
 
     data: bytes

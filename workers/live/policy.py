@@ -1,13 +1,13 @@
 """Which frame next: the newest wins. Pure: told what happens, says what to do.
 
-    arrive ──► waiting (one; with video codecs also what it is built on) ──► look ──► paint ──► unsent ──► sent
+    arrive ──► waiting (one; with video codecs also what it is built on) ──► analyze ──► paint ──► unsent ──► sent
                   │ another arrives
                   ▼
                dropped
 
 A frame may begin when no finished answer waits unsent, and at most one other frame is in work, which is past its
-`look`. So the look of a frame may overlap the painting of the one before it, and nothing ever queues. While frames are
-painted quicker than they come, none begins before the last is painted: two at once would only hold each other up.
+`analyze`. The analysis of a frame may overlap the painting of the frame before, and nothing ever queues. While frames
+are painted quicker than they come, none begins before the last is painted: two at once would only hold each other up.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Start:
 
 
 @dataclass
-class Policy:
+class FramePolicy:
     """
     Args:
         built_on: frames are built on earlier ones (a video codec), so that none can be left out in decoding.
@@ -102,7 +102,7 @@ class Policy:
         return not asked
 
     def start(self) -> Start | None:
-        """The frame to begin now, which is then being looked at; None: none yet."""
+        """The frame to begin now, which is then being analyzed; None: none yet."""
         if self.held or not self._waiting or self.unsent or self._looking or len(self._painting) > (not self.alone):
             return None
         begun = Start(tuple(self._waiting))
@@ -110,7 +110,7 @@ class Policy:
         self._looking = begun.frame
         return begun
 
-    def looked(self, begun: Start) -> None:
+    def analyzed(self, begun: Start) -> None:
         """The first half of a frame is done. Nothing, if the frame has been lost or finished meanwhile."""
         if self._looking is begun.frame:
             self._painting.append(begun.frame)
@@ -120,7 +120,7 @@ class Policy:
         """The oldest frame in work is finished; its answer waits to be sent."""
         if self._painting:
             self._painting.popleft()
-        else:  # the word that it was looked at comes later
+        else:  # the message that it was analyzed comes later
             self._looking = None
         self.unsent += 1
 

@@ -8,8 +8,9 @@ dropped. A step may skip rungs.
 Up by one rung, when the next size up is expected to fit well for some seconds, the slowest twentieth of its frames
 too; twice as many for each time that this size was tried and did not hold.
 
-Cost, but for decoding, is taken to grow with the side of a frame to the power of 1.2. Measured, 352x288 to 640x480, it
-grows with the pixels to the power of 0.5 to 0.7; a step down that did not suffice is followed by another.
+The cost of a frame without decoding is assumed to grow with the side length to the power of 1.2. Measured between
+352x288 and 640x480, it grows with the number of pixels to the power of 0.5 to 0.7. If one step down does not suffice,
+another follows.
 """
 
 from __future__ import annotations
@@ -66,7 +67,7 @@ def scaled(size: Size, scale: float) -> Size:
     return width, height
 
 
-class Pace:
+class FrameRateMeter:
     """The client's real rate, from when its frames came."""
 
     def __init__(self, most_fps: float) -> None:
@@ -88,7 +89,7 @@ class Pace:
 
 
 @dataclass(frozen=True)
-class Cost:
+class FrameCost:
     """Seconds of a frame's work."""
 
     decode_s: float
@@ -97,7 +98,7 @@ class Cost:
     """With encoding."""
 
     @classmethod
-    def of(cls, stages_s: Mapping[str, float]) -> Cost:
+    def of(cls, stages_s: Mapping[str, float]) -> FrameCost:
         stage = stages_s.get
         return cls(stage("decode", 0.0), stage("look", 0.0), stage("paint", 0.0) + stage("encode", 0.0))
 
@@ -110,10 +111,10 @@ class Cost:
     def whole_s(self) -> float:
         return self.decode_s + self.look_s + self.paint_s
 
-    def at(self, factor: float) -> Cost:
+    def at(self, factor: float) -> FrameCost:
         """Expected when the sides of the size worked at change by `factor`."""
         growth = factor**_GROWTH
-        return Cost(self.decode_s, self.look_s * growth, self.paint_s * growth)
+        return FrameCost(self.decode_s, self.look_s * growth, self.paint_s * growth)
 
     def fits(self, period_s: float, margin: float = MARGIN) -> bool:
         return self.half_s <= margin * period_s and self.whole_s <= margin * deadline_s(period_s)
@@ -123,11 +124,11 @@ class Cost:
 class _Seen:
     at_s: float
     latency_s: float
-    cost: Cost
+    cost: FrameCost
 
 
 @dataclass
-class Ladder:
+class ResolutionLadder:
     """
     Args:
         adaptive: False: full size, always.
@@ -147,7 +148,7 @@ class Ladder:
     def scale(self) -> float:
         return SCALES[self.rung]
 
-    def painted(self, now_s: float, period_s: float, latency_s: float, cost: Cost, rung: int) -> Reason | None:
+    def painted(self, now_s: float, period_s: float, latency_s: float, cost: FrameCost, rung: int) -> Reason | None:
         """A frame that was begun at `rung` is finished. Says why if the rung has changed.
 
         Args:
@@ -220,7 +221,7 @@ class Ladder:
         latest = sorted(seen.latency_s for seen in self._seen if seen.at_s >= now_s - PATIENCE_S)
         return latest[int(TAIL * (len(latest) - 1))]
 
-    def _usual(self, part: float, now_s: float) -> Cost:
+    def _usual(self, part: float, now_s: float) -> FrameCost:
         """What `part` of the latest frames do not exceed."""
         latest = [seen.cost for seen in self._seen if seen.at_s >= now_s - PATIENCE_S]
         costs = sorted(latest, key=lambda cost: cost.whole_s)

@@ -1,6 +1,6 @@
 """One session at work: frames in, answers out, on a seat that may die.
 
-The decisions are `Policy`'s and `Ladder`'s; here they are carried out. For one loop only.
+The decisions are `FramePolicy`'s and `ResolutionLadder`'s; here they are carried out. For one loop only.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
 
 from workers.live.codecs import BUILT_ON
-from workers.live.figures import Figures
-from workers.live.model import LiveOrder, Packet, Painted, Size, Wire, Work
-from workers.live.policy import Policy, Start
-from workers.live.resolution import Cost, Ladder, Pace, scaled
-from workers.live.seats import NoSeat, Seat, SeatLost, Seats
+from workers.live.model import FrameRequest, LiveOrder, Packet, RenderedFrame, Size, WireFormat
+from workers.live.policy import FramePolicy, Start
+from workers.live.resolution import FrameCost, FrameRateMeter, ResolutionLadder, scaled
+from workers.live.statistics import FrameStatistics
+from workers.live.worker import LiveWorker, LiveWorkerLost, LiveWorkers, NoLiveWorker
 from workers.model import Json
 
 log = logging.getLogger(__name__)
@@ -33,7 +33,7 @@ class Answer:
     """A painted frame, to be sent."""
 
     packet: Packet
-    painted: Painted
+    painted: RenderedFrame
     waited_s: float
     """From its arrival until its work began."""
 
@@ -75,13 +75,17 @@ class Stream:
     """
 
     def __init__(
-        self, seats: Seats, order: LiveOrder, adaptive: bool = True, clock: Callable[[], float] = time.perf_counter
+        self,
+        seats: LiveWorkers,
+        order: LiveOrder,
+        adaptive: bool = True,
+        clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self.order = order
         self._seats, self._clock = seats, clock
-        self._policy = Policy(built_on=order.wire.send in BUILT_ON)
-        self._ladder, self._pace = Ladder(adaptive), Pace(order.wire.fps)
-        self._seat: Seat | None = None
+        self._policy = FramePolicy(built_on=order.wire.send in BUILT_ON)
+        self._ladder, self._pace = ResolutionLadder(adaptive), FrameRateMeter(order.wire.fps)
+        self._seat: LiveWorker | None = None
         self._input_size = self._shown_size = order.size
         self._why_resized = "input"
         self._key_wanted = False
@@ -95,14 +99,14 @@ class Stream:
         """Of the frame begun last."""
         self._tasks: set[asyncio.Task[None]] = set()
         self._failure: Exception | None = None
-        self.total, self._second = Figures(clock()), Figures(clock())
+        self.total, self._second = FrameStatistics(clock()), FrameStatistics(clock())
         self._counted = (0, 0)
         """Received and dropped at the last full second."""
 
     # -- life
 
     async def open(self) -> None:
-        """Take a seat and begin. Raises NoSeat, or what `LivePainter.open` raises."""
+        """Take a seat and begin. Raises NoLiveWorker, or what `LivePainter.open` raises."""
         self._seat = await self._take()
 
     async def aclose(self) -> None:
@@ -124,7 +128,7 @@ class Stream:
         self._policy.leave()
         self._wake()
 
-    async def attach(self, wire: Wire, size: Size, adaptive: bool) -> None:
+    async def attach(self, wire: WireFormat, size: Size, adaptive: bool) -> None:
         """Go on for another connection: its codecs, its frames. Raises as `open`."""
         self._hold("away")
         order = replace(self.order, wire=wire)
@@ -132,7 +136,7 @@ class Stream:
         self._policy.built_on = wire.send in BUILT_ON
         self._policy.leave()
         self._items.clear()
-        self._ladder.adaptive, self._pace, self._input_size = adaptive, Pace(wire.fps), size
+        self._ladder.adaptive, self._pace, self._input_size = adaptive, FrameRateMeter(wire.fps), size
         self._free("away")
 
     # -- frames
@@ -182,7 +186,7 @@ class Stream:
         self._counted = (self._policy.received, self._policy.dropped)
         self._second.received, self._second.dropped = self._counted[0] - received, self._counted[1] - dropped
         now = self._clock()
-        said, self._second = self._second.as_json(now), Figures(now)
+        said, self._second = self._second.as_json(now), FrameStatistics(now)
         return said | self._shown()
 
     def _shown(self) -> Json:
@@ -195,13 +199,13 @@ class Stream:
         """Go on with these parameters (all of them) and references (blob keys), or raise and change nothing."""
         await self._on_seat(lambda seat: seat.change(params, inputs), replace(self.order, params=params, inputs=inputs))
 
-    async def _on_seat(self, call: Callable[[Seat], Awaitable[None]], order: LiveOrder) -> None:
+    async def _on_seat(self, call: Callable[[LiveWorker], Awaitable[None]], order: LiveOrder) -> None:
         """Do something on the seat while nothing is in work; from then on `order` is in force. A seat that dies of it
         is replaced by one that begins with the order as it was, and it is tried there."""
         async with self._quiet():
             try:
                 await call(self._here())
-            except SeatLost as error:
+            except LiveWorkerLost as error:
                 self._lose(self._here(), str(error))
                 await self._until(lambda: self._mending is None)
                 await call(self._here())
@@ -226,23 +230,23 @@ class Stream:
         if (start := self._policy.start()) is not None:
             self._newest = self._spawn(self._paint(start, self._work(start), self._newest))
 
-    def _work(self, start: Start) -> Work:
+    def _work(self, start: Start) -> FrameRequest:
         if start.frame.size != self._input_size:
             self._input_size, self._why_resized = start.frame.size, "input"
             self._ladder.restart()
         key, self._key_wanted = self._key_wanted, False
-        return Work(tuple(packet.data for packet in start.packets), start.frame.size, self.size, key)
+        return FrameRequest(tuple(packet.data for packet in start.packets), start.frame.size, self.size, key)
 
-    async def _paint(self, start: Start, work: Work, before: asyncio.Task[None] | None) -> None:
-        """A frame, from its look to its answer, which waits for the one `before`: answers keep the order of frames."""
+    async def _paint(self, start: Start, work: FrameRequest, before: asyncio.Task[None] | None) -> None:
+        """A frame from its analysis to its answer. It waits for the task `before`: answers keep the order of frames."""
         began, rung, seat = self._clock(), self._ladder.rung, self._here()
-        looking, painting = asyncio.ensure_future(seat.look(work)), asyncio.ensure_future(seat.paint())
-        looking.add_done_callback(lambda done: self._looked(done, start))
+        analyzing, painting = asyncio.ensure_future(seat.analyze(work)), asyncio.ensure_future(seat.paint())
+        analyzing.add_done_callback(lambda done: self._analyzed(done, start))
         try:
             painted = await painting
             if before is not None:
                 await asyncio.wait([before])
-        except SeatLost as error:
+        except LiveWorkerLost as error:
             self._lose(seat, str(error))
         except Exception as error:
             self._fail(error)
@@ -251,10 +255,10 @@ class Stream:
                 return  # counted as lost with its seat
             self._finished(Answer(start.frame, painted, began - start.frame.at_s), work.work_size, rung)
 
-    def _looked(self, done: asyncio.Future[None], start: Start) -> None:
+    def _analyzed(self, done: asyncio.Future[None], start: Start) -> None:
         if done.cancelled() or done.exception() is not None:
             return  # its painting says so too
-        self._policy.looked(start)
+        self._policy.analyzed(start)
         self._pump()
 
     def _finished(self, answer: Answer, size: Size, rung: int) -> None:
@@ -268,7 +272,7 @@ class Stream:
         self._wake()
 
     def _measure(self, answer: Answer, rung: int) -> None:
-        now, cost = self._clock(), Cost.of(answer.painted.stages_s)
+        now, cost = self._clock(), FrameCost.of(answer.painted.stages_s)
         why = self._ladder.painted(now, self._pace.period_s, now - answer.packet.at_s, cost, rung)
         self._why_resized = why or self._why_resized
         self._policy.alone = not self._ladder.hurried(now, self._pace.period_s)
@@ -281,18 +285,18 @@ class Stream:
 
     # -- death and failure
 
-    def _here(self) -> Seat:
+    def _here(self) -> LiveWorker:
         assert self._seat is not None, "the stream is open"
         return self._seat
 
-    async def _take(self) -> Seat:
-        async def one() -> Seat:
+    async def _take(self) -> LiveWorker:
+        async def one() -> LiveWorker:
             while True:
                 seat = await self._seats.take()
                 try:
                     await seat.open(self.order)
                     return seat
-                except SeatLost:
+                except LiveWorkerLost:
                     log.warning("a live worker died before its first frame")
                     await seat.leave()
                 except BaseException:
@@ -302,9 +306,9 @@ class Stream:
         try:
             return await asyncio.wait_for(one(), SEAT_WITHIN_S)
         except TimeoutError:
-            raise NoSeat("No live worker got ready in time.", remedy="Try again in a minute.") from None
+            raise NoLiveWorker("No live worker got ready in time.", remedy="Try again in a minute.") from None
 
-    def _lose(self, seat: Seat, reason: str) -> None:
+    def _lose(self, seat: LiveWorker, reason: str) -> None:
         """The seat has died: forget what it had in work, take another. Told by everything that it had in work."""
         if seat is not self._seat or "closed" in self._held_by:
             return
@@ -317,7 +321,7 @@ class Stream:
         self._mending = self._spawn(self._mend(seat, reason))
         self._wake()
 
-    async def _mend(self, lost: Seat, reason: str) -> None:
+    async def _mend(self, lost: LiveWorker, reason: str) -> None:
         try:
             self._seat = await self._take()
             self._key_wanted = True

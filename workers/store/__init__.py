@@ -1,22 +1,24 @@
-"""The store: the truth about assets, jobs, keys and webhooks, in SQLite or PostgreSQL."""
+"""The store: assets, jobs, keys and webhooks in SQLite or PostgreSQL. The database is the source of truth."""
 
 from __future__ import annotations
 
 from workers.store.assets import Assets
 from workers.store.base import Clock
-from workers.store.bell import Bell
-from workers.store.book import Policy
-from workers.store.context import Context
+from workers.store.counters import AttemptCounters
 from workers.store.database import Database
-from workers.store.fleet import Fleet
-from workers.store.history import History
+from workers.store.event_notifier import EventNotifier
+from workers.store.events import Events
+from workers.store.job_transaction import StorePolicy
 from workers.store.jobs import Accepted, Jobs
 from workers.store.keys import Keys
-from workers.store.overview import Overview
 from workers.store.plans import Plans, StepToPlan
-from workers.store.tally import Tally
+from workers.store.projects import Projects
+from workers.store.statistics import Statistics
+from workers.store.task_inputs import TaskInputs
+from workers.store.task_queue import Claim, Heartbeat, TaskQueue
+from workers.store.tasks import Tasks
 from workers.store.webhooks import Webhooks
-from workers.store.work import Claim, Sign, Work
+from workers.store.workers import Workers
 
 
 class Store:
@@ -24,26 +26,28 @@ class Store:
 
     Args:
         url: SQLAlchemy URL.
-        policy: when to give up, how much history to keep.
-        now: the clock, s since the epoch; None: the database's, which all its users share.
+        policy: retries and the length of histories.
+        now: clock, seconds since the epoch; None: the clock of the database, which all processes share.
 
     Raises:
         StorageError: the database cannot be reached.
     """
 
-    def __init__(self, url: str, policy: Policy | None = None, now: Clock | None = None) -> None:
+    def __init__(self, url: str, policy: StorePolicy | None = None, now: Clock | None = None) -> None:
         self._db = Database(url)
-        shared = (self._db, Bell(), policy or Policy(), now or self._db.now)
-        tally = Tally()
+        shared = (self._db, EventNotifier(), policy or StorePolicy(), now or self._db.now)
+        counters = AttemptCounters()
         self.assets = Assets(*shared)
         self.jobs = Jobs(*shared)
-        self.history = History(*shared)
+        self.tasks = Tasks(*shared)
+        self.events = Events(*shared)
         self.plans = Plans(*shared)
-        self.work = Work(*shared, tally)
-        self.context = Context(*shared)
-        self.overview = Overview(*shared, tally)
-        self.fleet = Fleet(*shared)
+        self.queue = TaskQueue(*shared, counters)
+        self.task_inputs = TaskInputs(*shared)
+        self.statistics = Statistics(*shared, counters)
+        self.workers = Workers(*shared)
         self.keys = Keys(*shared)
+        self.projects = Projects(*shared)
         self.webhooks = Webhooks(*shared)
 
     def check(self) -> None:
@@ -54,4 +58,4 @@ class Store:
         self._db.close()
 
 
-__all__ = ["Accepted", "Claim", "Policy", "Sign", "StepToPlan", "Store"]
+__all__ = ["Accepted", "Claim", "Heartbeat", "StepToPlan", "Store", "StorePolicy"]

@@ -9,16 +9,15 @@ from typing import Any
 from sqlalchemy import ColumnElement, Connection, Select, delete, insert, select
 
 from workers.errors import Conflict, NotFound
-from workers.farm import Page
-from workers.model import Asset, RunState
+from workers.model import Asset, Page, RunState
 from workers.store import schema
-from workers.store.base import Base
+from workers.store.base import StorePart
 from workers.store.records import asset_of, pack_cursor, unpack_cursor
 
 _FINAL = [state.value for state in RunState if state.final]
 
 
-class Assets(Base):
+class Assets(StorePart):
     """Assets by id."""
 
     def add(self, asset: Asset, still_there: Callable[[], bool]) -> Asset | None:
@@ -61,7 +60,7 @@ class Assets(Base):
 
         Raises:
             NotFound: there is no such asset (of that owner).
-            Conflict: a job that is not final uses it.
+            Conflict: a job that is not final, or a project, uses it.
         """
         self.get(asset_id, owner)
         with self._db.write() as connection:
@@ -124,6 +123,10 @@ def _refuse_if_used(connection: Connection, asset_id: str, owner: str | None) ->
     if job_id is not None:
         remedy = "Cancel the job, or wait until it has ended."
         raise Conflict(f"The job {job_id} uses this asset.", field="asset", value=asset_id, remedy=remedy)
+    name = _project(connection, asset_id, owner)
+    if name is not None:
+        remedy = "Delete the project first; a deleted one lets go of its assets when it can be restored no more."
+        raise Conflict(f"The project {name!r} uses this asset.", field="asset", value=asset_id, remedy=remedy)
 
 
 def _user(connection: Connection, asset_id: str, owner: str | None) -> str | None:
@@ -137,6 +140,16 @@ def _user(connection: Connection, asset_id: str, owner: str | None) -> str | Non
     )
     if owner is not None:
         query = query.where(jobs.c.owner == owner)
+    return connection.execute(query).scalar()
+
+
+def _project(connection: Connection, asset_id: str, owner: str | None) -> str | None:
+    """Name of a project (of `owner`) of which a version names the asset."""
+    projects, named = schema.projects, schema.project_assets
+    query = select(projects.c.name).join(named, named.c.project_id == projects.c.id)
+    query = query.where(named.c.asset_id == asset_id).limit(1)
+    if owner is not None:
+        query = query.where(projects.c.owner == owner)
     return connection.execute(query).scalar()
 
 

@@ -6,24 +6,24 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from workers.errors import NotFound
-from workers.store.bell import Bell
-from workers.store.book import JobBook, Policy
 from workers.store.database import Database
+from workers.store.event_notifier import EventNotifier
+from workers.store.job_transaction import JobTransaction, StorePolicy
 
 Clock = Callable[[], float]
 
 
-class Base:
+class StorePart:
     """A part of the store."""
 
-    def __init__(self, db: Database, bell: Bell, policy: Policy, now: Clock) -> None:
+    def __init__(self, db: Database, notifier: EventNotifier, policy: StorePolicy, now: Clock) -> None:
         self._db = db
-        self._bell = bell
+        self._notifier = notifier
         self._policy = policy
         self._now = now
 
     @contextmanager
-    def _book(self, job_id: str) -> Iterator[JobBook]:
+    def _book(self, job_id: str) -> Iterator[JobTransaction]:
         """The job under lock; committed at the end, and the bell rung. Raises NotFound."""
         with self._book_if_any(job_id) as book:
             if book is None:
@@ -31,12 +31,12 @@ class Base:
             yield book
 
     @contextmanager
-    def _book_if_any(self, job_id: str) -> Iterator[JobBook | None]:
+    def _book_if_any(self, job_id: str) -> Iterator[JobTransaction | None]:
         """Like `_book`; None if there is no such job."""
         with self._db.write() as connection:
-            book = JobBook.open(connection, job_id, self._now(), self._policy)
+            book = JobTransaction.open(connection, job_id, self._now(), self._policy)
             yield book
             if book is not None:
                 book.close()
         if book is not None and book.changed:
-            self._bell.ring(job_id, book.seq)
+            self._notifier.ring(job_id, book.seq)

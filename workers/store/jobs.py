@@ -7,21 +7,26 @@ import json
 from dataclasses import dataclass, fields
 from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, bindparam, delete, func, insert, select
+from sqlalchemy import ColumnElement, Connection, bindparam, delete, func, insert, select, text
 from sqlalchemy.exc import IntegrityError
 
 from pipeline.errors import BadParameter
-from workers import jobs as machine
-from workers.errors import Conflict, IdempotencyMismatch, NotFound
-from workers.farm import Page
+from workers import state_machine as machine
+from workers.errors import Conflict, IdempotencyMismatch, NotFound, QuotaExceeded
 from workers.ids import new_id
-from workers.model import Job, JobRequest, Json, RunState, Submitted, TaskState
-from workers.store import schema, states
-from workers.store.base import Base
-from workers.store.bell import GONE
+from workers.model import Job, JobRequest, Json, Page, RunState, Submitted, TaskState
+from workers.store import schema, task_states
+from workers.store.base import StorePart
+from workers.store.event_notifier import GONE
+from workers.store.job_views import job_views
 from workers.store.records import Row, pack_cursor, request_to_json, unpack_cursor
-from workers.store.views import job_views
 
+ACTIVE_JOBS = (
+    select(func.count())
+    .select_from(schema.jobs)
+    .where(schema.jobs.c.owner == bindparam("owner"), text(schema.UNFINISHED_TEXT))
+)
+"""Unfinished jobs of an owner."""
 _JOB = select(schema.jobs).where(schema.jobs.c.id == bindparam("id"))
 
 
@@ -38,7 +43,7 @@ class Accepted:
     """What each of them is expected to weigh; empty: all the same."""
 
 
-class Jobs(Base):
+class Jobs(StorePart):
     """Jobs by id. Every method is one transaction."""
 
     def made_by(self, request: JobRequest, owner: str, idempotency_key: str) -> Submitted | None:
@@ -51,17 +56,26 @@ class Jobs(Base):
         job = self.get(job_id)
         return Submitted(**{field.name: getattr(job, field.name) for field in fields(Job)}, new=new)
 
-    def add(self, accepted: Accepted, owner: str, idempotency_key: str = "") -> Submitted:
-        """Accept durably. The same owner, key and request: the job there is.
+    def add(
+        self, accepted: Accepted, owner: str, idempotency_key: str = "", max_active: int | None = None
+    ) -> Submitted:
+        """Accept a job durably. The same owner, key and request: the job of before.
+
+        Args:
+            max_active: unfinished jobs that the owner may have, this one included; None: any number. Counted in the
+                transaction that adds the job, so that concurrent requests cannot exceed it.
 
         Raises:
             IdempotencyMismatch: the key came with another request.
             NotFound: an input's asset is gone.
+            QuotaExceeded: the owner has `max_active` unfinished jobs.
         """
         digest = _digest(accepted.request)
         try:
             with self._db.write() as connection:
                 known = _by_key(connection, owner, idempotency_key, digest)
+                if known is None:
+                    self._check_quota(connection, owner, max_active)
                 job_id = known or self._insert(connection, accepted, owner, idempotency_key, digest)
         except IntegrityError:  # the same key, accepted elsewhere between our look and our insert
             with self._db.read() as connection:
@@ -69,8 +83,21 @@ class Jobs(Base):
             if known is None:
                 raise
             job_id = known
-        self._bell.ring(job_id, 1)
+        self._notifier.ring(job_id, 1)
         return self._submitted(job_id, new=known is None)
+
+    def _check_quota(self, connection: Connection, owner: str, max_active: int | None) -> None:
+        if max_active is None:
+            return
+        self._db.hold(connection, f"jobs of {owner}")
+        active = int(connection.execute(ACTIVE_JOBS, {"owner": owner}).scalar_one())
+        if active >= max_active:
+            raise QuotaExceeded(
+                f"You may have at most {max_active} unfinished jobs.",
+                field="active_jobs",
+                value=max_active,
+                remedy="Wait until one ends, or cancel one.",
+            )
 
     def get(self, job_id: str) -> Job:
         with self._db.read() as connection:
@@ -133,7 +160,7 @@ class Jobs(Base):
                     "The job has not ended.", field="state", value=book.row["state"], remedy="Cancel it first."
                 )
             book.connection.execute(delete(schema.jobs).where(schema.jobs.c.id == job_id))
-        self._bell.ring(job_id, GONE)
+        self._notifier.ring(job_id, GONE)
 
     def exists(self, job_id: str) -> bool:
         return self._state(job_id) is not None
@@ -254,7 +281,7 @@ def _blocked(connection: Connection, job_id: str, job: RunState) -> dict[TaskSta
 
 def _count_blocked(connection: Connection, job_id: str, job: RunState, state: TaskState) -> int:
     tasks = schema.tasks
-    stored = [each.value for each in states.stored_as(state, job)]
+    stored = [each.value for each in task_states.stored_as(state, job)]
     where = (tasks.c.job_id == job_id, tasks.c.state.in_(stored), tasks.c.blockers > 0)
     return int(connection.execute(select(func.count()).select_from(tasks).where(*where)).scalar_one())
 

@@ -8,24 +8,26 @@ import hmac
 import secrets
 from collections.abc import Collection, Mapping
 
-from sqlalchemy import func, insert, select, text, update
+from sqlalchemy import func, insert, select, update
 
 from pipeline.errors import BadParameter
 from workers.errors import NotFound
-from workers.farm import SCOPES, ApiKey
 from workers.ids import new_id
+from workers.model import SCOPES, ApiKey
 from workers.store import schema
-from workers.store.base import Base
+from workers.store.base import StorePart
+from workers.store.jobs import ACTIVE_JOBS
 from workers.store.records import key_of
 
 _PREFIX = "impasto_"
 _NO_HASH = "0" * 64
 
 
-class Keys(Base):
-    """Implements `workers.farm.Keys`."""
+class Keys(StorePart):
+    """Keys by id. A key's id is the owner of what is made with it."""
 
     def create(self, name: str, scopes: Collection[str], quotas: Mapping[str, int] | None = None) -> tuple[ApiKey, str]:
+        """A new key and its secret, which cannot be shown again. Raises BadParameter (unknown scope, bad quota)."""
         _check(name, scopes, quotas or {})
         key = ApiKey(new_id("key_"), name, frozenset(scopes), dict(quotas or {}), self._now())
         secret = secrets.token_urlsafe(32)
@@ -35,11 +37,13 @@ class Keys(Base):
         return key, f"{_PREFIX}{key.id.removeprefix('key_')}_{secret}"
 
     def list(self) -> list[ApiKey]:
+        """All keys, oldest first, revoked ones included."""
         with self._db.read() as connection:
             rows = connection.execute(select(schema.api_keys).order_by(schema.api_keys.c.id)).mappings().all()
         return [key_of(row) for row in rows]
 
     def revoke(self, key_id: str) -> ApiKey:
+        """From now on `verify` refuses the key. Idempotent. Raises NotFound."""
         table = schema.api_keys
         with self._db.write() as connection:
             live = (table.c.id == key_id, table.c.revoked_at.is_(None))
@@ -50,6 +54,7 @@ class Keys(Base):
         return key_of(row)
 
     def verify(self, secret: str) -> ApiKey | None:
+        """The key of a secret; None: malformed, unknown or revoked. Takes as long for right as for wrong secrets."""
         table = schema.api_keys
         named, _, tail = secret.removeprefix(_PREFIX).partition("_")
         key_id = named if named.isascii() and named.isalnum() else "none"
@@ -61,8 +66,8 @@ class Keys(Base):
         return key_of(row) if right and row is not None else None
 
     def usage(self, key_id: str) -> dict[str, int]:
-        jobs, assets, owners = schema.jobs, schema.assets, schema.asset_owners
-        active = select(func.count()).select_from(jobs).where(jobs.c.owner == key_id, text(schema.UNFINISHED_TEXT))
+        """Current use of quotas: "active_jobs" and "asset_bytes"."""
+        assets, owners = schema.assets, schema.asset_owners
         stored = (
             select(func.coalesce(func.sum(assets.c.size_bytes), 0))
             .join(owners, owners.c.asset_id == assets.c.id)
@@ -70,7 +75,7 @@ class Keys(Base):
         )
         with self._db.read() as connection:
             return {
-                "active_jobs": int(connection.execute(active).scalar_one()),
+                "active_jobs": int(connection.execute(ACTIVE_JOBS, {"owner": key_id}).scalar_one()),
                 "asset_bytes": int(connection.execute(stored).scalar_one()),
             }
 

@@ -10,12 +10,12 @@ from typing import Any
 from sqlalchemy import Connection, bindparam, func, insert, select, text, update
 
 from pipeline.methods.base import Task
-from workers import jobs as machine
+from workers import state_machine as machine
 from workers.ids import new_id
 from workers.model import Fault, JobRequest, Json, RunState, TaskState
 from workers.store import schema
-from workers.store.base import Base
-from workers.store.book import JobBook
+from workers.store.base import StorePart
+from workers.store.job_transaction import JobTransaction
 from workers.store.records import request_of
 
 # Made once: to put a statement together takes longer than to answer it.
@@ -39,7 +39,7 @@ class StepToPlan:
     request: JobRequest
 
 
-class Plans(Base):
+class Plans(StorePart):
     """Every method is one transaction."""
 
     def to_plan(self, limit: int = 4) -> list[StepToPlan]:
@@ -68,7 +68,7 @@ class Plans(Base):
             return True
 
     @contextmanager
-    def _unplanned(self, job_id: str, step: int) -> Iterator[JobBook | None]:
+    def _unplanned(self, job_id: str, step: int) -> Iterator[JobTransaction | None]:
         """The job, if `step` is its current one and still has no tasks."""
         with self._book_if_any(job_id) as book:
             row = {} if book is None else book.row
@@ -81,7 +81,7 @@ def _step_to_plan(row: Any) -> StepToPlan:
     return StepToPlan(row["id"], row["step"], row["step_count"], row["method"], row["params"], request)
 
 
-def _task_rows(book: JobBook, step: int, tasks: Sequence[Task]) -> list[dict[str, Any]]:
+def _task_rows(book: JobTransaction, step: int, tasks: Sequence[Task]) -> list[dict[str, Any]]:
     table = schema.tasks
     last = book.connection.execute(
         select(func.coalesce(func.max(table.c.position), 0)).where(table.c.job_id == book.job_id)
@@ -102,7 +102,7 @@ def _task_row(job_id: str, step: int, position: int, task: Task) -> dict[str, An
         "emit_stop": stop,
         "weight": task.weight,
         "chained": bool(task.after),
-        "needs": None if task.needs is None else asdict(task.needs),
+        "needs": None if task.resources is None else asdict(task.resources),
         "state": (TaskState.WAITING if task.after else TaskState.READY).value,
         "blockers": len(set(task.after)),
     }
@@ -117,7 +117,7 @@ def _insert_tasks(connection: Connection, tasks: Sequence[Task], rows: list[dict
         connection.execute(insert(schema.task_edges), edges)
 
 
-def _weigh(book: JobBook, step: int, weight: float) -> None:
+def _weigh(book: JobTransaction, step: int, weight: float) -> None:
     steps = schema.steps
     where = (steps.c.job_id == book.job_id, steps.c.step == step)
     book.connection.execute(update(steps).where(*where).values(weight=weight))

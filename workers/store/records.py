@@ -10,9 +10,8 @@ from typing import Any
 from sqlalchemy import RowMapping
 
 from pipeline.errors import BadParameter
-from workers.farm import ApiKey, Delivery
-from workers.jobs import Counts
-from workers.model import Asset, Event, Fault, JobRequest, Json, OutputSpec, TaskState
+from workers.model import ApiKey, Asset, Delivery, Event, Fault, JobRequest, Json, OutputSpec, TaskState
+from workers.state_machine import Counts
 
 Row = RowMapping | dict[str, Any]
 

@@ -8,6 +8,7 @@
     dispatchers (workers that are alive) --< slots (where they run something)
     drains (where nothing new may start)
     live_sessions (of every process, as of a moment ago)
+    projects --< project_versions, project_assets (named by any version), project_jobs
 
 Counts of tasks by state are kept in `steps`, updated in the transaction that moves a task, so that neither claiming
 nor showing a job counts rows; `jobs.ready` repeats the current step's if the job may start tasks now, so that an index
@@ -28,6 +29,7 @@ from sqlalchemy import (
     ForeignKey,
     Index,
     Integer,
+    LargeBinary,
     MetaData,
     String,
     Table,
@@ -317,4 +319,58 @@ deliveries = Table(
     Column("last_error", Text, nullable=False, default=""),
     Index(None, "state", "next_at"),
     Index(None, "job_id"),
+)
+
+
+def _project_id() -> Column[str]:
+    owner = ForeignKey("projects.id", ondelete="CASCADE")
+    return Column("project_id", String(40), owner, nullable=False, primary_key=True)
+
+
+projects = Table(
+    "projects",
+    metadata,
+    Column("id", String(40), primary_key=True),
+    Column("owner", String(80), nullable=False),
+    Column("name", Text, nullable=False),
+    Column("version", Integer, nullable=False),
+    Column("created_at", Double, nullable=False),
+    Column("updated_at", Double, nullable=False),
+    Column("deleted_at", Double),
+    Column("share_epoch", Integer, nullable=False),
+    Index(None, "owner", "updated_at", "id"),
+    Index(None, "updated_at", "id"),
+)
+
+project_versions = Table(
+    "project_versions",
+    metadata,
+    _project_id(),
+    Column("version", Integer, primary_key=True, autoincrement=False),
+    Column("at", Double, nullable=False),
+    Column("author", String(80), nullable=False),
+    Column("label", Text, nullable=False),
+    Column("size_bytes", Integer, nullable=False),
+    Column("body", LargeBinary, nullable=False),
+    Column("thinned", Boolean, nullable=False),
+    Index(None, "at", **_where("NOT thinned", "thinned = 0")),
+)
+
+project_assets = Table(
+    "project_assets",
+    metadata,
+    _project_id(),
+    Column("asset_id", String(80), primary_key=True),
+    Index(None, "asset_id"),
+)
+
+project_jobs = Table(
+    "project_jobs",
+    metadata,
+    _project_id(),
+    Column("job_id", String(40), primary_key=True),
+    Column("shot", String(40), nullable=False),
+    Column("variant", String(40)),
+    Column("version", Integer, nullable=False),
+    Column("at", Double, nullable=False),
 )

@@ -1,6 +1,6 @@
-"""The outbox of webhooks. Messages are written with the job's end; this hands them out and notes what became of them.
+"""The outbox of webhook messages. A message is written in the transaction that ends its job.
 
-Tries wait longer each time, as Standard Webhooks 1.0.0 recommends: at once, 5 s, 5 min, 30 min, 2 h, 5 h, 10 h, 10 h.
+Retries follow the schedule of Standard Webhooks 1.0.0: at once, 5 s, 5 min, 30 min, 2 h, 5 h, 10 h, 10 h.
 """
 
 from __future__ import annotations
@@ -10,9 +10,9 @@ from typing import Any
 from sqlalchemy import select, update
 
 from workers.errors import NotFound
-from workers.farm import Delivery
+from workers.model import Delivery
 from workers.store import schema
-from workers.store.base import Base
+from workers.store.base import StorePart
 from workers.store.records import delivery_of
 
 WAITS_S = (5.0, 300.0, 1800.0, 7200.0, 18000.0, 36000.0, 36000.0)
@@ -20,10 +20,11 @@ WAITS_S = (5.0, 300.0, 1800.0, 7200.0, 18000.0, 36000.0, 36000.0)
 _GONE = 410
 
 
-class Webhooks(Base):
-    """Implements `workers.farm.Webhooks`."""
+class Webhooks(StorePart):
+    """The sender's loop: `for d in due(): status = post(d); record(d.id, status, error)`."""
 
     def due(self, limit: int = 20, lease_s: float = 60.0) -> list[Delivery]:
+        """Claim messages to send now. One that is not recorded within `lease_s` becomes due again."""
         table, now = schema.deliveries, self._now()
         query = (
             select(table)
@@ -41,6 +42,8 @@ class Webhooks(Base):
         return found
 
     def record(self, delivery_id: str, status: int | None, error: str = "") -> Delivery:
+        """Record the outcome of one try. HTTP 2xx: delivered. 410 (gone): dead. Otherwise (None: no answer) the message
+        waits longer after each try, then is dead. Raises NotFound."""
         table = schema.deliveries
         with self._db.write() as connection:
             query = select(table).where(table.c.id == delivery_id).with_for_update()
@@ -52,6 +55,7 @@ class Webhooks(Base):
             return delivery_of({**row, **values})
 
     def of_job(self, job_id: str) -> list[Delivery]:
+        """All messages about a job, oldest first."""
         table = schema.deliveries
         query = select(table).where(table.c.job_id == job_id).order_by(table.c.id)
         with self._db.read() as connection:

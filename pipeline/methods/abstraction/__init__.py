@@ -21,12 +21,12 @@ from pipeline.methods.abstraction.plan import (
     run_scan,
 )
 from pipeline.methods.abstraction.session import AbstractionSession
-from pipeline.methods.base import Brief, Example, InputSpec, Needs, Params, Step, working
+from pipeline.methods.base import Example, InputSpec, Method, Params, PlanContext, Resources, Step, resources_per_pixel
 
 __all__ = ["Abstraction", "AbstractionParams", "AbstractionSession"]
 
 
-class Abstraction:
+class Abstraction(Method):
     """The method as the registry knows it."""
 
     name: ClassVar[str] = "abstraction"
@@ -44,15 +44,15 @@ class Abstraction:
         InputSpec(
             "histogram", "json", False, "Hue histogram",
             'A colour scheme drawn by hand: {"hue": [36 weights], "saturation_mean": 0.5, "saturation_std": 0.2, '
-            '"value_mean": 0.6}. Goes before a reference.',
+            '"value_mean": 0.6}. Goes before a reference.', "histogram",
         ),
         InputSpec(
             "importance", "images", False, "Importance masks",
             "White where detail matters, black where not; a zip of images named by frame number, "
-            "each valid until the next.",
+            "each valid until the next.", "importance.image",
         ),
     )  # fmt: skip
-    steps: ClassVar[tuple[Step, ...]] = (
+    steps: ClassVar[tuple[Step[Any], ...]] = (
         Step("scan", "Find the shots", plan_scan, run_scan, weight=0.05),
         Step("reference", "Learn the colours", plan_reference, run_reference, weight=0.0),
         Step("abstract", "Paint", plan_abstract, run_abstract),
@@ -66,11 +66,12 @@ class Abstraction:
         Example("fine", "Fine detail", {"growing_limit": 12, "smallest_region": 0.05, "line_width": 1.8}),
     )
 
-    @staticmethod
-    def needs(step: str, brief: Brief) -> Needs:
-        """Peaks by `python -m benchmarks.needs`, and a fifth more. Lines along the flow are made on the device."""
+    def resources(self, step: str, context: PlanContext[AbstractionParams]) -> Resources:
+        """Measured peak memory (`python -m benchmarks.task_memory`) plus 20 %. Flow-guided lines run on the device."""
         painting = step == "abstract"
-        return working(brief.video, 450 if painting else 60, device=painting and brief.params.lines == "flow")
+        return resources_per_pixel(
+            context.video, 450 if painting else 60, device=painting and context.params.lines == "flow"
+        )
 
     def stream(
         self, params: Any, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]

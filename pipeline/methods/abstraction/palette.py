@@ -27,15 +27,15 @@ class Palette:
         if reference is not None:
             self._table = scheme.hue_table(reference, params.mean_shift_steps, params.hue_neighbourhood)
 
-    def step(self, regions: Segmentation, tone: scheme.Tone | None, calm: float = 1.0) -> NDArray[np.uint8]:
+    def step(self, regions: Segmentation, tone: scheme.Tone | None, light_steadiness: float = 1.0) -> NDArray[np.uint8]:
         """RGB uint8 (n + 1, 3) for the regions of the next frame.
 
         Args:
             tone: the frame's, needed with a reference.
-            calm: 0..1, how steady the light is: in a fade colours follow at once.
+            light_steadiness: 0..1, how steady the light is: in a fade colours follow at once.
         """
         target = self._target(regions, tone)
-        self.last = target if self.last is None else self._blend(regions, target, self.last, calm)
+        self.last = target if self.last is None else self._blend(regions, target, self.last, light_steadiness)
         return to_8bit(lab_to_srgb(self.last))
 
     def _target(self, regions: Segmentation, tone: scheme.Tone | None) -> Lab:
@@ -46,14 +46,14 @@ class Palette:
             lab = srgb_to_lab(hsv_to_srgb(moved))
         return np.asarray(lab * (1, self.params.vividness, self.params.vividness))
 
-    def _blend(self, regions: Segmentation, target: Lab, last: Lab, calm: float) -> Lab:
+    def _blend(self, regions: Segmentation, target: Lab, last: Lab, light_steadiness: float) -> Lab:
         """Eq. 4: o_i = (1 - alpha) o_{i-1} + alpha c_i; a new region has its target colour.
 
         Departure: alpha is near 1 for a well tracked region, which then follows every tremor of the exposure; it is
         scaled to a half-life in frames (`colour_half_life` = 0: the paper's).
         """
         half_life = self.params.colour_half_life
-        gain = 1 - calm * 0.5 ** (1 / half_life) if half_life > 0 else 1.0
+        gain = 1 - light_steadiness * 0.5 ** (1 / half_life) if half_life > 0 else 1.0
         weight = np.where(regions.previous > 0, regions.alpha * gain, 1.0)[:, None]
         before = last[np.minimum(regions.previous, len(last) - 1)]
         return np.asarray(before + weight * (target - before))

@@ -7,10 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from pipeline.methods.base import Params
-from pipeline.methods.fields import choice, number
-
-Switch = Literal["on", "off"]
-FlowName = Literal["dis-ultrafast", "dis-fast", "dis-medium", "tvl1"]
+from pipeline.methods.fields import FlowName, Switch, choice, number
 
 
 class AbstractionParams(Params):
@@ -44,6 +41,12 @@ class AbstractionParams(Params):
     boundary_smoothing: float = number(
         6, 0, 20, "Boundary smoothing",
         "Radius of the low-pass filter over region boundaries; 0 = off.", "per mille of the height", "Regions",
+    )  # fmt: skip
+    edges: Literal["soft", "sharp"] = choice(
+        "soft", "Edges",
+        "How region borders and lines are drawn. soft = from the low-pass filtered label map; sharp = as curves, "
+        "anti-aliased by exact pixel coverage: narrower edges, more flicker, and compositing takes 2 to 4.5 times as "
+        "long.", "Regions",
     )  # fmt: skip
 
     # -- time

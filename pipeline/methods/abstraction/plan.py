@@ -19,13 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.colour.scheme import ColourStats, from_histogram, learn
-from pipeline.errors import BadInput
 from pipeline.frames import Frame, Plane
 from pipeline.methods.abstraction.params import AbstractionParams
-from pipeline.methods.abstraction.session import AbstractionSession, Relay
-from pipeline.methods.abstraction.vectors import SvgBook
-from pipeline.methods.base import Bench, Brief, Note, Task
-from pipeline.segmentation.cuts import is_cut, thumbnail
+from pipeline.methods.abstraction.session import AbstractionSession, PipelinedRunner
+from pipeline.methods.abstraction.svg_archive import SvgArchive
+from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
+from pipeline.methods.scan import scan_video
 
 RUN_FRAMES = 96
 """Frames a task: about 3 s of work at 720p, which is the most a restart repeats."""
@@ -33,64 +32,50 @@ BATCH_BYTES = 48 << 20
 """Frames are decoded, painted and encoded in batches of this size, so that each is timed alone."""
 
 
-def plan_scan(brief: Brief) -> list[Task]:
-    return [Task("video", weight=0.05 * max(brief.video.frames, 1))]
+def plan_scan(context: PlanContext[AbstractionParams]) -> list[Task]:
+    return [Task("video", weight=0.05 * max(context.video.frames, 1))]
 
 
-def run_scan(task: Task, bench: Bench) -> Note:
-    """Count the frames and call the cuts, exactly as a session would."""
-    params: AbstractionParams = bench.params
-    before: Plane | None = None
-    cuts: list[int] = []
-    count = 0
-    for index, frame in enumerate(bench.frames("video")):
-        with bench.clock("cuts"):
-            now = thumbnail(frame)
-            if before is not None and is_cut(before, now, params.cut_sensitivity):
-                cuts.append(index)
-        before = now
-        count = index + 1
-        if index % 16 == 0:
-            bench.progress(min(1.0, count / max(bench.video.frames, count)))
-    if not count:
-        raise BadInput("The video has no frames.", field="inputs.video", remedy="Upload a video that plays.")
-    return {"frames": count, "cuts": cuts}
+def run_scan(task: Task, context: TaskContext[AbstractionParams]) -> TaskResult:
+    """Result: number of frames and cuts, as a session would find them."""
+    frames, cuts = scan_video(context, context.params.cut_sensitivity)
+    return {"frames": frames, "cuts": cuts}
 
 
-def plan_reference(brief: Brief) -> list[Task]:
-    return [Task("colours")] if "reference" in brief.inputs or "histogram" in brief.inputs else []
+def plan_reference(context: PlanContext[AbstractionParams]) -> list[Task]:
+    return [Task("colours")] if "reference" in context.inputs or "histogram" in context.inputs else []
 
 
-def run_reference(task: Task, bench: Bench) -> Note:
+def run_reference(task: Task, context: TaskContext[AbstractionParams]) -> TaskResult:
     """Learn the colour scheme and keep it as the artefact "colours"."""
-    with bench.clock("learn"):
-        if bench.has("histogram"):
-            scheme = from_histogram(bench.json("histogram"), "inputs.histogram")
+    with context.clock("learn"):
+        if context.has("histogram"):
+            scheme = from_histogram(context.json("histogram"), "inputs.histogram")
         else:
-            scheme = learn(_reported(bench), "inputs.reference")
+            scheme = learn(_reported(context), "inputs.reference")
     tone = np.array([scheme.saturation_mean, scheme.saturation_std, scheme.value_mean])
-    bench.save("colours", {"hue": scheme.hue, "tone": tone})
+    context.save("colours", {"hue": scheme.hue, "tone": tone})
     return {}
 
 
-def _scheme(bench: Bench) -> ColourStats | None:
-    if not bench.has("reference") and not bench.has("histogram"):
+def _scheme(context: TaskContext[AbstractionParams]) -> ColourStats | None:
+    if not context.has("reference") and not context.has("histogram"):
         return None
-    kept = bench.load("reference", "colours")
+    kept = context.load("reference", "colours")
     saturation, spread, value = kept["tone"].tolist()
     return ColourStats(saturation, spread, value, kept["hue"])
 
 
-def _reported(bench: Bench) -> Iterator[Frame]:
-    for frame in bench.frames("reference"):
-        bench.progress(0.5)
+def _reported(context: TaskContext[AbstractionParams]) -> Iterator[Frame]:
+    for frame in context.frames("reference"):
+        context.progress(0.5)
         yield frame
 
 
-def plan_abstract(brief: Brief) -> list[Task]:
-    scan = brief.notes["scan"]["video"]
+def plan_abstract(context: PlanContext[AbstractionParams]) -> list[Task]:
+    scan = context.results["scan"]["video"]
     edges = [0, *scan["cuts"], scan["frames"]]
-    chained = brief.params.temporal == "on"
+    chained = context.params.temporal == "on"
     tasks: list[Task] = []
     for shot, (begin, end) in enumerate(pairwise(edges)):
         for start in range(begin, end, RUN_FRAMES):
@@ -105,35 +90,35 @@ def _key(start: int) -> str:
     return f"run-{start:07d}"
 
 
-def run_abstract(task: Task, bench: Bench) -> Note:
+def run_abstract(task: Task, context: TaskContext[AbstractionParams]) -> TaskResult:
     """Paint frames [start, stop), from the state of the run before where there is one."""
     start, stop = task.args["start"], task.args["stop"]
-    session = AbstractionSession(bench.params, bench.size, _scheme(bench), task.args["shot"], bench.clock)
+    session = AbstractionSession(context.params, context.size, _scheme(context), task.args["shot"], context.clock)
     if task.after:
-        session.restore(bench.load("abstract", task.after[0]))
-    book = SvgBook(task.key) if bench.wants("svg") else None
-    masks = _masks(bench, start)
+        session.restore(context.load("abstract", task.after[0]))
+    book = SvgArchive(task.key) if context.wants("svg") else None
+    masks = _masks(context, start)
     index = start
-    with Relay(session) as relay:
-        for batch in _batches(bench.frames("video", start, stop), bench.size):
+    with PipelinedRunner(session) as runner:
+        for batch in _batches(context.frames("video", start, stop), context.size):
             frames = []
-            for painting in relay.run(batch, masks, index):
+            for painting in runner.run(batch, masks, index):
                 frames.append(painting.frame)
                 if book is not None:
                     book.add(index + len(frames) - 1, painting)
-                bench.progress((index + len(frames) - start) / (stop - start))
+                context.progress((index + len(frames) - start) / (stop - start))
             for frame in frames:
-                bench.emit(index, frame)
+                context.emit(index, frame)
                 index += 1
-    if not task.args["last"] and bench.params.temporal == "on":
-        bench.save(task.key, session.state())
+    if not task.args["last"] and context.params.temporal == "on":
+        context.save(task.key, session.state())
     if book is not None:
-        bench.save_file(book.name, book.close(), "application/zip")
+        context.save_file(book.name, book.close(), "application/zip")
     return {"frames": index - start}
 
 
-def _masks(bench: Bench, start: int) -> Mapping[int, Plane]:
-    return _Masks(bench.images("importance"), start) if bench.has("importance") else {}
+def _masks(context: TaskContext[AbstractionParams], start: int) -> Mapping[int, Plane]:
+    return _Masks(context.images("importance"), start) if context.has("importance") else {}
 
 
 class _Masks(Mapping[int, Plane]):

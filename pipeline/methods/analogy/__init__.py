@@ -1,21 +1,33 @@
 """analogy: stylising animation by example (benard2013stylizing).
 
-Give a painting, or a plain picture and its painting: every frame is made of the painting's own pixels, chosen so that
-the scene reads, and carried along the motion so that they stay where they are. Needs the whole shot, so not for live.
+The input is a painting, or a plain picture and its painting. Every output pixel is a pixel of the painting, chosen by
+guided texture synthesis and held along the motion of the scene. Sweeps also go backward in time, so a live stream is
+not supported.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
 from pipeline.frames import Frame
-from pipeline.methods.analogy.composite import run_composite
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.plan import plan_composite, plan_synthesis, run_frames
-from pipeline.methods.analogy.run import run_synthesis
+from pipeline.methods.analogy.propagation import Propagator
 from pipeline.methods.analogy.scan import plan_scan, run_scan
-from pipeline.methods.base import Brief, Example, InputSpec, Needs, Params, Session, Step, working
+from pipeline.methods.analogy.steps import run_composite, run_synthesis
+from pipeline.methods.base import (
+    Example,
+    InputSpec,
+    KeyPropagator,
+    Method,
+    Params,
+    PlanContext,
+    Resources,
+    Session,
+    Step,
+    resources_per_pixel,
+)
 
 __all__ = ["Analogy", "AnalogyParams"]
 
@@ -23,18 +35,19 @@ __all__ = ["Analogy", "AnalogyParams"]
 def _guide(name: str) -> tuple[InputSpec, InputSpec]:
     return (
         InputSpec(f"guide_{name}", "video", False, f"Guide {name}",
-                  "A further picture of the scene, a frame for each of the video's: a segment map, a light pass."),
+                  "An additional guide with one frame for each frame of the video, for example a segment map or a "
+                  "light pass."),
         InputSpec(f"style_guide_{name}", "image", False, f"Guide {name} of the style",
-                  f"What guide {name} shows of the painting, of the painting's size."),
+                  f"The counterpart of guide {name} for the painting; it must have the size of the painting."),
     )  # fmt: skip
 
 
-class Analogy:
-    """The method as the registry knows it."""
+class Analogy(Method):
+    """Registry entry of the method."""
 
     name: ClassVar[str] = "analogy"
     title: ClassVar[str] = "Style by example"
-    summary: ClassVar[str] = "Paints the shot with the pixels of a painting of yours, and holds them where they are."
+    summary: ClassVar[str] = "Paints a shot with the pixels of your painting and keeps them attached to the motion."
     paper: ClassVar[str] = "benard2013stylizing"
     Params: ClassVar[type[Params]] = AnalogyParams
     inputs: ClassVar[tuple[InputSpec, ...]] = (
@@ -45,34 +58,37 @@ class Analogy:
         ),
         InputSpec(
             "style_output", "image", False, "Painting",
-            "The style: every pixel of the result is one of this picture's. Without one, a frame of the video is "
-            "painted in strokes, and is the style.",
+            "The style: every pixel of the result is a pixel of this picture. Without it, the method paints one "
+            "frame of the video in strokes and uses that as the style.",
         ),
         InputSpec(
             "style", "image", False, "What the painting is of",
-            "The plain picture that was painted, registered with it. Without one, the painting's own lightness and "
-            "colour take its place.",
+            "The picture that the painting shows, registered with the painting. Without it, the smoothed lightness and "
+            "colour of the painting are used.",
         ),
         InputSpec(
             "keyframes", "images", False, "Painted keyframes",
-            "Frames of the video as you want them, a zip of images named by frame number; what is transparent is left "
-            "to the method. They are matched exactly, and are the style of their shot.",
+            "Painted frames of the video: a zip of images named by frame number. The method fills transparent pixels. "
+            "Keyframes are reproduced exactly and are the style of their shot.", "keys.image",
+            preview=False,
         ),
         InputSpec(
             "masks", "images", False, "Masks of keyframes",
-            "White where a keyframe is painted, instead of its transparency; a zip of images named by frame number.",
+            "White where a keyframe is painted; replaces its transparency. A zip of images named by frame number.",
+            "keys.mask",
         ),
         InputSpec(
             "lines", "video", False, "Lines",
-            "Black lines on white, a frame for each of the video's: they are drawn with the strokes of style_lines.",
+            "Black lines on white, one frame for each frame of the video. They are drawn with the strokes of "
+            "style_lines.",
         ),
         InputSpec(
             "style_lines", "image", False, "Lines of the style",
-            "Where the painting's strokes run: black lines on white, of the painting's size.",
+            "The lines of the painting: black on white; it must have the size of the painting.",
         ),
         *_guide("a"), *_guide("b"), *_guide("c"),
     )  # fmt: skip
-    steps: ClassVar[tuple[Step, ...]] = (
+    steps: ClassVar[tuple[Step[Any], ...]] = (
         Step("scan", "Find the shots", plan_scan, run_scan, weight=0.05),
         Step("synthesise", "Paint", plan_synthesis, run_synthesis),
         Step("composite", "Lay layers over each other", plan_composite, run_composite, weight=0.0),
@@ -86,15 +102,26 @@ class Analogy:
         Example("frames", "Each frame on its own", {"temporal": "off"}),
     )
 
-    @staticmethod
-    def needs(step: str, brief: Brief) -> Needs:
-        """Peaks by `python -m benchmarks.needs`, and a fifth more: what is worked at, and the offsets of a run as they
-        were and as they become. All but the scan computes on the device."""
-        at_work = 60 if step == "scan" else 400 + 24 * run_frames((brief.video.width, brief.video.height))
-        return working(brief.video, at_work, device=step != "scan")
+    def single_frame_params(self, params: Any) -> AnalogyParams:
+        """Parameters of a single frame: without temporal coherence."""
+        alone: AnalogyParams = params.model_copy(update={"temporal": "off"})
+        return alone
+
+    def propagator(self, params: AnalogyParams, frames: Sequence[Frame], seed: int) -> KeyPropagator | None:
+        """Carries an edited keyframe along the motion; None without temporal coherence, where nothing is carried."""
+        return Propagator(frames, params, seed) if params.temporal == "on" else None
+
+    def resources(self, step: str, context: PlanContext[AnalogyParams]) -> Resources:
+        """Peak memory of a task: measured with `python -m benchmarks.task_memory`, plus 20 %.
+
+        It covers the working images and the old and new offset fields of a run. All steps except the scan use the
+        compute device.
+        """
+        at_work = 60 if step == "scan" else 400 + 24 * run_frames((context.video.width, context.video.height))
+        return resources_per_pixel(context.video, at_work, device=step != "scan")
 
     def stream(
         self, params: Any, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]
     ) -> Session | None:
-        """None: sweeps go backward through time as well."""
+        """None: the method has no live form, since its sweeps also go backward in time."""
         return None

@@ -1,6 +1,6 @@
-"""A style pair for those who have given none: a frame of their own video, and the same painted in short strokes.
+"""The default style pair: one frame of the video, and the same frame painted in short strokes.
 
-So the style has every tone and hue that the video needs, and the scene reads whatever it shows.
+It is used when the job has no painting. Such a style contains every tone and hue of the video.
 """
 
 from __future__ import annotations
@@ -11,38 +11,39 @@ import cv2
 import numpy as np
 
 from pipeline.frames import Frame
-from pipeline.methods.base import Bench
+from pipeline.methods.analogy.params import AnalogyParams
+from pipeline.methods.base import TaskContext
 from pipeline.strokes.brush import Brush
 from pipeline.strokes.emboss import emboss
-from pipeline.strokes.layers import paint_still
+from pipeline.strokes.layers import StillPainting, paint_still
 from pipeline.tensors.structure import structure_tensor, tangent_field
 from pipeline.video.contact import fit
 
-OWN = "own"
-"""The artefact of the step `scan`."""
+DEFAULT_PAIR = "own"
+"""Name of the artefact that the step `scan` saves."""
 _SIDE_PX = 960
 _BRUSH = Brush(size_px=9, length_px=34, jitter=0.35, relief_px=1.0, grain=0.5)
-"""In a picture 320 px high."""
+"""Stroke sizes for a picture 320 px high; they grow with the height."""
 
 
-def keep_own(bench: Bench, frames: int) -> None:
-    """Paint the middle one of the video's `frames`, and keep both as an artefact."""
-    plain = fit(next(bench.frames("video", frames // 2, frames // 2 + 1)), _SIDE_PX)
-    bench.save(OWN, {"plain": plain, "painting": painted(plain)})
+def save_default_pair(context: TaskContext[AnalogyParams], frames: int) -> None:
+    """Paint the middle frame of a video of `frames` frames; save both pictures as an artefact."""
+    plain = fit(next(context.frames("video", frames // 2, frames // 2 + 1)), _SIDE_PX)
+    context.save(DEFAULT_PAIR, {"plain": plain, "painting": paint_in_strokes(plain)})
 
 
-def own_pair(bench: Bench) -> tuple[Frame, Frame]:
-    """(S, S^) as `keep_own` has kept them; uint8 (height, width, 3), at most 960 px wide or high."""
-    kept = bench.load("scan", OWN)
-    return np.asarray(kept["plain"], np.uint8), np.asarray(kept["painting"], np.uint8)
+def default_pair(context: TaskContext[AnalogyParams]) -> tuple[Frame, Frame]:
+    """Load (S, S^) as saved by `save_default_pair`: uint8 (h, w, 3), at most 960 px on the longer side."""
+    saved = context.load("scan", DEFAULT_PAIR)
+    return np.asarray(saved["plain"], np.uint8), np.asarray(saved["painting"], np.uint8)
 
 
-def painted(plain: Frame) -> Frame:
-    """A picture in short strokes, in its own colours, with a little relief. The same bytes always."""
+def paint_in_strokes(plain: Frame) -> Frame:
+    """Paint a picture in short embossed strokes of its own colours. Deterministic; uint8 (h, w, 3)."""
     gray = cv2.cvtColor(plain, cv2.COLOR_RGB2GRAY).astype(np.float32)
     along = tangent_field(structure_tensor(gray, 6.0), 0.0)
     doubled = np.stack([along[..., 0] ** 2 - along[..., 1] ** 2, 2 * along[..., 0] * along[..., 1]], -1)
     field = np.where((along == 0).all(-1, keepdims=True), np.array([1, 0], np.float32), doubled).astype(np.float32)
-    times = max(1.0, plain.shape[0] / 320)
-    brush = replace(_BRUSH, size_px=_BRUSH.size_px * times, length_px=_BRUSH.length_px * times)
-    return emboss(paint_still(plain, field, brush, threshold=24.0))
+    scale = max(1.0, plain.shape[0] / 320)
+    brush = replace(_BRUSH, size_px=_BRUSH.size_px * scale, length_px=_BRUSH.length_px * scale)
+    return emboss(paint_still(plain, field, StillPainting(brush, threshold=24.0)))

@@ -15,22 +15,31 @@ import numpy as np
 from pipeline.compute import device
 from pipeline.errors import BadInput
 from pipeline.frames import Flow, Frame, Mask
-from pipeline.methods.analogy.exemplar import own_pair
-from pipeline.methods.analogy.job_source import JobSource, as_pair, check_length, fitting, gray, line_distance, plane_of
-from pipeline.methods.analogy.keys import Key, eight_bit, read_key
-from pipeline.methods.analogy.layers import Found, Layer, layer_params
+from pipeline.methods.analogy.exemplar import default_pair
+from pipeline.methods.analogy.job_source import (
+    JobSource,
+    as_pair,
+    check_length,
+    guide_plane,
+    is_gray,
+    line_distance,
+    same_size,
+)
+from pipeline.methods.analogy.keyframes import Keyframe, eight_bit, read_keyframe
+from pipeline.methods.analogy.layers import Layer, LayerStatistics, layer_params, layered_shot
+from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.passes import Passes
-from pipeline.methods.analogy.sources import GUIDE_WEIGHT, WHOLE, Guide, Pair, Picture, coded
-from pipeline.methods.base import Bench
-from pipeline.synthesis.distance import Sites, extrapolated, nearest, within
+from pipeline.methods.analogy.sources import GUIDE_WEIGHT, WHOLE, Guide, Source, SourceFrame, StylePair, id_colours
+from pipeline.methods.base import TaskContext
+from pipeline.synthesis.distance import Sites, extrapolated, nearest, within_reach
 from pipeline.synthesis.images import Bytes, stacked
 from pipeline.video.exr import signed
 from pipeline.video.guard.pictures import guarded_raw
 
 BEYOND_PX = 64
-"""How far beyond the paint a layer's colours go on: as far as a patch of the coarsest level sees."""
+"""Distance beyond the paint to which a layer's colours are extrapolated: the reach of a patch at the coarsest level."""
 STYLE_REACH_PX = 24.0
-"""How far paint may lie outside where the style, and no key, has opacity."""
+"""Maximum distance of paint outside the silhouette when only the style, and no keyframe, has opacity, px."""
 _KEPT = 8
 
 
@@ -38,47 +47,50 @@ class LayerSource:
     """`sources.Source` of a layer.
 
     Args:
-        found: what the scan has found of it; None while scanning.
-        keyed: whether its keys are the style, or the style pair is.
+        found: results of the scan; None during the scan.
+        keyed: whether its keyframes are the style.
     """
 
-    def __init__(self, bench: Bench, layer: Layer, found: Found | None, keyed: bool = False) -> None:
-        self.layer, self.params = layer.number, layer_params(bench.params, layer)
-        self._bench, self._layer, self._keyed = bench, layer, keyed
-        self._passes = Passes(layer, bench.size)
+    def __init__(
+        self, context: TaskContext[AnalogyParams], layer: Layer, found: LayerStatistics | None, keyed: bool = False
+    ) -> None:
+        self.layer, self.params = layer.number, layer_params(context.params, layer)
+        self._context, self._layer, self._keyed = context, layer, keyed
+        self._passes = Passes(layer, context.size)
         self._found = found
         self._sites: OrderedDict[int, Sites] = OrderedDict()
 
     @property
-    def found(self) -> str:
+    def statistics_artefact(self) -> str:
         return self._layer.artefact
 
     # -- frames
 
     @cached_property
     def guides(self) -> tuple[Guide, ...]:
-        """Passes that the style shows as well (with keys as style: all of them), and the user's."""
+        """Passes that have a counterpart in the style (with keyframes as style: all passes), and the user's guides."""
         weights = self._layer.files.says.guides if self._layer.files.says else {}
         names = [*self._passes.guide_names(), *(["mask"] if self.masked else [])]
         for name in weights:
             if name not in names:
                 raise BadInput(
-                    f"{self._layer.where} has no guide {name}.", field=f"layers.{self._layer.name}.guides", value=name,
+                    f"{self._layer.where} has no guide named {name}.", field=f"layers.{self._layer.name}.guides",
+                    value=name,
                     remedy=f"It has: {', '.join(names) or 'none'}.",
                 )  # fmt: skip
         chosen = [name for name in names if weights.get(name, GUIDE_WEIGHT) > 0 and self._shown(name)]
         return tuple(Guide(name, weights.get(name, GUIDE_WEIGHT), self._channels(name)) for name in chosen)
 
     def _shown(self, name: str) -> bool:
-        """Whether the style has the guide's counterpart.
+        """Whether the style has a counterpart of the guide.
 
         Raises:
-            BadInput: a guide of the user's has none.
+            BadInput: a user's guide has no counterpart.
         """
         there = self._keyed or name in self._layer.style
         if not there and name not in ("mask", "ids", "normals"):
             raise BadInput(
-                f"{self._layer.where}: the guide {name} needs its counterpart in the style.",
+                f"{self._layer.where}: the guide {name} has no counterpart in the style.",
                 field=f"guides.{name}", remedy=f"Put {name}.png in style/, of the painting's size.",
             )  # fmt: skip
         return there
@@ -87,40 +99,46 @@ class LayerSource:
         if name in ("mask", "ids", "normals"):
             return 1 if name == "mask" else 3
         picture = self._passes.guide(name, 0) if self._keyed else self._style_picture(name)
-        return 1 if gray(picture) else 3
+        return 1 if is_gray(picture) else 3
 
     @property
     def masked(self) -> bool:
-        """Whether the layer is but a part of the picture."""
+        """Whether the layer covers only a part of the picture."""
         return self._passes.masked
 
     @property
-    def lined(self) -> bool:
-        return self._passes.has("lines") and "lines" in self._layer.style and self.params.lines_weight > 0
+    def has_lines(self) -> bool:
+        """Whether lines are drawn: the style has them, or the style are keyframes, whose frames have them."""
+        shown = self._keyed or {"lines", "output"} <= self._layer.style.keys()
+        return shown and self._passes.has("lines") and self.params.lines_weight > 0
 
-    def pictures(self, start: int, stop: int) -> Iterator[Picture]:
+    def pictures(self, start: int, stop: int) -> Iterator[SourceFrame]:
         for index in range(start, min(stop, self._layer.frames)):
             yield self._picture(index)
 
-    def _picture(self, index: int) -> Picture:
+    def _picture(self, index: int) -> SourceFrame:
         frame, mask = self._passes.frame(index), self._passes.mask(index)
-        lines = line_distance(self._passes.lines(index)) if self.lined else None
+        lines = line_distance(self._passes.lines(index)) if self.has_lines else None
         planes = [self._plane(guide, index, mask) for guide in self.guides]
         if mask is None:
-            return Picture(frame, stacked(planes) if planes else None, lines)
+            return SourceFrame(frame, stacked(planes) if planes else None, lines)
         sites = self._sites_of(index, mask)
         further = [
             plane if g.name == "mask" else extrapolated(plane, sites)
             for g, plane in zip(self.guides, planes, strict=True)
         ]
-        return Picture(
-            extrapolated(frame, sites), stacked(further) if further else None, lines, within(sites, self._reach), mask
+        return SourceFrame(
+            extrapolated(frame, sites),
+            stacked(further) if further else None,
+            lines,
+            within_reach(sites, self._reach),
+            mask,
         )
 
     def _plane(self, guide: Guide, index: int, mask: Mask | None) -> Bytes:
         if guide.name == "mask" and mask is not None:
             return np.where(mask, 255, 0).astype(np.uint8)
-        return plane_of(self._passes.guide(guide.name, index), guide.channels)
+        return guide_plane(self._passes.guide(guide.name, index), guide.channels)
 
     @property
     def _reach(self) -> float:
@@ -152,22 +170,22 @@ class LayerSource:
 
     def key_frames(self) -> tuple[int, ...]:
         own = tuple(self._layer.files.passes["keyframes"])
-        return own or (JobSource(self._bench).key_frames() if self.layer == WHOLE else ())
+        return own or (JobSource(self._context).key_frames() if self.layer == WHOLE else ())
 
-    def key(self, index: int) -> Key:
-        """Of a layer that is a part of the picture, alpha is opacity; of the whole, it says where it is painted."""
+    def key(self, index: int) -> Keyframe:
+        """A keyframe. For a layer with a silhouette alpha is opacity; otherwise alpha marks the painted pixels."""
         paths = self._layer.files.passes
         if index not in paths["keyframes"]:
-            return JobSource(self._bench).key(index)
+            return JobSource(self._context).key(index)
         painted = self._raw(paths["painted"][index]) if index in paths["painted"] else None
         image, where = self._raw(paths["keyframes"][index]), paths["keyframes"][index]
         if not self.masked:
-            return read_key(index, image, self._bench.size, painted, where)
+            return read_keyframe(index, image, self._context.size, painted, where)
         eight = eight_bit(image)
         opaque = np.dstack([eight] * 3) if eight.ndim == 2 else eight[..., :3]
-        key = read_key(index, opaque, self._bench.size, painted, where)
+        key = read_keyframe(index, opaque, self._context.size, painted, where)
         opacity = eight[..., 3] if eight.ndim == 3 and eight.shape[2] == 4 else self._silhouette(index)
-        return Key(index, np.ascontiguousarray(np.dstack([key.colours, opacity])), key.painted)
+        return Keyframe(index, np.ascontiguousarray(np.dstack([key.colours, opacity])), key.painted)
 
     def _silhouette(self, index: int) -> Bytes:
         mask = self._passes.mask(index)
@@ -175,7 +193,7 @@ class LayerSource:
         return np.where(mask, 255, 0).astype(np.uint8)
 
     def overpaint_px(self) -> float:
-        """How far its keys are painted beyond the silhouette."""
+        """Maximum distance of paint beyond the silhouette, px."""
         says = self._layer.files.says
         if says is not None and says.overpaint_px is not None:
             return says.overpaint_px
@@ -196,9 +214,9 @@ class LayerSource:
     # -- the style
 
     def has_pair(self) -> bool:
-        return "output" in self._layer.style or self._bench.has("style_output")
+        return "output" in self._layer.style or self._context.has("style_output")
 
-    def pair(self) -> Pair:
+    def pair(self) -> StylePair:
         style = self._layer.style
         if "output" not in style:
             return self._lent()
@@ -207,34 +225,34 @@ class LayerSource:
         check_length(painting, style["output"])
         if not self.masked:
             painting = np.ascontiguousarray(painting[..., :3])
-        plain = fitting(self._style_picture("input"), painting, style["input"]) if "input" in style else None
-        lines = self._style_lines(painting) if self.lined else None
+        plain = same_size(self._style_picture("input"), painting, style["input"]) if "input" in style else None
+        lines = self._style_lines(painting) if self.has_lines and "lines" in style else None
         return as_pair(painting, plain, self.params.style_smoothing, self._extra(painting), lines)
 
-    def _lent(self) -> Pair:
-        """The job's style pair, or our own: without guides."""
+    def _lent(self) -> StylePair:
+        """The style pair of the job, or the default pair; without guides."""
         if "input" in self._layer.style:
             raise BadInput(
-                f"{self._layer.where}: the style needs its output, the painting.", field="style/output.png",
+                f"{self._layer.where}: the style has an input but no output (the painting).", field="style/output.png",
                 remedy="Put the painting of style/input.png there.",
             )  # fmt: skip
-        if self._bench.has("style_output") or self._bench.has("style"):
-            return JobSource(self._bench).pair()
-        plain, painting = own_pair(self._bench)
+        if self._context.has("style_output") or self._context.has("style"):
+            return JobSource(self._context).pair()
+        plain, painting = default_pair(self._context)
         return as_pair(painting, plain, 0.0, None, None)
 
     def _style_lines(self, painting: Bytes) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
-        return line_distance(fitting(self._style_picture("lines"), painting, self._layer.style["lines"]))
+        return line_distance(same_size(self._style_picture("lines"), painting, self._layer.style["lines"]))
 
     def _extra(self, painting: Bytes) -> Bytes | None:
-        planes = [plane_of(self._style_guide(g.name, painting), g.channels) for g in self.guides]
+        planes = [guide_plane(self._style_guide(g.name, painting), g.channels) for g in self.guides]
         return stacked(planes) if planes else None
 
     def _style_guide(self, name: str, painting: Bytes) -> Frame:
         path = self._layer.style[name]
         raw = self._raw(path)
-        picture = coded(raw) if name == "ids" and raw.ndim == 2 else self._style_picture(name)
-        return fitting(picture, painting, path)
+        picture = id_colours(raw) if name == "ids" and raw.ndim == 2 else self._style_picture(name)
+        return same_size(picture, painting, path)
 
     def _style_picture(self, stem: str) -> Frame:
         eight = eight_bit(self._raw(self._layer.style[stem]))
@@ -242,3 +260,16 @@ class LayerSource:
 
     def _raw(self, path: str) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
         return guarded_raw(self._layer.all[path], path)
+
+
+def source_of(context: TaskContext[AnalogyParams], layer: int, keyed: bool = False) -> Source:
+    """The source of a layer (-1 = the whole picture), with the results of the scan.
+
+    Args:
+        keyed: whether painted keyframes are the style.
+    """
+    shot = layered_shot(context)
+    if shot is None:
+        return JobSource(context, keyed)
+    chosen = shot.layer(layer)
+    return LayerSource(context, chosen, LayerStatistics.of(context.load("scan", chosen.artefact)), keyed)

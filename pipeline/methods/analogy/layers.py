@@ -1,4 +1,4 @@
-"""Which layers a job has: those of a shot, or none, when its own inputs are all there is."""
+"""Layers of a shot: their files, parameters and statistics."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ import numpy as np
 
 from pipeline.errors import BadInput, BadParameter
 from pipeline.methods.analogy.params import AnalogyParams
-from pipeline.methods.base import Bench
-from pipeline.synthesis.tones import Tones
+from pipeline.methods.base import TaskContext
+from pipeline.synthesis.tone_matching import ToneStatistics
 from pipeline.video.archive import number_of
 from pipeline.video.shot import LayerFiles, ShotJson, ShotLayout, read_shot
 from pipeline.video.shot_files import FRAMES, Files, is_shot
 
 Factors = tuple[float, float, float]
 _ELSEWHERE = ("guide_a", "guide_b", "guide_c", "lines", "masks")
-"""Inputs of a job that a shot has its own files for."""
+"""Inputs of a job that a shot replaces by files of its own."""
 
 
 @dataclass(frozen=True)
 class Layer:
-    """A layer with the files of the shot that it falls back on."""
+    """One layer; files that it lacks come from the shot as a whole."""
 
     number: int
-    """From back to front; -1 = the whole picture."""
+    """Order from back to front; -1 = the whole picture."""
     files: LayerFiles
     whole: LayerFiles
     frames: int
     all: Files
     vectors: Any
-    """What shot.json says of how vectors are stored."""
+    """Vector convention of shot.json."""
 
     @property
     def name(self) -> str:
@@ -44,7 +44,7 @@ class Layer:
 
     @property
     def style(self) -> Mapping[str, str]:
-        """Its own style, or else the shot's; never a mixture."""
+        """The layer's own style, otherwise the shot's; the two are not mixed."""
         return self.files.style if "output" in self.files.style else {**self.whole.style, **self.files.style}
 
     @property
@@ -53,12 +53,12 @@ class Layer:
 
 
 @dataclass(frozen=True)
-class Found:
-    """What the scan has found of a layer."""
+class LayerStatistics:
+    """Results of the step `scan` for one layer."""
 
-    tones: Tones
+    tones: ToneStatistics
     factors: Factors | None = None
-    """Of its motion vectors; None = it has none."""
+    """Sign factors of its motion vectors; None = no vectors."""
     reach_px: float = 0.0
 
     def arrays(self) -> dict[str, np.ndarray[Any, Any]]:
@@ -66,15 +66,15 @@ class Found:
         return {**vars(self.tones), "factors": factors, "reach": np.array(self.reach_px)}
 
     @staticmethod
-    def of(arrays: Mapping[str, np.ndarray[Any, Any]]) -> Found:
-        tones = Tones(*(arrays[name] for name in ("lightness", "hue_mean", "hue_spread")))
+    def of(arrays: Mapping[str, np.ndarray[Any, Any]]) -> LayerStatistics:
+        tones = ToneStatistics(*(arrays[name] for name in ("lightness", "hue_mean", "hue_spread")))
         factors = tuple(float(f) for f in arrays["factors"])
-        return Found(tones, (factors[0], factors[1], factors[2]) if factors else None, float(arrays["reach"]))
+        return LayerStatistics(tones, (factors[0], factors[1], factors[2]) if factors else None, float(arrays["reach"]))
 
 
 @dataclass(frozen=True)
-class Shot:
-    """A job's shot."""
+class LayeredShot:
+    """A shot: the whole picture and its layers from back to front."""
 
     whole: Layer
     layers: tuple[Layer, ...]
@@ -84,26 +84,28 @@ class Shot:
         return self.whole if number < 0 else self.layers[number]
 
 
-def shot_of(bench: Bench) -> Shot | None:
-    """The shot that the video is, if it is one, or a sequence of EXR images.
+def layered_shot(context: TaskContext[AnalogyParams]) -> LayeredShot | None:
+    """The shot given as the input `video`; a sequence of EXR images counts as one. None = the video is no shot.
 
     Raises:
-        BadInput: inputs that a shot has its own files for.
+        BadInput: the job also has inputs that a shot replaces.
         UnreadableMedia: see `pipeline.video.shot.read_shot`.
     """
-    files = bench.entries("video")
+    files = context.entries("video")
     layout = _layout(files)
     if layout is None:
         return None
     for name in _ELSEWHERE:
-        if bench.has(name) or bench.has(f"style_{name}"):
+        if context.has(name) or context.has(f"style_{name}"):
             raise BadInput(
-                f"A shot has its {name.replace('_', ' ')} among its files.", field=f"inputs.{name}",
-                remedy="Put the pictures in the shot's own folders, and leave this input out.",
+                f"A shot contains its {name.replace('_', ' ')}; the separate input is not allowed.",
+                field=f"inputs.{name}",
+                remedy="Put the pictures into the shot's folders and remove this input.",
             )  # fmt: skip
-    if layout.layers and bench.has("keyframes"):
+    if layout.layers and context.has("keyframes"):
         raise BadInput(
-            "A shot with layers has keyframes of its layers.", field="inputs.keyframes",
+            "A shot with layers has keyframes in its layers; the input `keyframes` is not allowed.",
+            field="inputs.keyframes",
             remedy="Put them in layers/LAYER/keyframes/.",
         )  # fmt: skip
     files = files if is_shot(files) else _Framed(files)
@@ -112,7 +114,7 @@ def shot_of(bench: Bench) -> Shot | None:
         Layer(number, layer, whole, layout.frames, files, says.vectors)
         for number, layer in enumerate((whole, *layout.layers), -1)
     ]
-    return Shot(made[0], tuple(made[1:]), says)
+    return LayeredShot(made[0], tuple(made[1:]), says)
 
 
 def _layout(files: Files) -> ShotLayout | None:
@@ -126,7 +128,7 @@ def _layout(files: Files) -> ShotLayout | None:
 
 
 class _Framed(dict[str, bytes]):
-    """Plain numbered images as the frames of a shot. Contents are read when asked for."""
+    """Numbered images presented as the frames of a shot. Contents are read on access."""
 
     def __init__(self, files: Files) -> None:
         super().__init__((f"{FRAMES}/{name.rpartition('/')[2]}", b"") for name in files)
@@ -138,10 +140,10 @@ class _Framed(dict[str, bytes]):
 
 
 def layer_params(params: AnalogyParams, layer: Layer) -> AnalogyParams:
-    """The job's parameters with what shot.json changes for a layer.
+    """The job's parameters, overridden by the layer's `params` in shot.json.
 
     Raises:
-        BadParameter: an unknown name, a value out of range; by its place in shot.json.
+        BadParameter: an unknown name or a value out of range; the field names the place in shot.json.
     """
     says = layer.files.says
     if says is None or not says.params:
@@ -156,3 +158,8 @@ def layer_params(params: AnalogyParams, layer: Layer) -> AnalogyParams:
         ) from None
     assert isinstance(changed, AnalogyParams)
     return changed
+
+
+def paint_name(layer: int, index: int) -> str:
+    """Name of the artefact with a layer's painted frame: "rgba", uint8 (h, w, 4), straight alpha."""
+    return f"paint-{layer}-{index:07d}"

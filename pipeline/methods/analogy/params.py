@@ -7,10 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from pipeline.methods.base import Params
-from pipeline.methods.fields import choice, number
-
-Switch = Literal["on", "off"]
-FlowName = Literal["dis-ultrafast", "dis-fast", "dis-medium", "tvl1"]
+from pipeline.methods.fields import FlowName, Switch, choice, number
 
 
 class AnalogyParams(Params):
@@ -106,6 +103,13 @@ class AnalogyParams(Params):
         2, 0.1, 100, "Occlusion tolerance", "Squared disagreement of both motions beyond which a place was hidden.",
         "px^2", "Time", "epsilon",
     )  # fmt: skip
+    boil: float = number(
+        0, 0, 1, "Boil",
+        "Deliberate flicker: the share of the picture whose strokes are chosen afresh in each frame.", "ratio", "Time",
+    )  # fmt: skip
+    on_twos: Switch = choice(
+        "off", "On twos", "on = each painting is shown for two frames; painted keyframes stay where they are.", "Time"
+    )
     cut_sensitivity: float = number(
         1, 0, 3, "Cut sensitivity", "How readily a hard cut is called, at which all begins afresh; 0 = never.",
         "ratio", "Time",
@@ -129,6 +133,16 @@ class AnalogyParams(Params):
         0.1, 0, 50, "Change as the style does", "Between keys: the result changes as the style does from place to "
         "place.", "per squared gray level", "Keyframes", "w_dout",
     )  # fmt: skip
+
+    key_iterations: int = Field(
+        1, ge=1, le=20, title="Iterations between keys",
+        description="`iterations` where painted keys are the style: they start near the result.",
+        json_schema_extra={"unit": "rounds", "group": "Keyframes"},
+    )  # fmt: skip
+
+    key_search_radius: float = number(
+        8, 1, 4096, "Search radius between keys", "`search_radius` where painted keys are the style.", "px", "Keyframes"
+    )
 
     # -- search
     patch_radius: int = Field(

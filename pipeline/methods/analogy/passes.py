@@ -1,4 +1,4 @@
-"""A layer's passes, decoded: from files of their own, from channels of its EXR frames, or from those of the shot."""
+"""Decoded passes of a layer: from separate files, from channels of its EXR frames, or from those of the shot."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from numpy.typing import NDArray
 
 from pipeline.errors import BadInput
 from pipeline.frames import Flow, Frame, Mask
-from pipeline.methods.analogy.keys import OPAQUE, eight_bit
+from pipeline.methods.analogy.keyframes import OPAQUE, eight_bit
 from pipeline.methods.analogy.layers import Layer
-from pipeline.methods.analogy.sources import coded
+from pipeline.methods.analogy.sources import id_colours
 from pipeline.synthesis.images import Bytes
 from pipeline.video.exr import EXR_MAGIC, Exr, normals, object_ids, pixels, raw_vectors
 from pipeline.video.guard.pictures import guarded_exr, guarded_raw
 from pipeline.video.shot_files import FRAMES
 
 _KEPT = 3
-"""Decoded EXR images that stay: a frame and its neighbours."""
+"""Number of decoded EXR images in the cache: a frame and its two neighbours."""
 
 
 class Passes:
-    """Reads what there is of a layer, frame by frame."""
+    """Reads the passes of a layer frame by frame."""
 
     def __init__(self, layer: Layer, size: tuple[int, int]) -> None:
         self._layer, self._size = layer, size
@@ -52,17 +52,17 @@ class Passes:
         path = self._paths(FRAMES)[index]
         found = pixels(self._exr(path)) if self._is_exr(path) else eight_bit(self._raw(path))
         if found is None:
-            raise BadInput("The EXR holds no picture.", field=path, remedy="Render R, G and B into it.")
+            raise BadInput("The EXR file contains no picture.", field=path, remedy="Render R, G and B into it.")
         sized = np.dstack([found] * 3) if found.ndim == 2 else found
         if (sized.shape[1], sized.shape[0]) != self._size:
             raise BadInput(
-                f"{self._layer.where} has a frame of another size.", field=path,
+                f"{self._layer.where} has a frame of a different size.", field=path,
                 value=f"{sized.shape[1]}x{sized.shape[0]}", remedy=f"Make it {self._size[0]}x{self._size[1]}.",
             )  # fmt: skip
         return sized
 
     def mask(self, index: int) -> Mask | None:
-        """Where the layer is: its masks, its objects, or the opacity of its frames; None = everywhere."""
+        """Silhouette of the layer from its masks, its objects, or the opacity of its frames; None = everywhere."""
         if not self.masked:
             return None
         own = self._layer.files.passes
@@ -80,14 +80,14 @@ class Passes:
     # -- guides
 
     def guide_names(self) -> list[str]:
-        """Guides that there are, in a fixed order."""
+        """Names of the available guides, in a fixed order."""
         named = [kind for kind in ("normals", "ids") if self.has(kind) or self._in_frames(kind)]
         return named + sorted({*self._layer.files.guides, *self._layer.whole.guides})
 
     def guide(self, name: str, index: int) -> Frame:
-        """A guide as a picture."""
+        """A guide as a picture, uint8 (h, w, 3)."""
         if name == "ids":
-            return coded(self.ids(index))
+            return id_colours(self.ids(index))
         if name == "normals":
             return self._normals(index)
         paths = self._layer.files.guides.get(name) or self._layer.whole.guides[name]
@@ -95,10 +95,10 @@ class Passes:
         return np.dstack([eight] * 3) if eight.ndim == 2 else np.ascontiguousarray(eight[..., :3])
 
     def ids(self, index: int) -> NDArray[np.int32]:
-        """Object of each pixel.
+        """Object number of each pixel, int32 (h, w).
 
         Raises:
-            BadInput: there is no such pass.
+            BadInput: the layer has no pass `ids`.
         """
         paths = self._paths("ids")
         if paths and not self._is_exr(paths[index]):
@@ -108,7 +108,7 @@ class Passes:
             if (found := object_ids(exr)) is not None:
                 return found
         raise BadInput(
-            f"{self._layer.where} is said to be objects, and there is no ids pass.", field="ids",
+            f"{self._layer.where} is defined by object numbers, but the shot has no pass ids.", field="ids",
             remedy="Put ids/0001.png beside frames/, or render IndexOB into the EXR frames.",
         )  # fmt: skip
 
@@ -130,11 +130,11 @@ class Passes:
     # -- vectors
 
     def has_vectors(self) -> bool:
-        """Whether there are motion vectors of both directions."""
+        """Whether the layer has motion vectors in both directions."""
         return all(field is not None for field in self.vectors(0))
 
     def vectors(self, index: int) -> tuple[Flow | None, Flow | None]:
-        """As stored: to the next frame, of the previous one."""
+        """Vectors as stored: (to the next frame, from the previous frame); None = missing."""
         for exr in self._images_of("vectors", index):
             _, forth, back = raw_vectors(exr)
             if forth is not None or back is not None:
@@ -142,13 +142,13 @@ class Passes:
         return None, None
 
     def vector_image(self, index: int) -> Exr:
-        """The image that holds them."""
+        """The EXR image that contains the motion vectors of a frame."""
         return next(
             exr for exr in self._images_of("vectors", index) if any(f is not None for f in raw_vectors(exr)[1:])
         )
 
     def _images_of(self, kind: str, index: int) -> list[Exr]:
-        """EXR images that may hold a pass, the likeliest first."""
+        """EXR images that may contain a pass, the most likely first."""
         own, whole = self._layer.files.passes, self._layer.whole.passes
         paths = [p[k][index] for p in (own, whole) for k in (kind, FRAMES) if index in p.get(k, {})]
         return [self._exr(path) for path in dict.fromkeys(paths) if self._is_exr(path)]
@@ -166,7 +166,9 @@ class Passes:
         if path not in self._images:
             data = self._layer.all[path]
             if not data.startswith(EXR_MAGIC):
-                raise BadInput("The file is named .exr and is none.", field=path, remedy="Save it as OpenEXR.")
+                raise BadInput(
+                    "The file is named .exr but is not an OpenEXR file.", field=path, remedy="Save it as OpenEXR."
+                )
             self._images[path] = guarded_exr(data, path)
             if len(self._images) > _KEPT:
                 self._images.popitem(last=False)

@@ -1,12 +1,12 @@
-"""What is done in which order: scan, then a chain of levels and sweeps for each shot of each layer, then composite.
+"""The plan of a job: scan, synthesise, composite.
 
-scan         one pass over the video and its layers: frames, shots, tones, keys
-synthesise   each layer of each shot for itself, and each interval between painted keys. Without keys: from the
-             coarsest level to the finest, backward then forward through time, in runs of frames. A task is one run of
-             one sweep: it goes on from what the run before has saved, so that a restart repeats at most one run.
-             All of a short shot's coarse levels, a sixteenth of its work, are one task
-             Frames on their own (temporal = off, stills): runs, no chain
-composite    layers over each other, in runs of frames; nothing to do where there are none
+scan         one pass over the video and its layers: frame count, cuts, tones, keyframes
+synthesise   layers, shots and intervals between keyframes are independent of each other.
+             Without keyframes: from the coarsest level to the finest, each level backward and then forward in time,
+             in runs of frames. One task is one run of one sweep; it starts from the artefacts of the run before, so a
+             restart repeats at most one run. The coarse levels of a short shot (a sixteenth of its work) are one task.
+             Independent frames (temporal = off, stills): runs without dependencies
+composite    lays the layers over each other, in runs of frames; no tasks without layers
 """
 
 from __future__ import annotations
@@ -16,39 +16,39 @@ from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from typing import Any
 
-from pipeline.methods.analogy.interval import Piece, piece_frames, pieces
+from pipeline.methods.analogy.interval import KeyInterval, interval_frames, split_intervals
 from pipeline.methods.analogy.params import AnalogyParams
-from pipeline.methods.base import Brief, Note, Task
+from pipeline.methods.base import PlanContext, Task, TaskResult
 
 RUN_BYTES = 160 << 20
-"""What a run's offsets take at most, at the finest level: it decides how many frames a run has."""
+"""Maximum memory of the offsets of a run at the finest level; it determines the number of frames of a run."""
 MOST_RUN = 32
 _BYTES_A_PIXEL = 11
 _COARSE = 2
-"""From this level on a shot of one run has one task for all levels."""
+"""Levels from this one on are grouped into one task if the shot fits into one run."""
 
 
 @dataclass(frozen=True)
-class Job:
-    """A task's work: frames [start, stop) of the shot [begin, end), one sweep at one level (or all, on their own)."""
+class SweepTask:
+    """Work of a task: one sweep at one level over the frames [start, stop) of the shot [begin, end)."""
 
     begin: int
     end: int
     start: int
     stop: int
     level: int = -1
-    """-1: every level, each frame on its own."""
+    """-1 = all levels, each frame independently."""
     forward: bool = True
     first: bool = False
-    """This sweep is the first of the coarsest level: nothing is known yet."""
+    """Whether this is the first sweep of the coarsest level, which has no previous result."""
     last: bool = False
-    """This sweep is the last of the finest level: frames are emitted."""
+    """Whether this is the last sweep of the finest level, which emits the frames."""
     known: str = ""
-    """Task that has saved what is known of these frames."""
+    """Task that has saved the previous result of these frames."""
     neighbour: str = ""
-    """Task that has saved the neighbouring frame."""
+    """Task that has saved the neighbouring frame in time."""
     coarser: bool = False
-    """What is known is of the level above."""
+    """Whether the previous result is of the next coarser level."""
     sweep: int = 0
     layer: int = -1
 
@@ -57,36 +57,44 @@ class Job:
 
 
 def run_frames(size: tuple[int, int]) -> int:
-    """Frames a run."""
+    """Number of frames of a run at a frame size (width, height) px."""
     return max(2, min(MOST_RUN, RUN_BYTES // (size[0] * size[1] * _BYTES_A_PIXEL)))
 
 
-def plan_synthesis(brief: Brief) -> list[Task]:
-    scan = brief.notes["scan"]["video"]
+def _step(params: AnalogyParams, size: tuple[int, int]) -> int:
+    """Frames a run; an even number on twos, so that both frames that show a painting are in one run."""
+    return run_frames(size) // 2 * 2 if params.on_twos == "on" else run_frames(size)
+
+
+def plan_synthesis(context: PlanContext[AnalogyParams]) -> list[Task]:
+    scan = context.results["scan"]["video"]
     layers = scan["layers"]
     if not layers:
-        return _layer(brief, scan, scan["keys"], -1)
-    return [task for number, layer in enumerate(layers) for task in _layer(brief, scan, layer["keys"], number)]
+        return _layer(context, scan, scan["keys"], -1)
+    return [task for number, layer in enumerate(layers) for task in _layer(context, scan, layer["keys"], number)]
 
 
-def _layer(brief: Brief, scan: Note, painted: list[Any], layer: int) -> list[Task]:
-    """The tasks of one layer (-1: the whole picture)."""
-    size = (brief.video.width, brief.video.height)
+def _layer(context: PlanContext[AnalogyParams], scan: TaskResult, painted: list[Any], layer: int) -> list[Task]:
+    """The tasks of one layer (-1 = the whole picture)."""
+    size = (context.video.width, context.video.height)
     tasks: list[Task] = []
     for begin, end in pairwise([0, *scan["cuts"], scan["frames"]]):
         keys = [(int(index), bool(full)) for index, full in painted if begin <= index < end]
         if keys:
-            tasks += [_keyed(key, piece) for key, piece in pieces(begin, end, keys, piece_frames(size), layer)]
+            tasks += [
+                _keyed(key, interval)
+                for key, interval in split_intervals(begin, end, keys, interval_frames(size), layer)
+            ]
             continue
-        alone = brief.params.temporal == "off" or end - begin == 1
-        jobs = _alone(begin, end, size) if alone else _chain(brief.params, begin, end, size)
+        alone = context.params.temporal == "off" or end - begin == 1
+        jobs = _alone(context.params, begin, end, size) if alone else _chain(context.params, begin, end, size)
         tasks += [_task(group) for group in _grouped(_of_layer(jobs, layer), end - begin <= run_frames(size))]
     return tasks
 
 
-def _grouped(jobs: Iterator[tuple[str, Job]], short: bool) -> Iterator[list[tuple[str, Job]]]:
-    """What is one task: a job, or all coarse ones of a short shot, since what a task costs the farm does not shrink."""
-    coarse: list[tuple[str, Job]] = []
+def _grouped(jobs: Iterator[tuple[str, SweepTask]], short: bool) -> Iterator[list[tuple[str, SweepTask]]]:
+    """Group sweeps into tasks: the coarse levels of a short shot are one task, since each task has a fixed overhead."""
+    coarse: list[tuple[str, SweepTask]] = []
     for key, job in jobs:
         if short and job.level >= _COARSE:
             coarse.append((key, job))
@@ -99,7 +107,7 @@ def _grouped(jobs: Iterator[tuple[str, Job]], short: bool) -> Iterator[list[tupl
         yield coarse
 
 
-def _of_layer(jobs: Iterator[tuple[str, Job]], layer: int) -> Iterator[tuple[str, Job]]:
+def _of_layer(jobs: Iterator[tuple[str, SweepTask]], layer: int) -> Iterator[tuple[str, SweepTask]]:
     prefix = f"layer-{layer}-" if layer >= 0 else ""
 
     def named(key: str) -> str:
@@ -109,10 +117,10 @@ def _of_layer(jobs: Iterator[tuple[str, Job]], layer: int) -> Iterator[tuple[str
         yield named(key), replace(job, layer=layer, known=named(job.known), neighbour=named(job.neighbour))
 
 
-def plan_composite(brief: Brief) -> list[Task]:
-    """Runs of frames, if there are layers."""
-    scan = brief.notes["scan"]["video"]
-    step = run_frames((brief.video.width, brief.video.height))
+def plan_composite(context: PlanContext[AnalogyParams]) -> list[Task]:
+    """Runs of frames; none without layers."""
+    scan = context.results["scan"]["video"]
+    step = run_frames((context.video.width, context.video.height))
     starts = range(0, scan["frames"], step) if scan["layers"] else ()
     runs = [(start, min(start + step, scan["frames"])) for start in starts]
     return [
@@ -121,14 +129,14 @@ def plan_composite(brief: Brief) -> list[Task]:
     ]
 
 
-def _keyed(key: str, piece: Piece) -> Task:
-    frames = piece.last - piece.first
-    emits = (piece.first, piece.last) if piece.layer < 0 else None
-    return Task(key, piece.args(), (piece.task,) if piece.task else (), emits, weight=1.3 * frames)
+def _keyed(key: str, interval: KeyInterval) -> Task:
+    frames = interval.last - interval.first
+    emits = (interval.first, interval.last) if interval.layer < 0 else None
+    return Task(key, interval.args(), (interval.task,) if interval.task else (), emits, weight=1.3 * frames)
 
 
-def _task(group: list[tuple[str, Job]]) -> Task:
-    """Of jobs that are done one after the other, named after the last."""
+def _task(group: list[tuple[str, SweepTask]]) -> Task:
+    """A task that runs sweeps one after the other, named after the last."""
     *before, (key, job) = group
     inside = {name for name, _ in before}
     names = (name for _, each in group for name in (each.known, each.neighbour))
@@ -138,19 +146,19 @@ def _task(group: list[tuple[str, Job]]) -> Task:
     return Task(key, args, after, emits, weight=sum(_cost(each) for _, each in group))
 
 
-def _cost(job: Job) -> float:
+def _cost(job: SweepTask) -> float:
     return (job.stop - job.start) * (1.0 if job.level < 0 else 0.375 * 0.25**job.level)
 
 
-def _alone(begin: int, end: int, size: tuple[int, int]) -> Iterator[tuple[str, Job]]:
-    step = run_frames(size)
+def _alone(params: AnalogyParams, begin: int, end: int, size: tuple[int, int]) -> Iterator[tuple[str, SweepTask]]:
+    step = _step(params, size)
     for start in range(begin, end, step):
-        yield f"frames-{start:07d}", Job(begin, end, start, min(start + step, end))
+        yield f"frames-{start:07d}", SweepTask(begin, end, start, min(start + step, end))
 
 
-def _chain(params: AnalogyParams, begin: int, end: int, size: tuple[int, int]) -> Iterator[tuple[str, Job]]:
-    """Every level, every sweep, every run of a shot, each named after the ones it goes on from."""
-    step = run_frames(size)
+def _chain(params: AnalogyParams, begin: int, end: int, size: tuple[int, int]) -> Iterator[tuple[str, SweepTask]]:
+    """All sweeps of a shot, run by run, with the tasks that each depends on."""
+    step = _step(params, size)
     runs = [(start, min(start + step, end)) for start in range(begin, end, step)]
     sweeps = [(level, sweep) for level in reversed(range(params.levels)) for sweep in range(2 * params.sweeps)]
     before: tuple[int, int] | None = None
@@ -158,7 +166,7 @@ def _chain(params: AnalogyParams, begin: int, end: int, size: tuple[int, int]) -
         forward = forward_in(sweep)
         ordered = runs if forward else runs[::-1]
         for place, (start, stop) in enumerate(ordered):
-            yield _key(level, sweep, start), Job(
+            yield _key(level, sweep, start), SweepTask(
                 begin, end, start, stop, level, forward,
                 first=before is None, last=(level, sweep) == sweeps[-1],
                 known=_key(*before, start) if before else "",
@@ -169,11 +177,12 @@ def _chain(params: AnalogyParams, begin: int, end: int, size: tuple[int, int]) -
 
 
 def forward_in(sweep: int) -> bool:
-    """Whether a sweep goes forward through time: the second of each pair.
+    """Whether a sweep goes forward in time: the second of each pair.
 
-    Departure: the paper goes forward, then backward. A film shows each frame after the one before it, so that is what
-    the last sweep holds on to, along the motion that leads there: optical flow is not quite the same both ways.
-    A person signing (300 lines, Delaunay) flickers at 1.55 instead of 1.64.
+    Departure: the paper goes forward, then backward. Here the last sweep is the forward one, because viewers compare
+    each
+    frame with the frame before it, and optical flow is not symmetric. Measured flicker (a person signing, 300 rows,
+    Delaunay): 1.55 instead of 1.64.
     """
     return sweep % 2 == 1
 

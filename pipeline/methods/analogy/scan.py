@@ -1,4 +1,5 @@
-"""The step `scan`: one pass over everything that was given. Counts, cuts, tones; keys and layers checked by picture."""
+"""The step `scan`: one pass over all inputs. Counts frames, detects cuts, measures tones, checks keyframes and
+layers."""
 
 from __future__ import annotations
 
@@ -6,92 +7,92 @@ from typing import cast
 
 from pipeline.errors import BadInput
 from pipeline.frames import Plane
-from pipeline.methods.analogy.exemplar import keep_own
+from pipeline.methods.analogy.exemplar import save_default_pair
 from pipeline.methods.analogy.job_source import JobSource
-from pipeline.methods.analogy.keys import key_numbers
 from pipeline.methods.analogy.layer_source import LayerSource
-from pipeline.methods.analogy.layers import Factors, Found, Layer, shot_of
+from pipeline.methods.analogy.layers import Factors, Layer, LayerStatistics, layered_shot
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.passes import Passes
-from pipeline.methods.base import Bench, Brief, Note, Task
+from pipeline.methods.analogy.sources import keyframe_numbers
+from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.segmentation.cuts import is_cut, thumbnail
-from pipeline.synthesis.tones import Tally, Tones, lab_guide
+from pipeline.synthesis.tone_matching import ToneAccumulator, ToneStatistics, lab_guide
 from pipeline.video.exr import Convention, factors_of
 
 TASK = "video"
-_LOOKS = 24
-"""Frames of a layer that its tones are learnt from, evenly spread."""
+_SAMPLED_FRAMES = 24
+"""Number of evenly spaced frames from which the tones of a layer are measured."""
 
 
-def plan_scan(brief: Brief) -> list[Task]:
-    return [Task(TASK, weight=0.05 * max(brief.video.frames, 1))]
+def plan_scan(context: PlanContext[AnalogyParams]) -> list[Task]:
+    return [Task(TASK, weight=0.05 * max(context.video.frames, 1))]
 
 
-def run_scan(task: Task, bench: Bench) -> Note:
-    """Count the frames, call the cuts, and learn the tones of the video and of each layer."""
-    shot = shot_of(bench)
-    frames, cuts, tones = _watch(bench)
-    if not bench.has("style_output"):
-        with bench.clock("style"):
-            keep_own(bench, frames)
+def run_scan(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult:
+    """Count the frames, detect cuts, and measure the tones of the video and of each layer."""
+    shot = layered_shot(context)
+    frames, cuts, tones = _scan_video(context)
+    if not context.has("style_output"):
+        with context.clock("style"):
+            save_default_pair(context, frames)
     if shot is None:
-        bench.save("tones", Found(tones).arrays())
-        return {"frames": frames, "cuts": cuts, "keys": key_numbers(JobSource(bench), frames), "layers": []}
+        context.save("tones", LayerStatistics(tones).arrays())
+        return {"frames": frames, "cuts": cuts, "keys": keyframe_numbers(JobSource(context), frames), "layers": []}
     if frames != shot.whole.frames:
         raise BadInput(
-            "Not every picture of the shot could be read.", field="inputs.video", value=f"{frames} of "
+            "Some pictures of the shot could not be read.", field="inputs.video", value=f"{frames} of "
             f"{shot.whole.frames}", remedy="Render the others again.",
         )  # fmt: skip
-    whole, *layers = [_layer_note(bench, layer, tones) for layer in (shot.whole, *shot.layers)]
+    whole, *layers = [_layer_note(context, layer, tones) for layer in (shot.whole, *shot.layers)]
     return {"frames": frames, "cuts": cuts, "keys": whole["keys"], "says": whole["says"], "layers": layers}
 
 
-def _watch(bench: Bench) -> tuple[int, list[int], Tones]:
-    params: AnalogyParams = bench.params
+def _scan_video(context: TaskContext[AnalogyParams]) -> tuple[int, list[int], ToneStatistics]:
+    params: AnalogyParams = context.params
     before: Plane | None = None
     cuts: list[int] = []
-    tally, count = Tally(), 0
-    for index, frame in enumerate(bench.frames("video")):
-        with bench.clock("scan"):
+    accumulator, count = ToneAccumulator(), 0
+    for index, frame in enumerate(context.frames("video")):
+        with context.clock("scan"):
             now = thumbnail(frame)
             if before is not None and is_cut(before, now, params.cut_sensitivity):
                 cuts.append(index)
-            tally.add(lab_guide(frame))
+            accumulator.add(lab_guide(frame))
         before, count = now, index + 1
-        bench.progress(min(1.0, count / max(bench.video.frames, count)))
+        context.progress(min(1.0, count / max(context.video.frames, count)))
     if not count:
         raise BadInput("The video has no frames.", field="inputs.video", remedy="Upload a video that plays.")
-    return count, cuts, tally.tones()
+    return count, cuts, accumulator.statistics()
 
 
-def _layer_note(bench: Bench, layer: Layer, tones: Tones) -> Note:
-    """Look at a layer: every picture that will be asked for can be read, and how its vectors are signed."""
-    source, passes = LayerSource(bench, layer, None), Passes(layer, bench.size)
-    with bench.clock("scan"):
-        factors, says = _vectors(bench, layer, passes)
-        keys = key_numbers(source, layer.frames)
-        own = tones if layer.number < 0 else _tones(bench, layer, passes)
-        found = Found(own, factors, source.overpaint_px())
-    LayerSource(bench, layer, found, keyed=bool(keys)).guides  # noqa: B018  (raises what is wrong with them)
-    bench.save(layer.artefact, found.arrays())
+def _layer_note(context: TaskContext[AnalogyParams], layer: Layer, tones: ToneStatistics) -> TaskResult:
+    """Check that every picture of a layer can be read, and find the sign of its vectors."""
+    source, passes = LayerSource(context, layer, None), Passes(layer, context.size)
+    with context.clock("scan"):
+        factors, says = _vectors(context, layer, passes)
+        keys = keyframe_numbers(source, layer.frames)
+        own = tones if layer.number < 0 else _tones(context, layer, passes)
+        found = LayerStatistics(own, factors, source.overpaint_px())
+    LayerSource(context, layer, found, keyed=bool(keys)).guides  # noqa: B018  (raises what is wrong with them)
+    context.save(layer.artefact, found.arrays())
     return {"name": layer.name, "keys": keys, "says": says, "overpaint_px": found.reach_px}
 
 
-def _tones(bench: Bench, layer: Layer, passes: Passes) -> Tones:
-    """Of the layer's own pixels."""
-    tally = Tally()
-    for index in range(0, layer.frames, max(1, layer.frames // _LOOKS)):
+def _tones(context: TaskContext[AnalogyParams], layer: Layer, passes: Passes) -> ToneStatistics:
+    """Tone statistics of the pixels inside the layer's silhouette."""
+    accumulator = ToneAccumulator()
+    for index in range(0, layer.frames, max(1, layer.frames // _SAMPLED_FRAMES)):
         guide, mask = lab_guide(passes.frame(index)), passes.mask(index)
-        tally.add(guide if mask is None else guide[mask][:, None])
-        bench.progress(1.0)
-    return tally.tones()
+        accumulator.add(guide if mask is None else guide[mask][:, None])
+        context.progress(1.0)
+    return accumulator.statistics()
 
 
-def _vectors(bench: Bench, layer: Layer, passes: Passes) -> tuple[Factors | None, str]:
-    """The factors of its motion vectors, and a sentence about them."""
+def _vectors(context: TaskContext[AnalogyParams], layer: Layer, passes: Passes) -> tuple[Factors | None, str]:
+    """Sign factors of the motion vectors of a layer (None = no vectors), and a message about them."""
     if layer.frames < 2 or not passes.has_vectors():
         return None, "Motion is estimated by optical flow."
-    wish = layer.vectors or bench.params.vectors
+    wish = layer.vectors or context.params.vectors
     if not isinstance(wish, str):
         return (float(wish[0]), float(wish[1]), float(wish[2])), "Vectors are read as shot.json says."
     at = layer.frames // 2 - 1

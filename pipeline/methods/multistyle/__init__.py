@@ -5,9 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, ClassVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from pipeline.frames import Frame
-from pipeline.methods.base import Brief, Example, InputSpec, Needs, Params, Step, working
-from pipeline.methods.multistyle.design import schema
+from pipeline.methods.base import (
+    Example,
+    InputCheck,
+    InputSpec,
+    Method,
+    Params,
+    PlanContext,
+    PreviewRequest,
+    Resources,
+    Step,
+    resources_per_pixel,
+)
+from pipeline.methods.multistyle.design import check, schema
+from pipeline.methods.multistyle.orientation_picture import DIRECTIONS
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.plan import (
     plan_maps,
@@ -19,14 +34,14 @@ from pipeline.methods.multistyle.plan import (
     run_regions,
     run_scan,
 )
+from pipeline.methods.multistyle.preview import preview_directions, preview_frame
 from pipeline.methods.multistyle.session import MultistyleSession
-from pipeline.methods.multistyle.sketch import sketch
 from pipeline.methods.multistyle.styles import STYLES
 
 __all__ = ["Multistyle", "MultistyleParams", "MultistyleSession"]
 
 
-class Multistyle:
+class Multistyle(Method):
     """The method as the registry knows it."""
 
     name: ClassVar[str] = "multistyle"
@@ -38,20 +53,22 @@ class Multistyle:
         InputSpec("video", "video", True, "Video", "The video, GIF, image or zip of numbered images to paint."),
         InputSpec(
             "design", "json", False, "Design",
-            "Regions, their styles and stroke directions at keyframes: see docs/multistyle.md.",
+            "Regions, their styles and stroke directions at keyframes; format in docs/multistyle.md.",
+            "design",
         ),
         InputSpec(
             "masks", "images", False, "Label maps",
-            "Where the design's regions are: images named by frame number, each pixel's value a region's label.",
+            "Locations of the design's regions: images named by frame number, whose pixel values are labels.",
+            "region_maps.image",
         ),
     )  # fmt: skip
-    steps: ClassVar[tuple[Step, ...]] = (
+    steps: ClassVar[tuple[Step[Any], ...]] = (
         Step("scan", "Find the shots", plan_scan, run_scan, weight=0.03),
         Step("regions", "Find the regions", plan_regions, run_regions, weight=0.0),
         Step("maps", "Map the regions", plan_maps, run_maps, weight=0.0),
         Step("paint", "Paint", plan_paint, run_paint),
     )
-    artefacts: ClassVar[tuple[str, ...]] = ("regions",)
+    artefacts: ClassVar[tuple[str, ...]] = ("regions", DIRECTIONS)
     examples: ClassVar[tuple[Example, ...]] = (
         *(Example(name, named.title, {"style": name}) for name, named in STYLES.items() if name != "van-gogh"),
         Example("rack-focus", "Rack focus", {"style": "pointillism", "effect": "rack-focus"}),
@@ -59,13 +76,24 @@ class Multistyle:
         Example("calm-to-stress", "Calm to stress", {"style": "van-gogh", "effect": "calm-to-stress"}),
     )
 
-    sketch = staticmethod(sketch)
     input_schemas: ClassVar[Mapping[str, Callable[[], dict[str, Any]]]] = {"design": schema}
+    input_checks: ClassVar[Mapping[str, InputCheck]] = {"design": check}
 
-    @staticmethod
-    def needs(step: str, brief: Brief) -> Needs:
-        """Peaks by `python -m benchmarks.needs`, and a fifth more."""
-        return working(brief.video, 60 if step == "scan" else 300)
+    def single_frame_params(self, params: Any) -> MultistyleParams:
+        """A frame on its own is painted without what other frames contribute."""
+        alone: MultistyleParams = params.model_copy(update={"temporal": "off"})
+        return alone
+
+    def resources(self, step: str, context: PlanContext[MultistyleParams]) -> Resources:
+        """Peak memory measured by `python -m benchmarks.task_memory`, plus 20 %."""
+        return resources_per_pixel(context.video, 60 if step == "scan" else 300)
+
+    def preview(self, request: PreviewRequest[MultistyleParams]) -> Frame:
+        return preview_frame(request)
+
+    def directions(self, request: PreviewRequest[MultistyleParams]) -> NDArray[np.float32]:
+        """Stroke directions of the last frame, with the design."""
+        return preview_directions(request)
 
     def stream(
         self, params: Any, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]

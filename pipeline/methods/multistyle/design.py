@@ -1,4 +1,4 @@
-"""The design document: what a person wants of which region, when. JSON, versioned, checked down to the last key."""
+"""The design document: regions, their styles and stroke directions at keyframes. JSON with a version number."""
 
 from __future__ import annotations
 
@@ -7,23 +7,27 @@ from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
+from pydantic.fields import FieldInfo
 
 from pipeline.errors import BadParameter
-from pipeline.methods.multistyle.styles import FIELDS, STYLE_NAMES, STYLES, Style
+from pipeline.methods.base import InputFault
+from pipeline.methods.multistyle.params import STYLE_NAMES, StyleName
+from pipeline.methods.multistyle.styles import FIELDS, STYLES, TECHNIQUE_FIELDS, Style, Technique
 from pipeline.tensors.elements import Pattern
 
 VERSION = 1
 INPUT = "inputs.design"
 REST = "rest"
-"""The region of all pixels that no other region has."""
+"""Name of the region of all pixels that belong to no other region."""
 MOST_REGIONS = 200
+"""Region numbers are stored in 8 bits, and 255 is reserved."""
 
 Ease = Literal["linear", "smooth", "in", "out", "hold"]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_. -]{0,63}$")]
-Share = Annotated[float, Field(ge=-2, le=3)]
-"""A position in shares of the picture's width or height: 0 = left or top, 1 = right or bottom."""
-Point = tuple[Share, Share]
+Fraction = Annotated[float, Field(ge=-2, le=3)]
+"""A position as a fraction of the picture's width or height: 0 = left or top, 1 = right or bottom."""
+Point = tuple[Fraction, Fraction]
 FrameNumber = Annotated[int, Field(ge=0)]
 
 
@@ -32,32 +36,41 @@ class _Part(BaseModel):
 
 
 class Polygon(_Part):
-    """An outline drawn in a keyframe; carried to the frames around it along the motion."""
+    """An outline drawn in a keyframe. It is propagated to the frames around it along the motion."""
 
     frame: FrameNumber
     points: Annotated[tuple[Point, ...], Field(min_length=3, max_length=2000)]
 
 
 class Region(_Part):
-    """Where a region is. Exactly one of `label`, `tubes`, `objects` and `polygons` is given.
+    """Location of a region. Exactly one of `label`, `tubes`, `objects` and `polygons` must be given.
 
-    Regions that are named later lie over those before. `border`: plain = style and direction jump between regions that
-    have keys, and spread from those into regions that have none; sharp = nothing spreads over this region's border;
-    soft = they change gradually, over two hundredths of the height.
+    Later regions cover earlier ones. `border`: plain = style and direction jump between regions that have keys, and
+    spread into regions without; sharp = nothing spreads across this region's border; soft = they change gradually, over
+    two hundredths of the height.
     """
 
     label: Annotated[int | None, Field(ge=0, le=65535, description="Value in the label maps of the input `masks`.")] = (
         None
     )
-    tubes: Annotated[tuple[int, ...], Field(max_length=10000, description="Tubes of the segmentation, merged.")] = ()
-    objects: Annotated[tuple[int, ...], Field(max_length=1000, description="Objects of the segmentation, merged.")] = ()
+    tubes: Annotated[
+        tuple[int, ...], Field(max_length=10000, description="Numbers of the tubes that make up the region.")
+    ] = ()
+    objects: Annotated[
+        tuple[int, ...], Field(max_length=1000, description="Numbers of the objects that make up the region.")
+    ] = ()
     polygons: Annotated[tuple[Polygon, ...], Field(max_length=1000, description="Outlines in keyframes.")] = ()
-    of: Annotated[Name | None, Field(description="Only within this region, of which it splits off a part.")] = None
+    of: Annotated[Name | None, Field(description="Parent region: only pixels inside it count.")] = None
     border: Literal["plain", "sharp", "soft"] = "plain"
 
 
+def _optional(field: FieldInfo) -> Any:
+    """The same field, optional."""
+    return Annotated[(float | None, *field.metadata, Field(description=field.description))], None
+
+
 class Changes(_Part):
-    """Style parameters to change, each as in `Style`."""
+    """Changes of style parameters, each as in `Style`."""
 
     size: Annotated[float | None, Field(ge=2, le=150)] = None
     length: Annotated[float | None, Field(ge=0, le=600)] = None
@@ -72,20 +85,27 @@ class Changes(_Part):
     threshold: Annotated[float | None, Field(ge=0, le=442)] = None
 
 
-class OwnStyle(Changes):
-    """A style of the user's own: a named one, changed."""
+TechniqueChanges = create_model(
+    "TechniqueChanges", __base__=_Part, __doc__="Changes of technique parameters, each as in `Technique`.",
+    **{name: _optional(field) for name, field in Technique.model_fields.items()},
+)  # fmt: skip
 
-    base: Literal["van-gogh", "impressionism", "expressionism", "pointillism", "colorist-wash", "watercolor"] | None = (
-        None
-    )
+
+class OwnStyle(Changes):
+    """A style defined by the user: a named style with changes; without `base`, the job's style with changes."""
+
+    base: StyleName | None = None
+    technique: Annotated[
+        TechniqueChanges, Field(description="Changes of layers, profile, ground, light and paper.")
+    ] = TechniqueChanges()
 
 
 class StyleKey(_Part):
-    """From this frame on, a region has this style; it changes on the way to the region's next key as `ease` says."""
+    """Style of a region at a frame. Up to the region's next key it is interpolated with the function `ease`."""
 
     region: Name
     frame: FrameNumber = 0
-    style: Annotated[str | None, Field(description="A named style or one of `styles`; none = the job's own.")] = None
+    style: Annotated[str | None, Field(description="A named style or one of `styles`; none = the job's style.")] = None
     set: Changes = Changes()
     ease: Ease = "linear"
 
@@ -96,24 +116,33 @@ class ElementAt(_Part):
     pattern: Pattern
     at: Point
     angle: Annotated[float, Field(ge=-360, le=360, description="Degrees, clockwise.")] = 0.0
-    reach: Annotated[float, Field(ge=0, le=100, description="Heights at which 37 % are left; 0 = everywhere.")] = 0.0
+    reach: Annotated[
+        float,
+        Field(
+            ge=0,
+            le=100,
+            description="Distance, in picture heights, at which 37 % of the strength is left; 0 = no decay.",
+        ),
+    ] = 0.0
     strength: Annotated[float, Field(ge=0, le=100)] = 1.0
 
 
 class DirectionKey(_Part):
-    """Which way a region's strokes run: `edge_weight` of the picture's own directions, the rest by elements."""
+    """Stroke directions of a region: the picture's own directions by `edge_weight`, the rest by elements."""
 
     region: Name
     frame: FrameNumber = 0
     edge_weight: Annotated[float, Field(ge=0, le=1, description="w of P = w E + (1 - w) sum of M.")] = 0.5
     elements: Annotated[tuple[ElementAt, ...], Field(max_length=200)] = ()
-    follow: Annotated[bool, Field(description="Elements move, turn and grow with the region.")] = True
-    free: Annotated[bool, Field(description="No direction of its own: its surroundings' spread into it.")] = False
+    follow: Annotated[bool, Field(description="Elements translate, rotate and scale with the region.")] = True
+    free: Annotated[
+        bool, Field(description="No directions of its own: those of the surroundings are spread into the region.")
+    ] = False
     ease: Ease = "linear"
 
 
 class Design(_Part):
-    """A design for the method multistyle, version 1."""
+    """A design for the method multistyle, format version 1."""
 
     version: Literal[1]
     regions: Annotated[dict[Name, Region], Field(max_length=MOST_REGIONS)] = {}
@@ -123,7 +152,7 @@ class Design(_Part):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Regions by their number in region maps: 0 is `rest`."""
+        """Region names by region number; 0 is `rest`."""
         return (REST, *(name for name in self.regions if name != REST))
 
     @property
@@ -135,19 +164,32 @@ class Design(_Part):
         return any(region.label is not None for region in self.regions.values())
 
     def style(self, key: StyleKey, base: Style) -> Style:
-        """The style of a key; `base` is the job's own."""
-        found = base
-        if key.style in self.styles:
-            own = self.styles[key.style]
-            found = _changed(base if own.base is None else STYLES[own.base].style, own)
-        elif key.style is not None:
-            found = STYLES[key.style].style
-        return _changed(found, key.set)
+        """Style of a key; `base` is the job's style."""
+        own, named = self._resolved(key)
+        found = base if named is None else STYLES[named].style
+        return _changed(_changed(found, own, FIELDS), key.set, FIELDS)
+
+    def technique(self, key: StyleKey, base: Technique) -> Technique:
+        """Technique of a key; `base` is the job's technique."""
+        own, named = self._resolved(key)
+        found = base if named is None else STYLES[named].technique
+        return found if own is None else _changed(found, own.technique, TECHNIQUE_FIELDS)
+
+    def _resolved(self, key: StyleKey) -> tuple[OwnStyle | None, StyleName | None]:
+        """The user's style that a key names, if any, and the named style below it, if any."""
+        own = self.styles.get(key.style) if key.style is not None else None
+        if own is not None:
+            return own, own.base
+        return None, next((name for name in STYLE_NAMES if name == key.style), None)
 
 
-def _changed(style: Style, changes: Changes) -> Style:
-    wanted = {name: getattr(changes, name) for name in FIELDS if getattr(changes, name) is not None}
-    return style.model_copy(update=wanted)
+Model = TypeVar("Model", bound=BaseModel)
+
+
+def _changed(style: Model, changes: BaseModel | None, names: Iterable[str]) -> Model:
+    if changes is None:
+        return style
+    return style.model_copy(update={name: new for name in names if (new := getattr(changes, name)) is not None})
 
 
 def schema() -> dict[str, Any]:
@@ -156,120 +198,150 @@ def schema() -> dict[str, Any]:
 
 
 def parse(document: Any, *, frames: int | None = None, masks: bool | None = None) -> Design:
-    """The design in a parsed JSON document.
+    """Validate a parsed JSON document and return the design.
 
     Args:
-        frames: of the video; None = not known, then frame numbers are not checked against it.
-        masks: whether label maps were given; None = not known.
+        frames: number of frames of the video; None = unknown, then frame numbers are not checked.
+        masks: whether the input `masks` is given; None = unknown.
 
     Raises:
-        BadParameter: `field` is the path of what is wrong, as inputs.design.keys[3].frame.
+        BadParameter: the design is invalid: its first fault; `field` is the path, such as inputs.design.keys[3].frame.
     """
-    try:
-        design = Design.model_validate(document)
-    except ValidationError as error:
-        first = error.errors()[0]
-        remedy = f"Use {VERSION}." if first["loc"] == ("version",) else "See docs/multistyle.md for the format."
-        raise BadParameter(
-            f"{first['msg']}.", field=_path(first["loc"]), value=first.get("input"), remedy=remedy
-        ) from None
-    for check in (_check_regions, _check_keys):
-        check(design)
-    if frames is not None:
-        _check_frames(design, frames)
-    if masks is False and design.wants_masks:
-        name = next(name for name, region in design.regions.items() if region.label is not None)
-        _refuse(f".regions.{name}.label", design.regions[name].label, "It needs label maps.", "Give the input masks.")
+    design, faults = _checked(document, frames, masks)
+    if faults:
+        first = faults[0]
+        raise BadParameter(first.message, field=_dotted(first.path), value=first.value, remedy=first.remedy)
+    assert design is not None
     return design
 
 
-def _path(loc: Iterable[int | str]) -> str:
-    return INPUT + "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in loc)
+def check(document: Any, *, frames: int | None, masks: bool | None) -> list[InputFault]:
+    """Every fault of a design document; arguments as for `parse`."""
+    return _checked(document, frames, masks)[1]
 
 
-def _refuse(path: str, value: object, message: str, remedy: str) -> None:
-    raise BadParameter(message, field=f"{INPUT}{path}", value=value, remedy=remedy)
+def _checked(document: Any, frames: int | None, masks: bool | None) -> tuple[Design | None, list[InputFault]]:
+    try:
+        design = Design.model_validate(document)
+    except ValidationError as error:
+        return None, [_of_model(found) for found in error.errors(include_url=False)]
+    return design, [*_region_faults(design), *_key_faults(design), *_frame_faults(design, frames),
+                    *_mask_faults(design, masks)]  # fmt: skip
 
 
-def _check_regions(design: Design) -> None:
+def _of_model(error: Any) -> InputFault:
+    path = tuple(part for part in error["loc"] if part != "[key]")
+    remedy = f"Use {VERSION}." if path == ("version",) else "See docs/multistyle.md for the format."
+    return InputFault(path, f"{error['msg']}.", error.get("input"), remedy)
+
+
+def _dotted(path: Iterable[int | str]) -> str:
+    return INPUT + "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
+
+
+def _mask_faults(design: Design, masks: bool | None) -> Iterator[InputFault]:
+    for name, region in design.regions.items():
+        if masks is False and region.label is not None:
+            yield InputFault(
+                ("regions", name, "label"),
+                "A region by label needs label maps.",
+                region.label,
+                "Add the input `masks`.",
+            )
+
+
+def _region_faults(design: Design) -> Iterator[InputFault]:
     taken: dict[tuple[str, int], str] = {}
     for name, region in design.regions.items():
-        path = f".regions.{name}"
+        path = ("regions", name)
         given = [kind for kind in ("label", "tubes", "objects", "polygons") if getattr(region, kind) not in (None, ())]
         if name == REST:
             if given or region.of:
-                _refuse(path, given, "The rest is what no other region has.", "Give it a border at most.")
+                yield InputFault(
+                    path, "The region `rest` has no location of its own.", given, "Set at most its `border`."
+                )
             continue
         if len(given) != 1:
-            _refuse(path, given, "A region is one of label, tubes, objects or polygons.", "Give exactly one of them.")
+            yield InputFault(
+                path, "A region needs exactly one of label, tubes, objects or polygons.", given, "Give one of them."
+            )
         for kind, numbers in (("label", (region.label,)), ("tubes", region.tubes), ("objects", region.objects)):
             for number in numbers:
                 if number is not None and taken.setdefault((kind, number), name) != name:
                     other = taken[kind, number]
-                    _refuse(f"{path}.{kind}", number, f"The region {other!r} has it already.", "Name it once.")
-        _check_of(design, name, path)
-        _check_twice((polygon.frame for polygon in region.polygons), f"{path}.polygons", "frame")
+                    yield InputFault(
+                        (*path, kind), f"The region {other!r} already contains it.", number, "List it once."
+                    )
+        yield from _of_faults(design, name)
+        yield from _twice((polygon.frame for polygon in region.polygons), (*path, "polygons"))
 
 
-def _check_of(design: Design, name: str, path: str) -> None:
+def _of_faults(design: Design, name: str) -> Iterator[InputFault]:
+    path = ("regions", name, "of")
     seen, at = {name}, design.regions[name].of
     while at is not None and at != REST:
         if at not in design.regions:
-            _refuse(f"{path}.of", at, "There is no such region.", f"There are: {', '.join(design.names)}.")
+            yield InputFault(path, "Unknown region.", at, f"Known regions: {', '.join(design.names)}.")
+            return
         if at in seen:
-            _refuse(f"{path}.of", at, "A region is no part of itself.", "Break the circle.")
+            yield InputFault(path, "A region cannot be its own parent.", at, "Remove the cycle of `of`.")
+            return
         seen.add(at)
         at = design.regions[at].of
 
 
-def _check_keys(design: Design) -> None:
-    known = ", ".join((*STYLE_NAMES, *design.styles))
+def _key_faults(design: Design) -> Iterator[InputFault]:
+    styles, regions = (*STYLE_NAMES, *design.styles), design.names
     for index, key in enumerate(design.keys):
-        _check_region(design, f".keys[{index}].region", key.region)
-        if key.style is not None and key.style not in (*STYLE_NAMES, *design.styles):
-            _refuse(f".keys[{index}].style", key.style, "There is no such style.", f"Use one of: {known}.")
+        if key.region not in regions:
+            yield _no_region(design, ("keys", index, "region"), key.region)
+        if key.style is not None and key.style not in styles:
+            path = ("keys", index, "style")
+            yield InputFault(path, "Unknown style.", key.style, f"Use one of: {', '.join(styles)}.")
     for index, direction in enumerate(design.directions):
-        _check_region(design, f".directions[{index}].region", direction.region)
-    _check_twice(((key.region, key.frame) for key in design.keys), ".keys", "frame")
-    _check_twice(((key.region, key.frame) for key in design.directions), ".directions", "frame")
+        if direction.region not in regions:
+            yield _no_region(design, ("directions", index, "region"), direction.region)
+    yield from _twice(((key.region, key.frame) for key in design.keys), ("keys",))
+    yield from _twice(((key.region, key.frame) for key in design.directions), ("directions",))
 
 
-def _check_region(design: Design, path: str, name: str) -> None:
-    if name not in design.names:
-        _refuse(path, name, "There is no such region.", f"There are: {', '.join(design.names)}.")
+def _no_region(design: Design, path: tuple[str | int, ...], name: str) -> InputFault:
+    return InputFault(path, "Unknown region.", name, f"Known regions: {', '.join(design.names)}.")
 
 
-def _check_twice(keys: Iterable[Any], path: str, leaf: str) -> None:
+def _twice(keys: Iterable[Any], path: tuple[str | int, ...]) -> Iterator[InputFault]:
     seen: set[Any] = set()
     for index, key in enumerate(keys):
         if key in seen:
-            _refuse(f"{path}[{index}].{leaf}", key, "There is a key at this frame already.", "Keep one of them.")
+            yield InputFault(
+                (*path, index, "frame"), "Two keys of one region have the same frame.", key, "Keep one of them."
+            )
         seen.add(key)
 
 
-def _check_frames(design: Design, frames: int) -> None:
+def _frame_faults(design: Design, frames: int | None) -> Iterator[InputFault]:
     for path, number in _frame_numbers(design):
-        if number >= frames:
-            _refuse(path, number, f"The video has {frames} frames.", f"Use 0 to {frames - 1}.")
+        if frames is not None and number >= frames:
+            yield InputFault(path, f"The video has {frames} frames.", number, f"Use 0 to {frames - 1}.")
 
 
-def _frame_numbers(design: Design) -> Iterator[tuple[str, int]]:
+def _frame_numbers(design: Design) -> Iterator[tuple[tuple[str | int, ...], int]]:
     for name, region in design.regions.items():
         for index, polygon in enumerate(region.polygons):
-            yield f".regions.{name}.polygons[{index}].frame", polygon.frame
+            yield ("regions", name, "polygons", index, "frame"), polygon.frame
     for index, key in enumerate(design.keys):
-        yield f".keys[{index}].frame", key.frame
+        yield ("keys", index, "frame"), key.frame
     for index, direction in enumerate(design.directions):
-        yield f".directions[{index}].frame", direction.frame
+        yield ("directions", index, "frame"), direction.frame
 
 
 Key = TypeVar("Key", StyleKey, DirectionKey)
 
 
-def around(keys: Iterable[Key], region: str, frame: int) -> tuple[Key, Key, float] | None:
-    """The keys of a region that a frame lies between, and how far it is on its way from one to the other, 0..1, eased.
+def keys_around(keys: Iterable[Key], region: str, frame: int) -> tuple[Key, Key, float] | None:
+    """The two keys of a region around a frame, and the eased interpolation parameter, 0..1, between them.
 
-    Outside all keys both are the nearest one; None if the region has none.
+    Before the first and after the last key both are that key; None if the region has no key.
 
     Source: kagaya2011video, section 3.1, step 1.
     """
@@ -285,7 +357,7 @@ def around(keys: Iterable[Key], region: str, frame: int) -> tuple[Key, Key, floa
 
 
 def eased(t: float, ease: Ease) -> float:
-    """The interpolation function f(t), from 0 at 0 to 1 at 1."""
+    """The interpolation function f(t), with f(0) = 0 and f(1) = 1."""
     match ease:
         case "linear":
             return t

@@ -1,25 +1,25 @@
-"""Ready designs: what kagaya2011video shows in section 6, for any video, without a document."""
+"""Ready-made designs for any video: the effects that kagaya2011video shows in section 6."""
 
 from __future__ import annotations
 
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 from pipeline.methods.multistyle.design import REST, Design
+from pipeline.methods.multistyle.params import Effect
 
-Effect = Literal["none", "rack-focus", "emphasis", "calm-to-stress"]
 EFFECTS: tuple[str, ...] = get_args(Effect)
 
 BACKGROUND = "background"
-"""The largest object of each shot; the rest is the subject."""
+"""Name of the region of the largest object of each shot; the region `rest` is the subject."""
 SHARP: dict[str, Any] = {"size": 9, "layers": 3, "threshold": 12}
 BROAD: dict[str, Any] = {"size": 44, "layers": 1}
 
 
 def document(effect: Effect, frames: int) -> dict[str, Any]:
-    """The effect as a design document, which can be saved, changed and given as the input `design`.
+    """The effect as a design document, which can be edited and passed as the input `design`.
 
     Args:
-        frames: of the video.
+        frames: number of frames of the video.
     """
     last = max(frames - 1, 0)
     match effect:
@@ -39,7 +39,7 @@ def document(effect: Effect, frames: int) -> dict[str, Any]:
 
 
 def effect_design(effect: Effect, frames: int) -> Design | None:
-    """The effect's design; None where there is none."""
+    """The effect's design; None for the effect `none`."""
     return None if effect == "none" else Design.model_validate(document(effect, frames))
 
 
@@ -48,7 +48,7 @@ def _two(keys: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _rack(region: str, before: dict[str, Any], after: dict[str, Any], last: int) -> list[dict[str, Any]]:
-    """One look for a third of the time, then the other, and a smooth change between; one key a frame."""
+    """Two keys: the first style for a third of the video, the second for the last third, a smooth change between."""
     first, second = last // 3, 2 * last // 3
     if first == second:
         return [_key(region, 0, before)]

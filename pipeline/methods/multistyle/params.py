@@ -1,41 +1,45 @@
-"""Every parameter of the multistyle method, with unit, range and the paper's symbol where it has one."""
+"""Parameters of the method multistyle, with unit, range and the paper's symbol where it has one."""
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, get_args
 
 from pipeline.methods.base import Params
-from pipeline.methods.fields import choice, number
-from pipeline.methods.multistyle.effects import Effect
-from pipeline.methods.multistyle.styles import StyleName
-from pipeline.strokes.layers import Renderer
+from pipeline.methods.fields import FlowName, Switch, choice, number
 
-Switch = Literal["on", "off"]
-FlowName = Literal["dis-ultrafast", "dis-fast", "dis-medium", "tvl1"]
+StyleName = Literal["van-gogh", "impressionism", "expressionism", "pointillism", "colorist-wash", "watercolor"]
+STYLE_NAMES: tuple[StyleName, ...] = get_args(StyleName)
+Effect = Literal["none", "rack-focus", "emphasis", "calm-to-stress"]
+Renderer = Literal["implicit", "explicit", "implicit-literal"]
+StrokeOrder = Literal["mixed", "colour"]
 
 
 class MultistyleParams(Params):
     """Parameters of video painting with space-time-varying style (kagaya2011video).
 
-    Those of the group Style change the chosen style for the whole picture; a design goes before them.
+    Parameters of the group Style change the chosen style for the whole picture. A design overrides them.
     """
 
     @property
-    def eased(self) -> MultistyleParams:
-        """With what the renderer takes of hold, stroke fade and colour follow."""
-        if self.renderer == "implicit":
+    def effective(self) -> MultistyleParams:
+        """The parameters as the renderer uses them: `ease` scales the temporal smoothing of explicit strokes."""
+        if self.renderer != "explicit":
             return self
         follow, fade = (self.ease * value + (1 - self.ease) for value in (self.colour_follow, self.stroke_fade))
         return self.model_copy(update={"hold": self.ease * self.hold, "colour_follow": follow, "stroke_fade": fade})
 
     # -- style
-    style: StyleName = choice(
-        "van-gogh", "Style", "How the picture is painted where no design says otherwise.", "Style"
-    )
+    style: StyleName = choice("van-gogh", "Style", "Style of everything that no design styles otherwise.", "Style")
     renderer: Renderer = choice(
         "implicit", "Renderer",
-        "implicit = seeds are drawn out along the stroke directions, the steadier one; explicit = every stroke is a "
-        "curve of its own, with ends and hairs.", "Style",
+        "implicit = discs drawn out along the stroke directions, with soft edges, the steadier one; explicit = every "
+        "stroke is a curve with crisp edges and ends; implicit-literal = each pixel takes the topmost disc on the "
+        "streamline through it, as the paper's equation 5 computes it (slower).", "Style",
+    )  # fmt: skip
+    stroke_order: StrokeOrder = choice(
+        "mixed", "Painting order",
+        "Which of two strokes of a layer covers the other: mixed = the darker one, with random variation that differs "
+        "by style; colour = the paper's total order (luminance, then green, red, blue).", "Style",
     )  # fmt: skip
     stroke_size: float = number(1, 0.25, 4, "Stroke size", "Factor on the width of strokes.", "ratio", "Style")
     stroke_length: float = number(
@@ -46,10 +50,10 @@ class MultistyleParams(Params):
     saturation: float = number(0, -1, 1, "Saturation", "Shift of saturation.", "ratio", "Style")
     value: float = number(0, -1, 1, "Brightness", "Shift of brightness.", "ratio", "Style")
     jitter: float = number(
-        1, 0, 3, "Colour jitter", "Factor on how far colours of single strokes stray.", "ratio", "Style"
+        1, 0, 3, "Colour jitter", "Factor on the random variation of colour between strokes.", "ratio", "Style"
     )
-    relief: float = number(1, 0, 4, "Relief", "Factor on the height of the texture in strokes.", "ratio", "Style")
-    grain: float = number(1, 0, 2, "Grain", "Factor on the density of the texture in strokes.", "ratio", "Style")
+    relief: float = number(1, 0, 4, "Relief", "Factor on the height of the paint.", "ratio", "Style")
+    grain: float = number(1, 0, 2, "Grain", "Factor on the bristle texture in strokes.", "ratio", "Style")
     layers: float = number(0, -2, 2, "Layers", "Added to the style's number of layers.", "layers", "Style")
     threshold: float = number(
         1, 0, 4, "Error threshold", "Factor on the error above which finer strokes are painted; 0 = everywhere.",
@@ -58,66 +62,72 @@ class MultistyleParams(Params):
 
     effect: Effect = choice(
         "none", "Effect",
-        "A ready design, where none is given: rack-focus = from the subject to the background; emphasis = a fine, "
-        "vivid subject before a broad, dull background; calm-to-stress = over the whole video.", "Style",
+        "A ready-made design, used if the job has no design: rack-focus = focus moves from the subject to the "
+        "background; emphasis = a fine, vivid subject before a broad, dull background; calm-to-stress = strokes become "
+        "short and restless over the video.", "Style",
+    )  # fmt: skip
+
+    objects: int = number(
+        8, 2, 64, "Objects", "Number of objects that the regions of each shot are merged to, for designs and effects.",
+        "objects", "Style",
     )  # fmt: skip
 
     # -- detail
     face_detail: float = number(
-        1, 0, 1, "Faces", "How much finer faces are painted: 1 = half the size, a layer more.", "ratio", "Detail"
+        1, 0, 1, "Faces", "Finer strokes on faces: 1 = half the size and one more layer.", "ratio", "Detail"
     )
     saliency_detail: float = number(
-        0.25, 0, 1, "Salient things", "The same for what stands out in a frame.", "ratio", "Detail"
+        0.25, 0, 1, "Salient things", "Finer strokes on what stands out in a frame.", "ratio", "Detail"
     )
     motion_detail: float = number(
-        0.2, 0, 1, "Moving things", "The same for what moves against the camera.", "ratio", "Detail"
+        0.2, 0, 1, "Moving things", "Finer strokes on what moves relative to the background.", "ratio", "Detail"
     )
 
     # -- direction
     edge_smoothing: float = number(
-        11, 1, 100, "Edge smoothing", "Sigma of the Gaussian over the edge field.", "per mille of the height",
+        11, 1, 100, "Edge smoothing", "Sigma of the Gaussian blur of the edge field.", "per mille of the height",
         "Direction",
     )  # fmt: skip
     edge_memory: float = number(
-        0.85, 0, 0.98, "Edge memory", "Weight of the past in the edge field, along the motion.", "ratio", "Direction"
-    )
+        0.85, 0, 0.98, "Edge memory", "Weight of previous frames in the edge field, along the motion.", "ratio",
+        "Direction",
+    )  # fmt: skip
     default_angle: float = number(
-        -35, -90, 90, "Default direction", "Where the picture runs nowhere, strokes run at this angle.", "degrees",
+        -35, -90, 90, "Default direction", "Stroke angle where the picture has no edges nearby.", "degrees",
         "Direction",
     )  # fmt: skip
 
     # -- time
     temporal: Switch = choice(
-        "on", "Temporal coherence", "off = every frame on its own: the honest baseline, and it flickers.", "Time"
+        "on", "Temporal coherence", "off = every frame is painted on its own, as a baseline; it flickers.", "Time"
     )
-    flow: FlowName = choice("dis-medium", "Optical flow", "Motion that carries strokes from frame to frame.", "Time")
+    flow: FlowName = choice("dis-medium", "Optical flow", "Algorithm that estimates the motion of strokes.", "Time")
     stillness: float = number(
-        2, 0, 20, "Stillness", "A pixel whose 5x5 surroundings changed by at most this stands still.", "gray levels",
-        "Time",
-    )  # fmt: skip
-    hold: float = number(
-        3, 0, 20, "Hold", "Colours that change by less, over 5x5 px, stay as they were: noise is not painted.",
+        2, 0, 20, "Stillness", "A pixel whose 5x5 surroundings change by at most this counts as unchanged.",
         "gray levels", "Time",
     )  # fmt: skip
+    hold: float = number(
+        3, 0, 20, "Noise floor", "Colours that change by less, over 5x5 px, keep their value, so that noise is not "
+        "painted.", "gray levels", "Time",
+    )  # fmt: skip
     stroke_fade: float = number(
-        0.3, 0.02, 1, "Stroke fade", "How much of a new stroke comes up, or of an old one goes, in a frame.", "ratio",
+        0.3, 0.02, 1, "Stroke fade", "Change of a stroke's opacity a frame while it appears or disappears.", "ratio",
         "Time",
     )  # fmt: skip
     colour_follow: float = number(
-        0.4, 0.01, 1, "Colour follow", "How far a stroke's colour goes towards the picture's in a frame.", "ratio",
-        "Time",
+        0.4, 0.01, 1, "Colour follow", "Fraction of the colour difference to the picture that a stroke makes up a "
+        "frame.", "ratio", "Time",
     )  # fmt: skip
     linger: int = number(
-        2, 0, 4, "Paint lingers",
-        "Each painting is averaged with so many before it, carried along the motion, where they show the same thing; "
-        "for the implicit renderer.", "frames", "Time",
+        2, 0, 4, "Accumulated frames",
+        "Each painting is averaged with this many previous ones, aligned along the motion, where they show the same "
+        "surface; not for explicit strokes.", "frames", "Time",
     )  # fmt: skip
     ease: float = number(
-        0, 0, 1, "Ease of explicit strokes", "How far the explicit renderer takes part in hold, stroke fade and colour "
-        "follow: 0 = its strokes show this frame's colours, and come and go at once, as the paper has it.", "ratio",
-        "Time",
+        0, 0, 1, "Smoothing of explicit strokes", "Weight of noise floor, stroke fade and colour follow with explicit "
+        "strokes: 0 = strokes show each frame's colours and appear at once, as in the paper.", "ratio", "Time",
     )  # fmt: skip
     cut_sensitivity: float = number(
-        1, 0, 3, "Cut sensitivity", "How readily a hard cut is called, which starts everything afresh; 0 = never.",
+        1, 0, 3, "Cut sensitivity", "How readily a hard cut is detected, at which everything starts anew; 0 = never.",
         "ratio", "Time",
     )  # fmt: skip

@@ -1,7 +1,7 @@
-"""Regions through time: what tells where each is in a frame, put together to one map.
+"""Region maps: label maps, outlines and tubes of a design, combined into one map a frame.
 
-Label maps and outlines are given in keyframes and carried from there in both directions; between two keys a frame
-takes what comes from the nearer one. Tubes come from the segmentation. Nothing is carried over a cut.
+Label maps and outlines are given at keyframes and propagated in both directions; between two keys a frame uses the
+nearer one. Tubes come from the segmentation. Nothing is propagated across a cut.
 """
 
 from __future__ import annotations
@@ -17,21 +17,22 @@ from numpy.typing import NDArray
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame
 from pipeline.methods.abstraction.state import State, flatten, part
-from pipeline.methods.multistyle.carrier import Carrier, Map
 from pipeline.methods.multistyle.design import REST, Design
+from pipeline.methods.multistyle.label_propagation import LabelPropagator, RegionMap
 
 MASKS = "masks"
-"""The channel of the user's label maps; outlines of a region have a channel of its name."""
-NOWHERE = 255
+"""Channel of the input label maps; outlines of a region have a channel with the region's name."""
+UNKNOWN = 255
+"""Value of propagated maps before the first key of their channel."""
 
 
 @dataclass
-class Given:
-    """What the user has said of where regions are: the keys of every channel.
+class RegionKeys:
+    """Region maps of the keyframes, by channel.
 
     Args:
         design: checked.
-        masks: label maps by frame number, as stored.
+        masks: label maps by frame number, as decoded.
         size: (width, height), px.
     """
 
@@ -39,7 +40,7 @@ class Given:
     masks: Mapping[int, NDArray[Any]]
     size: tuple[int, int]
     channels: dict[str, list[int]] = field(init=False)
-    """Channel -> its keyframes, ascending."""
+    """Channel -> its keyframes in ascending order."""
 
     def __post_init__(self) -> None:
         self.channels = {
@@ -49,13 +50,13 @@ class Given:
         if self.design.wants_masks:
             self.channels[MASKS] = sorted(self.masks)
 
-    def key(self, channel: str, frame: int) -> Map | None:
-        """The channel's map in a keyframe; None in any other."""
+    def key(self, channel: str, frame: int) -> RegionMap | None:
+        """The channel's map at a keyframe; None at other frames."""
         if frame not in self.channels[channel]:
             return None
         return self._labels(frame) if channel == MASKS else self._outline(channel, frame)
 
-    def _labels(self, frame: int) -> Map:
+    def _labels(self, frame: int) -> RegionMap:
         found = label_map(self.masks[frame], self.size, f"inputs.masks, frame {frame}")
         out = np.zeros(found.shape, np.uint8)
         for number, name in enumerate(self.design.names):
@@ -63,7 +64,7 @@ class Given:
                 out[found == label] = number
         return out
 
-    def _outline(self, name: str, frame: int) -> Map:
+    def _outline(self, name: str, frame: int) -> RegionMap:
         polygon = next(p for p in self.design.regions[name].polygons if p.frame == frame)
         corners = np.array(polygon.points, np.float64) * self.size - 0.5
         out = np.zeros(self.size[::-1], np.uint8)
@@ -72,16 +73,16 @@ class Given:
 
 
 def label_map(image: NDArray[Any], size: tuple[int, int], where: str) -> NDArray[np.uint16]:
-    """A stored image as label map at the video's size: gray as it is, colours by their red channel.
+    """Convert an image to a label map of the video's size: gray value, or the red channel of colour images.
 
     Raises:
-        BadParameter: it has another shape than the video.
+        BadParameter: the image has another aspect ratio than the video.
     """
     plane = image if image.ndim == 2 else image[..., 0]
     mine = size[0] / size[1]
     if abs(plane.shape[1] / plane.shape[0] / mine - 1) > 0.02:
         raise BadParameter(
-            "A label map has the shape of the video.", field="inputs.masks",
+            "A label map must have the aspect ratio of the video.", field="inputs.masks",
             value=f"{plane.shape[1]}x{plane.shape[0]} in {where}",
             remedy=f"Make it {size[0]}x{size[1]}.",
         )  # fmt: skip
@@ -90,44 +91,56 @@ def label_map(image: NDArray[Any], size: tuple[int, int], where: str) -> NDArray
     return np.asarray(cv2.resize(plane.astype(np.uint16), size, interpolation=cv2.INTER_NEAREST), np.uint16)
 
 
-class Walk:
-    """Carries every channel from frame to frame, forwards or backwards. Its state can be handed on."""
+class RegionPropagator:
+    """Propagates all channels from frame to frame, forwards or backwards."""
 
-    def __init__(self, given: Given) -> None:
+    def __init__(self, given: RegionKeys) -> None:
         self.given = given
-        self.carriers = {channel: Carrier() for channel in given.channels}
+        self.propagators = {channel: LabelPropagator() for channel in given.channels}
 
     def step(self, number: int, frame: Frame) -> NDArray[np.uint8]:
-        """uint8 (channels, h, w), NOWHERE where the channel has had no key yet."""
-        out = np.full((len(self.carriers), *frame.shape[:2]), NOWHERE, np.uint8)
-        for plane, (channel, carrier) in zip(out, self.carriers.items(), strict=True):
-            found = carrier.step(frame, self.given.key(channel, number))
+        """Maps of the next frame: uint8 (channels, h, w), UNKNOWN before the first key of a channel."""
+        out = np.full((len(self.propagators), *frame.shape[:2]), UNKNOWN, np.uint8)
+        for plane, (channel, propagator) in zip(out, self.propagators.items(), strict=True):
+            found = propagator.step(frame, self.given.key(channel, number))
             if found is not None:
                 plane[:] = found
         return out
 
     def state(self) -> State:
-        return flatten({f"channel{k}": carrier.state() for k, carrier in enumerate(self.carriers.values())})
+        return flatten({f"channel{k}": propagator.state() for k, propagator in enumerate(self.propagators.values())})
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        for k, carrier in enumerate(self.carriers.values()):
-            carrier.restore(part(state, f"channel{k}"))
+        for k, propagator in enumerate(self.propagators.values()):
+            propagator.restore(part(state, f"channel{k}"))
+
+
+@dataclass(frozen=True)
+class Propagated:
+    """Propagated maps of one frame.
+
+    Attributes:
+        number: frame number; `shot`: first frame of its shot, and the frame after the last.
+        fore, back: maps propagated forwards and backwards, uint8 (channels, h, w); None = there are none.
+    """
+
+    number: int
+    shot: tuple[int, int]
+    fore: NDArray[np.uint8] | None
+    back: NDArray[np.uint8] | None
 
 
 def compose(
-    given: Given, number: int, shot: tuple[int, int], fore: NDArray[np.uint8] | None, back: NDArray[np.uint8] | None,
-    tubes: NDArray[np.int64] | None, owner: Mapping[int, str],
-) -> Map:  # fmt: skip
-    """The region map of a frame.
+    given: RegionKeys, maps: Propagated, tubes: NDArray[np.int64] | None, owner: Mapping[int, str]
+) -> RegionMap:
+    """Combine all regions of a design into the region map of a frame.
 
     Args:
-        number: of the frame; `shot`: the first of its shot, and the one after its last.
-        fore, back: what was carried to it, uint8 (channels, h, w); None = nothing came from there.
-        tubes: int64 (h, w), the id of the tube that each pixel is in; None = no region is made of tubes.
-        owner: tube -> the region it belongs to.
+        tubes: int64 (h, w), tube id of each pixel; None = no region consists of tubes.
+        owner: tube id -> name of its region.
     """
     design, (width, height) = given.design, given.size
-    carried = dict(_nearer(given, number, shot, fore, back))
+    propagated = dict(_nearest_key_maps(given, maps))
     out = np.zeros((height, width), np.uint8)
     parts: dict[str, NDArray[np.bool_]] = {}
     for index, name in enumerate(design.names):
@@ -138,7 +151,7 @@ def compose(
             mine = np.array([tube for tube, region_name in owner.items() if region_name == name], np.int64)
             inside = np.isin(tubes, mine) if tubes is not None else np.zeros(out.shape, np.bool_)
         else:
-            inside = carried.get(MASKS if region.label is not None else name, out) == index
+            inside = propagated.get(MASKS if region.label is not None else name, out) == index
         parts[name] = inside
         out[_within(design, name, parts) if region.of else inside] = index
     return out
@@ -155,13 +168,12 @@ def _within(design: Design, name: str, parts: Mapping[str, NDArray[np.bool_]]) -
     return inside
 
 
-def _nearer(
-    given: Given, number: int, shot: tuple[int, int], fore: NDArray[np.uint8] | None, back: NDArray[np.uint8] | None
-) -> Iterator[tuple[str, Map]]:
+def _nearest_key_maps(given: RegionKeys, maps: Propagated) -> Iterator[tuple[str, RegionMap]]:
+    """Map of each channel, propagated from the nearer keyframe; before the first key of a shot, from the next one."""
     for index, (channel, keys) in enumerate(given.channels.items()):
-        before = max((key for key in keys if shot[0] <= key <= number), default=None)
-        after = min((key for key in keys if number < key < shot[1]), default=None)
-        use_back = after is not None and (before is None or after - number < number - before)
-        source = back if use_back else fore if before is not None else None
+        before = max((key for key in keys if maps.shot[0] <= key <= maps.number), default=None)
+        after = min((key for key in keys if maps.number < key < maps.shot[1]), default=None)
+        use_back = after is not None and (before is None or after - maps.number < maps.number - before)
+        source = maps.back if use_back else maps.fore if before is not None else None
         if source is not None:
-            yield channel, np.where(source[index] == NOWHERE, 0, source[index]).astype(np.uint8)
+            yield channel, np.where(source[index] == UNKNOWN, 0, source[index]).astype(np.uint8)

@@ -1,7 +1,7 @@
-"""Tubes: regions that are coherent in space and time, and the objects that they make up.
+"""Tubes, which are regions coherent in space and time, and the objects that tubes are merged to.
 
-The segmentation is the method abstraction's (zhang2011online, section 4), coarser. Departure: kagaya2011video takes
-Brendel and Todorovic's, and says that any will do.
+The segmentation is that of the method abstraction (zhang2011online, section 4) with coarser parameters. Departure:
+kagaya2011video uses the segmentation of Brendel and Todorovic, and notes that any video segmentation can be used.
 """
 
 from __future__ import annotations
@@ -18,32 +18,36 @@ from pipeline.frames import Frame
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.session import AbstractionSession
 from pipeline.methods.abstraction.state import State
-from pipeline.methods.base import Note
+from pipeline.methods.base import TaskResult
 
 COARSE = AbstractionParams(
     growing_limit=26, core_tolerance=1.0, smallest_region=3, merge_similar=12, edge_threshold=140, lines="off",
     saliency_importance=0.2, motion_importance=0.2,
 )  # fmt: skip
-"""Fewer, larger regions than a cartoon has."""
-OBJECTS = 8
-"""Objects that tubes are merged to, in each shot."""
+"""Parameters for fewer and larger regions than in a cartoon."""
 MOTION = 6.0
-"""Lab units that a difference in motion of one px a frame counts as much as, for 360 rows."""
+"""Lab units equivalent to a difference in motion of one px a frame, for frames of 360 rows."""
 
 
-class Tubes:
-    """Follows the tubes of one shot. Its state can be handed on."""
+GAP_FRAMES, GAP_LAB, GAP_DISTANCE, GAP_GROWTH = 30, 12.0, 0.2, 3.0
+"""Limits for a tube that continues an earlier one after an occlusion: frames between them, difference of mean colour
+(8-bit Lab), distance from the extrapolated position as a fraction of the frame's height, ratio of areas."""
+LEAST_AREA = 0.0005
+"""Area, as a fraction of the squared height, below which tubes are not matched across occlusions."""
+
+
+class TubeTracker:
+    """Tracks the tubes of one shot."""
 
     def __init__(self, size: tuple[int, int], shot: int) -> None:
         self.session = AbstractionSession(COARSE, size, shot=shot)
 
-    def step(self, frame: Frame) -> tuple[NDArray[np.int64], Note]:
-        """The next frame's tubes: int64 (h, w), the id of each pixel's; and what is to be known of them."""
-        seen = self.session.eye.step(frame)
-        found = self.session.hand.step(seen).regions
-        flow = None if seen.flow is None else seen.flow
+    def step(self, frame: Frame) -> tuple[NDArray[np.int64], TaskResult]:
+        """Segment the next frame: tube id of each pixel, int64 (h, w), and the statistics of the tubes."""
+        seen = self.session.analyzer.step(frame)
+        found = self.session.regions.step(seen).regions
         pixels = np.asarray(found.ids[found.labels], np.int64)
-        return pixels, _note(found.labels, found.ids, found.areas, found.means, flow)
+        return pixels, _statistics(found.labels, found.ids, found.areas, found.means, seen.flow)
 
     def state(self) -> State:
         return self.session.state()
@@ -52,25 +56,30 @@ class Tubes:
         self.session.restore(state)
 
 
-def _note(
+def _statistics(
     labels: NDArray[np.int32], ids: NDArray[np.int64], areas: NDArray[np.int32], means: NDArray[np.float32],
     flow: NDArray[np.float32] | None,
-) -> Note:  # fmt: skip
-    """JSON: of each tube, its area, and the sums of Lab and motion over it; of each pair that touches, how far."""
+) -> TaskResult:  # fmt: skip
+    """JSON: [area, sums of Lab and of motion * 16] and centre (x, y) of each tube; border length of adjacent tubes."""
     count = len(ids)
     sums = np.zeros((count, 6), np.int64)
     sums[:, 0] = areas
     sums[:, 1:4] = np.rint(means * areas[:, None])
+    flat = labels.ravel()
     if flow is not None:
         for c in range(2):
-            moved = np.bincount(labels.ravel(), flow[..., c].ravel().astype(np.float64), count)
+            moved = np.bincount(flat, flow[..., c].ravel().astype(np.float64), count)
             sums[:, 4 + c] = np.rint(moved * 16)
+    rows, columns = (plane.ravel().astype(np.float64) for plane in np.indices(labels.shape))
+    centres = np.stack([np.bincount(flat, plane, count) for plane in (columns, rows)], axis=1)
+    centres = np.round(centres / np.maximum(areas, 1)[:, None], 1)
     pairs = np.concatenate([_touching(labels[:, :-1], labels[:, 1:], count), _touching(labels[:-1], labels[1:], count)])
     codes, lengths = np.unique(pairs, return_counts=True)
     touch = {
         f"{ids[c // count]}-{ids[c % count]}": int(n) for c, n in zip(codes.tolist(), lengths.tolist(), strict=True)
     }
-    return {"tubes": {str(ids[k]): sums[k].tolist() for k in range(1, count) if areas[k]}, "touch": touch}
+    tubes = {str(ids[k]): [sums[k].tolist(), centres[k].tolist()] for k in range(1, count) if areas[k]}
+    return {"tubes": tubes, "touch": touch}
 
 
 def _touching(a: NDArray[np.int32], b: NDArray[np.int32], count: int) -> NDArray[np.int64]:
@@ -81,17 +90,18 @@ def _touching(a: NDArray[np.int32], b: NDArray[np.int32], count: int) -> NDArray
 
 @dataclass(frozen=True)
 class Tube:
-    """One tube over its life.
+    """One tube over its lifetime, occlusions included.
 
     Attributes:
-        number: 1 and up, over the whole video, in the order of their ids.
-        first, last: frames it is seen in.
+        ids: ids of the segmentation; more than one if the tube was occluded.
+        number: from 1, over the whole video, in the order of the first ids.
+        first, last: first and last frame with the tube.
         area: px, summed over its frames.
         lab: mean colour, 8-bit Lab; motion: mean, px a frame.
-        object: number of the object that it belongs to, in its shot: 1 and up, the largest first.
+        object: number of its object in its shot: from 1, largest first.
     """
 
-    id: int
+    ids: tuple[int, ...]
     number: int
     first: int
     last: int
@@ -101,76 +111,184 @@ class Tube:
     object: int
 
 
-def add_up(notes: Iterable[tuple[int, Note]]) -> Note:
-    """The notes of the frames of a run as one: tubes get their first and last frame in front."""
-    tubes: dict[str, list[int]] = {}
+@dataclass
+class _Stats:
+    """Statistics of a tube over several frames; `entry` and `exit` are (x, y, area) in its first and last frame."""
+
+    first: int
+    last: int
+    sums: NDArray[np.int64]
+    entry: tuple[float, float, int]
+    exit: tuple[float, float, int]
+
+    def extend(self, other: _Stats) -> None:
+        """Add the statistics of later frames."""
+        self.last, self.exit, self.sums = other.last, other.exit, self.sums + other.sums
+
+    def pack(self) -> list[Any]:
+        return [self.first, self.last, self.sums.tolist(), list(self.entry), list(self.exit)]
+
+    @classmethod
+    def unpack(cls, row: list[Any]) -> _Stats:
+        first, last, sums, (x0, y0, area0), (x1, y1, area1) = row
+        return cls(first, last, np.array(sums, np.int64), (x0, y0, area0), (x1, y1, area1))
+
+    @property
+    def lab(self) -> NDArray[np.float64]:
+        return np.asarray(self.sums[1:4] / max(int(self.sums[0]), 1))
+
+    @property
+    def velocity(self) -> NDArray[np.float64]:
+        """Displacement of the centre a frame, px; the flow inside plain surfaces would underestimate it."""
+        if self.last == self.first:
+            return self.motion
+        return np.asarray((np.array(self.exit[:2]) - np.array(self.entry[:2])) / (self.last - self.first))
+
+    @property
+    def motion(self) -> NDArray[np.float64]:
+        return np.asarray(self.sums[4:6] / max(int(self.sums[0]), 1) / 16)
+
+
+def merge_results(results: Iterable[tuple[int, TaskResult]]) -> TaskResult:
+    """Merge the statistics of a run's frames, given as (frame number, result)."""
+    tubes: dict[str, _Stats] = {}
     touch: dict[str, int] = defaultdict(int)
-    for frame, note in notes:
-        for tube, sums in note["tubes"].items():
-            known = tubes.setdefault(tube, [frame, frame, 0, 0, 0, 0, 0, 0])
-            known[1] = frame
-            known[2:] = [a + b for a, b in zip(known[2:], sums, strict=True)]
-        for pair, length in note["touch"].items():
+    for frame, result in results:
+        for tube, (sums, (x, y)) in result["tubes"].items():
+            place = (x, y, sums[0])
+            now = _Stats(frame, frame, np.array(sums, np.int64), place, place)
+            if tube in tubes:
+                tubes[tube].extend(now)
+            else:
+                tubes[tube] = now
+        for pair, length in result["touch"].items():
             touch[pair] += length
-    return {"tubes": tubes, "touch": dict(touch)}
+    return {"tubes": {tube: stats.pack() for tube, stats in tubes.items()}, "touch": dict(touch)}
 
 
-def tubes_of(notes: Iterable[Note], shots: list[tuple[int, int]], rows: int) -> list[Tube]:
-    """All tubes of a video, from the notes of its runs (`add_up`), each with the object that it is part of.
+def tubes_of(results: Iterable[TaskResult], shots: list[tuple[int, int]], rows: int, objects: int = 8) -> list[Tube]:
+    """All tubes of a video, from the results of its runs (`merge_results`) in order, each with its object.
 
     Args:
-        shots: (first frame, frame after the last) of each.
+        shots: (first frame, frame after the last) of each shot.
         rows: height of the frames, px.
+        objects: number of objects that the tubes of a shot are merged to.
     """
-    sums: dict[int, list[int]] = {}
+    found: dict[int, _Stats] = {}
     touch: dict[tuple[int, int], int] = defaultdict(int)
-    for note in notes:
-        for name, own in note["tubes"].items():
-            known = sums.setdefault(int(name), [own[0], own[1], 0, 0, 0, 0, 0, 0])
-            known[0], known[1] = min(known[0], own[0]), max(known[1], own[1])
-            known[2:] = [a + b for a, b in zip(known[2:], own[2:], strict=True)]
-        for pair, length in note["touch"].items():
+    for result in sorted(results, key=lambda result: min((row[0] for row in result["tubes"].values()), default=0)):
+        for name, row in result["tubes"].items():
+            if int(name) in found:
+                found[int(name)].extend(_Stats.unpack(row))
+            else:
+                found[int(name)] = _Stats.unpack(row)
+        for pair, length in result["touch"].items():
             one, _, other = pair.partition("-")
-            touch[min(int(one), int(other)), max(int(one), int(other))] += length
-    ids = sorted(sums)
-    parts = _objects(ids, sums, touch, shots, rows)
-    return [_tube(number, name, sums[name], parts[name]) for number, name in enumerate(ids, 1)]
+            touch[int(one), int(other)] += length
+    root = _reattached(found, shots, rows)
+    return _numbered(found, root, touch, shots, rows, objects)
 
 
-def _tube(number: int, name: int, sums: list[int], part: int) -> Tube:
-    area = max(sums[2], 1)
-    light, a, b = (round(value / area, 2) for value in sums[3:6])
-    x, y = (round(value / area / 16, 3) for value in sums[6:8])
-    return Tube(name, number, sums[0], sums[1], sums[2], (light, a, b), (x, y), part)
+def _reattached(found: Mapping[int, _Stats], shots: list[tuple[int, int]], rows: int) -> dict[int, int]:
+    """Map each tube id to the first id of the same tube: a tube that appears where an earlier one is expected continues
+    it. Each tube is continued at most once, by the most similar one."""
+    root = {name: name for name in found}
+    pairs = []
+    for start, stop in shots:
+        mine = [name for name in sorted(found) if start <= found[name].first < stop]
+        large = [name for name in mine if found[name].sums[0] >= LEAST_AREA * rows * rows * _life(found[name])]
+        for one in large:
+            for other in large:
+                cost = _continuation_cost(found[one], found[other], rows)
+                if cost is not None:
+                    pairs.append((cost, one, other))
+    continued, continuing = set[int](), set[int]()
+    for _, one, other in sorted(pairs):
+        if one not in continued and other not in continuing:
+            continued.add(one)
+            continuing.add(other)
+            root[other] = one
+    for name in sorted(root, key=lambda name: found[name].first):
+        root[name] = root[root[name]]
+    return root
+
+
+def _life(stats: _Stats) -> int:
+    return stats.last - stats.first + 1
+
+
+def _continuation_cost(before: _Stats, after: _Stats, rows: int) -> float | None:
+    """Dissimilarity of a tube and a possible continuation; None if it cannot be one."""
+    gap = after.first - before.last
+    if not 0 < gap <= GAP_FRAMES:
+        return None
+    expected = np.array(before.exit[:2]) + before.velocity * gap
+    distance = float(np.hypot(*(np.array(after.entry[:2]) - expected))) / rows
+    colour = float(np.sqrt(((before.lab - after.lab) ** 2).sum()))
+    sizes = sorted((before.sums[0] / _life(before), after.sums[0] / _life(after)))
+    if distance > GAP_DISTANCE or colour > GAP_LAB or sizes[1] > GAP_GROWTH * sizes[0]:
+        return None
+    return colour / GAP_LAB + distance / GAP_DISTANCE
+
+
+def _numbered(
+    found: Mapping[int, _Stats], root: Mapping[int, int], touch: Mapping[tuple[int, int], int],
+    shots: list[tuple[int, int]], rows: int, objects: int,
+) -> list[Tube]:  # fmt: skip
+    """Tubes with numbers and objects; statistics of continued tubes are summed."""
+    ids: dict[int, list[int]] = defaultdict(list)
+    for name in sorted(found, key=lambda name: (found[name].first, name)):
+        ids[root[name]].append(name)
+    sums = {name: np.sum([found[each].sums for each in members], axis=0) for name, members in ids.items()}
+    borders: dict[tuple[int, int], int] = defaultdict(int)
+    for (one, other), length in touch.items():
+        if root[one] != root[other]:
+            borders[min(root[one], root[other]), max(root[one], root[other])] += length
+    first = {name: found[name].first for name in ids}
+    parts = _objects(first, sums, borders, shots, (rows, objects))
+    out = []
+    for number, name in enumerate(sorted(ids), 1):
+        whole = _Stats(first[name], found[ids[name][-1]].last, sums[name], found[name].entry, found[name].exit)
+        light, a, b = (round(float(value), 2) for value in whole.lab)
+        x, y = (round(float(value), 3) for value in whole.motion)
+        life = whole.first, whole.last
+        out.append(Tube(tuple(ids[name]), number, *life, int(sums[name][0]), (light, a, b), (x, y), parts[name]))
+    return out
 
 
 def _objects(
-    ids: list[int], sums: Mapping[int, list[int]], touch: Mapping[tuple[int, int], int],
-    shots: list[tuple[int, int]], rows: int,
+    first: Mapping[int, int], sums: Mapping[int, NDArray[np.int64]], touch: Mapping[tuple[int, int], int],
+    shots: list[tuple[int, int]], size: tuple[int, int],
 ) -> dict[int, int]:  # fmt: skip
-    """Tube -> object: in each shot, the pair that differs least for its size and border is merged, again and again.
+    """Map tubes to objects by agglomerative clustering of adjacent tubes, shot by shot.
 
-    The cost is Ward's (area * area / sum * squared difference of colour and motion) for a unit of common border.
+    The merge cost is Ward's (area * area / sum * squared difference of colour and motion) over the common border.
+
+    Args:
+        first: first frame of each tube; `sums`: its statistics; `touch`: border lengths of adjacent tubes.
+        size: (height of the frames in px, number of objects a shot).
     """
+    rows, objects = size
     scale = MOTION * 360 / rows
     out: dict[int, int] = {}
     for start, stop in shots:
-        mine = [name for name in ids if start <= sums[name][0] < stop]
-        owner = _merged(mine, sums, touch, scale)
+        mine = [name for name in sorted(first) if start <= first[name] < stop]
+        owner = _merged(mine, sums, touch, scale, objects)
         area: dict[int, int] = defaultdict(int)
         for name, group in owner.items():
-            area[group] += sums[name][2]
+            area[group] += int(sums[name][0])
         rank = {group: k for k, group in enumerate(sorted(area, key=lambda group: (-area[group], group)), 1)}
         out |= {name: rank[group] for name, group in owner.items()}
     return out
 
 
 def _merged(
-    mine: list[int], sums: Mapping[int, list[int]], touch: Mapping[tuple[int, int], int], scale: float
-) -> dict[int, int]:
-    area = {name: float(max(sums[name][2], 1)) for name in mine}
-    look = {
-        name: np.array([*sums[name][3:6], *(v / 16 * scale for v in sums[name][6:8])], np.float64) / area[name]
+    mine: list[int], sums: Mapping[int, NDArray[np.int64]], touch: Mapping[tuple[int, int], int], scale: float,
+    objects: int,
+) -> dict[int, int]:  # fmt: skip
+    area = {name: float(max(sums[name][0], 1)) for name in mine}
+    features = {
+        name: np.array([*sums[name][1:4], *(v / 16 * scale for v in sums[name][4:6])], np.float64) / area[name]
         for name in mine
     }
     near: dict[int, dict[int, int]] = {name: {} for name in mine}
@@ -180,15 +298,15 @@ def _merged(
     owner = {name: name for name in mine}
 
     def cost(one: int, other: int) -> float:
-        apart = look[one] - look[other]
+        apart = features[one] - features[other]
         weight = area[one] * area[other] / (area[one] + area[other])
         return float(weight * (apart @ apart + 4)) / near[one][other]
 
     costs = {(a, b): cost(a, b) for a in near for b in near[a] if a < b}
-    while len(near) > OBJECTS and costs:
+    while len(near) > objects and costs:
         a, b = min(costs, key=lambda pair: (costs[pair], pair))
         total = area[a] + area[b]
-        look[a], area[a] = (look[a] * area[a] + look[b] * area[b]) / total, total
+        features[a], area[a] = (features[a] * area[a] + features[b] * area[b]) / total, total
         for other, length in near.pop(b).items():
             near[other].pop(b)
             costs.pop((min(b, other), max(b, other)), None)

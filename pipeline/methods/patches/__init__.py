@@ -15,7 +15,17 @@ from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar
 
 from pipeline.frames import Frame
-from pipeline.methods.base import Brief, Example, InputSpec, Needs, Params, Session, Step, working
+from pipeline.methods.base import (
+    Example,
+    InputSpec,
+    Method,
+    Params,
+    PlanContext,
+    Resources,
+    Session,
+    Step,
+    resources_per_pixel,
+)
 from pipeline.methods.patches.artefacts import ARTEFACTS
 from pipeline.methods.patches.build import plan_patch, run_patch
 from pipeline.methods.patches.clusters import plan_cluster, run_cluster
@@ -28,7 +38,7 @@ from pipeline.methods.patches.scan import plan_scan, run_scan
 __all__ = ["Patches", "PatchesParams"]
 
 
-class Patches:
+class Patches(Method):
     """The method as the registry knows it."""
 
     name: ClassVar[str] = "patches"
@@ -41,19 +51,19 @@ class Patches:
         InputSpec(
             "masks", "images", False, "Foreground masks",
             "White = foreground, black = background, gray or transparent = not said (so scribbles will do): a zip of "
-            "images named by frame number. Each is carried on from its frame.",
+            "images named by frame number. Each is carried on from its frame.", "scribbles.image",
         ),
         InputSpec(
             "labels", "images", False, "Corrected label maps",
             "Gray value = label, 0 = unclustered, 1 = background, as in the artefact `labels`: a zip of images named "
-            "by frame number. Frames between two of them are clustered again.",
+            "by frame number. Frames between two of them are clustered again.", "labels.image",
         ),
         InputSpec(
             "styles", "json", False, "Styles of patches",
-            'A style for single patches, by label: {"background": "wash", "3": "circles"}.',
+            'A style for single patches, by label: {"background": "wash", "3": "circles"}.', "label_styles",
         ),
     )  # fmt: skip
-    steps: ClassVar[tuple[Step, ...]] = (
+    steps: ClassVar[tuple[Step[Any], ...]] = (
         Step("scan", "Find the shots", plan_scan, run_scan, weight=0.02),
         Step("cluster", "See what moves together", plan_cluster, run_cluster, weight=0.45),
         Step("correct", "Follow your corrections", plan_correct, run_correct, weight=0.0),
@@ -69,10 +79,14 @@ class Patches:
         Example("wash", "A washed background", {"background_style": "wash"}),
     )
 
-    @staticmethod
-    def needs(step: str, brief: Brief) -> Needs:
-        """Peaks by `python -m benchmarks.needs`, and a fifth more."""
-        return working(brief.video, 60 if step == "scan" else 500)
+    def single_frame_params(self, params: Any) -> PatchesParams:
+        """A frame on its own is painted without what other frames contribute."""
+        alone: PatchesParams = params.model_copy(update={"temporal": "off"})
+        return alone
+
+    def resources(self, step: str, context: PlanContext[PatchesParams]) -> Resources:
+        """Peaks by `python -m benchmarks.task_memory`, and a fifth more."""
+        return resources_per_pixel(context.video, 60 if step == "scan" else 500)
 
     def stream(
         self, params: Any, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]

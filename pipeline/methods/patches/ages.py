@@ -1,4 +1,4 @@
-"""What a patch looks like: the sums of its colours over a few frames each, and which of them look alike."""
+"""Appearance of a patch over time: colour sums over short spans of frames, and periods of similar appearance (ages)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Mask, Plane
-from pipeline.methods.base import Bench
+from pipeline.methods.base import TaskContext
 from pipeline.methods.patches.clusters import LabelMaps
 from pipeline.methods.patches.fit import fine_px
 from pipeline.methods.patches.grid import Grid
@@ -22,17 +22,17 @@ from pipeline.methods.patches.params import PatchesParams
 from pipeline.warp.panorama import Lay, full_map, gather, mean
 
 LARGEST = 16.0
-"""Area of a panorama, in frames: what lies beyond keeps its border's paint."""
+"""Largest area of a panorama, in frame areas. Positions outside it sample the paint at its border."""
 AGE = 8
-"""Frames whose mean is compared with what the patch has looked like so far."""
+"""Number of frames whose mean colour is compared with the current age."""
 CHANGED = 0.015
-"""Part of a patch's pixels that has to look different for a new age to begin."""
+"""Fraction of a patch's pixels that must change for a new period of appearance (age) to begin."""
 OUTSIDE = 0.02
-"""Weight of a frame's colours beyond the cluster, in the margin, beside 1 within."""
+"""Weight of pixels in the margin outside the cluster; pixels inside have weight 1."""
 FILL = 1e-3
-"""Weight of all other frames in an age's picture: what the age has not seen is theirs."""
+"""Weight of all frames of the patch in the picture of an age; they fill the pixels that the age lacks."""
 SAME = 0.25
-"""Misfits up to which an age looks the same as all; from twice as many it is painted as it is."""
+"""Misfit up to which an age uses the mean of all frames; from twice this value on it uses its own mean."""
 Total = NDArray[np.float32]
 """float32 (h, w, 4): sums of red, green, blue times weight, and of weights."""
 
@@ -46,7 +46,7 @@ class Room:
 
     @classmethod
     def around(cls, lays: dict[int, Lay], grid: Grid) -> Room:
-        """As large as all frames need, at most LARGEST times a frame's area."""
+        """Bounding rectangle of all frames of the patch, limited to `LARGEST` frame areas."""
         ends = []
         for lay in lays.values():
             places = lay.positions()[::4, ::4].reshape(-1, 2)
@@ -60,12 +60,12 @@ class Room:
         return cls((x, y), (max(int(np.ceil(high[0])) - x, 16), max(int(np.ceil(high[1])) - y, 16)))
 
     @classmethod
-    def load(cls, bench: Bench, life: Life) -> Room:
-        x, y, width, height = (int(value) for value in bench.load("patch", f"{life.key}-room")["at"])
+    def load(cls, context: TaskContext[PatchesParams], life: Life) -> Room:
+        x, y, width, height = (int(value) for value in context.load("patch", f"{life.key}-room")["at"])
         return cls((x, y), (width, height))
 
-    def save(self, bench: Bench, life: Life) -> None:
-        bench.save(f"{life.key}-room", {"at": np.array([*self.origin, *self.size])})
+    def save(self, context: TaskContext[PatchesParams], life: Life) -> None:
+        context.save(f"{life.key}-room", {"at": np.array([*self.origin, *self.size])})
 
     def empty(self) -> Total:
         return np.zeros((self.size[1], self.size[0], 4), np.float32)
@@ -73,12 +73,12 @@ class Room:
 
 @dataclass(frozen=True)
 class Sum:
-    """Colours of a few frames, in the part of the panorama that they reach; 5 bytes a pixel, since many are kept.
+    """Colour sum of a few frames, cropped to the covered part of the panorama. It takes 5 bytes per pixel.
 
     Attributes:
-        at: (x, y) of its first pixel in the panorama, px.
-        colour: uint8 (h, w, 3), the mean; the rounding of many sums evens out.
-        weight: float16 (h, w), 0.05 % fine.
+        at: (x, y) of its top left pixel in the panorama, px.
+        colour: uint8 (h, w, 3), mean colour; rounding errors cancel over many sums.
+        weight: float16 (h, w), sum of weights, relative precision 0.05 %.
     """
 
     at: tuple[int, int]
@@ -97,12 +97,12 @@ class Sum:
         return cls((left, top), np.rint(np.minimum(colours, 255)).astype(np.uint8), weight)
 
     @classmethod
-    def load(cls, bench: Bench, name: str) -> Sum:
-        kept = bench.load("patch", name)
+    def load(cls, context: TaskContext[PatchesParams], name: str) -> Sum:
+        kept = context.load("patch", name)
         return cls((int(kept["at"][0]), int(kept["at"][1])), kept["colour"], kept["weight"])
 
-    def save(self, bench: Bench, name: str) -> None:
-        bench.save(name, {"at": np.array(self.at), "colour": self.colour, "weight": self.weight})
+    def save(self, context: TaskContext[PatchesParams], name: str) -> None:
+        context.save(name, {"at": np.array(self.at), "colour": self.colour, "weight": self.weight})
 
     @property
     def box(self) -> tuple[slice, slice]:
@@ -116,15 +116,22 @@ class Sum:
 
 
 def spans(life: Life) -> list[tuple[int, int]]:
-    """Frames [start, stop) of each sum of a life."""
+    """Frames [start, stop) of each colour sum of a patch, `AGE` frames each."""
     count = math.ceil((life.stop - life.start) / AGE)
     return [(life.start + AGE * n, min(life.start + AGE * (n + 1), life.stop)) for n in range(count)]
 
 
-def sum_up(span: tuple[int, int], life: Life, lays: dict[int, Lay], maps: LabelMaps, room: Room, bench: Bench) -> Sum:
-    """The patch's colours, summed over the frames of a span that have it."""
-    total, grid = room.empty(), Grid.of(bench.size)
-    for index, frame in enumerate(bench.frames("video", *span), start=span[0]):
+def sum_up(
+    span: tuple[int, int],
+    life: Life,
+    lays: dict[int, Lay],
+    maps: LabelMaps,
+    room: Room,
+    context: TaskContext[PatchesParams],
+) -> Sum:
+    """Sum the patch's colours over the frames of a span that contain it."""
+    total, grid = room.empty(), Grid.of(context.size)
+    for index, frame in enumerate(context.frames("video", *span), start=span[0]):
         if (lay := lays.get(index)) is not None:
             add(total, frame, lay, maps.sure(index) == life.label, room, grid)
     return Sum.of(total)
@@ -133,7 +140,11 @@ def sum_up(span: tuple[int, int], life: Life, lays: dict[int, Lay], maps: LabelM
 def add(
     total: NDArray[np.float32], frame: Frame, lay: Lay, inside: Mask, room: Room, grid: Grid
 ) -> None:  # fmt: skip
-    """Add a frame's pixels of the patch to the sums, in place; `inside` is its cluster, bool, at the working size."""
+    """Add the patch's pixels of a frame to `total`, in place.
+
+    Args:
+        inside: bool (h', w'), the patch's cluster in the frame, at the working size.
+    """
     rect, x, y = full_map(lay, grid.ratio, (grid.width, grid.height), room.origin)
     weights = presence(inside, grid)[rect[1] : rect[3], rect[0] : rect[2]]
     weights = np.ascontiguousarray(np.maximum(weights, np.float32(OUTSIDE)))
@@ -142,33 +153,36 @@ def add(
 
 @dataclass(frozen=True)
 class Ages:
-    """When a patch looks alike.
+    """Periods of similar appearance of a patch.
 
     Attributes:
         spans: frames [start, stop) of each age, one after the other.
-        every: the sum over all frames.
+        every: colour sum over all frames.
     """
 
     spans: list[tuple[int, int]]
     every: Sum
 
     @classmethod
-    def load(cls, bench: Bench, life: Life) -> Ages:
-        kept = bench.load("patch", f"{life.key}-ages")
-        return cls([(start, stop) for start, stop in kept["spans"].tolist()], Sum.load(bench, f"{life.key}-every"))
+    def load(cls, context: TaskContext[PatchesParams], life: Life) -> Ages:
+        kept = context.load("patch", f"{life.key}-ages")
+        return cls([(start, stop) for start, stop in kept["spans"].tolist()], Sum.load(context, f"{life.key}-every"))
 
-    def save(self, bench: Bench, life: Life) -> None:
-        bench.save(f"{life.key}-ages", {"spans": np.array(self.spans)})
-        self.every.save(bench, f"{life.key}-every")
+    def save(self, context: TaskContext[PatchesParams], life: Life) -> None:
+        context.save(f"{life.key}-ages", {"spans": np.array(self.spans)})
+        self.every.save(context, f"{life.key}-every")
 
 
 def ages(sums: Iterable[Sum], life: Life, room: Room, grid: Grid, params: PatchesParams) -> Ages:
-    """Join sums, which are those of `spans(life)`, as long as they look alike.
+    """Divide a patch's life into ages: consecutive spans are joined while the appearance stays similar.
 
-    Departure: the paper has one mean for the life of a patch; of a face that turns or speaks that is no face. Where the
-    mean of the next AGE frames is another picture, a new age begins: painted by the same strokes at the same places, in
-    its own colours. What does not change has one age. With one mean a patch, flicker is 4 to 8 % higher (foreman,
-    coffee), since more of it misfits and is painted frame by frame.
+    Args:
+        sums: colour sums of `spans(life)`, in order.
+
+    Departure: zhang2011patches uses one mean for the life of a patch, which blurs a turning or speaking face. Here a
+    new age begins where the mean of the next `AGE` frames differs. Its strokes have the same positions and their own
+    colours. A patch that does not change has one age. With a single mean per patch, flicker is 4 to 8 % higher
+    (foreman, coffee), since more pixels misfit and are painted frame by frame.
     """
     found: list[tuple[int, int]] = []
     now, every = room.empty(), room.empty()
@@ -185,7 +199,7 @@ def ages(sums: Iterable[Sum], life: Life, room: Room, grid: Grid, params: Patche
 
 
 def differs(before: NDArray[np.float32], after: NDArray[np.float32], grid: Grid, params: PatchesParams) -> bool:
-    """Whether two sums of colour are of different pictures: by more than half the misfit on CHANGED of the pixels."""
+    """Whether two colour sums differ by more than half of `params.misfit` on a fraction `CHANGED` of common pixels."""
     both = (before[..., 3] > 0.5) & (after[..., 3] > 0.5)
     if not both.any():
         return bool(after[..., 3].max(initial=0) > 0.5)
@@ -195,9 +209,10 @@ def differs(before: NDArray[np.float32], after: NDArray[np.float32], grid: Grid,
 
 
 def picture(sums: Iterable[Sum], every: Sum, room: Room, grid: Grid, misfit: float) -> Frame:
-    """The mean of an age, uint8 (h, w, 3); what it has not seen, or what looks the same at any age, is from all.
+    """Picture of an age to be painted: uint8 (h, w, 3).
 
-    So the strokes of what does not change are the same at every age.
+    Pixels that the age lacks, or that look the same in all ages, use the mean of all frames. Unchanged areas therefore
+    get the same strokes in every age.
     """
     own, total = room.empty(), room.empty()
     total[every.box] = every.total
@@ -211,9 +226,9 @@ def picture(sums: Iterable[Sum], every: Sum, room: Room, grid: Grid, misfit: flo
 
 
 def presence(inside: Mask, grid: Grid) -> Plane:
-    """How far each pixel of the frame is in a cluster, 0..1, smooth at its border: float32 (h, w), px.
+    """Soft mask of a cluster at the frame's size: float32 (h, w), 0..1.
 
-    Over all labels, 0 included, it sums to 1.
+    The masks of all labels, including 0, sum to 1.
     """
     soft = cv2.GaussianBlur(inside.astype(np.float32), (0, 0), 0.7)
     return np.asarray(grid.enlarge(soft), np.float32)

@@ -1,21 +1,23 @@
-"""Step "cluster": label maps of all frames, run after run of a shot, so that a label means the same in all of them.
+"""Step "cluster": label maps of all frames, with labels that are consistent over a shot.
 
-    flow-<run>   how everything in the windows of a run moves
-    run-<run>    its label maps; it goes on from those of the run before, so that identity needs no matching afterwards
+    flow-<run>   optical flow between the frames of each window
+    run-<run>    label maps; each run continues from the previous one, so labels need no matching afterwards
 
-Label maps are a chain; flow is parallel, and costs twice as much. Both are one step, so that while one worker follows
-the chain the others are not idle.
+Flow tasks are parallel and cost about twice as much as the label tasks, which form a chain. Both belong to one step, so
+that workers compute flow while one worker follows the chain.
 """
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Labels
-from pipeline.methods.base import Bench, Brief, Note, Task
+from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
+from pipeline.methods.patches.artefacts import LABELS
 from pipeline.methods.patches.grid import Grid
 from pipeline.methods.patches.guidance import label_map, mask_map
 from pipeline.methods.patches.links import Links
@@ -24,15 +26,15 @@ from pipeline.methods.patches.scan import RUN, flow_key, run_flow, run_key, run_
 from pipeline.methods.patches.tracking import Tracker, track
 
 
-def plan_cluster(brief: Brief) -> list[Task]:
-    if brief.params.temporal == "off":
+def plan_cluster(context: PlanContext[PatchesParams]) -> list[Task]:
+    if context.params.temporal == "off":
         return []
     tasks, chain = list[Task](), list[Task]()
-    for start, stop, begin, end in runs(brief):
+    for start, stop, begin, end in runs(context):
         args = {"start": start, "stop": stop, "begin": begin, "end": end}
         tasks.append(Task(flow_key(start), args, weight=0.3 * (stop - start)))
         tasks += chain
-        chain = [_labelling(args)] if brief.params.temporal == "on" else []
+        chain = [_labelling(args)] if context.params.temporal == "on" else []
     return tasks + chain
 
 
@@ -42,23 +44,28 @@ def _labelling(args: dict[str, int]) -> Task:
     return Task(run_key(start), args, tuple(after), weight=0.15 * (args["stop"] - start))
 
 
-def run_cluster(task: Task, bench: Bench) -> Note:
-    """Flow, or label maps: artefacts are those of `run_flow` and of `run_labels`."""
-    return run_flow(task, bench) if task.key.startswith("flow") else run_labels(task, bench)
+def run_cluster(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
+    """Compute flow or label maps, see `run_flow` and `run_labels` for the artefacts."""
+    return run_flow(task, context) if task.key.startswith("flow") else run_labels(task, context)
 
 
-def run_labels(task: Task, bench: Bench) -> Note:
-    """Label maps "labels-<frame>", uint16 (h, w), of frames [start, stop); the note tells where each label is."""
-    params: PatchesParams = bench.params
+def run_labels(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
+    """Label maps "labels-<frame>" of frames [start, stop).
+
+    The result has the statistics of each label, and the uncertainty of each label in each frame, 0..1, which is also
+    saved as the file "uncertainty-<run>.json" with the artefact "labels".
+    """
+    params = context.params
     start, stop, begin = task.args["start"], task.args["stop"], task.args["begin"]
-    links, grid = Links(bench, begin, RUN), Grid.of(bench.size)
-    tracker = _resume(bench, task, params)
-    corrected = bench.images("labels") if bench.has("labels") else {}
-    masks = bench.images("masks") if bench.has("masks") else {}
+    links, grid = Links(context, begin, RUN), Grid.of(context.size)
+    tracker = _resume(context, task, params)
+    corrected = context.images("labels") if context.has("labels") else {}
+    masks = context.images("masks") if context.has("masks") else {}
     kept: dict[str, NDArray[Any]] = {}
     census: dict[str, list[float]] = {}
+    uncertainty: dict[str, dict[str, float]] = {}
     for index in range(start, stop):
-        with bench.clock("cluster"):
+        with context.clock("cluster"):
             if index in corrected:
                 labels = tracker.correct(index, label_map(corrected[index], grid, index))
             else:
@@ -67,17 +74,20 @@ def run_labels(task: Task, bench: Bench) -> Note:
         kept[f"labels-{index}"] = small_labels(labels)
         if index in tracker.grounds:
             kept[f"ground-{index}"] = tracker.grounds[index].astype(np.uint8)
+        uncertainty[str(index)] = {str(label): value for label, value in tracker.uncertainty.items()}
         count(census, labels, links, index)
-        bench.progress((index + 1 - start) / (stop - start))
+        context.progress((index + 1 - start) / (stop - start))
     kept["next"] = np.array([tracker.next_label, tracker.begin])
-    bench.save(task.key, kept)
-    return {"labels": census}
+    context.save(task.key, kept)
+    if context.wants(LABELS):
+        context.save_file(f"uncertainty-{task.key}.json", json.dumps(uncertainty).encode(), "application/json")
+    return {"labels": census, "uncertainty": uncertainty}
 
 
-def _resume(bench: Bench, task: Task, params: PatchesParams) -> Tracker:
+def _resume(context: TaskContext[PatchesParams], task: Task, params: PatchesParams) -> Tracker:
     if task.args["start"] == task.args["begin"]:
         return Tracker(begin=task.args["begin"])
-    kept = bench.load("cluster", run_key(task.args["start"] - RUN))
+    kept = context.load("cluster", run_key(task.args["start"] - RUN))
     maps, grounds = (
         {int(key.removeprefix(kind)): value.astype(np.int32) for key, value in kept.items() if key.startswith(kind)}
         for kind in ("labels-", "ground-")
@@ -102,17 +112,17 @@ def count(census: dict[str, list[float]], labels: Labels, links: Links, index: i
 
 
 def small_labels(labels: Labels) -> NDArray[Any]:
-    """Labels to be kept, uint8 while there are few: every later task reads them."""
+    """Convert labels for storage: uint8 if they fit, else uint16. All later tasks read these arrays."""
     return labels.astype(np.uint8 if labels.max(initial=0) < 256 else np.uint16)
 
 
 class LabelMaps:
-    """Reads the final label maps, of the cluster step or as corrected since, holding a few runs in memory."""
+    """Reads the final label maps, of the step "correct" if it has run, else "cluster"; caches `most` runs."""
 
-    def __init__(self, bench: Bench, begin: int, most: int = 3) -> None:
-        self._bench, self._begin, self._most = bench, begin, most
+    def __init__(self, context: TaskContext[PatchesParams], begin: int, most: int = 3) -> None:
+        self._context, self._begin, self._most = context, begin, most
         self._held: dict[int, dict[str, NDArray[Any]]] = {}
-        self._step = "correct" if bench.has("labels") else "cluster"
+        self._step = "correct" if context.has("labels") else "cluster"
 
     def __call__(self, index: int) -> Labels | None:
         """int32 (h, w) of frame `index`; None before the shot."""
@@ -120,7 +130,7 @@ class LabelMaps:
             return None
         start = run_of(index, self._begin)
         if start not in self._held:
-            self._held[start] = self._bench.load(self._step, run_key(start))
+            self._held[start] = self._context.load(self._step, run_key(start))
             while len(self._held) > self._most:
                 del self._held[next(iter(self._held))]
         return self._held[start][f"labels-{index}"].astype(np.int32)

@@ -1,4 +1,4 @@
-"""Step "paint": patches carried back into each frame, over a painting of what belongs to none."""
+"""Step "paint": each frame is composited from warped patches, over a painting of the pixels that no patch covers."""
 
 from __future__ import annotations
 
@@ -8,13 +8,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.frames import Frame, Labels, Plane
-from pipeline.methods.base import Bench, Brief, Note, Task
-from pipeline.methods.patches.ages import presence
-from pipeline.methods.patches.artefacts import keep_labels, label_png
+from pipeline.frames import Frame, Plane
+from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
+from pipeline.methods.patches.artefacts import LabelPictures
 from pipeline.methods.patches.carried import CarriedStrokes
 from pipeline.methods.patches.clusters import LabelMaps
-from pipeline.methods.patches.fit import Look, patch_fits
+from pipeline.methods.patches.fit import Rendering, patch_fits
 from pipeline.methods.patches.grid import Grid
 from pipeline.methods.patches.hertzmann import Painter
 from pipeline.methods.patches.links import Links
@@ -24,56 +23,60 @@ from pipeline.methods.patches.painted import Painted
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.remainder import FADE, SEEN, Remainder
 from pipeline.methods.patches.scan import RUN, run_key, runs
+from pipeline.methods.patches.soft_labels import SoftLabels
 from pipeline.warp.panorama import Lay, full_map
 
 
-def plan_paint(brief: Brief) -> list[Task]:
-    every = lives(brief) if brief.params.temporal == "on" else []
-    chained = brief.params.temporal == "strokes"
+def plan_paint(context: PlanContext[PatchesParams]) -> list[Task]:
+    every = lives(context) if context.params.temporal == "on" else []
+    chained = context.params.temporal == "strokes"
     tasks: list[Task] = []
     before = ""
-    for start, stop, begin, end in runs(brief, RUN // brief.params.hold * brief.params.hold):
+    for start, stop, begin, end in runs(context, RUN // context.params.hold * context.params.hold):
         here = [life.args() for life in every if life.begin == begin and life.start < stop and life.stop > start]
-        notes = [brief.notes["patch"][life["key"]] for life in here]
-        args = {"start": start, "stop": stop, "begin": begin, "end": end, "lives": here, "notes": notes}
+        results = [context.results["patch"][life["key"]] for life in here]
+        args = {"start": start, "stop": stop, "begin": begin, "end": end, "lives": here, "notes": results}
         after = (before,) if chained and start > begin else ()
         tasks.append(Task(run_key(start), args, after, (start, stop), weight=stop - start))
         before = run_key(start)
     return tasks
 
 
-def run_paint(task: Task, bench: Bench) -> Note:
+def run_paint(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
     """Emit frames [start, stop)."""
-    params: PatchesParams = bench.params
+    params = context.params
     start, stop, begin = task.args["start"], task.args["stop"], task.args["begin"]
-    paint = _frame_painter(task, bench)
+    paint = _frame_painter(task, context)
     shown: Frame | None = None
-    for index, frame in _ahead(held_frames(bench, task, params.hold), task, paint, params.hold):
+    for index, frame in _ahead(held_frames(context, task, params.hold), task, paint, params.hold):
         if frame is not None:
-            with bench.clock("composite"):
+            with context.clock("composite"):
                 shown = paint(index, frame)
         assert shown is not None
-        bench.emit(index, shown)
-        bench.progress((index + 1 - start) / (stop - start))
+        context.emit(index, shown)
+        context.progress((index + 1 - start) / (stop - start))
     if isinstance(paint, Carrier):
         paint.save(task.key)
-    if params.temporal == "on" and bench.wants("labels"):
-        maps, grid = LabelMaps(bench, begin), Grid.of(bench.size)
-        keep_labels(bench, task.key, {index: label_png(maps.sure(index), grid) for index in range(start, stop)})
+    pictures = LabelPictures(context)
+    if params.temporal == "on" and pictures.wanted:
+        maps, grid = LabelMaps(context, begin), Grid.of(context.size)
+        for index, frame in enumerate(context.frames("video", start, stop), start=start):
+            pictures.add(index, SoftLabels(maps.sure(index), frame, grid))
+        pictures.save(task.key)
     return {}
 
 
-def held_frames(bench: Bench, task: Task, hold: int) -> Iterator[tuple[int, Frame | None]]:
-    """Frames of a run, and the one after them in the shot; None where the last painting is held."""
+def held_frames(context: TaskContext[PatchesParams], task: Task, hold: int) -> Iterator[tuple[int, Frame | None]]:
+    """Frames of a run and the next frame of the shot; None where the previous painting is repeated."""
     start, stop, end = (task.args[name] for name in ("start", "stop", "end"))
-    for index, frame in enumerate(bench.frames("video", start, min(stop + 1, end)), start=start):
+    for index, frame in enumerate(context.frames("video", start, min(stop + 1, end)), start=start):
         yield index, frame if (index - start) % hold == 0 else None
 
 
 def _ahead(
     source: Iterator[tuple[int, Frame | None]], task: Task, paint: Compositor | Carrier | Alone, hold: int
 ) -> Iterator[tuple[int, Frame | None]]:
-    """The run's frames, when those that will fade over to the next run's first one know of it."""
+    """Yield the run's frames with a delay, so that the next run's first frame is known before the cross-fade begins."""
     waiting = deque[tuple[int, Frame | None]]()
     most = FADE * hold if isinstance(paint, Compositor) else 1
     for index, frame in source:
@@ -86,15 +89,15 @@ def _ahead(
     yield from waiting
 
 
-def _frame_painter(task: Task, bench: Bench) -> Compositor | Carrier | Alone:
-    if bench.params.temporal == "off":
-        return Alone.of(bench.params, bench.size, bench.seed)
-    return Carrier(task, bench) if bench.params.temporal == "strokes" else Compositor(task, bench)
+def _frame_painter(task: Task, context: TaskContext[PatchesParams]) -> Compositor | Carrier | Alone:
+    if context.params.temporal == "off":
+        return Alone.of(context.params, context.size, context.seed)
+    return Carrier(task, context) if context.params.temporal == "strokes" else Compositor(task, context)
 
 
 @dataclass(frozen=True)
 class Alone:
-    """Every frame on its own: Hertzmann's painter, the honest baseline."""
+    """First baseline: Hertzmann's painter, applied to each frame separately."""
 
     painter: Painter
 
@@ -107,15 +110,15 @@ class Alone:
 
 
 class Carrier:
-    """Strokes carried from frame to frame, the second baseline; runs are a chain and hand their strokes on."""
+    """Second baseline: strokes advected from frame to frame. Each run continues the strokes of the previous run."""
 
-    def __init__(self, task: Task, bench: Bench) -> None:
-        self._bench, self._params = bench, bench.params
-        self._grid, self._begin = Grid.of(bench.size), task.args["begin"]
-        self._links = Links(bench, self._begin, RUN)
-        self._strokes = CarriedStrokes(Alone.of(bench.params, bench.size, bench.seed).painter)
+    def __init__(self, task: Task, context: TaskContext[PatchesParams]) -> None:
+        self._context, self._params = context, context.params
+        self._grid, self._begin = Grid.of(context.size), task.args["begin"]
+        self._links = Links(context, self._begin, RUN)
+        self._strokes = CarriedStrokes(Alone.of(context.params, context.size, context.seed).painter)
         if task.after:
-            self._strokes.restore(bench.load("paint", task.after[0]))
+            self._strokes.restore(context.load("paint", task.after[0]))
 
     def __call__(self, index: int, frame: Frame) -> Frame:
         pair = self._links.ahead(index - 1) if index > self._begin else None
@@ -126,44 +129,67 @@ class Carrier:
         return self._strokes.step(frame, index, flow.astype(np.float32), hidden)
 
     def save(self, key: str) -> None:
-        """Keep the strokes for the next run."""
-        self._bench.save(key, self._strokes.state())
+        """Save the strokes for the next run."""
+        self._context.save(key, self._strokes.state())
+
+
+class _Mattes:
+    """Mattes of all labels of a frame, normalised so that they sum to 1 at every pixel."""
+
+    def __init__(self, soft: SoftLabels) -> None:
+        self.soft = soft
+        self._alphas: dict[int, Plane] = {}
+        shape = soft.frame.shape[:2]
+        self._total = np.zeros(shape, np.float32)
+        for label in np.unique(soft.labels).tolist():
+            box, plane = soft.box(label), np.zeros(shape, np.float32)
+            plane[box] = soft.alpha(label, box)
+            self._alphas[label] = plane
+            self._total += plane
+
+    def normalized(self, label: int) -> Plane:
+        """Matte of a label, float32 (h, w), 0..1; 0 everywhere if the frame does not have it."""
+        found = self._alphas.get(label)
+        if found is None:
+            return np.zeros_like(self._total)
+        return np.asarray(found / np.maximum(self._total, np.float32(1e-3)), np.float32)
 
 
 class Compositor:
-    """Puts the frames of a run together from patches."""
+    """Composites the frames of a run from patches and the remainder."""
 
-    def __init__(self, task: Task, bench: Bench) -> None:
+    def __init__(self, task: Task, context: TaskContext[PatchesParams]) -> None:
         begin = task.args["begin"]
-        self._params: PatchesParams = bench.params
-        self._grid, self._size = Grid.of(bench.size), bench.size
-        self._maps = LabelMaps(bench, begin)
+        self._params: PatchesParams = context.params
+        self._grid, self._size = Grid.of(context.size), context.size
+        self._maps = LabelMaps(context, begin)
         start, stop = task.args["start"], task.args["stop"]
         self._patches = [
-            Painted.load(Life(**row), note, start, stop, bench)
-            for row, note in zip(task.args["lives"], task.args["notes"], strict=True)
+            Painted.load(Life(**row), result, start, stop, context)
+            for row, result in zip(task.args["lives"], task.args["notes"], strict=True)
         ]
-        painter = Alone.of(bench.params, bench.size, bench.seed).painter
-        self._remainder = Remainder(painter, Links(bench, begin, RUN), self._grid)
+        painter = Alone.of(context.params, context.size, context.seed).painter
+        self._remainder = Remainder(painter, Links(context, begin, RUN), self._grid)
 
     def __call__(self, index: int, frame: Frame) -> Frame:
         """Frame `index`, painted."""
-        return self._look(index, frame, self._remainder)[1]
+        return self._compose(index, frame, self._remainder)[1]
 
     def turn_to(self, index: int, frame: Frame) -> None:
-        """Frame `index` begins the next run: what is left of this one fades over to how it will be painted."""
+        """Prepare the remainder's cross-fade to frame `index`, the first frame of the next run."""
         if self._remainder.used:
-            picture, shown = self._look(index, frame, replace(self._remainder, last=None, left=None, shown={}))
+            picture, shown = self._compose(index, frame, replace(self._remainder, last=None, left=None, shown={}))
             self._remainder.turn_to(index, picture, shown, self._params.hold)
 
-    def _look(self, index: int, frame: Frame, remainder: Remainder) -> tuple[Frame, Frame]:
-        """What is painted and how: float sums of patches and of what is left, weights summing to 1 everywhere."""
+    def _compose(self, index: int, frame: Frame, remainder: Remainder) -> tuple[Frame, Frame]:
+        """Source picture and painting, uint8 (h, w, 3) each: weighted means of patches and remainder."""
         labels, limit = self._maps.sure(index), np.float32(self._params.misfit) * leniency(frame, self._grid.unit)
         total = np.zeros((2, *frame.shape), np.float32)
         share = np.zeros(frame.shape[:2], np.float32)
+        mattes = _Mattes(SoftLabels(labels, frame, self._grid))
         for patch in self._patches:
             if (lay := patch.lays.get(index)) is not None:
-                self._lay_over(total, share, patch, lay, labels, index, frame, limit)
+                self._lay_over(total, share, patch, lay, mattes, index, limit)
         left = remainder.lingers(index, 1 - share)
         total *= ((1 - left) / np.maximum(share, np.float32(1e-6)))[..., None]
         if (left > SEEN).any():
@@ -175,13 +201,12 @@ class Compositor:
         return picture, shown
 
     def _lay_over(
-        self, total: Look, share: Plane, patch: Painted, lay: Lay, labels: Labels, index: int,
-        frame: Frame, limit: Plane,
-    ) -> None:  # fmt: skip
+        self, total: Rendering, share: Plane, patch: Painted, lay: Lay, mattes: _Mattes, index: int, limit: Plane
+    ) -> None:
         rect, x, y = full_map(lay, self._grid.ratio, self._size, patch.origin)
         box = slice(rect[1], rect[3]), slice(rect[0], rect[2])
-        look = patch.at(index, x, y)
-        alpha = presence(labels == patch.life.label, self._grid)[box] * np.float32(patch.life.weight(index))
-        alpha = alpha * patch_fits(frame[box], look, limit[box], self._grid)
-        total[:, *box] += look * alpha[..., None]
+        rendering = patch.at(index, x, y)
+        alpha = mattes.normalized(patch.life.label)[box] * np.float32(patch.life.weight(index))
+        alpha = alpha * patch_fits(mattes.soft.frame[box], rendering, limit[box], self._grid)
+        total[:, *box] += rendering * alpha[..., None]
         share[box] += alpha

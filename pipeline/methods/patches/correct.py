@@ -1,8 +1,8 @@
-"""Step "correct": frames between keyframes that the user has corrected are clustered again (section 4, second pass).
+"""Step "correct": recluster the frames between keyframes with corrected label maps (section 4, second pass).
 
-    back-<run>   the corrected labels, carried back from the next keyframe
-    run-<run>    where forward and backward agree is seed; between, links to the frame before count 1 - alpha, those to
-                 the next one alpha, alpha growing from 0 at one keyframe to 1 at the next
+    back-<run>   labels propagated backward from the next keyframe
+    run-<run>    blend of both passes: pixels where they agree are seeds; elsewhere links to the previous frame have
+                 weight 1 - alpha and links to the next frame alpha, which grows from 0 to 1 between the keyframes
 
 Without corrected label maps the step has no tasks.
 """
@@ -16,27 +16,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Labels
-from pipeline.methods.base import Bench, Brief, Note, Task
+from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.patches.clusters import count, small_labels
 from pipeline.methods.patches.grid import Grid
 from pipeline.methods.patches.guidance import label_map
 from pipeline.methods.patches.links import Links
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.scan import RUN, run_key, run_of, runs
-from pipeline.methods.patches.tracking import carry_labels, edges_of, look
+from pipeline.methods.patches.tracking import carry_labels, edges_of, frame_evidence
 from pipeline.segmentation.components import absorb_specks
 from pipeline.segmentation.random_walk import vote
 
 SEED_WEIGHT = 5.0
-"""Of a vote that is certain."""
+"""Weight of the seeds, where forward and backward labels agree."""
 
 
-def plan_correct(brief: Brief) -> list[Task]:
-    if brief.params.temporal != "on" or "labels" not in brief.inputs:
+def plan_correct(context: PlanContext[PatchesParams]) -> list[Task]:
+    if context.params.temporal != "on" or "labels" not in context.inputs:
         return []
-    keys = brief.notes["scan"]["video"]["keys"]
+    keys = context.results["scan"]["video"]["keys"]
     tasks, back = list[Task](), set[int]()
-    for start, stop, begin, end in reversed(list(runs(brief))):
+    for start, stop, begin, end in reversed(list(runs(context))):
         here = [key for key in keys if begin <= key < end]
         args = {"start": start, "stop": stop, "begin": begin, "end": end, "keys": here}
         if any(key >= start for key in here):
@@ -52,42 +52,42 @@ def _back_key(start: int) -> str:
     return f"back-{start:07d}"
 
 
-def run_correct(task: Task, bench: Bench) -> Note:
-    """Carry labels back, or join both passes; artefacts are like the cluster step's."""
-    return _carry_back(task, bench) if task.key.startswith("back") else _join(task, bench)
+def run_correct(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
+    """Propagate labels backward, or blend both passes; artefacts have the form of the step "cluster"."""
+    return _carry_back(task, context) if task.key.startswith("back") else _join(task, context)
 
 
-def _carry_back(task: Task, bench: Bench) -> Note:
+def _carry_back(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
     """Label maps "labels-<frame>" of the frames that have a keyframe at or after them, from the last to the first."""
     start, stop, keys = task.args["start"], task.args["stop"], task.args["keys"]
-    links, corrected, grid = Links(bench, task.args["begin"], RUN), bench.images("labels"), Grid.of(bench.size)
-    after = bench.load("correct", task.after[0]).get(f"labels-{stop}") if task.after else None
+    links, corrected, grid = Links(context, task.args["begin"], RUN), context.images("labels"), Grid.of(context.size)
+    after = context.load("correct", task.after[0]).get(f"labels-{stop}") if task.after else None
     kept: dict[str, NDArray[Any]] = {}
     for index in range(stop - 1, start - 1, -1):
         if index in keys:
             after = label_map(corrected[index], grid, index)
         elif after is not None:
-            with bench.clock("correct"):
-                after = carried_back(after.astype(np.int32), links, index, bench.params)
+            with context.clock("correct"):
+                after = carried_back(after.astype(np.int32), links, index, context.params)
         if after is not None:
             kept[f"labels-{index}"] = small_labels(after)
-    bench.save(task.key, kept)
+    context.save(task.key, kept)
     return {}
 
 
 def carried_back(after: Labels, links: Links, index: int, params: PatchesParams) -> Labels:
     """Labels of frame `index` from those of the next one."""
-    sight = look(links, index, index)
-    if sight.ahead is None:
+    evidence = frame_evidence(links, index, index)
+    if evidence.ahead is None:
         return after
-    flow, reliable = sight.ahead
+    flow, reliable = evidence.ahead
     weights = np.where(reliable >= params.reliable, reliable, 0).astype(np.float32)
-    return vote(carry_labels(after, flow)[None], weights[None], edges_of(sight, params))[0]
+    return vote(carry_labels(after, flow)[None], weights[None], edges_of(evidence, params))[0]
 
 
-def _join(task: Task, bench: Bench) -> Note:
+def _join(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
     start, stop, begin, keys = (task.args[name] for name in ("start", "stop", "begin", "keys"))
-    links, passes = Links(bench, begin, RUN), _Passes(bench, task)
+    links, passes = Links(context, begin, RUN), _Passes(context, task)
     kept: dict[str, NDArray[Any]] = {}
     census: dict[str, list[float]] = {}
     for index in range(start, stop):
@@ -96,19 +96,19 @@ def _join(task: Task, bench: Bench) -> Note:
             labels = passes.forward(index)
         else:
             first = keys[place - 1] if place else begin
-            with bench.clock("correct"):
-                labels = blended(passes, links, index, (index - first) / (keys[place] - first), bench.params)
+            with context.clock("correct"):
+                labels = blended(passes, links, index, (index - first) / (keys[place] - first), context.params)
         kept[f"labels-{index}"] = small_labels(labels)
         count(census, labels, links, index)
-    bench.save(task.key, kept)
+    context.save(task.key, kept)
     return {"labels": census}
 
 
 class _Passes:
-    """Label maps of both passes, by frame."""
+    """Label maps of the forward and the backward pass, by frame."""
 
-    def __init__(self, bench: Bench, task: Task) -> None:
-        self._bench, self._begin, self._after = bench, task.args["begin"], set(task.after)
+    def __init__(self, context: TaskContext[PatchesParams], task: Task) -> None:
+        self._context, self._begin, self._after = context, task.args["begin"], set(task.after)
         self._held: dict[str, dict[str, NDArray[Any]]] = {}
 
     def forward(self, index: int) -> Labels:
@@ -119,26 +119,26 @@ class _Passes:
 
     def _get(self, step: str, key: str, index: int) -> Labels:
         if key not in self._held:
-            self._held[key] = self._bench.load(step, key)
+            self._held[key] = self._context.load(step, key)
         return self._held[key][f"labels-{index}"].astype(np.int32)
 
 
 def blended(passes: _Passes, links: Links, index: int, alpha: float, params: PatchesParams) -> Labels:
-    """Labels of a frame between two keyframes, `alpha` of the way from one to the other.
+    """Labels of a frame between two keyframes: int32 (h, w). `alpha`, 0..1, is its relative position between them.
 
     Source: zhang2011patches, section 4.
     """
-    sight = look(links, index, index - 1)
+    evidence = frame_evidence(links, index, index - 1)
     ahead, behind = passes.back(index), passes.forward(index)
     options = [np.where(ahead == behind, ahead, 0)]
     shares = [np.where((ahead == behind) & (ahead > 0), np.float32(SEED_WEIGHT), np.float32(0))]
-    for pair, other, part in ((sight.back, index - 1, 1 - alpha), (sight.ahead, index + 1, alpha)):
+    for pair, other, part in ((evidence.back, index - 1, 1 - alpha), (evidence.ahead, index + 1, alpha)):
         if pair is None:
             continue
         flow, reliable = pair
         labels = passes.forward(other) if other < index else passes.back(other)
         options.append(carry_labels(labels, flow))
         shares.append(np.where(reliable >= params.reliable, part * params.interframe * reliable, 0))
-    labels, _ = vote(np.stack(options), np.stack(shares).astype(np.float32), edges_of(sight, params))
+    labels, _ = vote(np.stack(options), np.stack(shares).astype(np.float32), edges_of(evidence, params))
     area = int(labels.size * params.smallest_cluster / 1000)
     return absorb_specks(labels, max(area // 12, 4), max(area // 3, 8))

@@ -1,13 +1,13 @@
-"""Whether paint still shows what is in a frame.
+"""Comparison of existing paint with a frame: decides where paint can be reused.
 
-    paint, and the picture that it was made from      wrong    how far the paint is from the frame
-                                                      changed  how far the picture is from it
+    wrong     distance between the paint and the frame
+    changed   distance between the picture that the paint was made from and the frame
 
-Only where both are large does new paint help: paint that was never near enough (strokes are not pixels) would be no
-nearer if it were painted again, and where the picture has changed but the paint will do there is no need to.
+Repainting helps only where both are large. Where the picture has not changed, new paint would have the same error,
+since strokes never reproduce a picture exactly. Where the paint is close to the frame, it can stay.
 
-Departure from zhang2011patches, section 5, where a patch covers all of its cluster: a mouth that opens is then never
-seen. Departure from hertzmann2000video, section 3, which looks at the difference to the frame before only.
+Departure from zhang2011patches, section 5, where a patch covers its whole cluster: an opening mouth would then stay
+closed. Departure from hertzmann2000video, section 3, which uses only the difference to the previous frame.
 """
 
 from __future__ import annotations
@@ -22,44 +22,46 @@ from pipeline.methods.patches.links import norm
 from pipeline.methods.patches.masking import sharpness
 
 FINE_PX = 2.0
-"""Sigma of the Gaussian at which paint is compared with a frame, px of the paper's frames: of a fine stroke."""
+"""Sigma of the Gaussian applied before paint and frame are compared, in px of a frame 344 px high (a fine stroke)."""
 BLURRED = 4
-"""Power of a patch's sharpness by which it is let pass less: a mean of what did not hold still is soon given up."""
+"""The limit is multiplied by sharpness to this power, so that patches blurred by misalignment are rejected sooner."""
 MOST_BLURRED = 0.2
+"""Lower bound of the sharpness in that factor."""
 CORE, RIM = 1.25, 0.3
-"""Misfits from which a place is lost, and from which what is around it goes with it."""
+"""Misfit, in units of the limit, above which a pixel is rejected, and above which pixels near it are rejected too."""
 RIM_PX = 4.0
-"""How far around, px of the paper's frames: else a dark thing leaves a gray rim of what covered it."""
+"""Radius of that neighbourhood, px of a frame 344 px high. Without it, a gray rim remains around uncovered areas."""
 SPECKLED_PX, SPECKLED = 6.0, 0.7
-"""Sigma of the surroundings, same px, and the part of them that has to fit: a patch of specks is no patch."""
+"""Sigma of the neighbourhood, px of a frame 344 px high, and the mean fit below which isolated specks are removed."""
 
-Look = NDArray[np.float32]
-"""float32 (2, h, w, 3): a picture, and how it is painted."""
+Rendering = NDArray[np.float32]
+"""float32 (2, h, w, 3): a picture and its painting, RGB 0..255."""
 
 
 def fine_px(grid: Grid) -> float:
-    """FINE_PX in px, at least 1."""
+    """`FINE_PX` in pixels of the frame, at least 1."""
     return max(FINE_PX * grid.unit, 1.0)
 
 
-def apart(frame: Frame, look: Look, limit: Plane, sigma_px: float) -> Plane:
-    """How little paint shows a frame, in limits: sqrt(changed * wrong), float32 (h, w).
+def apart(frame: Frame, rendering: Rendering, limit: Plane, sigma_px: float) -> Plane:
+    """Misfit between paint and a frame in units of the limit: sqrt(changed * wrong) / limit, float32 (h, w).
 
     Args:
-        limit: float32 (h, w), RGB distance that is let pass.
-        sigma_px: of the Gaussian at which they are compared, px.
+        limit: float32 (h, w), tolerated RGB distance.
+        sigma_px: sigma of the Gaussian applied to both differences, px.
     """
-    changed, wrong = (norm(cv2.GaussianBlur(frame.astype(np.float32) - plane, (0, 0), sigma_px)) for plane in look)
+    changed, wrong = (norm(cv2.GaussianBlur(frame.astype(np.float32) - plane, (0, 0), sigma_px)) for plane in rendering)
     return np.asarray(np.sqrt(changed * wrong) / limit, np.float32)
 
 
-def patch_fits(frame: Frame, look: Look, limit: Plane, grid: Grid) -> Plane:
-    """How well a patch shows what is in its part of a frame, 0..1: float32 (h, w).
+def patch_fits(frame: Frame, rendering: Rendering, limit: Plane, grid: Grid) -> Plane:
+    """Weight with which a patch can be used in its part of a frame: float32 (h, w), 0..1.
 
-    It falls from one limit to one and a half; what is around a lost place is lost, and what is left of specks.
+    The weight falls from 1 to 0 as the misfit rises from 1 to 1.5 limits. It is also 0 around rejected pixels and on
+    isolated specks.
     """
-    sharp = np.clip(sharpness(look[0].astype(np.uint8), frame, grid.unit), MOST_BLURRED, 1)
-    off = apart(frame, look, limit * sharp**BLURRED, fine_px(grid))
+    sharp = np.clip(sharpness(rendering[0].astype(np.uint8), frame, grid.unit), MOST_BLURRED, 1)
+    off = apart(frame, rendering, limit * sharp**BLURRED, fine_px(grid))
     keep = np.clip(3 - 2 * off, 0, 1)
     keep *= keep * (3 - 2 * keep)
     around = cv2.GaussianBlur(keep, (0, 0), SPECKLED_PX * grid.unit)

@@ -1,4 +1,4 @@
-"""The working size: motion, clusters and warps are computed on a grid of cells of 1 to a few pixels.
+"""Working size: motion, clusters and warps are computed at reduced resolution, with cells of one to a few pixels.
 
     a frame of W x H px   ->   w x h working pixels, w = round(W / s), h = round(H / s)
 
@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from pipeline.frames import Frame
 
 CELLS = 45_000
-"""Working pixels of a small frame, about; 640 x 344 px are 320 x 172."""
+"""Reference frame area, px, from which the scale is derived; a frame of 640 x 344 px is reduced to 320 x 172."""
 PAPER_HEIGHT = 344
-"""Height of the paper's frames, px: sizes of strokes are told for it, so that a painting looks alike at any size."""
+"""Height of the paper's frames, px. Stroke sizes refer to it, so that a painting is alike at any size."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Grid:
 
     @property
     def unit(self) -> float:
-        """px that are one px of the paper's frames."""
+        """Pixels of the frame per pixel of a frame `PAPER_HEIGHT` px high."""
         return self.height / PAPER_HEIGHT
 
     def small(self, frame: Frame) -> Frame:

@@ -1,4 +1,4 @@
-"""What the user says: masks and corrected label maps at keyframes, and a style for each patch."""
+"""User inputs: masks and corrected label maps at keyframes, and styles of single patches."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pipeline.errors import BadParameter
 from pipeline.frames import Labels, Plane
-from pipeline.methods.base import Bench
+from pipeline.methods.base import TaskContext
 from pipeline.methods.patches.grid import Grid
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.styles import STYLES
@@ -19,13 +19,13 @@ from pipeline.methods.patches.styles import STYLES
 MOST_LABELS = 65535
 
 
-def keyframes(bench: Bench, name: str, frames: int) -> list[int]:
-    """Numbers of the frames that the user has drawn on, ascending.
+def keyframes(context: TaskContext[PatchesParams], name: str, frames: int) -> list[int]:
+    """Frame numbers of the images in input `name`, ascending.
 
     Raises:
         BadParameter: a frame is beyond the video.
     """
-    found = sorted(bench.images(name)) if bench.has(name) else []
+    found = sorted(context.images(name)) if context.has(name) else []
     if found and found[-1] >= frames:
         raise BadParameter(
             "There is no such frame.", field=f"inputs.{name}[{found[-1]}]", value=found[-1],
@@ -34,25 +34,25 @@ def keyframes(bench: Bench, name: str, frames: int) -> list[int]:
     return found
 
 
-def check(bench: Bench, frames: int) -> None:
-    """Look at all that the user says, before anything else is done.
+def check(context: TaskContext[PatchesParams], frames: int) -> None:
+    """Validate all user inputs before any other work.
 
     Raises:
-        BadParameter: a map is on no frame, or of another shape, or has colours; or a style is none.
+        BadParameter: a map belongs to no frame of the video, has a wrong shape, or is not gray; or a style is unknown.
     """
-    grid = Grid.of(bench.size)
+    grid = Grid.of(context.size)
     for name, read in (("labels", label_map), ("masks", mask_map)):
-        images = bench.images(name) if bench.has(name) else {}
-        for number in keyframes(bench, name, frames):
+        images = context.images(name) if context.has(name) else {}
+        for number in keyframes(context, name, frames):
             read(images[number], grid, number)
-    styles_of(bench)
+    styles_of(context)
 
 
 def label_map(image: NDArray[Any], grid: Grid, number: int) -> Labels:
-    """A corrected label map as int32 (h, w) at the working size: each gray value is a label, 0 = unclustered.
+    """Convert a corrected label map: int32 (h, w) at the working size. Gray values are labels, 0 = unclustered.
 
     Raises:
-        BadParameter: it has colours, or another shape than the video.
+        BadParameter: the image is not gray, or has a different aspect ratio than the video.
     """
     field = f"inputs.labels[{number}]"
     if image.ndim == 3 and image.shape[2] >= 3 and (image[..., :3] == image[..., :1]).all():
@@ -68,9 +68,9 @@ def label_map(image: NDArray[Any], grid: Grid, number: int) -> Labels:
 
 
 def mask_map(image: NDArray[Any], grid: Grid, number: int) -> Plane:
-    """A foreground mask as float32 (h, w) at the working size: 1 = foreground, 0 = background, NaN = not said.
+    """Convert a foreground mask: float32 (h, w) at the working size, 1 = foreground, 0 = background, NaN = unknown.
 
-    White and black are said; what lies between, or is transparent, is not: so scribbles are masks too.
+    Gray (between 0.25 and 0.75) and transparent pixels are unknown, so that scribbles can be used as masks.
     """
     field = f"inputs.masks[{number}]"
     top = np.float32(np.iinfo(image.dtype).max)
@@ -92,15 +92,15 @@ def _check_shape(image: NDArray[Any], grid: Grid, field: str) -> None:
         )  # fmt: skip
 
 
-def styles_of(bench: Bench) -> Mapping[int, str]:
-    """The style of each label that has one of its own, from the input "styles"; background is label 1.
+def styles_of(context: TaskContext[PatchesParams]) -> Mapping[int, str]:
+    """Styles of single labels from the input "styles", by label; the key "background" is label 1.
 
     Raises:
-        BadParameter: a key is no label, or a style is not known; the field is its JSON path.
+        BadParameter: a key is not a label, or a style is unknown; `field` is the JSON path.
     """
-    if not bench.has("styles"):
+    if not context.has("styles"):
         return {}
-    given = bench.json("styles")
+    given = context.json("styles")
     if not isinstance(given, dict):
         raise BadParameter("Styles are an object: label -> style.", field="inputs.styles", value=type(given).__name__,
                            remedy='For example {"background": "wash", "3": "circles"}.')  # fmt: skip
@@ -118,7 +118,7 @@ def styles_of(bench: Bench) -> Mapping[int, str]:
 
 
 def style_of(label: int, params: PatchesParams, own: Mapping[int, str]) -> str:
-    """The style of a patch: its own, else the background's, else everyone's."""
+    """Style of a patch: its own, else `background_style` for the background, else the general style."""
     if label in own:
         return own[label]
     if label == 1 and params.background_style != "same":

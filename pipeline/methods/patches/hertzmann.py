@@ -14,22 +14,30 @@ from pipeline.methods.patches.masking import leniency
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.styles import STYLES, Style
 from pipeline.strokes.brush import Brush, Canvas, Direction, blank, colours_at
-from pipeline.strokes.carry import present
-from pipeline.strokes.emboss import Light, emboss
-from pipeline.strokes.layers import FARTHEST, Recipe, layer_brush, layer_reference, layer_threshold, spacing_px, wanted
-from pipeline.strokes.raster import Touch, paint, slopes_of
+from pipeline.strokes.emboss import emboss
+from pipeline.strokes.layers import (
+    FARTHEST,
+    LayerScheme,
+    layer_brush,
+    layer_reference,
+    layer_threshold,
+    spacing_px,
+    wanted,
+)
+from pipeline.strokes.raster import paint, slopes_of
 from pipeline.strokes.seeds import Seeds, place
-from pipeline.strokes.trace import trace
+from pipeline.strokes.trace import TraceRules, trace
+from pipeline.strokes.tracks import fade
 from pipeline.tensors.structure import structure_tensor, tangent_field
 
 TABLE_1 = ((64, 2.0, 1.0, 16.0), (512, 4.0, 2.0, 32.0), (float("inf"), 8.0, 4.0, 128.0))
-"""Region area up to, r_max, l_min, l_max, in pixels of the paper's frames."""
+"""Rows of (largest region area, r_max, l_min, l_max), in px of a frame 344 px high."""
 FINEST_RADIUS = 1.0
-"""Of the finest layer, in such pixels."""
+"""Radius of the finest layer, px of a frame 344 px high."""
 RARE = 1.5
-"""Factor on the threshold of strokes under two such pixels: they are for what is small and stands out."""
+"""Factor on the threshold of the finest layer, which is meant for small, salient details."""
 SMALLEST_RADIUS = 0.8
-"""px: smaller strokes are not strokes any more."""
+"""Smallest stroke radius, px."""
 
 Box = tuple[slice, slice]
 """Rows and columns."""
@@ -37,12 +45,16 @@ Box = tuple[slice, slice]
 
 @dataclass(frozen=True)
 class Painter:
-    """Paints pictures in one style with the brushes of a region's size.
+    """Painter with one style, and brush sizes chosen for the size of a region.
 
     Attributes:
-        brush: of the coarsest layer, px.
-        least: l_min over l_max.
-        layers: how many; radii are halved from layer to layer.
+        style: the stroke style.
+        brush: brush of the coarsest layer; lengths in px.
+        least: l_min / l_max.
+        layers: number of layers; each layer halves the radius.
+        threshold: approximation threshold T, RGB distance.
+        seed: random seed.
+        unit: pixels of the frame per pixel of a frame 344 px high.
     """
 
     style: Style
@@ -55,14 +67,15 @@ class Painter:
 
     @classmethod
     def of(cls, name: str, area_px: float, height: int, params: PatchesParams, seed: int) -> Painter:
-        """The painter of a region.
+        """Make the painter for a region.
 
         Args:
-            name: of the style.
-            area_px: of the region over all its frames, px; `height` of the frames, px.
+            name: name of the style, a key of `STYLES`.
+            area_px: area of the region summed over all its frames, px.
+            height: height of the frames, px.
 
-        Source: zhang2011patches, table 1. Departure: its pixels are those of a frame 344 px high, so that a painting
-        looks alike at any size.
+        Source: zhang2011patches, table 1. Departure: the table's sizes are scaled from a frame height of 344 px, so
+        that a painting looks the same at any resolution.
         """
         style, unit = STYLES[name], height / PAPER_HEIGHT
         _, radius, low, high = next(row for row in TABLE_1 if area_px / unit**2 <= row[0])
@@ -78,71 +91,72 @@ class Painter:
         return cls(style, brush, low / high, layers, params.threshold * style.threshold, seed, unit)
 
     @property
-    def recipe(self) -> Recipe:
-        return Recipe(most=self.layers, ratio=0.5, overlap=self.style.overlap, blur=0.5, edge=90.0)
+    def scheme(self) -> LayerScheme:
+        return LayerScheme(most=self.layers, ratio=0.5, overlap=self.style.overlap, blur=0.5, edge=90.0)
 
     @property
     def reach_px(self) -> float:
-        """How far from its seed a stroke can reach, px."""
+        """Largest distance of a stroke's pixels from its seed, px."""
         return float(self.brush.length_px) / 2 + float(self.brush.size_px)
 
     def picture(self, picture: Frame) -> Frame:
-        """The painting in the light, uint8 (h, w, 3)."""
+        """Paint a picture, with lighting: uint8 (h, w, 3)."""
         every = np.ones(picture.shape[:2], np.bool_)
         return self._painting(picture, every, (slice(None), slice(None)))
 
     def part(self, picture: Frame, where: Mask) -> Frame:
-        """The same, but only strokes that start in `where`; beyond what is around that, it is black."""
+        """Paint only the strokes that start in `where`, bool (h, w); pixels beyond their reach are black."""
         box = _around(where, int(self.reach_px))
         out = np.zeros_like(picture)
         out[box] = self._painting(np.ascontiguousarray(picture[box]), where, box)
         return out
 
     def _painting(self, picture: Frame, where: Mask, box: Box) -> Frame:
-        """Of a picture that is this box of a larger one: its seeds are those of the whole."""
-        canvas, lenient = blank(layer_reference(picture, self.brush, self.recipe)), leniency(picture, self.unit)
+        """Paint a crop. Seeds are placed on the full frame `where`, so they do not depend on the crop `box`."""
+        canvas, lenient = blank(layer_reference(picture, self.brush, self.scheme)), leniency(picture, self.unit)
         for index in range(self.layers):
-            fine = layer_brush(self.brush, self.recipe, index)
-            reference = layer_reference(picture, fine, self.recipe)
+            fine = layer_brush(self.brush, self.scheme.ratio, index)
+            reference = layer_reference(picture, fine, self.scheme)
             seeds = self._seeds(fine, index, where, box)
             if index:
                 seeds = seeds[wanted(seeds, reference, canvas, fine.size_px, self.limit(index, lenient))]
             self.layer(canvas, seeds, reference, fine, index)
-        return emboss(canvas, Light())
+        return emboss(canvas)
 
     def _seeds(self, brush: Brush, index: int, where: Mask, box: Box) -> Seeds:
-        spacing = spacing_px(brush, self.recipe)
-        seeds = place(where.shape, spacing, jitter=self.recipe.scatter, seed=self.seed, layer=index)
+        spacing = spacing_px(brush, self.scheme)
+        seeds = place(where.shape, spacing, jitter=self.scheme.scatter, seed=self.seed, layer=index)
         seeds = seeds[where[np.rint(seeds.xy[:, 1]).astype(int), np.rint(seeds.xy[:, 0]).astype(int)]]
         corner = np.array([box[1].start or 0, box[0].start or 0], np.float32)
         return Seeds(seeds.xy - corner, seeds.ids)
 
     def limit(self, index: int, lenient: Plane) -> Plane:
-        """Error from which layer `index` is painted, float32 (h, w), RGB distance."""
+        """Error above which layer `index` is painted: float32 (h, w), RGB distance."""
         fine = self.layers > 1 and index == self.layers - 1
         threshold = np.float32(self.threshold * (RARE if fine else 1)) * lenient
         return layer_threshold(self.layers, np.minimum(threshold, np.float32(FARTHEST)), index, lenient.shape)
 
     def layer(
         self, canvas: Canvas, seeds: Seeds, reference: Frame, brush: Brush, index: int,
-        aims: NDArray[np.float32] | None = None, presence: NDArray[np.float32] | None = None,
+        targets: NDArray[np.float32] | None = None, presence: NDArray[np.float32] | None = None,
     ) -> None:  # fmt: skip
-        """Paint one layer's strokes, in place; `aims` and `presence` are those of strokes that live on."""
-        edge = self.recipe.edge * 0.8**index
-        strokes = trace(
-            seeds, directions(reference, brush), brush, colours_at(seeds, reference) if aims is None else aims,
-            reference=reference, canvas=canvas if index else None, edge=edge, min_length=self.least,
-            curvature=self.style.curvature, seed=self.seed,
-        )  # fmt: skip
+        """Paint the strokes of one layer, in place.
+
+        Args:
+            targets, presence: colours float32 (n, 3) and fading state float32 (n,) of tracked strokes; None for new
+                strokes.
+        """
+        edge = self.scheme.edge * 0.8**index
+        rules = TraceRules(reference, canvas if index else None, edge, self.least, self.style.curvature)
+        targets = colours_at(seeds, reference) if targets is None else targets
+        strokes = trace(seeds, directions(reference, brush), brush, targets, rules, self.seed)
         if presence is not None:
-            strokes = present(strokes, presence)
-        paint(
-            canvas, strokes, seed=self.seed, touch=Touch(), guide=reference, tolerance=edge, slopes=slopes_of(reference)
-        )
+            strokes = fade(strokes, presence)
+        paint(canvas, strokes, seed=self.seed, guide=reference, tolerance=edge, slopes=slopes_of(reference))
 
 
 def _around(where: Mask, pad_px: int) -> Box:
-    """The smallest box that holds all of a mask, and `pad_px` around it."""
+    """Bounding box of a mask, extended by `pad_px` on each side."""
     spans = []
     for axis in (1, 0):
         found = np.flatnonzero(where.any(axis=axis))
@@ -151,9 +165,10 @@ def _around(where: Mask, pad_px: int) -> Box:
 
 
 def directions(reference: Frame, brush: Brush) -> Direction:
-    """Across the picture's gradient, averaged over a stroke's width: (cos 2a, sin 2a), float32 (h, w, 2).
+    """Stroke directions normal to the image gradient: float32 (h, w, 2), (cos 2a, sin 2a) of the angle a.
 
-    Departure from hertzmann1998painterly: the gradient at the seed's very pixel is noise in flat places.
+    Departure from hertzmann1998painterly: the gradient is averaged over the stroke's width by a structure tensor,
+    since the gradient of a single pixel is mostly noise in smooth areas.
     """
     gray = cv2.cvtColor(reference, cv2.COLOR_RGB2GRAY).astype(np.float32)
     along = tangent_field(structure_tensor(gray, max(float(np.median(brush.size_px)) / 2, 1.0)))

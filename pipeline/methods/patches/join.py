@@ -1,4 +1,4 @@
-"""Where a patch lies in all of its frames: warps joined outward from its master frame, and relaxed together."""
+"""Placement of a patch in its frames: warps are concatenated from the master frame outward and relaxed jointly."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pipeline.frames import Mask
-from pipeline.methods.base import Bench
+from pipeline.methods.base import TaskContext
 from pipeline.methods.patches.clusters import LabelMaps
 from pipeline.methods.patches.lives import Life
 from pipeline.methods.patches.params import PatchesParams
@@ -19,18 +19,18 @@ from pipeline.warp.panorama import Lay
 from pipeline.warp.springs import Relaxed, Sheet, relax
 
 STRIDE = 2
-"""Every second pixel is enough for the relaxation over all frames."""
+"""Subsampling of pixels in the joint relaxation."""
 MOST_SHEETS = 24
-"""Frames of a life that are relaxed together: neighbours say nearly the same, so an even choice stands for all."""
+"""Largest number of frames in the joint relaxation. Neighbouring frames are redundant, so an even sample suffices."""
 CELL = 4.0
-"""Distance of its grid's corners, working px."""
+"""Cell size of the grid of the joint relaxation, working px."""
 
 
 def joined(life: Life, hops: Callable[[int], Hop | None], size: tuple[int, int]) -> dict[int, Lay]:
-    """Where the patch lies in every frame that has it: warps concatenated, outward from the master both ways.
+    """Placement of the patch in each frame that contains it, from warps concatenated outward from the master frame.
 
     Args:
-        hops: of the life's frames, see `Hops`; the master frame has one.
+        hops: returns the warp of a frame, see `Hops`; the master frame must have one.
         size: (width, height) of a frame, working px.
     """
     first = hops(life.master)
@@ -46,21 +46,21 @@ def joined(life: Life, hops: Callable[[int], Hop | None], size: tuple[int, int])
 
 @dataclass
 class Hops:
-    """The warps of one patch, read run by run."""
+    """Loads the warps of one patch, holding one run in memory."""
 
     life: Life
-    bench: Bench
+    context: TaskContext[PatchesParams]
     held: dict[int, dict[int, Hop]] = field(default_factory=dict)
 
     def __call__(self, index: int) -> Hop | None:
         start = run_of(index, self.life.begin)
         if start not in self.held:
-            self.held = {start: load_hops(self.bench, f"{self.life.key}-{run_key(start)}")}
+            self.held = {start: load_hops(self.context, f"{self.life.key}-{run_key(start)}")}
         return self.held[start].get(index)
 
 
 def _concatenated(hop: Hop, before: Lay, whole: tuple[int, int, int, int]) -> Lay:
-    """The frame's lay from that of the frame it hops to, in floating point throughout."""
+    """Placement of a frame: the warp `hop`, followed by the placement of its target frame."""
     here = Lay(hop.rect, IDENTITY, hop.shift).positions()
     places = before.at(here)
     matrix = before.matrix @ hop.matrix
@@ -72,7 +72,7 @@ def _concatenated(hop: Hop, before: Lay, whole: tuple[int, int, int, int]) -> La
 
 
 def _sane(matrix: Homography, whole: tuple[int, int, int, int]) -> bool:
-    """Whether the homography neither folds nor blows up the frame."""
+    """Whether the homography is free of folds and extreme scales over the frame."""
     corners = np.array([[x, y, 1.0] for x in (whole[0], whole[2]) for y in (whole[1], whole[3])])
     depth = corners @ matrix[2]
     size = abs(np.linalg.det(matrix[:2, :2]))
@@ -80,7 +80,7 @@ def _sane(matrix: Homography, whole: tuple[int, int, int, int]) -> bool:
 
 
 def settle(lays: dict[int, Lay], life: Life, maps: LabelMaps, params: PatchesParams) -> Relaxed:
-    """Relax all frames on one grid, and change the lays, in place."""
+    """Relax the patch over all frames on one grid, and update the placements in place."""
     sheets = []
     for index in evenly(list(lays), MOST_SHEETS):
         lay = lays[index]
@@ -95,7 +95,11 @@ def settle(lays: dict[int, Lay], life: Life, maps: LabelMaps, params: PatchesPar
 
 
 def sheet_of(lay: Lay, inside: Mask, params: PatchesParams, stride: int) -> Sheet:
-    """Every `stride`-th pixel of a frame of the patch, on springs to where it lies; `inside` is of the whole frame."""
+    """Spring system of every `stride`-th pixel of the patch in a frame, with its placement as the target.
+
+    Args:
+        inside: bool (h, w), the patch's cluster in the whole frame, at the working size.
+    """
     left, top, right, bottom = lay.rect
     mask = np.ascontiguousarray(inside[top:bottom:stride, left:right:stride])
     scale = float(np.sqrt(abs(np.linalg.det(lay.matrix[:2, :2]))))
@@ -104,27 +108,30 @@ def sheet_of(lay: Lay, inside: Mask, params: PatchesParams, stride: int) -> Shee
 
 
 def evenly(items: list[int], most: int) -> list[int]:
-    """At most so many of the items, evenly chosen, the ends among them."""
+    """Choose at most `most` items, evenly spaced, including both ends."""
     if len(items) <= most:
         return items
     return [items[place] for place in np.linspace(0, len(items) - 1, most).round().astype(int).tolist()]
 
 
-def save_lays(bench: Bench, life: Life, lays: Mapping[int, Lay]) -> None:
-    """Keep the lays by run, as "<life>-<run>": those of its frames and of the one after them."""
+def save_lays(context: TaskContext[PatchesParams], life: Life, lays: Mapping[int, Lay]) -> None:
+    """Save the placements by run as artefacts "<life>-<run>", each with the run's frames and the frame after them."""
     by_run: dict[int, dict[int, Hop]] = {run_of(index, life.begin): {} for index in range(life.start, life.stop)}
     for index, lay in lays.items():
         for run in {run_of(index, life.begin), run_of(max(index - 1, life.begin), life.begin)} & set(by_run):
             by_run[run][index] = Hop(lay.rect, 0, lay.matrix, lay.rest)
     for start, hops in by_run.items():
-        save_hops(bench, f"{life.key}-{run_key(start)}", hops)
+        save_hops(context, f"{life.key}-{run_key(start)}", hops)
 
 
-def load_lays(bench: Bench, life: Life, start: int, stop: int) -> dict[int, Lay]:
-    """The lays of frames [start, stop] that have the patch; of frame `stop` if its run's predecessor has it too."""
+def load_lays(context: TaskContext[PatchesParams], life: Life, start: int, stop: int) -> dict[int, Lay]:
+    """Load the placements of frames start..stop, both included, that contain the patch.
+
+    Frame `stop` is included only if a run that begins before it contains the patch.
+    """
     lays = {}
     for run in sorted({run_of(index, life.begin) for index in range(max(start, life.start), min(stop, life.stop))}):
-        for index, hop in load_hops(bench, f"{life.key}-{run_key(run)}", "patch").items():
+        for index, hop in load_hops(context, f"{life.key}-{run_key(run)}", "patch").items():
             if start <= index <= stop:
                 lays[index] = Lay(hop.rect, hop.matrix, hop.shift)
     return lays

@@ -1,4 +1,4 @@
-"""Links between the frames of a window: flow, its reliability, and how both are kept for later steps."""
+"""Links between the frames of a window: optical flow, its reliability, and their storage for later steps."""
 
 from __future__ import annotations
 
@@ -13,16 +13,21 @@ from numpy.typing import NDArray
 from pipeline.flow.reliability import inside
 from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Plane
-from pipeline.methods.base import Bench
+from pipeline.methods.base import TaskContext
+from pipeline.methods.patches.params import PatchesParams
 
 LEAST_GRADIENT = 1.0
-"""Gray levels a working px: root mean square of what is more than a camera's noise."""
+"""Root mean square of the gradient, gray levels per working px, above which a pixel counts as textured."""
 
 
 @dataclass(frozen=True)
 class Pair:
-    """Frames i and j = i + gap: `ahead` float32 (h, w, 2) leads from i to j, `back` from j to i, in working px;
-    `there` and `home`, float32 (h, w) in 0..1, are the reliability of each."""
+    """Links between frames i and j = i + gap.
+
+    Attributes:
+        ahead, back: float32 (h, w, 2), flow from i to j and from j to i, working px.
+        there, home: float32 (h, w), 0..1, reliability of `ahead` and of `back`.
+    """
 
     ahead: Flow
     back: Flow
@@ -31,17 +36,17 @@ class Pair:
 
 
 def reliability(here: Frame, there: Frame, flow: Flow, back: Flow, colour_scale: float) -> Plane:
-    """R_xy = exp(-|c_x - c_y|) of the pixels that the flow links; float32 (h, w) in 0..1.
+    """Reliability R_xy = exp(-|c_x - c_y|) of the links between pixels x and y: float32 (h, w), 0..1.
 
     Args:
         here, there: uint8 (h, w, 3).
-        flow: from `here` to `there`, px; `back` the other way.
-        colour_scale: gray levels that count as 1 in the distance of two RGB colours.
+        flow, back: flow from `here` to `there` and from `there` to `here`, px.
+        colour_scale: unit of the RGB distance, gray levels.
 
-    Source: zhang2011patches, section 4. Departures: the paper does not say in which unit a colour is; in 0..255 every
-    R is 0, in 0..1 hardly any is below 0.2. A link that does not lead back is worth nothing: what is hidden has no
-    partner, however alike the colours are; one that leads back to about the same place is worth half. Colours are
-    smoothed by a pixel, so that noise is no difference.
+    Source: zhang2011patches, section 4. Departures: the paper does not give the unit of colours; with 0..255 every R
+    is about 0, with 0..1 hardly any is below 0.2. Links that fail the forward-backward check get R = 0, since occluded
+    pixels have no partner, and links that pass it only approximately get half of R. Colours are blurred by about a
+    pixel to suppress noise.
     """
     a, b = (cv2.GaussianBlur(f, (0, 0), 0.8).astype(np.float32) for f in (here, there))
     distance = norm(a - fetch(b, flow))
@@ -49,7 +54,7 @@ def reliability(here: Frame, there: Frame, flow: Flow, back: Flow, colour_scale:
 
 
 def norm(vectors: NDArray[Any]) -> Plane:
-    """Euclidean length along the last axis of 2 or 3, which `np.linalg.norm` is slow for: float32 (h, w)."""
+    """Euclidean norm over the last axis: float32 (h, w). Faster than `np.linalg.norm` for 2 or 3 components."""
     square = vectors[..., 0] * vectors[..., 0]
     for channel in range(1, vectors.shape[-1]):
         square += vectors[..., channel] * vectors[..., channel]
@@ -57,7 +62,7 @@ def norm(vectors: NDArray[Any]) -> Plane:
 
 
 def _leads_back(flow: Flow, back: Flow) -> Plane:
-    """1 where the round trip closes, 0.5 where it nearly does, as in flat places; else 0."""
+    """Forward-backward check: 1 = passed, 0.5 = passed approximately (usual in smooth areas), 0 = failed."""
     there = fetch(back, flow)
     squares = np.square(flow) + np.square(there)
     trip, length = np.square(flow + there), squares[..., 0] + squares[..., 1]
@@ -67,9 +72,9 @@ def _leads_back(flow: Flow, back: Flow) -> Plane:
 
 
 def textured(small: Frame) -> NDArray[np.bool_]:
-    """Where there is anything that motion could be seen by: bool (h, w).
+    """Pixels with enough texture for reliable motion: bool (h, w).
 
-    In flat places flow is what it has been spread from, or follows the noise; it says nothing of what belongs together.
+    Flow in smooth areas is interpolated from elsewhere or follows noise, so it is no evidence for clustering.
     """
     gray = cv2.GaussianBlur(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY).astype(np.float32), (0, 0), 1.0)
     dx = cv2.Scharr(gray, cv2.CV_32F, 1, 0, scale=1 / 32)
@@ -91,36 +96,36 @@ def pack(pair: Pair, index: int, gap: int) -> dict[str, NDArray[Any]]:
 
 
 MOST_PAIRS = 10
-"""Pairs that are held as they are used: those of a frame's window, both ways."""
+"""Number of decoded flow fields held in memory: about those of one frame's window."""
 
 
-def shelf(index: int, gap: int, begin: int, run: int) -> str:
-    """The artefact that has the flow back to frame `index` from `index + gap`; 0 = the flow ahead, and the frame.
+def artefact_of(index: int, gap: int, begin: int, run: int) -> str:
+    """Name of the artefact with the flow from frame `index + gap` back to `index`.
 
-    What is read together lies together, and the rest is not read:
+    Gap 0 stands for the small frame and the forward flow. Arrays that are read together are stored together:
 
-    flow-<run>   a run's small frames, flow ahead to the next one, and back between neighbours: every step reads it
-    far-<run>    back over gaps within a run: for labels, and seldom more
-    over-<run>   back into the run from the next one: all that this one needs of its predecessor
+    flow-<run>   small frames, forward flow, and backward flow between neighbours; read by every step
+    far-<run>    backward flow over larger gaps within the run; read mainly for clustering
+    over-<run>   backward flow from the next run into this run
     """
     start, last = (begin + (frame - begin) // run * run for frame in (index, index + gap))
     return f"{'over' if last > start else 'far' if gap > 1 else 'flow'}-{start:07d}"
 
 
 class Links:
-    """Reads what the tasks "flow-..." have kept, holding at most `most` artefacts in memory."""
+    """Reads the artefacts of the tasks "flow-...", holding at most `most` artefacts in memory."""
 
-    def __init__(self, bench: Bench, begin: int, run: int, most: int = 6) -> None:
-        self._bench, self._begin, self._run, self._most = bench, begin, run, most
+    def __init__(self, context: TaskContext[PatchesParams], begin: int, run: int, most: int = 6) -> None:
+        self._context, self._begin, self._run, self._most = context, begin, run, most
         self._held: OrderedDict[str, dict[str, NDArray[Any]]] = OrderedDict()
         self._pairs: OrderedDict[str, tuple[Flow, Plane] | None] = OrderedDict()
 
     def _get(self, name: str, index: int, gap: int) -> NDArray[Any] | None:
         if index < self._begin:
             return None
-        where = shelf(index, gap, self._begin, self._run)
+        where = artefact_of(index, gap, self._begin, self._run)
         if where not in self._held:
-            self._held[where] = self._bench.load("cluster", where)
+            self._held[where] = self._context.load("cluster", where)
             while len(self._held) > self._most:
                 self._held.popitem(last=False)
         self._held.move_to_end(where)

@@ -1,8 +1,8 @@
-"""Lives: how long each painting patch lasts. Pure planning from the notes of the cluster step.
+"""Lifetimes of painting patches, planned from the results of the cluster step.
 
-A patch is a cluster over a run of frames. It may last as long as the cluster does; but a painting that has to hold for
-minutes of changing light, or for a pan round a whole room, would need unbounded memory and fit nothing any more. So a
-long cluster has several lives of even length, each with a master frame of its own, and one fades over into the next.
+A patch is a cluster over a range of frames. A single painting for minutes of changing light, or for a pan around a
+whole room, would need unbounded memory and match no frame well. A long cluster is therefore divided into several
+patches ("lives") of equal length, each with its own master frame; successive patches are cross-faded.
 """
 
 from __future__ import annotations
@@ -13,13 +13,14 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-from pipeline.methods.base import Brief
+from pipeline.methods.base import PlanContext
 from pipeline.methods.patches.grid import Grid
+from pipeline.methods.patches.params import PatchesParams
 
 FADE = 6
-"""Frames over which a life fades into the next one."""
+"""Length of the cross-fade between successive patches, frames."""
 FARTHEST = 2.5
-"""Sides of the frame that a patch may travel within a life: what bounds a panorama's size."""
+"""Largest distance a patch may travel in its life, in lengths of the frame's longer side. It bounds the panorama."""
 
 
 @dataclass(frozen=True)
@@ -27,12 +28,12 @@ class Life:
     """A painting patch.
 
     Attributes:
-        key: of its task and artefacts.
-        label: of its cluster in the shot that begins at frame `begin` and ends before `end`.
-        start, stop: its frames, faded ones included.
-        master: the frame in whose pixels it is painted.
-        fade_in, fade_out: whether it shares its first, or last, FADE frames with another life.
-        area: of its cluster in all frames, working px.
+        key: prefix of its task and artefact names.
+        label: label of its cluster in the shot of frames [begin, end).
+        start, stop: frames [start, stop) that show the patch, including cross-fades.
+        master: frame whose coordinates the panorama uses.
+        fade_in, fade_out: whether the first or last `FADE` frames are shared with another patch of the cluster.
+        area: sum of the cluster's areas over all frames, working px.
     """
 
     key: str
@@ -47,7 +48,7 @@ class Life:
     area: int
 
     def weight(self, index: int) -> float:
-        """Share of this life in its cluster's paint at a frame, 0..1; lives of a cluster sum to 1."""
+        """Cross-fade weight of this patch at a frame, 0..1; the patches of a cluster sum to 1."""
         share = 1.0
         if self.fade_in:
             share = min(share, (index - self.start + 1) / (FADE + 1))
@@ -61,7 +62,7 @@ class Life:
 
 @dataclass
 class _Row:
-    """What one run's note says of a label."""
+    """Statistics of a label in one run: frames, areas in working px, and travelled distance in working px."""
 
     first: int
     last: int
@@ -71,23 +72,23 @@ class _Row:
     travel: float
 
 
-def lives(brief: Brief) -> list[Life]:
+def lives(context: PlanContext[PatchesParams]) -> list[Life]:
     """All painting patches of a video, in the order of their shots and labels."""
-    scan = brief.notes["scan"]["video"]
+    scan = context.results["scan"]["video"]
     edges = [0, *scan["cuts"], scan["frames"]]
-    census = brief.notes.get("correct") or brief.notes["cluster"]
+    census = context.results.get("correct") or context.results["cluster"]
     found = []
     for begin, end in pairwise(edges):
         for label, rows in sorted(_census(census, begin, end).items()):
-            found += list(_split(label, rows, begin, end, brief))
+            found += list(_split(label, rows, begin, end, context))
     return found
 
 
-def _census(notes: Mapping[str, Mapping[str, Any]], begin: int, end: int) -> dict[int, list[_Row]]:
-    """Rows of every label of a shot, by run."""
+def _census(results: Mapping[str, Mapping[str, Any]], begin: int, end: int) -> dict[int, list[_Row]]:
+    """Statistics of each label of a shot, one row per run."""
     table: dict[int, list[_Row]] = {}
-    for key in sorted(notes):
-        for label, values in notes[key].get("labels", {}).items():
+    for key in sorted(results):
+        for label, values in results[key].get("labels", {}).items():
             first, last, area, best, best_area, travel = values
             if begin <= first < end:
                 row = _Row(int(first), int(last), int(area), int(best), int(best_area), float(travel))
@@ -95,14 +96,14 @@ def _census(notes: Mapping[str, Mapping[str, Any]], begin: int, end: int) -> dic
     return table
 
 
-def _split(label: int, rows: list[_Row], begin: int, end: int, brief: Brief) -> Iterator[Life]:
-    """A life for every part of even length that is short enough, and does not travel too far."""
+def _split(label: int, rows: list[_Row], begin: int, end: int, context: PlanContext[PatchesParams]) -> Iterator[Life]:
+    """Divide a cluster into patches of equal length, within the limits on duration and travelled distance."""
     first, last = rows[0].first, rows[-1].last + 1
     if last - first < 2:
         return
-    side = max(Grid.of((brief.video.width, brief.video.height)).size)
+    side = max(Grid.of((context.video.width, context.video.height)).size)
     far = math.ceil(sum(row.travel for row in rows) / (FARTHEST * side))
-    count = max(1, math.ceil((last - first) / brief.params.longest_patch), min(far, (last - first) // (2 * FADE)))
+    count = max(1, math.ceil((last - first) / context.params.longest_patch), min(far, (last - first) // (2 * FADE)))
     bounds = [first + (last - first) * part // count for part in range(count + 1)]
     for start, stop in pairwise(bounds):
         a, b = start - (FADE // 2 if start > first else 0), stop + (FADE - FADE // 2 if stop < last else 0)
@@ -114,10 +115,10 @@ def _split(label: int, rows: list[_Row], begin: int, end: int, brief: Brief) -> 
 
 
 def _master(rows: list[_Row], start: int, stop: int) -> tuple[int, int] | None:
-    """Frame of the largest area within [start, stop), as far as runs' notes know, and the area of all frames.
+    """Choose the master frame in [start, stop); return it with the summed area of the runs, working px.
 
-    Among frames nearly as large the one nearest to the middle: warps add up on the way to either end. None if no frame
-    is known to have the cluster.
+    Candidates have at least 0.9 of the largest known area. The one nearest to the middle is chosen, since errors of
+    concatenated warps grow with the distance from the master. None if no frame is known to contain the cluster.
     """
     near = [row for row in rows if row.last >= start and row.first < stop]
     known = {frame: 0 for row in near for frame in (row.first, row.last)} | {row.best: row.best_area for row in near}

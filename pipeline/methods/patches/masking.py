@@ -1,11 +1,11 @@
-"""How much of an error is seen: among many details less, on calm ground more.
+"""Visual masking: errors are less visible in detailed areas than in smooth ones.
 
-A painter lets leaves be a few dabs, and takes care of a pale dog on a pale path or of a ball before a dark gate. So
-errors, of strokes and of patches, are measured against the detail around them.
+The tolerated error of strokes and patches therefore scales with the local amount of detail. Leaves can be painted with
+a few dabs, while a pale dog on a pale path needs a low tolerance.
 
-Departure from hertzmann1998painterly, section 2.1, and zhang2011patches, where T is one number: at 25 the dog had lost
-its legs and its lead. Structure, which an outside tool measures, rises from 0.96 to 0.98 (dog) and from 0.89 to 0.96
-(a black swan), flicker of painting frame by frame falls by 2 to 14 %.
+Departure from hertzmann1998painterly, section 2.1, and zhang2011patches, where the threshold T is constant: at T = 25
+the dog lost its legs and its lead. With masking, structural similarity rises from 0.96 to 0.98 (dog) and from 0.89 to
+0.96 (black swan); flicker of single-frame painting falls by 2 to 14 %.
 """
 
 from __future__ import annotations
@@ -16,41 +16,47 @@ import numpy as np
 from pipeline.frames import Frame, Plane
 
 BUSY = 16.0
-"""Mean detail, gray levels, from which all of an error is let pass that is let pass at all: leaves."""
+"""Mean detail, gray levels, at which the error tolerance reaches its maximum (foliage)."""
 CALM = 0.35
-"""Part of it that is let pass where there is no detail: noise, and what codecs leave behind, is below."""
+"""Tolerance without any detail, relative to the maximum. It still exceeds sensor noise and compression artefacts."""
 DETAIL_PX, AROUND_PX = 3.0, 12.0
-"""Sigma of what is no detail, and of the surroundings, px of a frame 344 px high."""
+"""Sigma of the Gaussian that removes detail, and of the one that averages it; px of a frame 344 px high."""
 STEP_PX = 4.0
-"""The surroundings are smooth: they are looked at on a grid of so many of these px."""
+"""Cell size of the coarse grid on which detail is averaged, px of a frame 344 px high."""
 SOFT = 1.2
-"""Factor by which a mean may have less detail than a frame and counts as sharp: every mean is a little softer."""
+"""Compensation for averaging: a mean of frames with 1/SOFT of a frame's detail still counts as fully sharp."""
 
 
 def leniency(picture: Frame, unit: float) -> Plane:
-    """Factor on a tolerated error, CALM..1: float32 (h, w).
+    """Factor on the tolerated error, CALM..1: float32 (h, w).
+
+    Detail is the mean absolute difference, not the variance, so that a single strong edge does not raise it much.
 
     Args:
         picture: uint8 (h, w, 3).
-        unit: px of it that are one px of a frame 344 px high.
-
-    The mean of absolute detail, not its variance: one edge is no hiding place.
+        unit: pixels of the picture per pixel of a frame 344 px high.
     """
     factor = CALM + (1 - CALM) * np.minimum(_busyness(picture, unit) / np.float32(BUSY), 1)
     return np.asarray(cv2.resize(factor, picture.shape[1::-1], interpolation=cv2.INTER_LINEAR), np.float32)
 
 
 def sharpness(picture: Frame, frame: Frame, unit: float) -> Plane:
-    """Detail of a picture as part of what a frame has in the same places, at most 1: float32 (h, w).
+    """Local detail of a picture relative to that of a frame, 0..1: float32 (h, w).
 
-    The mean of what has not held still is a blur, and has less. A gray level is added to both: noise is no detail.
+    A mean of misaligned frames is blurred and has less detail. One gray level is added to both, so that noise in
+    smooth areas has little effect.
+
+    Args:
+        picture: uint8 (h, w, 3), a mean of frames.
+        frame: uint8 (h, w, 3).
+        unit: pixels of the picture per pixel of a frame 344 px high.
     """
     ratio = np.minimum(SOFT * (_busyness(picture, unit) + 1) / (_busyness(frame, unit) + 1), 1)
     return np.asarray(cv2.resize(ratio, picture.shape[1::-1], interpolation=cv2.INTER_LINEAR), np.float32)
 
 
 def _busyness(picture: Frame, unit: float) -> Plane:
-    """Mean absolute detail around each place, gray levels, on a coarse grid: float32."""
+    """Local mean of absolute detail, gray levels: float32, on a grid of `STEP_PX` cells."""
     gray = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
     detail = cv2.absdiff(gray, cv2.GaussianBlur(gray, (0, 0), DETAIL_PX * unit))
     height, width = gray.shape

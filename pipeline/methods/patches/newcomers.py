@@ -1,7 +1,8 @@
-"""New clusters: what can be tracked and belongs to nothing yet, grouped by its motion.
+"""New clusters: unlabelled trackable pixels are grouped by motion.
 
-Seeds are good corners, as the paper's in the first frame. Corners whose velocities differ little for their distance are
-one thing: so a turning or growing object is one cluster. Each thing then spreads by random walk over the free pixels.
+Seeds are corners, as in the first frame of zhang2011patches. Corners are joined if their velocities differ little
+relative to their distance, so a rotating or growing object forms one cluster. A random walk then assigns the remaining
+free pixels to the groups.
 """
 
 from __future__ import annotations
@@ -11,22 +12,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Frame, Labels, Mask
+from pipeline.jit import kernel
 from pipeline.segmentation.components import components
-from pipeline.segmentation.jit import kernel
 from pipeline.segmentation.random_walk import Edges, probabilities
 
 MOST_CORNERS = 300
 MOST_GROUPS = 12
-"""Things in a connected part; each costs the solution of a linear system."""
+"""Largest number of groups in a connected area; each needs the solution of a linear system."""
 NEAR_PX = 4
-"""Motion is compared with neighbours' this near to the border."""
+"""Width of the band on either side of a border in which motions are compared, working px."""
 REACH_PX = 28.0
-"""Corners further apart than this are only of one thing if others lie between."""
+"""Largest distance of two directly joined corners, working px."""
 THICK_PX = 4.0
-"""Of the innermost pixel from the border: thinner parts are the rims of moving things."""
+"""Smallest half-width of a new cluster, working px: thinner areas are rims of moving objects."""
 SLACK_PX = 0.4
 STRETCH = 0.06
-"""Velocities of one thing differ by at most SLACK_PX + STRETCH * distance: what turns by 3 degrees a frame passes."""
+"""Joined corners differ in velocity by at most SLACK_PX + STRETCH * distance: 3 degrees of rotation per frame pass."""
 
 
 def newcomers(
@@ -35,12 +36,13 @@ def newcomers(
     """Labels `first`, `first` + 1, ... of new clusters, int32 (h, w), 0 elsewhere.
 
     Args:
-        free: bool (h, w), what can be tracked and has no label.
-        labels: what is clustered already.
-        motion: flow to the neighbouring frames, one or two.
-        edges: of the random walk.
-        small: the frame's colours.
-        smallest_px: area of the smallest cluster.
+        free: bool (h, w), trackable pixels without a label.
+        labels: int32 (h, w), existing labels, 0 = unclustered.
+        motion: one or two flow fields to the neighbouring frames, float32 (h, w, 2), working px.
+        edges: edge weights of the random walk.
+        small: uint8 (h, w, 3), the frame at the working size.
+        smallest_px: smallest area of a new cluster, working px.
+        first: first unused label.
     """
     if not motion:
         return np.zeros(labels.shape, np.int32)
@@ -53,14 +55,17 @@ def newcomers(
 
 
 def _smooth(motion: NDArray[np.float32], free: Mask) -> NDArray[np.float32]:
-    """Motion, averaged over 3 x 3 free pixels; as it is elsewhere."""
+    """Average the motion over the free pixels of a 3 x 3 window; other pixels are unchanged."""
     share = cv2.blur(free.astype(np.float32), (3, 3))
     mean = cv2.blur(np.where(free[..., None], motion, 0), (3, 3)) / np.maximum(share, np.float32(0.1))[..., None]
     return np.where(free[..., None], mean, motion).astype(np.float32)
 
 
 def _grown(free: Mask, spots: NDArray[np.intp], velocity: NDArray[np.float32], edges: Edges) -> Labels:
-    """Things 1.. in the free part: each of its connected parts is one, or is divided by random walk among several."""
+    """Divide the free pixels into groups 1, 2, ...: int32 (h, w), 0 elsewhere.
+
+    Each connected area is one group, or is divided by a random walk among the groups of corners inside it.
+    """
     roots = _joined(spots.astype(np.float32), velocity[spots[:, 1], spots[:, 0]], free)
     count, parts = cv2.connectedComponents(free.astype(np.uint8), connectivity=4)
     out, named = np.zeros(free.shape, np.int32), 0
@@ -94,7 +99,7 @@ def _walked(seeds: Labels, mask: Mask, edges: Edges, count: int) -> Labels:
 
 
 def _named(grown: Labels, labels: Labels, velocity: NDArray[np.float32], smallest_px: int, first: int) -> Labels:
-    """The label of each thing: that of a neighbour that it moves with, a new one from `first` on, 0 if it is small."""
+    """Label each group: the label of a neighbour with the same motion, else a new one from `first` on; 0 if small."""
     out = np.zeros(labels.shape, np.int32)
     for thing in range(1, int(grown.max(initial=0)) + 1):
         mask = grown == thing
@@ -110,7 +115,7 @@ def _named(grown: Labels, labels: Labels, velocity: NDArray[np.float32], smalles
 
 
 def _companion(mask: Mask, labels: Labels, velocity: NDArray[np.float32]) -> int:
-    """The label that the thing touches most among those that move alike where they touch; 0 = none."""
+    """Label with the longest common border among those that move alike at the border; 0 = none."""
     around = cv2.dilate(mask.astype(np.uint8), np.ones((2 * NEAR_PX + 1, 2 * NEAR_PX + 1), np.uint8)) > 0
     touched, sizes = np.unique(labels[around & ~mask & (labels > 0)], return_counts=True)
     best, most = 0, int(NEAR_PX * NEAR_PX)
@@ -127,7 +132,7 @@ def _companion(mask: Mask, labels: Labels, velocity: NDArray[np.float32]) -> int
 
 
 def _without_specks(mask: Mask, smallest_px: int) -> Mask:
-    """Parts of the mask that are large enough, thin threads cut off."""
+    """Remove thin threads and areas that are too small or too thin."""
     opened = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     parts, areas = components(opened.astype(np.int32))
     depth = cv2.distanceTransform(opened, cv2.DIST_L2, 3)
@@ -137,7 +142,7 @@ def _without_specks(mask: Mask, smallest_px: int) -> Mask:
 
 
 def _corners(small: Frame, free: Mask) -> NDArray[np.intp]:
-    """Good corners in the free part, (n, 2): (x, y); in a part without any, its innermost pixel."""
+    """Corners in the free area, (n, 2) as (x, y), px; a connected area without corners gets its innermost pixel."""
     gray = cv2.cvtColor(small, cv2.COLOR_RGB2GRAY)
     found = cv2.goodFeaturesToTrack(gray, MOST_CORNERS, 0.01, 5, mask=free.astype(np.uint8))
     spots = np.zeros((0, 2), np.intp) if found is None else found.reshape(-1, 2).astype(np.intp)

@@ -1,4 +1,4 @@
-"""A patch that is painted, as the frames of a run need it."""
+"""Painted patches, loaded for the frames of one run."""
 
 from __future__ import annotations
 
@@ -8,56 +8,65 @@ import cv2
 import numpy as np
 
 from pipeline.frames import Frame, Plane
-from pipeline.methods.base import Bench, Note
-from pipeline.methods.patches.fit import Look
+from pipeline.methods.base import TaskContext, TaskResult
+from pipeline.methods.patches.fit import Rendering
 from pipeline.methods.patches.join import load_lays
 from pipeline.methods.patches.lives import Life
+from pipeline.methods.patches.params import PatchesParams
 from pipeline.warp.panorama import Lay
 
 TURN = 3.0
-"""Frames before and after the change of two ages in which one fades over into the other."""
+"""Half length of the cross-fade between two ages, frames."""
 
 
 @dataclass(frozen=True)
 class Painted:
-    """A patch that is painted.
+    """A painted patch.
 
     Attributes:
-        life: when it is there.
-        ages: [start, stop) of each of its pictures; panorama and painting of those that are needed, by number.
-        origin: (x, y) of the first pixel of all of them, px.
-        lays: where it lies, by frame.
+        life: frames and label of the patch.
+        ages: frames [start, stop) of each age.
+        renderings: panorama and painting, uint8 (h, w, 3), of the loaded ages, by number.
+        origin: (x, y) of the panorama's top left pixel, px; the same for all ages.
+        lays: placement in the panorama, by frame.
     """
 
     life: Life
     ages: list[list[int]]
-    looks: dict[int, tuple[Frame, Frame]]
+    renderings: dict[int, tuple[Frame, Frame]]
     origin: tuple[int, int]
     lays: dict[int, Lay]
 
     @classmethod
-    def load(cls, life: Life, note: Note, start: int, stop: int, bench: Bench) -> Painted:
-        """What frames [start, stop] need of a patch: those of one run and the next one. `note` is its task's."""
-        lays, looks = load_lays(bench, life, start, stop), {}
-        for number, (first, last) in enumerate(note["ages"]):
-            if first - TURN <= stop and last + TURN > start:
-                kept = bench.load("patch", f"{life.key}-age{number}")
-                looks[number] = kept["panorama"], kept["painting"]
-        x, y = note["origin"]
-        return cls(life, note["ages"], looks, (x, y), lays)
+    def load(
+        cls, life: Life, result: TaskResult, start: int, stop: int, context: TaskContext[PatchesParams]
+    ) -> Painted:
+        """Load the parts of a patch that are needed for frames start..stop, both included.
 
-    def at(self, index: int, x: Plane, y: Plane) -> Look:
-        """The patch as it is in a frame, and its paint, at places of the panorama.
-
-        Between two ages one fades over into the other.
+        Args:
+            result: result of the patch's task in the step "patch".
         """
-        look = np.zeros((2, *x.shape, 3), np.float32)
+        lays, renderings = load_lays(context, life, start, stop), {}
+        for number, (first, last) in enumerate(result["ages"]):
+            if first - TURN <= stop and last + TURN > start:
+                kept = context.load("patch", f"{life.key}-age{number}")
+                renderings[number] = kept["panorama"], kept["painting"]
+        x, y = result["origin"]
+        return cls(life, result["ages"], renderings, (x, y), lays)
+
+    def at(self, index: int, x: Plane, y: Plane) -> Rendering:
+        """Sample panorama and painting for frame `index`: float32 (2, h, w, 3). Successive ages are cross-faded.
+
+        Args:
+            x, y: float32 (h, w), positions in the panorama, px.
+        """
+        rendering = np.zeros((2, *x.shape, 3), np.float32)
         for number, share in self._shares(index):
             for which, (plane, how) in enumerate(
-                zip(self.looks[number], (cv2.INTER_LINEAR, cv2.INTER_CUBIC), strict=True)
+                zip(self.renderings[number], (cv2.INTER_LINEAR, cv2.INTER_CUBIC), strict=True)
             ):
-                look[which] += np.float32(share) * cv2.remap(plane, x, y, how, borderMode=cv2.BORDER_REPLICATE)
-        return look
+                rendering[which] += np.float32(share) * cv2.remap(plane, x, y, how, borderMode=cv2.BORDER_REPLICATE)
+        return rendering
 
     def _shares(self, index: int) -> list[tuple[int, float]]:
         number = next(n for n, (first, last) in enumerate(self.ages) if first <= index < last)

@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Literal
 
 from pipeline.methods.base import Params
-from pipeline.methods.fields import choice, number
+from pipeline.methods.fields import FlowName, choice, number
 
 Temporal = Literal["on", "off", "strokes"]
-FlowName = Literal["dis-ultrafast", "dis-fast", "dis-medium", "tvl1"]
 StyleName = Literal["hertzmann", "circles", "impressionist", "expressionist", "wash"]
 BackgroundStyle = Literal["same", "hertzmann", "circles", "impressionist", "expressionist", "wash"]
 

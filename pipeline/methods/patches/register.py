@@ -1,7 +1,8 @@
-"""Step "register": how each patch's pixels move from frame to frame, with little distortion (section 5).
+"""Step "register": warps of each patch between neighbouring frames (zhang2011patches, section 5).
 
-For every frame of a patch but its master, the warp to the frame next to it on the way to the master: flow where it can
-be trusted, a homography for the rest, relaxed on springs. Runs are parallel; the warps are joined in the next step.
+Each frame of a patch except its master frame is warped to the neighbouring frame on the side of the master. The warp
+follows the optical flow where it is reliable and a homography elsewhere, and is relaxed on springs. Runs are processed
+in parallel; the next step concatenates the warps.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Labels, Mask, Plane
-from pipeline.methods.base import Bench, Brief, Note, Task
+from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.patches.clusters import LabelMaps
 from pipeline.methods.patches.links import Links, norm, textured
 from pipeline.methods.patches.lives import Life, lives
@@ -27,34 +28,37 @@ from pipeline.warp.panorama import Rect
 from pipeline.warp.springs import MOST_ITERATIONS, Sheet, relax
 
 MARGIN = 5
-"""A patch is painted this much beyond its cluster, working px: neighbours overlap, so that no seam is seen."""
+"""A patch extends this far beyond its cluster, working px. Neighbouring patches overlap, which avoids seams."""
 LOOSE = 0.1
-"""Stiffness where there is no flow to trust, as a part of that where there is."""
+"""Spring stiffness where the flow is unreliable, relative to the stiffness elsewhere."""
 
 
-def plan_register(brief: Brief) -> list[Task]:
-    if brief.params.temporal != "on":
+def plan_register(context: PlanContext[PatchesParams]) -> list[Task]:
+    if context.params.temporal != "on":
         return []
-    every = lives(brief)
+    every = lives(context)
     tasks = []
-    for start, stop, begin, end in runs(brief):
+    for start, stop, begin, end in runs(context):
         here = [life.args() for life in every if life.begin == begin and life.start < stop and life.stop > start]
         args = {"start": start, "stop": stop, "begin": begin, "end": end, "lives": here}
         tasks.append(Task(run_key(start), args, weight=0.3 * (stop - start)))
     return tasks
 
 
-def run_register(task: Task, bench: Bench) -> Note:
-    """Artefacts "<life>-<run>", see `save_hops`; the note tells energies before and after by patch, and iterations."""
+def run_register(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
+    """Compute the warps of a run and save them as artefacts "<life>-<run>", see `save_hops`.
+
+    The result holds for each patch the summed energy before and after relaxation, iterations and number of warps.
+    """
     start, stop, begin = (task.args[name] for name in ("start", "stop", "begin"))
     kept: dict[str, dict[int, Hop]] = {row["key"]: {} for row in task.args["lives"]}
     energies: dict[str, list[float]] = {}
-    views = Views(Links(bench, begin, RUN), LabelMaps(bench, begin), bench.params)
+    views = Views(Links(context, begin, RUN), LabelMaps(context, begin), context.params)
     for index in range(start, stop):
         for life in (Life(**row) for row in task.args["lives"]):
             if not life.start <= index < life.stop:
                 continue
-            with bench.clock("register"):
+            with context.clock("register"):
                 hop = views.hop(life, index)
             if hop is None:
                 continue
@@ -62,22 +66,23 @@ def run_register(task: Task, bench: Bench) -> Note:
             if index != life.master:
                 row = energies.setdefault(life.key, [0.0, 0.0, 0, 0])
                 energies[life.key] = [row[0] + hop.before, row[1] + hop.after, row[2] + hop.iterations, row[3] + 1]
-        bench.progress((index + 1 - start) / (stop - start))
+        context.progress((index + 1 - start) / (stop - start))
     for key, hops in kept.items():
-        save_hops(bench, f"{key}-{task.key}", hops)
+        save_hops(context, f"{key}-{task.key}", hops)
     return {"energies": energies}
 
 
 @dataclass(frozen=True)
 class Hop:
-    """The warp of a patch from one frame to one `gap` nearer its master: p goes to p + shift(p).
+    """Warp of a patch from one frame to a frame nearer to its master: p -> p + shift(p).
 
     Attributes:
-        rect: of the frame, working px.
-        gap: signed: to frame index + gap; 0 in the master frame.
-        matrix: the homography that explains it best.
-        shift: float16 (h, w, 2), working px.
-        before, after: distortion energy, working px^2; iterations: of the relaxation.
+        rect: rectangle of the frame that contains the patch, working px.
+        gap: signed frame distance; the target is frame index + gap. 0 in the master frame.
+        matrix: best-fitting homography.
+        shift: float16 (h, w, 2), displacement, working px.
+        before, after: distortion energy before and after relaxation, working px^2.
+        iterations: number of relaxation steps.
     """
 
     rect: Rect
@@ -89,19 +94,19 @@ class Hop:
     iterations: int = 0
 
 
-def save_hops(bench: Bench, name: str, hops: Mapping[int, Hop]) -> None:
-    """Keep the hops of one patch by frame: three arrays, since every one in an artefact takes its time."""
+def save_hops(context: TaskContext[PatchesParams], name: str, hops: Mapping[int, Hop]) -> None:
+    """Save the warps of one patch, by frame. They are packed into three arrays, because each array adds overhead."""
     rows = [[index, hop.gap, *hop.rect] for index, hop in hops.items()]
-    bench.save(name, {
+    context.save(name, {
         "at": np.array(rows, np.int32).reshape(-1, 6),
         "matrix": np.array([hop.matrix for hop in hops.values()]).reshape(-1, 3, 3),
         "shift": np.concatenate([np.zeros((0, 2), np.float16), *(hop.shift.reshape(-1, 2) for hop in hops.values())]),
     })  # fmt: skip
 
 
-def load_hops(bench: Bench, name: str, step: str = "register") -> dict[int, Hop]:
-    """What `save_hops` has kept."""
-    kept, hops, used = bench.load(step, name), {}, 0
+def load_hops(context: TaskContext[PatchesParams], name: str, step: str = "register") -> dict[int, Hop]:
+    """Load the warps of one patch that `save_hops` has saved, by frame."""
+    kept, hops, used = context.load(step, name), {}, 0
     for row, matrix in zip(kept["at"].tolist(), kept["matrix"], strict=True):
         index, gap, left, top, right, bottom = row
         size = (bottom - top) * (right - left)
@@ -112,7 +117,7 @@ def load_hops(bench: Bench, name: str, step: str = "register") -> dict[int, Hop]
 
 @dataclass
 class Views:
-    """Frames as a patch is registered in them."""
+    """Computes warps of patches from the links and label maps of a shot."""
 
     links: Links
     maps: LabelMaps
@@ -120,7 +125,11 @@ class Views:
     _texture: tuple[int, Mask] | None = None
 
     def hop(self, life: Life, index: int, *, most: int = MOST_ITERATIONS) -> Hop | None:
-        """The warp of one frame of a patch, after at most so many steps; None where the frame does not have it."""
+        """Warp of one frame of a patch; None if the patch is not in the frame.
+
+        Args:
+            most: largest number of relaxation steps.
+        """
         here = self.here(life, index)
         if here is None:
             return None
@@ -132,7 +141,7 @@ class Views:
         return Hop(here.rect, gap, matrix, shift.astype(np.float16), relaxed.before, relaxed.after, relaxed.iterations)
 
     def here(self, life: Life, index: int) -> Here | None:
-        """Where a frame has the patch; None where it does not."""
+        """Region of the patch in a frame; None if the patch is not in the frame."""
         mask = self.maps.sure(index) == life.label
         if not mask.any():
             return None
@@ -140,18 +149,18 @@ class Views:
         return Here(rect, mask[rect[1] : rect[3], rect[0] : rect[2]], life)
 
     def sheet(self, here: Here, index: int) -> tuple[int, Homography, Sheet]:
-        """Gap to the frame nearer the master, the motion that explains the flow there best, and springs to the flow."""
+        """Signed gap to the target frame, the homography that fits the flow best, and the spring system."""
         gap, flow, sure, matrix = (self._backward if index > here.life.master else self._forward)(here, index)
         return gap, matrix, _sheet(flow, sure, matrix, here.rect, here.mask, self.params)
 
     def _seen(self, here: Here, index: int) -> Mask:
-        """Where the patch has texture."""
+        """Textured pixels of the patch: bool (h, w)."""
         if self._texture is None or self._texture[0] != index:
             self._texture = index, textured(self.links.small(index))
         return np.asarray(here.mask & here.cut(self._texture[1]))
 
     def _backward(self, here: Here, index: int) -> Found:
-        """To the nearest earlier frame of the window that has the patch."""
+        """Link to the nearest earlier frame of the window that contains the patch."""
         for gap in range(1, self.params.window):
             before = self.maps(index - gap) if index - gap >= here.life.start else None
             pair = self.links.back(index, gap)
@@ -160,9 +169,9 @@ class Views:
         return -1, *here.nothing()
 
     def _forward(self, here: Here, index: int) -> Found:
-        """To the nearest later frame of the window that has the patch.
+        """Link to the nearest later frame of the window that contains the patch.
 
-        Over a gap only the later frame's flow is kept: its links, turned round, give the homography.
+        For gaps above 1 only the flow of the later frame is stored. The homography is fitted to its inverted links.
         """
         for gap in range(1, self.params.window):
             if index + gap >= min(here.life.stop, here.life.end):
@@ -178,7 +187,7 @@ class Views:
 
 
 def rect_of(mask: Mask, margin: int) -> Rect:
-    """The box of a mask, `margin` wider, within the picture."""
+    """Bounding box of a mask, extended by `margin` px on each side and clipped to the picture."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     return (
         max(int(columns[0]) - margin, 0), max(int(rows[0]) - margin, 0),
@@ -191,20 +200,35 @@ Found = tuple[int, Flow, Plane, Homography]
 
 @dataclass(frozen=True)
 class Here:
-    """The rectangle of a frame that has the patch: `mask`, bool (h, w), says where."""
+    """Region of a patch in a frame.
+
+    Attributes:
+        rect: rectangle of the frame, working px.
+        mask: bool (h, w), pixels of the patch within the rectangle.
+        life: the patch.
+    """
 
     rect: Rect
     mask: Mask
     life: Life
 
     def cut(self, plane: NDArray[Any]) -> NDArray[Any]:
-        """The rectangle's part of a plane of the frame."""
+        """Crop a plane of the frame to the rectangle."""
         return plane[self.rect[1] : self.rect[3], self.rect[0] : self.rect[2]]
 
     def direct(
         self, flow: Flow, reliable: Plane, seen: Mask, other: Labels, least: float
     ) -> tuple[Flow, Plane, Homography]:
-        """Flow and where it is to be trusted: reliable, on texture, from the patch to the patch."""
+        """Flow to the target frame, its reliable pixels (1, else 0), and the fitted homography.
+
+        A flow vector is used if it is reliable, starts on texture, and leads from the patch to the same patch.
+
+        Args:
+            flow, reliable: float32, of the whole frame.
+            seen: bool (h, w), textured pixels of the patch.
+            other: label map of the target frame.
+            least: lowest accepted reliability.
+        """
         flow, reliable = self.cut(flow), self.cut(reliable)
         arrives = cv2.dilate((other == self.life.label).astype(np.uint8), np.ones((3, 3), np.uint8)).astype(np.int32)
         sure = seen & (reliable >= least) & (carry_labels(arrives, flow, self.rect[:2]) > 0)
@@ -212,24 +236,25 @@ class Here:
         return flow, sure.astype(np.float32), fit(here, here + flow[sure], weights=reliable[sure])
 
     def turned(self, flow: Flow, reliable: Plane, there: Mask, least: float) -> tuple[Flow, Plane, Homography]:
-        """No flow of its own, and the homography of the flow that leads here."""
+        """No flow, and the homography fitted to the inverted flow from the target frame to this one."""
         sure = there & (reliable >= least)
         place = lattice(there.shape)[sure]
         matrix = fit(place + flow[sure], place, weights=reliable[sure])
         return *self.nothing()[:2], matrix
 
     def nothing(self) -> tuple[Flow, Plane, Homography]:
-        """No flow to trust, and no motion."""
+        """No reliable flow, and the identity."""
         return np.zeros((*self.mask.shape, 2), np.float32), np.zeros(self.mask.shape, np.float32), IDENTITY
 
 
 def _sheet(flow: Flow, sure: Plane, matrix: Homography, rect: Rect, mask: Mask, params: PatchesParams) -> Sheet:
-    """The patch's pixels on springs: at the flow's position where that is sure, at the homography's elsewhere.
+    """Spring system of the patch's pixels: targets from the flow where it is reliable, else from the homography.
 
-    Departure: what differs from the homography by less than `params.rigidity` is taken for noise of the flow, and put
-    where the homography says; rigid things keep rigid strokes. At 0, 0.15 and 0.3 px a painted wall changes by 0.52,
-    0.48 and 0.44 gray levels a frame along a pan that is known, and a webcam's still room by 0.79, 0.73 and 0.68; yet
-    an outside measure, whose flow has the same noise as ours, gives 0.85, 0.90 and 0.97 (foreman). 0.15 is between.
+    Departure: deviations from the homography below `params.rigidity` are treated as flow noise and removed, so that
+    strokes on rigid objects stay rigid. With 0, 0.15 and 0.3 px, the mean change per frame of a painted wall under a
+    known pan is 0.52, 0.48 and 0.44 gray levels, that of a static room filmed by webcam 0.79, 0.73 and 0.68. An
+    independent warping error, computed with flow as noisy as ours, is 0.85, 0.90 and 0.97 (foreman). The default 0.15
+    is a compromise.
     """
     here = lattice(mask.shape, rect[:2])
     plane = apply(matrix, here).astype(np.float32)

@@ -1,19 +1,23 @@
-"""What belongs to no patch: painted when it comes into view, and carried along the flow for as long as it fits.
+"""Painting of the pixels that no patch covers (the remainder).
 
-    frame i - 1, as it was shown      frame i                         out
-      a patch's paint  ----------->   unclustered now, still fits     that paint, where it has gone
-      painted alone    ----------->   unclustered still, fits         the same strokes
-      anything         ----------->   no way back, or another look    painted alone
+New remainder pixels are painted from the current frame. In later frames their paint is advected by the optical flow
+while it still matches the picture:
 
-Runs of frames are tasks of their own: each begins with new paint, and the last few frames of a run fade over to what
-the first frame of the next one is painted like, carried back along the flow.
+    painted frame i - 1               remainder pixel of frame i       result
+      paint of a patch    -------->   flow is valid, paint matches     advected paint
+      single-frame paint  -------->   flow is valid, paint matches     advected paint
+      any                 -------->   no valid flow, or it changed     painted from frame i alone
 
-Departure from zhang2011patches, section 5, which paints unclustered pixels frame by frame: what cannot be tracked as a
-thing can mostly be followed from one frame to the next. Flicker fell from 0.67 to 0.49 of painting frame by frame
-where an actor runs (chaplin), from 0.50 to 0.37 where a kettle is lifted (coffee), and rose nowhere. The idea is that
-of hertzmann2000video: paint again only where the picture has changed. Departure from that one: paint is not moved on
-again and again, which smears it; each pixel remembers the frame that its paint is from and where it was there, and is
-fetched once. And what fits by half is half repainted (0.54 to 0.52 where the actor runs), which is remembered as that.
+Each run of frames is a separate task and begins with new paint. The last few frames of a run are cross-faded to the
+painting of the next run's first frame, advected backward.
+
+Departure from zhang2011patches, section 5, which paints unclustered pixels in each frame separately: most pixels that
+cannot be clustered can still be followed from one frame to the next. Relative to single-frame painting, flicker fell
+from 0.67 to 0.49 on a running actor (chaplin) and from 0.50 to 0.37 on a lifted kettle (coffee); it rose on no clip.
+
+hertzmann2000video also repaints only where the picture has changed. Departures from it: repeated warping would blur
+the paint, so each pixel stores the frame and position where its paint was made and samples it once; where paint
+matches partly, old and new paint are blended (flicker 0.54 -> 0.52 on the running actor).
 """
 
 from __future__ import annotations
@@ -26,48 +30,48 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Frame, Mask, Plane
-from pipeline.methods.patches.fit import Look, apart, fine_px
+from pipeline.jit import kernel
+from pipeline.methods.patches.fit import Rendering, apart, fine_px
 from pipeline.methods.patches.grid import Grid
 from pipeline.methods.patches.hertzmann import Painter
 from pipeline.methods.patches.links import Links
-from pipeline.segmentation.jit import kernel
 
 SEEN = 0.02
-"""Share from which a pixel's paint is looked for: less cannot be seen."""
+"""Share of the remainder in a pixel, 0..1, above which the remainder is painted; a smaller share is invisible."""
 LEADS_BACK = 0.02
-"""Reliability from which a pixel is where it came from, whatever has become of its colour: that is for the misfit."""
+"""Reliability, 0..1, from which a flow vector is valid. It is low because changes of colour are left to the misfit."""
 LOST_PX = 3
-"""Places narrower than this, working px, whose flow does not lead back go with what is around them."""
+"""Areas of invalid flow narrower than this, working px, are treated as valid, like their surroundings."""
 SOFT_PX = 5
-"""Over so much old paint gives way to new, px of a frame 344 px high."""
+"""Width of the transition between old and new paint, px of a frame 344 px high."""
 STAYS, GONE = 0.65, 2.1
-"""Limits up to which carried paint stays, and from which it is gone; between, it is part old and part new."""
+"""Misfit, in units of the limit, up to which old paint is kept, and from which it is replaced; blended in between."""
 STRETCH = 1.0
-"""Change of distance to a neighbour, as a part of it, from which carried strokes are distorted: in flat places flow
-leads anywhere."""
+"""Relative change of the distance between neighbours above which advected strokes count as distorted. Flow in areas
+without texture is arbitrary and would distort them."""
 SPAN_PX = 4
-"""How far apart those neighbours are."""
+"""Distance of those neighbours, px."""
 RETURNS = 0.07
-"""Share of a pixel that a patch takes back with each painting, once it fits again; what it loses it loses at once."""
+"""Largest decrease of the remainder's share in a pixel per painting. The share may increase at any rate."""
 FADE = 4
-"""Paintings over which a run fades over to the next one."""
+"""Number of paintings in the cross-fade from a run to the next one."""
 ROW = 512
-"""Places are looked up in rows of so many, as OpenCV has a most for each side of a picture."""
+"""Row length of the tables given to `cv2.remap`, which limits each side of an image to 32767."""
 NOWHERE = -1
 
 Places = NDArray[np.float32]
-"""float32 (h, w, 2): (x, y), px."""
+"""float32 (h, w, 2): positions (x, y), px."""
 Shown = Mapping[int, tuple[Frame, Frame]]
-"""By frame: the picture and how it was painted, both uint8 (h, w, 3)."""
+"""Frame number -> source picture and its painting, both uint8 (h, w, 3)."""
 
 
 @dataclass(frozen=True)
 class Carried:
-    """Where each pixel's paint is from.
+    """Source of each pixel's paint: a frame number and a position in that frame.
 
     Attributes:
-        origin: int32 (h, w), a frame, or NOWHERE.
-        place: where it is there.
+        origin: int32 (h, w), number of the source frame, or NOWHERE.
+        place: float32 (h, w, 2), position (x, y) in the source frame, px.
     """
 
     origin: NDArray[np.int32]
@@ -75,12 +79,17 @@ class Carried:
 
     @classmethod
     def here(cls, index: int, shape: tuple[int, ...]) -> Carried:
-        """All of it is from this frame."""
+        """Every pixel comes from frame `index`, at its own position."""
         rows, columns = np.indices(shape[:2], np.float32)
         return cls(np.full(shape[:2], index, np.int32), np.dstack([columns, rows]))
 
     def follow(self, pair: tuple[Flow, Plane] | None, grid: Grid, where: Mask) -> Carried:
-        """The same in the frame that the flow leads here from; `where` it is asked for."""
+        """Advect the sources to the frame in which `pair` starts.
+
+        Args:
+            pair: flow, working px, from the new frame to this one and its reliability; None = no valid flow.
+            where: bool (h, w), pixels to compute; all others get NOWHERE.
+        """
         out = Carried(np.full_like(self.origin, NOWHERE), np.zeros_like(self.place))
         if pair is not None:
             flow = (grid.enlarge(pair[0]) * np.array(grid.ratio, np.float32)).astype(np.float32)
@@ -89,14 +98,17 @@ class Carried:
         return out
 
     def anew(self, index: int, where: Mask) -> Carried:
-        """The same, but for what is painted anew in this frame."""
+        """Replace the source of the pixels in `where` by frame `index`, at their own positions."""
         fresh = Carried.here(index, where.shape)
         return Carried(
             np.where(where, fresh.origin, self.origin), np.where(where[..., None], fresh.place, self.place)
         )  # fmt: skip
 
     def fetch(self, shown: Shown, which: int, where: Mask) -> NDArray[np.float32]:
-        """Pictures (0) or paint (1) from where they are: float32 (h, w, 3)."""
+        """Sample the source pictures (`which` 0) or paintings (1) at the stored positions: float32 (h, w, 3).
+
+        Pixels outside `where` are 0.
+        """
         out = np.zeros((*where.shape, 3), np.float32)
         for source in _sources(self.origin[where]):
             mine = np.flatnonzero(where & (self.origin == source))
@@ -106,14 +118,17 @@ class Carried:
 
 @dataclass
 class Remainder:
-    """Paints what is left of the frames of a run, one after the other.
+    """Paints the remainder of the frames of a run, in order.
 
     Attributes:
-        painter: of what is new.
-        last, left: the last frame's number, and what was left of it, at the working size.
-        carried, shown: its paint, and the frames that this is from.
-        coming, turned: the next run's first frame as it will be shown; its paint in frames before it, and its share.
-        used: whether anything was left in any frame.
+        painter: paints new pixels.
+        last: number of the previous painted frame; None before the first.
+        left: share of the remainder in that frame, float32, 0..1, at the working size.
+        carried: source of each pixel's paint in that frame.
+        shown: pictures and paintings of the source frames.
+        coming: picture and painting of the next run's first frame, by its number.
+        turned: that painting advected back to the last frames of this run, with its cross-fade weight, by frame.
+        used: True once a frame had a visible remainder.
     """
 
     painter: Painter
@@ -127,21 +142,29 @@ class Remainder:
     turned: dict[int, tuple[Carried, float]] = field(default_factory=dict)
     used: bool = False
 
-    def paint(self, index: int, frame: Frame, left: Plane, limit: Plane) -> Look:
-        """What frame `index` is painted like where `left`, 0..1, is seen; anything elsewhere."""
+    def paint(self, index: int, frame: Frame, left: Plane, limit: Plane) -> Rendering:
+        """Picture and painting of the remainder of frame `index`, float32 (2, h, w, 3).
+
+        Args:
+            left: float32 (h, w), 0..1, share of the remainder. The result is undefined where it is at most `SEEN`.
+            limit: float32 (h, w), tolerated RGB distance.
+        """
         seen, self.used = left > SEEN, True
         self.carried = self._now(index, seen)
         old, fits = self._old(self.carried, self.shown, frame, seen, limit)
-        look, known = self._with_next(index, frame, seen, limit, old, fits)
+        rendering, known = self._with_next(index, frame, seen, limit, old, fits)
         if (lacks := seen & (known < 1)).any():
             fresh = (1 - known)[..., None]
-            look[0] += frame * fresh
-            look[1] += self._fresh(frame, lacks) * fresh
+            rendering[0] += frame * fresh
+            rendering[1] += self._fresh(frame, lacks) * fresh
         self.carried, self.last = self.carried.anew(index, ~seen | (fits < 1)), index
-        return look
+        return rendering
 
     def lingers(self, index: int, left: Plane) -> Plane:
-        """What is left of a frame, 0..1: a patch takes over again by RETURNS a painting, lest it flickers."""
+        """Share of the remainder with a limited decrease: float32 (h, w), 0..1.
+
+        A patch takes a pixel back by at most `RETURNS` per painting, which prevents flicker between the two.
+        """
         if self.left is not None and self.last is not None and self.left.max() > RETURNS:
             before = self.left
             for step in range(self.last + 1, index + 1):
@@ -151,9 +174,11 @@ class Remainder:
         return left
 
     def keep(self, index: int, picture: Frame, shown: Frame) -> None:
-        """Remember frame `index` as it is shown, patches and all: what they lose is carried too.
+        """Store the complete painting of frame `index`, patches included, since they may lose pixels later.
 
-        `picture` is what that paint was made from: of paint that is half old and half new, half of each.
+        Args:
+            picture: the source colours of the painting, blended like the paint itself.
+            shown: the painting.
         """
         if self.last != index:
             self.carried, self.last = Carried.here(index, shown.shape), index
@@ -161,7 +186,7 @@ class Remainder:
         self.shown = {key: both for key, both in (self.shown | {index: (picture, shown)}).items() if key in used}
 
     def turn_to(self, index: int, picture: Frame, shown: Frame, hold: int) -> None:
-        """The next run begins at frame `index` and shows it like this: fade over to it."""
+        """Prepare the cross-fade to the next run, which begins at frame `index` with the painting `shown`."""
         now, self.coming = Carried.here(index, shown.shape), {index: (picture, shown)}
         for step in range(index - 1, index - FADE * hold, -1):
             now = now.follow(self.links.ahead(step), self.grid, np.ones(shown.shape[:2], np.bool_))
@@ -169,7 +194,7 @@ class Remainder:
                 self.turned[step] = now, 1 - (index - step) / (FADE * hold)
 
     def _now(self, index: int, seen: Mask) -> Carried:
-        """What the last frame has shown, where it is in this one."""
+        """Sources of the previous frame's paint, advected to frame `index`."""
         if self.last is None:
             return Carried.here(NOWHERE, seen.shape)
         now = self.carried
@@ -178,9 +203,9 @@ class Remainder:
         return now
 
     def _with_next(
-        self, index: int, frame: Frame, seen: Mask, limit: Plane, old: Look, fits: Plane
-    ) -> tuple[Look, Plane]:
-        """Old paint and that of the next run, weighted, and the sum of the weights, 0..1."""
+        self, index: int, frame: Frame, seen: Mask, limit: Plane, old: Rendering, fits: Plane
+    ) -> tuple[Rendering, Plane]:
+        """Weighted sum of old paint and the next run's paint, and the sum of the weights, float32 (h, w), 0..1."""
         if index not in self.turned:
             return old * fits[..., None], fits
         turned, due = self.turned.pop(index)
@@ -189,31 +214,34 @@ class Remainder:
         before, after = fits * (1 - share * coming_fits), coming_fits * (share + (1 - share) * (1 - fits))
         return old * before[..., None] + coming * after[..., None], before + after
 
-    def _old(self, carried: Carried, shown: Shown, frame: Frame, seen: Mask, limit: Plane) -> tuple[Look, Plane]:
-        """Paint where it is now, and 1 where it shows what is in the frame, 0 where it does not, between at borders."""
+    def _old(self, carried: Carried, shown: Shown, frame: Frame, seen: Mask, limit: Plane) -> tuple[Rendering, Plane]:
+        """Advected picture and paint, and how well it matches the frame, float32 (h, w): 1 = keep, 0 = repaint.
+
+        Pixels outside `seen` are 1.
+        """
         known = seen & (carried.origin != NOWHERE)
-        look = np.stack([carried.fetch(shown, which, known) for which in (0, 1)])
+        rendering = np.stack([carried.fetch(shown, which, known) for which in (0, 1)])
         if not known.any():
-            return look, (~seen).astype(np.float32)
+            return rendering, (~seen).astype(np.float32)
         sigma = fine_px(self.grid)
         share = np.maximum(cv2.GaussianBlur(known.astype(np.float32), (0, 0), sigma), np.float32(0.1))
-        there = np.where(known[..., None], look, frame)
+        there = np.where(known[..., None], rendering, frame)
         off = apart(frame, there, limit * share, sigma)
         _without_distorted(carried.origin, carried.place, known)
         good = np.where(known, np.clip((GONE - off) / (GONE - STAYS), 0, 1), ~seen).astype(np.float32)
         soft = 2 * int(SOFT_PX * self.grid.height / 688) + 1
         fits = np.minimum(np.clip(2 * cv2.blur(good, (soft, soft), borderType=cv2.BORDER_REPLICATE) - 1, 0, 1), good)
-        return look, np.where(fits > 0.999, 1, fits).astype(np.float32)
+        return rendering, np.where(fits > 0.999, 1, fits).astype(np.float32)
 
     def _fresh(self, frame: Frame, where: Mask) -> Frame:
-        """A painting of the frame alone, where it is needed."""
+        """Paint the frame by itself, near the pixels of `where`."""
         reach = 2 * int(self.painter.reach_px / 4) + 1
         near = cv2.dilate(where.astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
         return self.painter.part(frame, near)
 
 
 def _followed(plane: Plane, pair: tuple[Flow, Plane] | None) -> Plane:
-    """A plane of the grid in the frame that the flow leads from; 0 where it does not lead back."""
+    """Warp a plane at the working size by the flow; 0 where the flow is invalid."""
     if pair is None:
         return np.zeros_like(plane)
     rows, columns = np.indices(plane.shape, np.float32)
@@ -222,19 +250,19 @@ def _followed(plane: Plane, pair: tuple[Flow, Plane] | None) -> Plane:
 
 
 def _leads(reliable: Plane) -> Mask:
-    """Where flow leads back, but for specks where it does not."""
+    """Mask of valid flow, bool (h, w); invalid areas narrower than `LOST_PX` count as valid."""
     lost = (reliable < LEADS_BACK).astype(np.uint8)
     return np.asarray(cv2.morphologyEx(lost, cv2.MORPH_OPEN, np.ones((LOST_PX, LOST_PX), np.uint8)) == 0)
 
 
 def _sources(origin: NDArray[np.int32]) -> list[int]:
-    """The frames that are among the origins."""
+    """Sorted numbers of the source frames in `origin`."""
     first = int(origin.min(initial=np.iinfo(np.int32).max))
     return (np.flatnonzero(np.bincount(origin.ravel() - first)) + first).tolist()
 
 
 def _sampled(picture: Frame, places: Places, sharp: bool) -> Frame:
-    """A picture's colours at (n, 2) places, bicubic or else bilinear: uint8 (n, 3)."""
+    """Sample a picture at float32 (n, 2) positions: uint8 (n, 3). Bicubic if `sharp`, else bilinear."""
     rows = -(-len(places) // ROW)
     table = np.zeros((2, rows * ROW), np.float32)
     table[:, : len(places)] = places.T
@@ -248,7 +276,11 @@ def _sampled(picture: Frame, places: Places, sharp: bool) -> Frame:
 def _carry(
     origin: NDArray[np.int32], place: Places, flow: Flow, where: Mask, out: NDArray[np.int32], out_place: Places
 ) -> None:
-    """The origin at the nearest pixel to where the flow leads, and the mean place of the four of that origin."""
+    """Sample source frame and position at the flow's target.
+
+    The source frame is that of the nearest pixel; the position is interpolated among those of the four surrounding
+    pixels that have the same source frame.
+    """
     height, width = where.shape
     for y in range(height):
         for x in range(width):
@@ -275,7 +307,10 @@ def _carry(
 
 @kernel
 def _without_distorted(origin: NDArray[np.int32], place: Places, where: Mask) -> None:
-    """Leave out, in place, what is nearer to or further from a neighbour of its origin than it was there."""
+    """Clear pixels of `where`, in place, whose distance to a neighbour of the same source frame has changed too much.
+
+    The limit is `STRETCH` times the distance `SPAN_PX`.
+    """
     height, width = where.shape
     most = np.float32(STRETCH * SPAN_PX)
     for y in range(height):

@@ -7,17 +7,17 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Style:
-    """How strokes are made, beside table 1.
+    """Stroke style: modifications of the values in table 1 of zhang2011patches.
 
     Attributes:
         length: factor on the table's lengths; 0 paints circles.
         radius: factor on the table's radii.
         opacity: 0..1.
-        curvature: the filter f_c: 1 = strokes follow the gradient's normal, towards 0 they stay straight.
-        jitter: added to the parameter.
-        saturation_shift: of the colours, part of the full range.
-        overlap: see `Recipe`.
-        threshold: factor on T.
+        curvature: curvature filter f_c, 0..1: 1 = strokes follow the gradient's normal; lower values straighten them.
+        jitter: colour jitter, added to the parameter `jitter`.
+        saturation_shift: change of saturation, as a fraction of the full range.
+        overlap: mean number of strokes on a pixel, see `LayerScheme`.
+        threshold: factor on the approximation threshold T.
     """
 
     length: float = 1.0

@@ -1,10 +1,10 @@
-"""Hostile bytes are decoded in a child process: it may hang, crash or want all memory, and we go on.
+"""Untrusted media are decoded in child processes, which may hang, crash or exhaust their memory without harm.
 
-nursery   our side: a process beside ours with the decoders imported, that forks children quickly; one child at work
-child     the nursery's entry
-roles     its loop, and what children do: one role on one file, within limits, then they end
-wire      what is said between us: JSON, and arrays in shared memory; never pickle
-reader    `GuardedReader`, the face of a `VideoReader` whose work a child does
-files     numbered images, and joining with the source's sound
-pictures  pictures of a shot, EXR among them
+decoder_server   starts the decoder server, and talks to the decoder processes that it forks
+server_main      entry point of the decoder server
+roles            loop of the server, and the roles of its children
+wire             message format: JSON and bytes, arrays in shared memory; never pickle
+reader           `GuardedReader`: a `VideoReader` in a decoder process
+files            numbered images, and joining with the source's sound
+pictures         pictures of a shot, including EXR
 """

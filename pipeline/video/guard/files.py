@@ -1,4 +1,4 @@
-"""Other work on hostile files that a child does: numbered images, and joining with the source's sound."""
+"""Untrusted numbered images, and joining with the sound of an untrusted source, in decoder processes."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from pipeline.video.guard.nursery import Child, Died, begin
+from pipeline.video.guard.decoder_server import DecoderDied, DecoderProcess, start_decoder
 from pipeline.video.media import Limits
 from pipeline.video.writer import Format
 
 _BYTES_A_PIXEL = 8
-"""RGBA of 16 bits."""
+"""RGBA with 16 bits a channel."""
 
 
 class GuardedImages(Mapping[int, "NDArray[Any]"]):
-    """`NumberedImages`, each decoded by a child when it is asked for. Close it."""
+    """`NumberedImages` whose images are decoded by a decoder process, on access. Close it."""
 
     def __init__(self, path: Path, field: str, limits: Limits | None = None) -> None:
         limits = limits or Limits()
@@ -28,15 +28,15 @@ class GuardedImages(Mapping[int, "NDArray[Any]"]):
         self._child = self._begin()
         self._numbers = [int(number) for number in self._child.began[0]["numbers"]]
 
-    def _begin(self) -> Child:
-        return begin("images", self._task, self._shared_bytes)
+    def _begin(self) -> DecoderProcess:
+        return start_decoder("images", self._task, self._shared_bytes)
 
     def __getitem__(self, number: int) -> NDArray[Any]:
         if number not in self._numbers:
             raise KeyError(number)
         try:
             answer, _ = self._child.ask({"number": int(number)})
-        except Died:  # perhaps not the file's fault
+        except DecoderDied:  # possibly not the file's fault: try once more
             self._child = self._begin()
             answer, _ = self._child.ask({"number": int(number)})
         return self._child.array(tuple(answer["shape"]), str(answer["dtype"]))
@@ -58,9 +58,9 @@ def guarded_join(
     sound: Path | None = None,
     progress: Callable[[float], None] = lambda done: None,
 ) -> None:
-    """`join.join` in a child, since `sound` is what a user brought."""
+    """`join.join` in a decoder process, because `sound` is a user's file."""
     rows = [(start.numerator, start.denominator, str(path.absolute())) for start, path in segments]
     task = {"segments": rows, "out": str(out.absolute()), "format": container}
     task["sound"] = "" if sound is None else str(sound.absolute())
-    child = begin("join", task, 1, told=lambda news: progress(float(news["news"])))
+    child = start_decoder("join", task, 1, on_news=lambda news: progress(float(news["news"])))
     child.close()

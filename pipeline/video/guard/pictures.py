@@ -1,4 +1,4 @@
-"""Pictures of a shot, each decoded by a child: what `decode_raw` and `read_exr` give, of bytes that may be hostile."""
+"""`decode_raw` and `read_exr` for untrusted bytes, in a decoder process."""
 
 from __future__ import annotations
 
@@ -12,30 +12,30 @@ from numpy.typing import NDArray
 
 from pipeline.errors import BadInput
 from pipeline.video.exr import Exr
-from pipeline.video.guard.nursery import Child, Died, begin
+from pipeline.video.guard.decoder_server import DecoderDied, DecoderProcess, start_decoder
 from pipeline.video.guard.wire import Message
 from pipeline.video.media import Limits
 
 SHARED_BYTES = 1 << 30
-"""For all channels of an image; memory is taken only where something is written."""
+"""Shared memory for all channels of an image. Pages are allocated when they are written."""
 
 
-class _Desk(threading.local):
-    """A child a thread, which stays: a shot has thousands of pictures."""
+class _ThreadDecoder(threading.local):
+    """A decoder process per thread, kept because a shot has thousands of pictures."""
 
-    child: Child | None = None
+    child: DecoderProcess | None = None
 
-    def ask(self, task: Message) -> tuple[Message, Child]:
-        """Its answer, and who has it in its shared memory."""
+    def ask(self, task: Message) -> tuple[Message, DecoderProcess]:
+        """The answer, and the process whose shared memory holds the picture."""
         try:
             return self._ask(task)
-        except Died:  # perhaps not the picture's fault
+        except DecoderDied:  # possibly not the picture's fault: try once more
             return self._ask(task)
 
-    def _ask(self, task: Message) -> tuple[Message, Child]:
+    def _ask(self, task: Message) -> tuple[Message, DecoderProcess]:
         child, self.child = self.child, None
         if child is None:
-            child = begin("pictures", {"limits": asdict(Limits())}, SHARED_BYTES)
+            child = start_decoder("pictures", {"limits": asdict(Limits())}, SHARED_BYTES)
         try:
             answer, _ = child.ask(task)
         except BadInput:
@@ -48,7 +48,7 @@ class _Desk(threading.local):
         return answer, child
 
 
-_DESK = _Desk()
+_DECODER = _ThreadDecoder()
 
 
 def guarded_raw(data: bytes, name: str) -> NDArray[Any]:
@@ -67,5 +67,5 @@ def _decoded(kind: str, data: bytes, name: str) -> tuple[Message, NDArray[Any]]:
     with tempfile.NamedTemporaryFile() as file:
         file.write(data)
         file.flush()
-        answer, child = _DESK.ask({"kind": kind, "path": str(Path(file.name).absolute()), "name": name})
+        answer, child = _DECODER.ask({"kind": kind, "path": str(Path(file.name).absolute()), "name": name})
         return answer, child.array(tuple(answer["shape"]), str(answer["dtype"]))

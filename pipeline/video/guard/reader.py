@@ -1,4 +1,4 @@
-"""`GuardedReader`: the frames of a video, decoded by a child."""
+"""`GuardedReader`: the frames of an untrusted video, from a decoder process."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Frame
 from pipeline.video.container import Index
-from pipeline.video.guard.nursery import Child, Died, begin
+from pipeline.video.guard.decoder_server import DecoderDied, DecoderProcess, start_decoder
 from pipeline.video.guard.wire import Message
 from pipeline.video.media import Limits
 
@@ -22,11 +22,11 @@ _FOREVER = 1 << 62
 
 
 class GuardedReader:
-    """What `VideoReader` is, of hostile files: each decoder has a process of its own, which may be killed.
+    """`VideoReader` for untrusted files: the decoder runs in a process of its own, which can be killed.
 
-    Costs a fork at the start and a copy a frame. Not thread-safe. Close it.
+    It costs a fork at the start and a copy of each frame. Not thread-safe; close it.
 
-    Raises: what `VideoReader` does; UnreadableMedia too if the decoder hangs, crashes or wants too much memory.
+    Raises: as `VideoReader`; also UnreadableMedia if the decoder hangs, crashes or needs too much memory.
     """
 
     def __init__(self, path: Path, limits: Limits | None = None) -> None:
@@ -42,7 +42,7 @@ class GuardedReader:
         self.pixel_format = str(about["pixel_format"])
         self.index = _index(about, data)
         self.errors: list[str] = []
-        """What would not decode so far."""
+        """Decoding errors so far."""
         self.position: int | None = about["position"]
         """The first frame that can be read without a seek, or None."""
 
@@ -79,8 +79,8 @@ class GuardedReader:
             raise ValueError(f"no frames [{start}, {stop})")
         return self._frames(start, stop if stop is not None else _FOREVER)
 
-    def _begin(self) -> Child:
-        return begin("video", self._task, self._shared_bytes)
+    def _begin(self) -> DecoderProcess:
+        return start_decoder("video", self._task, self._shared_bytes)
 
     def _frames(self, start: int, stop: int) -> Iterator[Frame]:
         question: Message = {"start": start, "stop": stop}
@@ -94,16 +94,16 @@ class GuardedReader:
             yield np.asarray(self._child.array(tuple(answer["shape"]), "u1"), np.uint8)
 
     def _asked(self, question: Message, again: Message) -> Message:
-        """A child's answer; of another one if it has died, which may not have been the file's fault."""
+        """The answer to `question`. If the process has died, a new one gets `again` once."""
         try:
             return self._child.ask(question)[0]
-        except Died:
+        except DecoderDied:
             self._child = self._begin()
             return self._child.ask(again)[0]
 
 
 def _index(about: Message, data: bytes) -> Index:
-    """The times of the frames, from their bytes."""
+    """The frame index, from the bytes of the answer."""
     times = np.frombuffer(data, "<i8").astype(np.int64)
     count = int(about["frames"])
     above, below = about["tick"]

@@ -1,4 +1,4 @@
-"""The other side: the nursery's loop, and what its children do."""
+"""The decoder server's loop, and the roles of its children: each runs one role on one file, within limits, and ends."""
 
 from __future__ import annotations
 
@@ -21,8 +21,9 @@ import psutil
 from numpy.typing import NDArray
 
 from pipeline.errors import BadInput, Cancelled, MediaTooLarge
+from pipeline.video import memory_file
 from pipeline.video.exr import read_exr
-from pipeline.video.guard.wire import Broken, Message, receive, send
+from pipeline.video.guard.wire import ConnectionBroken, Message, receive, send
 from pipeline.video.join import join
 from pipeline.video.media import Limits
 from pipeline.video.numbered import NumberedImages
@@ -35,21 +36,21 @@ _M_ARENA_MAX = -8
 _OPEN_FILES = 64
 
 
-class Desk:
-    """A child's end: what it is asked, what it answers, where it leaves arrays."""
+class ChildConnection:
+    """A child's end of the connection: requests, answers, and the shared memory for arrays."""
 
     def __init__(self, wire: socket.socket, shared: mmap.mmap) -> None:
         self._wire, self._shared = wire, shared
 
     def next(self) -> Message:
-        """What we are asked next."""
+        """The next request."""
         return receive(self._wire)[0]
 
-    def say(self, message: Message, data: bytes = b"") -> None:
+    def answer(self, message: Message, data: bytes = b"") -> None:
         send(self._wire, message, data)
 
-    def leave(self, array: NDArray[Any]) -> Message:
-        """Put an array where the other side sees it; what to say of it."""
+    def share(self, array: NDArray[Any]) -> Message:
+        """Copy an array into the shared memory; the answer that describes it."""
         if array.nbytes > len(self._shared):
             raise MediaTooLarge(
                 "The picture has too many pixels.", field="file", value=array.shape, remedy="Scale it down."
@@ -62,68 +63,68 @@ def _limits(task: Message) -> Limits:
     return Limits(**task["limits"])
 
 
-def _video(desk: Desk) -> None:
+def _video(connection: ChildConnection) -> None:
     """A `VideoReader`: {"start", "stop"} begins a read, {} gives its next frame."""
-    task = desk.next()
+    task = connection.next()
     with VideoReader(Path(task["path"]), _limits(task)) as reader:
         index = reader.index
         tick = index.time_base
-        about = {"size": reader.size, "rotation_deg": reader.rotation_deg, "pixel_format": reader.pixel_format}
+        facts = {"size": reader.size, "rotation_deg": reader.rotation_deg, "pixel_format": reader.pixel_format}
         times = {"tick": (tick.numerator, tick.denominator), "end": index.end, "exact": index.exact}
         data = index.pts.astype("<i8").tobytes() + index.keys.astype("<i8").tobytes()
-        desk.say(about | times | {"frames": len(index.pts), "position": reader.position}, data)
-        told, frames = 0, reader.read(0, 0)
+        connection.answer(facts | times | {"frames": len(index.pts), "position": reader.position}, data)
+        reported, frames = 0, reader.read(0, 0)
         while True:
-            asked = desk.next()
-            if "start" in asked:
-                frames = reader.read(asked["start"], asked["stop"])
+            request = connection.next()
+            if "start" in request:
+                frames = reader.read(request["start"], request["stop"])
             frame = next(frames, None)
-            news: Message = {"position": reader.position, "errors": reader.errors[told:]}
-            told = len(reader.errors)
-            desk.say(news | ({"end": True} if frame is None else desk.leave(frame)))
+            news: Message = {"position": reader.position, "errors": reader.errors[reported:]}
+            reported = len(reader.errors)
+            connection.answer(news | ({"end": True} if frame is None else connection.share(frame)))
 
 
-def _probe(desk: Desk) -> None:
-    task = desk.next()
-    desk.say({"info": probe(Path(task["path"]), _limits(task)).as_json()})
+def _probe(connection: ChildConnection) -> None:
+    task = connection.next()
+    connection.answer({"info": probe(Path(task["path"]), _limits(task)).as_json()})
 
 
-def _images(desk: Desk) -> None:
+def _images(connection: ChildConnection) -> None:
     """A `NumberedImages`: {"number"} gives one."""
-    task = desk.next()
+    task = connection.next()
     found = NumberedImages(Path(task["path"]), task["field"], _limits(task))
-    desk.say({"numbers": list(found)})
+    connection.answer({"numbers": list(found)})
     while True:
-        desk.say(desk.leave(found[desk.next()["number"]]))
+        connection.answer(connection.share(found[connection.next()["number"]]))
 
 
-def _pictures(desk: Desk) -> None:
+def _pictures(connection: ChildConnection) -> None:
     """One encoded picture after another: {"kind", "path", "name"} gives it as stored, or every plane of an EXR."""
-    limits = _limits(desk.next())
-    desk.say({})
+    limits = _limits(connection.next())
+    connection.answer({})
     while True:
-        task = desk.next()
+        task = connection.next()
         path, name = Path(task["path"]), str(task["name"])
         try:
             if task["kind"] == "raw":
-                desk.say(desk.leave(decode_raw(path.read_bytes(), limits, name)))
+                connection.answer(connection.share(decode_raw(path.read_bytes(), limits, name)))
             else:
                 image = read_exr(path, limits, name)
-                left = desk.leave(np.stack(list(image.planes.values())))
-                desk.say(left | {"size": image.size, "names": list(image.planes)})
-        except BadInput as error:  # of this picture: the next one may be sound
-            desk.say({"error": _described(error)})
+                shared = connection.share(np.stack(list(image.planes.values())))
+                connection.answer(shared | {"size": image.size, "names": list(image.planes)})
+        except BadInput as error:  # only this picture is bad; the next one may be sound
+            connection.answer({"error": _described(error)})
 
 
-def _join(desk: Desk) -> None:
-    task = desk.next()
+def _join(connection: ChildConnection) -> None:
+    task = connection.next()
     segments = [(Fraction(above, below), Path(path)) for above, below, path in task["segments"]]
     sound = Path(task["sound"]) if task["sound"] else None
-    join(segments, Path(task["out"]), task["format"], sound, lambda done: desk.say({"news": done}))
-    desk.say({})
+    join(segments, Path(task["out"]), task["format"], sound, lambda done: connection.answer({"news": done}))
+    connection.answer({})
 
 
-ROLES: dict[str, Callable[[Desk], None]] = {
+ROLES: dict[str, Callable[[ChildConnection], None]] = {
     "video": _video,
     "probe": _probe,
     "images": _images,
@@ -131,21 +132,22 @@ ROLES: dict[str, Callable[[Desk], None]] = {
     "join": _join,
 }
 _WRITERS = frozenset({"join"})
-"""Roles that make files; no other writes a byte."""
+"""Roles that may write files."""
 
 
-def _serve(wire: socket.socket, shared_fd: int) -> None:
-    """A child's whole life."""
+def _run_role(wire: socket.socket, shared_fd: int) -> None:
+    """Run one role, from the first message to the end of the process."""
     first, _ = receive(wire)
-    _bound(first)
-    desk = Desk(wire, mmap.mmap(shared_fd, int(first["shared"])))
-    desk.say({"pid": os.getpid()})
+    memory_file.reserve()
+    _set_limits(first)
+    connection = ChildConnection(wire, mmap.mmap(shared_fd, int(first["shared"])))
+    connection.answer({"pid": os.getpid()})
     try:
-        ROLES[first["role"]](desk)
-    except (Broken, ConnectionError):
+        ROLES[first["role"]](connection)
+    except (ConnectionBroken, ConnectionError):
         return
     except BaseException as error:
-        desk.say({"error": _described(error)})
+        connection.answer({"error": _described(error)})
 
 
 def _described(error: BaseException) -> Message:
@@ -161,8 +163,8 @@ def _described(error: BaseException) -> Message:
     return {"message": f"{type(error).__name__}: {error}"[:500]}
 
 
-def _bound(first: Message) -> None:
-    """No more memory than allowed, no core, no new rights, and, for most, no file."""
+def _set_limits(first: Message) -> None:
+    """Limit memory and open files; forbid core dumps and, for most roles, writing files."""
     memory = psutil.Process().memory_info().vms + int(first["memory"])
     resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
@@ -175,8 +177,8 @@ def _bound(first: Message) -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
 
 
-def nursery(control: socket.socket) -> None:
-    """Fork a child for every request, until whoever started us has gone."""
+def serve(control: socket.socket) -> None:
+    """Fork a child for every request, until the process that started the server has ended."""
     libc = ctypes.CDLL(None)
     with contextlib.suppress(AttributeError):
         libc.mallopt(_M_ARENA_MAX, 2)
@@ -195,8 +197,8 @@ def nursery(control: socket.socket) -> None:
             if os.getppid() == mine:
                 control.close()
                 signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-                with contextlib.suppress(Broken, OSError):
-                    _serve(socket.socket(fileno=fds[0]), fds[1])
+                with contextlib.suppress(ConnectionBroken, OSError):
+                    _run_role(socket.socket(fileno=fds[0]), fds[1])
             os._exit(0)
         for fd in fds:
             os.close(fd)

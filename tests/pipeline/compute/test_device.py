@@ -14,13 +14,19 @@ from pipeline.compute.probe import Found
 from pipeline.errors import DeviceError
 
 SOURCE = """
-kernel void axpy(global const float *x, global float *y, const float a, const int width, const int height)
+kernel void axpy(global const float *x /* width * height */,
+                 global float *y /* width * height */, const float a,
+                 const int width, const int height)
 {
     const int i = get_global_id(0), j = get_global_id(1);
     if (i < width && j < height)
         y[j * width + i] = a * x[j * width + i] + SHIFT;
 }
-kernel void grow(global float *y, const int count) { if (get_global_id(0) < count) y[get_global_id(0)] += 1.0f; }
+kernel void grow(global float *y /* count */, const int count)
+{
+    if (get_global_id(0) < count)
+        y[get_global_id(0)] += 1.0f;
+}
 """
 
 
@@ -173,7 +179,7 @@ def test_a_process_has_one_device(source: Path) -> None:
 @pytest.mark.real("opencl")
 def test_a_kernel_that_does_not_compile_says_why(tmp_path: Path) -> None:
     file = tmp_path / "wrong.cl"
-    file.write_text("kernel void wrong(global float *y) { y[0] = nonsense; }")
+    file.write_text("kernel void wrong(global float *y /* 1 */) { y[0] = nonsense; }")
     with pytest.raises(DeviceError, match="nonsense") as caught:
         device().kernel(file, "wrong")
     assert "wrong.cl" in caught.value.message
@@ -201,3 +207,23 @@ def test_every_working_device_gives_the_same_bits(source: Path) -> None:
             one.kernel(source, "axpy", {"SHIFT": "0.3f"})((65, 33), one.upload(x), y, 0.7, 65, 33)
             results.append(one.download(y))
     assert results and all(np.array_equal(results[0], other) for other in results)
+
+
+@pytest.mark.parametrize(("floats", "works"), [(15, True), (14, False)])
+def test_an_array_that_is_smaller_than_declared_is_refused_before_the_launch(
+    source: Path, floats: int, works: bool
+) -> None:
+    one = device()
+    grow = one.kernel(source, "grow", {"SHIFT": "0.0f"})
+    if works:
+        grow((15,), one.zeros((floats,)), 15)
+        return
+    with pytest.raises(DeviceError, match="y of the kernel grow has 56 bytes"):
+        grow((15,), one.zeros((floats,)), 15)
+
+
+def test_a_pointer_without_a_declared_size_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "bare.cl"
+    file.write_text("kernel void bare(global float *y) { y[0] = 1.0f; }")
+    with pytest.raises(DeviceError, match="declares no size"):
+        device().kernel(file, "bare")

@@ -14,9 +14,9 @@ from pipeline.errors import BadParameter, DeviceError
 from pipeline.frames import Flow, Plane
 from pipeline.lines.dog import dog_response
 from pipeline.lines.fdog import fdog_response
-from pipeline.methods.abstraction import flowlines
-from pipeline.methods.abstraction.flowlines import FlowLines
-from pipeline.methods.abstraction.inker import Inker
+from pipeline.methods.abstraction import flow_lines
+from pipeline.methods.abstraction.flow_lines import FlowLines
+from pipeline.methods.abstraction.line_extractor import LineExtractor
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.tensors.structure import structure_tensor, tangent_field
 
@@ -152,7 +152,7 @@ def moving(index: int) -> tuple[NDArray[np.uint8], Plane, Flow]:
 
 def test_a_session_restored_goes_on_with_the_same_bytes() -> None:
     params = AbstractionParams(lines="flow", line_width=9, line_length=10)
-    whole, first, second = (Inker(params, (96, 64)) for _ in range(3))
+    whole, first, second = (LineExtractor(params, (96, 64)) for _ in range(3))
     expected = [whole.step(g, w, f if k else None).tobytes() for k, (g, w, f) in enumerate(map(moving, range(5)))]
     for k in range(3):
         gray, weight, flow = moving(k)
@@ -160,7 +160,7 @@ def test_a_session_restored_goes_on_with_the_same_bytes() -> None:
     second.restore({name: array.copy() for name, array in first.state().items()})
     assert set(first.state()) == {"ink", "tensors"}
     assert [second.step(*moving(k)).tobytes() for k in (3, 4)] == expected[3:]
-    forgetful = Inker(params, (96, 64))
+    forgetful = LineExtractor(params, (96, 64))
     forgetful.restore({"ink": first.state()["ink"]})
     assert forgetful.step(*moving(3)).tobytes() != expected[3]
 
@@ -168,7 +168,7 @@ def test_a_session_restored_goes_on_with_the_same_bytes() -> None:
 @pytest.mark.real("opencl")
 def test_without_a_device_it_draws_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     with_device = FlowLines(SIGMA, TAU, 0.8, 1)
-    monkeypatch.setattr(flowlines, "device", _no_device)
+    monkeypatch.setattr(flow_lines, "device", _no_device)
     without = FlowLines(SIGMA, TAU, 0.8, 1)
     assert with_device.device and not without.device
     for k in range(3):

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Labels
 from pipeline.methods import parse_params
+from pipeline.methods.local import LocalContext, run_plan
 from pipeline.methods.patches import Patches
 from pipeline.scenes import paints as p
 from pipeline.scenes.base import CutOut, SceneFrame
 from pipeline.scenes.outlines import box, disc, everywhere
 from pipeline.scenes.pose import Pose
 from pipeline.scenes.stage import Stage
-from tests.pipeline.methods.bench import FakeBench, run_plan
 
 SIZE = (240, 144)
 FPS = 24.0
@@ -64,24 +64,24 @@ def truth(frames: int = 14) -> tuple[SceneFrame, ...]:
 def paint(
     frames: list[Frame], inputs: Mapping[str, Any] | None = None, artefacts: frozenset[str] = frozenset(),
     **params: Any,
-) -> FakeBench:  # fmt: skip
+) -> LocalContext:  # fmt: skip
     """Run the method's whole plan."""
-    bench = FakeBench(parse_params(Patches(), params), frames, inputs, artefacts=artefacts)
-    run_plan(Patches(), bench)
-    return bench
+    context = LocalContext(parse_params(Patches(), params), frames, inputs, artefacts=artefacts)
+    run_plan(Patches(), context)
+    return context
 
 
 @cache
-def painted_scene() -> FakeBench:
+def painted_scene() -> LocalContext:
     return paint([shot.image for shot in truth()])
 
 
-def label_maps(bench: FakeBench) -> dict[int, Labels]:
+def label_maps(context: LocalContext) -> dict[int, Labels]:
     """Final label maps by frame, at the working size."""
-    step = "correct" if bench.has("labels") else "cluster"
+    step = "correct" if context.has("labels") else "cluster"
     return {
         int(name.removeprefix("labels-")): array.astype(np.int32)
-        for (own, key), kept in bench.kept.items()
+        for (own, key), kept in context.kept.items()
         if own == step and key.startswith("run")
         for name, array in kept.items()
         if name.startswith("labels-")

@@ -1,4 +1,4 @@
-"""Shots in memory: scenes with every pass, as `FakeBench` hands them out."""
+"""Shots in memory: scenes with every pass, as `LocalContext` hands them out."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import numpy as np
 
 from pipeline.frames import Frame
 from pipeline.methods import method, parse_params
+from pipeline.methods.local import LocalContext
 from pipeline.scenes import scene
 from pipeline.scenes.shot import shot_files
-from tests.pipeline.methods.bench import FakeBench
 
 SIZE = (96, 72)
 LAYERS = {"back": ("wall", "disc", "bar"), "front": ("square", "star", "triangle", "ring")}
@@ -36,6 +36,6 @@ def pictures(frames: int = 4) -> list[Frame]:
     return [shot.image(index) for index in range(frames)]
 
 
-def shot_bench(files: Mapping[str, bytes], frames: int = 4, **params: Any) -> FakeBench:
+def shot_context(files: Mapping[str, bytes], frames: int = 4, **params: Any) -> LocalContext:
     given = {"video.entries": files}
-    return FakeBench(parse_params(method("analogy"), QUICK | params), pictures(frames), given)
+    return LocalContext(parse_params(method("analogy"), QUICK | params), pictures(frames), given)

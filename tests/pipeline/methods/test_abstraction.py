@@ -19,10 +19,11 @@ from pipeline.errors import BadFrame, BadInput
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.methods import method
 from pipeline.methods.abstraction import AbstractionParams, AbstractionSession, plan
-from pipeline.methods.abstraction.brush import Painting
-from pipeline.methods.abstraction.session import Relay
+from pipeline.methods.abstraction.compositor import Painting
+from pipeline.methods.abstraction.session import PipelinedRunner
+from pipeline.methods.local import LocalContext, run_plan
 from pipeline.scenes import SceneFrame, scene
-from tests.pipeline.methods.bench import FakeBench, painted, run_plan
+from tests.pipeline.methods.frames import painted
 
 SIZE = (96, 64)
 CUT = 6
@@ -37,8 +38,8 @@ def shots() -> list[Frame]:
 
 
 def paint(frames: list[Frame], masks: dict[int, Plane] | None = None, **values: Any) -> list[Painting]:
-    with Relay(AbstractionSession(AbstractionParams(**values), SIZE)) as relay:
-        return list(relay.run(frames, masks or {}))
+    with PipelinedRunner(AbstractionSession(AbstractionParams(**values), SIZE)) as runner:
+        return list(runner.run(frames, masks or {}))
 
 
 def stacked(paintings: list[Painting]) -> NDArray[np.uint8]:
@@ -55,6 +56,11 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "lines off": {"lines": "off", "boundary_smoothing": 0},
     "lines along the flow": {"lines": "flow", "line_width": 6},
     "the paper's own memory": {"steadiness": 0, "paint_memory": 0, "colour_half_life": 0, "importance_half_life": 0},
+    "sharp edges": {"edges": "sharp"},
+    "sharp edges, each frame on its own": {"edges": "sharp", "temporal": "off"},
+    "sharp edges, cuts by residuals alone": {"edges": "sharp", "cut_sensitivity": 0},
+    "sharp edges, lines along the flow": {"edges": "sharp", "lines": "flow", "line_width": 6},
+    "sharp edges, no memory": {"edges": "sharp", "paint_memory": 0, "boundary_smoothing": 0},
 }
 
 
@@ -66,11 +72,11 @@ def test_runs_of_any_length_give_what_one_session_gives(
     monkeypatch.setattr(plan, "BATCH_BYTES", 3 * SIZE[0] * SIZE[1] * 3)
     session = AbstractionSession(AbstractionParams(**values), SIZE)
     wanted = np.stack([session.step(frame) for frame in shots()])
-    bench = FakeBench(AbstractionParams(**values), shots())
-    tasks = run_plan(ABSTRACTION, bench, shuffle=3)["abstract"]
-    starts = [task.emits[0] for task in tasks if task.emits]
+    context = LocalContext(AbstractionParams(**values), shots())
+    tasks = run_plan(ABSTRACTION, context, shuffle=3)["abstract"]
+    starts = sorted(task.emits[0] for task in tasks if task.emits)
     assert starts == ([0, 4, 8] if values.get("cut_sensitivity") == 0 else [0, 4, CUT, CUT + 4])
-    np.testing.assert_array_equal(painted(bench), wanted)
+    np.testing.assert_array_equal(painted(context), wanted)
 
 
 def test_a_reference_a_histogram_masks_and_svg_survive_the_seams_too(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -80,15 +86,15 @@ def test_a_reference_a_histogram_masks_and_svg_survive_the_seams_too(monkeypatch
     pages = []
     for run_frames in (96, 4):
         monkeypatch.setattr(plan, "RUN_FRAMES", run_frames)
-        bench = FakeBench(AbstractionParams(), shots(), inputs, artefacts=frozenset({"svg"}))
-        run_plan(ABSTRACTION, bench)
-        pages.append((painted(bench), svg_pages(bench)))
+        context = LocalContext(AbstractionParams(), shots(), inputs, artefacts=frozenset({"svg"}))
+        run_plan(ABSTRACTION, context)
+        pages.append((painted(context), svg_pages(context)))
     np.testing.assert_array_equal(pages[0][0], pages[1][0])
     assert pages[0][1] == pages[1][1] and len(pages[0][1]) == len(shots())
 
 
 @pytest.mark.parametrize("at", [1, CUT - 1, CUT, CUT + 2])
-@pytest.mark.parametrize("values", [{}, {"lines": "flow"}], ids=["dog", "flow"])
+@pytest.mark.parametrize("values", [{}, {"lines": "flow"}, {"edges": "sharp"}], ids=["dog", "flow", "sharp"])
 def test_a_restored_session_goes_on_to_the_bit(at: int, values: dict[str, Any]) -> None:
     params, scheme = AbstractionParams(**values), learn([reds()])
     one, two = (AbstractionSession(params, SIZE, scheme) for _ in range(2))
@@ -101,8 +107,9 @@ def test_a_restored_session_goes_on_to_the_bit(at: int, values: dict[str, Any]) 
         np.testing.assert_array_equal(one.step(frame), two.step(frame))
 
 
-def test_a_state_is_not_changed_by_what_comes_after() -> None:
-    session = AbstractionSession(AbstractionParams(), SIZE)
+@pytest.mark.parametrize("edges", ["soft", "sharp"])
+def test_a_state_is_not_changed_by_what_comes_after(edges: Any) -> None:
+    session = AbstractionSession(AbstractionParams(edges=edges), SIZE)
     for frame in shots()[:3]:
         session.step(frame)
     state = session.state()
@@ -113,14 +120,15 @@ def test_a_state_is_not_changed_by_what_comes_after() -> None:
         np.testing.assert_array_equal(array, kept[key])
 
 
-def test_neither_the_relay_nor_opencvs_threads_change_a_bit() -> None:
-    session = AbstractionSession(AbstractionParams(), SIZE)
+@pytest.mark.parametrize("edges", ["soft", "sharp"])
+def test_neither_the_relay_nor_opencvs_threads_change_a_bit(edges: Any) -> None:
+    session = AbstractionSession(AbstractionParams(edges=edges), SIZE)
     wanted = np.stack([session.step(frame) for frame in shots()])
     before = cv2.getNumThreads()
     try:
         for threads in (1, 2):
             cv2.setNumThreads(threads)
-            np.testing.assert_array_equal(stacked(paint(shots())), wanted)
+            np.testing.assert_array_equal(stacked(paint(shots(), edges=edges)), wanted)
     finally:
         cv2.setNumThreads(before)
 
@@ -145,10 +153,11 @@ def test_another_size_within_a_video_is_refused() -> None:
         session.step(np.zeros((48, 64, 3), np.uint8))
 
 
+@pytest.mark.parametrize("edges", ["soft", "sharp"])
 @pytest.mark.parametrize("size", [(16, 16), (17, 31), (200, 16)])
-def test_any_size_is_painted(size: tuple[int, int]) -> None:
+def test_any_size_is_painted(size: tuple[int, int], edges: Any) -> None:
     made = scene("harbour", size, frames=3, fps=6)
-    session = AbstractionSession(AbstractionParams(), size)
+    session = AbstractionSession(AbstractionParams(edges=edges), size)
     for index in range(3):
         assert session.step(made.image(index)).shape == (size[1], size[0], 3)
 
@@ -263,11 +272,11 @@ def test_masks_are_read_when_their_frame_comes(monkeypatch: pytest.MonkeyPatch) 
             return super().__getitem__(number)
 
     masks = Images({number: np.full((SIZE[1], SIZE[0]), 20 * number, np.uint8) for number in range(12) if number != 4})
-    bench = FakeBench(AbstractionParams(temporal="off"), shots(), {"importance": masks})
-    run_plan(ABSTRACTION, bench)
+    context = LocalContext(AbstractionParams(temporal="off"), shots(), {"importance": masks})
+    run_plan(ABSTRACTION, context)
     assert read == [0, 1, 2, 3, 3, 5, 6, 7, 8, 9, 10, 11]
     by_hand = {n: np.full((SIZE[1], SIZE[0]), 20 * n / 255, np.float32) for n in masks}
-    np.testing.assert_array_equal(painted(bench), stacked(paint(shots(), by_hand, temporal="off")))
+    np.testing.assert_array_equal(painted(context), stacked(paint(shots(), by_hand, temporal="off")))
 
 
 def test_lines_are_dark_where_the_picture_has_edges_and_switch_off() -> None:
@@ -300,16 +309,16 @@ def from_red(hsv: NDArray[np.float64]) -> NDArray[np.float64]:
 def test_a_histogram_goes_before_a_reference() -> None:
     histogram = {"hue": [1.0, *[0.0] * 35], "saturation_mean": 0.6, "saturation_std": 0.2, "value_mean": 0.5}
     blues = np.ascontiguousarray(reds()[..., ::-1])
-    one = FakeBench(AbstractionParams(), shots()[:2], {"histogram": histogram, "reference": [blues]})
-    two = FakeBench(AbstractionParams(), shots()[:2], {"histogram": histogram})
-    for bench in (one, two):
-        run_plan(ABSTRACTION, bench)
+    one = LocalContext(AbstractionParams(), shots()[:2], {"histogram": histogram, "reference": [blues]})
+    two = LocalContext(AbstractionParams(), shots()[:2], {"histogram": histogram})
+    for context in (one, two):
+        run_plan(ABSTRACTION, context)
     np.testing.assert_array_equal(painted(one), painted(two))
 
 
 def test_a_bad_histogram_is_refused_by_its_input_s_name() -> None:
     with pytest.raises(BadInput) as caught:
-        run_plan(ABSTRACTION, FakeBench(AbstractionParams(), shots()[:1], {"histogram": {"hue": [1]}}))
+        run_plan(ABSTRACTION, LocalContext(AbstractionParams(), shots()[:1], {"histogram": {"hue": [1]}}))
     assert caught.value.field.startswith("inputs.histogram")
 
 
@@ -324,18 +333,18 @@ def reds() -> Frame:
 # -- vector output
 
 
-def svg_pages(bench: FakeBench) -> dict[str, bytes]:
+def svg_pages(context: LocalContext) -> dict[str, bytes]:
     pages: dict[str, bytes] = {}
-    for data in bench.files.values():
+    for data in context.files.values():
         with zipfile.ZipFile(io.BytesIO(data)) as book:
             pages |= {name: book.read(name) for name in book.namelist()}
     return pages
 
 
 def test_svg_has_a_page_a_frame_whose_regions_keep_their_ids() -> None:
-    bench = FakeBench(AbstractionParams(), shots(), artefacts=frozenset({"svg"}))
-    run_plan(ABSTRACTION, bench)
-    pages = svg_pages(bench)
+    context = LocalContext(AbstractionParams(), shots(), artefacts=frozenset({"svg"}))
+    run_plan(ABSTRACTION, context)
+    pages = svg_pages(context)
     assert sorted(pages) == [f"{index:05d}.svg" for index in range(len(shots()))]
     ids = [set(re.findall(rb'id="(r[0-9]+)"', pages[name])) for name in sorted(pages)]
     assert len(ids[2] & ids[3]) > 0.7 * len(ids[3])
@@ -343,6 +352,6 @@ def test_svg_has_a_page_a_frame_whose_regions_keep_their_ids() -> None:
 
 
 def test_no_svg_is_made_unasked() -> None:
-    bench = FakeBench(AbstractionParams(), shots()[:2])
-    run_plan(ABSTRACTION, bench)
-    assert not bench.files
+    context = LocalContext(AbstractionParams(), shots()[:2])
+    run_plan(ABSTRACTION, context)
+    assert not context.files

@@ -6,6 +6,7 @@ from functools import cache
 from types import SimpleNamespace
 from typing import Any, cast
 
+import cv2
 import numpy as np
 import pytest
 
@@ -13,13 +14,14 @@ from pipeline.compute import Device, device
 from pipeline.errors import BadInput, DeviceError
 from pipeline.frames import Frame
 from pipeline.methods import method, parse_params
-from pipeline.methods.analogy.exemplar import painted as in_strokes
-from pipeline.methods.analogy.interval import PIECE, pieces
-from pipeline.methods.analogy.memory import operations
+from pipeline.methods.analogy.device_memory import operations
+from pipeline.methods.analogy.exemplar import paint_in_strokes
+from pipeline.methods.analogy.interval import MAX_INTERVAL_FRAMES, split_intervals
 from pipeline.methods.analogy.plan import run_frames
+from pipeline.methods.local import LocalContext, run_plan
 from pipeline.scenes import scene
 from pipeline.scenes.shot import shot_files
-from tests.pipeline.methods.bench import FakeBench, painted, run_plan
+from tests.pipeline.methods.frames import painted
 
 pytestmark = pytest.mark.real("opencl")
 
@@ -35,15 +37,15 @@ def shot(count: int = 6) -> list[Frame]:
 
 @cache
 def painting() -> Frame:
-    return in_strokes(scene("portrait", (480, 320), frames=1).image(0))[40:200, 60:260].copy()
+    return paint_in_strokes(scene("portrait", (480, 320), frames=1).image(0))[40:200, 60:260].copy()
 
 
 def rendered(inputs: dict[str, Any] | None = None, frames: list[Frame] | None = None, **params: Any) -> np.ndarray:
     chosen = method("analogy")
     given = {"style_output": [painting()]} if inputs is None else inputs
-    bench = FakeBench(parse_params(chosen, QUICK | params), frames or shot(), given)
-    run_plan(chosen, bench)
-    return painted(bench)
+    context = LocalContext(parse_params(chosen, QUICK | params), frames or shot(), given)
+    run_plan(chosen, context)
+    return painted(context)
 
 
 def palette(*pictures: np.ndarray) -> set[bytes]:
@@ -87,6 +89,24 @@ def test_trails_vanish_with_the_occlusion_term() -> None:
     assert wrong["on"] < 0.85 * wrong["off"]
 
 
+def test_on_twos_each_painting_is_shown_for_two_frames_and_keys_stay() -> None:
+    ones, twos = rendered(frames=shot(5)), rendered(frames=shot(5), on_twos="on")
+    np.testing.assert_array_equal(twos, ones[[0, 0, 2, 2, 4]])
+    keys = {1: key(1, 1), 4: key(4, 1)}
+    out = rendered({"keyframes": keys}, shot(6), on_twos="on")
+    np.testing.assert_array_equal(out[1], keys[1])
+    np.testing.assert_array_equal(out[4], keys[4])
+
+
+def test_boil_is_deliberate_flicker_that_repeats_exactly() -> None:
+    still = [shot()[0]] * 4
+    held, boiling, again = (rendered(frames=still, boil=b) for b in (0.0, 0.7, 0.7))
+    np.testing.assert_array_equal(boiling, again)
+    flicker = [np.abs(np.diff(out.astype(int), axis=0)).mean() for out in (held, boiling)]
+    assert flicker[1] > 3 * flicker[0]
+    assert palette(boiling) <= palette(painting())
+
+
 # -- keyframes
 
 
@@ -110,6 +130,24 @@ def test_what_is_painted_of_a_partial_key_is_matched_and_the_rest_is_found() -> 
     out = rendered({"keyframes": {3: image}}, shot(6))
     np.testing.assert_array_equal(out[3][20:60, 10:80], image[20:60, 10:80, :3])
     assert palette(out) <= palette(image[20:60, 10:80])
+
+
+def drawn(frames: list[Frame]) -> list[Frame]:
+    """Line art of frames: black where a contour is."""
+    return [np.where(cv2.Canny(f, 50, 150)[..., None] > 0, 0, 255).astype(np.uint8).repeat(3, 2) for f in frames]
+
+
+@pytest.mark.parametrize("both", [False, True], ids=["keys alone", "a painting as well"])
+def test_keys_and_lines_together_give_the_same_bytes_again(both: bool) -> None:
+    keys = {1: key(1, 1), 5: key(5, 1)}
+    inputs: dict[str, Any] = {"keyframes": keys, "lines": drawn(shot(7))}
+    if both:
+        inputs |= {"style_output": [painting()], "style_lines": drawn([painting()])}
+    first, second = rendered(inputs, shot(7)), rendered(inputs, shot(7))
+    np.testing.assert_array_equal(first, second)
+    for index, image in keys.items():
+        np.testing.assert_array_equal(first[index], image)
+    assert (first != rendered(inputs | {"lines": drawn(shot(8)[1:])}, shot(7))).any()
 
 
 def test_the_step_across_a_key_is_no_larger_than_elsewhere() -> None:
@@ -146,15 +184,21 @@ def test_a_wrong_key_is_named(keys: dict[int, np.ndarray], field: str, word: str
 def test_pieces_cover_a_shot_once_and_hold_on_to_their_neighbours(
     begin: int, end: int, keys: list[tuple[int, bool]]
 ) -> None:
-    found = dict(pieces(begin, end, keys))
-    emitted = sorted(index for piece in found.values() for index in range(piece.first, piece.last))
+    found = dict(split_intervals(begin, end, keys))
+    emitted = sorted(index for interval in found.values() for index in range(interval.first, interval.last))
     assert emitted == list(range(begin, end))
-    for piece in found.values():
-        assert piece.start <= piece.first < piece.last <= piece.stop <= piece.start + PIECE + 1
-        assert piece.keys
-        if piece.task:
-            other = found[piece.task]
-            assert piece.held in (other.start, other.last) and piece.start <= piece.held < piece.stop
+    for interval in found.values():
+        assert (
+            interval.start
+            <= interval.first
+            < interval.last
+            <= interval.stop
+            <= interval.start + MAX_INTERVAL_FRAMES + 1
+        )
+        assert interval.keys
+        if interval.task:
+            other = found[interval.task]
+            assert interval.held in (other.start, other.last) and interval.start <= interval.held < interval.stop
 
 
 # -- style and guides
@@ -252,10 +296,10 @@ def test_what_does_not_fit_into_the_device_in_any_way_is_said() -> None:
 
 def test_the_coarse_levels_of_a_short_shot_are_one_task() -> None:
     chosen = method("analogy")
-    bench = FakeBench(parse_params(chosen, QUICK), shot(), {"style_output": [painting()]})
-    tasks = run_plan(chosen, bench)["synthesise"]
+    context = LocalContext(parse_params(chosen, QUICK), shot(), {"style_output": [painting()]})
+    tasks = run_plan(chosen, context)["synthesise"]
     assert len(tasks) == 5 and len(tasks[0].args["before"]) == 1
-    assert not [name for _, name in bench.kept if name.endswith("-edge")], "nothing is kept that no task asks for"
+    assert not [name for _, name in context.kept if name.endswith("-edge")], "nothing is kept that no task asks for"
 
 
 def test_a_run_has_as_many_frames_as_memory_allows() -> None:

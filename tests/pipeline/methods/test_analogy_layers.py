@@ -9,23 +9,24 @@ import numpy as np
 import pytest
 
 from pipeline.errors import BadInput, ImpastoError
+from pipeline.frames import Frame
 from pipeline.methods import method
-from pipeline.methods.analogy.exemplar import painted as in_strokes
-from pipeline.methods.analogy.layer_source import LayerSource
-from pipeline.methods.analogy.layers import Found, shot_of
-from pipeline.methods.analogy.opened import source_of
-from pipeline.methods.analogy.sources import coded
+from pipeline.methods.analogy.exemplar import paint_in_strokes
+from pipeline.methods.analogy.layer_source import LayerSource, source_of
+from pipeline.methods.analogy.layers import LayerStatistics, layered_shot
+from pipeline.methods.analogy.sources import id_colours
+from pipeline.methods.local import LocalContext, run_plan
 from pipeline.scenes import scene
-from pipeline.synthesis.distance import nearest, within
-from tests.pipeline.methods.bench import FakeBench, painted, run_plan
-from tests.pipeline.methods.shots import SIZE, pictures, png, scene_files, shot_bench
+from pipeline.synthesis.distance import nearest, within_reach
+from tests.pipeline.methods.frames import painted
+from tests.pipeline.methods.shots import SIZE, pictures, png, scene_files, shot_context
 
 pytestmark = pytest.mark.real("opencl")
 
 
 def texture(seed: int, tint: tuple[int, int, int]) -> np.ndarray:
     """A style of one tint, so that one sees whose paint it is."""
-    made = in_strokes(scene("portrait", (480, 320), frames=1).image(0))[40:140, 60:180] // 3
+    made = paint_in_strokes(scene("portrait", (480, 320), frames=1).image(0))[40:140, 60:180] // 3
     return np.ascontiguousarray(made // 2 + np.array(tint, np.uint8) + np.uint8(seed))
 
 
@@ -38,10 +39,10 @@ def styled() -> dict[str, bytes]:
     }  # fmt: skip
 
 
-def rendered(files: dict[str, bytes], frames: int = 4, **params: Any) -> FakeBench:
-    bench = shot_bench(files, frames, **params)
-    run_plan(method("analogy"), bench, shuffle=params.get("seed"))
-    return bench
+def rendered(files: dict[str, bytes], frames: int = 4, **params: Any) -> LocalContext:
+    context = shot_context(files, frames, **params)
+    run_plan(method("analogy"), context, shuffle=params.get("seed"))
+    return context
 
 
 def front(index: int) -> np.ndarray:
@@ -62,7 +63,7 @@ def test_each_layer_is_painted_in_its_own_style_and_where_it_is() -> None:
 
 def test_layers_are_independent_tasks_whose_order_changes_nothing() -> None:
     chosen = method("analogy")
-    first, second = shot_bench(styled()), shot_bench(styled())
+    first, second = shot_context(styled()), shot_context(styled())
     tasks = run_plan(chosen, first)["synthesise"]
     run_plan(chosen, second, shuffle=7)
     assert (painted(first) == painted(second)).all()
@@ -71,31 +72,32 @@ def test_layers_are_independent_tasks_whose_order_changes_nothing() -> None:
     assert all(layers[name] == layers[task.key] for task in tasks for name in task.after)
 
 
-def test_a_coarse_picture_is_shown_before_anything_is_emitted() -> None:
-    bench = shot_bench(styled())
-    run_plan(method("analogy"), bench)
-    assert bench.shown > 0
+def test_a_coarse_picture_is_shown_before_anything_is_emitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    context, shown = shot_context(styled()), list[Frame]()
+    monkeypatch.setattr(context, "show", shown.append)
+    run_plan(method("analogy"), context)
+    assert shown
 
 
 def test_velocities_of_the_renderer_are_used_and_go_on_outside_the_silhouette() -> None:
-    bench = shot_bench(styled())
-    bench.step = "scan"
-    method("analogy").steps[0].run(method("analogy").steps[0].plan(_brief(bench))[0], bench)
-    source = source_of(bench, 1)
+    context = shot_context(styled())
+    context.step = "scan"
+    method("analogy").steps[0].run(method("analogy").steps[0].plan(_brief(context))[0], context)
+    source = source_of(context, 1)
     known = source.velocities(1)
     truth, mask = scene("shapes", SIZE, frames=4, fps=24).frame(1), front(1)
     assert known is not None
     np.testing.assert_allclose(known[0][mask], truth.velocity_next[mask], atol=1e-5)
     near = nearest(mask)
-    around = within(near, 20) & ~mask
+    around = within_reach(near, 20) & ~mask
     expected = truth.velocity_next[near[around][:, 1], near[around][:, 0]]
     np.testing.assert_allclose(known[0][around], expected, atol=1e-5)
 
 
-def _brief(bench: FakeBench) -> Any:
-    from pipeline.methods.base import Brief
+def _brief(context: LocalContext) -> Any:
+    from pipeline.methods.base import PlanContext
 
-    return Brief(bench.params, 0, bench.video)
+    return PlanContext(context.params, 0, context.video)
 
 
 # -- keys of a layer
@@ -106,7 +108,7 @@ def key_of(index: int, reach: int, tint: tuple[int, int, int]) -> np.ndarray:
     mask = front(index)
     noise = np.random.default_rng(3).integers(0, 40, (*mask.shape, 3), dtype=np.uint8)
     image = noise + np.array(tint, np.uint8)
-    return np.dstack([image, np.where(within(nearest(mask), reach), 255, 0).astype(np.uint8)])
+    return np.dstack([image, np.where(within_reach(nearest(mask), reach), 255, 0).astype(np.uint8)])
 
 
 def keyed() -> dict[str, bytes]:
@@ -116,13 +118,13 @@ def keyed() -> dict[str, bytes]:
 
 def test_overpaint_moves_with_its_layer() -> None:
     """Paint up to 5 px outside the silhouette at the key is there, around the moved silhouette, three frames later."""
-    bench = rendered(keyed())
+    context = rendered(keyed())
     key = key_of(0, 5, (30, 200, 30))
-    first = bench.kept["synthesise", "paint-1-0000000"]["rgba"]
+    first = context.kept["synthesise", "paint-1-0000000"]["rgba"]
     np.testing.assert_array_equal(first[..., 3], key[..., 3])
     np.testing.assert_array_equal(first[key[..., 3] > 0], key[key[..., 3] > 0])
-    last = bench.kept["synthesise", "paint-1-0000003"]["rgba"][..., 3] > 0
-    truth = within(nearest(front(3)), 5)
+    last = context.kept["synthesise", "paint-1-0000003"]["rgba"][..., 3] > 0
+    truth = within_reach(nearest(front(3)), 5)
     assert (last & truth).sum() / (last | truth).sum() > 0.93
 
 
@@ -138,10 +140,10 @@ def test_a_key_of_a_layer_is_matched_exactly_in_the_whole() -> None:
 
 def test_a_shot_without_layers_uses_its_vectors_and_emits_at_once() -> None:
     files = {name: data for name, data in scene_files().items() if name != "shot.json"}
-    bench = rendered({**files, "style/output.png": png(RED)})
-    assert colours(painted(bench)) <= colours(RED)
-    assert not [name for step, name in bench.kept if name.startswith("paint")]
-    assert len(bench.kept["scan", "tones"]["factors"]) == 3
+    context = rendered({**files, "style/output.png": png(RED)})
+    assert colours(painted(context)) <= colours(RED)
+    assert not [name for step, name in context.kept if name.startswith("paint")]
+    assert len(context.kept["scan", "tones"]["factors"]) == 3
 
 
 def test_a_guide_of_a_shot_needs_its_counterpart() -> None:
@@ -153,13 +155,13 @@ def test_a_guide_of_a_shot_needs_its_counterpart() -> None:
 
 def test_normals_are_a_guide_where_the_style_shows_them() -> None:
     normals = np.full((100, 120, 3), 127, np.uint8)
-    bench = shot_bench({**styled(), "layers/front/style/normals.png": png(normals)})
-    run_plan(method("analogy"), bench)
-    shot = shot_of(bench)
+    context = shot_context({**styled(), "layers/front/style/normals.png": png(normals)})
+    run_plan(method("analogy"), context)
+    shot = layered_shot(context)
     assert shot is not None
-    found = Found.of(bench.load("scan", "tones-1"))
-    assert [guide.name for guide in LayerSource(bench, shot.layers[1], found).guides] == ["normals"]
-    assert [guide.name for guide in LayerSource(bench, shot.layers[0], found).guides] == []
+    found = LayerStatistics.of(context.load("scan", "tones-1"))
+    assert [guide.name for guide in LayerSource(context, shot.layers[1], found).guides] == ["normals"]
+    assert [guide.name for guide in LayerSource(context, shot.layers[0], found).guides] == []
 
 
 def test_parameters_of_a_layer_are_checked_by_their_place() -> None:
@@ -171,6 +173,6 @@ def test_parameters_of_a_layer_are_checked_by_their_place() -> None:
 
 
 def test_numbers_of_objects_become_colours_that_lie_apart() -> None:
-    found = coded(np.arange(64)).astype(int)
+    found = id_colours(np.arange(64)).astype(int)
     apart = np.abs(found[:, None] - found[None]).max(-1)[np.triu_indices(64, 1)]
     assert apart.min() >= 32

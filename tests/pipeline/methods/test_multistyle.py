@@ -20,17 +20,20 @@ from pipeline.errors import BadParameter
 from pipeline.frames import Frame
 from pipeline.methods import method
 from pipeline.methods.abstraction.state import no_clock
+from pipeline.methods.local import LocalContext, run_plan
 from pipeline.methods.multistyle import MultistyleParams, MultistyleSession, plan
+from pipeline.methods.multistyle.analysis import unpack
+from pipeline.methods.multistyle.analyzer import FrameAnalyzer
+from pipeline.methods.multistyle.denoise import PLAIN, denoise, zero_resting_flow
 from pipeline.methods.multistyle.design import parse
-from pipeline.methods.multistyle.designer import Designer, Placed
-from pipeline.methods.multistyle.drying import Drying
-from pipeline.methods.multistyle.held import PLAIN, hold, rest
-from pipeline.methods.multistyle.look import Eye
-from pipeline.methods.multistyle.sight import unpack
-from pipeline.methods.multistyle.styles import STYLE_NAMES, STYLES, vector
+from pipeline.methods.multistyle.design_fields import DesignFields, RegionPlacement
+from pipeline.methods.multistyle.params import STYLE_NAMES
+from pipeline.methods.multistyle.styles import FIELDS, STYLES, vector
+from pipeline.methods.multistyle.tubes import TubeTracker, merge_results, tubes_of
 from pipeline.scenes import scene
+from pipeline.strokes.paper import EdgeDarkening
 from pipeline.tensors.field import angle_of
-from tests.pipeline.methods.bench import FakeBench, painted, run_plan
+from tests.pipeline.methods.frames import painted
 
 SIZE = (96, 64)
 CUT = 6
@@ -83,11 +86,11 @@ def test_runs_of_any_length_give_what_one_session_gives(
     monkeypatch.setattr(plan, "RUN_FRAMES", 4)
     session = MultistyleSession(MultistyleParams(**values), SIZE, 3)
     wanted = np.stack([session.step(frame) for frame in shots()])
-    bench = FakeBench(MultistyleParams(**values), shots(), seed=3)
-    tasks = run_plan(MULTISTYLE, bench, shuffle=3)["paint"]
+    context = LocalContext(MultistyleParams(**values), shots(), seed=3)
+    tasks = run_plan(MULTISTYLE, context, shuffle=3)["paint"]
     starts = [task.emits[0] for task in tasks if task.emits]
     assert starts == ([0, 4, 8] if values.get("cut_sensitivity") == 0 else [0, 4, CUT, CUT + 4])
-    np.testing.assert_array_equal(painted(bench), wanted)
+    np.testing.assert_array_equal(painted(context), wanted)
 
 
 def test_a_long_shot_has_longer_runs_and_the_same_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -95,10 +98,10 @@ def test_a_long_shot_has_longer_runs_and_the_same_bytes(monkeypatch: pytest.Monk
     for long_runs, starts in ((100, list(range(0, CUT, 2))), (2, list(range(0, CUT, 4)))):
         monkeypatch.setattr(plan, "RUN_FRAMES", 2)
         monkeypatch.setattr(plan, "LONG_SHOT_RUNS", long_runs)
-        bench = FakeBench(MultistyleParams(), shots(), seed=3)
-        tasks = run_plan(MULTISTYLE, bench, shuffle=3)["paint"]
+        context = LocalContext(MultistyleParams(), shots(), seed=3)
+        tasks = run_plan(MULTISTYLE, context, shuffle=3)["paint"]
         assert [task.emits[0] for task in tasks if task.emits and task.emits[0] < CUT] == starts
-        pictures.append(painted(bench))
+        pictures.append(painted(context))
     np.testing.assert_array_equal(*pictures)
 
 
@@ -107,21 +110,21 @@ def test_designs_and_masks_survive_the_seams_too(monkeypatch: pytest.MonkeyPatch
     for length, order in ((16, None), (4, 1), (3, 2)):
         monkeypatch.setattr(plan, "RUN_FRAMES", length)
         inputs = {"design": DESIGN, "masks": {1: labels(), 4: labels(30), 7: labels(20)}}
-        bench = FakeBench(MultistyleParams(), shots(), inputs, artefacts=frozenset({"regions"}))
-        run_plan(MULTISTYLE, bench, shuffle=order)
-        pictures.append(painted(bench))
-        files.append(pages(bench))
+        context = LocalContext(MultistyleParams(), shots(), inputs, artefacts=frozenset({"regions"}))
+        run_plan(MULTISTYLE, context, shuffle=order)
+        pictures.append(painted(context))
+        files.append(pages(context))
     for picture, found in zip(pictures[1:], files[1:], strict=True):
         np.testing.assert_array_equal(picture, pictures[0])
         assert found == files[0]
-    plain = FakeBench(MultistyleParams(), shots())
+    plain = LocalContext(MultistyleParams(), shots())
     run_plan(MULTISTYLE, plain)
     assert (painted(plain) != pictures[0]).mean() > 0.3
 
 
-def pages(bench: FakeBench) -> dict[str, bytes]:
+def pages(context: LocalContext) -> dict[str, bytes]:
     found: dict[str, bytes] = {}
-    for name, data in sorted(bench.files.items()):
+    for name, data in sorted(context.files.items()):
         if name.endswith(".zip"):
             with zipfile.ZipFile(io.BytesIO(data)) as archive:
                 found |= {entry: archive.read(entry) for entry in archive.namelist()}
@@ -143,26 +146,28 @@ def test_a_restored_session_goes_on_to_the_bit_and_another_seed_paints_otherwise
 
 
 @pytest.mark.parametrize("style", ["van-gogh", "watercolor"])
-def test_what_was_seen_is_what_was_stored(style: Any) -> None:
-    eye = Eye(MultistyleParams(style=style), SIZE, 0, no_clock)
-    sight = [eye.step(frame) for frame in shots()[:2]][-1]
-    again = unpack({name: array.copy() for name, array in sight.pack().items()})
-    assert (again.picture == sight.picture).all() and (again.field == sight.field).all()
-    for mine, theirs in zip(sight.layers, again.layers, strict=True):
-        assert (mine.ids == theirs.ids).all() and (mine.table == theirs.table).all() and (mine.xy == theirs.xy).all()
+def test_a_stored_analysis_is_restored_exactly(style: Any) -> None:
+    analyzer = FrameAnalyzer(MultistyleParams(style=style), SIZE, 0, no_clock)
+    analysis = [analyzer.step(frame) for frame in shots()[:2]][-1]
+    again = unpack({name: array.copy() for name, array in analysis.pack().items()})
+    assert (again.picture == analysis.picture).all() and (again.field == analysis.field).all()
+    for mine, theirs in zip(analysis.layers, again.layers, strict=True):
+        assert (
+            (mine.ids == theirs.ids).all() and (mine.strokes == theirs.strokes).all() and (mine.xy == theirs.xy).all()
+        )
     paper = ("rims",) if style == "watercolor" else ()
-    assert sight.pack().keys() == again.pack().keys() >= {"back", *paper}
+    assert analysis.pack().keys() == again.pack().keys() >= {"back", *paper}
     for name in ("back", *paper):
-        np.testing.assert_array_equal(getattr(sight, name), getattr(again, name))
+        np.testing.assert_array_equal(getattr(analysis, name), getattr(again, name))
 
 
 def test_a_session_goes_on_with_other_parameters() -> None:
     session = MultistyleSession(MultistyleParams(), SIZE)
     session.step(shots()[0])
-    ids = {marks.ids.tobytes() for marks in session.look(shots()[1]).layers}
-    after = session.follow(MultistyleParams(hue=90), SIZE)
-    assert {marks.ids.tobytes() for marks in after.look(shots()[1]).layers} == ids
-    assert after.follow(MultistyleParams(), (64, 48)).step(cv2.resize(shots()[2], (64, 48))).shape == (48, 64, 3)
+    ids = {marks.ids.tobytes() for marks in session.analyze(shots()[1]).layers}
+    after = session.reconfigure(MultistyleParams(hue=90), SIZE)
+    assert {marks.ids.tobytes() for marks in after.analyze(shots()[1]).layers} == ids
+    assert after.reconfigure(MultistyleParams(), (64, 48)).step(cv2.resize(shots()[2], (64, 48))).shape == (48, 64, 3)
 
 
 # -- styles
@@ -218,10 +223,10 @@ def test_what_plainly_changes_is_there_at_once_and_texture_that_trembles_is_not(
     past = np.full((80, 120, 3), 100, np.float32)
     hand, fur = past.copy(), past + rng.normal(0, 12, past.shape).astype(np.float32)
     hand[30:50, 40:60] += PLAIN + 5
-    held, other = hold(hand, past, nowhere, 3)
+    held, other = denoise(hand, past, nowhere, 3)
     np.testing.assert_array_equal(held[32:48, 42:58], hand[32:48, 42:58])
     assert other[32:48, 42:58].all() and not other[:15].any() and (held[:15] == 100).all()
-    held, other = hold(fur, past, nowhere, 3)
+    held, other = denoise(fur, past, nowhere, 3)
     assert not other.any() and np.abs(held - past).mean() < 0.4 * np.abs(fur - past).mean()
 
 
@@ -252,10 +257,10 @@ def redness(picture: Frame) -> NDArray[Any]:
 
 
 def test_explicit_strokes_take_part_in_easing_as_far_as_they_are_asked() -> None:
-    plain, eased = (MultistyleParams(renderer="explicit", ease=ease).eased for ease in (0, 1))
+    plain, eased = (MultistyleParams(renderer="explicit", ease=ease).effective for ease in (0, 1))
     assert (plain.hold, plain.colour_follow, plain.stroke_fade) == (0, 1, 1)
     given = MultistyleParams()
-    assert given.eased == given
+    assert given.effective == given
     assert (eased.hold, eased.colour_follow, eased.stroke_fade) == (given.hold, given.colour_follow, given.stroke_fade)
     crisp, calm = (restlessness(renderer="explicit", ease=ease) for ease in (0, 1))
     assert restlessness() < 0.6 * crisp and calm < 0.6 * crisp, (crisp, calm)
@@ -292,7 +297,7 @@ def swimming(**values: Any) -> float:
 
 
 @pytest.mark.parametrize("style", ["van-gogh", "impressionism"])
-def test_paint_that_lingers_swims_less_than_strokes_do(style: str) -> None:
+def test_accumulated_paintings_flicker_less_than_strokes_do(style: str) -> None:
     implicit, without, explicit, alone = (
         swimming(style=style, **values) for values in ({}, {"linger": 0}, {"renderer": "explicit"}, {"temporal": "off"})
     )
@@ -307,15 +312,14 @@ def test_rims_are_on_the_darker_side_go_with_the_motion_and_do_not_run() -> None
         out[:, :edge] = dark
         return out
 
-    drying, nothing_else = Drying(True), np.zeros((96, 128), np.bool_)
-    first = drying.step(picture(60), None, None)
-    assert first is not None and first[48, 59] > 100 and first[48, 61] == 0
-    moved = drying.step(picture(64), np.full((96, 128, 2), (-4, 0), np.float32), nothing_else)
-    assert moved is not None and np.abs(moved[:, 50:80].astype(int) - first[:, 46:76]).max() <= 2
-    paler = drying.step(picture(64, 190), np.zeros((96, 128, 2), np.float32), nothing_else)
-    other = drying.step(picture(64, 190), np.zeros((96, 128, 2), np.float32), ~nothing_else)
-    assert paler is not None and other is not None and paler[48, 63] > 0.7 * moved[48, 63] > 2 * other[48, 63]
-    assert Drying(False).step(picture(60), None, None) is None
+    darkening, nothing_else = EdgeDarkening(), np.zeros((96, 128), np.bool_)
+    first = darkening.step(picture(60), None, None)
+    assert first[48, 59] > 100 and first[48, 61] == 0
+    moved = darkening.step(picture(64), np.full((96, 128, 2), (-4, 0), np.float32), nothing_else)
+    assert np.abs(moved[:, 50:80].astype(int) - first[:, 46:76]).max() <= 2
+    paler = darkening.step(picture(64, 190), np.zeros((96, 128, 2), np.float32), nothing_else)
+    other = darkening.step(picture(64, 190), np.zeros((96, 128, 2), np.float32), ~nothing_else)
+    assert paler[48, 63] > 0.7 * moved[48, 63] > 2 * other[48, 63]
 
 
 @pytest.mark.parametrize(("moved", "sky"), [(240, -3), (0, 0), (120, None)])
@@ -326,7 +330,7 @@ def test_a_plain_sky_goes_with_the_camera_and_rests_where_it_rests(moved: int, s
     before, after = rough[:, :240].copy(), rough[:, :240].copy()
     after[:, :moved] = rough[:, 3 : moved + 3]
     before[:60], after[:60] = 200, 200
-    flow = rest(np.full((160, 240, 2), (-3, 0), np.float32), before, after, 2)[..., 0]
+    flow = zero_resting_flow(np.full((160, 240, 2), (-3, 0), np.float32), before, after, 2)[..., 0]
     if sky is not None:
         assert (flow[:60] == sky).mean() > 0.9, "edges along the motion look as if they rested"
     assert (flow[52:60, 16:104] == (-3 if moved else 0)).mean() > 0.9, "the sky does what is below it"
@@ -345,7 +349,7 @@ def test_a_plain_thing_goes_past_things_at_rest_if_the_flow_says_so(flow_px: flo
         before[top : top + 4], after[top : top + 4] = edge[:, :240], edge[:, 3:]
     flow = np.zeros((160, 240, 2), np.float32)
     flow[64:80, :, 0] = flow_px
-    found = rest(flow, before, after, 2)[..., 0]
+    found = zero_resting_flow(flow, before, after, 2)[..., 0]
     assert (found[71:73, 30:210] == (flow_px if goes else 0)).mean() > 0.9
     assert (found[:40] == 0).all() and (found[120:] == 0).all()
 
@@ -355,23 +359,23 @@ def test_a_plain_thing_goes_past_things_at_rest_if_the_flow_says_so(flow_px: flo
 
 def test_a_label_map_is_carried_both_ways_and_not_over_a_cut() -> None:
     inputs = {"design": {"version": 1, "regions": {"left": {"label": 1}}}, "masks": {2: labels()}}
-    bench = FakeBench(MultistyleParams(), shots(), inputs)
-    run_plan(MULTISTYLE, bench)
-    found = np.concatenate([bench.kept["maps", f"map-{start:07d}"]["maps"] for start in (0, CUT)])
+    context = LocalContext(MultistyleParams(), shots(), inputs)
+    run_plan(MULTISTYLE, context)
+    found = np.concatenate([context.kept["maps", f"map-{start:07d}"]["maps"] for start in (0, CUT)])
     share = (found == 1).mean(axis=(1, 2))
     assert (np.abs(share[:CUT] - labels().mean()) < 0.1).all() and (share[CUT:] == 0).all()
 
 
 def test_tubes_and_objects_are_listed_and_can_be_named() -> None:
     inputs = {"design": {"version": 1, "regions": {"all": {"tubes": [1, 2]}}, "keys": [{"region": "all"}]}}
-    bench = FakeBench(MultistyleParams(), shots(), inputs, artefacts=frozenset({"regions"}))
-    run_plan(MULTISTYLE, bench)
-    listed = json.loads(bench.files["regions-list.json"])
+    context = LocalContext(MultistyleParams(), shots(), inputs, artefacts=frozenset({"regions"}))
+    run_plan(MULTISTYLE, context)
+    listed = json.loads(context.files["regions-list.json"])
     numbers = [tube["tube"] for tube in listed["tubes"]]
     assert numbers == list(range(1, len(numbers) + 1)) and {o["object"] for o in listed["objects"]} <= set(range(1, 9))
     assert all(len(tube["colour"]) == 3 and 0 <= tube["first"] <= tube["last"] < 12 for tube in listed["tubes"])
     assert listed["regions"][1]["name"] == "all" and listed["regions"][1]["area"] > 0
-    pictures = pages(bench)
+    pictures = pages(context)
     coded = cv2.imdecode(np.frombuffer(pictures["tubes-0000003.png"], np.uint8), cv2.IMREAD_COLOR).astype(int)
     number = coded[..., 2] * 65536 + coded[..., 1] * 256 + coded[..., 0]
     named = cv2.imdecode(np.frombuffer(pictures["map-0000003.png"], np.uint8), cv2.IMREAD_UNCHANGED)
@@ -382,7 +386,7 @@ def test_tubes_and_objects_are_listed_and_can_be_named() -> None:
 def test_a_tube_that_there_is_not_is_refused() -> None:
     inputs = {"design": {"version": 1, "regions": {"all": {"tubes": [1, 99999]}}}}
     with pytest.raises(BadParameter) as caught:
-        run_plan(MULTISTYLE, FakeBench(MultistyleParams(), shots(), inputs))
+        run_plan(MULTISTYLE, LocalContext(MultistyleParams(), shots(), inputs))
     assert caught.value.field == "inputs.design.regions.all.tubes[1]"
 
 
@@ -392,7 +396,7 @@ def test_a_tube_that_there_is_not_is_refused() -> None:
 def test_label_maps_that_do_not_fit_are_refused(masks: Any, field: str) -> None:
     inputs = {"design": {"version": 1, "regions": {"left": {"label": 1}}}, "masks": masks}
     with pytest.raises(BadParameter) as caught:
-        run_plan(MULTISTYLE, FakeBench(MultistyleParams(), shots(), inputs))
+        run_plan(MULTISTYLE, LocalContext(MultistyleParams(), shots(), inputs))
     assert caught.value.field == field and caught.value.remedy
 
 
@@ -400,17 +404,18 @@ def test_a_part_is_split_off_by_an_outline() -> None:
     box = [[0.0, 0.0], [1.0, 0.0], [1.0, 0.5], [0.0, 0.5]]
     regions = {"left": {"label": 1}, "top": {"polygons": [{"frame": 0, "points": box}], "of": "left"}}
     inputs = {"design": {"version": 1, "regions": regions}, "masks": {0: labels()}}
-    bench = FakeBench(MultistyleParams(), shots()[:1], inputs)
-    run_plan(MULTISTYLE, bench)
-    found = bench.kept["maps", "map-0000000"]["maps"][0]
+    context = LocalContext(MultistyleParams(), shots()[:1], inputs)
+    run_plan(MULTISTYLE, context)
+    found = context.kept["maps", "map-0000000"]["maps"][0]
     assert (found[:30, :38] == 2).all() and (found[34:, :38] == 1).all() and (found[:, 42:] == 0).all()
 
 
 # -- style and direction of regions
 
 
-def designer(document: dict[str, Any]) -> Designer:
-    return Designer(parse(document), STYLES["van-gogh"].style, SIZE, (48, 32))
+def fields(document: dict[str, Any], size: tuple[int, int] = SIZE, small: tuple[int, int] = (48, 32)) -> DesignFields:
+    named = STYLES["van-gogh"]
+    return DesignFields(parse(document), named.style, named.technique, size, small)
 
 
 def halves() -> NDArray[np.uint8]:
@@ -428,7 +433,7 @@ def test_keys_are_kept_interpolated_and_spread() -> None:
         {"region": "one", "frame": 0, "set": {"size": 10}}, {"region": "one", "frame": 10, "set": {"size": 20}},
         {"region": "two", "frame": 0, "set": {"size": 40}},
     ]  # fmt: skip
-    values = designer({"version": 1, "regions": TWO, "keys": keys}).values(Placed(5, halves(), {}, {}))
+    values = fields({"version": 1, "regions": TWO, "keys": keys}).values(RegionPlacement(5, halves(), {}, {}))
     size = np.asarray(values["size"])
     assert (size[:, :20] == 15).all() and (size[:, 76:] == 40).all()
     np.testing.assert_allclose(size[32, 24:72], np.interp(np.arange(24, 72), [19.5, 76], [15, 40]), atol=1.2)
@@ -439,7 +444,7 @@ def test_nothing_spreads_over_a_sharp_border() -> None:
     keys = [{"region": "one", "set": {"size": 10}}, {"region": "two", "set": {"size": 40}}]
     regions = {"one": {"label": 1, "border": "sharp"}, "two": {"label": 2}}
     size = np.asarray(
-        designer({"version": 1, "regions": regions, "keys": keys}).values(Placed(0, halves(), {}, {}))["size"]
+        fields({"version": 1, "regions": regions, "keys": keys}).values(RegionPlacement(0, halves(), {}, {}))["size"]
     )
     assert (size[:, :20] == 10).all() and (np.abs(size[:, 22:] - 40) < 0.1).all()
 
@@ -448,14 +453,14 @@ def test_a_soft_border_is_no_step() -> None:
     keys = [{"region": "one", "set": {"size": 10}}, {"region": "rest", "set": {"size": 40}}]
     regions = {"one": {"label": 1, "border": "soft"}, "two": {"label": 2}}
     size = np.asarray(
-        designer({"version": 1, "regions": regions, "keys": keys}).values(Placed(0, halves(), {}, {}))["size"]
+        fields({"version": 1, "regions": regions, "keys": keys}).values(RegionPlacement(0, halves(), {}, {}))["size"]
     )
     assert np.abs(np.diff(size[32, :70])).max() < 14 and size[32, 2] < 12 and size[32, 40] > 39
 
 
 def test_no_keys_at_all_leave_the_style_as_it_is() -> None:
-    values = designer({"version": 1, "regions": TWO}).values(Placed(0, halves(), {}, {}))
-    assert [values[name] for name in values] == pytest.approx(vector(STYLES["van-gogh"].style).tolist())
+    values = fields({"version": 1, "regions": TWO}).values(RegionPlacement(0, halves(), {}, {}))
+    assert [values[name] for name in FIELDS] == pytest.approx(vector(STYLES["van-gogh"].style).tolist())
 
 
 def test_directions_break_at_borders_and_free_regions_take_their_neighbours() -> None:
@@ -467,8 +472,8 @@ def test_directions_break_at_borders_and_free_regions_take_their_neighbours() ->
         {"region": "two", "free": True},
     ]
     edges = np.stack([np.full((32, 48), 0.3), np.full((32, 48), 0.4)]).astype(np.float32)
-    field = designer({"version": 1, "regions": TWO, "directions": directions}).directions(
-        edges, Placed(0, halves(), {}, {})
+    field = fields({"version": 1, "regions": TWO, "directions": directions}).directions(
+        edges, RegionPlacement(0, halves(), {}, {})
     )
     angle = np.degrees(angle_of(field))
     assert np.abs(angle[:, :9]).max() < 1 and np.abs(angle[:, 11:] - 90).max() < 1
@@ -485,13 +490,93 @@ def test_what_spreads_is_solved_to_six_digits_in_twelve_cycles(seed: int) -> Non
     element = {"pattern": "center", "at": [0.5, 0.5]}
     directions = [{"region": "a", "elements": [element]}, *({"region": name, "free": True} for name in "bc")]
     document = {"version": 1, "regions": regions, "keys": keys, "directions": directions}
-    chosen = Designer(parse(document), STYLES["van-gogh"].style, (320, 240), (213, 160))
-    placed = Placed(0, ranks.astype(np.uint8), {}, {})
+    chosen = fields(document, (320, 240), (213, 160))
+    placed = RegionPlacement(0, ranks.astype(np.uint8), {}, {})
     size = np.asarray(chosen.values(placed)["size"])
     chosen.directions(np.ones((2, 160, 213), np.float32), placed)
     assert 0 < chosen.cycles <= 12 and chosen.residual <= 1e-6
     assert (size[ranks == 1] == 10).all() and (size[ranks == 4] == 40).all()
     assert (size >= 10 - 1e-4).all() and (size <= 40 + 1e-4).all()
+
+
+def test_a_region_has_a_whole_style_of_its_own() -> None:
+    """Watercolour to the left, Van Gogh elsewhere: ground, paper and stroke profiles differ."""
+    keys = [{"region": "one", "style": "watercolor"}, {"region": "two", "style": "van-gogh"}]
+    made = fields({"version": 1, "regions": TWO, "keys": keys}).values(RegionPlacement(0, halves(), {}, {}))
+    for name in ("paper", "rim", "cover", "soft", "vivid", "light", "order_mix"):
+        left, right = (getattr(STYLES[style].technique, name) for style in ("watercolor", "van-gogh"))
+        plane = np.asarray(made[name])
+        np.testing.assert_allclose(plane[:, :20], left, rtol=1e-6)
+        np.testing.assert_allclose(plane[:, 76:], right, rtol=1e-6)
+
+
+def test_watercolour_behind_van_gogh_has_paper_there_only() -> None:
+    frames, label = shots()[:3], np.zeros((SIZE[1], SIZE[0]), np.uint8)
+    label[:, :48] = 1
+    pictures = []
+    for style in ("watercolor", "without-paper"):
+        document = {
+            "version": 1, "regions": {"one": {"label": 1, "border": "sharp"}},
+            "styles": {"without-paper": {"base": "watercolor", "technique": {"paper": 0, "rim": 0}}},
+            "keys": [{"region": "one", "style": style}, {"region": "rest", "style": "van-gogh"}],
+        }  # fmt: skip
+        context = LocalContext(MultistyleParams(linger=0), frames, {"design": document, "masks": {0: label}}, seed=3)
+        run_plan(MULTISTYLE, context)
+        pictures.append(painted(context).astype(int))
+    off = np.abs(pictures[0] - pictures[1])
+    assert off[:, :, :36].mean() > 1 and off[:, :, 60:].max() <= 1
+
+
+def test_hue_goes_the_shorter_way_round() -> None:
+    keys = [
+        {"region": "one", "frame": 0, "set": {"hue": 170}}, {"region": "one", "frame": 10, "set": {"hue": -170}},
+        {"region": "two", "frame": 0, "set": {"hue": -160}},
+    ]  # fmt: skip
+    hue = np.asarray(
+        fields({"version": 1, "regions": TWO, "keys": keys}).values(RegionPlacement(5, halves(), {}, {}))["hue"]
+    )
+    assert np.abs(hue[:, :20] % 360 - 180).max() < 1e-3 and np.abs(hue[:, 76:] % 360 - 200).max() < 1e-3
+    assert (hue % 360).min() > 179 and (hue % 360).max() < 201
+
+
+@pytest.mark.parametrize("values", [{"renderer": "implicit-literal"}, {"stroke_order": "colour"}])
+def test_the_papers_renderer_and_order_can_be_chosen(values: dict[str, Any]) -> None:
+    one, other = (MultistyleSession(MultistyleParams(**own), SIZE, 3) for own in ({}, values))
+    apart = [np.abs(one.step(frame).astype(int) - other.step(frame)).mean() for frame in shots()[:3]]
+    assert all(0.3 < value < 25 for value in apart), apart
+
+
+def test_a_tube_keeps_its_number_behind_a_post() -> None:
+    """A red square passes behind a gray post that is wider than itself."""
+    rng, frames = np.random.default_rng(2), []
+    for k in range(26):
+        frame = np.full((96, 160, 3), (60, 110, 60), np.uint8)
+        cv2.rectangle(frame, (10 + 5 * k, 40), (26 + 5 * k, 60), (200, 40, 40), -1)
+        frame[:, 66:92] = 150
+        frames.append(np.clip(frame + rng.normal(0, 1, frame.shape), 0, 255).astype(np.uint8))
+    tracker = TubeTracker((160, 96), 0)
+    found = [tracker.step(frame) for frame in frames]
+    tubes = tubes_of([merge_results((k, result) for k, (_, result) in enumerate(found))], [(0, 26)], 96, 4)
+    number = {one: tube.number for tube in tubes for one in tube.ids}
+    before, after = (number[int(found[k][0][50, 18 + 5 * k])] for k in (4, 21))
+    assert before == after and found[4][0][50, 38] != found[21][0][50, 123]
+
+
+def test_the_number_of_objects_is_a_parameter() -> None:
+    tracker = TubeTracker(SIZE, 0)
+    result = merge_results([(0, tracker.step(shots()[0])[1])])
+    for wanted in (2, 4):
+        assert len({tube.object for tube in tubes_of([result], [(0, 1)], SIZE[1], wanted)}) == wanted
+
+
+def test_directions_can_be_seen() -> None:
+    context = LocalContext(MultistyleParams(), shots()[:3], artefacts=frozenset({"directions"}))
+    run_plan(MULTISTYLE, context)
+    with zipfile.ZipFile(io.BytesIO(context.files["directions-0000000.zip"])) as archive:
+        names = archive.namelist()
+        picture = cv2.imdecode(np.frombuffer(archive.read(names[1]), np.uint8), cv2.IMREAD_COLOR)
+    assert names == [f"directions-{k:07d}.png" for k in range(3)] and picture.shape == (SIZE[1], SIZE[0], 3)
+    assert np.ptp(picture.astype(int), axis=2).max() > 60, "segments have the hue of their angle"
 
 
 # -- a moving, turning object
@@ -520,15 +605,15 @@ def test_a_design_element_follows_a_moving_turning_object() -> None:
         "directions": [{"region": "it", "frame": 0, "edge_weight": 0, "elements": [element]}],
     }  # fmt: skip
     inputs = {"design": document, "masks": {0: turning(0)[1], 10: turning(10)[1]}}
-    bench = FakeBench(MultistyleParams(), frames, inputs)
-    tasks = run_plan(MULTISTYLE, bench)["paint"]
+    context = LocalContext(MultistyleParams(), frames, inputs)
+    tasks = run_plan(MULTISTYLE, context)["paint"]
     ellipses = tasks[0].args["ellipses"]["it"]
     for k in range(11):
         x, y, angle = turning(k)[2]
         own = ellipses[str(k)]
         assert math.hypot(own[0] - x, own[1] - y) < 2
         assert abs(math.degrees(own[2] - angle)) < 3
-        seen = bench.kept["paint", "look-0000000"][f"{k}.field"].astype(np.float32)
+        seen = context.kept["paint", "analyze-0000000"][f"{k}.field"].astype(np.float32)
         u, v = seen[int(y / 144 * seen.shape[0]), int(x / 192 * seen.shape[1])]
         apart = math.degrees(math.atan2(v, u) / 2 - angle)
         assert abs((apart + 90) % 180 - 90) < 3

@@ -10,7 +10,7 @@ import jsonschema
 import pytest
 
 from pipeline.errors import BadParameter
-from pipeline.methods.multistyle.design import Design, around, eased, parse, schema
+from pipeline.methods.multistyle.design import Design, eased, keys_around, parse, schema
 from pipeline.methods.multistyle.effects import EFFECTS, document
 from pipeline.methods.multistyle.styles import STYLES
 
@@ -85,7 +85,7 @@ BAD = {
     "a part of what is not there": ("regions.beak.of", "goose", "regions.beak.of"),
     "a part of itself": ("regions.swan.of", "beak", "regions.swan.of"),
     "a rest of tubes": ("regions.rest", {"tubes": [9]}, "regions.rest"),
-    "an unknown pattern": ("directions.0.elements.0.pattern", "spiral", "directions[0].elements[0].pattern"),
+    "an unknown pattern": ("directions.0.elements.0.pattern", "swirl", "directions[0].elements[0].pattern"),
     "an unknown key": ("keys.0.sytle", "mine", "keys[0].sytle"),
     "an unknown ease": ("keys.0.ease", "bouncy", "keys[0].ease"),
     "a name that is none": ("regions.", {"label": 7}, "regions."),
@@ -130,11 +130,11 @@ def test_own_styles_and_changes_build_on_each_other() -> None:
 
 def test_between_keys_there_is_a_way_and_outside_there_is_none() -> None:
     design = parse(good())
-    before, after, t = around(design.keys, "swan", 2) or (None, None, 0)
+    before, after, t = keys_around(design.keys, "swan", 2) or (None, None, 0)
     assert (before, after) == (design.keys[0], design.keys[1]) and t == eased(0.25, "smooth") == 0.15625
-    assert around(design.keys, "swan", 8) == (design.keys[1], design.keys[1], 0.0)
-    assert around(design.keys, "swan", 500) == (design.keys[1], design.keys[1], 0.0)
-    assert around(design.keys, "water", 3) is None
+    assert keys_around(design.keys, "swan", 8) == (design.keys[1], design.keys[1], 0.0)
+    assert keys_around(design.keys, "swan", 500) == (design.keys[1], design.keys[1], 0.0)
+    assert keys_around(design.keys, "water", 3) is None
 
 
 @pytest.mark.parametrize("ease", ["linear", "smooth", "in", "out", "hold"])

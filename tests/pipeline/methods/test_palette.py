@@ -83,7 +83,7 @@ def test_the_half_life_is_one() -> None:
 def test_in_a_fade_colours_follow_at_once() -> None:
     mixing = palette(colour_half_life=30)
     mixing.step(regions([GRAY], [0], [0]), None)
-    made = mixing.step(regions([DARK], [1], [1.0]), None, calm=0.0)
+    made = mixing.step(regions([DARK], [1], [1.0]), None, light_steadiness=0.0)
     np.testing.assert_array_equal(made[1], rgb_of(lab_of(DARK)))
 
 

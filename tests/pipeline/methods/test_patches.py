@@ -13,7 +13,8 @@ import pytest
 
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame
-from pipeline.methods.base import Brief, Task, VideoInfo
+from pipeline.methods.base import PlanContext, Task, VideoInfo
+from pipeline.methods.local import LocalContext
 from pipeline.methods.patches import build
 from pipeline.methods.patches.clusters import plan_cluster
 from pipeline.methods.patches.grid import Grid
@@ -22,7 +23,7 @@ from pipeline.methods.patches.hertzmann import Painter
 from pipeline.methods.patches.lives import FADE, Life, lives
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.scan import run_scan
-from tests.pipeline.methods.bench import FakeBench, painted
+from tests.pipeline.methods.frames import painted
 from tests.pipeline.methods.patch_scenes import (
     HIDDEN,
     PAN_PX,
@@ -86,8 +87,8 @@ def test_and_with_its_strokes() -> None:
 
 
 def test_a_window_too_short_forgets_what_was_hidden() -> None:
-    bench = paint([shot.image for shot in truth()[: HIDDEN.stop + 2]], window=3)
-    maps, ids = label_maps(bench), truth()
+    context = paint([shot.image for shot in truth()[: HIDDEN.stop + 2]], window=3)
+    maps, ids = label_maps(context), truth()
     before, after = (
         int(np.bincount(maps[index][ids[index].ids == BLOB]).argmax()) for index in (HIDDEN.start - 1, HIDDEN.stop + 1)
     )
@@ -98,7 +99,7 @@ def test_a_window_too_short_forgets_what_was_hidden() -> None:
 
 
 @cache
-def alone() -> FakeBench:
+def alone() -> LocalContext:
     return paint([shot.image for shot in truth()[: HIDDEN.stop + 1]], temporal="off")
 
 
@@ -121,10 +122,10 @@ def test_no_hole_and_no_black_seam() -> None:
 
 
 def test_relaxation_lowers_the_energy_of_every_patch() -> None:
-    bench = paint([shot.image for shot in truth()[:8]], artefacts=frozenset({"energy"}))
+    context = paint([shot.image for shot in truth()[:8]], artefacts=frozenset({"energy"}))
     reports = [
         json.loads(archive.read(name))
-        for key, data in bench.files.items()
+        for key, data in context.files.items()
         if key.startswith("energy-")
         for archive in [zipfile.ZipFile(io.BytesIO(data))]
         for name in archive.namelist()
@@ -168,8 +169,8 @@ def test_a_corrected_label_map_changes_the_frames_before_and_after() -> None:
     frames = [shot.image for shot in truth()[:6]]
     drawn = np.where(truth()[4].ids == SLAB, 77, np.where(truth()[4].ids == WALL, 1, 9)).astype(np.uint16)
     first = np.where(truth()[0].ids == SLAB, 77, np.where(truth()[0].ids == WALL, 1, 9)).astype(np.uint16)
-    bench = paint(frames, {"labels": {0: first, 4: drawn}})
-    maps = label_maps(bench)
+    context = paint(frames, {"labels": {0: first, 4: drawn}})
+    maps = label_maps(context)
     np.testing.assert_array_equal(maps[4], drawn)
     for index, shot in enumerate(truth()[:6]):
         assert rand_index(maps[index], np.where(shot.ids == BLOB, DISC, shot.ids)) > 0.9
@@ -209,8 +210,8 @@ def test_scribbles_are_masks_too() -> None:
 
 def test_a_patch_may_have_a_style_of_its_own() -> None:
     params = PatchesParams(background_style="wash")
-    bench = FakeBench(params, [truth()[0].image], {"styles": {"3": "circles"}})
-    own = styles_of(bench)
+    context = LocalContext(params, [truth()[0].image], {"styles": {"3": "circles"}})
+    own = styles_of(context)
     assert [style_of(label, params, own) for label in (1, 2, 3)] == ["wash", "hertzmann", "circles"]
     frames = [shot.image for shot in truth()[:3]]
     plain, styled = paint(frames), paint(frames, {"styles": {"background": "circles"}})
@@ -231,7 +232,7 @@ def test_a_patch_may_have_a_style_of_its_own() -> None:
 )
 def test_a_bad_style_is_refused_by_its_path(styles: object, field: str) -> None:
     with pytest.raises(BadParameter) as caught:
-        styles_of(FakeBench(PatchesParams(), [truth()[0].image], {"styles": styles}))
+        styles_of(LocalContext(PatchesParams(), [truth()[0].image], {"styles": styles}))
     assert caught.value.field == field and caught.value.remedy
 
 
@@ -258,9 +259,9 @@ def test_a_map_of_another_shape_or_with_colours_is_refused() -> None:
     ],
 )
 def test_what_the_user_says_is_looked_at_before_anything_is_done(inputs: dict[str, object], field: str) -> None:
-    bench = FakeBench(PatchesParams(), [truth()[0].image] * 2, inputs)
+    context = LocalContext(PatchesParams(), [truth()[0].image] * 2, inputs)
     with pytest.raises(BadParameter) as caught:
-        run_scan(Task("video"), bench)
+        run_scan(Task("video"), context)
     assert caught.value.field == field and caught.value.remedy
 
 
@@ -268,32 +269,35 @@ def test_what_the_user_says_is_looked_at_before_anything_is_done(inputs: dict[st
 
 
 def test_label_maps_come_out_as_they_may_come_in() -> None:
-    bench = paint([shot.image for shot in truth()[:3]], artefacts=frozenset({"labels", "patches"}))
-    archive = zipfile.ZipFile(io.BytesIO(bench.files["labels-run-0000000"]))
+    context = paint([shot.image for shot in truth()[:3]], artefacts=frozenset({"labels", "overlay", "patches"}))
+    archive = zipfile.ZipFile(io.BytesIO(context.files["labels-run-0000000"]))
     assert archive.namelist() == ["000000.png", "000001.png", "000002.png"]
     image = cv2.imdecode(np.frombuffer(archive.read("000001.png"), np.uint8), cv2.IMREAD_UNCHANGED)
     assert image.dtype == np.uint16
-    np.testing.assert_array_equal(label_map(image, Grid.of(SIZE), 1), label_maps(bench)[1])
-    pictures = [name for name in bench.files if name.startswith("patches-")]
-    names = [name for key in pictures for name in zipfile.ZipFile(io.BytesIO(bench.files[key])).namelist()]
+    assert image.shape == SIZE[::-1] and (label_map(image, Grid.of(SIZE), 1) == label_maps(context)[1]).mean() > 0.97
+    shown = zipfile.ZipFile(io.BytesIO(context.files["overlay-run-0000000"]))
+    seen = cv2.imdecode(np.frombuffer(shown.read("000001.png"), np.uint8), cv2.IMREAD_COLOR)
+    assert seen.shape == (*SIZE[::-1], 3) and np.ptp(seen.astype(int), axis=2).max() > 60
+    pictures = [name for name in context.files if name.startswith("patches-")]
+    names = [name for key in pictures for name in zipfile.ZipFile(io.BytesIO(context.files[key])).namelist()]
     assert len(names) >= 6 and all(name.endswith(("-panorama.png", "-painting.png")) for name in names)
 
 
 # -- plans and styles
 
 
-def brief(frames: int, travel: float = 0.0, longest: int = 120) -> Brief:
+def context(frames: int, travel: float = 0.0, longest: int = 120) -> PlanContext:
     """Notes of a background that is everywhere, in one run."""
     row = [0, frames - 1, 1000 * frames, frames // 3, 1000, travel]
-    notes = {
+    results = {
         "scan": {"video": {"frames": frames, "cuts": [], "keys": []}}, "correct": {},
         "cluster": {"run-0000000": {"labels": {"1": row}}},
     }  # fmt: skip
-    return Brief(PatchesParams(longest_patch=longest), 0, VideoInfo(320, 180, frames, 25.0, 1.0), notes=notes)
+    return PlanContext(PatchesParams(longest_patch=longest), 0, VideoInfo(320, 180, frames, 25.0, 1.0), results=results)
 
 
 def test_lives_are_short_enough_and_fade_into_each_other() -> None:
-    found = lives(brief(100, longest=40))
+    found = lives(context(100, longest=40))
     assert len(found) == 3 and (found[0].start, found[-1].stop) == (0, 100)
     assert all(life.stop - life.start <= 40 + FADE for life in found)
     for index in range(100):
@@ -306,13 +310,13 @@ def test_a_patch_is_the_same_in_one_task_and_in_many(monkeypatch: pytest.MonkeyP
     for small in (0.0, 1e9):
         monkeypatch.setattr(build, "SMALL", small)
         made.append(paint(frames))
-    (many, one), names = made, [{key for step, key in bench.kept if step == "patch"} for bench in made]
+    (many, one), names = made, [{key for step, key in context.kept if step == "patch"} for context in made]
     assert any("-sum-" in key for key in names[0]) and not any("-sum-" in key for key in names[1])
     np.testing.assert_array_equal(painted(many), painted(one))
 
 
 def test_flow_waits_for_nothing_and_label_maps_for_what_they_read_only() -> None:
-    tasks = {task.key: task for task in plan_cluster(brief(30))}
+    tasks = {task.key: task for task in plan_cluster(context(30))}
     assert [task.after for key, task in tasks.items() if key.startswith("flow")] == [(), (), ()]
     assert tasks["run-0000000"].after == ("flow-0000000",)
     assert set(tasks["run-0000024"].after) == {"flow-0000024", "flow-0000012", "run-0000012"}
@@ -321,12 +325,12 @@ def test_flow_waits_for_nothing_and_label_maps_for_what_they_read_only() -> None
 
 
 def test_what_travels_far_has_more_lives() -> None:
-    assert len(lives(brief(100))) == 1
-    assert len(lives(brief(100, travel=5 * 320.0))) >= 2
+    assert len(lives(context(100))) == 1
+    assert len(lives(context(100, travel=5 * 320.0))) >= 2
 
 
 def test_a_life_travels_as_json() -> None:
-    life = lives(brief(50))[0]
+    life = lives(context(50))[0]
     assert Life(**json.loads(json.dumps(life.args()))) == life
 
 

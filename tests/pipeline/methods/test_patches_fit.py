@@ -27,7 +27,7 @@ def halves() -> Frame:
     return np.asarray(np.clip(frame, 0, 255), np.uint8)
 
 
-def look(made_from: Frame, paint: Frame) -> NDArray[np.float32]:
+def rendering(made_from: Frame, paint: Frame) -> NDArray[np.float32]:
     return np.stack([made_from, paint]).astype(np.float32)
 
 
@@ -67,15 +67,15 @@ def test_a_small_dark_thing_is_as_dark_in_paint() -> None:
 def test_paint_is_given_up_only_where_it_is_wrong_and_outdated() -> None:
     frame = halves()
     dark = with_spot(frame, 20)
-    same = apart(dark, look(dark, frame), LIMIT, 2.0)[102:108, 62:68]
-    will_do = apart(dark, look(frame, dark), LIMIT, 2.0)[102:108, 62:68]
-    wrong = apart(dark, look(frame, frame), LIMIT, 2.0)[102:108, 62:68]
+    same = apart(dark, rendering(dark, frame), LIMIT, 2.0)[102:108, 62:68]
+    will_do = apart(dark, rendering(frame, dark), LIMIT, 2.0)[102:108, 62:68]
+    wrong = apart(dark, rendering(frame, frame), LIMIT, 2.0)[102:108, 62:68]
     assert same.max() == 0 and will_do.max() == 0 and wrong.min() > 4
 
 
 def test_a_patch_gives_up_a_new_thing_with_its_rim_and_nothing_else() -> None:
     frame = halves()
-    share = patch_fits(with_spot(frame, 20), look(frame, frame), LIMIT, GRID)
+    share = patch_fits(with_spot(frame, 20), rendering(frame, frame), LIMIT, GRID)
     assert share[100:110, 60:70].max() < 0.02, "all of it, its border too"
     assert share[:, 172:].min() > 0.98 and share[130:].min() > 0.98 and share[:70].min() > 0.98
 
@@ -85,7 +85,7 @@ def test_a_mean_of_what_did_not_hold_still_is_given_up_for_less() -> None:
     blurred = np.asarray(cv2.GaussianBlur(frame, (0, 0), 3), np.uint8)
     assert sharpness(blurred, frame, 1.0)[:, 220:].max() < 0.5 < sharpness(frame, frame, 1.0).min()
     limit = np.full((344, 344), 300, np.float32)
-    kept = [patch_fits(frame, look(seen, blurred), limit, GRID)[:, 220:].mean() for seen in (frame, blurred)]
+    kept = [patch_fits(frame, rendering(seen, blurred), limit, GRID)[:, 220:].mean() for seen in (frame, blurred)]
     assert kept[0] > 0.99 and kept[1] < 0.2
 
 

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from pipeline.frames import Flow, Frame, Plane
 from pipeline.methods.patches.grid import Grid
 from pipeline.methods.patches.hertzmann import Painter
-from pipeline.methods.patches.links import shelf
+from pipeline.methods.patches.links import artefact_of
 from pipeline.methods.patches.lives import Life
 from pipeline.methods.patches.painted import Painted
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.remainder import FADE, NOWHERE, RETURNS, Carried, Remainder
 from pipeline.segmentation.cuts import is_cut, thumbnail
-from tests.pipeline.methods.bench import painted
+from tests.pipeline.methods.frames import painted
 from tests.pipeline.methods.patch_scenes import paint, truth
 
 SIZE = (160, 96)
@@ -176,8 +176,8 @@ def test_nothing_crosses_a_cut() -> None:
 
 
 def test_what_is_read_together_lies_together() -> None:
-    assert [shelf(14, gap, 2, 12) for gap in (0, 1, 4)] == ["flow-0000014", "flow-0000014", "far-0000014"]
-    assert [shelf(13, gap, 2, 12) for gap in (0, 1, 4)] == ["flow-0000002", "over-0000002", "over-0000002"]
+    assert [artefact_of(14, gap, 2, 12) for gap in (0, 1, 4)] == ["flow-0000014", "flow-0000014", "far-0000014"]
+    assert [artefact_of(13, gap, 2, 12) for gap in (0, 1, 4)] == ["flow-0000002", "over-0000002", "over-0000002"]
 
 
 @pytest.mark.parametrize("change", range(8, 40))
@@ -187,13 +187,13 @@ def test_a_run_has_the_looks_of_its_frames_and_of_the_one_after_them(change: int
     class Kept:
         def load(self, step: str, name: str) -> dict[str, NDArray[Any]]:
             if "age" in name:
-                look = np.full((8, 8, 3), 9, np.uint8)
-                return {"panorama": look, "painting": look}
+                rendering = np.full((8, 8, 3), 9, np.uint8)
+                return {"panorama": rendering, "painting": rendering}
             return {"at": np.zeros((0, 6), np.int32), "matrix": np.zeros((0, 3, 3)), "shift": np.zeros((0, 2))}
 
     life = Life("s0-l2-f0", 2, 0, 48, 0, 48, 20, False, False, 64)
-    note = {"ages": [[0, change], [change, 48]], "origin": [0, 0]}
-    patch = Painted.load(life, note, 12, 24, cast(Any, Kept()))
+    result = {"ages": [[0, change], [change, 48]], "origin": [0, 0]}
+    patch = Painted.load(life, result, 12, 24, cast(Any, Kept()))
     for index in range(12, 25):
         picture, _ = patch.at(index, np.ones((2, 2), np.float32), np.ones((2, 2), np.float32))
         np.testing.assert_allclose(picture, 9, atol=1e-4)

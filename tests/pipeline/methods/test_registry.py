@@ -16,12 +16,16 @@ import pipeline
 from pipeline.errors import BadInput, BadParameter
 from pipeline.frames import Frame
 from pipeline.methods import method, methods, parse_params
-from pipeline.methods.base import PROCESS_BYTES, Brief, Method, VideoInfo, needs_of, seeded
+from pipeline.methods.base import PROCESS_BYTES, Method, Params, PlanContext, VideoInfo, seeded
+from pipeline.methods.local import LocalContext, run_plan
 from pipeline.scenes import scene
-from tests.pipeline.methods.bench import FakeBench, painted, run_plan
+from tests.pipeline.methods.frames import painted
 
 SIZE = (64, 48)
 every_method = pytest.mark.parametrize("chosen", methods().values(), ids=methods().keys())
+
+built_in = {name: chosen for name, chosen in methods().items() if type(chosen).__module__.startswith("pipeline.")}
+every_built_in_method = pytest.mark.parametrize("chosen", built_in.values(), ids=built_in.keys())
 
 
 @cache
@@ -85,11 +89,11 @@ def test_its_examples_are_valid_and_differ(chosen: Method) -> None:
         jsonschema.validate(example.params, chosen.Params.model_json_schema())
 
 
-@every_method
+@every_built_in_method
 def test_what_a_step_needs_goes_by_the_size_of_frames_and_not_by_their_number(chosen: Method) -> None:
     def asked(step: str, width: int, height: int, frames: int = 100) -> int:
-        brief = Brief(chosen.Params(), 0, VideoInfo(width, height, frames, 25.0, frames / 25))
-        needs = needs_of(chosen, step, brief)
+        context = PlanContext(chosen.Params(), 0, VideoInfo(width, height, frames, 25.0, frames / 25))
+        needs = chosen.resources(step, context)
         assert needs is not None and needs.gpus in (None, 0.0)
         return needs.memory_bytes
 
@@ -162,21 +166,51 @@ def refused(chosen: Method, values: dict[str, Any], name: str) -> BadParameter:
 
 @every_method
 def test_tasks_are_named_for_files_and_urls_and_frames_are_emitted_once(chosen: Method) -> None:
-    bench = FakeBench(chosen.Params(), shot())
-    tasks = run_plan(chosen, bench)
+    context = Recorder(chosen.Params(), shot())
+    tasks = run_plan(chosen, context)
     for listed in tasks.values():
         keys = [task.key for task in listed]
         assert len(set(keys)) == len(keys)
         assert all(re.fullmatch(r"[a-z0-9-]+", key) for key in keys)
         assert all(set(task.after) <= set(keys) and task.weight > 0 for task in listed)
-    assert painted(bench).shape == (len(shot()), SIZE[1], SIZE[0], 3)
-    assert painted(bench).dtype == np.uint8
-    assert bench.done and min(bench.done) >= 0 and max(bench.done) <= 1
+    assert painted(context).shape == (len(shot()), SIZE[1], SIZE[0], 3)
+    assert painted(context).dtype == np.uint8
+    assert context.order == list(range(len(shot())))
+    assert context.done and min(context.done) >= 0 and max(context.done) <= 1
+
+
+class Recorder(LocalContext[Any]):
+    """Records the order of emitted frames and the progress that tasks report."""
+
+    def __init__(self, params: Params, video: list[Frame]) -> None:
+        super().__init__(params, video)
+        self.order: list[int] = []
+        self.done: list[float] = []
+
+    def emit(self, index: int, frame: Frame) -> None:
+        super().emit(index, frame)
+        self.order.append(index)
+
+    def progress(self, done: float) -> None:
+        self.done.append(done)
+
+
+@every_method
+def test_a_plan_depends_on_its_context_only(chosen: Method) -> None:
+    context, results = LocalContext(chosen.Params(), shot()), dict[str, dict[str, Any]]()
+    for step in chosen.steps:
+        planned = PlanContext(context.params, context.seed, context.video, frozenset(context.inputs), results)
+        tasks = list(step.plan(planned))
+        assert list(step.plan(planned)) == tasks
+        context.step = step.name
+        for task in tasks:
+            context.task = task
+            results.setdefault(step.name, {})[task.key] = step.run(task, context)
 
 
 @every_method
 def test_the_same_request_gives_the_same_bytes_in_any_order(chosen: Method) -> None:
-    first, second = (FakeBench(chosen.Params(), shot(), artefacts=frozenset(chosen.artefacts)) for _ in range(2))
+    first, second = (LocalContext(chosen.Params(), shot(), artefacts=frozenset(chosen.artefacts)) for _ in range(2))
     run_plan(chosen, first)
     run_plan(chosen, second, shuffle=1)
     np.testing.assert_array_equal(painted(first), painted(second))
@@ -185,17 +219,17 @@ def test_the_same_request_gives_the_same_bytes_in_any_order(chosen: Method) -> N
 
 @every_method
 def test_a_container_that_lies_about_its_frames_changes_nothing(chosen: Method) -> None:
-    honest, lying = (FakeBench(chosen.Params(), shot()) for _ in range(2))
+    honest, lying = (LocalContext(chosen.Params(), shot()) for _ in range(2))
     lying.video = VideoInfo(*SIZE, frames=1, fps=25.0, duration_s=0.04)
-    for bench in (honest, lying):
-        run_plan(chosen, bench)
+    for context in (honest, lying):
+        run_plan(chosen, context)
     np.testing.assert_array_equal(painted(honest), painted(lying))
 
 
 @every_method
 def test_a_video_without_frames_is_refused(chosen: Method) -> None:
     with pytest.raises(BadInput) as caught:
-        run_plan(chosen, FakeBench(chosen.Params(), []))
+        run_plan(chosen, LocalContext(chosen.Params(), []))
     assert caught.value.field == "inputs.video" and caught.value.remedy
 
 
@@ -204,9 +238,9 @@ def test_a_live_session_paints_what_a_job_paints(chosen: Method) -> None:
     session = chosen.stream(chosen.Params(), SIZE, 0, {})
     if session is None:
         pytest.skip("not a causal method")
-    bench = FakeBench(chosen.Params(), shot())
-    run_plan(chosen, bench)
-    np.testing.assert_array_equal(np.stack([session.step(frame) for frame in shot()]), painted(bench))
+    context = LocalContext(chosen.Params(), shot())
+    run_plan(chosen, context)
+    np.testing.assert_array_equal(np.stack([session.step(frame) for frame in shot()]), painted(context))
 
 
 # -- random numbers

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.scenes import scene
-from pipeline.segmentation.cuts import DIFFERENCE, THUMBNAIL, is_cut, steadiness, thumbnail
+from pipeline.segmentation.cuts import DIFFERENCE, THUMBNAIL, is_cut, light_steadiness, thumbnail
 
 SIZE = (96, 64)
 
@@ -75,8 +75,8 @@ def test_a_thumbnail_is_the_area_average_in_lab() -> None:
 def test_steady_light_is_one_and_a_fade_goes_towards_zero() -> None:
     frame = scene("harbour", SIZE, frames=1).image(0)
     here = thumbnail(frame)
-    assert steadiness(here, here) == 1.0
-    found = [steadiness(here, thumbnail((frame * light).astype(np.uint8))) for light in (0.99, 0.97, 0.93, 0.8)]
+    assert light_steadiness(here, here) == 1.0
+    found = [light_steadiness(here, thumbnail((frame * light).astype(np.uint8))) for light in (0.99, 0.97, 0.93, 0.8)]
     assert all(a > b for a, b in pairwise(found)) and found[0] > 0.3 and found[-1] < 0.01
 
 
@@ -84,11 +84,11 @@ def test_steadiness_by_hand() -> None:
     """A drift of 0.8 CIELAB units, be it of L* or a*, is 1/e."""
     here = np.full((18, 32, 3), 100, np.float32)
     for drift in ((0.8 * 2.55, 0, 0), (0, 0.8, 0)):
-        assert steadiness(here, here + np.array(drift, np.float32)) == pytest.approx(np.exp(-1), rel=1e-3)
+        assert light_steadiness(here, here + np.array(drift, np.float32)) == pytest.approx(np.exp(-1), rel=1e-3)
 
 
 def test_noise_and_motion_do_not_disturb_the_light() -> None:
     shot = scene("harbour", SIZE, frames=3, fps=12)
     rng = np.random.default_rng(0)
     noisy = [np.clip(shot.image(i) + rng.normal(0, 4, (64, 96, 3)), 0, 255).astype(np.uint8) for i in range(3)]
-    assert min(steadiness(thumbnail(a), thumbnail(b)) for a, b in pairwise(noisy)) > 0.8
+    assert min(light_steadiness(thumbnail(a), thumbnail(b)) for a, b in pairwise(noisy)) > 0.8

@@ -10,7 +10,17 @@ from numpy.typing import NDArray
 
 from pipeline.colour.lab8 import LabPlanes
 from pipeline.frames import Flow
-from pipeline.segmentation.motion import FADE_TOLERANCE, FAR, MOVING, bring, fade, hold_still, settle, way_back
+from pipeline.segmentation.motion import (
+    FADE_TOLERANCE,
+    FAR,
+    MOVING,
+    backward_maps,
+    blend_with_past,
+    denoise,
+    past_weights,
+    warp_back,
+    zero_still_flow,
+)
 from pipeline.segmentation.regions import Lab8
 
 Bytes = NDArray[np.uint8]
@@ -25,8 +35,8 @@ def noise(seed: int, low: int = 0, high: int = 256, shape: tuple[int, ...] = (*S
     return np.random.default_rng(seed).integers(low, high, shape).astype(np.uint8)
 
 
-def settled_from(lab: Lab8, past: Lab8, flow: Flow, memory: float, tolerance: float = 6.0) -> tuple[Lab8, Bytes]:
-    planes, residual = settle(planes_of(lab), past, flow, way_back(flow), memory, tolerance)
+def denoised_from(lab: Lab8, past: Lab8, flow: Flow, memory: float, tolerance: float = 6.0) -> tuple[Lab8, Bytes]:
+    planes, residual = denoise(planes_of(lab), past, flow, backward_maps(flow), memory, tolerance)
     return np.stack(planes, axis=-1), residual
 
 
@@ -41,7 +51,7 @@ def test_sensor_noise_stands_still_and_what_moves_keeps_its_flow() -> None:
     before = np.full((24, 32), 90, np.uint8)
     now = before + noise(0, 0, 3, before.shape)
     now[6:16, 4:14] = 160
-    flow = hold_still(uniform_flow(1.5, -0.7, before.shape), before, now, tolerance=2)
+    flow = zero_still_flow(uniform_flow(1.5, -0.7, before.shape), before, now, tolerance=2)
     np.testing.assert_array_equal(flow[6:16, 4:14], uniform_flow(1.5, -0.7, (10, 10)))
     assert not flow[:, 20:].any() and not flow[20:].any()
 
@@ -49,7 +59,7 @@ def test_sensor_noise_stands_still_and_what_moves_keeps_its_flow() -> None:
 @pytest.mark.parametrize(("change", "stands"), [(2, True), (3, False)])
 def test_the_mean_change_around_a_pixel_decides(change: int, stands: bool) -> None:
     before = np.full(SHAPE, 90, np.uint8)
-    flow = hold_still(uniform_flow(1, 0), before, before + np.uint8(change), tolerance=2)
+    flow = zero_still_flow(uniform_flow(1, 0), before, before + np.uint8(change), tolerance=2)
     assert flow.any() != stands
 
 
@@ -58,7 +68,7 @@ def test_the_mean_change_around_a_pixel_decides(change: int, stands: bool) -> No
 )
 def test_under_a_tenth_of_a_pixel_nothing_moves_whatever_changed(dx: float, dy: float, stands: bool) -> None:
     before = np.full(SHAPE, 90, np.uint8)
-    flow = hold_still(uniform_flow(dx, dy), before, before + np.uint8(50), tolerance=2)
+    flow = zero_still_flow(uniform_flow(dx, dy), before, before + np.uint8(50), tolerance=2)
     assert flow.any() != stands
 
 
@@ -67,9 +77,9 @@ def test_under_a_tenth_of_a_pixel_nothing_moves_whatever_changed(dx: float, dy: 
 
 def test_bring_reads_bilinearly_where_a_pixel_came_from() -> None:
     ramp = np.tile(np.arange(0, 160, 10, dtype=np.uint8), (12, 1))
-    np.testing.assert_array_equal(bring(ramp, way_back(uniform_flow(3, 0)))[:, 3:], ramp[:, :-3])
-    np.testing.assert_array_equal(bring(ramp, way_back(uniform_flow(0.5, 0)))[:, 1:], ramp[:, 1:] - 5)
-    np.testing.assert_array_equal(bring(ramp, way_back(uniform_flow(-2, 0)))[:, :-2], ramp[:, 2:])
+    np.testing.assert_array_equal(warp_back(ramp, backward_maps(uniform_flow(3, 0)))[:, 3:], ramp[:, :-3])
+    np.testing.assert_array_equal(warp_back(ramp, backward_maps(uniform_flow(0.5, 0)))[:, 1:], ramp[:, 1:] - 5)
+    np.testing.assert_array_equal(warp_back(ramp, backward_maps(uniform_flow(-2, 0)))[:, :-2], ramp[:, 2:])
 
 
 # -- settling
@@ -80,7 +90,7 @@ def test_bring_reads_bilinearly_where_a_pixel_came_from() -> None:
 def test_settling_in_words(seed: int, dx: int, dy: int, memory: float) -> None:
     """Out = now + w (past - now), w = memory exp(-(d / 6)^2), d the CIELAB difference to where the pixel came from."""
     now, before = noise(seed, 100, 116), noise(seed + 1, 100, 116)
-    out, residual = settled_from(now, before, uniform_flow(dx, dy), memory)
+    out, residual = denoised_from(now, before, uniform_flow(dx, dy), memory)
     weight = memory if (dx, dy) == (0, 0) else memory * MOVING
     for y, x in np.ndindex(*SHAPE):
         j, i = y - dy, x - dx
@@ -99,13 +109,13 @@ def test_what_has_changed_wholly_is_left_alone() -> None:
     before = np.full((*SHAPE, 3), 100, np.uint8)
     now = before.copy()
     now[4:8, 4:8] = (100, 140, 100)
-    out, residual = settled_from(now, before, uniform_flow(0, 0), 0.9)
+    out, residual = denoised_from(now, before, uniform_flow(0, 0), 0.9)
     np.testing.assert_array_equal(out, now)
     assert (residual[4:8, 4:8] == 160).all() and not residual[0].any()
 
 
 def test_a_very_large_difference_is_not_taken_for_no_counterpart() -> None:
-    out, residual = settled_from(
+    out, residual = denoised_from(
         np.full((*SHAPE, 3), 250, np.uint8), np.zeros((*SHAPE, 3), np.uint8), uniform_flow(0, 0), 0.9
     )
     assert (residual == 254).all() and (out == 250).all()
@@ -114,12 +124,12 @@ def test_a_very_large_difference_is_not_taken_for_no_counterpart() -> None:
 def test_a_still_picture_with_sensor_noise_comes_to_rest_at_its_colour() -> None:
     rng = np.random.default_rng(5)
     frames = [np.clip(np.rint(rng.normal(120, 2.0, (40, 40, 3))), 0, 255).astype(np.uint8) for _ in range(30)]
-    settled = [frames[0]]
+    denoised = [frames[0]]
     for now in frames[1:]:
-        settled.append(settled_from(now, settled[-1], uniform_flow(0, 0, (40, 40)), 0.85)[0])
-    assert unrest(settled[20:]) < 0.4 * unrest(frames[20:])
-    assert settled[-1].std() < 0.7 * frames[-1].std()
-    assert abs(float(settled[-1].mean()) - 120) < 0.5
+        denoised.append(denoised_from(now, denoised[-1], uniform_flow(0, 0, (40, 40)), 0.85)[0])
+    assert unrest(denoised[20:]) < 0.4 * unrest(frames[20:])
+    assert denoised[-1].std() < 0.7 * frames[-1].std()
+    assert abs(float(denoised[-1].mean()) - 120) < 0.5
 
 
 def unrest(frames: list[Lab8]) -> float:
@@ -129,8 +139,8 @@ def unrest(frames: list[Lab8]) -> float:
 def test_inputs_are_not_written_to() -> None:
     now, before, flow = noise(1), noise(2), uniform_flow(1, 0)
     kept = now.copy(), before.copy(), flow.copy()
-    _, residual = settled_from(now, before, flow, 0.8)
-    fade(now, bring(before, way_back(flow)), residual, 0.8)
+    _, residual = denoised_from(now, before, flow, 0.8)
+    blend_with_past(now, warp_back(before, backward_maps(flow)), residual, 0.8)
     for array, copy in zip((now, before, flow), kept, strict=True):
         np.testing.assert_array_equal(array, copy)
 
@@ -144,7 +154,7 @@ def test_paint_fades_where_the_source_agrees_and_jumps_where_it_does_not() -> No
     residual[:, 4:8] = round(FADE_TOLERANCE * 4)
     residual[:, 8:12] = 254
     residual[:, 12:] = FAR
-    out = fade(now, before.copy(), residual, 0.6)
+    out = blend_with_past(now, before.copy(), residual, 0.6)
     assert abs(int(out[0, 0, 0]) - 80) <= 1
     assert abs(int(out[0, 5, 0]) - (140 - 60 / np.e)) <= 1
     assert (out[:, 8:] == 140).all()
@@ -153,17 +163,27 @@ def test_paint_fades_where_the_source_agrees_and_jumps_where_it_does_not() -> No
 def test_repeated_fading_arrives() -> None:
     now, picture = np.full((*SHAPE, 3), 140, np.uint8), np.full((*SHAPE, 3), 40, np.uint8)
     for _ in range(20):
-        picture = fade(now, picture, np.zeros(SHAPE, np.uint8), 0.65)
+        picture = blend_with_past(now, picture, np.zeros(SHAPE, np.uint8), 0.65)
     assert np.abs(picture.astype(int) - 140).max() <= 1
 
 
 def test_paint_fades_along_the_motion() -> None:
     picture = noise(3)
-    out = fade(np.zeros_like(picture), bring(picture, way_back(uniform_flow(2, 0))), np.zeros(SHAPE, np.uint8), 0.5)
+    out = blend_with_past(
+        np.zeros_like(picture), warp_back(picture, backward_maps(uniform_flow(2, 0))), np.zeros(SHAPE, np.uint8), 0.5
+    )
     assert np.abs(out[:, 2:].astype(int) - picture[:, :-2] / 2).max() <= 1
 
 
 def test_no_memory_changes_nothing() -> None:
     now = noise(4)
-    out = fade(now, noise(5), np.zeros(SHAPE, np.uint8), 0.0)
+    out = blend_with_past(now, noise(5), np.zeros(SHAPE, np.uint8), 0.0)
     np.testing.assert_array_equal(out, now)
+
+
+def test_the_past_counts_where_the_source_agrees_with_it() -> None:
+    weights = past_weights(0.6) / 255
+    assert weights[0] == pytest.approx(0.6, abs=0.01)
+    assert weights[round(FADE_TOLERANCE * 4)] == pytest.approx(0.6 / np.e, abs=0.01)
+    assert weights[254] == weights[FAR] == 0
+    assert not past_weights(0.0).any()

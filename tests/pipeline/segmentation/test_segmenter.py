@@ -12,11 +12,11 @@ import pytest
 from hypothesis import given, settings
 from numpy.typing import NDArray
 
-from pipeline.aside import Now
+from pipeline.background import Ready
 from pipeline.frames import Flow
 from pipeline.scenes import SceneFrame, scene
 from pipeline.segmentation.edges import edges
-from pipeline.segmentation.motion import settle, way_back
+from pipeline.segmentation.motion import backward_maps, denoise
 from pipeline.segmentation.regions import Lab8
 from pipeline.segmentation.segmenter import Segmentation, Segmenter, SegmenterParams
 
@@ -51,9 +51,9 @@ class Stream:
             way = None
         else:
             planes = np.ascontiguousarray(lab.transpose(2, 0, 1))
-            residual = settle(planes, self.before, way, way_back(way), 0.0, 6.0)[1]
+            residual = denoise(planes, self.before, way, backward_maps(way), 0.0, 6.0)[1]
         self.before = lab
-        return check(self.segmenter.step(lab, Now(wall), self.importance, way, residual), lab)
+        return check(self.segmenter.step(lab, Ready(wall), self.importance, way, residual), lab)
 
 
 def check(made: Segmentation, lab: Lab8) -> Segmentation:
@@ -240,7 +240,7 @@ def test_what_fades_in_gets_regions_of_its_own() -> None:
         flow = np.zeros((*SHAPE, 2), np.float32)
         residual = np.zeros(SHAPE, np.uint8)
         edge = np.zeros(SHAPE, np.uint8)
-        made = check(stream.segmenter.step(lab, Now(edge), stream.importance, flow, residual, fading=True), lab)
+        made = check(stream.segmenter.step(lab, Ready(edge), stream.importance, flow, residual, fading=True), lab)
     np.testing.assert_array_equal(made.labels == made.labels[24, 32], full[..., 1] == 170)
 
 

@@ -11,8 +11,8 @@ import pytest
 from pipeline.strokes.brush import Brush, Canvas, blank
 from pipeline.strokes.layers import (
     FARTHEST,
-    Recipe,
-    Renderer,
+    LayerScheme,
+    StillPainting,
     area_error,
     colour_error,
     layer_brush,
@@ -37,36 +37,30 @@ def error(canvas: Canvas) -> float:
     return float(colour_error(scene(), canvas).mean())
 
 
-@pytest.mark.parametrize("renderer", ["explicit", "implicit"])
-def test_each_layer_reduces_the_error(renderer: Renderer) -> None:
+def test_each_layer_reduces_the_error() -> None:
     errors = [
-        error(paint_still(scene(), FIELD, BRUSH, recipe=Recipe(most=n), threshold=10, renderer=renderer))
-        for n in (1, 2, 3)
+        error(paint_still(scene(), FIELD, StillPainting(BRUSH, LayerScheme(most=n), threshold=10))) for n in (1, 2, 3)
     ]
     assert errors[0] > 1.15 * errors[1] > 1.15 * errors[2]
 
 
-@pytest.mark.parametrize("renderer", ["explicit", "implicit"])
-def test_free_colours_call_for_no_more_strokes(renderer: Renderer) -> None:
+def test_free_colours_call_for_no_more_strokes() -> None:
     shifted = Brush(size_px=12, length_px=40, hue_deg=90, jitter=0.8)
     plain = Brush(size_px=12, length_px=40)
-    one, other = (paint_still(scene(), FIELD, b, renderer=renderer, seed=3) for b in (plain, shifted))
+    one, other = (paint_still(scene(), FIELD, StillPainting(b, seed=3)) for b in (plain, shifted))
     assert np.abs(one[..., :3] - other[..., :3]).mean() > 30
-    if renderer == "explicit":  # the implicit one's strokes cover by colour, and colours differ
-        np.testing.assert_array_equal(one[..., 4:], other[..., 4:])
+    np.testing.assert_array_equal(one[..., 4:], other[..., 4:])
 
 
-def test_the_same_bytes_again_whatever_the_threads() -> None:
-    a, b = (paint_still(scene(), FIELD, BRUSH, renderer="implicit", threads=n, seed=5) for n in (1, 2))
-    assert a.tobytes() == b.tobytes()
-    assert a.tobytes() != paint_still(scene(), FIELD, BRUSH, renderer="implicit", seed=6).tobytes()
+def test_the_same_bytes_again_and_others_with_another_seed() -> None:
+    a, b, other = (paint_still(scene(), FIELD, StillPainting(BRUSH, seed=seed)) for seed in (5, 5, 6))
+    assert a.tobytes() == b.tobytes() != other.tobytes()
 
 
 @pytest.mark.parametrize("shape", [(16, 16), (17, 61), (53, 19)])
-@pytest.mark.parametrize("renderer", ["explicit", "implicit"])
-def test_odd_sizes(shape: tuple[int, int], renderer: Renderer) -> None:
+def test_odd_sizes(shape: tuple[int, int]) -> None:
     picture = np.ascontiguousarray(scene()[: shape[0], : shape[1]])
-    canvas = paint_still(picture, np.ascontiguousarray(FIELD[: shape[0], : shape[1]]), BRUSH, renderer=renderer)
+    canvas = paint_still(picture, np.ascontiguousarray(FIELD[: shape[0], : shape[1]]), StillPainting(BRUSH))
     assert canvas.shape == (*shape, 7) and np.isfinite(canvas).all()
     assert np.abs(canvas[..., 4:] - picture).mean() < 40
 
@@ -83,9 +77,9 @@ def test_the_threshold_slides_without_a_jump() -> None:
 def test_strokes_of_a_fractional_layer_come_singly() -> None:
     counts = []
     for layers in (1.4, 1.86, 1.91, 1.95, 2.0):
-        canvas = paint_still(scene(), FIELD, BRUSH, recipe=Recipe(most=2), layers=layers, threshold=10)
+        canvas = paint_still(scene(), FIELD, StillPainting(BRUSH, LayerScheme(most=2), layers=layers, threshold=10))
         counts.append(error(canvas))
-    assert counts[0] == error(paint_still(scene(), FIELD, BRUSH, recipe=Recipe(most=1)))
+    assert counts[0] == error(paint_still(scene(), FIELD, StillPainting(BRUSH, LayerScheme(most=1))))
     assert counts == sorted(counts, reverse=True) and len(set(counts)) >= 4
 
 
@@ -103,5 +97,5 @@ def test_error_of_black_and_white() -> None:
 
 
 def test_finer_layers_are_smaller_and_stray_less() -> None:
-    fine = layer_brush(Brush(size_px=8, length_px=40, jitter=0.4, relief_px=2), Recipe(ratio=0.25), 1)
+    fine = layer_brush(Brush(size_px=8, length_px=40, jitter=0.4, relief_px=2), 0.25, 1)
     assert (fine.size_px, fine.length_px, fine.relief_px) == (2, 20, 0.5) and fine.jitter == pytest.approx(0.1)

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from pipeline.strokes.brush import Brush, Canvas, Strokes, blank, discs, tint
-from pipeline.strokes.raster import Touch, paint, painting_order, slopes_of
+from pipeline.strokes.raster import StrokeProfile, paint, painting_order, slopes_of
 from pipeline.strokes.seeds import Seeds
 
-PLAIN = Touch(taper=(0, 0), streaks=0, dry=0)
+PLAIN = StrokeProfile(taper=(0, 0), streaks=0, dry=0)
 ODD = (61, 83)
 
 
@@ -35,21 +35,21 @@ def both(a: Strokes, b: Strokes) -> Strokes:
 def test_width_and_area_of_a_straight_stroke(size: float, degrees: int) -> None:
     dx, dy = 17 * math.cos(math.radians(degrees)), 17 * math.sin(math.radians(degrees))
     points = [(41.3 + k * dx, 30.2 + k * dy) for k in (-1, -0.3, 0.4, 1)]
-    cover = paint(black(), line(points, size), touch=PLAIN)[..., 0] / 200
+    cover = paint(black(), line(points, size), profile=PLAIN)[..., 0] / 200
     assert cover.sum() == pytest.approx(34 * size + math.pi * size**2 / 4, rel=0.03)
     if degrees == 0:
         assert cover[:, 41].sum() == pytest.approx(size, rel=0.02)
 
 
 def test_a_disc_has_its_area() -> None:
-    assert paint(black(), line([(40.4, 30.7)], 11), touch=PLAIN)[..., 0].sum() / 200 == pytest.approx(
+    assert paint(black(), line([(40.4, 30.7)], 11), profile=PLAIN)[..., 0].sum() / 200 == pytest.approx(
         math.pi * 5.5**2, rel=0.02
     )
 
 
 def test_a_taper_narrows_the_ends_only() -> None:
     points = [(20.0 + 5 * k, 30.0) for k in range(9)]
-    cover = paint(black(), line(points, 10), touch=Touch(taper=(0.2, 0.8), streaks=0))[..., 0] / 200
+    cover = paint(black(), line(points, 10), profile=StrokeProfile(taper=(0.2, 0.8), streaks=0))[..., 0] / 200
     assert cover[:, 40].sum() == pytest.approx(10, rel=0.02)
     assert cover[:, 60].sum() < 3 and 6 < cover[:, 20].sum() < 9
 
@@ -57,7 +57,7 @@ def test_a_taper_narrows_the_ends_only() -> None:
 def test_opacity_composites_exactly() -> None:
     canvas = blank(np.full((*ODD, 3), 40, np.uint8))
     strokes = both(line([(20, 30), (60, 30)], 12, 0.25, 1), line([(40, 10), (40, 50)], 12, 0.5, 2))
-    paint(canvas, strokes, touch=PLAIN, order=np.array([0, 1]))
+    paint(canvas, strokes, profile=PLAIN, order=np.array([0, 1]))
     once = 40 + 0.25 * (200 - 40)
     np.testing.assert_allclose(canvas[30, 25, :3], [80, 40 + 15, 40 + 2.5], atol=1e-4)
     assert canvas[30, 40, 0] == pytest.approx(once + 0.5 * (200 - once), abs=1e-4)
@@ -66,28 +66,28 @@ def test_opacity_composites_exactly() -> None:
 
 def test_a_stroke_that_crosses_itself_does_not_cover_twice() -> None:
     loop = [(20.0, 30.0), (60.0, 30.0), (60.0, 45.0), (40.0, 45.0), (40.0, 15.0)]
-    canvas = paint(black(), line(loop, 8, 0.5), touch=PLAIN)
+    canvas = paint(black(), line(loop, 8, 0.5), profile=PLAIN)
     assert canvas[..., 0].max() == pytest.approx(100, abs=1e-3)
 
 
 def test_strokes_keep_off_other_colours() -> None:
     guide = np.full((*ODD, 3), (200, 100, 50), np.uint8)
     guide[:, 50:] = 0
-    canvas = paint(black(), line([(20, 30), (70, 30)]), touch=PLAIN, guide=guide, tolerance=60)
+    canvas = paint(black(), line([(20, 30), (70, 30)]), profile=PLAIN, guide=guide, tolerance=60)
     assert canvas[30, 49, 0] == 200 and not canvas[:, 50:].any()
 
 
 def test_free_colour_is_no_other_thing() -> None:
     guide = np.full((*ODD, 3), (200, 100, 50), np.uint8)
     stroke = replace(line([(20, 30), (70, 30)]), colours=np.array([[0, 0, 255]], np.float32))
-    canvas = paint(black(), stroke, touch=PLAIN, guide=guide, tolerance=10)
+    canvas = paint(black(), stroke, profile=PLAIN, guide=guide, tolerance=10)
     np.testing.assert_array_equal(canvas[30, 40, :3], [0, 0, 255])
     np.testing.assert_array_equal(canvas[30, 40, 4:], [200, 100, 50])
 
 
 def test_hairs_leave_traces_along_the_stroke() -> None:
     hairy = replace(line([(10.0 + 6 * k, 30.0) for k in range(11)], 16), grain=np.ones(1, np.float32))
-    canvas = paint(black(), hairy, touch=Touch(taper=(0, 0), streaks=40, dry=0))
+    canvas = paint(black(), hairy, profile=StrokeProfile(taper=(0, 0), streaks=40, dry=0))
     inside = canvas[24:37, 25:60, 3]
     assert np.abs(np.diff(inside, axis=0)).mean() > 3 * np.abs(np.diff(inside, axis=1)).mean()
     assert 0 < inside.min() < inside.max() <= 2
@@ -99,7 +99,7 @@ def test_strokes_across_every_border_stay_inside(shape: tuple[int, int]) -> None
     framed = np.zeros((h + 20, w + 20, 7), np.float32)
     window = framed[10:-10, 10:-10]
     for name, ends in enumerate([[(-30, -20), (w + 30, h + 25)], [(-5, h), (w, h + 3)], [(w + 9, -9)], [(w / 2, -40)]]):
-        paint(window, line([(float(x), float(y)) for x, y in ends], 9, name=name), touch=PLAIN)
+        paint(window, line([(float(x), float(y)) for x, y in ends], 9, name=name), profile=PLAIN)
     assert window.any() and np.isfinite(framed).all()
     window[:] = 0
     assert not framed.any()
@@ -130,7 +130,7 @@ def test_a_slanted_silhouette_has_no_stairs_with_slopes() -> None:
     guide = np.rint(inside[..., None] * (200, 100, 50)).astype(np.uint8)
     rows, off = np.arange(20, 41), []
     for slopes in (None, slopes_of(guide)):
-        canvas = paint(black(), line([(10, 30), (75, 30)], 30), touch=PLAIN, guide=guide, tolerance=60, slopes=slopes)
+        canvas = paint(black(), line([(10, 30), (75, 30)], 30), profile=PLAIN, guide=guide, tolerance=60, slopes=slopes)
         ends = canvas[rows, 20:60, 0].sum(axis=1) / 200
         off.append(np.abs(ends - np.polyval(np.polyfit(rows, ends, 1), rows)).max())
     assert off[1] < 0.1 < 0.3 < off[0]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.strokes.brush import Brush, Direction, blank, colours_at
 from pipeline.strokes.seeds import Seeds
-from pipeline.strokes.trace import gradient_normals, trace
+from pipeline.strokes.trace import TraceRules, trace
 
 SIZE = (121, 141)
 GRAY = np.full((1, 3), 128, np.float32)
@@ -66,7 +66,7 @@ def test_strokes_end_at_an_edge() -> None:
     picture[:, 90:] = 220
     seeds = one(70, 60)
     strokes = trace(
-        seeds, even(0), Brush(size_px=4, length_px=100), colours_at(seeds, picture), reference=picture, edge=60
+        seeds, even(0), Brush(size_px=4, length_px=100), colours_at(seeds, picture), TraceRules(picture, edge=60)
     )
     x = strokes.points[0, : strokes.counts[0], 0]
     assert 85 < x.max() < 90 and x.min() == pytest.approx(20, abs=0.1)
@@ -76,27 +76,16 @@ def test_strokes_end_where_the_canvas_is_better_already_but_not_before_their_lea
     ramp = np.repeat(np.linspace(60, 160, SIZE[1]).astype(np.uint8)[None, :, None], 3, axis=2)
     picture = np.ascontiguousarray(np.repeat(ramp, SIZE[0], axis=0))
     seeds, brush, canvas = one(70, 60), Brush(size_px=4, length_px=80), blank(picture)
-    aims = colours_at(seeds, picture)
-    ends = [
-        trace(seeds, even(0), brush, aims, reference=picture, canvas=canvas, min_length=least, edge=200)
-        for least in (0.0, 0.5, 1.0)
-    ]
+    targets = colours_at(seeds, picture)
+    ends = [trace(seeds, even(0), brush, targets, TraceRules(picture, canvas, 200, least)) for least in (0.0, 0.5, 1.0)]
     spans = [length(strokes.points[0, : strokes.counts[0]]) for strokes in ends]
     assert spans[0] <= 4 and 40 <= spans[1] <= 48 and spans[2] == pytest.approx(80, abs=0.1)
 
 
-def test_a_stroke_may_grow_one_way_and_stay_straight() -> None:
-    bent = trace(one(105, 60), round_about(70, 60), Brush(size_px=4, length_px=40), GRAY, both=False)
-    assert tuple(bent.points[0, 0]) == (105, 60)
-    straight = trace(one(105, 60), round_about(70, 60), Brush(size_px=4, length_px=40), GRAY, both=False, curvature=0)
+def test_without_curvature_a_stroke_stays_straight() -> None:
+    rules = TraceRules(curvature=0)
+    straight = trace(one(105, 60), round_about(70, 60), Brush(size_px=4, length_px=40), GRAY, rules)
     assert np.abs(straight.points[0, : straight.counts[0], 0] - 105).max() < 0.01
-
-
-def test_gradient_normals_run_along_an_edge() -> None:
-    y, x = np.indices(SIZE)
-    field = gradient_normals((3 * x + 2 * y).astype(np.float32))
-    angle = math.atan2(3, -2) * 2
-    assert np.abs(field[5:-5, 5:-5] - np.float32([math.cos(angle), math.sin(angle)])).max() < 1e-4
 
 
 def test_points_stay_in_the_picture_from_every_border() -> None:

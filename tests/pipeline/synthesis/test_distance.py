@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.compute import device
-from pipeline.synthesis.distance import distance, extrapolated, nearest, within
+from pipeline.synthesis.distance import distance, extrapolated, nearest, within_reach
 
 SIZES = [(1, 1), (1, 9), (9, 1), (17, 23), (40, 31)]
 
@@ -54,4 +54,4 @@ def test_beyond_its_reach_nothing_is_found(reach: int) -> None:
     found = nearest(mask, reach_px=reach)
     np.testing.assert_array_equal(found[..., 0] >= 0, distance(mask) <= reach)
     np.testing.assert_array_equal(found, nearest(mask, device(), reach))
-    np.testing.assert_array_equal(within(nearest(mask), reach), distance(mask) <= reach)
+    np.testing.assert_array_equal(within_reach(nearest(mask), reach), distance(mask) <= reach)

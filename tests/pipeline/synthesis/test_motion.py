@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.synthesis.motion import stilled
+from pipeline.synthesis.motion import suppress_small_motion
 
 
 def pictures(shift: int = 0, noise: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
@@ -20,11 +20,11 @@ def pictures(shift: int = 0, noise: float = 1.0) -> tuple[np.ndarray, np.ndarray
 def test_what_barely_moves_stands_still_where_the_pictures_agree(speed: float, shift: int, stays: int) -> None:
     here, there = pictures(shift)
     velocity = np.full((*here.shape, 2), (speed, 0), np.float32)
-    moving = (stilled(velocity, here, there) != 0).any(-1)
+    moving = (suppress_small_motion(velocity, here, there) != 0).any(-1)
     assert abs(moving.mean() - stays) < 0.2
 
 
 def test_a_flat_part_of_what_moves_goes_on_moving() -> None:
     flat = np.full((40, 60), 128, np.uint8)
     velocity = np.full((40, 60, 2), (3.0, 1.0), np.float32)
-    np.testing.assert_array_equal(stilled(velocity, flat, flat), velocity)
+    np.testing.assert_array_equal(suppress_small_motion(velocity, flat, flat), velocity)

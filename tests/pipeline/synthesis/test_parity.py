@@ -11,21 +11,21 @@ import pytest
 
 from pipeline.compute import device
 from pipeline.synthesis.bands import Bands, bands
-from pipeline.synthesis.engine import FARTHEST_PX, refine
-from pipeline.synthesis.goal import Goal
+from pipeline.synthesis.energy import Energy
 from pipeline.synthesis.images import NOWHERE, Style, Target, packed
 from pipeline.synthesis.opencl import Kernels
-from pipeline.synthesis.operations import Operations, Past
+from pipeline.synthesis.operations import NeighbourAppearance, Operations
 from pipeline.synthesis.reference import Reference
+from pipeline.synthesis.refine import FARTHEST_PX, refine
 
 pytestmark = pytest.mark.real("opencl")
 
-PLAIN = Goal(guides=(4.0, 0.5, 0.5))
+PLAIN = Energy(guides=(4.0, 0.5, 0.5))
 FULL = replace(PLAIN, w_sc=15.0, w_tc=2.0, w_h=100.0, h_limit=0.5, w_dt=20.0)
-GOALS = {
+ENERGIES = {
     "plain": PLAIN,
-    "one guide": Goal(guides=(2.0,)),
-    "eight guides": Goal(guides=(1.0,) * 8, w_sc=5.0),
+    "one guide": Energy(guides=(2.0,)),
+    "eight guides": Energy(guides=(1.0,) * 8, w_sc=5.0),
     "coherent": replace(PLAIN, w_sc=15.0),
     "temporal": replace(PLAIN, w_tc=2.0),
     "histogram": replace(PLAIN, w_h=100.0, h_limit=0.5),
@@ -42,67 +42,71 @@ def smooth(rng: np.random.Generator, height: int, width: int, channels: int) -> 
     return np.asarray(cv2.GaussianBlur(noise, (0, 0), 1.2)).reshape(height, width, channels)
 
 
-def a_style(goal: Goal, turned: bool, holes: bool) -> Style:
+def a_style(energy: Energy, turned: bool, holes: bool) -> Style:
     rng = np.random.default_rng(3)
-    colours, guides = smooth(rng, 37, 45, goal.colours), smooth(rng, 37, 45, len(goal.guides))
+    colours, guides = smooth(rng, 37, 45, energy.colours), smooth(rng, 37, 45, len(energy.guides))
     bins = rng.integers(0, 64, (37, 45), dtype=np.uint8)
     bins[:5] = 255
     usable = (rng.random((37, 45)) < 0.8).astype(np.uint8) if holes else None
-    distance = rng.random((37, 45), np.float32) * 20 if goal.w_dt else None
-    return Style(colours, packed(goal, colours, guides), bins if turned else None, usable, distance)
+    distance = rng.random((37, 45), np.float32) * 20 if energy.w_dt else None
+    return Style(colours, packed(energy, colours, guides), bins if turned else None, usable, distance)
 
 
-def a_target(goal: Goal, turned: bool, seed: int = 4) -> Target:
+def a_target(energy: Energy, turned: bool, seed: int = 4) -> Target:
     rng = np.random.default_rng(seed)
     bins = rng.integers(0, 64, (23, 31), dtype=np.uint8) if turned else None
-    distance = rng.random((23, 31), np.float32) * 20 if goal.w_dt else None
-    return Target(smooth(rng, 23, 31, len(goal.guides)), bins, distance)
+    distance = rng.random((23, 31), np.float32) * 20 if energy.w_dt else None
+    return Target(smooth(rng, 23, 31, len(energy.guides)), bins, distance)
 
 
 def a_way() -> np.ndarray:
     return (np.random.default_rng(5).random((23, 31, 2), np.float32) - np.float32(0.5)) * np.float32(4)
 
 
-def worked(ops: Operations[Any], goal: Goal, turned: bool, holes: bool, rounds: int) -> dict[str, np.ndarray]:
+def seen_bytes(visible: np.ndarray, energy: Energy) -> np.ndarray:
+    return np.repeat((visible * np.uint8(255))[..., None], energy.channels, axis=2)
+
+
+def worked(ops: Operations[Any], energy: Energy, turned: bool, holes: bool, rounds: int) -> dict[str, np.ndarray]:
     """Every operation once, and `rounds` iterations, with all that a goal asks for."""
-    style = ops.load(a_style(goal, turned, holes), goal)
-    before, now = ops.seat(style, a_target(goal, turned, 7)), ops.seat(style, a_target(goal, turned))
+    style = ops.load(a_style(energy, turned, holes), energy)
+    before, now = ops.prepare(style, a_target(energy, turned, 7)), ops.prepare(style, a_target(energy, turned))
     visible = (np.random.default_rng(6).random((23, 31)) < 0.8).astype(np.uint8)
-    old = ops.scatter(style, before.size, (1, 2))
+    old = ops.random_offsets(style, before.size, (1, 2))
     advected = ops.advect(style, now, old, before.bins, ops.upload(a_way()), ops.upload(visible))
-    offsets = ops.merge(style, now.size, advected, ops.scatter(style, now.size, (3, 4)), 0.5, (5, 6))
+    offsets = ops.merge(style, now.size, advected, ops.random_offsets(style, now.size, (3, 4)), 0.5, (5, 6))
     found = {"old": old, "advected": advected, "merged": offsets}
-    if goal.w_tc or goal.keyed:
-        now.was = advected
-    if goal.w_tc:
-        now.before = found["before"] = ops.recall(style, now.size, advected)
-    if goal.keyed:
+    if energy.w_tc or energy.keyed:
+        now.advected = advected
+    if energy.w_tc:
+        now.advected_colours = found["before"] = ops.colours_at(style, now.size, advected)
+    if energy.keyed:
         ops.render(style, before, advected)
-        now.past = Past(before.packed, ops.margined(visible, goal.radius))
+        now.neighbour = NeighbourAppearance(before.packed, ops.margined(seen_bytes(visible, energy), energy.radius))
         ribbons = np.stack([a_way() * 8 + 20, a_way() * 6 + 15])
         ribbons[:, :4] = NOWHERE
         now.ribbons = ops.upload(ribbons)
         given = np.full((23, 31, 2), NOWHERE, np.float32)
         given[3:9, 5:11] = 7.0
-        now.given = ops.upload(given)
+        now.fixed = ops.upload(given)
     found["offsets"] = offsets = refine(ops, style, now, offsets, (7, 8), rounds, 24.0)
-    if goal.w_h:
+    if energy.w_h:
         found["penalty"] = ops.penalty(style, now.size, offsets)
-    fine = ops.load(a_style(goal, turned, False), goal)
+    fine = ops.load(a_style(energy, turned, False), energy)
     finer = replace(now, size=(61, 46))
     found["upsampled"] = ops.upsample(style, now, offsets, fine, finer)
     return {name: ops.fetch(array) for name, array in found.items()}
 
 
-def same(goal: Goal, turned: bool, holes: bool, rounds: int, ops: Operations[Any] | None = None) -> None:
-    kernels = worked(ops or Kernels(device()), goal, turned, holes, rounds)
-    for name, expected in worked(Reference(), goal, turned, holes, rounds).items():
+def same(energy: Energy, turned: bool, holes: bool, rounds: int, ops: Operations[Any] | None = None) -> None:
+    kernels = worked(ops or Kernels(device()), energy, turned, holes, rounds)
+    for name, expected in worked(Reference(), energy, turned, holes, rounds).items():
         np.testing.assert_array_equal(kernels[name], expected, err_msg=name)
 
 
 @pytest.mark.parametrize("pixels", [1, 31 * 20, 31 * 23])
 def test_a_frame_in_bands_of_rows_is_the_same_frame(pixels: int) -> None:
-    same(GOALS["all"], True, True, 3, Bands(device(), pixels))
+    same(ENERGIES["all"], True, True, 3, Bands(device(), pixels))
 
 
 @pytest.mark.parametrize(("pixels", "expected"), [(100 * 90, 1), (100 * 46, 3), (100 * 17, 90), (1, 90)])
@@ -114,21 +118,21 @@ def test_bands_cover_every_row_once_and_fit(pixels: int, expected: int) -> None:
 
 
 @pytest.mark.parametrize("turned", [False, True], ids=["straight", "turned"])
-@pytest.mark.parametrize("goal", GOALS.values(), ids=GOALS.keys())
-def test_kernels_do_what_their_specification_says(goal: Goal, turned: bool) -> None:
-    same(goal, turned, holes=goal.keyed, rounds=2)
+@pytest.mark.parametrize("energy", ENERGIES.values(), ids=ENERGIES.keys())
+def test_kernels_do_what_their_specification_says(energy: Energy, turned: bool) -> None:
+    same(energy, turned, holes=energy.keyed, rounds=2)
 
 
 @pytest.mark.parametrize("rounds", [1, 3])
 def test_and_so_they_do_after_any_number_of_iterations(rounds: int) -> None:
-    same(GOALS["all"], True, True, rounds)
+    same(ENERGIES["all"], True, True, rounds)
 
 
 def test_a_piece_of_the_style_is_found_in_it() -> None:
-    ops, goal = Reference(), replace(PLAIN, w_sc=5.0)
-    source = a_style(goal, False, False)
-    style = ops.load(source, goal)
-    sitting = ops.seat(style, Target(np.ascontiguousarray(source.features[6:29, 8:39, 3:6])))
-    offsets = refine(ops, style, sitting, ops.scatter(style, sitting.size, (1, 1)), (1, 2), 8, 40.0)
+    ops, energy = Reference(), replace(PLAIN, w_sc=5.0)
+    source = a_style(energy, False, False)
+    style = ops.load(source, energy)
+    state = ops.prepare(style, Target(np.ascontiguousarray(source.features[6:29, 8:39, 3:6])))
+    offsets = refine(ops, style, state, ops.random_offsets(style, state.size, (1, 1)), (1, 2), 8, 40.0)
     y, x = np.mgrid[6:29, 8:39]
     assert (np.rint(offsets) == np.stack([x, y], -1)).all(-1).mean() > 0.9

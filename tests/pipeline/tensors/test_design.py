@@ -1,4 +1,4 @@
-"""Directions as tensors: designed, taken from pictures, remembered, spread, and carried by objects."""
+"""Orientation fields: design elements, edge fields, smoothing over time, Laplace fill, motion with objects."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ import pytest
 
 from pipeline.errors import BadParameter
 from pipeline.frames import Mask, Plane
-from pipeline.tensors.edges import edge_field, gradient_tensor, remember
+from pipeline.tensors.edges import edge_field, gradient_tensor, smooth_over_time
 from pipeline.tensors.elements import WINDINGS, Element, Pattern, basis_field, design_field, follow
 from pipeline.tensors.ellipses import Ellipse, fit_ellipse
 from pipeline.tensors.field import (
-    Field,
+    OrientationField,
     angle_of,
     direction_of,
     field_of,
     fill_free,
     index_around,
+    rotated,
     strength_of,
-    turned,
 )
 from pipeline.tensors.structure import Tensors
 
@@ -94,7 +94,7 @@ def test_a_quarter_turn_of_the_picture_turns_the_field() -> None:
     picture = noise(1)
     field = edge_field(gradient_tensor(picture, 2.0))
     quarter = edge_field(gradient_tensor(np.ascontiguousarray(np.rot90(picture)), 2.0))
-    expected = turned(np.rot90(field, axes=(1, 2)), -math.pi / 2)
+    expected = rotated(np.rot90(field, axes=(1, 2)), -math.pi / 2)
     np.testing.assert_allclose(quarter, expected, atol=1e-3)
 
 
@@ -102,19 +102,19 @@ def test_a_flat_picture_has_no_direction() -> None:
     assert not edge_field(gradient_tensor(np.full(ODD, 99, np.float32), 2.0)).any()
 
 
-def flicker(fields: list[Field]) -> float:
+def flicker(fields: list[OrientationField]) -> float:
     """Mean change of direction from frame to frame, rad."""
     return float(np.mean([apart(angle_of(a), angle_of(b)).mean() for a, b in itertools.pairwise(fields)]))
 
 
 def test_memory_removes_flicker_but_not_the_edges() -> None:
     clean = 60 * np.sin(np.indices(ODD)[1] / 6).astype(np.float32)
-    single: list[Field] = []
-    held: list[Field] = []
+    single: list[OrientationField] = []
+    held: list[OrientationField] = []
     state: Tensors | None = None
     for frame in range(30):
         now = gradient_tensor(clean + 0.1 * noise(frame), 1.5)
-        state = now if state is None else remember(now, state, None, None, 0.85)
+        state = now if state is None else smooth_over_time(now, state, None, None, 0.85)
         single.append(edge_field(now))
         held.append(edge_field(state))
     assert flicker(held[15:]) < 0.3 * flicker(single[15:])
@@ -132,7 +132,7 @@ def test_memory_goes_along_with_the_motion() -> None:
     for step in range(1, 6):
         now = np.ascontiguousarray(wide[:, :, 20 - 2 * step : 73 - 2 * step])
         back = np.full_like(flow, 0) - flow
-        state = remember(now, state, back, None, 0.9)
+        state = smooth_over_time(now, state, back, None, 0.9)
         inside = slice(2 * step + 2, None)
         np.testing.assert_allclose(state[:, :, inside], now[:, :, inside], rtol=1e-3, atol=1e-2)
 
@@ -141,7 +141,7 @@ def test_what_came_into_view_has_no_past() -> None:
     now, before = np.ones((3, 4, 5), np.float32), np.zeros((3, 4, 5), np.float32)
     trust = np.zeros((4, 5), np.float32)
     trust[:, 2:] = 1
-    out = remember(now, before, None, trust, 0.75)
+    out = smooth_over_time(now, before, None, trust, 0.75)
     np.testing.assert_allclose(out[:, :, :2], 1)
     np.testing.assert_allclose(out[:, :, 2:], 0.25)
 
@@ -152,7 +152,9 @@ def test_what_came_into_view_has_no_past() -> None:
 @pytest.mark.parametrize("pattern", get_args(Pattern))
 @pytest.mark.parametrize("angle_rad", [0.0, 1.1])
 def test_singularities_have_their_index(pattern: Pattern, angle_rad: float) -> None:
-    expected = {"regular": 0, "wedge": 0.5, "trisector": -0.5, "node": 1, "center": 1, "saddle": -1}[pattern]
+    expected = {"regular": 0, "wedge": 0.5, "trisector": -0.5, "node": 1, "center": 1, "spiral": 1, "saddle": -1}[
+        pattern
+    ]
     field = basis_field(Element(pattern, 26.3, 18.4, angle_rad, 0.05, 0.7), ODD)
     for radius in (3, 9, 15):
         assert index_around(field, 26.3, 18.4, radius) == expected
@@ -171,17 +173,29 @@ def test_rays_circles_and_parallels() -> None:
     assert apart(angle_of(basis_field(Element("regular", 3, 3, 0.4), ODD)), 0.4).max() < 1e-6
 
 
-@pytest.mark.parametrize("pattern", get_args(Pattern))
-def test_a_turned_element_is_the_turned_picture_of_it(pattern: Pattern) -> None:
+@pytest.mark.parametrize("pattern", ["regular", "wedge", "trisector", "saddle"])
+def test_a_rotated_element_is_the_rotated_picture_of_it(pattern: Pattern) -> None:
     """Rotation equivariance: by a quarter turn of the grid, and by any angle at corresponding places."""
     size = (41, 41)
     plain = basis_field(Element(pattern, 20, 20, 0.2, 0.04), size)
     quarter = basis_field(Element(pattern, 20, 20, 0.2 - math.pi / 2, 0.04), size)
-    np.testing.assert_allclose(quarter, turned(np.rot90(plain, axes=(1, 2)), -math.pi / 2), atol=1e-5)
+    np.testing.assert_allclose(quarter, rotated(np.rot90(plain, axes=(1, 2)), -math.pi / 2), atol=1e-5)
     turn = math.atan2(3, 4)  # takes (5, 0) to (4, 3) and (0, 5) to (-3, 4)
     other = basis_field(Element(pattern, 20, 20, 0.2 + turn, 0.04), size)
-    np.testing.assert_allclose(other[:, 23, 24], turned(plain[:, 20, 25], turn), atol=1e-5)
-    np.testing.assert_allclose(other[:, 24, 17], turned(plain[:, 25, 20], turn), atol=1e-5)
+    np.testing.assert_allclose(other[:, 23, 24], rotated(plain[:, 20, 25], turn), atol=1e-5)
+    np.testing.assert_allclose(other[:, 24, 17], rotated(plain[:, 25, 20], turn), atol=1e-5)
+
+
+@pytest.mark.parametrize(("pattern", "tilt"), [("node", 0), ("center", 90), ("spiral", 45)])
+def test_the_angle_of_a_symmetric_element_tilts_its_strokes_against_the_rays(pattern: Pattern, tilt: float) -> None:
+    y, x = np.indices(ODD)
+    rays = np.arctan2(y - 18, x - 26).astype(np.float32)
+    away = np.hypot(y - 18, x - 26) > 1
+    for degrees in (0, 20, 90):
+        found = angle_of(basis_field(Element(pattern, 26, 18, math.radians(degrees)), ODD))
+        assert apart(found, rays + np.float32(math.radians(tilt + degrees)))[away].max() < 1e-5
+    key, now = Ellipse(26, 18, 0.0, 10, 5), Ellipse(26, 18, 1.0, 10, 5)
+    assert follow(Element(pattern, 26, 18, 0.3), key, now).angle_rad == 0.3, "it looks the same from all sides"
 
 
 def test_strength_and_decay() -> None:
@@ -266,7 +280,7 @@ def test_an_element_follows_its_object() -> None:
 
 @pytest.mark.parametrize(
     ("change", "field"),
-    [({"pattern": "spiral"}, "pattern"), ({"x": math.nan}, "x"), ({"strength": -1.0}, "strength")],
+    [({"pattern": "swirl"}, "pattern"), ({"x": math.nan}, "x"), ({"strength": -1.0}, "strength")],
 )
 def test_what_is_wrong_with_an_element_is_named(change: dict[str, object], field: str) -> None:
     with pytest.raises(BadParameter) as caught:
@@ -279,4 +293,4 @@ def test_weights_out_of_range_are_named() -> None:
     with pytest.raises(BadParameter, match="edge_weight"):
         design_field(field, [], 1.5)
     with pytest.raises(BadParameter, match="memory"):
-        remember(tensors, tensors, None, None, 1.0)
+        smooth_over_time(tensors, tensors, None, None, 1.0)

@@ -66,7 +66,8 @@ def test_a_data_window_smaller_than_the_picture(tmp_path: Path) -> None:
 
 def test_what_is_no_exr_or_cut_off_or_too_large_is_refused(tmp_path: Path) -> None:
     path = write(tmp_path / "a.exr", {"Z": np.ones((40, 50), np.float32)})
-    for wrong in (b"", b"\x76\x2f\x31\x01 and no more", path.read_bytes()[:200]):
+    whole = path.read_bytes()
+    for wrong in (b"", b"\x76\x2f\x31\x01 and no more", whole[:200], whole[:-1]):
         with pytest.raises(UnreadableMedia):
             read_exr(wrong, name="frame 7")
     with pytest.raises(MediaTooLarge):

@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 from pipeline.errors import BadFrame, Cancelled, MediaTooLarge, UnreadableMedia
 from pipeline.video.exr import read_exr, write_exr
 from pipeline.video.guard import roles
+from pipeline.video.guard.decoder_server import _SERVER, DecoderProcess
 from pipeline.video.guard.files import GuardedImages, guarded_join
-from pipeline.video.guard.nursery import _NURSERY, Child
-from pipeline.video.guard.pictures import _DESK, guarded_exr, guarded_raw
+from pipeline.video.guard.pictures import _DECODER, guarded_exr, guarded_raw
 from pipeline.video.guard.reader import GuardedReader
-from pipeline.video.guard.wire import Broken, receive, send
+from pipeline.video.guard.wire import ConnectionBroken, receive, send
 from pipeline.video.join import join
 from pipeline.video.media import Limits
 from pipeline.video.numbered import NumberedImages
@@ -140,7 +140,7 @@ def test_a_decoder_that_dies_is_an_error_and_no_more(
         next(frames)
         began = reader._begin
 
-        def begin_and_die() -> Child:
+        def begin_and_die() -> DecoderProcess:
             child = began()
             os.kill(child._pid, how)
             return child
@@ -192,12 +192,14 @@ def test_a_child_has_little_and_may_little(clip: Path) -> None:
         assert child.rlimit(psutil.RLIMIT_AS)[0] < child.memory_info().vms + (5 << 30)
         assert "NoNewPrivs:\t1" in Path(f"/proc/{child.pid}/status").read_text()
         others = [fd for fd in Path(f"/proc/{child.pid}/fd").iterdir() if int(fd.name) > 2]
-        assert len(others) <= 4, "its file, its wire, its memory: nothing of ours"
+        assert len(others) <= 5, (
+            "its file, its connection, its shared memory, its reserved file in memory: nothing else"
+        )
 
 
 def test_too_much_memory_is_refused_to_it(clip: Path) -> None:
     with pytest.raises(UnreadableMedia):
-        Child("probe", {"path": str(clip), "limits": {}}, 1, memory_bytes=1 << 20)
+        DecoderProcess("probe", {"path": str(clip), "limits": {}}, 1, memory_bytes=1 << 20)
     assert probe_guarded(clip).frames == 12
 
 
@@ -209,43 +211,43 @@ def test_a_closed_reader_leaves_nobody(clip: Path) -> None:
     assert gone(child)
 
 
-def test_a_nursery_that_died_is_started_again(clip: Path) -> None:
+def test_a_decoder_server_that_died_is_started_again(clip: Path) -> None:
     GuardedReader(clip).close()
-    (nursery,) = [p for p in psutil.Process().children() if "pipeline.video.guard.child" in " ".join(p.cmdline())]
+    (server,) = [p for p in psutil.Process().children() if "pipeline.video.guard.server_main" in " ".join(p.cmdline())]
     with GuardedReader(clip) as reader:
         child = psutil.Process(reader._child._pid)
-        nursery.kill()
-        nursery.wait(5)
+        server.kill()
+        server.wait(5)
         assert gone(child), "children do not outlive it"
     with GuardedReader(clip) as reader:
         assert len(list(reader.read())) == 12
 
 
-def test_a_nursery_that_dies_at_this_moment_is_replaced(clip: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_decoder_server_that_dies_at_this_moment_is_replaced(clip: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It takes the request and dies before it has forked."""
     GuardedReader(clip).close()
-    (nursery,) = [p for p in psutil.Process().children() if "pipeline.video.guard.child" in " ".join(p.cmdline())]
-    nursery.suspend()
-    asked, stuck = _NURSERY.child, [nursery]
+    (server,) = [p for p in psutil.Process().children() if "pipeline.video.guard.server_main" in " ".join(p.cmdline())]
+    server.suspend()
+    asked, stuck = _SERVER.fork, [server]
 
     def ask_and_kill(*fds: int) -> None:
         asked(*fds)
         if stuck:
             stuck.pop().kill()
 
-    monkeypatch.setattr(_NURSERY, "child", ask_and_kill)
+    monkeypatch.setattr(_SERVER, "fork", ask_and_kill)
     with GuardedReader(clip) as reader:
         assert len(list(reader.read())) == 12
 
 
-def test_a_nursery_that_hangs_is_replaced(clip: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_decoder_server_that_hangs_is_replaced(clip: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     GuardedReader(clip).close()
-    (nursery,) = [p for p in psutil.Process().children() if "pipeline.video.guard.child" in " ".join(p.cmdline())]
-    nursery.suspend()
-    monkeypatch.setattr("pipeline.video.guard.nursery.START_S", 5.0)
+    (server,) = [p for p in psutil.Process().children() if "pipeline.video.guard.server_main" in " ".join(p.cmdline())]
+    server.suspend()
+    monkeypatch.setattr("pipeline.video.guard.decoder_server.START_S", 5.0)
     with GuardedReader(clip) as reader:
         assert len(list(reader.read())) == 12
-    assert not nursery.is_running()
+    assert not server.is_running()
 
 
 def test_nobody_outlives_us(clip: Path) -> None:
@@ -261,19 +263,19 @@ sys.stdin.read()
     parent = subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     assert parent.stdout
     child = psutil.Process(int(parent.stdout.readline()))
-    nursery = child.parent()
-    assert nursery is not None
+    server = child.parent()
+    assert server is not None
     parent.kill()
     parent.wait()
-    assert gone(child) and gone(nursery)
+    assert gone(child) and gone(server)
 
 
 _KEPT_OPEN: list[socket.socket] = []
 
 
-def answering(*said: Callable[[socket.socket], None]) -> Child:
+def answering(*said: Callable[[socket.socket], None]) -> DecoderProcess:
     """Our side of a child that has been taken over, and says these."""
-    child = Child.__new__(Child)
+    child = DecoderProcess.__new__(DecoderProcess)
     child._wire, theirs = socket.socketpair()
     child._wire.settimeout(5)
     child._timeout_s, child._pid = 5.0, 0
@@ -305,12 +307,12 @@ def test_a_child_that_was_taken_over_gains_nothing() -> None:
 def test_messages_are_checked() -> None:
     ours, theirs = socket.socketpair()
     theirs.sendall(struct.pack("!II", 2, 0) + b"[]")
-    with pytest.raises(Broken, match="no object"):
+    with pytest.raises(ConnectionBroken, match="no object"):
         receive(ours)
     send(theirs, {"a": 1}, b"xyz")
     assert receive(ours) == ({"a": 1}, b"xyz")
     theirs.close()
-    with pytest.raises(Broken, match="closed"):
+    with pytest.raises(ConnectionBroken, match="closed"):
         receive(ours)
 
 
@@ -337,17 +339,17 @@ def test_pictures_are_what_they_are_in_our_own_process(tmp_path: Path) -> None:
 def test_a_bad_picture_is_named_and_the_next_one_comes_through() -> None:
     data = cv2.imencode(".png", np.zeros((32, 32), np.uint8))[1].tobytes()
     guarded_raw(data, "good.png")
-    pid = _DESK.child._pid if _DESK.child else 0
+    pid = _DECODER.child._pid if _DECODER.child else 0
     with pytest.raises(UnreadableMedia) as caught:
         guarded_raw(data[: len(data) // 2], "masks/0007.png")
     assert "masks/0007.png" in f"{caught.value.field} {caught.value.value} {caught.value.message}"
     assert guarded_raw(data, "good.png").shape == (32, 32)
-    assert _DESK.child and _DESK.child._pid == pid, "it was not at fault"
+    assert _DECODER.child and _DECODER.child._pid == pid, "it was not at fault"
 
 
 def test_a_killed_decoder_of_pictures_is_replaced() -> None:
     data = cv2.imencode(".png", np.zeros((32, 32), np.uint8))[1].tobytes()
     guarded_raw(data, "good.png")
-    assert _DESK.child
-    os.kill(_DESK.child._pid, signal.SIGKILL)
+    assert _DECODER.child
+    os.kill(_DECODER.child._pid, signal.SIGKILL)
     assert guarded_raw(data, "good.png").shape == (32, 32)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from impasto.cli.materials import gather
+from impasto.cli.input_files import gather
 from pipeline.errors import BadMedia
 from pipeline.video.probe import probe
 from pipeline.video.reader import VideoReader
@@ -114,7 +114,7 @@ def lonely(files: Files) -> None:
     [
         (lose, ["front", "frame 2", "masks"]),
         (stray, ["front", "keyframes/0009.png", "0 to 3"]),
-        (double, ["front", "0002.png" , "number that another has"]),
+        (double, ["front", "0002.png", "number of another picture"]),
         (unnumbered, ["front", "first.png"]),
         (small, ["masks/0002.png", "30x20", "96x72"]),
         (nowhere, ["notes/0002.png"]),

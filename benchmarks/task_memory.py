@@ -1,0 +1,104 @@
+"""How much memory does a task of each step take, and how much does its method ask for?
+
+    python -m benchmarks.task_memory METHOD FRAMES WIDTH ...      peaks at these widths (16:9), MiB
+
+A worker in this process runs a job's tasks one after the other. A task's peak is the kernel's own (VmHWM, set back
+before it begins), with what its decoders hold beside it.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+from benchmarks.loops import source
+from benchmarks.speedup import METHODS, plan, style_of, submit
+
+CLIP, SIZE = "dog_720p_audio.mp4", "1280x720"
+FRAMES = {"abstraction": 60, "patches": 24, "analogy": 4, "multistyle": 36}
+WIDTHS = (640, 1280)
+MIB = 1 << 20
+
+
+def main() -> None:
+    """Print the largest peak of each step, and what is asked for."""
+    words = sys.argv[1:] if __name__ == "__main__" else []
+    names = words[:1] or METHODS
+    widths = tuple(map(int, words[2:])) or WIDTHS
+    spawn = multiprocessing.get_context("spawn")
+    print(f"{'method':>12} {'step':>12} {'size':>10} {'frames':>7} {'peak MiB':>9} {'asked MiB':>10}")
+    for name in names:
+        frames = int(words[1]) if len(words) > 1 else FRAMES[name]
+        for width in widths:
+            with tempfile.TemporaryDirectory(prefix="impasto-needs-") as folder, spawn.Pool(1) as one:
+                for step, (peak, asked) in one.apply(measure, (name, Path(folder), frames, width)).items():
+                    size = f"{width}x{width * 9 // 16}"
+                    print(f"{name:>12} {step:>12} {size:>10} {frames:7} {peak:9.0f} {asked:10.0f}", flush=True)
+
+
+def measure(name: str, folder: Path, frames: int, width: int) -> dict[str, Sequence[float]]:
+    """By step: the largest peak of its tasks, and what they ask for, MiB."""
+    from workers.execution.renderer import Renderer
+    from workers.farm import Farm
+    from workers.scheduling.orders import Orders
+    from workers.settings import FarmSettings
+
+    farm = Farm(FarmSettings(home=folder, pool="none", reserve_bytes=0), None)
+    clip = _clip(folder, frames, width)
+    inputs = {"video": farm.assets.add(clip, clip.name).id}
+    if style := style_of(name):
+        inputs["style_output"] = farm.assets.add(style, style.name).id
+    submit(farm, name, inputs)
+    found: dict[str, list[float]] = {}
+    orders = Orders(farm._store)
+    with Renderer(farm._blobs, folder / "scratch") as renderer:
+        while (order := _next(farm._store, orders)) is not None:
+            Path("/proc/self/clear_refs").write_text("5")
+            outcome = renderer.run(order)
+            if outcome.fault is not None:
+                raise SystemExit(f"{order.step}/{order.key}: {outcome.fault}")
+            farm._store.queue.finish(outcome)
+            peak, asked = found.setdefault(order.step, [0.0, 0.0])
+            wants = 0 if order.resources is None else order.resources.memory_bytes
+            found[order.step] = [max(peak, _peak() / MIB), max(asked, wants / MIB)]
+    farm.stop()
+    return {step: tuple(both) for step, both in found.items()}
+
+
+def _next(store: Any, orders: Any) -> Any:
+    plan(store)
+    claim = store.queue.claim("benchmark", 3600.0)
+    return None if claim is None else orders.order(claim)
+
+
+def _peak() -> int:
+    """Bytes: the peak of this process since it was set back, and what its children hold now."""
+    own = next(line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmHWM"))
+    children = psutil.Process().children(recursive=True)
+    return int(own.split()[1]) * 1024 + sum(child.memory_full_info().pss for child in children)
+
+
+def _clip(folder: Path, frames: int, width: int) -> Path:
+    """The first frames of a real clip at this width."""
+    import av
+
+    path = folder / f"clip-{width}.mp4"
+    with av.open(str(source(CLIP, SIZE, folder))) as given, av.open(str(path), "w") as out:
+        stream = out.add_stream("libx264", rate=given.streams.video[0].average_rate)
+        stream.width, stream.height, stream.pix_fmt = width, width * 9 // 16, "yuv420p"
+        for number, frame in enumerate(given.decode(video=0)):
+            if number == frames:
+                break
+            out.mux(stream.encode(frame.reformat(stream.width, stream.height, "yuv420p")))
+        out.mux(stream.encode(None))
+    return path
+
+
+if __name__ == "__main__":
+    main()

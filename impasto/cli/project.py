@@ -1,0 +1,81 @@
+"""An exported project as an order of `impasto render`: the same job that the service would run."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+
+from impasto.cli.rendering import RenderOrder
+from impasto.delivery import Target
+from pipeline.errors import BadInput
+from workers.model import Asset, JobRequest, OutputSpec
+from workers.projects.archive import MANIFEST, ProjectArchive, open_project
+from workers.projects.checking import problems
+from workers.projects.document import Document
+from workers.projects.faults import refuse_if_any
+from workers.projects.materials import Material, Uploaded, write_material
+from workers.projects.parsing import parse_document
+from workers.projects.submissions import Submission, submissions
+from workers.settings import FarmSettings
+
+
+def is_project(path: Path) -> bool:
+    """Whether the file is a project that a service exported."""
+    if not path.is_file() or not zipfile.is_zipfile(path):
+        return False
+    with zipfile.ZipFile(path) as archive:
+        return MANIFEST in archive.namelist()
+
+
+def project_order(
+    path: Path, scratch: Path, where: Target, artefacts: Mapping[str, Path | None], overwrite: bool
+) -> RenderOrder:
+    """The project's one shot as an order; its inputs are written to `scratch`. The quality is the document's.
+
+    Raises:
+        BadProject: the document is not sound, or has problems.
+        BadInput: it has several shots.
+        UnreadableMedia: the archive is damaged.
+    """
+    settings = FarmSettings(home=scratch)
+    with open_project(path, 4 * settings.max_asset_bytes) as archive:
+        document = parse_document(archive.document)
+        files = {asset_id: scratch / asset_id for asset_id in document.asset_ids & archive.manifest.assets.keys()}
+        for asset_id, file in files.items():
+            archive.extract(asset_id, file)
+        submission = _submission(document, archive, files, settings)
+    inputs = {name: _input(name, material, files, scratch) for name, material in submission.inputs.items()}
+    output = OutputSpec(where.format, submission.output.quality, tuple(sorted(artefacts)))
+    request = JobRequest(submission.method, {}, submission.params, submission.seed, output, name=submission.name)
+    return RenderOrder(request, inputs, where, artefacts, overwrite)
+
+
+def _submission(
+    document: Document, archive: ProjectArchive, files: Mapping[str, Path], settings: FarmSettings
+) -> Submission:
+    assets = {key: _asset(key, file, archive.manifest.assets[key].filename, settings) for key, file in files.items()}
+    refuse_if_any(problems(document, assets))
+    found = submissions(document)
+    if len(found) != 1:
+        raise BadInput(
+            f"The project has {len(found)} shots, and one film is rendered at a time.", field="IN",
+            remedy="Export a project with one shot.",
+        )  # fmt: skip
+    return found[0]
+
+
+def _asset(asset_id: str, file: Path, filename: str, settings: FarmSettings) -> Asset:
+    from pipeline.video.probe import probe_guarded
+
+    info = probe_guarded(file, settings.limits)
+    sha256 = asset_id.removeprefix("ast_")
+    return Asset(asset_id, sha256, file.stat().st_size, filename, info.media_type, info.kind, info.as_json(), 0.0)
+
+
+def _input(name: str, material: Material, files: Mapping[str, Path], scratch: Path) -> Path:
+    if isinstance(material, Uploaded):
+        return files[material.asset_id]
+    path = scratch / f"input-{name}"
+    write_material(material, path, lambda asset_id: files[asset_id].read_bytes())
+    return path

@@ -1,0 +1,215 @@
+"""Output files: a video, a still, a zip, or a folder of numbered frames. Each appears whole or not at all."""
+
+from __future__ import annotations
+
+import errno
+import re
+import shutil
+import tempfile
+import zipfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.errors import BadInput, StorageError, StorageFull
+from pipeline.video.media import MediaInfo
+
+FORMATS = {".mp4": "mp4", ".m4v": "mp4", ".webm": "webm", ".zip": "png", ".png": "png"}
+BYTES_PER_PIXEL = {"mp4": 0.005, "webm": 0.005, "png": 0.3}
+"""Low estimates of encoded bytes per pixel of a frame, by format."""
+FRAME_NAME = re.compile(r"\d{4,}\.png")
+
+
+@dataclass(frozen=True)
+class Target:
+    """An output: its absolute path, and the format that a job must produce for it."""
+
+    path: Path
+    format: str
+    """Format of the output: "mp4", "webm" or "png"."""
+    kind: str
+    """"file", "frames" (a folder) or "still" (one PNG)."""
+
+
+def target(text: str, field: str = "--output") -> Target:
+    """Parse the name of an output, and check that it can be written.
+
+    Args:
+        text: a file name with an extension of `FORMATS`, or a folder (an existing one, or with "/" at the end).
+        field: name of the option or argument, for errors.
+
+    Raises: BadInput: an unknown extension, a missing permission, a folder with files that are not frames.
+    """
+    path = Path(text).expanduser().absolute()
+    if text.endswith(("/", "\\")) or path.is_dir():
+        _check_folder(path, field)
+        return Target(path, "png", "frames")
+    suffix = path.suffix.lower()
+    if suffix not in FORMATS:
+        raise BadInput(
+            "The extension of the output is unknown.",
+            field=field,
+            value=text,
+            remedy=f"End it with {', '.join(sorted(FORMATS))}, or with / for a folder of PNG frames.",
+        )
+    _check_parent(path, field)
+    return Target(path, FORMATS[suffix], "still" if suffix == ".png" else "file")
+
+
+def _check_parent(path: Path, field: str) -> None:
+    """Create and delete a file in the nearest existing folder: missing folders are created at the end."""
+    there = _existing_folder(path)
+    try:
+        with tempfile.TemporaryFile(dir=there) as file:
+            file.write(b"x")
+    except OSError as error:
+        raise BadInput(
+            f"The output cannot be written there: {error.strerror or error}.",
+            field=field,
+            value=path,
+            remedy=f"Check that {there} is a folder that you may write to, on a disk with free space.",
+        ) from None
+
+
+def _existing_folder(path: Path) -> Path:
+    return next(folder for folder in path.parents if folder.exists())
+
+
+def same_file(one: Path, other: Path) -> bool:
+    """Whether two paths name one file, also through links."""
+    one, other = one.expanduser(), other.expanduser()
+    return one.resolve() == other.resolve() or (one.exists() and other.exists() and one.samefile(other))
+
+
+def check_still(where: Target, frames: int) -> None:
+    """Raise BadInput if a video of `frames` frames is to become a single PNG file."""
+    if where.kind == "still" and frames != 1:
+        raise _not_a_still(frames, where.path)
+
+
+def check_space(where: Target, info: MediaInfo) -> None:
+    """Raise StorageFull if the output's disk clearly lacks space for the result of a video.
+
+    The estimate is low (`BYTES_PER_PIXEL`): a result that passes may still turn out larger.
+    """
+    need = round(info.frames * info.width * info.height * BYTES_PER_PIXEL[where.format])
+    free = shutil.disk_usage(_existing_folder(where.path)).free
+    if free < need:
+        raise StorageFull(
+            f"The output's disk has {free >> 20} MiB free, and the result needs about {need >> 20} MiB.",
+            field="--output",
+            value=where.path,
+            remedy="Free some space, or name a file on another disk.",
+        )
+
+
+@contextmanager
+def output_faults(field: str, path: Path) -> Iterator[None]:
+    """Turn what the operating system refuses while `path` is written into an error that names it."""
+    try:
+        yield
+    except OSError as error:
+        full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+        kind = StorageFull if full else StorageError
+        raise kind(
+            f"The output cannot be written: {error.strerror or error}.",
+            field=field,
+            value=path,
+            remedy="Free some space there, then run the same command again: it resumes."
+            if full
+            else "Check the folder, then run the same command again: it resumes.",
+        ) from error
+
+
+def _check_folder(path: Path, field: str) -> None:
+    _check_parent(path, field)
+    if not path.exists():
+        return
+    if not path.is_dir():
+        raise BadInput("A file has that name.", field=field, value=path, remedy="Name another folder.")
+    if other := next((p.name for p in path.iterdir() if not FRAME_NAME.fullmatch(p.name)), None):
+        raise BadInput(
+            f"The folder contains files that are not numbered frames ({other}).",
+            field=field,
+            value=path,
+            remedy="Name a new folder: frames are never mixed with other files.",
+        )
+
+
+def deliver(result: Path | Iterable[bytes], where: Target) -> None:
+    """Write a result to `where`. Raises: OSError, BadInput (a still of several frames)."""
+    where.path.parent.mkdir(parents=True, exist_ok=True)
+    part = where.path.with_name(f".{where.path.name}.part")
+    forget(part)
+    try:
+        if where.kind == "file":
+            _write(result, part)
+        else:
+            _unpack(result, part, where)
+        swap(part, where.path)
+    finally:
+        forget(part)
+
+
+def beside(where: Target, filename: str) -> Path:
+    """Default path of an artefact: beside `cartoon.mp4`, "labels.zip" becomes `cartoon-labels.zip`."""
+    return where.path.with_name(f"{where.path.stem}-{Path(filename).name}")
+
+
+def _write(result: Path | Iterable[bytes], part: Path) -> None:
+    if isinstance(result, Path):
+        shutil.copyfile(result, part)
+        return
+    with part.open("wb") as file:
+        file.writelines(result)
+
+
+def _unpack(result: Path | Iterable[bytes], part: Path, where: Target) -> None:
+    """Extract frames from the zip of a "png" result: all into a folder, or the only one into a file."""
+    archive = part.with_name(f"{part.name}.zip")
+    try:
+        _write(result, archive)
+        with zipfile.ZipFile(archive) as frames:
+            names = [name for name in frames.namelist() if FRAME_NAME.fullmatch(name)]
+            if where.kind == "frames":
+                part.mkdir()
+                frames.extractall(part, names)
+                return
+            if len(names) != 1:
+                raise _not_a_still(len(names), where.path)
+            part.write_bytes(frames.read(names[0]))
+    finally:
+        archive.unlink(missing_ok=True)
+
+
+def _not_a_still(count: int, path: Path) -> BadInput:
+    return BadInput(
+        f"The result has {count} frames, and a .png file holds one.",
+        field="--output",
+        value=path,
+        remedy=f"Use {path.with_suffix('')}/ for numbered frames, or a .mp4 file.",
+    )
+
+
+def swap(part: Path, path: Path) -> None:
+    """Rename `part` to `path`, replacing the file or the frames there."""
+    if not path.is_dir():
+        part.replace(path)
+        return
+    old = path.with_name(f".{path.name}.old")
+    forget(old)
+    path.rename(old)
+    try:
+        part.rename(path)
+    except OSError:
+        old.rename(path)
+        raise
+    forget(old)
+
+
+def forget(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)

@@ -1,0 +1,319 @@
+"""`impasto.render`: a method from Python, in this process, without a service, a database or child processes.
+
+Frames of a causal method (`abstraction`, `multistyle` without a design) come one for one, as a live session makes them:
+frame i is returned before frame i + 1 of the source is read. Any other method runs its plan, which reads the source
+several times; then a source that is an iterator is first written to a temporary file, uncompressed.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack
+from fractions import Fraction
+from itertools import chain
+from pathlib import Path
+from typing import Any, cast, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto.delivery import Target, deliver, output_faults, same_file, target
+from pipeline.errors import BadInput, BadParameter, did_you_mean
+from pipeline.frames import Frame, check_frame, same_size
+from pipeline.methods import method as find_method
+from pipeline.methods import parse_params
+from pipeline.methods.base import Arrays, InputSpec, Method, VideoInfo
+from pipeline.methods.local import DEFAULT_FPS, FrameSource, LocalContext, iterate_plan
+from pipeline.video.headers import sniff
+from pipeline.video.join import join
+from pipeline.video.numbered import NumberedImages
+from pipeline.video.reader import VideoReader
+from pipeline.video.shot_files import ShotFiles
+from pipeline.video.writer import Format, SegmentSpec, segment_writer
+from workers.execution.arrays import read_arrays, write_arrays
+
+Source = str | Path | Iterable[Frame]
+PICTURES = frozenset({"video", "image", "image-or-video"})
+
+
+@overload
+def render(
+    method: str, source: Source, output: None = None, *, inputs: Mapping[str, Any] | None = None, seed: int = 0,
+    fps: float = DEFAULT_FPS, **params: Any,
+) -> Iterator[Frame]: ...  # fmt: skip
+
+
+@overload
+def render(
+    method: str, source: Source, output: str | Path, *, inputs: Mapping[str, Any] | None = None, seed: int = 0,
+    fps: float = DEFAULT_FPS, quality: int = 20, overwrite: bool = False, **params: Any,
+) -> Path: ...  # fmt: skip
+
+
+def render(
+    method: str, source: Source, output: str | Path | None = None, *, inputs: Mapping[str, Any] | None = None,
+    seed: int = 0, fps: float = DEFAULT_FPS, quality: int = 20, overwrite: bool = False, **params: Any,
+) -> Iterator[Frame] | Path:  # fmt: skip
+    """Stylise a video.
+
+    Args:
+        method: a method's name: "abstraction", "multistyle", "patches", "analogy", or one of an installed package.
+        source: path of a video, image, or folder or zip of numbered images; or an iterable of frames, arrays uint8
+            (height, width, 3), RGB, all of one size, at least 16 px on each side. Frames are read lazily.
+        output: None, or a path: .mp4, .webm, .zip (PNG frames), .png (one frame), or a folder with "/" at its end.
+        inputs: further inputs by name: a path, or for pictures an array or an iterable of arrays, for a JSON document
+            the parsed document, for numbered images a mapping from frame number to array.
+        seed: seed of all random choices.
+        fps: frames per second of a source that is an iterable.
+        quality: rate factor of a video file, 0 (lossless) to 51.
+        overwrite: whether an existing output may be replaced. An input is never overwritten.
+        params: parameters of the method, as `impasto methods NAME` lists them.
+
+    Returns:
+        Without `output`, an iterator of frames, uint8 (height, width, 3); else the path of the finished file.
+
+    Raises:
+        BadParameter: an unknown method or input, or a parameter that is out of range.
+        BadInput: a source or output that cannot be used (BadMedia, BadFrame).
+
+    Examples:
+        Frames in, frames out, one at a time:
+
+        >>> import numpy as np
+        >>> import impasto
+        >>> grey = [np.full((48, 64, 3), value, np.uint8) for value in (90, 120, 150)]
+        >>> frames = impasto.render("abstraction", grey, lines="off")
+        >>> next(frames).shape
+        (48, 64, 3)
+
+        A file, with the sound of the source:
+
+        >>> path = impasto.render("abstraction", grey, "grey.mp4", lines="off", fps=12)
+        >>> path.name
+        'grey.mp4'
+
+        Mistakes are explained:
+
+        >>> impasto.render("abstraction", grey, line="off")
+        Traceback (most recent call last):
+        ...
+        pipeline.errors.BadParameter: Unknown parameter 'line'. ... Did you mean 'lines'? ...
+    """
+    chosen = find_method(method)
+    parsed = parse_params(chosen, params)
+    _check_names(chosen, inputs or {})
+    where = None if output is None else _checked_output(output, source, inputs or {}, overwrite)
+    stack = ExitStack()
+    frames = _Rendering(chosen, parsed, seed, fps, stack).frames(source, inputs or {})
+    if where is None:
+        return frames
+    with stack:
+        _write(frames, source, where, fps, quality)
+    return where.path
+
+
+def _check_names(chosen: Method, inputs: Mapping[str, Any]) -> None:
+    known = [spec.name for spec in chosen.inputs if spec.name != "video"]
+    for name in inputs:
+        if name not in known:
+            raise BadParameter(
+                f"The method {chosen.name!r} has no input {name!r}.",
+                field=f"inputs.{name}",
+                remedy=did_you_mean(name, known, "inputs"),
+            )
+    for spec in chosen.inputs:
+        if spec.required and spec.name != "video" and spec.name not in inputs:
+            raise BadParameter(
+                f"The method {chosen.name!r} needs the input {spec.name!r}.",
+                field=f"inputs.{spec.name}",
+                remedy=f"Give inputs={{{spec.name!r}: ...}}. {spec.help}",
+            )
+
+
+def _checked_output(output: str | Path, source: Source, inputs: Mapping[str, Any], overwrite: bool) -> Target:
+    where = target(str(output), field="output")
+    for given in (source, *inputs.values()):
+        if isinstance(given, str | Path) and same_file(where.path, Path(given)):
+            raise BadInput("The output is an input.", field="output", value=output, remedy="Name another file.")
+    if where.path.exists() and not overwrite and not (where.path.is_dir() and not any(where.path.iterdir())):
+        raise BadInput(
+            "The output exists already.", field="output", value=output, remedy="Pass overwrite=True, or name another."
+        )
+    return where
+
+
+class _Rendering:
+    """One call of `render`. `stack` closes what the frames are made from."""
+
+    def __init__(self, chosen: Method, params: Any, seed: int, fps: float, stack: ExitStack) -> None:
+        self._method, self._params, self._seed, self._fps, self._stack = chosen, params, seed, fps, stack
+        self._specs = {spec.name: spec for spec in chosen.inputs}
+
+    def frames(self, source: Source, inputs: Mapping[str, Any]) -> Iterator[Frame]:
+        """The finished frames. Closing the iterator, or its end, frees everything."""
+        with self._stack:
+            if all(self._specs[name].kind in PICTURES for name in inputs):
+                arriving = _checked(_open_frames(source, self._stack))
+                first = next(arriving, None)
+                if first is None:
+                    return
+                streamed = self._stream(first, arriving, inputs)
+                if streamed is not None:
+                    yield from streamed
+                    return
+                if not isinstance(source, str | Path):
+                    source = chain([first], arriving)
+            yield from self._planned(source, inputs)
+
+    def _stream(self, first: Frame, rest: Iterator[Frame], inputs: Mapping[str, Any]) -> Iterator[Frame] | None:
+        size = (first.shape[1], first.shape[0])
+        references = {name: _checked(_open_frames(_many(given), self._stack)) for name, given in inputs.items()}
+        session = self._method.stream(self._params, size, self._seed, references)
+        if session is None:
+            return None
+        return (session.step(frame) for frame in chain([first], rest))
+
+    def _planned(self, source: Source, inputs: Mapping[str, Any]) -> Iterator[Frame]:
+        folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory(prefix="impasto-")))
+        given: dict[str, Any] = {}
+        for name, value in inputs.items():
+            given |= self._input(self._specs[name], value, folder)
+        context = _DiskContext(self._params, self._source(source, folder), given, self._seed, folder=folder)
+        following = 0
+        for _ in iterate_plan(self._method, context):
+            while following in context.emitted:
+                yield context.emitted.pop(following)
+                following += 1
+
+    def _source(self, source: Source, folder: Path) -> FrameSource:
+        if isinstance(source, str | Path):
+            return FileFrames(Path(source), self._stack)
+        number = sum(1 for _ in folder.iterdir())
+        return SpooledFrames(_checked(iter(source)), self._fps, folder / f"frames-{number}")
+
+    def _input(self, spec: InputSpec, value: Any, folder: Path) -> dict[str, Any]:
+        """An input as `LocalContext` takes it."""
+        is_path = isinstance(value, str | Path)
+        if spec.kind in PICTURES:
+            return {spec.name: self._source(_many(value), folder)}
+        if spec.kind == "json":
+            return {spec.name: json.loads(Path(value).read_text("utf-8-sig")) if is_path else value}
+        if not is_path:
+            return {spec.name: value}
+        images = NumberedImages(Path(value), f"inputs.{spec.name}")
+        self._stack.callback(images.close)
+        found: dict[str, Any] = {spec.name: images}
+        with Path(value).open("rb") as stream:
+            zipped = sniff(stream) == "application/zip"
+        if zipped:
+            files = ShotFiles(Path(value))
+            self._stack.callback(files.close)
+            found[f"{spec.name}.entries"] = files
+        return found
+
+
+def _many(value: Any) -> Source:
+    """An input's pictures: one array is a video of one frame."""
+    return [value] if isinstance(value, np.ndarray) and value.ndim == 3 else value
+
+
+def _open_frames(source: Source, stack: ExitStack) -> Iterator[Frame]:
+    if isinstance(source, str | Path):
+        return stack.enter_context(VideoReader(Path(source))).read()
+    return iter(source)
+
+
+def _checked(frames: Iterator[Frame]) -> Iterator[Frame]:
+    """The frames, each refused unless it is a frame of the first one's size. Raises BadFrame."""
+    size: tuple[int, int] | None = None
+    for index, array in enumerate(frames):
+        frame = check_frame(array, f"source[{index}]")
+        size = size or (frame.shape[1], frame.shape[0])
+        yield same_size(frame, size, f"source[{index}]")
+
+
+class FileFrames:
+    """A video file as a `FrameSource`. Iterators that are open at once have decoders of their own."""
+
+    def __init__(self, path: Path, stack: ExitStack) -> None:
+        self._path, self._stack = path, stack
+        self._idle = [self._open()]
+        reader = self._idle[0]
+        width, height = reader.size
+        self.info = VideoInfo(width, height, reader.frames, reader.fps, reader.index.duration_s)
+
+    def _open(self) -> VideoReader:
+        return self._stack.enter_context(VideoReader(self._path))
+
+    def read(self, start: int, stop: int | None) -> Iterator[Frame]:
+        reader = self._idle.pop() if self._idle else self._open()
+        try:
+            yield from reader.read(start, stop)
+        finally:
+            self._idle.append(reader)
+
+
+class SpooledFrames:
+    """Frames of an iterator as a `FrameSource`: written once to the file `path`, uncompressed, then read at random."""
+
+    def __init__(self, frames: Iterator[Frame], fps: float, path: Path) -> None:
+        count, height, width = 0, 0, 0
+        with path.open("wb") as file:
+            for frame in frames:
+                height, width = frame.shape[:2]
+                file.write(frame.tobytes())
+                count += 1
+        if count == 0:
+            raise BadInput("The source has no frames.", field="source", remedy="Give at least one.")
+        self._frames = np.memmap(path, np.uint8, "r", shape=(count, height, width, 3))
+        self.info = VideoInfo(width, height, count, fps, count / fps)
+
+    def read(self, start: int, stop: int | None) -> Iterator[Frame]:
+        for index in range(start, self.info.frames if stop is None else min(stop, self.info.frames)):
+            yield np.array(self._frames[index])
+
+
+class _DiskContext(LocalContext[Any]):
+    """A context whose artefacts lie in a folder, so that memory does not grow with the length of the video."""
+
+    def __init__(self, params: Any, video: FrameSource, inputs: Mapping[str, Any], seed: int, *, folder: Path) -> None:
+        super().__init__(params, video, inputs, seed)
+        self._folder = folder
+
+    def save(self, name: str, arrays: Arrays) -> None:
+        super().save(name, {})
+        with self._path(self.step, name).open("wb") as file:
+            write_arrays(file, arrays)
+
+    def load(self, step: str, name: str) -> dict[str, NDArray[Any]]:
+        super().load(step, name)  # whether the task may
+        with self._path(step, name).open("rb") as file:
+            return read_arrays(file.read())
+
+    def _path(self, step: str, name: str) -> Path:
+        return self._folder / f"{step}--{name.replace('/', '--')}"
+
+
+def _write(frames: Iterator[Frame], source: Source, where: Target, fps: float, quality: int) -> None:
+    """Encode the frames at the times of the source, add its sound, and put the file in its place."""
+    with tempfile.TemporaryDirectory(prefix="impasto-") as folder, ExitStack() as stack:
+        segment, whole = Path(folder) / "segment", Path(folder) / "whole"
+        sound = Path(source) if isinstance(source, str | Path) else None
+        times = None if sound is None else stack.enter_context(VideoReader(sound)).index
+        rate = Fraction(fps).limit_denominator(1001)
+        first = next(frames, None)
+        if first is None:
+            raise BadInput("The source has no frames.", field="source", remedy="Give at least one.")
+        size = (first.shape[1], first.shape[0])
+        base, shown = (1 / rate, fps) if times is None else (times.time_base, times.fps)
+        spec = SegmentSpec(cast(Format, where.format), size, base, shown, quality)
+        with segment_writer(segment, spec) as writer:
+            for index, frame in enumerate(chain([first], frames)):
+                start, stop = (index, index + 1) if times is None else (times.time(index), times.time(index + 1))
+                writer.write(index, frame, start, stop)
+        origin = Fraction(0) if times is None else times.time(0) * base
+        join([(origin, segment)], whole, spec.format, sound)
+        with output_faults("output", where.path):
+            deliver(whole, where)

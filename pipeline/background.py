@@ -1,0 +1,78 @@
+"""Optional concurrency within one frame: a helper thread takes part of the work. Results are bit-identical."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass
+from typing import Generic, ParamSpec, Protocol, TypeVar
+
+P = ParamSpec("P")
+T = TypeVar("T")
+Covariant = TypeVar("Covariant", covariant=True)
+
+
+class Pending(Protocol[Covariant]):
+    """A value that is available now or later (the result interface of `concurrent.futures.Future`)."""
+
+    def result(self) -> Covariant:
+        """Wait for the value and return it; raises the exception that computing it raised."""
+        ...
+
+
+@dataclass(frozen=True)
+class Ready(Generic[T]):
+    """A value that is already computed."""
+
+    value: T
+
+    def result(self) -> T:
+        return self.value
+
+
+@dataclass(frozen=True)
+class Offered(Generic[T]):
+    """A value submitted to the helper. If the helper has not started on it, `result` computes it in the caller."""
+
+    taken: Future[T]
+    make: Callable[[], T]
+
+    def result(self) -> T:
+        return self.make() if self.taken.cancel() else self.taken.result()
+
+
+class Background:
+    """Runs functions immediately in the caller, or in submission order on a helper thread.
+
+    Stateful functions (temporal filters) are submitted frame after frame. The helper must therefore have exactly one
+    thread, which preserves the order. A function may wait for results submitted before it, never for later ones:
+    that would deadlock.
+
+    Args:
+        helper: executor with one thread; None = run everything in the caller.
+    """
+
+    def __init__(self, helper: Executor | None = None) -> None:
+        self.helper = helper
+
+    def __call__(self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Pending[T]:
+        if self.helper is None:
+            return Ready(function(*args, **kwargs))
+        return self.helper.submit(function, *args, **kwargs)
+
+    def offer(self, make: Callable[[], T]) -> Pending[T]:
+        """Submit a stateless function. It runs on the helper if that is idle in time, otherwise in the caller."""
+        return Ready(make()) if self.helper is None else Offered(self.helper.submit(make), make)
+
+    def rows(self, work: Callable[[int, int], None], height: int) -> None:
+        """Call `work(first, last)` for all rows [0, height) of an image; the upper half is offered to the helper."""
+        if self.helper is None:
+            work(0, height)
+            return
+        upper = self.offer(lambda: work(0, height // 2))
+        work(height // 2, height)
+        upper.result()
+
+
+INLINE = Background()
+"""Runs everything in the caller: no helper thread."""

@@ -1,0 +1,53 @@
+"""A flow turned round: from the way back of every pixel, where each pixel of the other frame has gone."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Flow, Mask
+from pipeline.jit import kernel
+
+_HALF, _ONE, _ZERO = np.float32(0.5), np.float32(1.0), np.float32(0.0)
+
+
+def invert_flow(flow: Flow, here: NDArray[np.uint8], there: NDArray[np.uint8]) -> tuple[Flow, Mask]:
+    """The flow from `there` to `here`, float32 (h, w, 2), px; and which pixels of `there` are seen, bool (h, w).
+
+    One solve gives both ways. Each pixel lands on the four about its target; where several land on one, that which
+    looks most like it has it: of a hand and the wall that it has come before, the hand. What nothing lands on is
+    hidden, and goes as the pixel at its place came.
+
+    Args:
+        flow: from `here` to `there`: here(x) matches there(x + flow(x)).
+        here, there: uint8 (h, w).
+    """
+    out, best = np.empty_like(flow), np.full(flow.shape[:2], np.inf, np.float32)
+    _land(flow, here, there, out, best)
+    seen = np.asarray(np.isfinite(best), np.bool_)
+    np.negative(flow, out=out, where=~seen[..., None])
+    return out, seen
+
+
+@kernel
+def _land(
+    flow: Flow, here: NDArray[np.uint8], there: NDArray[np.uint8], out: Flow, best: NDArray[np.float32]
+) -> None:  # fmt: skip
+    height, width = best.shape
+    for y in range(height):
+        for x in range(width):
+            dx, dy = flow[y, x, 0], flow[y, x, 1]
+            tx, ty = np.float32(x) + dx, np.float32(y) + dy
+            if tx <= -_ONE or ty <= -_ONE or tx >= np.float32(width) or ty >= np.float32(height):
+                continue
+            left, top = int(np.floor(tx)), int(np.floor(ty))
+            for row in range(max(top, 0), min(top + 2, height)):
+                for column in range(max(left, 0), min(left + 2, width)):
+                    away = max(abs(np.float32(column) - tx), abs(np.float32(row) - ty))
+                    if away >= _ONE:
+                        continue
+                    apart = abs(np.float32(here[y, x]) - np.float32(there[row, column])) + away
+                    if apart < best[row, column]:
+                        best[row, column] = apart
+                        out[row, column, 0] = -dx
+                        out[row, column, 1] = -dy

@@ -1,0 +1,209 @@
+"""Analysis of the incoming frame: flow, denoised colours, importance, edges and lines."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.background import Background, Pending, Ready
+from pipeline.colour.lab8 import LabPlanes, rgb_to_lab8
+from pipeline.colour.scheme import Tone, ToneTracker
+from pipeline.colour.scheme import measure as measure_tone
+from pipeline.flow import estimate
+from pipeline.frames import Flow, Frame, Plane, same_size
+from pipeline.lines.coherent import Ink
+from pipeline.methods.abstraction.line_extractor import LineExtractor
+from pipeline.methods.abstraction.params import AbstractionParams
+from pipeline.methods.abstraction.sharp_lines import SharpLineExtractor
+from pipeline.methods.abstraction.state import Clock, State, flatten, part
+from pipeline.segmentation.cuts import is_cut, light_steadiness, thumbnail
+from pipeline.segmentation.edges import edges
+from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker
+from pipeline.segmentation.motion import BackwardMaps, backward_maps, denoise, zero_still_flow
+from pipeline.segmentation.regions import Lab8
+
+LINE_STATE = ("analyzer.lines.ink", "analyzer.lines.opacity", "analyzer.lines.response")
+"""Stored planes of the line layer, by name in the session's state."""
+DENOISE_TOLERANCE = 6.0
+"""CIELAB units at which the weight of the past has fallen to 1/e."""
+
+
+@dataclass(frozen=True)
+class FrameAnalysis:
+    """Everything later stages need to know about one frame. Label-sized planes have the frame's height and width."""
+
+    lab: Lab8
+    """CIELAB of the denoised frame, 8 bit."""
+    edges: Pending[NDArray[np.uint8]]
+    importance: Pending[Plane]
+    """float32, coarser than the frame."""
+    flow: Flow | None
+    """None for the first frame of a shot."""
+    back: BackwardMaps | None
+    residual: NDArray[np.uint8] | None
+    ink: Pending[Ink] | None
+    tone: Tone | None
+    shot: int
+    light_steadiness: float
+    """0..1: 1 = the light is steady; towards 0 in a fade, when past colours do not predict the current ones."""
+
+
+class FrameAnalyzer:
+    """Analyses frame after frame; keeps the previous frame, its denoised version, faces, importance and lines."""
+
+    def __init__(
+        self, params: AbstractionParams, size: tuple[int, int], tone: bool, shot: int, clock: Clock,
+        background: Background,
+    ) -> None:  # fmt: skip
+        self.params, self.size, self.clock, self.shot, self.background = params, size, clock, shot, background
+        self.importance = ImportanceTracker(_importance(params), size)
+        self.lines = _line_extractor(params, size)
+        self.tone = ToneTracker() if tone else None
+        self.gray: NDArray[np.uint8] | None = None
+        self.denoised: Lab8 | None = None
+        self.thumbnail: Plane | None = None
+        self.light_steadiness = 1.0
+        self._deferred: Pending[None] = Ready(None)
+        self._search_due = False
+        self.smooth_side, self.smooth_px = _short_gaussian(0.6 + 0.4 * size[1] / 360)
+
+    def step(self, frame: Frame, mask: Plane | None = None) -> FrameAnalysis:
+        """Analysis of the next frame. Importance, edges and lines run in the background when there is a helper."""
+        frame = same_size(frame, self.size)
+        planes = self._smooth(frame)
+        gray = planes[0]
+        fresh = self._begins_shot(frame)
+        flow = self._flow(gray, fresh)
+        importance = self.background(self._importance, gray, flow, fresh, mask)
+        back, planes, residual = self._denoise(planes, flow)
+        denoised, lightness = np.asarray(cv2.merge(list(planes)), np.uint8), planes[0]
+        edge_map = self.background(self._edges, lightness, importance)
+        ink = self.background(self._ink, self.lines, lightness, importance, flow) if self.lines else None
+        if self.background.helper is None:
+            self.finish_frame()
+        with self.clock("colour"):
+            tone = self.tone.step(measure_tone(frame), fresh) if self.tone else None
+        self.gray, self.denoised = gray, denoised
+        return FrameAnalysis(
+            denoised, edge_map, importance, flow, back, residual, ink, tone, self.shot, self.light_steadiness
+        )
+
+    def _smooth(self, frame: Frame) -> LabPlanes:
+        with self.clock("lab"):
+            smooth = cv2.GaussianBlur(frame, (self.smooth_side, self.smooth_side), self.smooth_px)
+            return rgb_to_lab8(np.asarray(smooth, np.uint8))
+
+    def _importance(
+        self, gray: NDArray[np.uint8], flow: Flow | None, fresh: bool, mask: Plane | None
+    ) -> Plane:  # fmt: skip
+        self._search_faces()  # still due from the previous frame
+        with self.clock("importance"):
+            importance = self.importance.step_coarse(gray, flow, fresh, mask)
+        self._search_due = True  # set and cleared on the helper's thread only: exactly one search slice a frame
+        return importance
+
+    def finish_frame(self) -> None:
+        """Work that only later frames need (a part of the face search): runs when the frame has been delivered."""
+        self._deferred = self.background(self._search_faces)
+
+    def _search_faces(self) -> None:
+        if self._search_due:
+            self._search_due = False
+            with self.clock("importance"):
+                self.importance.continue_search()
+
+    def _edges(self, gray: NDArray[np.uint8], importance: Pending[Plane]) -> NDArray[np.uint8]:
+        with self.clock("edges"):
+            return edges(gray, importance.result(), self.params.edge_threshold)
+
+    def _ink(self, lines: LineExtractor, gray: NDArray[np.uint8], importance: Pending[Plane], flow: Flow | None) -> Ink:
+        with self.clock("lines"):
+            return lines.step(gray, importance.result(), flow)
+
+    def _begins_shot(self, frame: Frame) -> bool:
+        """True for the first frame, after a hard cut, and for every frame with `temporal=off`."""
+        before, self.thumbnail = self.thumbnail, thumbnail(frame)
+        self.light_steadiness = 1.0 if before is None else light_steadiness(before, self.thumbnail)
+        if before is None:
+            return True
+        cut = is_cut(before, self.thumbnail, self.params.cut_sensitivity)
+        self.shot += cut
+        return cut or self.params.temporal == "off"
+
+    def _flow(self, gray: NDArray[np.uint8], fresh: bool) -> Flow | None:
+        if fresh or self.gray is None:
+            return None
+        with self.clock("flow"):
+            flow = estimate(self.gray, gray, self.params.flow)
+            return zero_still_flow(flow, self.gray, gray, self.params.stillness)
+
+    def _denoise(
+        self, lab: LabPlanes, flow: Flow | None
+    ) -> tuple[BackwardMaps | None, LabPlanes, NDArray[np.uint8] | None]:  # fmt: skip
+        if flow is None or self.denoised is None:
+            return None, lab, None
+        with self.clock("denoise"):
+            back = backward_maps(flow)
+            denoised, residual = denoise(
+                lab, self.denoised, flow, back, self.params.steadiness * self.light_steadiness, DENOISE_TOLERANCE
+            )
+        return back, denoised, residual
+
+    def state(self) -> State:
+        self._deferred.result()
+        self._search_faces()
+        parts: dict[str, Mapping[str, NDArray[Any]]] = {"importance": self.importance.state()}
+        if self.lines:
+            parts["lines"] = self.lines.state()
+        if self.tone:
+            parts["tone"] = self.tone.state()
+        own: State = {"shot": np.array(self.shot)}
+        if self.gray is not None and self.denoised is not None and self.thumbnail is not None:
+            own |= {"gray": self.gray, "denoised": self.denoised, "thumbnail": self.thumbnail}
+        return own | flatten(parts)
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        self.shot = int(state["shot"])
+        self.gray, self.denoised, self.thumbnail = (state.get(k) for k in ("gray", "denoised", "thumbnail"))
+        self.importance.restore(part(state, "importance"))
+        if self.lines:
+            self.lines.restore(part(state, "lines"))
+        if self.tone and (tone := part(state, "tone")):
+            self.tone.restore(tone)
+
+    @property
+    def coarse(self) -> dict[str, tuple[int, int]]:
+        """(width, height) of the stored planes that are smaller than the frame, by name in the session's state."""
+        sizes = {
+            "analyzer.importance.cues": self.importance.map_size,
+            "analyzer.importance.mask": self.importance.map_size,
+        }
+        return sizes | (dict.fromkeys(LINE_STATE, self.lines.small) if self.lines else {})
+
+
+def _line_extractor(params: AbstractionParams, size: tuple[int, int]) -> LineExtractor | None:
+    if params.lines == "off":
+        return None
+    return SharpLineExtractor(params, size) if params.edges == "sharp" else LineExtractor(params, size)
+
+
+def _short_gaussian(sigma_px: float) -> tuple[int, float]:
+    """(taps, standard deviation) of a Gaussian cut off at about two of them, yet as wide as `sigma_px`."""
+    reach = round(2 * sigma_px)
+    squares = np.arange(-reach, reach + 1) ** 2
+    wider = sigma_px * np.linspace(1, 1.5, 501)
+    weights = np.exp(-squares / (2 * wider[:, None] ** 2))
+    variance = (weights * squares).sum(axis=1) / weights.sum(axis=1)
+    return 2 * reach + 1, float(wider[np.abs(variance - sigma_px**2).argmin()])
+
+
+def _importance(params: AbstractionParams) -> ImportanceParams:
+    return ImportanceParams(
+        face=params.face_importance, saliency=params.saliency_importance, motion=params.motion_importance,
+        half_life_frames=params.importance_half_life,
+    )  # fmt: skip

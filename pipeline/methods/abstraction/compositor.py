@@ -1,0 +1,91 @@
+"""Compositing: regions, colours and lines become the outgoing frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.background import Background, Pending
+from pipeline.colour.paint import flat, overlay
+from pipeline.frames import Frame
+from pipeline.lines.coherent import Ink
+from pipeline.methods.abstraction.analysis import FrameAnalysis
+from pipeline.methods.abstraction.params import AbstractionParams
+from pipeline.methods.abstraction.region_stage import ColouredRegions
+from pipeline.methods.abstraction.state import Clock, State
+from pipeline.segmentation.motion import BackwardMaps, blend_with_past, warp_back
+from pipeline.segmentation.refinement import round_boundaries
+from pipeline.segmentation.segmenter import Segmentation
+
+INK = (14, 11, 16)
+"""RGB of full ink: a warm black."""
+
+
+@dataclass(frozen=True)
+class Painting:
+    """A finished frame with its intermediate results."""
+
+    frame: Frame
+    regions: Segmentation
+    labels: NDArray[np.int32]
+    """int32 (h, w): the labels as drawn, boundaries smoothed."""
+    colours: NDArray[np.uint8]
+    """(n + 1, 3) RGB."""
+    ink: Ink | None
+    """The line layer; None = no lines."""
+
+
+class Compositor:
+    """Smooths boundaries, fills regions, draws lines over them; keeps the previous output."""
+
+    def __init__(self, params: AbstractionParams, size: tuple[int, int], clock: Clock, background: Background) -> None:
+        self.params, self.clock, self.background = params, clock, background
+        self.round_px = params.boundary_smoothing / 1000 * size[1]
+        self.picture: Frame | None = None
+        self._past: Pending[Frame] | None = None
+
+    def prepare(self, analysis: FrameAnalysis) -> None:
+        """Start the work that needs no regions: warp the previous output to the current frame."""
+        self._past, picture, back = None, self.picture, analysis.back
+        if back is not None and picture is not None and self.params.paint_memory:
+            self._past = self.background.offer(lambda: self._warp_back(picture, back))
+
+    def _warp_back(self, picture: Frame, back: BackwardMaps) -> Frame:
+        with self.clock("paint"):
+            return warp_back(picture, back)
+
+    def step(self, coloured: ColouredRegions) -> Painting:
+        """Composite a frame, after `prepare` with the analysis of the same frame."""
+        analysis, regions, background = coloured.analysis, coloured.regions, self.background
+        with self.clock("paint"):
+            labels = (
+                round_boundaries(regions.labels, self.round_px, background) if self.round_px >= 1 else regions.labels
+            )
+            picture = flat(labels, coloured.colours, background=background)
+            ink = None if analysis.ink is None else analysis.ink.result()
+            if ink is not None:
+                overlay(picture, ink, INK, self.params.line_opacity, background)
+            self.picture = self._fade(picture, analysis)
+        return Painting(self.picture, regions, labels, coloured.colours, ink)
+
+    def _fade(self, picture: Frame, analysis: FrameAnalysis) -> Frame:
+        """Cross-fade from the previous output where the source agrees with its past, so that regions do not pop."""
+        if self._past is None or analysis.residual is None:
+            return picture
+        return blend_with_past(
+            picture,
+            self._past.result(),
+            analysis.residual,
+            self.params.paint_memory * analysis.light_steadiness,
+            self.background,
+        )
+
+    def state(self) -> State:
+        return {} if self.picture is None else {"picture": self.picture}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        self.picture = state.get("picture")

@@ -1,0 +1,75 @@
+"""The line layer: difference-of-Gaussians ink that holds still."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Flow, Plane
+from pipeline.lines.coherent import Ink, Past, keep_strokes
+from pipeline.lines.dog import dog_response, soft_threshold
+from pipeline.methods.abstraction.flow_lines import FlowLines
+from pipeline.methods.abstraction.params import AbstractionParams
+
+TAU = 0.99
+"""Weight of the wider Gaussian; a flat area then answers with -1 % of its gray level, safely below any threshold."""
+FINEST_PX = 0.7
+"""A narrower Gaussian than this sees pixels, not lines."""
+WEAK, STRONG = 64, 153
+"""Hysteresis on ink: what a stroke needs everywhere, and somewhere."""
+RIM = np.ones((3, 3), np.uint8)
+
+
+class LineExtractor:
+    """Draws lines for frame after frame, at a resolution where the narrow Gaussian is about a pixel wide."""
+
+    def __init__(self, params: AbstractionParams, size: tuple[int, int]) -> None:
+        self.params = params
+        self.size = size
+        sigma_px = max(FINEST_PX, params.line_width / 1000 * size[1])
+        self.shrink = max(1, round(sigma_px))
+        self.small = (max(1, size[0] // self.shrink), max(1, size[1] // self.shrink))
+        self.sigma_px = sigma_px / self.shrink
+        self.shortest_px = params.line_length / 1000 * self.small[1]
+        self.last: Ink | None = None
+        flows = params.lines == "flow"
+        self.flow_lines = FlowLines(self.sigma_px, TAU, params.steadiness, self.shrink) if flows else None
+
+    def step(self, gray: NDArray[np.uint8], importance: Plane, flow: Flow | None) -> Ink:
+        """Ink of the next frame, uint8 (h, w), 0..255, before opacity.
+
+        Args:
+            gray: uint8 (h, w), denoised.
+            importance: float32, any size.
+            flow: from the previous frame, px; None = nothing is known of the past.
+        """
+        small = cv2.resize(gray, self.small, interpolation=cv2.INTER_AREA).astype(np.float32)
+        weight = np.asarray(cv2.resize(importance, self.small, interpolation=cv2.INTER_LINEAR), np.float32)
+        response = self._respond(small, weight, flow)
+        ink = soft_threshold(response, weight, self.params.line_threshold, self.params.line_sharpness)
+        past = None if flow is None or self.last is None else Past(self.last, flow, self.shrink)
+        keep = keep_strokes(ink, past, weight, WEAK, STRONG, self.shortest_px)
+        # One pixel more on each side keeps the soft rim of a stroke.
+        drawn = np.asarray(cv2.bitwise_and(ink, cv2.dilate(keep, RIM)), np.uint8)
+        self.last = drawn
+        if self.shrink == 1:
+            return drawn
+        return np.asarray(cv2.resize(drawn, self.size, interpolation=cv2.INTER_LINEAR), np.uint8)
+
+    def _respond(self, gray: Plane, importance: Plane, flow: Flow | None) -> Plane:
+        if self.flow_lines:
+            return self.flow_lines.step(gray, importance, flow)
+        return dog_response(gray, self.sigma_px, TAU)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        own = {} if self.last is None else {"ink": self.last}
+        return own | (self.flow_lines.state() if self.flow_lines else {})
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        self.last = state.get("ink")
+        if self.flow_lines:
+            self.flow_lines.restore(state)

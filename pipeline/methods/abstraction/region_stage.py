@@ -1,0 +1,86 @@
+"""Segmentation and region colours of a frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.colour.scheme import ColourStats
+from pipeline.methods.abstraction.analysis import FrameAnalysis
+from pipeline.methods.abstraction.palette import Palette
+from pipeline.methods.abstraction.params import AbstractionParams
+from pipeline.methods.abstraction.state import Clock, State, flatten, part
+from pipeline.segmentation.segmenter import Segmentation, Segmenter, SegmenterParams
+
+IDS_A_SHOT = 1_000_000_000
+"""Region ids are shot * IDS_A_SHOT + n: unique over the video although shots are done apart."""
+FADING = 0.15
+"""`light_steadiness` below which regions have to earn their pixels anew."""
+MISFIT_SLACK = 1.1
+"""A pixel leaves its region beyond this share of the growing limit: a little more than it took to join."""
+
+
+@dataclass(frozen=True)
+class ColouredRegions:
+    """A frame's regions and their colours."""
+
+    analysis: FrameAnalysis
+    regions: Segmentation
+    colours: NDArray[np.uint8]
+    """(n + 1, 3) RGB."""
+
+
+class RegionStage:
+    """Segments frame after frame and gives every region its colour."""
+
+    def __init__(
+        self, params: AbstractionParams, size: tuple[int, int], reference: ColourStats | None, clock: Clock
+    ) -> None:  # fmt: skip
+        self.params, self.clock = params, clock
+        self.segmenter = Segmenter(_segmenter(params), size)
+        self.palette = Palette(params, reference)
+        self.shot = -1
+
+    def step(self, analysis: FrameAnalysis) -> ColouredRegions:
+        importance = analysis.importance.result()
+        with self.clock("segment"):
+            if analysis.flow is None:
+                self._begin(analysis.shot)
+            fading = analysis.light_steadiness < FADING
+            regions = self.segmenter.step(
+                analysis.lab, analysis.edges, importance, analysis.flow, analysis.residual, fading
+            )
+        with self.clock("colour"):
+            colours = self.palette.step(regions, analysis.tone, analysis.light_steadiness)
+        return ColouredRegions(analysis, regions, colours)
+
+    def _begin(self, shot: int) -> None:
+        """A shot's ids start at its own base; frames on their own (`temporal=off`) go on counting within it."""
+        self.segmenter.reset(self.segmenter.next_id if shot == self.shot else shot * IDS_A_SHOT + 1)
+        self.palette.last = None
+        self.shot = shot
+
+    def state(self) -> State:
+        parts = {"segmenter": self.segmenter.state(), "palette": self.palette.state()}
+        return {"shot": np.array(self.shot)} | flatten(parts)
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        self.shot = int(state["shot"])
+        self.segmenter.restore(part(state, "segmenter"))
+        self.palette.restore(part(state, "palette"))
+
+
+def _segmenter(params: AbstractionParams) -> SegmenterParams:
+    return SegmenterParams(
+        flow_error_limit=params.flow_error_limit,
+        growing_limit=params.growing_limit,
+        misfit_slack=MISFIT_SLACK,
+        core_slack=params.core_tolerance,
+        boundary_margin=params.boundary_margin,
+        merge_similar=params.merge_similar,
+        smallest_region=params.smallest_region / 1000,
+    )

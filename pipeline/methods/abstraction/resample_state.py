@@ -1,0 +1,75 @@
+"""What a session remembers, carried over to frames of another size: a picture that changes resolution does not jump."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.methods.abstraction.state import State
+
+PICTURES = ("analyzer.gray", "analyzer.denoised", "compositor.picture")
+LABELS, AREAS, REMAINDER = "regions.segmenter.labels", "regions.segmenter.areas", "regions.segmenter.remainder"
+FACES = "analyzer.importance.faces"
+FACE_COLUMNS = 8
+"""A face's box and its goal, (x, y, width, height) px each; what follows has no size."""
+COARSE = (
+    "analyzer.importance.cues", "analyzer.importance.mask", "analyzer.lines.response", "analyzer.lines.opacity",
+    "analyzer.lines.ink",
+)  # fmt: skip
+SEARCH = "analyzer.importance.search."
+TENSORS = "analyzer.lines.tensors"
+
+
+def resample_state(
+    state: Mapping[str, NDArray[Any]], size: tuple[int, int], coarse: Mapping[str, tuple[int, int]]
+) -> State:
+    """The state for a session whose frames are `size`.
+
+    Args:
+        state: of a session of any size, `AbstractionSession.state`.
+        size: (width, height), px.
+        coarse: (width, height) of the planes that are coarser than the frame (`COARSE`), by name.
+
+    Region ids and colours stay with their labels. A region that is too small to be seen at the new size has no pixel
+    any more and ends as any other that is covered up. Motion remainders, less than a pixel, the memory of
+    `lines=flow` and a search for faces start anew.
+    """
+    moved = dict(state)
+    for name in COARSE:
+        if name in moved and moved[name].size and name in coarse:
+            moved[name] = _resample(moved[name], coarse[name])
+    if TENSORS in moved and moved[TENSORS].shape[:0:-1] != coarse.get(COARSE[-1]):
+        del moved[TENSORS]
+    before = _size(state)
+    if before is None or before == size:
+        return moved
+    moved = {name: array for name, array in moved.items() if not name.startswith(SEARCH)}
+    for name in PICTURES:
+        if name in moved:
+            moved[name] = _resample(moved[name], size)
+    if LABELS in moved:
+        moved[LABELS] = np.asarray(cv2.resize(moved[LABELS], size, interpolation=cv2.INTER_NEAREST), np.int32)
+        counts = np.bincount(moved[LABELS].ravel(), minlength=len(moved[AREAS]))
+        moved[AREAS] = counts.astype(np.int32)
+        moved[REMAINDER] = np.zeros((size[1], size[0], 2), np.int8)
+    faces = np.array(moved[FACES], np.float64)
+    faces[:, :FACE_COLUMNS] *= np.tile([size[0] / before[0], size[1] / before[1]], FACE_COLUMNS // 2)
+    moved[FACES] = faces
+    return moved
+
+
+def _size(state: Mapping[str, NDArray[Any]]) -> tuple[int, int] | None:
+    """(width, height) of the frames that `state` is of; None before the first."""
+    gray = state.get("analyzer.gray")
+    return None if gray is None else (gray.shape[1], gray.shape[0])
+
+
+def _resample(plane: NDArray[Any], size: tuple[int, int]) -> NDArray[Any]:
+    if (plane.shape[1], plane.shape[0]) == size:
+        return plane
+    how = cv2.INTER_AREA if plane.shape[1] > size[0] else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(plane, size, interpolation=how), plane.dtype)

@@ -1,0 +1,68 @@
+"""Compositing of `edges=sharp`: region borders are smooth curves, filled by exact pixel coverage."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from pipeline.background import Background
+from pipeline.colour.memory import blend_colours, moving_borders
+from pipeline.colour.paint import overlay
+from pipeline.frames import Frame, Labels
+from pipeline.methods.abstraction.analysis import FrameAnalysis
+from pipeline.methods.abstraction.compositor import INK, Compositor, Painting
+from pipeline.methods.abstraction.params import AbstractionParams
+from pipeline.methods.abstraction.region_stage import ColouredRegions
+from pipeline.methods.abstraction.state import Clock
+from pipeline.segmentation.motion import past_weights
+from pipeline.vector.borders import Borders, align_borders, find_borders, smooth_borders
+from pipeline.vector.fill import fill_regions
+
+SIGMA_SHARE, LIMIT_SHARE = 0.45, 0.4
+"""Standard deviation of the border smoothing, and the largest displacement of a border, as shares of the radius
+`boundary_smoothing`."""
+LEAST_LIMIT_PX = 0.75
+"""Smallest displacement limit: enough to straighten the steps of a slanting border."""
+
+
+class SharpCompositor(Compositor):
+    """Smooths borders, fills regions and draws lines over them.
+
+    The picture that it keeps, `picture`, has the blended region colours without lines, so that a line that has moved
+    leaves no trace. `Painting.labels` are the labels of the segmentation: the borders are smoothed, not the label map.
+    """
+
+    def __init__(self, params: AbstractionParams, size: tuple[int, int], clock: Clock, background: Background) -> None:
+        super().__init__(params, size, clock, background)
+        radius_px = params.boundary_smoothing / 1000 * size[1]
+        self.sigma_px = SIGMA_SHARE * radius_px
+        self.limit_px = max(LEAST_LIMIT_PX, LIMIT_SHARE * radius_px)
+
+    def step(self, coloured: ColouredRegions) -> Painting:
+        """Composite a frame, after `prepare` with the analysis of the same frame."""
+        analysis, labels, colours = coloured.analysis, coloured.regions.labels, coloured.colours
+        size = (labels.shape[1], labels.shape[0])
+        with self.clock("paint"):
+            flat = fill_regions(self._borders(labels, analysis), colours, size, self.background)
+            self.picture = self._blend(flat, labels, analysis)
+            frame = self.picture.copy()
+            ink = None if analysis.ink is None else analysis.ink.result()
+            if ink is not None:
+                overlay(frame, ink, INK, self.params.line_opacity, self.background)
+        return Painting(frame, coloured.regions, labels, colours, ink)
+
+    def _borders(self, labels: Labels, analysis: FrameAnalysis) -> Borders:
+        borders = find_borders(labels)
+        if analysis.flow is not None:
+            borders = align_borders(borders, labels, analysis.lab, analysis.flow)
+        return smooth_borders(borders, self.sigma_px, self.limit_px)
+
+    def _blend(self, picture: Frame, labels: Labels, analysis: FrameAnalysis) -> Frame:
+        """Cross-fade from the previous colours where the source agrees with its past, so that regions do not pop."""
+        if self._past is None or analysis.residual is None or analysis.flow is None:
+            return picture
+        weights = cv2.LUT(analysis.residual, past_weights(self.params.paint_memory * analysis.light_steadiness))
+        past = self._past.result()
+        moving = moving_borders(labels, analysis.flow)
+        blend_colours(picture, past, np.asarray(weights, np.uint8), moving, self.background)
+        return past

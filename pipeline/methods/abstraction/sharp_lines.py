@@ -1,0 +1,66 @@
+"""The line layer of `edges=sharp`: contours of the difference-of-Gaussians response, anti-aliased at full size."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Flow, Plane
+from pipeline.lines.coherent import Ink, Past, keep_strokes
+from pipeline.lines.coverage import blend_opacity, blend_response, draw_lines, line_field
+from pipeline.lines.dog import soft_threshold
+from pipeline.methods.abstraction.line_extractor import STRONG, WEAK, LineExtractor
+from pipeline.methods.abstraction.params import AbstractionParams
+
+NEIGHBOURHOOD = np.ones((5, 5), np.uint8)
+"""A line's opacity is that of its strongest pixel within this neighbourhood, so that only its outline fades."""
+
+
+class SharpLineExtractor(LineExtractor):
+    """Extracts lines like `LineExtractor`, but enlarges the smooth response instead of the ink, and draws its contour.
+
+    Remembers the previous frame's response and opacity in addition to its ink.
+    """
+
+    def __init__(self, params: AbstractionParams, size: tuple[int, int]) -> None:
+        super().__init__(params, size)
+        self.opacity: Ink | None = None
+        self.response: Plane | None = None
+
+    def step(self, gray: NDArray[np.uint8], importance: Plane, flow: Flow | None) -> Ink:
+        """The line layer of the next frame, uint8 (h, w), 0..255, before `line_opacity`; see `LineExtractor.step`."""
+        params = self.params
+        small = cv2.resize(gray, self.small, interpolation=cv2.INTER_AREA).astype(np.float32)
+        weight = np.asarray(cv2.resize(importance, self.small, interpolation=cv2.INTER_LINEAR), np.float32)
+        response = self._respond(small, weight, flow)
+        if flow is not None and self.response is not None:
+            response = blend_response(response, self.response, flow, self.shrink, params.paint_memory)
+        self.response = response
+        ink = soft_threshold(response, weight, params.line_threshold, params.line_sharpness)
+        past = None if flow is None or self.last is None else Past(self.last, flow, self.shrink)
+        keep = keep_strokes(ink, past, weight, WEAK, STRONG, self.shortest_px)
+        self.last = np.asarray(cv2.bitwise_and(ink, keep), np.uint8)
+        self.opacity = self._opacity(self.last, flow)
+        field = line_field(response, weight, params.line_threshold, max(1, round(2 * self.sigma_px)))
+        return draw_lines(field, self.opacity, self.size)
+
+    def _opacity(self, ink: Ink, flow: Flow | None) -> Ink:
+        """Opacity of the strokes, which appear and vanish gradually."""
+        opacity = np.asarray(cv2.dilate(ink, NEIGHBOURHOOD), np.uint8)
+        if flow is None or self.opacity is None or not self.params.paint_memory:
+            return opacity
+        return blend_opacity(opacity, self.opacity, flow, self.shrink, self.params.paint_memory)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Arrays by name: those of `LineExtractor`, and the previous frame's opacity and response."""
+        if self.opacity is None or self.response is None:
+            return super().state()
+        return super().state() | {"opacity": self.opacity, "response": self.response}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        super().restore(state)
+        self.opacity, self.response = state.get("opacity"), state.get("response")

@@ -1,0 +1,31 @@
+"""Vector output: every frame as regions with boundary and colour (zhang2011online, section 7)."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+
+import numpy as np
+
+from pipeline.methods.abstraction.compositor import INK, Painting
+from pipeline.vector.svg import to_svg
+
+_EPOCH = (1980, 1, 1, 0, 0, 0)
+
+
+class SvgArchive:
+    """A zip of one SVG a frame, named by frame number; a region's id is the same in every frame it lives in."""
+
+    def __init__(self, key: str) -> None:
+        self.name = f"svg-{key}.zip"
+        self._bytes = io.BytesIO()
+        self._zip = zipfile.ZipFile(self._bytes, "w", zipfile.ZIP_DEFLATED, compresslevel=6)
+
+    def add(self, index: int, painting: Painting) -> None:
+        ink = None if painting.ink is None else painting.ink.astype(np.float32) / np.float32(255)
+        page = to_svg(painting.labels, painting.colours, ids=painting.regions.ids, ink=ink, ink_colour=INK)
+        self._zip.writestr(zipfile.ZipInfo(f"{index:05d}.svg", _EPOCH), page)
+
+    def close(self) -> bytes:
+        self._zip.close()
+        return self._bytes.getvalue()

@@ -1,0 +1,179 @@
+"""Running a method in memory: a task context over arrays, and a plan runner. For the library call, previews,
+benchmarks, notebooks and tests; the farm has a context over blobs instead."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
+from typing import Any, Generic, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import BadParameter
+from pipeline.frames import Frame
+from pipeline.methods.base import Arrays, Method, P, PlanContext, Task, TaskResult, VideoInfo
+
+DEFAULT_FPS = 25.0
+
+
+class FrameSource(Protocol):
+    """A video that can be read from any frame on, more than once."""
+
+    @property
+    def info(self) -> VideoInfo: ...
+
+    def read(self, start: int, stop: int | None) -> Iterator[Frame]:
+        """Frames [start, stop), uint8 (height, width, 3), one at a time."""
+        ...
+
+
+class LocalContext(Generic[P]):
+    """`pipeline.methods.base.TaskContext` in memory.
+
+    It applies the farm's rules: a task loads only artefacts of earlier steps and of the tasks in its `after`, saves a
+    name once, and emits a frame once.
+
+    Args:
+        params: the method's Params.
+        video: frames, uint8 (height, width, 3), all of one size; or a source of them.
+        inputs: the other inputs by name: a list of frames (kinds "video", "image", "image-or-video"), a mapping from
+            frame number to image ("images"), or a parsed document ("json"). The files of an archive are given as
+            "<name>.entries", a mapping from path to bytes.
+        artefacts: names of the optional artefacts to make.
+
+    Attributes:
+        emitted: frames by index, until they are taken out.
+        files: files that tasks saved, by name.
+    """
+
+    def __init__(
+        self, params: P, video: Sequence[Frame] | FrameSource, inputs: Mapping[str, Any] | None = None, seed: int = 0,
+        artefacts: frozenset[str] = frozenset(),
+    ) -> None:  # fmt: skip
+        self.params, self.seed, self.artefacts = params, seed, artefacts
+        self.inputs: dict[str, Any] = {"video": video, **(inputs or {})}
+        self.video = _info(video)
+        self.size = (self.video.width, self.video.height)
+        self.files: dict[str, bytes] = {}
+        self.emitted: dict[int, Frame] = {}
+        self.kept: dict[tuple[str, str], dict[str, NDArray[Any]]] = {}
+        self.step = ""
+        self.task: Task | None = None
+        self._makers: dict[tuple[str, str], str] = {}
+
+    def frames(self, name: str = "video", start: int = 0, stop: int | None = None) -> Iterator[Frame]:
+        source = self._input(name)
+        frames = source[start:stop] if isinstance(source, Sequence) else source.read(start, stop)
+        return (frame.copy() for frame in frames)
+
+    def has(self, name: str) -> bool:
+        return name in self.inputs
+
+    def image(self, name: str) -> Frame:
+        return next(self.frames(name, 0, 1))
+
+    def json(self, name: str) -> Any:
+        return self._input(name)
+
+    def images(self, name: str) -> Mapping[int, NDArray[Any]]:
+        found: Mapping[int, NDArray[Any]] = self._input(name)
+        return found
+
+    def entries(self, name: str) -> Mapping[str, bytes]:
+        found: Mapping[str, bytes] = self.inputs.get(f"{name}.entries", {})
+        return found
+
+    def _input(self, name: str) -> Any:
+        if name not in self.inputs:
+            raise BadParameter(
+                f"The input {name!r} is missing.", field=f"inputs.{name}", remedy=f"Give the input {name!r}."
+            )
+        return self.inputs[name]
+
+    def save(self, name: str, arrays: Arrays) -> None:
+        if (self.step, name) in self.kept:
+            raise ValueError(f"the artefact {self.step}/{name} is saved twice")
+        self._makers[self.step, name] = self.task.key if self.task else ""
+        self.kept[self.step, name] = {key: np.array(array) for key, array in arrays.items()}
+
+    def load(self, step: str, name: str) -> dict[str, NDArray[Any]]:
+        own = step == self.step and self.task is not None
+        if own and self.task is not None and self._makers.get((step, name)) not in self.task.after:
+            raise KeyError(f"{step}/{name}: task {self.task.key!r} does not name its maker in `after`")
+        return {key: array.copy() for key, array in self.kept[step, name].items()}
+
+    def save_file(self, name: str, data: bytes, media_type: str) -> None:
+        if name in self.files:
+            raise ValueError(f"the file {name} is saved twice")
+        self.files[name] = data
+
+    def wants(self, artefact: str) -> bool:
+        return artefact in self.artefacts
+
+    def emit(self, index: int, frame: Frame) -> None:
+        if index in self.emitted:
+            raise ValueError(f"frame {index} is emitted twice")
+        self.emitted[index] = frame.copy()
+
+    def show(self, frame: Frame) -> None:
+        return
+
+    def clock(self, stage: str) -> AbstractContextManager[None]:
+        return nullcontext()
+
+    def progress(self, done: float) -> None:
+        return
+
+
+def run_plan(method: Method, context: LocalContext[Any], shuffle: int | None = None) -> dict[str, list[Task]]:
+    """Run a method's whole plan in this thread.
+
+    Args:
+        shuffle: seed of a random order of the tasks, within what their chains allow; None: the order of the plan.
+
+    Returns:
+        The tasks of each step, by step name, in the order in which they ran. Frames are in `context.emitted`.
+    """
+    done: dict[str, list[Task]] = {step.name: [] for step in method.steps}
+    for step, task in iterate_plan(method, context, shuffle):
+        done[step].append(task)
+    return done
+
+
+def iterate_plan(
+    method: Method, context: LocalContext[Any], shuffle: int | None = None, steps: int | None = None
+) -> Iterator[tuple[str, Task]]:
+    """Run a method's plan task by task: (step name, task) after each, so that emitted frames can be taken out.
+
+    Args:
+        shuffle: as for `run_plan`.
+        steps: how many steps to run; None: all.
+    """
+    results: dict[str, dict[str, TaskResult]] = {}
+    for step in method.steps[:steps]:
+        plan_context = PlanContext(context.params, context.seed, context.video, frozenset(context.inputs), results)
+        for task in _in_order(step.plan(plan_context), shuffle):
+            context.step, context.task = step.name, replace(task, after=tuple(sorted(task.after)))
+            results.setdefault(step.name, {})[task.key] = step.run(context.task, context)
+            yield step.name, task
+
+
+def _in_order(tasks: Sequence[Task], shuffle: int | None) -> Iterator[Task]:
+    waiting, done = list(tasks), set[str]()
+    draw = random.Random(shuffle)  # noqa: S311 (an order of tasks, no secret)
+    while waiting:
+        ready = [task for task in waiting if set(task.after) <= done]
+        task = ready[0] if shuffle is None else draw.choice(ready)
+        waiting.remove(task)
+        done.add(task.key)
+        yield task
+
+
+def _info(video: Sequence[Frame] | FrameSource) -> VideoInfo:
+    if not isinstance(video, Sequence):
+        return video.info
+    height, width = video[0].shape[:2] if video else (16, 16)
+    return VideoInfo(width, height, len(video), DEFAULT_FPS, len(video) / DEFAULT_FPS)

@@ -1,0 +1,151 @@
+"""What the analyzer passes to the painter for one frame: all strokes, and the orientation field.
+
+With it a frame can be painted without its past, except for the few previous paintings of temporal accumulation. So
+runs of frames of one shot can be painted concurrently, in any order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Flow, Frame, Plane
+from pipeline.methods.multistyle.styles import PIXEL_FIELDS
+from pipeline.strokes.brush import Direction, Strokes
+from pipeline.strokes.random import Ids
+from pipeline.strokes.seeds import StyleField
+
+Half = NDArray[np.float16]
+
+STROKE = np.dtype([
+    ("colour", "<f2", (3,)), ("target", "<f2", (3,)), ("radius_px", "<f2"), ("opacity", "<f2"), ("relief_px", "<f2"),
+    ("grain", "<f2"), ("length_px", "<f2"), ("presence", "<f2"), ("rank", "<f2"), ("tolerance", "<f2"),
+    ("profile", "<f4", (5,)),
+])  # fmt: skip
+"""A stroke: paint colour and target colour (RGB 0..255), brush parameters at its seed, presence 0..1, rank in the
+painting order (lowest = topmost), colour tolerance (RGB distance up to which it covers a pixel), and the technique
+parameters `PROFILE_FIELDS`."""
+
+
+@dataclass(frozen=True)
+class StrokeLayer:
+    """The n strokes of one layer.
+
+    Attributes:
+        xy: float32 (n, 2), places of the seeds, px.
+        ids: uint64 (n,), identifiers of the seeds.
+        strokes: STROKE (n,); rounded to half precision here, so that stored and painted values are the same.
+        sigma_px: sigma of the Gaussian blur of the layer's reference, px.
+    """
+
+    xy: NDArray[np.float32]
+    ids: Ids
+    strokes: NDArray[Any]
+    sigma_px: float
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def values(self, field: str) -> NDArray[np.float32]:
+        """A field of STROKE in single precision."""
+        return np.ascontiguousarray(self.strokes[field], np.float32)
+
+    @property
+    def topmost_first(self) -> NDArray[np.intp]:
+        """Painting order by rank, ties by id; a stroke keeps both for its lifetime."""
+        return np.lexsort((self.ids, self.values("rank")))
+
+    def dots(self) -> Strokes:
+        """The strokes as strokes of one point each."""
+        n = len(self)
+        return Strokes(
+            self.xy.reshape(n, 1, 2), np.ones(n, np.int32), self.values("radius_px"), self.values("colour"),
+            self.values("target"), self.values("opacity"), self.values("relief_px"), self.values("grain"), self.ids,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class FrameAnalysis:
+    """Everything that the painter needs to know about one frame.
+
+    Attributes:
+        number: counter of the analyzer; consecutive frames of a shot have consecutive numbers.
+        picture: uint8 (h', w', 3): the denoised picture, at the frame's size or half of it.
+        field: float16 (h', w', 2): (u, v) of the orientation field, coarser than the frame.
+        layers: coarse to fine.
+        back: float16 (h", w", 2), flow from this frame to the one before, px of `picture`, at a coarser grid; None = a
+            shot begins.
+        technique: the parameters `PIXEL_FIELDS`: a number, or float16 (h', w').
+        rims: uint8 (h', w'), edge darkening, 255 = the style's maximum; None = no style has paper.
+    """
+
+    number: int
+    picture: Frame
+    field: Half
+    layers: tuple[StrokeLayer, ...]
+    back: Half | None
+    technique: Mapping[str, float | Half]
+    rims: NDArray[np.uint8] | None = None
+
+    def direction(self, size: tuple[int, int]) -> Direction:
+        """Orientation field for frames of `size` (width, height): float32 (h, w, 2)."""
+        return _resized(self.field, size)
+
+    def backward_flow(self) -> Flow | None:
+        """Flow to the previous frame at the picture's size, float32, px of the picture; None = a shot begins."""
+        return None if self.back is None else _resized(self.back, (self.picture.shape[1], self.picture.shape[0]))
+
+    def pixel_field(self, name: str, size: tuple[int, int]) -> StyleField:
+        """A technique parameter for frames of `size`: a number, or float32 (h, w)."""
+        found = self.technique[name]
+        return found if isinstance(found, float) else _resized(found, size)
+
+    def rim_darkness(self, size: tuple[int, int]) -> Plane:
+        """Relative darkening at the rims: float32 (h, w), 0..1."""
+        if self.rims is None:
+            return np.zeros(size[::-1], np.float32)
+        return np.asarray(_resized(self.rims, size) * np.divide(self.pixel_field("rim", size), 255), np.float32)
+
+    def pack(self) -> dict[str, NDArray[Any]]:
+        """The analysis as arrays by name, for storage."""
+        out: dict[str, NDArray[Any]] = {
+            "picture": self.picture, "field": self.field, "number": np.array(float(self.number)),
+        }  # fmt: skip
+        if self.back is not None:
+            out["back"] = self.back
+        if self.rims is not None:
+            out["rims"] = self.rims
+        for index, layer in enumerate(self.layers):
+            out[f"{index}.xy"], out[f"{index}.strokes"], out[f"{index}.ids"] = layer.xy, layer.strokes, layer.ids
+            out[f"{index}.sigma"] = np.array(layer.sigma_px)
+        uniform = {name: value for name, value in self.technique.items() if isinstance(value, float)}
+        out["uniform"] = np.array([uniform.get(name, np.nan) for name in PIXEL_FIELDS])
+        return out | {
+            f"varying-{name}": value for name, value in self.technique.items() if not isinstance(value, float)
+        }
+
+
+def unpack(arrays: Mapping[str, NDArray[Any]]) -> FrameAnalysis:
+    """Restore what `FrameAnalysis.pack` returned."""
+    count = sum(name.endswith(".xy") for name in arrays)
+    layers = tuple(
+        StrokeLayer(arrays[f"{k}.xy"], arrays[f"{k}.ids"], arrays[f"{k}.strokes"], float(arrays[f"{k}.sigma"]))
+        for k in range(count)
+    )
+    technique = {
+        name: arrays[f"varying-{name}"] if np.isnan(value) else float(value)
+        for name, value in zip(PIXEL_FIELDS, arrays["uniform"], strict=True)
+    }
+    return FrameAnalysis(
+        int(arrays["number"]), arrays["picture"], arrays["field"], layers, arrays.get("back"), technique,
+        arrays.get("rims"),
+    )  # fmt: skip
+
+
+def _resized(plane: Half | NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.float32]:
+    return np.asarray(cv2.resize(plane.astype(np.float32), size, interpolation=cv2.INTER_LINEAR), np.float32)

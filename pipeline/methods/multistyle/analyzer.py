@@ -1,0 +1,243 @@
+"""Frame analysis: motion, denoising, detail, orientation field, style, strokes. It keeps all long-term state.
+
+The painter keeps at most the few previous paintings of temporal accumulation.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.flow import estimate
+from pipeline.flow.invert import invert_flow
+from pipeline.frames import Flow, Frame, Mask, Plane, same_size
+from pipeline.methods.abstraction.state import Clock, State, flatten, part
+from pipeline.methods.multistyle.analysis import FrameAnalysis, Half
+from pipeline.methods.multistyle.denoise import TemporalDenoiser, denoise_directions, zero_resting_flow
+from pipeline.methods.multistyle.design import Design
+from pipeline.methods.multistyle.design_fields import DesignFields, RegionPlacement
+from pipeline.methods.multistyle.params import MultistyleParams
+from pipeline.methods.multistyle.stroke_layers import FrameMotion, StrokeLayers, blurred
+from pipeline.methods.multistyle.styles import PIXEL_FIELDS, STYLES, Values, chosen_style, layer_style, uniform
+from pipeline.segmentation.cuts import is_cut, thumbnail
+from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker
+from pipeline.strokes.paper import EdgeDarkening
+from pipeline.tensors.edges import edge_field, gradient_tensor, smooth_over_time
+from pipeline.tensors.field import OrientationField, field_of
+
+LARGE_ROWS = 400
+"""Frames with at least this many rows are analysed at half resolution; strokes are wider than the lost detail."""
+LEAST_COLUMNS = 64
+"""Narrower frames are analysed at full resolution, since optical flow needs at least 16 px."""
+DETAIL_DEAD_BAND, DETAIL_GAIN = 0.06, 0.25
+"""Dead band and per-frame gain with which the detail map follows its target."""
+DIRECTION_TOLERANCE = 0.2
+"""Change of (cos 2a, sin 2a) up to which a direction stays the same; 0.2 is 6 degrees."""
+FACES_EVERY, FACES_KEPT, FACES_SIDE_PX = 12, 60, 400
+"""Face search: interval in frames, lifetime of a detection in frames, longer side of the searched picture in px."""
+ORIENTATION_ROWS = 160
+"""Approximate number of rows of the orientation field."""
+BACK_ROWS = 160
+"""Approximate number of rows of the stored backward flow."""
+BROAD_SIGMA, BROAD_WEIGHT = 6.0, 0.15
+"""Without clear edges, the orientation blurred with this multiple of the edge sigma is used, with this weight relative
+to a clear edge."""
+DEFAULT_WEIGHT = 0.012
+"""Weight of the default direction relative to a clear edge."""
+
+
+class FrameAnalyzer:
+    """Analyses consecutive frames of one size. Not thread-safe.
+
+    Args:
+        size: (width, height), px.
+        seed: random seed.
+        clock: timer of stages, called with a stage's name.
+        design: None = one style for the whole picture.
+    """
+
+    def __init__(
+        self, params: MultistyleParams, size: tuple[int, int], seed: int, clock: Clock, design: Design | None = None
+    ) -> None:  # fmt: skip
+        params = params.effective
+        self.params, self.size, self.clock = params, size, clock
+        named = STYLES[params.style]
+        factor = max(1, round(size[1] / ORIENTATION_ROWS))
+        self.small = (max(1, size[0] // factor), max(1, size[1] // factor))
+        halved = 2 if size[1] >= LARGE_ROWS and size[0] >= LEAST_COLUMNS else 1
+        self.work = (size[0] // halved, size[1] // halved)
+        self.style, self.technique = chosen_style(params), named.technique
+        self.design = None if design is None else DesignFields(design, self.style, self.technique, size, self.small)
+        self.denoiser = TemporalDenoiser(params.hold * named.denoise_factor)
+        self.importance = ImportanceTracker(_importance(params), size)
+        self.strokes = StrokeLayers(params, size, self.work, seed)
+        self.rims = EdgeDarkening()
+        self.number = 0
+        self.gray: NDArray[np.uint8] | None = None
+        self.thumbnail: Plane | None = None
+        self.tensors: NDArray[np.float32] | None = None
+        self.field: OrientationField | None = None
+        self.detail: Plane | None = None
+
+    def step(self, frame: Frame, placed: RegionPlacement | None = None) -> FrameAnalysis:
+        """Analyse the next frame.
+
+        Args:
+            frame: uint8 (h, w, 3).
+            placed: regions of the design in this frame; None = no design.
+        """
+        frame = same_size(frame, self.size)
+        fresh = self._begins_shot(frame)
+        gray = np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.uint8)
+        forward, back = self._flow(gray, fresh)
+        with self.clock("hold"):
+            picture = self.denoiser.step(_shrunk(frame, self.work).astype(np.float32), back)
+        changed = self.denoiser.changed
+        detail = self._detail(gray, forward, fresh)
+        field = self._directions(picture, back, placed)
+        with self.clock("style"):
+            values = self._values(placed)
+            style = layer_style(values, detail, self.size[1])
+        motion = None if forward is None or back is None else FrameMotion(forward, back, changed)
+        with self.clock("strokes"):
+            layers = self.strokes.step(picture, style, motion, detail, self.number)
+        self.gray, self.number = gray, self.number + 1
+        field16 = np.ascontiguousarray(field.transpose(1, 2, 0), np.float16)
+        technique = {name: self._stored(values, name) for name in PIXEL_FIELDS}
+        rims = self.rims.step(picture, back, changed) if np.max(values["paper"]) > 0 else None
+        flow16 = None if back is None else _coarse(back)
+        return FrameAnalysis(self.number, picture, field16, layers, flow16, technique, rims)
+
+    def _values(self, placed: RegionPlacement | None) -> Values:
+        if placed is None or self.design is None:
+            return uniform(self.style, self.technique)
+        return self.design.values(placed)
+
+    def _stored(self, values: Values, name: str) -> float | Half:
+        """A technique parameter at the working size, for the painter."""
+        value = values[name]
+        if isinstance(value, float):
+            return value
+        return np.asarray(
+            cv2.resize(np.asarray(value, np.float32), self.work, interpolation=cv2.INTER_AREA), np.float16
+        )
+
+    def _begins_shot(self, frame: Frame) -> bool:
+        before, self.thumbnail = self.thumbnail, thumbnail(frame)
+        if before is None or self.params.temporal == "off":
+            return True
+        return is_cut(before, self.thumbnail, self.params.cut_sensitivity)
+
+    def _flow(self, gray: NDArray[np.uint8], fresh: bool) -> tuple[Flow | None, Flow | None]:
+        """Flow from the previous frame to this one at the frame's size, and back at the working size."""
+        if fresh or self.gray is None:
+            return None, None
+        with self.clock("flow"):
+            before, now = (_shrunk(plane, self.work) for plane in (self.gray, gray))
+            back = zero_resting_flow(estimate(now, before, self.params.flow), now, before, self.params.stillness)
+            forward, _ = invert_flow(back, now, before)
+            return _enlarged_flow(forward, self.size), back
+
+    def _detail(self, gray: NDArray[np.uint8], flow: Flow | None, fresh: bool) -> Plane | None:
+        """Detail map, float32 (h, w) in 0..1; None = 0 everywhere."""
+        params = self.params
+        if max(params.face_detail, params.saliency_detail, params.motion_detail) <= 0:
+            return None
+        with self.clock("detail"):
+            coarse = self.importance.step_coarse(gray, flow, fresh)
+            self.importance.continue_search()
+            if not fresh and self.detail is not None:
+                far = np.abs(coarse - self.detail) > DETAIL_DEAD_BAND
+                coarse = self.detail + np.where(far, np.float32(DETAIL_GAIN), 0) * (coarse - self.detail)
+            self.detail = np.asarray(coarse, np.float32)
+            return np.asarray(cv2.resize(self.detail, self.size, interpolation=cv2.INTER_LINEAR), np.float32)
+
+    def _directions(self, picture: Frame, back: Flow | None, placed: RegionPlacement | None) -> OrientationField:
+        """Orientation field, float32 (2, h', w'), of unit length, smoothed over space and time."""
+        with self.clock("directions"):
+            small = _shrunk(np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), np.uint8), self.small)
+            sigma = max(self.params.edge_smoothing * self.small[1] / 1000, 0.8)
+            now = gradient_tensor(small.astype(np.float32), sigma)
+            flow = None if back is None else _shrunk_flow(back, self.small)
+            if flow is not None and self.tensors is not None:
+                changed = self.denoiser.changed
+                trust = None if changed is None else _trust(changed, self.small)
+                now = smooth_over_time(now, self.tensors, flow, trust, self.params.edge_memory)
+            self.tensors = now
+            near = edge_field(now)
+            wide = np.stack([blurred(plane, sigma * BROAD_SIGMA) for plane in near])
+            default = field_of(math.radians(self.params.default_angle), DEFAULT_WEIGHT)[:, None, None]
+            field = _unit(np.asarray(near + np.float32(BROAD_WEIGHT) * wide + default, np.float32))
+            if flow is not None and self.field is not None:
+                field = denoise_directions(field, self.field, flow, DIRECTION_TOLERANCE)
+            self.field = field
+            if placed is None or self.design is None:
+                return field
+            return _unit(self.design.directions(field, placed))
+
+    def state(self) -> State:
+        """State as arrays by name; an analyzer restored from it continues with the same bytes."""
+        planes = {
+            "gray": self.gray, "thumbnail": self.thumbnail, "tensors": self.tensors, "field": self.field,
+            "detail": self.detail,
+        }  # fmt: skip
+        own: State = {"number": np.array(self.number)}
+        own |= {name: array for name, array in planes.items() if array is not None}
+        return own | flatten({name: getattr(self, name).state() for name in _PARTS})
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        self.number = int(state["number"])
+        self.gray, self.thumbnail, self.tensors = (state.get(name) for name in ("gray", "thumbnail", "tensors"))
+        self.detail, self.field = state.get("detail"), state.get("field")
+        for name in _PARTS:
+            getattr(self, name).restore(part(state, name))
+
+
+_PARTS = ("importance", "denoiser", "strokes", "rims")
+
+
+def _unit(field: OrientationField) -> OrientationField:
+    return np.asarray(field / (np.sqrt(field[0] * field[0] + field[1] * field[1]) + np.float32(1e-3)), np.float32)
+
+
+def _shrunk(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
+    if (image.shape[1], image.shape[0]) == size:
+        return image
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def _shrunk_flow(flow: Flow, size: tuple[int, int]) -> Flow:
+    """The flow on a coarser grid, in px of that grid."""
+    scale = np.float32(size[1] / flow.shape[0])
+    return np.asarray(cv2.resize(flow, size, interpolation=cv2.INTER_AREA) * scale, np.float32)
+
+
+def _enlarged_flow(flow: Flow, size: tuple[int, int]) -> Flow:
+    if (flow.shape[1], flow.shape[0]) == size:
+        return flow
+    scale = np.array([size[0] / flow.shape[1], size[1] / flow.shape[0]], np.float32)
+    return np.asarray(cv2.resize(flow, size, interpolation=cv2.INTER_LINEAR) * scale, np.float32)
+
+
+def _trust(changed: Mask, size: tuple[int, int]) -> Plane:
+    """Confidence in the past, float32 on a coarser grid: 0 where another surface is visible."""
+    return np.asarray(1 - cv2.resize(changed.astype(np.float32), size, interpolation=cv2.INTER_AREA), np.float32)
+
+
+def _coarse(back: Flow) -> Half:
+    """Backward flow on a coarser grid; it is smooth, and is stored for every frame."""
+    by = max(1, back.shape[0] // BACK_ROWS)
+    size = (max(1, back.shape[1] // by), max(1, back.shape[0] // by))
+    return np.asarray(cv2.resize(back, size, interpolation=cv2.INTER_AREA), np.float16)
+
+
+def _importance(params: MultistyleParams) -> ImportanceParams:
+    return ImportanceParams(
+        face=params.face_detail, saliency=params.saliency_detail, motion=params.motion_detail,
+        detect_every_frames=FACES_EVERY, keep_frames=FACES_KEPT, detection_side_px=FACES_SIDE_PX,
+    )  # fmt: skip

@@ -1,0 +1,201 @@
+"""Painting of an analysed frame. The painter keeps at most the few previous paintings of temporal accumulation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Frame, Plane
+from pipeline.methods.abstraction.state import Clock, State, flatten, no_clock, part
+from pipeline.methods.multistyle.analysis import FrameAnalysis, StrokeLayer, unpack
+from pipeline.methods.multistyle.params import MultistyleParams
+from pipeline.methods.multistyle.styles import STYLES, pigment
+from pipeline.strokes.accumulation import Painting, accumulate
+from pipeline.strokes.brush import Canvas, Direction
+from pipeline.strokes.emboss import Lighting, emboss
+from pipeline.strokes.paper import settle_pigment
+from pipeline.strokes.raster import paint
+from pipeline.strokes.seeds import StyleField
+from pipeline.strokes.streamlines_backward import colour_order, streamlines_backward
+from pipeline.strokes.streamlines_forward import RasterOptions, composite_over, empty_buffer, streamlines_forward
+from pipeline.strokes.trace import TraceRules, trace_from
+from pipeline.strokes.tracks import fade
+
+PAPER_GRAIN = 0.09
+"""Relative darkening of thick paint in hollows of the paper with a depth of one standard deviation, at `paper` 1."""
+ROUNDING, LEAST_ROUNDING_PX = 0.0018, 0.35
+"""Sigma of the blur of the paint height, as a fraction of the picture's height, and the sigma below which it is
+skipped. With it the slopes, and so the lighting, are alike at every picture size."""
+COVER_LIMIT = 60.0
+"""Limit, gray levels, of the change that the ground colour makes, so that ground in dark places does not glare."""
+
+
+def accumulated_frames(params: MultistyleParams) -> int:
+    """Number of previous paintings that each painting is averaged with."""
+    if params.temporal == "off" or params.renderer == "explicit" or not params.linger:
+        return 0
+    return params.linger + STYLES[params.style].extra_frames
+
+
+class Painter:
+    """Paints consecutive frames of one size. Not thread-safe.
+
+    The only state is the previous paintings: a painter that is given the previous analyses (`recall`) continues with
+    the same bytes.
+
+    Args:
+        size: (width, height), px.
+        seed: random seed.
+        threads: bands of rows that the implicit renderers paint concurrently; the bytes are the same.
+    """
+
+    def __init__(
+        self, params: MultistyleParams, size: tuple[int, int], seed: int, clock: Clock = no_clock, threads: int = 1
+    ) -> None:  # fmt: skip
+        self.params, self.size, self.seed, self.clock, self.threads = params, size, seed, clock, threads
+        self.accumulated = accumulated_frames(params)
+        self.past: list[tuple[FrameAnalysis, Painting]] = []
+
+    def paint(self, analysis: FrameAnalysis) -> Frame:
+        """Paint a frame: uint8 (h, w, 3)."""
+        now = self._painting(analysis)
+        if not self.accumulated:
+            return now.paint
+        with self.clock("linger"):
+            picture = accumulate(now, [before for _, before in self._previous(analysis)])
+        self._keep(analysis, now)
+        return picture
+
+    def recall(self, analysis: FrameAnalysis) -> None:
+        """Paint a previous frame for accumulation only."""
+        if self.accumulated:
+            self._keep(analysis, self._painting(analysis))
+
+    def state(self) -> State:
+        """Analyses of the previous frames as arrays by name."""
+        return flatten({str(index): analysis.pack() for index, (analysis, _) in enumerate(self.past)})
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        self.past = []
+        count = len({name.partition(".")[0] for name in state})
+        for index in reversed(range(count)):
+            self.recall(unpack(part(state, str(index))))
+
+    def _previous(self, analysis: FrameAnalysis) -> list[tuple[FrameAnalysis, Painting]]:
+        """Paintings of the frames directly before, latest first."""
+        follows = bool(self.past) and self.past[0][0].number == analysis.number - 1 and analysis.back is not None
+        return self.past if follows else []
+
+    def _keep(self, analysis: FrameAnalysis, now: Painting) -> None:
+        self.past = [(analysis, now), *self._previous(analysis)][: self.accumulated]
+
+    def _painting(self, analysis: FrameAnalysis) -> Painting:
+        with self.clock("ground"):
+            direction, ground = analysis.direction(self.size), self._ground(analysis)
+        layers = {"explicit": self._explicit, "implicit": self._implicit, "implicit-literal": self._literal}
+        canvas = layers[self.params.renderer](analysis, direction, ground)
+        with self.clock("light"):
+            _round_off(canvas)
+            strength, gloss, weave = (analysis.pixel_field(name, self.size) for name in ("light", "gloss", "weave"))
+            lit = emboss(canvas, Lighting(strength=strength, gloss=gloss, weave_px=weave))
+        return Painting(self._on_paper(lit, analysis), analysis.picture, analysis.backward_flow())
+
+    def _on_paper(self, lit: Frame, analysis: FrameAnalysis) -> Frame:
+        if analysis.rims is None:
+            return lit
+        with self.clock("paper"):
+            grain = np.multiply(analysis.pixel_field("paper", self.size), PAPER_GRAIN)
+            return settle_pigment(lit, analysis.rim_darkness(self.size), grain)
+
+    def _order(self, layer: StrokeLayer) -> NDArray[np.intp]:
+        """Painting order of a layer, topmost first."""
+        return colour_order(layer.values("colour")) if self.params.stroke_order == "colour" else layer.topmost_first
+
+    def _options(self, analysis: FrameAnalysis, layer: StrokeLayer) -> RasterOptions:
+        return RasterOptions(
+            self.seed, layer.values("profile"), self._guide(analysis, layer), layer.values("tolerance"), self.threads
+        )
+
+    def _implicit(self, analysis: FrameAnalysis, direction: Direction, ground: Plane) -> Canvas:
+        """Front to back: from the finest layer down to the ground."""
+        buffer = empty_buffer(ground.shape)
+        for index in reversed(range(len(analysis.layers))):
+            layer = analysis.layers[index]
+            with self.clock(f"layer {index + 1}"):
+                strokes, options = fade(layer.dots(), layer.values("presence")), self._options(analysis, layer)
+                streamlines_forward(buffer, strokes, direction, layer.values("length_px"), self._order(layer), options)
+        return composite_over(buffer, ground)
+
+    def _literal(self, analysis: FrameAnalysis, direction: Direction, ground: Plane) -> Canvas:
+        """Back to front: each pixel takes the topmost disc on its streamline (kagaya2011video, eq. 5)."""
+        canvas = self._canvas(analysis, ground)
+        for index, layer in enumerate(analysis.layers):
+            with self.clock(f"layer {index + 1}"):
+                strokes, options = fade(layer.dots(), layer.values("presence")), self._options(analysis, layer)
+                length_px = float(np.median(layer.values("length_px"))) if len(layer) else 0.0
+                streamlines_backward(canvas, strokes, direction, length_px, self._order(layer), options)
+        return canvas
+
+    def _explicit(self, analysis: FrameAnalysis, direction: Direction, ground: Plane) -> Canvas:
+        """Back to front: strokes end where the picture's colour changes."""
+        canvas = self._canvas(analysis, ground)
+        for index, layer in enumerate(analysis.layers):
+            edge = float(np.median(layer.values("tolerance"))) if len(layer) else 0.0
+            with self.clock(f"layer {index + 1}"):
+                dots, guide = fade(layer.dots(), layer.values("presence")), self._guide(analysis, layer)
+                rules = TraceRules(guide, canvas if index else None, edge)
+                strokes = trace_from(dots, layer.values("length_px"), direction, rules)
+                paint(canvas, strokes, seed=self.seed, profile=layer.values("profile"), guide=guide, tolerance=edge)
+        return canvas
+
+    def _canvas(self, analysis: FrameAnalysis, ground: Plane) -> Canvas:
+        """The ground, whose target colour is the picture."""
+        canvas = np.zeros((*ground.shape[:2], 7), np.float32)
+        canvas[..., :3] = ground
+        canvas[..., 4:] = _enlarged(analysis.picture, self.size)
+        return canvas
+
+    def _guide(self, analysis: FrameAnalysis, layer: StrokeLayer) -> Frame:
+        return _enlarged(_blurred(analysis.picture, layer.sigma_px), self.size)
+
+    def _ground(self, analysis: FrameAnalysis) -> Plane:
+        """The ground, float32 (h, w, 3): a broad blur of the picture under a veil of the ground colour."""
+        size = (analysis.picture.shape[1], analysis.picture.shape[0])
+
+        def field(name: str) -> StyleField:
+            return analysis.pixel_field(name, size)
+
+        broad = _blurred(analysis.picture, analysis.layers[0].sigma_px * 2)
+        vivid, contrast = (value if isinstance(value, float) else value.ravel() for value in map(field, _PAINT))
+        colours = pigment(broad.reshape(-1, 3).astype(np.float32), vivid, contrast).reshape(broad.shape)
+        veil = np.empty_like(colours)
+        for c, name in enumerate(("ground_red", "ground_green", "ground_blue")):
+            veil[..., c] = np.asarray(field("cover"), np.float32) * (
+                np.asarray(field(name), np.float32) - colours[..., c]
+            )
+        veil /= 1 + np.abs(veil) * np.float32(1 / COVER_LIMIT)
+        return np.asarray(_enlarged(colours + veil, self.size), np.float32)
+
+
+_PAINT = ("vivid", "contrast")
+
+
+def _round_off(canvas: Canvas) -> None:
+    """Blur the paint height, in place."""
+    sigma = ROUNDING * canvas.shape[0]
+    if sigma > LEAST_ROUNDING_PX:
+        canvas[..., 3] = cv2.GaussianBlur(np.ascontiguousarray(canvas[..., 3]), (0, 0), sigma)
+
+
+def _enlarged(image: NDArray[Any], size: tuple[int, int]) -> NDArray[Any]:
+    if (image.shape[1], image.shape[0]) == size:
+        return image
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_LINEAR))
+
+
+def _blurred(picture: Frame, sigma_px: float) -> Frame:
+    return np.asarray(cv2.GaussianBlur(picture, (0, 0), sigma_px), np.uint8) if sigma_px > 0.3 else picture

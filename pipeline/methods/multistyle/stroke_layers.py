@@ -1,0 +1,229 @@
+"""Stroke tracks of all layers of a frame, and their paint."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.flow.reliability import inside
+from pipeline.flow.warp import fetch
+from pipeline.frames import Flow, Frame, Mask, Plane
+from pipeline.methods.abstraction.state import State, flatten, part
+from pipeline.methods.multistyle.analysis import STROKE, StrokeLayer
+from pipeline.methods.multistyle.params import MultistyleParams
+from pipeline.methods.multistyle.styles import PROFILE_FIELDS, SMALLEST_PX, LayerStyle, pigment
+from pipeline.strokes.brush import Brush, tint
+from pipeline.strokes.layers import LayerScheme, area_error, layer_brush, layer_threshold, spacing_px
+from pipeline.strokes.random import Purpose, draws
+from pipeline.strokes.seeds import Seeds, StyleField, place, sample
+from pipeline.strokes.tracks import LifecycleParams, StrokeTracks, advect, start_tracks, update
+
+EDGE_FALL, EDGE_DETAIL_FALL = 0.85, 0.5
+"""Factor on the colour tolerance for each finer layer; relative decrease of the tolerance at full detail."""
+GAP = 0.6
+"""Smallest distance of a new stroke from any other, in spacings."""
+LEAST_BREAK_OFF = 45.0
+"""Lower bound, RGB distance, of the colour change above which a stroke is removed."""
+LEAST_BLUR_PX = 0.3
+"""Sigma below which a blur is skipped, px."""
+ERROR_MEMORY = 0.8
+"""Weight of the past, along the motion, in the error that calls for finer strokes; 0 on newly visible surfaces."""
+KEEP = 0.6
+"""Factor on the error threshold for existing strokes (hysteresis)."""
+
+
+@dataclass(frozen=True)
+class FrameMotion:
+    """Motion of a frame relative to the previous one.
+
+    Attributes:
+        forward: float32 (h, w, 2), from the previous frame to this one, px of the frame.
+        back: float32 (h', w', 2), from this frame to the previous one, px of the working size.
+        changed: bool (h', w'), pixels that show another surface than before; None = unknown.
+    """
+
+    forward: Flow
+    back: Flow
+    changed: Mask | None
+
+
+@dataclass(frozen=True)
+class _LayerJob:
+    """Inputs of the update of one layer."""
+
+    index: int
+    brush: Brush
+    reference: Frame
+    error: Plane | None
+
+
+class StrokeLayers:
+    """Updates the stroke tracks of all layers from frame to frame.
+
+    Args:
+        size: (width, height) of the frames; work: of the denoised picture, px.
+    """
+
+    def __init__(self, params: MultistyleParams, size: tuple[int, int], work: tuple[int, int], seed: int) -> None:
+        self.params, self.size, self.work, self.seed = params, size, work, seed
+        self.lifecycle = LifecycleParams(gap=GAP, fade=params.stroke_fade, follow=params.colour_follow)
+        self.tracks: list[StrokeTracks] = []
+        self.errors: list[Plane] = []
+
+    def step(
+        self, picture: Frame, style: LayerStyle, motion: FrameMotion | None, detail: Plane | None, number: int
+    ) -> tuple[StrokeLayer, ...]:
+        """Strokes of the next frame, coarse to fine.
+
+        Args:
+            picture: uint8 (h', w', 3), the denoised picture.
+            motion: None = a shot begins.
+            detail: float32 (h, w) in 0..1; None = 0.
+            number: of the frame; a part of the ids of new strokes.
+        """
+        if motion is None:
+            self.tracks, self.errors = [], []
+        scheme = scheme_of(style)
+        scale = self.work[1] / self.size[1]
+        revealed = None if motion is None else self._revealed(motion)
+        tracks, layers, below = [], [], picture
+        for index in range(layer_count(style)):
+            brush = _layer_brush(style, index)
+            width = median(brush.size_px) * scale
+            sigma = scheme.blur * width / 2
+            reference = _enlarged(blurred(picture, sigma) if sigma > LEAST_BLUR_PX else picture, self.size)
+            error = self._error(index, picture, below, motion) if index else None
+            job = _LayerJob(index, brush, reference, error)
+            updated = self._update(job, style, scheme, motion, revealed, number)
+            tracks.append(updated)
+            layers.append(self._layer(updated, job, style, sigma if sigma > LEAST_BLUR_PX else 0.0, detail))
+            below = np.asarray(blurred(picture, max(width / 2, 0.5)), np.uint8)
+        self.tracks = tracks
+        return tuple(layers)
+
+    def _update(
+        self, job: _LayerJob, style: LayerStyle, scheme: LayerScheme, motion: FrameMotion | None,
+        revealed: Mask | None, number: int,
+    ) -> StrokeTracks:  # fmt: skip
+        """Tracks of one layer in this frame."""
+        spacing = spacing_px(job.brush, scheme)
+        birth = 0 if self.params.temporal == "off" else number
+        candidates = place(
+            self.size[::-1], spacing, jitter=scheme.scatter, seed=self.seed, layer=job.index, birth=birth
+        )
+        threshold = layer_threshold(style.layers, style.threshold, job.index, self.size[::-1])
+        if job.error is not None:
+            candidates = candidates[self._exceeds(candidates, job, threshold)]
+        if motion is None or len(self.tracks) <= job.index:
+            return start_tracks(candidates, job.reference, spacing, self.lifecycle)
+        tracks = advect(self.tracks[job.index], motion.forward)
+        keep = None if job.error is None else self._exceeds(tracks.seeds, job, threshold * np.float32(KEEP))
+        break_off = max(median(style.technique["edge"]) * EDGE_FALL**job.index, LEAST_BREAK_OFF)
+        params = replace(self.lifecycle, break_off=break_off)
+        return update(tracks, candidates, job.reference, spacing, params=params, wanted=keep, revealed=revealed)
+
+    def _revealed(self, motion: FrameMotion) -> Mask:
+        """Newly visible pixels, bool (h, w); strokes appear at once there."""
+        outside = ~inside(-motion.forward)
+        if motion.changed is None:
+            return outside
+        return outside | (_enlarged(motion.changed.astype(np.uint8), self.size) > 0)
+
+    def _exceeds(self, seeds: Seeds, job: _LayerJob, threshold: Plane) -> NDArray[np.bool_]:
+        """Flags of the seeds whose area error exceeds the threshold."""
+        assert job.error is not None
+        scale = np.float32(self.work[1] / self.size[1])
+        side = sample(np.asarray(job.brush.size_px, np.float32), seeds.xy) * scale
+        found = area_error(job.error, seeds.xy * scale, side)
+        return np.asarray(found > sample(threshold, seeds.xy), np.bool_)
+
+    def _error(self, index: int, picture: Frame, below: Frame, motion: FrameMotion | None) -> Plane:
+        """Error that the layer below leaves, RGB distance, float32 (h', w'), smoothed over time.
+
+        Departure: hertzmann1998painterly compares the picture with the canvas. Here it is compared with its own blur by
+        the stroke size of the layer below. The blur does not depend on single strokes, so the error does not flicker
+        with them, and a frame can be analysed without painting it.
+        """
+        red, green, blue = cv2.split(picture.astype(np.float32) - below.astype(np.float32))  # a sum over axis 2 is slow
+        now = np.sqrt(red * red + green * green + blue * blue)
+        if motion is not None and len(self.errors) >= index:
+            past = fetch(self.errors[index - 1], motion.back)
+            share = np.float32(ERROR_MEMORY)
+            now = now + (share if motion.changed is None else share * ~motion.changed) * (past - now)
+        now = np.asarray(now, np.float32)
+        self.errors = [*self.errors[: index - 1], now, *self.errors[index:]]
+        return now
+
+    def _layer(
+        self, tracks: StrokeTracks, job: _LayerJob, style: LayerStyle, sigma_px: float, detail: Plane | None
+    ) -> StrokeLayer:
+        """The layer's strokes with their paint."""
+        seeds, technique, brush = tracks.seeds, style.technique, job.brush
+        vivid, contrast, order_mix = (sample(technique[name], seeds.xy) for name in ("vivid", "contrast", "order_mix"))
+        strokes = np.zeros(len(tracks), STROKE)
+        strokes["colour"] = np.clip(tint(pigment(tracks.targets, vivid, contrast), seeds, brush, self.seed), 0, 255)
+        strokes["target"] = tracks.targets
+        strokes["radius_px"] = sample(np.divide(brush.size_px, 2), seeds.xy)
+        for name in ("opacity", "relief_px", "grain", "length_px"):
+            strokes[name] = sample(getattr(brush, name), seeds.xy)
+        strokes["presence"] = tracks.presence
+        variation = draws(seeds.ids, self.seed, Purpose.ORDER)[:, 1] - np.float32(0.5)
+        strokes["rank"] = np.sqrt((tracks.initial * tracks.initial).sum(axis=1)) + order_mix * variation
+        strict = 0.0 if detail is None else sample(detail, seeds.xy) * np.float32(EDGE_DETAIL_FALL)
+        edge = sample(np.multiply(technique["edge"], EDGE_FALL**job.index), seeds.xy)
+        strokes["tolerance"] = edge * (1 - strict)
+        for column, name in enumerate(PROFILE_FIELDS):
+            strokes["profile"][:, column] = sample(technique[name], seeds.xy)
+        return StrokeLayer(seeds.xy, seeds.ids, strokes, sigma_px)
+
+    def state(self) -> State:
+        """State as arrays by name."""
+        tracks = {f"tracks{k}": own.state() for k, own in enumerate(self.tracks)}
+        return flatten(tracks | {"errors": {str(k): error for k, error in enumerate(self.errors)}})
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        errors = part(state, "errors")
+        self.errors = [errors[str(k)] for k in range(len(errors))]
+        count = sum(name.startswith("tracks") and name.endswith(".xy") for name in state)
+        self.tracks = [StrokeTracks.from_state(part(state, f"tracks{k}")) for k in range(count)]
+
+
+def median(field: StyleField) -> float:
+    """Approximate median of a style parameter: the median of every eighth pixel."""
+    plane = np.asarray(field)
+    return float(np.median(plane.astype(np.float32)[::8, ::8])) if plane.ndim else float(plane)
+
+
+def scheme_of(style: LayerStyle) -> LayerScheme:
+    """Layer scheme of a style; overlap may vary, the rest is uniform."""
+    technique = style.technique
+    ratio, scatter = median(technique["layer_ratio"]), median(technique["scatter"])
+    return LayerScheme(most=4, ratio=ratio, overlap=technique["overlap"], scatter=scatter)
+
+
+def layer_count(style: LayerStyle) -> int:
+    """Number of layers that any pixel requests and whose strokes are wide enough to be visible."""
+    most = round(float(np.max(style.layers)) + 1e-6)
+    ratio = float(np.max(style.technique["layer_ratio"]))
+    fit = int(math.log(max(style.widest_px / SMALLEST_PX, 1)) / -math.log(ratio))
+    return max(1, min(most, 4, 1 + fit))
+
+
+def _layer_brush(style: LayerStyle, index: int) -> Brush:
+    return layer_brush(style.brush, style.technique["layer_ratio"], index)
+
+
+def blurred(image: NDArray[Any], sigma_px: float) -> NDArray[Any]:
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma_px))
+
+
+def _enlarged(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
+    if (image.shape[1], image.shape[0]) == size:
+        return image
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_LINEAR), np.uint8)

@@ -1,0 +1,162 @@
+"""Alpha mattes of labels at the frame's full size.
+
+Label maps are computed at the working size. A guided filter with the frame as guide moves their borders to the colour
+edges of the frame. Its coefficients are computed at the working size and applied to the full-size frame, so a matte
+has full-size detail at little cost.
+
+Source: he2013guided, equations 14 to 16; he2015fast (coefficients at reduced size).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Frame, Labels, Plane
+from pipeline.jit import kernel
+from pipeline.methods.patches.grid import Grid
+
+RADIUS = 4
+"""Radius of the filter's window, working px: borders of label maps are at most this far from the colour edge."""
+EPSILON = 120.0
+"""Variance of colour, squared gray levels, below which a place has no edge that a border could move to."""
+BAND = 6
+"""Distance from a label's border, working px, beyond which its matte is exactly 0 or 1."""
+
+Box = tuple[slice, slice]
+"""Rows and columns."""
+
+
+@dataclass(frozen=True)
+class SoftLabels:
+    """Mattes of one frame.
+
+    Attributes:
+        labels: int32 (h', w'), at the working size.
+        frame: uint8 (h, w, 3), at full size.
+    """
+
+    labels: Labels
+    frame: Frame
+    grid: Grid
+
+    @cached_property
+    def _guide(self) -> NDArray[np.float32]:
+        return self.grid.small(self.frame).astype(np.float32)
+
+    @cached_property
+    def _mean(self) -> NDArray[np.float32]:
+        return _box_mean(self._guide)
+
+    @cached_property
+    def _inverse(self) -> NDArray[np.float32]:
+        """Inverse of the local covariance of colours plus EPSILON: float32 (h', w', 3, 3)."""
+        guide, mean = self._guide, self._mean
+        covariance = np.empty((*guide.shape[:2], 3, 3), np.float32)
+        for i in range(3):
+            for j in range(i, 3):
+                covariance[..., i, j] = _box_mean(guide[..., i] * guide[..., j]) - mean[..., i] * mean[..., j]
+                covariance[..., j, i] = covariance[..., i, j]
+            covariance[..., i, i] += np.float32(EPSILON)
+        out = np.empty_like(covariance)
+        _invert(covariance, out)
+        return out
+
+    def box(self, label: int) -> Box:
+        """Rows and columns of the full-size frame outside which the label's matte is 0."""
+        rows, columns = (np.flatnonzero((self.labels == label).any(axis=axis)) for axis in (1, 0))
+        if not len(rows):
+            return slice(0, 0), slice(0, 0)
+        sides = []
+        for found, ratio, most in ((rows, self.grid.ratio[1], self.grid.height),
+                                   (columns, self.grid.ratio[0], self.grid.width)):  # fmt: skip
+            low, high = (int(found[0]) - BAND) * ratio, (int(found[-1]) + 1 + BAND) * ratio
+            sides.append(slice(max(int(low), 0), min(int(np.ceil(high)), most)))
+        return sides[0], sides[1]
+
+    def alpha(self, label: int, box: Box) -> Plane:
+        """Matte of a label in a box of the frame: float32 (h, w), 0..1.
+
+        Two adjacent labels sum to 1, since the filter is linear and the contrast curve is symmetric.
+        """
+        mask = (self.labels == label).astype(np.float32)
+        near = _near_border(mask)
+        if not near.any():
+            return np.full((box[0].stop - box[0].start, box[1].stop - box[1].start), mask.flat[0], np.float32)
+        coefficients = self._coefficients(mask)
+        coefficients[~near] = 0
+        coefficients[..., 3][~near] = mask[~near]
+        size = (self.grid.width, self.grid.height)
+        wide = np.asarray(cv2.resize(coefficients, size, interpolation=cv2.INTER_LINEAR)[box], np.float32)
+        out = np.empty(wide.shape[:2], np.float32)
+        _apply(np.ascontiguousarray(wide), np.ascontiguousarray(self.frame[box]), out)
+        return out
+
+    def _coefficients(self, mask: Plane) -> NDArray[np.float32]:
+        """Linear model of the matte by colour: float32 (h', w', 4), factors of red, green, blue, and the constant."""
+        mean = _box_mean(mask)
+        covariance = _box_mean(self._guide * mask[..., None]) - self._mean * mean[..., None]
+        factors = np.einsum("yxij,yxj->yxi", self._inverse, covariance)
+        constant = mean - (factors * self._mean).sum(axis=-1)
+        return _box_mean(np.dstack([factors, constant]).astype(np.float32))
+
+    def full(self) -> Labels:
+        """Label map at the frame's size, int32: the label with the largest matte at each pixel, without specks."""
+        best = np.zeros((self.grid.height, self.grid.width), np.float32)
+        out = np.zeros(best.shape, np.int32)
+        for label in np.unique(self.labels).tolist():
+            box = self.box(label)
+            alpha = self.alpha(label, box)
+            better = alpha > best[box]
+            best[box][better] = alpha[better]
+            out[box][better] = label
+        return np.asarray(cv2.medianBlur(out.astype(np.uint16), 5), np.int32)
+
+
+def _box_mean(plane: NDArray[np.float32]) -> NDArray[np.float32]:
+    side = 2 * RADIUS + 1
+    return np.asarray(cv2.boxFilter(plane, -1, (side, side), borderType=cv2.BORDER_REFLECT_101), np.float32)
+
+
+def _near_border(mask: Plane) -> NDArray[np.bool_]:
+    """Pixels within BAND of a border of the mask."""
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * BAND + 1, 2 * BAND + 1))
+    return np.asarray(cv2.dilate(mask, disc) != cv2.erode(mask, disc), np.bool_)
+
+
+@kernel
+def _invert(matrices: NDArray[np.float32], out: NDArray[np.float32]) -> None:
+    """Inverse of symmetric 3 x 3 matrices, by cofactors."""
+    for y in range(matrices.shape[0]):
+        for x in range(matrices.shape[1]):
+            m = matrices[y, x]
+            a = m[1, 1] * m[2, 2] - m[1, 2] * m[1, 2]
+            b = m[0, 2] * m[1, 2] - m[0, 1] * m[2, 2]
+            c = m[0, 1] * m[1, 2] - m[0, 2] * m[1, 1]
+            scale = np.float32(1.0) / (m[0, 0] * a + m[0, 1] * b + m[0, 2] * c)
+            inverse = out[y, x]
+            inverse[0, 0] = a * scale
+            inverse[0, 1] = inverse[1, 0] = b * scale
+            inverse[0, 2] = inverse[2, 0] = c * scale
+            inverse[1, 1] = (m[0, 0] * m[2, 2] - m[0, 2] * m[0, 2]) * scale
+            inverse[1, 2] = inverse[2, 1] = (m[0, 1] * m[0, 2] - m[0, 0] * m[1, 2]) * scale
+            inverse[2, 2] = (m[0, 0] * m[1, 1] - m[0, 1] * m[0, 1]) * scale
+
+
+@kernel
+def _apply(coefficients: NDArray[np.float32], frame: Frame, out: Plane) -> None:
+    """Evaluate the linear model and increase its contrast: a^3 / (a^3 + (1 - a)^3)."""
+    one, zero = np.float32(1.0), np.float32(0.0)
+    for y in range(out.shape[0]):
+        for x in range(out.shape[1]):
+            value = coefficients[y, x, 3]
+            for c in range(3):
+                value += coefficients[y, x, c] * np.float32(frame[y, x, c])
+            value = min(max(value, zero), one)
+            rest = one - value
+            cube, other = value * value * value, rest * rest * rest
+            out[y, x] = cube / (cube + other)

@@ -1,0 +1,299 @@
+"""What keeps a propagated segmentation true and simple: corrections at boundaries, misfits, specks, leftovers."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.background import INLINE, Background
+from pipeline.frames import Labels
+from pipeline.jit import kernel
+from pipeline.segmentation.regions import Lab8, Means, Sums, colour_difference, means_of, move
+
+AT_ONCE = 512
+"""Pixels that are voted on together."""
+NOISE = 5.0
+"""CIELAB units a pixel may always be from its region's mean: a camera's noise and a JPEG's blocks."""
+
+
+@kernel
+def correct(
+    labels: Labels, lab: Lab8, limit: NDArray[np.uint8], sums: Sums, margin: float, slack: float
+) -> Labels:  # fmt: skip
+    """Look at every propagated label again.
+
+    A boundary pixel moves to the 4-neighbouring region whose colour fits better by more than `margin` (CIELAB units):
+    the hysteresis keeps noise from moving boundaries. A pixel further than `limit` * `slack` from its region's mean
+    loses its label: what appears inside a region without fooling the flow (a fade, a light) gets regions of its own.
+
+    Returns the new labels; `sums` is kept up to date.
+
+    Departure (ours): the paper never does, so that a boundary which lags by a pixel lags for ever.
+    """
+    out = labels.copy()
+    _correct(labels, lab, limit, means_of(sums), sums, np.float32(margin), np.float32(slack), out)
+    return out
+
+
+@kernel
+def _correct(
+    labels: Labels, lab: Lab8, limit: NDArray[np.uint8], means: Means, sums: Sums, margin: np.float32,
+    slack: np.float32, out: Labels,
+) -> None:  # fmt: skip
+    height, width = labels.shape
+    step_y = (-1, 0, 0, 1)
+    step_x = (0, -1, 1, 0)
+    for y in range(height):
+        before = np.int32(-1)
+        light = a = b = np.float32(0)
+        for x in range(width):
+            own = labels[y, x]
+            if own == 0:
+                continue
+            if own != before:
+                before, light, a, b = own, means[own, 0], means[own, 1], means[own, 2]
+            # Within the margin nobody can fit better by more than the margin.
+            misfit = max(limit[y, x] * slack, np.float32(NOISE))
+            least = min(margin, misfit)
+            dl = (lab[y, x, 0] - light) * np.float32(100.0 / 255.0)
+            da, db = lab[y, x, 1] - a, lab[y, x, 2] - b
+            square = dl * dl + da * da + db * db
+            if square <= least * least:
+                continue
+            error = np.sqrt(square)
+            best, to = error - margin, own
+            for n in range(4):
+                j, i = y + step_y[n], x + step_x[n]
+                if j < 0 or i < 0 or j >= height or i >= width:
+                    continue
+                other = labels[j, i]
+                if other == own or other == 0:
+                    continue
+                there = colour_difference(lab, y, x, means, other)
+                if there < best:
+                    best, to = there, other
+            if to == own and error > misfit:
+                to = 0
+            if to != own:
+                out[y, x] = to
+                move(sums, lab, limit, y, x, own, to)
+
+
+@kernel
+def adopt(
+    labels: Labels, lab: Lab8, limit: NDArray[np.uint8], sums: Sums, pixels: NDArray[np.int32], born_from: int,
+    slack: float,
+) -> int:  # fmt: skip
+    """Enter new regions (label >= `born_from`) into `sums`, and set free again what does not fit them; in place.
+
+    A pixel is set free if it is further than `limit` * `slack` from its new region's mean. `pixels` are the flat
+    indices of all pixels that may have a new label. Returns how many were set free.
+
+    The mean of a region of two colours is neither, and may fit nobody; the pixel nearest to it then stands for it.
+    """
+    _enter(labels, lab, limit, sums, pixels, born_from)
+    means = means_of(sums)
+    _stand_in(labels, lab, limit, means, pixels, born_from, np.float32(slack))
+    return _release(labels, lab, limit, means, sums, pixels, born_from, np.float32(slack))
+
+
+@kernel
+def _enter(
+    labels: Labels, lab: Lab8, limit: NDArray[np.uint8], sums: Sums, pixels: NDArray[np.int32], born_from: int
+) -> None:  # fmt: skip
+    width = labels.shape[1]
+    for k in range(pixels.size):
+        y, x = pixels[k] // width, pixels[k] % width
+        if labels[y, x] >= born_from:
+            move(sums, lab, limit, y, x, 0, labels[y, x])
+
+
+@kernel
+def _stand_in(
+    labels: Labels, lab: Lab8, limit: NDArray[np.uint8], means: Means, pixels: NDArray[np.int32], born_from: int,
+    slack: np.float32,
+) -> None:  # fmt: skip
+    width = labels.shape[1]
+    count = means.shape[0]
+    least = np.full(count, np.float32(1e9))
+    who = np.zeros(count, np.int32)
+    for k in range(pixels.size):
+        y, x = pixels[k] // width, pixels[k] % width
+        label = labels[y, x]
+        if label < born_from:
+            continue
+        over = colour_difference(lab, y, x, means, label) - max(limit[y, x] * slack, np.float32(NOISE))
+        if over < least[label]:
+            least[label], who[label] = over, pixels[k]
+    for label in range(born_from, count):
+        if 0 < least[label] < np.float32(1e9):
+            y, x = who[label] // width, who[label] % width
+            for c in range(3):
+                means[label, c] = lab[y, x, c]
+
+
+@kernel
+def _release(
+    labels: Labels, lab: Lab8, limit: NDArray[np.uint8], means: Means, sums: Sums, pixels: NDArray[np.int32],
+    born_from: int, slack: np.float32,
+) -> int:  # fmt: skip
+    width = labels.shape[1]
+    freed = 0
+    for k in range(pixels.size):
+        y, x = pixels[k] // width, pixels[k] % width
+        label = labels[y, x]
+        if label < born_from:
+            continue
+        if colour_difference(lab, y, x, means, label) > max(limit[y, x] * slack, np.float32(NOISE)):
+            labels[y, x] = 0
+            move(sums, lab, limit, y, x, label, 0)
+            freed += 1
+    return freed
+
+
+@kernel
+def merge_table(
+    labels: Labels, means: Means, areas: NDArray[np.int64], smallest: NDArray[np.int32], newborn: int,
+    similar: np.float32,
+) -> NDArray[np.int32]:  # fmt: skip
+    """int32 (regions + 1,): the label each region should have.
+
+    A region under `smallest` px goes to its most similar neighbour whatever it is; a region born in this frame
+    (label >= `newborn`) goes to a neighbour whose mean is within `similar` CIELAB units. Others stay.
+    """
+    count = means.shape[0]
+    best = np.full(count, np.float32(1e9))
+    target = np.arange(count).astype(np.int32)
+    mergeable = np.zeros(count, np.bool_)
+    for label in range(count):
+        mergeable[label] = label >= newborn or areas[label] < smallest[label]
+    height, width = labels.shape
+    edge = np.empty(width, np.uint8)
+    places = np.empty(width, np.int32)
+    for y in range(height):
+        row, low = labels[y], labels[min(y + 1, height - 1)]
+        for x in range(width - 1):  # this vectorises
+            edge[x] = (row[x] != row[x + 1]) | (row[x] != low[x])
+        edge[width - 1] = row[width - 1] != low[width - 1]
+        found = 0
+        for x in range(width):
+            places[found] = x
+            found += edge[x]
+        for x in places[:found]:
+            own = row[x]
+            for other in (row[min(x + 1, width - 1)], low[x]):
+                if other == own or not (mergeable[own] or mergeable[other]):
+                    continue
+                dl = (means[own, 0] - means[other, 0]) * np.float32(100.0 / 255.0)
+                da = means[own, 1] - means[other, 1]
+                db = means[own, 2] - means[other, 2]
+                distance = np.float32(np.sqrt(dl * dl + da * da + db * db))
+                for one, two in ((own, other), (other, own)):
+                    small = areas[one] < smallest[one]
+                    young = one >= newborn and distance < similar
+                    if (small or young) and distance < best[one] and _goes_before(one, two, areas):
+                        best[one] = distance
+                        target[one] = two
+    for label in range(count):
+        end = label
+        while target[end] != end:
+            end = target[end]
+        target[label] = end
+    return target
+
+
+@kernel
+def _goes_before(one: int, two: int, areas: NDArray[np.int64]) -> bool:
+    """A strict order, so that merges never run in a circle: the smaller into the larger, the younger into the older."""
+    return areas[one] < areas[two] or (areas[one] == areas[two] and one > two)
+
+
+def round_boundaries(labels: Labels, radius_px: float, background: Background = INLINE) -> Labels:
+    """Low-pass filtered boundaries without gaps: each pixel takes the majority label of the disc around it.
+
+    A pixel keeps its label if half of the disc agrees with it, and in ties. Discs of 3 px and more are sampled at
+    every other pixel of every other row; the frame's border repeats outwards (zhang2011online, section 3).
+    """
+    reach = int(radius_px)
+    ys, xs = _samples(radius_px)
+    padded = cv2.copyMakeBorder(labels, reach, reach, reach, reach, cv2.BORDER_REPLICATE)
+    out = labels.copy()
+    around = np.asarray(padded, np.int32)
+    background.rows(lambda first, last: _majority(around, ys, xs, reach, out, first, last), len(out))
+    return out
+
+
+@lru_cache(maxsize=8)
+def _samples(radius_px: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Offsets (ys, xs) of a disc."""
+    reach = int(radius_px)
+    stride = 1 if reach < 3 else 2
+    ys, xs = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    inside = (xs**2 + ys**2 <= radius_px**2) & (xs % stride == 0) & (ys % stride == 0)
+    return ys[inside].astype(np.int64), xs[inside].astype(np.int64)
+
+
+@kernel
+def _majority(
+    padded: Labels, ys: NDArray[np.int64], xs: NDArray[np.int64], reach: int, out: Labels, first: int, last: int
+) -> None:  # fmt: skip
+    width = out.shape[1]
+    total = ys.size
+    mine = np.empty(width, np.int32)
+    places = np.empty(AT_ONCE + width, np.int32)
+    few = 0
+    for y in range(first, last):
+        own = padded[y + reach, reach : reach + width]
+        mine[:] = total % 2
+        for n in range(0, total - 1, 2):  # whole rows at a time: this vectorises; the middle one is always alike
+            at, to = n + (n >= total // 2), n + 1 + (n + 1 >= total // 2)
+            one = padded[y + reach + ys[at], reach + xs[at] : reach + xs[at] + width]
+            two = padded[y + reach + ys[to], reach + xs[to] : reach + xs[to] + width]
+            for x in range(width):
+                mine[x] += np.int32(one[x] == own[x]) + np.int32(two[x] == own[x])
+        for x in range(width):
+            places[few] = y * width + x
+            few += 2 * mine[x] < total  # else nobody can have more
+        if few >= AT_ONCE or y == last - 1:
+            _elect(padded, ys, xs, reach, places[:few], out)
+            few = 0
+
+
+@kernel
+def _elect(
+    padded: Labels, ys: NDArray[np.int64], xs: NDArray[np.int64], reach: int, places: NDArray[np.int32], out: Labels
+) -> None:  # fmt: skip
+    """At each place the label with most votes; of equals the pixel's own, or else the first."""
+    total, count, width = ys.size, places.size, out.shape[1]
+    there, made = padded.reshape(padded.size), out.reshape(out.size)
+    around = np.empty((total, count), np.int32)
+    centres = np.empty(count, np.int32)
+    for k in range(count):
+        y = places[k] // width
+        centres[k] = (y + reach) * padded.shape[1] + places[k] - y * width + reach
+    for n in range(total):
+        step = ys[n] * padded.shape[1] + xs[n]
+        for k in range(count):
+            around[n, k] = there[centres[k] + step]
+    label = np.empty(count, np.int32)
+    most = np.zeros(count, np.int32)
+    for k in range(count):
+        label[k] = there[centres[k]]
+    for n in range(total):
+        for k in range(count):
+            most[k] += np.int32(around[n, k] == label[k])
+    votes = np.empty(count, np.int32)
+    for n in range(total):
+        votes[:] = 0
+        for m in range(total):  # over all places at a time: this vectorises
+            for k in range(count):
+                votes[k] += np.int32(around[n, k] == around[m, k])
+        for k in range(count):
+            better = votes[k] > most[k]
+            label[k] = around[n, k] if better else label[k]
+            most[k] = votes[k] if better else most[k]
+    for k in range(count):
+        made[places[k]] = label[k]

@@ -1,0 +1,106 @@
+"""Watercolour on paper: pigment gathers in the hollows of the paper and at the edges of wet areas (edge darkening)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.flow.warp import fetch
+from pipeline.frames import Flow, Frame, Mask, Plane
+from pipeline.jit import kernel
+from pipeline.strokes.emboss import pixel_terms
+from pipeline.strokes.random import Purpose, draws
+from pipeline.strokes.seeds import StyleField
+
+RIM_WIDTH, RIM_STEP = 0.008, 22.0
+"""Width of the dark rim as a fraction of the height, and the step of lightness, gray levels, that makes a full rim."""
+FOLLOW = 0.15
+"""Fraction of the difference that rims make up a frame; dried paint does not move by itself."""
+_HALF, _ONE, _ZERO = np.float32(0.5), np.float32(1.0), np.float32(0.0)
+
+PAPER = 256
+"""Side of the paper's tile, px; a power of two."""
+
+
+@cache
+def paper(seed: int = 0) -> Plane:
+    """Height of cold-pressed paper, float32 (256, 256), mean 0, standard deviation 1, tileable. Read-only."""
+    noise = draws(np.arange(PAPER * PAPER, dtype=np.uint64), seed, Purpose.WEAVE)[:, 1].reshape(PAPER, PAPER)
+    wide = np.pad(noise, 32, mode="wrap")
+    total = np.zeros((PAPER, PAPER), np.float32)
+    for sigma, weight in ((0.8, 0.6), (1.8, 1.0), (5.0, 0.5)):
+        smooth = cv2.GaussianBlur(wide, (0, 0), sigma)[32:-32, 32:-32]
+        total += np.float32(weight) * (smooth - smooth.mean()) / smooth.std()
+    out = np.asarray(total / total.std(), np.float32)
+    out.setflags(write=False)
+    return out
+
+
+def settle_pigment(picture: Frame, rims: Plane, grain: StyleField) -> Frame:
+    """Darken transparent paint at the rims of wet areas and in the hollows of the paper.
+
+    Args:
+        picture: uint8 (h, w, 3).
+        rims: float32 (h, w), 0..1, relative darkening.
+        grain: relative darkening of the darkest paint at a depth of one standard deviation, 0..1; hills become lighter.
+    """
+    out = np.empty_like(picture)
+    _settle(picture, rims, pixel_terms((grain,), picture.shape)[..., 0], paper(), out)
+    return out
+
+
+@kernel
+def _settle(picture: Frame, rims: Plane, grain: Plane, heights: Plane, out: Frame) -> None:
+    """`grain` float32 (h, w) or (1, 1)."""
+    height, width = rims.shape
+    last_y, last_x = grain.shape[0] - 1, grain.shape[1] - 1
+    for y in range(height):
+        for x in range(width):
+            strength = grain[min(y, last_y), min(x, last_x)]
+            depth = heights[y & 255, x & 255]
+            for c in range(3):
+                value = np.float32(picture[y, x, c])
+                thick = np.float32(0.3) + np.float32(0.7) * (_ONE - value * np.float32(1 / 255))
+                value *= (_ONE - rims[y, x] * thick) * (_ONE - strength * thick * depth)
+                out[y, x, c] = np.uint8(min(max(value + _HALF, _ZERO), np.float32(255.0)))
+
+
+class EdgeDarkening:
+    """Computes the dark rims of wet areas for consecutive frames; they are advected with the motion."""
+
+    def __init__(self) -> None:
+        self.rims: Plane | None = None
+
+    def step(self, picture: Frame, back: Flow | None, changed: Mask | None) -> NDArray[np.uint8]:
+        """Rims of the next frame: uint8 (h, w), 255 = darkest.
+
+        Args:
+            picture: uint8 (h, w, 3), the denoised picture.
+            back: float32 (h, w, 2), flow from this frame to the one before; None = a shot begins.
+            changed: bool (h, w), pixels that show another surface than before.
+        """
+        now = _rims(picture)
+        if back is not None and self.rims is not None and changed is not None:
+            past = fetch(self.rims, back)
+            now = np.asarray(past + np.where(changed, np.float32(1), np.float32(FOLLOW)) * (now - past), np.float32)
+        self.rims = now
+        return np.asarray(np.rint(now * 255), np.uint8)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        return {} if self.rims is None else {"rims": self.rims}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        self.rims = state.get("rims")
+
+
+def _rims(picture: Frame) -> Plane:
+    """Darkening at the darker side of borders, 0..1: difference of two Gaussian blurs of the lightness."""
+    gray = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY).astype(np.float32)
+    wide = RIM_WIDTH * gray.shape[0]
+    difference = cv2.GaussianBlur(gray, (0, 0), wide) - cv2.GaussianBlur(gray, (0, 0), max(wide / 3, 0.5))
+    return np.asarray(np.clip(difference * np.float32(1 / RIM_STEP), 0, 1), np.float32)

@@ -1,0 +1,311 @@
+"""Implicit strokes by forward streamlines: each disc is moved along the streamline through its centre, front to back.
+
+`streamlines_backward` finds the stroke that covers a pixel by walking the streamline through that pixel, as eq. 5 of
+kagaya2011video says; most walks meet the same strokes repeatedly. Here the streamline of each stroke is followed once,
+and the stroke covers what the disc covers on its way. Both agree where streamlines are parallel; where they diverge, a
+backward stroke becomes wider and a forward stroke keeps its width.
+
+The total order of the strokes makes this cheap: the topmost stroke is painted first, and an opaque pixel is finished.
+No stroke below it is painted there, whether of the same or of a coarser layer. So the finest layer is painted first and
+the ground last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Frame
+from pipeline.jit import kernel
+from pipeline.strokes.bristles import BristleArgs, bristle_args, fine_tile, soft_hair
+from pipeline.strokes.brush import Direction, GuideArgs, StrokeArrays, Strokes, guide_args
+from pipeline.strokes.raster import Profiles, StrokeProfile, profiles
+from pipeline.strokes.trace import trace_from
+
+FrontToBack: TypeAlias = NDArray[np.float32]
+"""Front-to-back compositing buffer, `float32` (height, width, 5): premultiplied red, green, blue and paint height, and
+the transmittance, which is 1 where nothing is painted."""
+
+_HALF, _ONE, _ZERO = np.float32(0.5), np.float32(1.0), np.float32(0.0)
+_HAIRS, _FINEST, _PULL = np.float32(5.0), np.float32(0.9), np.float32(1.7)
+"""Most bristles between the centre line and the side of a stroke; most bristles a px, since finer ones alias and
+flicker under motion; ratio of a bristle's length to its width, relative to `bristles.tile`."""
+_TIP, _PER_TIP = np.float32(0.3), np.float32(1 / 0.3)
+_STRAIGHT = np.float32(0.1)
+"""Deviation, px, that the simplification of a stroke's polyline allows; long segments cost as much as short ones."""
+_OPAQUE = np.float32(0.03)
+"""Transmittance below which a pixel counts as finished."""
+
+
+@dataclass(frozen=True)
+class RasterOptions:
+    """Options of both implicit rasterisers.
+
+    Attributes:
+        seed: random seed of the bristle texture.
+        profile: one for all strokes, or one each.
+        guide, tolerance: as in `raster.paint`.
+        threads: number of horizontal bands that are painted concurrently; it does not change the result.
+    """
+
+    seed: int = 0
+    profile: StrokeProfile | Profiles | None = None
+    guide: Frame | None = None
+    tolerance: float | NDArray[np.float32] = 80.0
+    threads: int = 1
+
+
+def empty_buffer(shape: tuple[int, ...]) -> FrontToBack:
+    """Make a buffer without paint."""
+    out = np.zeros((*shape[:2], 5), np.float32)
+    out[..., 4] = 1
+    return out
+
+
+def streamlines_forward(
+    buffer: FrontToBack, starts: Strokes, field: Direction, length_px: NDArray[np.float32], order: NDArray[np.intp],
+    options: RasterOptions | None = None,
+) -> None:  # fmt: skip
+    """Paint a layer of strokes behind the contents of the buffer, in place.
+
+    Args:
+        starts: strokes of one point each (see `discs`).
+        field: float32 (h, w, 2): (cos 2a, sin 2a) of the orientation.
+        length_px: float32 (n,), from tip to tip.
+        order: indices of the strokes, topmost first.
+
+    Source: kagaya2011video, section 4.2. Departure: see the module's docstring.
+    """
+    if len(starts) == 0:
+        return
+    options = options or RasterOptions()
+    strokes = trace_from(starts, length_px, field)
+    bristles = bristle_args(fine_tile(options.seed), starts.ids, options.seed)
+    guide = guide_args(len(starts), options.guide, options.tolerance)
+    profile = profiles(options.profile, len(starts))
+
+    def paint_band(top: int, bottom: int) -> None:
+        _paint_strokes(buffer, strokes.arrays, order, bristles, guide, profile, (top, bottom))
+
+    in_bands(paint_band, buffer.shape[0], options.threads)
+
+
+def in_bands(paint_band: Callable[[int, int], None], height: int, threads: int) -> None:
+    """Call `paint_band(top, bottom)` for bands of rows that cover the picture, one thread a band."""
+    edges = [height * i // threads for i in range(threads + 1)]
+    if threads == 1:
+        paint_band(0, height)
+        return
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(paint_band, edges[:-1], edges[1:]))
+
+
+def composite_over(buffer: FrontToBack, ground: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Composite the buffer over the ground: float32 (h, w, 4), red, green, blue and paint height; input of `emboss`.
+
+    Args:
+        ground: float32 (h, w, 3), RGB 0..255.
+    """
+    out = np.empty((*buffer.shape[:2], 4), np.float32)
+    _composite(buffer, ground, out)
+    return out
+
+
+@kernel
+def _composite(buffer: FrontToBack, ground: NDArray[np.float32], out: NDArray[np.float32]) -> None:
+    height, width = buffer.shape[:2]
+    for y in range(height):
+        for x in range(width):
+            left = buffer[y, x, 4]
+            for c in range(3):
+                out[y, x, c] = buffer[y, x, c] + left * ground[y, x, c]
+            out[y, x, 3] = buffer[y, x, 3]
+
+
+@kernel
+def _simplify(points: NDArray[np.float32], n: int, line: NDArray[np.float32]) -> int:
+    """Simplify a polyline: copy to `line`, float32 (n, 2), points whose chords are within `_STRAIGHT` of the others.
+
+    Return the number of points kept.
+    """
+    line[0, 0], line[0, 1] = points[0, 0], points[0, 1]
+    kept, anchor, end = 1, 0, 2
+    while end <= n:
+        straight = end < n and end - anchor < 8
+        if straight:
+            ax, ay = points[end, 0] - points[anchor, 0], points[end, 1] - points[anchor, 1]
+            length2 = ax * ax + ay * ay
+            for i in range(anchor + 1, end):
+                bx, by = points[i, 0] - points[anchor, 0], points[i, 1] - points[anchor, 1]
+                off = bx * ay - by * ax
+                if off * off > _STRAIGHT * _STRAIGHT * length2 or bx * ax + by * ay < _ZERO:
+                    straight = False
+        if not straight:
+            anchor = end - 1
+            line[kept, 0], line[kept, 1] = points[anchor, 0], points[anchor, 1]
+            kept += 1
+        end += 1
+    return kept
+
+
+@kernel
+def _paint_strokes(
+    buffer: FrontToBack, strokes: StrokeArrays, order: NDArray[np.intp], bristles: BristleArgs, guide: GuideArgs,
+    profile: Profiles, band: tuple[int, int],
+) -> None:  # fmt: skip
+    """Paint strokes into the rows [band[0], band[1])."""
+    width = buffer.shape[1]
+    band_top, band_bottom = band
+    rows_high = band_bottom - band_top
+    points = strokes.points
+    # Per pixel of a stroke's bounding box: coverage, and position along and across the stroke.
+    scratch = np.zeros((rows_high * width, 3), np.float32)
+    rows = np.empty((rows_high, 2), np.int32)
+    line = np.empty((points.shape[1], 2), np.float32)
+    for k in order:
+        r, tolerance = strokes.radius_px[k], guide.tolerances[k]
+        taper_start, taper_end, dry, soft = profile[k, 0], profile[k, 1], profile[k, 3], profile[k, 4]
+        n = _simplify(points[k], strokes.counts[k], line)
+        inner2 = tolerance * tolerance
+        outer2 = inner2 * np.float32(1.5625)
+        low_x, high_x, low_y, high_y = line[0, 0], line[0, 0], line[0, 1], line[0, 1]
+        total = _ZERO
+        for i in range(n - 1):
+            ax, ay = line[i + 1, 0] - line[i, 0], line[i + 1, 1] - line[i, 1]
+            total += np.sqrt(ax * ax + ay * ay)
+            low_x, high_x = min(low_x, line[i + 1, 0]), max(high_x, line[i + 1, 0])
+            low_y, high_y = min(low_y, line[i + 1, 1]), max(high_y, line[i + 1, 1])
+        blur = _ONE + soft * r
+        sharp, reach = _ONE / blur, r + _HALF * blur
+        first_row = max(int(np.ceil(low_y - reach)), band_top)
+        last_row = min(int(np.floor(high_y + reach)), band_bottom - 1)
+        first_column = max(int(np.ceil(low_x - reach)), 0)
+        last_column = min(int(np.floor(high_x + reach)), width - 1)
+        columns = last_column - first_column + 1
+        if last_row < first_row or columns <= 0:
+            continue
+        for y in range(last_row + 1 - first_row):
+            rows[y, 0] = width
+            rows[y, 1] = -1
+        part = _ONE / total if total > _ZERO else _ZERO
+        per_r = _ONE / r
+        before, past_x, past_y = _ZERO, _ZERO, _ZERO
+        for i in range(max(n - 1, 1)):
+            x0, y0 = line[i, 0], line[i, 1]
+            last = min(i + 1, n - 1)
+            ax, ay = line[last, 0] - x0, line[last, 1] - y0
+            length = np.sqrt(ax * ax + ay * ay)
+            if length > np.float32(1e-4):
+                ax, ay = ax / length, ay / length
+            else:
+                ax, ay = _ONE, _ZERO
+            ends = i >= n - 2
+            # A segment extends behind its start to fill the gap of the bend, and not beyond its end.
+            first_s = -reach if i == 0 else -(reach * abs(past_x * ay - past_y * ax) + _HALF)
+            if past_x * ax + past_y * ay < _ZERO:
+                first_s = -reach
+            last_s = length + reach if ends else length
+            past_x, past_y = ax, ay
+            x1, y1 = x0 + ax * length, y0 + ay * length
+            low = max(int(np.ceil(min(y0, y1) - reach)), band_top)
+            high = min(int(np.floor(max(y0, y1) + reach)), band_bottom - 1)
+            left_most, right_most = min(x0, x1) - reach, max(x0, x1) + reach
+            # Columns where a row crosses the infinite strip of the segment, and where it enters and leaves the length.
+            steep, flat = abs(ay) > np.float32(0.05), abs(ax) > np.float32(0.05)
+            slope, half, enter, leave, lean = _ZERO, _ZERO, _ZERO, _ZERO, _ZERO
+            if steep:
+                slope, half = ax / ay, reach / abs(ay)
+            if flat:
+                lean = ay / ax
+                enter, leave = x0 + first_s / ax, x0 + last_s / ax
+                enter, leave = min(enter, leave), max(enter, leave)
+            whole = total <= _ZERO or (before >= _TIP * total and before + length <= (_ONE - _TIP) * total)
+            for y in range(low, high + 1):
+                left, right = left_most, right_most
+                fy = np.float32(y) - y0
+                if steep:
+                    middle = x0 + slope * fy
+                    left, right = max(left, middle - half), min(right, middle + half)
+                if flat:
+                    left, right = max(left, enter - lean * fy), min(right, leave - lean * fy)
+                start, final = max(int(np.ceil(left)), first_column), min(int(np.floor(right)), last_column)
+                row = y - first_row
+                box = row * columns - first_column
+                s_row, t_row = fy * ay, fy * ax
+                for x in range(start, final + 1):
+                    if buffer[y, x, 4] <= _OPAQUE:
+                        continue
+                    fx = np.float32(x) - x0
+                    s, t = fx * ax + s_row, t_row - fx * ay
+                    if s > length:
+                        if not ends:
+                            continue  # the next segment's round joint covers it
+                        d = np.sqrt((s - length) * (s - length) + t * t)
+                        p = length
+                    elif s < _ZERO:
+                        d = np.sqrt(s * s + t * t)
+                        p = _ZERO
+                    else:
+                        d = abs(t)
+                        p = s
+                    w = r
+                    if not whole:
+                        u = (before + p) * part
+                        if u < _TIP:
+                            q = _ONE - u * _PER_TIP
+                            w = r * (_ONE - taper_start * q * q)
+                        elif u > _ONE - _TIP:
+                            q = _ONE - (_ONE - u) * _PER_TIP
+                            w = r * (_ONE - taper_end * q * q)
+                    c = min((w - d) * sharp + _HALF, _ONE)
+                    if c > scratch[box + x, 0]:
+                        scratch[box + x, 0] = c
+                        scratch[box + x, 1] = before + s
+                        scratch[box + x, 2] = min(max(t * per_r, -_ONE), _ONE)
+                        rows[row, 0] = min(rows[row, 0], x)
+                        rows[row, 1] = max(rows[row, 1], x)
+            before += length
+        oa, ob = bristles.offsets[k] & 63, bristles.offsets[k] >> 6
+        red, green, blue = strokes.colours[k, 0], strokes.colours[k, 1], strokes.colours[k, 2]
+        target_r, target_g, target_b = strokes.targets[k, 0], strokes.targets[k, 1], strokes.targets[k, 2]
+        g, thick, strength = strokes.grain[k], strokes.relief_px[k], strokes.opacity[k]
+        spread = min(r * _FINEST, _HAIRS)
+        pull = _PULL * spread / r
+        for y in range(first_row, last_row + 1):
+            row = y - first_row
+            box = row * columns - first_column
+            for x in range(rows[row, 0], rows[row, 1] + 1):
+                a = scratch[box + x, 0]
+                if a <= _ZERO:
+                    continue
+                scratch[box + x, 0] = _ZERO
+                a *= strength
+                if guide.enabled:
+                    er = np.float32(guide.image[y, x, 0]) - target_r
+                    eg = np.float32(guide.image[y, x, 1]) - target_g
+                    eb = np.float32(guide.image[y, x, 2]) - target_b
+                    e2 = er * er + eg * eg + eb * eb
+                    if e2 >= outer2:
+                        continue
+                    if e2 > inner2:
+                        a *= (tolerance * np.float32(1.25) - np.sqrt(e2)) / (tolerance * np.float32(0.25))
+                along, t = scratch[box + x, 1], scratch[box + x, 2]
+                shade, ridge = _ZERO, _ONE - t * t * t * t
+                if g > _ZERO:
+                    trace = soft_hair(bristles.tile, along * pull, t * spread, oa, ob)
+                    shade = g * profile[k, 2] * (trace - _HALF)
+                    ridge *= _ONE - g * (_ONE - trace)
+                    late = (along * part - _HALF) * np.float32(2.0)
+                    if late > _ZERO:
+                        a *= _ONE - g * dry * late * (_ONE if trace < _HALF * late else _ZERO)
+                a *= buffer[y, x, 4]
+                buffer[y, x, 0] += a * (red + shade)
+                buffer[y, x, 1] += a * (green + shade)
+                buffer[y, x, 2] += a * (blue + shade)
+                buffer[y, x, 3] += a * thick * ridge
+                buffer[y, x, 4] -= a

@@ -1,0 +1,227 @@
+"""Stroke tracks: strokes advected by the flow, added where paint is missing, removed where crowded or hidden.
+
+A track is a seed with its place, its id (which determines jitter, bristles and painting order) and its colour, which
+follows the picture gradually. The stroke is traced anew through the seed in each frame. Strokes appear and disappear
+gradually by their `presence`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Flow, Frame, Mask
+from pipeline.jit import kernel
+from pipeline.strokes.brush import Strokes, colours_at
+from pipeline.strokes.seeds import Points, Seeds, StyleField, as_plane, nearest, sample
+
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class StrokeTracks:
+    """Strokes of one layer in one frame, oldest first.
+
+    Attributes:
+        seeds: current places, and ids.
+        targets: float32 (n, 3), RGB 0..255, current target colours.
+        presence: float32 (n,), 0..1: fading state, 1 = fully visible.
+        leaving: bool (n,): the stroke fades out and will be removed.
+        initial: float32 (n, 3), RGB 0..255, target colours at creation. The painting order depends on these, because
+            it must not change during a stroke's lifetime.
+    """
+
+    seeds: Seeds
+    targets: NDArray[np.float32]
+    presence: NDArray[np.float32]
+    leaving: Flags
+    initial: NDArray[np.float32]
+
+    def __len__(self) -> int:
+        return len(self.seeds)
+
+    def __getitem__(self, keep: Flags) -> StrokeTracks:
+        return StrokeTracks(
+            self.seeds[keep], self.targets[keep], self.presence[keep], self.leaving[keep], self.initial[keep]
+        )
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """The tracks as arrays by name, for storage."""
+        return {
+            "xy": self.seeds.xy, "ids": self.seeds.ids, "targets": self.targets, "presence": self.presence,
+            "leaving": self.leaving, "initial": self.initial,
+        }  # fmt: skip
+
+    @classmethod
+    def from_state(cls, state: Mapping[str, NDArray[Any]]) -> StrokeTracks:
+        """Restore what `state` returned."""
+        seeds = Seeds(state["xy"], state["ids"].astype(np.uint64))
+        return cls(seeds, state["targets"], state["presence"], state["leaving"].astype(np.bool_), state["initial"])
+
+
+@dataclass(frozen=True)
+class LifecycleParams:
+    """When strokes are added, recoloured and removed.
+
+    Attributes:
+        gap: smallest distance of a new stroke from any other, in spacings.
+        crowd: distance below which the younger of two strokes is removed, in spacings; less than `gap`.
+        fade: change of presence a frame, 0..1.
+        follow: fraction of the colour difference to the picture that a stroke makes up a frame, 0..1. It rises to 1 at
+            a difference of `break_off`, because a stroke of a wrong colour covers nothing and blocks new strokes.
+        break_off: colour difference (RGB distance) above which a stroke is removed: it is on another surface.
+    """
+
+    gap: float = 0.7
+    crowd: float = 0.3
+    fade: float = 0.25
+    follow: float = 0.2
+    break_off: float = 90.0
+
+
+def start_tracks(
+    seeds: Seeds, reference: Frame, spacing_px: StyleField, params: LifecycleParams | None = None
+) -> StrokeTracks:
+    """Create the tracks of a shot's first frame: fully visible, without crowded seeds, colours from the reference."""
+    spacing, none = as_plane(spacing_px, reference.shape), np.zeros(len(seeds), np.bool_)
+    crowded, _ = _crowding(seeds, none, seeds[none], spacing, params or LifecycleParams())
+    return _new_tracks(seeds[~crowded], reference, 1.0)
+
+
+def _new_tracks(seeds: Seeds, reference: Frame, presence: float | NDArray[np.float32]) -> StrokeTracks:
+    n, colours = len(seeds), colours_at(seeds, reference)
+    return StrokeTracks(seeds, colours, np.full(n, presence, np.float32), np.zeros(n, np.bool_), colours)
+
+
+def advect(tracks: StrokeTracks, flow: Flow, hidden: Mask | None = None) -> StrokeTracks:
+    """Move tracks along the flow; those that leave the picture are removed, those that become hidden start to fade.
+
+    Args:
+        flow: float32 (h, w, 2), from the previous frame to this one, px.
+        hidden: bool (h, w), pixels of the previous frame that are not visible in this one.
+    """
+    height, width = flow.shape[:2]
+    x, y = nearest(tracks.seeds.xy, flow.shape)
+    xy = tracks.seeds.xy + _bilinear(flow, tracks.seeds.xy)
+    leaving = tracks.leaving if hidden is None else tracks.leaving | hidden[y, x]
+    inside = (xy[:, 0] >= 0) & (xy[:, 1] >= 0) & (xy[:, 0] <= width - 1) & (xy[:, 1] <= height - 1)
+    return replace(tracks, seeds=Seeds(xy.astype(np.float32), tracks.seeds.ids), leaving=leaving)[inside]
+
+
+def _bilinear(flow: Flow, xy: Points) -> Points:
+    height, width = flow.shape[:2]
+    left = np.clip(np.floor(xy), 0, [max(width - 2, 0), max(height - 2, 0)]).astype(np.intp)
+    a, b = (xy - left).astype(np.float32).T[..., None]
+    column, row = left.T
+    top = flow[row, column] * (1 - a) + flow[row, column + 1] * a
+    bottom = flow[row + 1, column] * (1 - a) + flow[row + 1, column + 1] * a
+    return np.asarray(top * (1 - b) + bottom * b, np.float32)
+
+
+def update(
+    tracks: StrokeTracks, candidates: Seeds, reference: Frame, spacing_px: StyleField, *,
+    params: LifecycleParams | None = None, wanted: Flags | None = None, revealed: Mask | None = None,
+) -> StrokeTracks:  # fmt: skip
+    """Update advected tracks to the current frame: colours, presence, removal of crowded strokes, new strokes.
+
+    Args:
+        candidates: seeds of this frame (`place` with `birth` = frame number); each is used where there is room.
+        reference: uint8 (h, w, 3), what the layer paints.
+        wanted: bool (n,), for the existing tracks; False = the picture no longer needs the stroke.
+        revealed: bool (h, w), pixels that have just become visible: new strokes are fully visible there at once, old
+            ones take the new colour or are removed at once.
+
+    Source: hays2004image, section 5. Departure: colours change gradually too, and removed strokes fade in place.
+    """
+    params = params or LifecycleParams()
+    now = colours_at(tracks.seeds, reference)
+    change = np.sqrt(((now - tracks.targets) ** 2).sum(axis=1))
+    leaving = tracks.leaving | (change > params.break_off)
+    if wanted is not None:
+        leaving = leaving | ~wanted
+    far = np.minimum(change / np.float32(params.break_off), 1)
+    share = (np.float32(params.follow) + np.float32(1 - params.follow) * far * far)[:, None]
+    at_once = np.zeros(len(tracks), np.bool_)
+    if revealed is not None:
+        x, y = nearest(tracks.seeds.xy, reference.shape)
+        at_once = revealed[y, x]
+        share[at_once] = 1
+    targets = np.where(leaving[:, None], tracks.targets, tracks.targets + share * (now - tracks.targets))
+    spacing = as_plane(spacing_px, reference.shape)
+    crowded, room = _crowding(tracks.seeds, leaving, candidates, spacing, params)
+    leaving = leaving | crowded
+    step = np.where(leaving, np.float32(-params.fade), np.float32(params.fade))
+    presence = np.clip(tracks.presence + step, 0, 1).astype(np.float32)
+    presence[at_once & leaving] = 0
+    kept = StrokeTracks(tracks.seeds, targets.astype(np.float32), presence, leaving, tracks.initial)[presence > 0]
+    new = candidates[room]
+    presence = np.full(len(new), params.fade, np.float32)
+    if revealed is not None:
+        x, y = nearest(new.xy, reference.shape)
+        presence[revealed[y, x]] = 1
+    return _concatenate(kept, _new_tracks(new, reference, presence))
+
+
+def _concatenate(old: StrokeTracks, new: StrokeTracks) -> StrokeTracks:
+    seeds = Seeds(np.concatenate([old.seeds.xy, new.seeds.xy]), np.concatenate([old.seeds.ids, new.seeds.ids]))
+    return StrokeTracks(
+        seeds,
+        np.concatenate([old.targets, new.targets]),
+        np.concatenate([old.presence, new.presence]),
+        np.concatenate([old.leaving, new.leaving]),
+        np.concatenate([old.initial, new.initial]),
+    )
+
+
+def fade(strokes: Strokes, presence: NDArray[np.float32]) -> Strokes:
+    """Make strokes narrower and fainter by their presence, float32 (n,) in 0..1."""
+    ease = presence * presence * (3 - 2 * presence)
+    return replace(
+        strokes,
+        opacity=strokes.opacity * ease,
+        radius_px=strokes.radius_px * (np.float32(0.4) + np.float32(0.6) * ease),
+    )
+
+
+def _crowding(
+    seeds: Seeds, leaving: Flags, candidates: Seeds, spacing: NDArray[np.float32], params: LifecycleParams
+) -> tuple[Flags, Flags]:
+    """Flags of the seeds that crowd an older one, and of the candidates that have room beside those that stay."""
+    xy = np.concatenate([seeds.xy, candidates.xy])
+    apart = sample(spacing, xy)
+    apart[: len(seeds)] *= np.float32(params.crowd)
+    apart[len(seeds) :] *= np.float32(params.gap)
+    skip = np.concatenate([leaving, np.zeros(len(candidates), np.bool_)])
+    cell = max(float(apart.max(initial=1.0)), 1.0)
+    good = _poisson_filter(xy, apart, skip, np.float32(cell), *(int(side / cell) + 2 for side in spacing.shape))
+    return ~good[: len(seeds)] & ~leaving, good[len(seeds) :]
+
+
+@kernel
+def _poisson_filter(
+    xy: Points, apart: NDArray[np.float32], skip: Flags, cell: np.float32, rows: int, columns: int
+) -> Flags:
+    """Keep each point, in order, that has no kept point nearer than its own `apart`. Points are binned into cells."""
+    head, chain = np.full((rows, columns), -1, np.int32), np.full(len(xy), -1, np.int32)
+    good = np.zeros(len(xy), np.bool_)
+    for k in range(len(xy)):
+        if skip[k]:
+            continue
+        column, row = int(xy[k, 0] / cell), int(xy[k, 1] / cell)
+        free = True
+        for i in range(max(row - 1, 0), min(row + 2, rows)):
+            for j in range(max(column - 1, 0), min(column + 2, columns)):
+                other = head[i, j]
+                while other >= 0 and free:
+                    dx, dy = xy[k, 0] - xy[other, 0], xy[k, 1] - xy[other, 1]
+                    free = dx * dx + dy * dy >= apart[k] * apart[k]
+                    other = chain[other]
+        if free:
+            good[k] = True
+            chain[k] = head[row, column]
+            head[row, column] = k
+    return good

@@ -1,0 +1,53 @@
+"""Refinement of one frame at one level: rounds that render the offsets, count their uses and improve each offset."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pipeline.synthesis.images import Bytes, Offsets, Style
+from pipeline.synthesis.operations import FrameState, LoadedStyle, Operations, RandomKey, Search, T
+
+_JUMPS = (8, 4, 2, 1)
+FARTHEST_PX = max(_JUMPS)
+"""Maximum distance of a neighbour that proposes its offset to a pixel, px."""
+
+
+def refine(
+    ops: Operations[T],
+    style: LoadedStyle[T],
+    state: FrameState[T],
+    offsets: T,
+    key: RandomKey,
+    rounds: int,
+    search_px: float,
+) -> T:
+    """Run `rounds` iterations of parallel PatchMatch, as in section 3.3 of benard2013stylizing.
+
+    Every pixel is improved with respect to the picture of the previous round (Jacobi iteration), so the order of the
+    pixels does not matter.
+
+    Departures: besides the four direct neighbours, the four at 8, 4, 2 and 1 px (one distance per round) propose their
+    offsets, so a good offset travels as far in 4 rounds as otherwise in 15. The random search runs in every second
+    round only; the other rounds propagate its results. At 640x480 this saves a quarter of the time and raises the
+    energy by 0.6 %.
+    """
+    for index in range(rounds):
+        ops.render(style, state, offsets)
+        penalty = ops.penalty(style, state.size, offsets) if style.energy.w_h > 0 else None
+        search = Search(key, index, _JUMPS[index % len(_JUMPS)], search_px if index % 2 == 0 else 0.0)
+        offsets = ops.improve(style, state, offsets, penalty, search)
+    return offsets
+
+
+def colours(style: Style, offsets: Offsets) -> Bytes:
+    """Render offsets: I^(p) = S^(M(p)), uint8 (h, w, 3)."""
+    at = np.rint(offsets).astype(np.int64)
+    x, y = np.clip(at[..., 0], 0, style.size[0] - 1), np.clip(at[..., 1], 0, style.size[1] - 1)
+    return np.ascontiguousarray(style.colours[y, x])
+
+
+def show(ops: Operations[Any], style: LoadedStyle[Any], offsets: Any) -> Bytes:
+    """Render offsets that are arrays of `ops`, and download the picture, uint8 (h, w, 3 or 4)."""
+    return colours(style.style, ops.fetch(offsets))

@@ -1,0 +1,259 @@
+"""Region borders as a graph on the lattice of pixel corners, smoothed, shared by the two regions on either side.
+
+Node (x, y) of the lattice is the top left corner of pixel (x, y); the frame spans (0, 0) to (width, height). An edge
+joins two adjacent nodes and separates two different labels. Both regions use the same nodes: however nodes move, no gap
+and no overlap opens between neighbours. The left border of the frame is part of the graph, with label 0 outside, so
+that a scanline needs no start value (`pipeline.vector.fill`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Flow, Labels
+from pipeline.jit import kernel
+
+Positions = NDArray[np.float32]
+"""float32 (nodes, 2): x, y in px of the label map."""
+EDGE = np.dtype([("start", np.int32), ("end", np.int32), ("left", np.int32), ("right", np.int32)])
+"""A directed edge: its nodes, and the labels to the left and right of one who walks it on a screen (y down)."""
+
+
+_CONTRAST = np.float32(400)
+"""Squared contrast, in 8-bit CIELAB levels, at which the colours and the label map count equally for a border."""
+
+
+@dataclass(frozen=True)
+class Borders:
+    """The borders between the regions of a label map."""
+
+    positions: Positions
+    lattice: NDArray[np.int32]
+    """int32 (nodes, 2): lattice x, y of every node, its position before smoothing."""
+    edges: NDArray[np.void]
+    """Structured (`EDGE`), ordered by lattice row."""
+    rows: NDArray[np.int32]
+    """int32 (height + 2,): edges of lattice row y are edges[rows[y]:rows[y + 1]]."""
+    size: tuple[int, int]
+    """(width, height) of the label map, px."""
+
+
+def find_borders(labels: Labels) -> Borders:
+    """The border graph of a label map, int32 (height, width), labels > 0."""
+    height, width = labels.shape
+    count = _count_edges(labels) + height
+    edges = np.empty((count, 4), np.int32)
+    lattice = np.empty((2 * count + 2, 2), np.int32)
+    rows = np.empty(height + 2, np.int32)
+    nodes = _find(labels, edges, lattice, rows)
+    lattice = lattice[:nodes]
+    return Borders(lattice.astype(np.float32), lattice, edges.view(EDGE)[:, 0], rows, (width, height))
+
+
+def align_borders(borders: Borders, labels: Labels, lab: NDArray[np.uint8], flow: Flow) -> Borders:
+    """Borders in motion, moved to where the colours change, with sub-pixel precision.
+
+    Across every edge, four pixels are read as mixtures of the colours just beyond them on either side; the border is
+    where the mixtures say that the first colour ends. A border that moves by a fraction of a pixel then moves in the
+    picture, too, rather than waiting for a pixel to change its label. Weak contrast counts less (`_CONTRAST`). Borders
+    that stand still stay on the lattice: noise would move them.
+
+    Args:
+        borders: of `labels`, not smoothed yet.
+        labels: int32 (height, width).
+        lab: uint8 (height, width, 3), 8-bit CIELAB of the frame.
+        flow: float32 (height, width, 2), from the previous frame, px.
+    """
+    positions = borders.positions.copy()
+    _align(positions, borders.lattice, borders.edges.view(np.int32).reshape(-1, 4), labels, lab, flow)
+    return Borders(positions, borders.lattice, borders.edges, borders.rows, borders.size)
+
+
+def smooth_borders(borders: Borders, sigma_px: float, limit_px: float) -> Borders:
+    """Low-pass filtered borders.
+
+    Every step moves a node half-way towards the mean of its neighbours; 2 sigma^2 steps have the effect of a Gaussian
+    along the border. The filter is applied twice, as 2 G - G^2, which keeps wide curves in place, so that small regions
+    keep their area. Nodes on the frame's border slide along it.
+
+    Args:
+        sigma_px: standard deviation of the Gaussian, px of the label map; 0 = no smoothing.
+        limit_px: no node moves further than this along either axis.
+    """
+    positions = borders.positions.copy()
+    steps = round(2 * sigma_px * sigma_px)
+    if steps > 0:
+        edges = borders.edges.view(np.int32).reshape(-1, 4)
+        _smooth(positions, borders.lattice, edges, np.array(borders.size), steps, np.float32(limit_px))
+    return Borders(positions, borders.lattice, borders.edges, borders.rows, borders.size)
+
+
+@kernel
+def _count_edges(labels: Labels) -> int:
+    height, width = labels.shape
+    count = np.int64(0)
+    for y in range(height):
+        row, above = labels[y], labels[max(y - 1, 0)]
+        for x in range(1, width):
+            count += np.int64(row[x] != row[x - 1]) + np.int64(row[x] != above[x])
+        count += np.int64(row[0] != above[0])
+    return int(count)
+
+
+@kernel
+def _find(labels: Labels, edges: NDArray[np.int32], lattice: NDArray[np.int32], rows: NDArray[np.int32]) -> int:
+    """Fill `edges`, `lattice` and `rows`; the number of nodes."""
+    height, width = labels.shape
+    here = np.full(width + 1, -1, np.int32)
+    below = np.full(width + 1, -1, np.int32)
+    kinds = np.zeros(width + 1, np.uint8)
+    places = np.empty(width + 1, np.int32)
+    nodes = used = 0
+    for y in range(height + 1):
+        rows[y] = used
+        row, above = labels[min(y, height - 1)], labels[max(y - 1, 0)]
+        inside, crossed = y < height, 0 < y < height
+        for x in range(1, width):  # this vectorises; bit 1: an edge down, bit 2: an edge to the right
+            kinds[x] = np.uint8(inside & (row[x] != row[x - 1])) | (np.uint8(crossed & (row[x] != above[x])) << 1)
+        kinds[0] = np.uint8(inside) | (np.uint8(crossed & (row[0] != above[0])) << 1)
+        kinds[width] = 0
+        found = 0
+        for x in range(width):
+            places[found] = x
+            found += kinds[x] != 0
+        for x in places[:found]:
+            if here[x] < 0:
+                here[x] = nodes
+                lattice[nodes, 0], lattice[nodes, 1] = x, y
+                nodes += 1
+            if kinds[x] & 2:
+                if here[x + 1] < 0:
+                    here[x + 1] = nodes
+                    lattice[nodes, 0], lattice[nodes, 1] = x + 1, y
+                    nodes += 1
+                edges[used, 0], edges[used, 1] = here[x], here[x + 1]
+                edges[used, 2], edges[used, 3] = above[x], row[x]
+                used += 1
+            if kinds[x] & 1:
+                below[x] = nodes
+                lattice[nodes, 0], lattice[nodes, 1] = x, y + 1
+                nodes += 1
+                edges[used, 0], edges[used, 1] = here[x], below[x]
+                edges[used, 2], edges[used, 3] = row[x], row[x - 1] if x > 0 else 0
+                used += 1
+        here, below = below, here
+        below[:] = -1
+    rows[height + 1] = used
+    return nodes
+
+
+@kernel
+def _smooth(
+    positions: Positions, lattice: NDArray[np.int32], edges: NDArray[np.int32], size: NDArray[np.int64], steps: int,
+    limit: np.float32,
+) -> None:  # fmt: skip
+    count = positions.shape[0]
+    right, bottom = np.float32(size[0]), np.float32(size[1])
+    share = np.zeros(count, np.float32)
+    for k in range(edges.shape[0]):
+        if edges[k, 3] != 0:
+            share[edges[k, 0]] += np.float32(1)
+            share[edges[k, 1]] += np.float32(1)
+    for n in range(count):
+        share[n] = np.float32(0.5) / share[n] if share[n] > 0 else np.float32(0)
+    sums = np.empty_like(positions)
+    once = positions
+    for pass_ in range(2):
+        if pass_ == 1:
+            once = positions.copy()
+        for _ in range(steps):
+            sums[:] = 0
+            for k in range(edges.shape[0]):
+                if edges[k, 3] != 0:
+                    a, b = edges[k, 0], edges[k, 1]
+                    sums[a, 0] += positions[b, 0]
+                    sums[a, 1] += positions[b, 1]
+                    sums[b, 0] += positions[a, 0]
+                    sums[b, 1] += positions[a, 1]
+            for n in range(count):
+                if share[n] > 0:
+                    positions[n, 0] = np.float32(0.5) * positions[n, 0] + share[n] * sums[n, 0]
+                    positions[n, 1] = np.float32(0.5) * positions[n, 1] + share[n] * sums[n, 1]
+                    x, y = np.float32(lattice[n, 0]), np.float32(lattice[n, 1])
+                    if x == 0 or x == right:
+                        positions[n, 0] = x
+                    if y == 0 or y == bottom:
+                        positions[n, 1] = y
+    for n in range(count):
+        for axis in range(2):
+            place = np.float32(lattice[n, axis])
+            smooth = 2 * once[n, axis] - positions[n, axis]
+            positions[n, axis] = min(max(smooth, place - limit), place + limit)
+
+
+@kernel
+def _align(
+    positions: Positions, lattice: NDArray[np.int32], edges: NDArray[np.int32], labels: Labels, lab: NDArray[np.uint8],
+    flow: Flow,
+) -> None:  # fmt: skip
+    count = positions.shape[0]
+    height, width = labels.shape
+    moves = np.zeros((count, 2), np.float32)
+    counts = np.zeros((count, 2), np.float32)
+    for k in range(edges.shape[0]):
+        if edges[k, 3] == 0:
+            continue
+        a, b = edges[k, 0], edges[k, 1]
+        x, y = lattice[a, 0], lattice[a, 1]
+        if flow[y, x, 0] == 0.0 and flow[y, x, 1] == 0.0:
+            continue
+        axis = 0 if lattice[b, 0] == x else 1
+        move = _offset(labels, lab, x, y, axis, height, width)
+        for n in (a, b):
+            moves[n, axis] += move
+            counts[n, axis] += np.float32(1)
+    for n in range(count):
+        both = np.float32(0.5) if counts[n, 0] > 0 and counts[n, 1] > 0 else np.float32(1)
+        for axis in range(2):
+            last = width if axis == 0 else height
+            if counts[n, axis] > 0 and 0 < lattice[n, axis] < last:
+                positions[n, axis] += both * moves[n, axis] / counts[n, axis]
+
+
+@kernel
+def _offset(
+    labels: Labels, lab: NDArray[np.uint8], x: int, y: int, axis: int, height: int, width: int
+) -> np.float32:  # fmt: skip
+    """Where the border lies beyond the edge at lattice position (x, y), -1..1 px along `axis`."""
+    step_x, step_y = (1, 0) if axis == 0 else (0, 1)
+    before, after = labels[y - step_y, x - step_x], labels[y, x]
+    first, last = 1, 0  # pixels on either side that belong to the two regions: 1 - first, ..., last
+    while first < 3 and _is(labels, x - (first + 1) * step_x, y - (first + 1) * step_y, before, height, width):
+        first += 1
+    while last < 2 and _is(labels, x + (last + 1) * step_x, y + (last + 1) * step_y, after, height, width):
+        last += 1
+    xa, ya, xb, yb = x - first * step_x, y - first * step_y, x + last * step_x, y + last * step_y
+    square = np.float32(0)
+    for c in range(3):
+        d = np.float32(lab[yb, xb, c]) - np.float32(lab[ya, xa, c])
+        square += d * d
+    reach = min(first, last + 1) - 1  # whole pixels on either side between the two references
+    if reach < 1:
+        return np.float32(0)
+    mixed = np.float32(0)
+    for n in range(-reach, reach):
+        part = np.float32(0)
+        for c in range(3):
+            d = np.float32(lab[yb, xb, c]) - np.float32(lab[ya, xa, c])
+            part += d * (np.float32(lab[y + n * step_y, x + n * step_x, c]) - np.float32(lab[ya, xa, c]))
+        mixed += min(max(part / (square + np.float32(1e-3)), np.float32(0)), np.float32(1))
+    offset = min(max(np.float32(reach) - mixed, np.float32(-1)), np.float32(1))
+    return offset * square / (square + _CONTRAST)
+
+
+@kernel
+def _is(labels: Labels, x: int, y: int, label: int, height: int, width: int) -> bool:
+    return 0 <= x < width and 0 <= y < height and labels[y, x] == label

@@ -1,0 +1,1 @@
+"""Entries of the archives that a method's artefacts are."""

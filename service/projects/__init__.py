@@ -1,0 +1,1 @@
+"""Projects: documents with versions, jobs made of them, links that show them, archives."""

@@ -1,0 +1,82 @@
+"""A project as one zip file: exported with every asset that it names, imported on any server."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from fastapi import APIRouter, Request, Response
+from starlette.background import BackgroundTask
+from starlette.concurrency import run_in_threadpool
+from starlette.responses import FileResponse
+
+from service.access.depends import Context, Reader, ServiceContext, Submitter
+from service.access.keys import Principal
+from service.assets.adopt import check_quota, check_room, disk_faults
+from service.bodies import chunks
+from service.errors import UnsupportedMediaType
+from service.projects.lookup import etag, find_project
+from service.projects.schemas import ProjectId, ProjectOut, project_out
+from service.schemas import binary
+from service.serving import disposition
+
+router = APIRouter(prefix="/v1/projects", tags=["projects"])
+
+ZIP = "application/zip"
+_BODY = {"requestBody": {"required": True, "content": {ZIP: {"schema": {"type": "string", "format": "binary"}}}}}
+_MOST_TIMES = 4
+"""An archive may unpack to this many times the largest asset."""
+
+
+@router.get("/{project_id}/export", response_class=Response, responses={200: binary(ZIP, "The project")[200]})
+def export_project(project_id: ProjectId, context: Context, caller: Reader) -> Response:
+    """The newest version and its assets in one zip file."""
+    project = find_project(context, caller, project_id)
+    folder = tempfile.TemporaryDirectory(dir=_room(context))
+    path = Path(folder.name) / "project.zip"
+    try:
+        with disk_faults():
+            context.farm.projects.export(project_id, path)
+    except BaseException:
+        folder.cleanup()
+        raise
+    headers = {"Content-Disposition": disposition(f"{project.name}.zip", True), "Cache-Control": "no-store"}
+    return FileResponse(path, headers=headers, media_type=ZIP, background=BackgroundTask(folder.cleanup))
+
+
+@router.post("/import", status_code=201, openapi_extra=_BODY)
+async def import_project(request: Request, response: Response, context: Context, caller: Submitter) -> ProjectOut:
+    """A new project from an exported zip file. Its assets become yours."""
+    kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    if kind != ZIP:
+        raise UnsupportedMediaType(
+            "A project is imported from a zip file.", field="Content-Type", value=kind, remedy=f"Send it as {ZIP}."
+        )
+    with tempfile.TemporaryDirectory(dir=await run_in_threadpool(_room, context)) as folder:
+        path = Path(folder) / "project.zip"
+        await _receive(request, context, path)
+        found = await run_in_threadpool(_load, context, caller, path)
+    response.headers["Location"] = f"/v1/projects/{found.id}"
+    response.headers["ETag"] = etag(found.version)
+    return found
+
+
+def _room(context: ServiceContext) -> Path:
+    with disk_faults():
+        context.settings.uploads_dir.mkdir(parents=True, exist_ok=True)
+    check_room(context, 0)
+    return context.settings.uploads_dir
+
+
+async def _receive(request: Request, context: ServiceContext, path: Path) -> None:
+    limit = _MOST_TIMES * context.settings.max_asset_bytes
+    with disk_faults(), path.open("wb") as file:
+        async for chunk in chunks(request, limit, context.settings.idle_s):
+            await run_in_threadpool(file.write, chunk)
+
+
+def _load(context: ServiceContext, caller: Principal, path: Path) -> ProjectOut:
+    limit = _MOST_TIMES * context.settings.max_asset_bytes
+    project = context.farm.projects.load(path, caller.owner, limit, lambda size: check_quota(context, caller, size))
+    _, document = context.farm.projects.document(project.id)
+    return project_out(project, document)

@@ -1,0 +1,79 @@
+"""POST /v1/estimates: how long jobs will take, before they are submitted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fastapi import APIRouter
+from pydantic import BaseModel, ConfigDict, Field
+
+from service.access.depends import Context, Reader, ServiceContext
+from service.access.keys import Principal
+from service.jobs.lookup import check_inputs
+from service.jobs.schemas import JobIn
+from service.projects.lookup import find_project
+from workers.model import JobRequest
+from workers.projects.document import Id
+from workers.projects.estimates import SAMPLES, Estimate, estimate
+from workers.projects.faults import refuse_if_any
+from workers.projects.materials import Uploaded
+from workers.projects.parsing import parse_document
+from workers.projects.submissions import Selection, submissions
+
+router = APIRouter(prefix="/v1/estimates", tags=["projects"])
+
+
+class EstimateIn(BaseModel):
+    """A job, or shots of a project."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    request: JobIn | None = None
+    project: str | None = Field(default=None, max_length=100)
+    shots: tuple[Id, ...] | None = Field(default=None, max_length=500, description="None: all.")
+
+
+@dataclass(frozen=True)
+class ShotEstimate(Estimate):
+    """The estimate of one shot's job; `shot` is empty for a plain request."""
+
+    shot: str = ""
+
+
+@dataclass(frozen=True)
+class EstimatesOut:
+    """`jobs_ahead`: unfinished jobs of everyone, which may run before or beside these."""
+
+    items: tuple[ShotEstimate, ...]
+    jobs_ahead: int
+
+
+@router.post("")
+def estimate_jobs(body: EstimateIn, context: Context, caller: Reader) -> EstimatesOut:
+    """Wall time of jobs once they begin, from finished jobs of the same method on this farm; null if none tells."""
+    items = tuple(_estimate(context, shot, request) for shot, request in _requests(context, caller, body))
+    jobs = context.farm.snapshot()["jobs"]
+    return EstimatesOut(items, int(jobs["queued"]) + int(jobs["running"]))
+
+
+def _requests(context: ServiceContext, caller: Principal, body: EstimateIn) -> list[tuple[str, JobRequest]]:
+    found: list[tuple[str, JobRequest]] = []
+    if body.request is not None:
+        check_inputs(context, caller, body.request)
+        found.append(("", body.request.request()))
+    if body.project is not None:
+        project = find_project(context, caller, body.project)
+        document = parse_document(context.farm.projects.document(project.id)[1])
+        selection = Selection(body.shots)
+        refuse_if_any(context.farm.projects.problems(document, project.owner, selection))
+        for job in submissions(document, selection):
+            video = job.inputs["video"]
+            assert isinstance(video, Uploaded)
+            found.append((job.shot, JobRequest(job.method, {"video": video.asset_id}, job.params)))
+    return found
+
+
+def _estimate(context: ServiceContext, shot: str, request: JobRequest) -> ShotEstimate:
+    finished = context.farm.jobs.page(state="succeeded", method=request.method, limit=SAMPLES).items
+    found = estimate(request, finished, context.farm.assets.get)
+    return ShotEstimate(found.frames, found.seconds, found.samples, shot)

@@ -1,0 +1,72 @@
+"""Projects as their owner may see them, and the version that a change was made on."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated
+
+from fastapi import Header
+
+from service.access.depends import ServiceContext
+from service.access.keys import Principal
+from service.errors import BadRequest, Gone, PreconditionRequired
+from workers.errors import NotFound
+from workers.projects.model import Project
+
+IfMatch = Annotated[
+    str | None,
+    Header(max_length=100, description='The `ETag` of the version that the change was made on, as "7".'),
+]
+_TAG = re.compile(r'"(\d{1,9})"')
+
+
+def find_project(context: ServiceContext, caller: Principal, project_id: str, deleted: bool = False) -> Project:
+    """The project.
+
+    Args:
+        deleted: whether a deleted one is wanted, too.
+
+    Raises:
+        NotFound: there is none, or it is someone else's, which is not to be told apart.
+        Gone: it was deleted, and can be restored.
+    """
+    try:
+        project = context.farm.projects.get(project_id)
+    except NotFound:
+        project = None
+    if project is None or not caller.sees(project.owner):
+        raise NotFound(
+            "There is no such project.", field="project_id", value=project_id, remedy="See GET /v1/projects for yours."
+        )
+    if project.deleted_at is not None and not deleted:
+        raise Gone(
+            "The project was deleted.", field="project_id", value=project_id,
+            remedy=f"POST /v1/projects/{project_id}/restore brings it back.",
+        )  # fmt: skip
+    return project
+
+
+def etag(version: int) -> str:
+    return f'"{version}"'
+
+
+def expected_version(if_match: str | None, project: Project) -> int:
+    """The version that the caller has changed.
+
+    Raises:
+        PreconditionRequired: there is no If-Match.
+        BadRequest: it is no entity tag of ours.
+    """
+    if if_match is None:
+        raise PreconditionRequired(
+            "A change needs the version that it was made on.", field="If-Match",
+            remedy=f"Send the header If-Match with the ETag that you loaded; stored is {etag(project.version)}.",
+        )  # fmt: skip
+    if if_match.strip() == "*":
+        return project.version
+    found = _TAG.fullmatch(if_match.strip())
+    if found is None:
+        raise BadRequest(
+            "This is no version of a project.", field="If-Match", value=if_match, remedy='Send one ETag, as "7".'
+        )
+    return int(found[1])

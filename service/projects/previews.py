@@ -1,0 +1,231 @@
+"""/v1/projects/{project_id}/previews: pictures of a project while somebody works on it, as a stream of records.
+
+    record = length of the header (4 bytes, big-endian) | header (JSON) | `header.bytes` bytes
+
+The first record has the type "begin", the last "end", "overtaken" or "error".
+"""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Iterator
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter
+from pydantic import Base64Bytes, BaseModel, ConfigDict, Field
+from starlette.concurrency import run_in_threadpool
+from starlette.responses import StreamingResponse
+
+from pipeline.errors import Cancelled, ImpastoError
+from service.access.depends import Context, ServiceContext, Submitter
+from service.access.keys import Principal
+from service.errors import problem
+from service.projects.lookup import find_project
+from service.projects.schemas import ProjectId
+from service.schemas import Responses
+from workers.previews.model import MEDIA_TYPE, PreviewQuery, Record
+from workers.previews.service import PreviewRun
+from workers.projects.document import FrameNumber, FrameRange, Id
+from workers.projects.patching import merged, patched
+
+router = APIRouter(prefix="/v1/projects/{project_id}/previews", tags=["previews"])
+
+_BYTES = {"schema": {"type": "string", "format": "binary"}}
+STREAM: Responses = {200: {"description": "Records", "content": {MEDIA_TYPE: _BYTES}}}
+MOST_FRAMES = 48
+Text = Annotated[str, Field(min_length=1, max_length=100)]
+
+
+class QueryIn(BaseModel):
+    """What every preview is asked with."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    client: Text = "script"
+    channel: Text = "stage"
+    seq: int = Field(default=0, ge=0, le=2**53 - 1, description="Overtakes lower ones of this client and channel.")
+    version: int | None = Field(default=None, ge=1, description="None: the newest, or `document`.")
+    document: dict[str, Any] | None = Field(default=None, description="Instead of a stored version.")
+    change: list[dict[str, Any]] | dict[str, Any] | None = Field(
+        default=None, description="JSON Patch, or JSON Merge Patch, on the stored version."
+    )
+    shot: Id
+    layer: Id | None = Field(default=None, description="None: all visible layers.")
+    max_side_px: int = Field(default=640, ge=16, le=4096)
+    format: Literal["png", "jpeg"] = "png"
+
+
+class PaintIn(QueryIn):
+    frame: FrameNumber = 0
+    frames: FrameRange | None = Field(default=None, description=f"At most {MOST_FRAMES}.")
+    step: int = Field(default=1, ge=1, le=1000)
+    crop: tuple[FrameNumber, FrameNumber, FrameNumber, FrameNumber] | None = Field(
+        default=None, description="x, y, width, height in px of the video: that piece at full resolution."
+    )
+    coarse: bool = Field(default=True, description="A coarse picture first.")
+
+
+class CardIn(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    id: Text
+    set: dict[str, Any] = Field(description="JSON Merge Patch on the layer.")
+
+
+class StylesIn(QueryIn):
+    frame: FrameNumber = 0
+    max_side_px: int = Field(default=200, ge=16, le=1024)
+    cards: tuple[CardIn, ...] = Field(min_length=1, max_length=24)
+
+
+class PropagateIn(QueryIn):
+    key: FrameNumber = Field(description="The frame that is painted on.")
+    image: Base64Bytes | None = Field(default=None, description="PNG of the key as it is now; None: the document's.")
+    around: int = Field(default=3, ge=1, le=24, description="Frames before and after it.")
+    max_side_px: int = Field(default=320, ge=16, le=2048)
+
+
+@router.post("/propagate", response_class=StreamingResponse, responses=STREAM)
+async def preview_propagate(
+    project_id: ProjectId, body: PropagateIn, context: Context, caller: Submitter
+) -> StreamingResponse:
+    """The frames around a painted key, made from it."""
+    options = {"key": body.key, "around": body.around, "image": body.image, "format": body.format}
+    return await _answer(context, caller, project_id, "propagate", body, options)
+
+
+class RegionsIn(QueryIn):
+    frame: FrameNumber = 0
+
+
+class DirectionsIn(QueryIn):
+    frame: FrameNumber = 0
+    spacing_px: int = Field(default=12, ge=2, le=200, description="Between two points of the grid, px of the preview.")
+
+
+class KeysIn(QueryIn):
+    frames: FrameRange | None = Field(default=None, description="None: the whole video.")
+    count: int = Field(default=8, ge=1, le=100)
+
+
+@router.post("/regions", response_class=StreamingResponse, responses=STREAM)
+async def preview_regions(
+    project_id: ProjectId, body: RegionsIn, context: Context, caller: Submitter
+) -> StreamingResponse:
+    """Tubes and objects of a frame, with the numbers that jobs find: a map, and a list."""
+    return await _answer(context, caller, project_id, "regions", body, {"frame": body.frame})
+
+
+@router.post("/directions", response_class=StreamingResponse, responses=STREAM)
+async def preview_directions(
+    project_id: ProjectId, body: DirectionsIn, context: Context, caller: Submitter
+) -> StreamingResponse:
+    """Stroke directions of a frame on a grid."""
+    options = {"frame": body.frame, "spacing_px": body.spacing_px}
+    return await _answer(context, caller, project_id, "directions", body, options)
+
+
+@router.post("/keys", response_class=StreamingResponse, responses=STREAM)
+async def preview_keys(project_id: ProjectId, body: KeysIn, context: Context, caller: Submitter) -> StreamingResponse:
+    """Frames that are worth a painted key, and the scores of every frame."""
+    return await _answer(context, caller, project_id, "keys", body, {"frames": body.frames, "count": body.count})
+
+
+@router.post("/paint", response_class=StreamingResponse, responses=STREAM)
+async def preview_paint(project_id: ProjectId, body: PaintIn, context: Context, caller: Submitter) -> StreamingResponse:
+    """Painted frames, coarse first."""
+    options = body.model_dump(include={"frame", "frames", "step", "crop", "coarse", "format"})
+    return await _answer(context, caller, project_id, "paint", body, options)
+
+
+@router.post("/source", response_class=StreamingResponse, responses=STREAM)
+async def preview_source(
+    project_id: ProjectId, body: PaintIn, context: Context, caller: Submitter
+) -> StreamingResponse:
+    """Frames of the shot's video as they are."""
+    options = body.model_dump(include={"frame", "frames", "step", "format"})
+    return await _answer(context, caller, project_id, "source", body, options)
+
+
+@router.post("/styles", response_class=StreamingResponse, responses=STREAM)
+async def preview_styles(
+    project_id: ProjectId, body: StylesIn, context: Context, caller: Submitter
+) -> StreamingResponse:
+    """One frame of a layer in several styles."""
+    return await _answer(context, caller, project_id, "styles", body, {"frame": body.frame, "format": body.format})
+
+
+@router.get("/state")
+def preview_state(project_id: ProjectId, context: Context, caller: Submitter) -> dict[str, Any]:
+    """How much is kept warm, and where previews are made."""
+    find_project(context, caller, project_id)
+    return context.farm.previews.state()
+
+
+async def _answer(
+    context: ServiceContext, caller: Principal, project_id: str, what: str, body: QueryIn, options: dict[str, Any]
+) -> StreamingResponse:
+    query = await run_in_threadpool(_query, context, caller, project_id, what, body, options)
+    run = context.farm.previews.start(query)
+    headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
+    return StreamingResponse(_records(run, f"/v1/projects/{project_id}/previews/{what}"), 200, headers, MEDIA_TYPE)
+
+
+async def _records(run: PreviewRun, path: str) -> AsyncIterator[bytes]:
+    """The answer, each record as it comes; a client that goes cancels it."""
+    records: Iterator[bytes] = _encoded(run, path)
+    try:
+        while (piece := await run_in_threadpool(next, records, None)) is not None:
+            yield piece
+    finally:
+        run.cancel()
+
+
+def _encoded(run: PreviewRun, path: str) -> Iterator[bytes]:
+    try:
+        for record in run:
+            yield record.encode()
+    except Cancelled:
+        return
+    except ImpastoError as error:
+        shown = problem(error, path).model_dump(exclude_none=True)
+        yield Record({"type": "error", "problem": shown}).encode()
+
+
+def _query(
+    context: ServiceContext, caller: Principal, project_id: str, what: str, body: QueryIn, options: dict[str, Any]
+) -> PreviewQuery:
+    project = find_project(context, caller, project_id)
+    value = _document(context, project_id, body)
+    layers = context.farm.projects.layer_sources(project, value, body.shot, body.layer)
+    if isinstance(body, StylesIn):
+        options = {**options, "cards": _cards(context, project_id, value, body, caller)}
+    return PreviewQuery(what, project_id, body.client, body.channel, body.seq, layers, body.max_side_px, options)
+
+
+def _document(context: ServiceContext, project_id: str, body: QueryIn) -> dict[str, Any]:
+    if body.document is not None:
+        return body.document
+    _, value = context.farm.projects.document(project_id, body.version)
+    if body.change is None:
+        return value
+    changed = patched(value, body.change) if isinstance(body.change, list) else merged(value, body.change)
+    return dict(changed)
+
+
+def _cards(
+    context: ServiceContext, project_id: str, value: dict[str, Any], body: StylesIn, caller: Principal
+) -> list[tuple[str, Any]]:
+    """(id, layer) of every card; one whose changes are wrong is the request's fault."""
+    project = find_project(context, caller, project_id)
+    made = []
+    for card in body.cards:
+        shots = [_with_card(shot, body, card) if shot.get("id") == body.shot else shot for shot in value["shots"]]
+        (layer, *_) = context.farm.projects.layer_sources(project, {**value, "shots": shots}, body.shot, body.layer)
+        made.append((card.id, layer))
+    return made
+
+
+def _with_card(shot: dict[str, Any], body: StylesIn, card: CardIn) -> dict[str, Any]:
+    layers = shot.get("layers", [])
+    wanted = body.layer or next((layer["id"] for layer in layers if layer.get("visible", True)), None)
+    return {**shot, "layers": [merged(own, card.set) if own.get("id") == wanted else own for own in layers]}

@@ -1,0 +1,147 @@
+"""/v1/projects: documents, saved version by version, never overwritten unseen."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Body, Query, Request, Response
+from starlette.concurrency import run_in_threadpool
+
+from service.access.depends import Context, Reader, Submitter
+from service.errors import UnsupportedMediaType
+from service.projects.lookup import IfMatch, etag, expected_version, find_project
+from service.projects.schemas import ProblemsOut, ProjectId, ProjectIn, ProjectOut, project_out
+from service.schemas import Cursor, Limit, Listing, Responses
+from service.serving import not_modified
+from workers.projects.document import empty, json_schema
+from workers.projects.model import Project
+from workers.projects.parsing import parse_document
+from workers.projects.patching import merged, patched
+
+router = APIRouter(prefix="/v1/projects", tags=["projects"])
+
+JSON_PATCH, MERGE_PATCH = "application/json-patch+json", "application/merge-patch+json"
+_PATCHES = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            JSON_PATCH: {"schema": {"type": "array", "items": {"type": "object"}}},
+            MERGE_PATCH: {"schema": {"type": "object"}},
+        },
+    }
+}
+_UNCHANGED: Responses = {304: {"description": "The client has it already"}}
+
+
+@router.get("")
+def list_projects(
+    context: Context,
+    caller: Reader,
+    deleted: Annotated[bool, Query(description="Those that were deleted and can be restored.")] = False,
+    cursor: Cursor = None,
+    limit: Limit = 50,
+) -> Listing[ProjectOut]:
+    """Your projects without their documents, the most recently changed first."""
+    page = context.farm.projects.page(caller.only_owner, deleted, cursor, limit)
+    return Listing(tuple(project_out(project) for project in page.items), page.cursor)
+
+
+@router.post("", status_code=201)
+def create_project(body: ProjectIn, response: Response, context: Context, caller: Submitter) -> ProjectOut:
+    """Begin a project."""
+    document = empty(body.name) if body.document is None else body.document
+    project = context.farm.projects.create(document, caller.owner)
+    response.headers["Location"] = f"/v1/projects/{project.id}"
+    response.headers["ETag"] = etag(project.version)
+    return project_out(project, document)
+
+
+@router.get("/schema")
+def get_schema(_caller: Reader) -> dict[str, Any]:
+    """JSON Schema of the document."""
+    return json_schema()
+
+
+@router.get("/{project_id}", response_model=ProjectOut, responses=_UNCHANGED)
+def get_project(project_id: ProjectId, request: Request, response: Response, context: Context, caller: Reader) -> Any:
+    """A project with its document. 304 if If-None-Match names its version; 410 if it was deleted."""
+    project = find_project(context, caller, project_id)
+    if not_modified(request.headers, etag(project.version)):
+        return Response(status_code=304, headers={"ETag": etag(project.version)})
+    version, document = context.farm.projects.document(project_id)
+    response.headers["ETag"] = etag(version.version)
+    response.headers["Cache-Control"] = "private, no-cache"
+    return project_out(project, document)
+
+
+@router.put("/{project_id}")
+def put_project(
+    project_id: ProjectId,
+    document: Annotated[dict[str, Any], Body(description="The whole document.")],
+    response: Response,
+    context: Context,
+    caller: Submitter,
+    if_match: IfMatch = None,
+) -> ProjectOut:
+    """Save a document. 428 without If-Match, 412 if another version is stored."""
+    expected = expected_version(if_match, find_project(context, caller, project_id))
+    project = context.farm.projects.save(project_id, expected, document, caller.owner)
+    response.headers["ETag"] = etag(project.version)
+    return project_out(project)
+
+
+@router.patch("/{project_id}", openapi_extra=_PATCHES)
+async def patch_project(
+    project_id: ProjectId,
+    request: Request,
+    response: Response,
+    context: Context,
+    caller: Submitter,
+    if_match: IfMatch = None,
+) -> ProjectOut:
+    """Save a change to the document: a JSON Patch (RFC 6902) or a JSON Merge Patch (RFC 7396). Otherwise as PUT."""
+    change, kind = await request.json(), request.headers.get("content-type", "").partition(";")[0].strip().lower()
+
+    def save() -> Project:
+        expected = expected_version(if_match, find_project(context, caller, project_id))
+        _, before = context.farm.projects.document(project_id, expected)
+        return context.farm.projects.save(project_id, expected, _changed(before, change, kind), caller.owner)
+
+    project = await run_in_threadpool(save)
+    response.headers["ETag"] = etag(project.version)
+    return project_out(project)
+
+
+@router.delete("/{project_id}", status_code=204)
+def delete_project(project_id: ProjectId, context: Context, caller: Submitter) -> None:
+    """Delete a project. It can be restored for some time (`IMPASTO_PROJECT_UNDO_S`, 30 days by default)."""
+    find_project(context, caller, project_id, deleted=True)
+    context.farm.projects.delete(project_id)
+
+
+@router.post("/{project_id}/restore")
+def restore_project(project_id: ProjectId, response: Response, context: Context, caller: Submitter) -> ProjectOut:
+    """Bring a deleted project back."""
+    find_project(context, caller, project_id, deleted=True)
+    project = context.farm.projects.restore(project_id)
+    response.headers["ETag"] = etag(project.version)
+    return project_out(project)
+
+
+@router.get("/{project_id}/check")
+def check_project(project_id: ProjectId, context: Context, caller: Reader) -> ProblemsOut:
+    """What keeps the project from being rendered: every problem with its place in the document."""
+    project = find_project(context, caller, project_id)
+    version, value = context.farm.projects.document(project_id)
+    found = context.farm.projects.problems(parse_document(value), project.owner)
+    return ProblemsOut(version.version, tuple(found))
+
+
+def _changed(document: dict[str, Any], change: Any, kind: str) -> Any:
+    if kind == JSON_PATCH:
+        return patched(document, change)
+    if kind == MERGE_PATCH:
+        return merged(document, change)
+    raise UnsupportedMediaType(
+        "This is no patch.", field="Content-Type", value=kind, remedy=f"Send {JSON_PATCH} or {MERGE_PATCH}."
+    )

@@ -1,0 +1,119 @@
+"""Projects as the API takes and shows them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Annotated, Any
+
+from fastapi import Path
+from pydantic import BaseModel, ConfigDict, Field
+
+from service.jobs.schemas import JobOut, job_out
+from workers.model import Job
+from workers.projects.document import FrameRange, Id, Output
+from workers.projects.faults import DocumentFault
+from workers.projects.model import Project, ProjectJob
+from workers.projects.submissions import Selection
+
+ProjectId = Annotated[str, Path(pattern=r"^[A-Za-z0-9_-]{1,100}$", description="A project's id (`prj_...`).")]
+Version = Annotated[int, Path(ge=1, le=2**31 - 1, description="Number of a version, from 1.")]
+
+
+class _In(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class ProjectIn(_In):
+    name: str = Field(default="Untitled", min_length=1, max_length=200)
+    document: dict[str, Any] | None = Field(default=None, description="None: an empty one with this name.")
+
+
+class LabelIn(_In):
+    label: str = Field(max_length=200, description="Empty: take the label away.")
+
+
+class ShareIn(_In):
+    days: float = Field(default=30.0, gt=0, le=3650, description="How long the link lasts.")
+
+
+class ProjectJobsIn(_In):
+    """Which jobs to submit."""
+
+    shots: tuple[Id, ...] | None = Field(default=None, max_length=500, description="None: all.")
+    variants: tuple[Id, ...] = Field(default=(), max_length=100, description="Each a job; then shots is not read.")
+    range: FrameRange | None = Field(default=None, description="This piece of each shot's video.")
+    version: int | None = Field(default=None, ge=1, description="None: the newest.")
+    output: Output | None = Field(default=None, description="Instead of the document's.")
+    priority: int = Field(default=0, ge=-100, le=100)
+
+    def selection(self) -> Selection:
+        return Selection(self.shots, self.variants, self.range, self.output, self.priority)
+
+
+@dataclass(frozen=True)
+class ProjectLinks:
+    self: str
+    versions: str
+    jobs: str
+    export: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProjectOut(Project):
+    """A project; `document` only where the route says so."""
+
+    links: ProjectLinks
+    document: dict[str, Any] | None = None
+
+
+def project_out(project: Project, document: dict[str, Any] | None = None) -> ProjectOut:
+    at = f"/v1/projects/{project.id}"
+    own = {field.name: getattr(project, field.name) for field in fields(Project)}
+    links = ProjectLinks(at, f"{at}/versions", f"{at}/jobs", f"{at}/export")
+    return ProjectOut(**own, links=links, document=document)
+
+
+@dataclass(frozen=True)
+class VersionOut:
+    """A version with its document."""
+
+    project_id: str
+    version: int
+    at: float
+    author: str
+    label: str
+    size_bytes: int
+    jobs: tuple[str, ...]
+    document: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class ProblemsOut:
+    """What keeps a version from being rendered."""
+
+    version: int
+    errors: tuple[DocumentFault, ...]
+
+
+@dataclass(frozen=True)
+class ProjectJobOut:
+    """A job of a project; `job` is null once it was deleted."""
+
+    job: JobOut | None
+    shot: str
+    variant: str | None
+    version: int
+    at: float
+
+
+def project_job_out(noted: ProjectJob, job: Job | None) -> ProjectJobOut:
+    return ProjectJobOut(None if job is None else job_out(job), noted.shot, noted.variant, noted.version, noted.at)
+
+
+@dataclass(frozen=True)
+class ShareOut:
+    """A link that shows a project to whoever has it."""
+
+    token: str
+    url: str
+    expires_at: float

@@ -1,0 +1,59 @@
+"""Signed tokens of shared links: which project, whose key made the link, until when.
+
+A token is base64url of its JSON claims, a dot, and base64url of their HMAC-SHA256. It is void after its time, once the
+project's share epoch was raised, or once the key that made it is revoked.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import hmac
+import json
+from dataclasses import asdict, dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Claims:
+    """What a token says."""
+
+    project: str
+    key: str
+    """Owner id of the key that made the link."""
+    epoch: int
+    """The project's share epoch when the link was made."""
+    expires_at: int
+    """Seconds since the epoch, UTC."""
+
+
+def sign(claims: Claims, secret: bytes) -> str:
+    """The token of these claims."""
+    body = json.dumps(asdict(claims), sort_keys=True, separators=(",", ":")).encode()
+    return f"{_text(body)}.{_text(_mac(body, secret))}"
+
+
+def verify(token: str, secret: bytes, now: float) -> Claims | None:
+    """The claims of a token that `secret` has signed and whose time is not over, else None."""
+    try:
+        body_text, _, mac_text = token.partition(".")
+        body, mac = _bytes(body_text), _bytes(mac_text)
+    except ValueError:
+        return None
+    if not hmac.compare_digest(mac, _mac(body, secret)):
+        return None
+    said: dict[str, Any] = json.loads(body)
+    claims = Claims(**said)
+    return claims if now < claims.expires_at else None
+
+
+def _mac(body: bytes, secret: bytes) -> bytes:
+    return hmac.new(secret, b"share:" + body, hashlib.sha256).digest()
+
+
+def _text(data: bytes) -> str:
+    return base64.urlsafe_b64encode(data).decode().rstrip("=")
+
+
+def _bytes(text: str) -> bytes:
+    return base64.b64decode(text + "=" * (-len(text) % 4), altchars=b"-_", validate=True)

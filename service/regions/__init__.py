@@ -1,1 +1,0 @@
-"""Where regions are: maps and lists that a job has found."""

@@ -1,0 +1,231 @@
+/** The studio: stage, tools, filmstrip and panel of one project, kept together. */
+
+import { effect } from "@preact/signals";
+import { render } from "preact";
+import { useEffect, useRef } from "preact/hooks";
+import * as shared from "../shared/api";
+import { notify } from "../shared/notices";
+import type { Asset, Method, View as PageView } from "../shared/types";
+import { type Project, saveProject } from "./api";
+import { createSaver, type Saver } from "./autosave";
+import { createDirectionTool } from "./direction-tool";
+import { type ProjectDocument, pruneAssets } from "./document";
+import { Filmstrip } from "./filmstrip";
+import { type FrameSource, openFrames } from "./frames";
+import { PaintedKeys } from "./keys";
+import { createPaintTool, type PaintTool } from "./paint-tool";
+import { Panel } from "./panel";
+import { createPlayback, type Playback } from "./playback";
+import { type Previews, startPreviews } from "./previews";
+import { createLassoTool, createRegionTool, type RegionTool } from "./region-tool";
+import { SaveNote } from "./save-note";
+import { installShortcuts } from "./shortcuts";
+import { mountStage, type Stage, type StageParts } from "./stage";
+import { PAINT_TOOLS, Store } from "./store";
+import { StageBar, Toolbar, toolsOf } from "./toolbar";
+
+const draftKey = (id: string): string => `impasto.project:${id}`;
+
+interface Draft {
+  version: number;
+  document: ProjectDocument;
+}
+
+/** Changes that a crashed page could not save, if they follow the stored version. */
+function keptDraft(project: Project): ProjectDocument | null {
+  const text = localStorage.getItem(draftKey(project.id));
+  if (!text) return null;
+  const draft: Draft = JSON.parse(text);
+  return draft.version === project.version ? draft.document : null;
+}
+
+class Designer {
+  readonly store: Store;
+  readonly frames: FrameSource;
+  readonly keys: PaintedKeys;
+  readonly paint: PaintTool;
+  readonly regions: RegionTool;
+  readonly parts: StageParts;
+  readonly playback: Playback;
+  readonly saver: Saver;
+  stage: Stage | null = null;
+  private readonly previews: Previews;
+  private prepared = false;
+  private readonly closers: (() => void)[] = [];
+
+  constructor(project: Project, asset: Asset, methods: readonly Method[]) {
+    const redraw = () => this.stage?.redraw();
+    const store = new Store(project, asset, methods);
+    this.store = store;
+    this.frames = openFrames(asset, redraw);
+    this.keys = new PaintedKeys(store, this.frames, notify, (frame) => this.previews.propagate(frame));
+    this.paint = createPaintTool(store, this.keys, redraw);
+    this.regions = createRegionTool(store, redraw);
+    const tools = {
+      region: this.regions,
+      lasso: createLassoTool(store, redraw),
+      direction: createDirectionTool(store, redraw),
+    };
+    this.parts = { store, frames: this.frames, keys: this.keys, paint: this.paint, tools };
+    this.playback = createPlayback(store);
+    this.saver = this.startSaving(project);
+    this.previews = startPreviews(store);
+    this.closers.push(this.followFrame(), this.followDocument());
+    const shortcuts = {
+      store,
+      stage: () => this.stage,
+      playback: this.playback,
+      tools: () => toolsOf(store.layer.value.method, store.previews.value),
+    };
+    this.closers.push(installShortcuts(shortcuts));
+    const draft = keptDraft(project);
+    if (draft) store.editDocument("Restore unsaved changes", () => draft);
+  }
+
+  private startSaving(project: Project): Saver {
+    const { store } = this;
+    return createSaver({
+      version: project.version,
+      document: project.document,
+      save: (document, version) => saveProject(project.id, pruneAssets(document), version),
+      asProblem: shared.asProblem,
+      onstate: (state) => {
+        store.saving.value = state;
+      },
+      keep: (document) => this.keepDraft(document),
+    });
+  }
+
+  private keepDraft(document: ProjectDocument | null): void {
+    const key = draftKey(this.store.projectId);
+    if (document) localStorage.setItem(key, JSON.stringify({ version: this.saver?.version ?? 0, document }));
+    else localStorage.removeItem(key);
+  }
+
+  private followDocument(): () => void {
+    return effect(() => this.saver.changed(this.store.document.value));
+  }
+
+  /** Show the frame, and load what the tool needs of it. */
+  private followFrame(): () => void {
+    const { store } = this;
+    return effect(() => {
+      const frame = store.frame.value;
+      const tool = store.tool.value;
+      store.layerId.value;
+      this.frames.seek(frame);
+      if (PAINT_TOOLS.includes(tool)) {
+        this.paint.prepare(frame);
+        this.prepareNeighbours(frame);
+      }
+      if (tool === "region") this.regions.load(frame);
+    });
+  }
+
+  /** Once per visit: the first repainting of neighbours is slow, so that it is begun before the first stroke. */
+  private prepareNeighbours(frame: number): void {
+    if (this.prepared || this.store.layer.peek().method !== "analogy") return;
+    this.prepared = true;
+    this.keys.png(frame).then((picture) => this.previews.prepare(frame, picture), notify);
+  }
+
+  async saveAll(): Promise<boolean> {
+    await this.keys.flush();
+    return this.saver.flush();
+  }
+
+  close(): void {
+    this.saveAll().catch(notify);
+    for (const close of this.closers) close();
+    this.playback.stop();
+    this.previews.close();
+    this.keys.close();
+    this.saver.close();
+    this.frames.close();
+    this.stage?.close();
+  }
+}
+
+export interface DesignerOptions {
+  project: Project;
+  asset: Asset;
+  methods: readonly Method[];
+  /** Open the project anew. */
+  reload(): void;
+}
+
+export function createDesigner({ project, asset, methods, reload }: DesignerOptions): PageView {
+  const element = document.createElement("div");
+  element.className = "designer";
+  const designer = new Designer(project, asset, methods);
+  render(<DesignerPage designer={designer} reload={reload} />, element);
+  return {
+    element,
+    close() {
+      designer.close();
+      render(null, element);
+    },
+  };
+}
+
+function DesignerPage({ designer, reload }: { designer: Designer; reload(): void }) {
+  const { store } = designer;
+  const discard = () => {
+    localStorage.removeItem(draftKey(store.projectId));
+    reload();
+  };
+  return (
+    <>
+      <div class="designer-main">
+        <header class="designer-head">
+          <ProjectName store={store} />
+          <SaveNote store={store} saver={designer.saver} reload={discard} />
+        </header>
+        <StageBar store={store} />
+        <div class="designer-stage">
+          <Toolbar store={store} stage={() => designer.stage} />
+          <StageCanvas designer={designer} />
+        </div>
+        <Filmstrip store={store} playback={designer.playback} />
+      </div>
+      <Panel store={store} keys={designer.keys} saveAll={() => designer.saveAll()} />
+    </>
+  );
+}
+
+function ProjectName({ store }: { store: Store }) {
+  const change = (event: Event) => {
+    const name = (event.currentTarget as HTMLInputElement).value.trim();
+    if (name) store.editDocument("Rename the project", (document) => ({ ...document, name }));
+  };
+  return (
+    <h1>
+      <input
+        type="text"
+        class="project-name"
+        aria-label="Name of the project"
+        maxLength={200}
+        value={store.document.value.name}
+        onChange={change}
+      />
+    </h1>
+  );
+}
+
+function StageCanvas({ designer }: { designer: Designer }) {
+  const canvas = useRef<HTMLCanvasElement>(null);
+  useEffect(() => {
+    if (!canvas.current) return;
+    designer.stage = mountStage(canvas.current, designer.parts);
+    return () => designer.stage?.close();
+  }, []);
+  return (
+    <canvas
+      ref={canvas}
+      class="stage-canvas"
+      tabIndex={0}
+      role="img"
+      aria-label={`Stage: frame ${designer.store.frame.value + 1}`}
+    />
+  );
+}

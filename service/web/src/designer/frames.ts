@@ -1,0 +1,129 @@
+/** Frames of the video for the stage: decoded by the browser where it can, by the service where it cannot. */
+
+import * as api from "../shared/api";
+import { mayPlay } from "../shared/stills";
+import type { Asset } from "../shared/types";
+import type { Size } from "./geometry";
+import { seekTime } from "./timeline";
+
+const SERVICE_SIDE_PX = 2048;
+
+export interface FrameSource {
+  /** Of the video, px. */
+  readonly size: Size;
+  /** The frame that `picture` shows now; -1 before the first. */
+  readonly shown: number;
+  readonly picture: CanvasImageSource | null;
+  /** Show a frame; of several wishes the newest counts. */
+  seek(frame: number): void;
+  /** A copy of the shown frame, at the video's size. */
+  copy(): Promise<ImageBitmap>;
+  close(): void;
+}
+
+/** `onshown` is called whenever another frame can be drawn. */
+export function openFrames(asset: Asset, onshown: () => void): FrameSource {
+  return mayPlay(asset) ? browserFrames(asset, onshown) : serviceFrames(asset, onshown);
+}
+
+const sizeOf = (asset: Asset): Size => ({ width: asset.info.width ?? 16, height: asset.info.height ?? 9 });
+
+function browserFrames(asset: Asset, onshown: () => void): FrameSource {
+  const video = document.createElement("video");
+  Object.assign(video, { muted: true, playsInline: true, preload: "auto" });
+  const fps = asset.info.fps || 25;
+  let wanted = 0;
+  let seeking = -1;
+  let shown = -1;
+  let fallback: FrameSource | null = null;
+
+  function next(): void {
+    if (seeking >= 0 || wanted === shown || video.readyState < 1) return;
+    seeking = wanted;
+    video.currentTime = seekTime(wanted, fps);
+  }
+
+  video.addEventListener("loadedmetadata", () => (video.videoWidth ? next() : useService()));
+  video.addEventListener("seeked", () => {
+    shown = seeking;
+    seeking = -1;
+    onshown();
+    next();
+  });
+  video.addEventListener("error", () => video.hasAttribute("src") && useService());
+  api.mediaUrl(api.paths.content(asset.id)).then((url) => {
+    video.src = url;
+  }, useService);
+
+  function useService(): void {
+    if (fallback) return;
+    fallback = serviceFrames(asset, onshown);
+    fallback.seek(wanted);
+  }
+
+  return {
+    size: sizeOf(asset),
+    get shown() {
+      return fallback ? fallback.shown : shown;
+    },
+    get picture() {
+      if (fallback) return fallback.picture;
+      return shown >= 0 ? video : null;
+    },
+    seek(frame) {
+      wanted = frame;
+      if (fallback) fallback.seek(frame);
+      else next();
+    },
+    copy: () => (fallback ? fallback.copy() : createImageBitmap(video)),
+    close() {
+      fallback?.close();
+      if (video.src.startsWith("blob:")) URL.revokeObjectURL(video.src);
+      video.removeAttribute("src");
+      video.load();
+    },
+  };
+}
+
+function serviceFrames(asset: Asset, onshown: () => void): FrameSource {
+  const life = new AbortController();
+  let wanted = -1;
+  let shown = -1;
+  let busy = false;
+  let picture: ImageBitmap | null = null;
+
+  async function next(): Promise<void> {
+    if (busy || wanted === shown || life.signal.aborted) return;
+    busy = true;
+    const frame = wanted;
+    try {
+      const answer = await api.request(api.paths.frame(asset.id, frame, SERVICE_SIDE_PX), { signal: life.signal });
+      picture = await createImageBitmap(await answer.blob());
+      shown = frame;
+      onshown();
+    } catch (error) {
+      if (!api.isAbort(error)) await new Promise((done) => setTimeout(done, 500));
+    }
+    busy = false;
+    next();
+  }
+
+  return {
+    size: sizeOf(asset),
+    get shown() {
+      return shown;
+    },
+    get picture() {
+      return picture;
+    },
+    seek(frame) {
+      wanted = frame;
+      next();
+    },
+    async copy() {
+      if (!picture) throw new api.Problem({ detail: "The frame is not loaded yet.", remedy: "Wait a moment." });
+      return createImageBitmap(picture);
+    },
+    close: () => life.abort(),
+  };
+}

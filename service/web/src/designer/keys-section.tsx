@@ -1,0 +1,177 @@
+/** Painted keys of a layer: start one, import or export a picture, its layers, and the frames around it. */
+
+import { useEffect, useRef, useState } from "preact/hooks";
+import { saveFile } from "../shared/api";
+import { notify } from "../shared/notices";
+import { keyFrames } from "./filmstrip";
+import { Icon, IconButton } from "./icon";
+import type { PaintedKeys } from "./keys";
+import type { Result, Store } from "./store";
+import { changePictureLayer, type KeyPicture, type PictureLayer } from "./strokes";
+
+export function KeysSection({ store, keys }: { store: Store; keys: PaintedKeys }) {
+  const frame = store.frame.value;
+  const frames = keyFrames(store);
+  const here = frames.includes(frame);
+  const paint = () => {
+    store.tool.value = "brush";
+  };
+  return (
+    <section class="side-section" aria-labelledby="keys-title">
+      <h2 id="keys-title">Painted keys</h2>
+      {!frames.length && (
+        <p class="hint">Paint over a frame: the film follows your painting from there, forwards and backwards.</p>
+      )}
+      <div class="actions">
+        <button type="button" class="button primary" onClick={paint}>
+          <Icon name="brush" />
+          {here ? "Paint on this key" : `Paint frame ${frame + 1}`}
+        </button>
+        <ImportButton store={store} keys={keys} />
+        <button type="button" class="button small" onClick={() => exportFrame(store, keys)}>
+          <Icon name="download" />
+          Export PNG
+        </button>
+        {here && <IconButton name="trash" label="Remove this key" onClick={() => keys.remove(frame)} />}
+      </div>
+      {here && <PictureLayers store={store} keys={keys} />}
+      <Neighbours store={store} />
+    </section>
+  );
+}
+
+function ImportButton({ store, keys }: { store: Store; keys: PaintedKeys }) {
+  const take = (event: Event) => {
+    const input = event.currentTarget as HTMLInputElement;
+    const file = input.files?.[0];
+    if (file) keys.import(store.frame.value, file).catch(notify);
+    input.value = "";
+  };
+  return (
+    <label class="button small file-button">
+      <Icon name="upload" />
+      Import PNG
+      <input type="file" accept="image/png,image/*" aria-label="Import a painted frame" onChange={take} />
+    </label>
+  );
+}
+
+function exportFrame(store: Store, keys: PaintedKeys): void {
+  const frame = store.frame.value;
+  const name = `${store.document.value.name}-frame-${String(frame).padStart(5, "0")}.png`;
+  keys.png(frame).then((blob) => saveFile(blob, name), notify);
+}
+
+/** The layers of the shown key, topmost first. */
+function PictureLayers({ store, keys }: { store: Store; keys: PaintedKeys }) {
+  const frame = store.frame.value;
+  const [loaded, setLoaded] = useState<KeyPicture | null>(null);
+  const picture = keys.picture(frame) ?? loaded;
+  const layerId = store.layerId.value;
+  useEffect(() => {
+    let current = true;
+    setLoaded(null);
+    keys.open(frame).then((found) => current && setLoaded(found), notify);
+    return () => {
+      current = false;
+    };
+  }, [frame, layerId]);
+  if (!picture) return null;
+  const change = (label: string, id: string, to: Partial<PictureLayer>) =>
+    keys.edit(
+      label,
+      frame,
+      changePictureLayer(picture, id, (layer) => ({ ...layer, ...to })),
+    );
+  const add = () => {
+    const id = `paint-${picture.layers.length}`;
+    const layer: PictureLayer = {
+      id,
+      name: `Paint ${picture.layers.length}`,
+      opacity: 1,
+      visible: true,
+      base: null,
+      strokes: [],
+    };
+    keys.edit("Add a layer", frame, { layers: [...picture.layers, layer] });
+    store.paintLayer.value = id;
+  };
+  return (
+    <ul class="picture-layers" aria-label="Layers of this key">
+      {[...picture.layers].reverse().map((layer) => (
+        <LayerRow key={layer.id} store={store} layer={layer} change={(label, to) => change(label, layer.id, to)} />
+      ))}
+      <li>
+        <button type="button" class="button small" onClick={add}>
+          <Icon name="plus" />
+          Layer
+        </button>
+      </li>
+    </ul>
+  );
+}
+
+interface LayerRowProps {
+  store: Store;
+  layer: PictureLayer;
+  change(label: string, to: Partial<PictureLayer>): void;
+}
+
+function LayerRow({ store, layer, change }: LayerRowProps) {
+  const choose = () => {
+    store.paintLayer.value = layer.id;
+  };
+  return (
+    <li aria-current={store.paintLayer.value === layer.id ? "true" : undefined}>
+      <IconButton
+        name={layer.visible ? "eye" : "hidden"}
+        label={layer.visible ? `Hide ${layer.name}` : `Show ${layer.name}`}
+        onClick={() => change(layer.visible ? "Hide a layer" : "Show a layer", { visible: !layer.visible })}
+      />
+      <button type="button" class="layer-name" aria-pressed={store.paintLayer.value === layer.id} onClick={choose}>
+        {layer.name}
+      </button>
+      <input
+        type="range"
+        min={0}
+        max={100}
+        value={100 * layer.opacity}
+        aria-label={`Opacity of ${layer.name}`}
+        onChange={(event) => change("Change a layer's opacity", { opacity: Number(event.currentTarget.value) / 100 })}
+      />
+    </li>
+  );
+}
+
+/** The frames around the key, repainted from it. */
+function Neighbours({ store }: { store: Store }) {
+  const results = store.neighbours.value;
+  if (!results.length) return null;
+  return (
+    <div class="neighbours" role="group" aria-label="Frames painted from this key">
+      {results.map((result) => (
+        <button
+          key={result.frame}
+          type="button"
+          aria-label={`Frame ${result.frame + 1}`}
+          onClick={() => store.goTo(result.frame)}
+        >
+          <ResultPicture result={result} />
+          <span>{result.frame + 1}</span>
+        </button>
+      ))}
+    </div>
+  );
+}
+
+export function ResultPicture({ result }: { result: Result }) {
+  const canvas = useRef<HTMLCanvasElement>(null);
+  useEffect(() => {
+    const { picture } = result;
+    const element = canvas.current;
+    if (!element) return;
+    Object.assign(element, { width: picture.width, height: picture.height });
+    element.getContext("2d")?.drawImage(picture, 0, 0);
+  }, [result]);
+  return <canvas ref={canvas} />;
+}

@@ -1,0 +1,291 @@
+/**
+ * Painted keys, and scribbles of the method patches: their editable pictures, their upload, and their entries in the
+ * document.
+ */
+
+import { effect } from "@preact/signals";
+import * as api from "../shared/api";
+import type { Asset } from "../shared/types";
+import { upload } from "../shared/upload";
+import {
+  addAsset,
+  changeLayer,
+  type Layer,
+  layerOf,
+  type PaintedKey,
+  type PaintLayer,
+  type ProjectDocument,
+  putAtFrame,
+  removeAtFrame,
+  shotOf,
+} from "./document";
+import type { FrameSource } from "./frames";
+import { PictureRaster } from "./raster";
+import { pictureKey, type State, type Store } from "./store";
+import type { KeyPicture, PictureLayer, Stroke } from "./strokes";
+import { rewrite } from "./undo";
+
+/** The layer that shows the video's own frame below the strokes. */
+export const FRAME_LAYER = "frame";
+export const PAINT_LAYER = "paint";
+const REST_MS = 250;
+
+const baseOf = (layer: string, frame: number): string => `${FRAME_LAYER}:${layer}:${frame}`;
+
+export class PaintedKeys {
+  readonly raster: PictureRaster;
+  private readonly uploaded = new WeakSet<KeyPicture>();
+  private readonly dispose: () => void;
+  private timer = 0;
+  private running: Promise<void> = Promise.resolve();
+
+  constructor(
+    private readonly store: Store,
+    private readonly frames: FrameSource,
+    private readonly onproblem: (problem: api.Problem) => void,
+    private readonly onuploaded: (frame: number) => void,
+  ) {
+    this.raster = new PictureRaster(store.size);
+    this.dispose = effect(() => {
+      const { pictures } = store.history.value.present;
+      const pending = Object.values(pictures).filter((picture) => !this.uploaded.has(picture)).length;
+      store.uploading.value = pending;
+      clearTimeout(this.timer);
+      if (pending) this.timer = window.setTimeout(() => this.flush(), REST_MS);
+    });
+  }
+
+  close(): void {
+    this.dispose();
+    clearTimeout(this.timer);
+  }
+
+  /** The editable picture of the selected layer at a frame, if it is open. */
+  picture(frame: number): KeyPicture | undefined {
+    return this.store.history.value.present.pictures[pictureKey(this.store.layer.value.id, frame)];
+  }
+
+  key(frame: number): PaintedKey | undefined {
+    return this.store.layer.value.keys?.find((key) => key.frame === frame);
+  }
+
+  /** Open a frame for painting: its key's layers, or a new picture over the video's frame. */
+  async open(frame: number): Promise<KeyPicture> {
+    const known = this.picture(frame);
+    const layer = this.store.layer.value.id;
+    const stored = scribbled(this.store.layer.value) ? this.readScribble(frame) : this.read(layer, frame);
+    const picture = known ?? (await stored) ?? this.blank(layer, frame);
+    await this.loadBases(picture);
+    if (!known && this.isStored(frame)) this.uploaded.add(picture);
+    return picture;
+  }
+
+  private async loadBases(picture: KeyPicture): Promise<void> {
+    for (const { base } of picture.layers) {
+      if (base && !this.raster.hasBase(base)) this.raster.setBase(base, await this.basePicture(base));
+    }
+  }
+
+  private async basePicture(base: string): Promise<ImageBitmap> {
+    if (!base.startsWith(`${FRAME_LAYER}:`)) return readPicture(base);
+    const frame = Number(base.split(":").at(-1));
+    for (let tries = 0; this.frames.shown !== frame && tries < 100; tries++)
+      await new Promise((done) => setTimeout(done, 30));
+    return this.frames.copy();
+  }
+
+  private isStored(frame: number): boolean {
+    const { keys = [], scribbles = [] } = this.store.layer.value;
+    return [...keys, ...scribbles].some((entry) => entry.frame === frame);
+  }
+
+  private blank(layer: string, frame: number): KeyPicture {
+    const paint = emptyLayer(PAINT_LAYER, "Paint", null);
+    return {
+      layers: scribbled(this.store.layer.value)
+        ? [paint]
+        : [emptyLayer(FRAME_LAYER, "Video frame", baseOf(layer, frame)), paint],
+    };
+  }
+
+  private async readScribble(frame: number): Promise<KeyPicture | undefined> {
+    const scribble = this.store.layer.value.scribbles?.find((entry) => entry.frame === frame);
+    if (!scribble) return undefined;
+    const { assets } = this.store.document.value;
+    const strokes = assets[scribble.strokes ?? ""]?.id;
+    const base = strokes ? null : (assets[scribble.image]?.id ?? null);
+    return {
+      layers: [{ ...emptyLayer(PAINT_LAYER, "Paint", base), strokes: strokes ? await readStrokes(strokes) : [] }],
+    };
+  }
+
+  /** The editable form of a stored key. */
+  private async read(layer: string, frame: number): Promise<KeyPicture | undefined> {
+    const key = this.key(frame);
+    if (!key) return undefined;
+    const document = this.store.document.value;
+    const id = (name: string | undefined | null) => (name ? (document.assets[name]?.id ?? null) : null);
+    const stored = key.paint?.layers ?? [];
+    if (!stored.length) return { layers: [emptyLayer(PAINT_LAYER, "Paint", id(key.image))] };
+    const layers = stored.map(async (one): Promise<PictureLayer> => {
+      const strokes = id(one.strokes);
+      return {
+        id: one.id,
+        name: one.name,
+        opacity: one.opacity,
+        visible: one.visible,
+        base: one.id === FRAME_LAYER ? baseOf(layer, frame) : id(one.image),
+        strokes: strokes ? await readStrokes(strokes) : [],
+      };
+    });
+    return { layers: await Promise.all(layers) };
+  }
+
+  /** One step that changes a key's picture. */
+  edit(label: string, frame: number, picture: KeyPicture): void {
+    const key = pictureKey(this.store.layer.value.id, frame);
+    this.store.edit(label, (state) => ({ ...state, pictures: { ...state.pictures, [key]: picture } }));
+  }
+
+  /** Put a picture that was painted elsewhere, of exactly the video's size, at a frame. */
+  async import(frame: number, file: File): Promise<void> {
+    const { width, height } = this.store.size;
+    const picture = await createImageBitmap(file).catch(() => {
+      throw new api.Problem({ detail: `“${file.name}” is not a picture.`, remedy: "Use a PNG." });
+    });
+    if (picture.width !== width || picture.height !== height) {
+      throw new api.Problem({
+        title: "The picture has another size",
+        detail: `“${file.name}” has ${picture.width} × ${picture.height} pixels, the video has ${width} × ${height}.`,
+        remedy: "Export the frame here, paint on it, and keep its size.",
+      });
+    }
+    const asset = await upload(file);
+    this.raster.setBase(asset.id, picture);
+    this.edit("Import a key", frame, {
+      layers: [emptyLayer("import", file.name, asset.id), emptyLayer(PAINT_LAYER, "Paint", null)],
+    });
+  }
+
+  remove(frame: number): void {
+    const key = pictureKey(this.store.layer.value.id, frame);
+    const place = this.store.place;
+    this.store.edit("Remove a key", ({ document, pictures }) => {
+      const { [key]: _removed, ...rest } = pictures;
+      const change = (layer: ReturnType<Store["layer"]["peek"]>) => ({
+        ...layer,
+        keys: removeAtFrame(layer.keys, frame),
+        scribbles: removeAtFrame(layer.scribbles, frame),
+      });
+      return { document: changeLayer(document, place, change), pictures: rest };
+    });
+  }
+
+  /** The finished picture of a frame as PNG: its key, or the video's frame. */
+  async png(frame: number): Promise<Blob> {
+    const picture = await this.open(frame);
+    return this.raster.png(pictureKey(this.store.layer.value.id, frame), picture);
+  }
+
+  /** Upload every painted key that has changed; resolves when all are in the document. */
+  flush(): Promise<void> {
+    this.running = this.running.then(() => this.uploadAll()).catch((error) => this.onproblem(api.asProblem(error)));
+    return this.running;
+  }
+
+  private async uploadAll(): Promise<void> {
+    const { pictures } = this.store.history.value.present;
+    for (const [key, picture] of Object.entries(pictures)) {
+      if (this.uploaded.has(picture)) continue;
+      await this.uploadOne(key, picture);
+    }
+    const now = this.store.history.value.present.pictures;
+    if (Object.values(now).some((picture) => !this.uploaded.has(picture))) await this.uploadAll();
+  }
+
+  private async uploadOne(key: string, picture: KeyPicture): Promise<void> {
+    const [layer = "", at = "0"] = key.split(":");
+    const frame = Number(at);
+    await this.loadBases(picture);
+    const image = await upload(
+      new File([await this.raster.png(key, picture)], `key-${frame}.png`, { type: "image/png" }),
+    );
+    const strokes = await Promise.all(picture.layers.map((one) => uploadStrokes(one, frame)));
+    this.uploaded.add(picture);
+    const place = { shot: this.store.shot.value.id, layer };
+    this.store.history.value = rewrite(this.store.history.value, (state: State) =>
+      state.pictures[key] === picture
+        ? { ...state, document: withPicture(state.document, place, frame, picture, image, strokes) }
+        : state,
+    );
+    this.onuploaded(frame);
+  }
+}
+
+/** Whether the pictures of a layer are scribbles for its foreground instead of painted keys. */
+export const scribbled = (layer: Layer | undefined): boolean => layer?.method === "patches";
+
+/** The document with the uploaded picture as a key or as a scribble of the layer. */
+function withPicture(
+  document: ProjectDocument,
+  place: { shot: string; layer: string },
+  frame: number,
+  picture: KeyPicture,
+  image: Asset,
+  strokes: readonly (Asset | null)[],
+): ProjectDocument {
+  const layer = layerOf(shotOf(document, place.shot), place.layer);
+  if (!scribbled(layer)) return withKey(document, place, frame, picture, image, strokes);
+  const stem = `${place.layer}-scribble-${frame}`;
+  const [withImage, name] = addAsset(document, stem, { id: image.id });
+  const first = strokes.find((asset) => asset !== null);
+  const [next, strokesName] = first ? addAsset(withImage, `${stem}-strokes`, { id: first.id }) : [withImage, null];
+  const entry = { frame, image: name, strokes: strokesName };
+  return changeLayer(next, place, (one) => ({ ...one, scribbles: putAtFrame(one.scribbles, entry) }));
+}
+
+function withKey(
+  document: ProjectDocument,
+  place: { shot: string; layer: string },
+  frame: number,
+  picture: KeyPicture,
+  image: Asset,
+  strokes: readonly (Asset | null)[],
+): ProjectDocument {
+  let [next, name] = addAsset(document, `${place.layer}-key-${frame}`, { id: image.id });
+  const layers = picture.layers.map((one, i): PaintLayer => {
+    const entry: PaintLayer = { id: one.id, name: one.name, opacity: one.opacity, visible: one.visible };
+    const stroke = strokes[i];
+    if (stroke) [next, entry.strokes] = addAsset(next, `${place.layer}-key-${frame}-strokes`, { id: stroke.id });
+    if (one.base?.startsWith("ast_"))
+      [next, entry.image] = addAsset(next, `${place.layer}-key-${frame}-base`, { id: one.base });
+    return entry;
+  });
+  const key: PaintedKey = { frame, image: name, paint: { layers } };
+  return changeLayer(next, place, (layer) => ({ ...layer, keys: putAtFrame(layer.keys, key) }));
+}
+
+async function uploadStrokes({ strokes }: PictureLayer, frame: number): Promise<Asset | null> {
+  if (!strokes.length) return null;
+  const text = JSON.stringify({ version: 1, strokes });
+  return upload(new File([text], `key-${frame}-strokes.json`, { type: "application/json" }));
+}
+
+async function readStrokes(asset: string): Promise<readonly Stroke[]> {
+  const answer = await api.request(api.paths.content(asset));
+  return ((await answer.json()) as { strokes: Stroke[] }).strokes;
+}
+
+/** The bytes of an image asset as a picture. */
+export async function readPicture(asset: string): Promise<ImageBitmap> {
+  return createImageBitmap(await (await api.request(api.paths.content(asset))).blob());
+}
+
+const emptyLayer = (id: string, name: string, base: string | null): PictureLayer => ({
+  id,
+  name,
+  opacity: 1,
+  visible: true,
+  base,
+  strokes: [],
+});

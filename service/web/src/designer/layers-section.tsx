@@ -1,0 +1,136 @@
+/** Layers of a shot that has several: order, visibility, opacity and blend; the topmost is listed first. */
+
+import { useState } from "preact/hooks";
+import { type Blend, changeShot, type Layer } from "./document";
+import { Icon, IconButton } from "./icon";
+import type { Store } from "./store";
+
+const BLENDS: [Blend, string][] = [
+  ["over", "Over"],
+  ["multiply", "Multiply"],
+  ["screen", "Screen"],
+  ["add", "Add"],
+];
+
+export function LayersSection({ store }: { store: Store }) {
+  const { layers } = store.shot.value;
+  const change = (label: string, to: (layers: readonly Layer[]) => Layer[], group = "") => {
+    const { id } = store.shot.value;
+    store.editDocument(
+      label,
+      (document) => changeShot(document, id, (shot) => ({ ...shot, layers: to(shot.layers) })),
+      group,
+    );
+  };
+  if (layers.length < 2) return null;
+  return (
+    <section class="side-section" aria-labelledby="layers-title">
+      <h2 id="layers-title">Layers of the shot</h2>
+      <p class="hint">Hide all but one to render it: several visible layers are not joined into one film yet.</p>
+      <ul class="region-list" aria-label="Layers of the shot">
+        {[...layers].reverse().map((layer) => (
+          <LayerRow key={layer.id} store={store} layer={layer} change={change} />
+        ))}
+      </ul>
+    </section>
+  );
+}
+
+function select(store: Store, id: string): void {
+  store.layerId.value = id;
+  store.region.value = "";
+  store.tool.value = "pan";
+}
+
+interface LayerRowProps {
+  store: Store;
+  layer: Layer;
+  change(label: string, to: (layers: readonly Layer[]) => Layer[], group?: string): void;
+}
+
+function LayerRow({ store, layer, change }: LayerRowProps) {
+  const { layers } = store.shot.value;
+  const [open, setOpen] = useState(false);
+  const title = layer.name || store.methods.find((method) => method.name === layer.method)?.title || layer.method;
+  const selected = store.layer.value.id === layer.id;
+  const visible = layer.visible !== false;
+  const edit = (label: string, to: Partial<Layer>, group = "") =>
+    change(label, (all) => all.map((one) => (one.id === layer.id ? { ...one, ...to } : one)), group);
+  const drop = () => {
+    change("Remove a layer", (all) => all.filter((one) => one.id !== layer.id));
+    if (selected) select(store, layers.find((one) => one.id !== layer.id)?.id ?? "");
+  };
+  const raise = () => change("Move a layer up", (all) => swapped(all, layer.id));
+  return (
+    <li class="layer-row" aria-current={selected ? "true" : undefined}>
+      <div>
+        <IconButton
+          name={visible ? "eye" : "hidden"}
+          label={visible ? `Hide the layer ${title}` : `Show the layer ${title}`}
+          onClick={() => edit(visible ? "Hide a layer" : "Show a layer", { visible: !visible })}
+        />
+        <button type="button" class="layer-name" aria-pressed={selected} onClick={() => select(store, layer.id)}>
+          {title}
+        </button>
+        <IconButton
+          name="next"
+          label={`Settings of the layer ${title}`}
+          pressed={open}
+          onClick={() => setOpen(!open)}
+        />
+      </div>
+      {open && (
+        <div class="layer-settings">
+          <label class="inline-field">
+            Opacity
+            <input
+              type="range"
+              min={0}
+              max={100}
+              value={100 * (layer.opacity ?? 1)}
+              aria-label={`Opacity of the layer ${title}`}
+              onInput={(event) =>
+                edit(
+                  "Change a layer's opacity",
+                  { opacity: Number(event.currentTarget.value) / 100 },
+                  `opacity-${layer.id}`,
+                )
+              }
+            />
+          </label>
+          <label class="inline-field">
+            Blend
+            <select
+              value={layer.blend ?? "over"}
+              onChange={(event) => edit("Change the blend", { blend: event.currentTarget.value as Blend })}
+            >
+              {BLENDS.map(([blend, name]) => (
+                <option key={blend} value={blend}>
+                  {name}
+                </option>
+              ))}
+            </select>
+          </label>
+          <div class="actions">
+            <button type="button" class="button small" disabled={layers.at(-1)?.id === layer.id} onClick={raise}>
+              Move up
+            </button>
+            <button type="button" class="button small" disabled={layers.length < 2} onClick={drop}>
+              <Icon name="trash" />
+              Remove
+            </button>
+          </div>
+        </div>
+      )}
+    </li>
+  );
+}
+
+/** The layers with one moved towards the front. */
+export function swapped(layers: readonly Layer[], id: string): Layer[] {
+  const index = layers.findIndex((layer) => layer.id === id);
+  const above = layers[index + 1];
+  const layer = layers[index];
+  if (!above || !layer) return [...layers];
+  return [...layers.slice(0, index), above, layer, ...layers.slice(index + 2)];
+}

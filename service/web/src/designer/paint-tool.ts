@@ -1,0 +1,128 @@
+/** Brush, eraser, fill and colour picker on the layers of a painted key. */
+
+import { notify } from "../shared/notices";
+import type { PaintedKeys } from "./keys";
+import { createCanvas, type LiveStroke } from "./raster";
+import { pictureKey, type Store } from "./store";
+import {
+  addStroke,
+  type BrushStroke,
+  floodRuns,
+  type KeyPicture,
+  type PictureLayer,
+  rounded,
+  type Sample,
+  type Stroke,
+  thin,
+} from "./strokes";
+import { type PointerSample, type StageTool, sampleOf } from "./tool";
+
+const FILL_TOLERANCE = 24;
+const LEAST_DISTANCE_PX = 0.5;
+
+export interface PaintTool extends StageTool {
+  /** The key's picture and the stroke under the pen, for the stage to draw; null while the frame is not open. */
+  shown(): { picture: KeyPicture; live: LiveStroke | undefined } | null;
+  /** Load the frame's key, or prepare a new one, so that the first stroke is not delayed. */
+  prepare(frame: number): void;
+}
+
+export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => void): PaintTool {
+  let open: { frame: number; layer: string; picture: KeyPicture } | null = null;
+  let live: LiveStroke | undefined;
+  let samples: Sample[] = [];
+
+  async function prepare(frame: number): Promise<void> {
+    const layer = store.layerId.value;
+    try {
+      const picture = await keys.open(frame);
+      if (store.frame.value === frame && store.layerId.value === layer) open = { frame, layer, picture };
+      redraw();
+    } catch (error) {
+      notify(error);
+    }
+  }
+
+  /** The present picture: the one in the history, else the one prepared for this frame. */
+  function present(): KeyPicture | null {
+    const frame = store.frame.value;
+    const edited = keys.picture(frame);
+    if (edited) return edited;
+    return open?.frame === frame && open.layer === store.layerId.value ? open.picture : null;
+  }
+
+  /** The layer to paint on: the chosen one, else the topmost. */
+  function target(picture: KeyPicture): PictureLayer | undefined {
+    return picture.layers.find((layer) => layer.id === store.paintLayer.value) ?? picture.layers.at(-1);
+  }
+
+  function down(sample: PointerSample): boolean {
+    const picture = present();
+    const layer = picture && target(picture);
+    if (!picture || !layer) return false;
+    const tool = store.tool.value;
+    if (tool === "picker" || sample.alt) pick(picture, sample);
+    else if (tool === "fill") fill(picture, layer, sample);
+    else begin(layer, sample, tool === "eraser" ? "eraser" : "brush");
+    return true;
+  }
+
+  function begin(layer: PictureLayer, sample: PointerSample, kind: BrushStroke["kind"]): void {
+    samples = [sampleOf(sample)];
+    live = { layer: layer.id, stroke: { kind, ...store.brush.value, samples } };
+    redraw();
+  }
+
+  function move(more: readonly PointerSample[]): void {
+    if (!live) return;
+    samples.push(...more.map(sampleOf));
+    redraw();
+  }
+
+  function up(): void {
+    const picture = present();
+    if (live && picture) {
+      const stroke: Stroke = { ...live.stroke, samples: thin(samples, LEAST_DISTANCE_PX).map(rounded) };
+      commit(live.stroke.kind === "eraser" ? "Erase" : "Brush stroke", picture, live.layer, stroke);
+    }
+    live = undefined;
+    redraw();
+  }
+
+  function commit(label: string, picture: KeyPicture, layer: string, stroke: Stroke): void {
+    keys.edit(label, store.frame.value, addStroke(picture, layer, stroke));
+  }
+
+  function composite(picture: KeyPicture): ImageData {
+    const [, context] = createCanvas(store.size);
+    keys.raster.draw(context, pictureKey(store.layerId.value, store.frame.value), picture);
+    return context.getImageData(0, 0, store.size.width, store.size.height);
+  }
+
+  function fill(picture: KeyPicture, layer: PictureLayer, { at }: PointerSample): void {
+    const runs = floodRuns(composite(picture).data, store.size, at, FILL_TOLERANCE);
+    const { color, opacity } = store.brush.value;
+    if (runs.length) commit("Fill", picture, layer.id, { kind: "fill", color, opacity, runs });
+  }
+
+  function pick(picture: KeyPicture, { at }: PointerSample): void {
+    const { data, width, height } = composite(picture);
+    const [x, y] = [Math.floor(at[0]), Math.floor(at[1])];
+    if (x < 0 || y < 0 || x >= width || y >= height) return;
+    const channels = [...data.slice(4 * (y * width + x), 4 * (y * width + x) + 3)];
+    const color = `#${channels.map((value) => value.toString(16).padStart(2, "0")).join("")}`;
+    store.brush.value = { ...store.brush.value, color };
+  }
+
+  return {
+    cursor: "crosshair",
+    down,
+    move,
+    up,
+    prepare: (frame) => void prepare(frame),
+    shown() {
+      const picture = present();
+      return picture && { picture, live };
+    },
+  };
+}

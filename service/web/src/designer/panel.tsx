@@ -1,0 +1,158 @@
+/** The panel beside the stage: the method, what it needs most, all settings, output, and the button that submits. */
+
+import { effect } from "@preact/signals";
+import { useEffect, useRef } from "preact/hooks";
+import { createInputs } from "../forms/inputs";
+import { createMethodCards, createPresets } from "../forms/method-cards";
+import { createForm } from "../forms/schema-form";
+import type { Method, Params } from "../shared/types";
+import { outputSchema } from "../studio/output-form";
+import { addAsset, changeLayer, type Layer } from "./document";
+import type { PaintedKeys } from "./keys";
+import { KeysSection } from "./keys-section";
+import { LayersSection } from "./layers-section";
+import { RegionsSection } from "./regions-section";
+import { ScribblesSection } from "./scribbles-section";
+import type { Store } from "./store";
+import { SubmitBar } from "./submit-bar";
+import { Variants } from "./variants";
+
+export interface PanelProps {
+  store: Store;
+  keys: PaintedKeys;
+  /** Save everything; false if that failed. */
+  saveAll(): Promise<boolean>;
+}
+
+export function Panel({ store, keys, saveAll }: PanelProps) {
+  const method = store.method.value;
+  return (
+    <aside class="panel designer-panel" aria-label="Settings">
+      <div class="panel-body">
+        <details class="group method-choice" open={!method}>
+          <summary>
+            <span>{method?.title ?? "Method"}</span>
+          </summary>
+          <Embedded key={`cards-${store.layer.value.id}-${store.layer.value.method}`} make={() => methodCards(store)} />
+        </details>
+        {method && (
+          <MethodParts key={`${store.layer.value.id}-${method.name}`} store={store} keys={keys} method={method} />
+        )}
+      </div>
+      <SubmitBar store={store} saveAll={saveAll} />
+    </aside>
+  );
+}
+
+function MethodParts({ store, keys, method }: { store: Store; keys: PaintedKeys; method: Method }) {
+  return (
+    <>
+      <Embedded make={() => inputSlots(store, method)} />
+      {method.name === "analogy" && <KeysSection store={store} keys={keys} />}
+      {method.name === "patches" && <ScribblesSection store={store} keys={keys} />}
+      {method.name === "multistyle" && <RegionsSection store={store} />}
+      <Embedded make={() => settings(store, method)} />
+      <LayersSection store={store} />
+      <Variants store={store} />
+      <Embedded make={() => output(store, method)} />
+    </>
+  );
+}
+
+interface Part {
+  element: HTMLElement;
+  close?(): void;
+}
+
+/** An element built without Preact, for example a form made from a schema. */
+function Embedded({ make }: { make(): Part }) {
+  const host = useRef<HTMLDivElement>(null);
+  useEffect(() => {
+    const part = make();
+    host.current?.replaceChildren(part.element);
+    return () => part.close?.();
+  }, []);
+  return <div ref={host} />;
+}
+
+function methodCards(store: Store): Part {
+  const choose = (method: string) => {
+    store.tool.value = "pan";
+    store.editLayer("Change the method", (layer) => ({ ...layer, method, params: {} }));
+  };
+  return { element: createMethodCards([...store.methods], store.layer.value.method, choose) };
+}
+
+/** The inputs that are plain files; painted keys, designs and masks are made on the stage instead. */
+function inputSlots(store: Store, method: Method): Part {
+  const specs = method.inputs.filter(
+    (spec) => spec.name !== "video" && ["image", "image-or-video"].includes(spec.kind),
+  );
+  const main = specs.filter((spec) => ["style_output", "reference"].includes(spec.name));
+  const ordered = [...main, ...specs.filter((spec) => !main.includes(spec))];
+  const assets = store.document.value.assets;
+  const given = Object.fromEntries(
+    Object.entries(store.layer.value.inputs ?? {}).map(([name, asset]) => [name, assets[asset]?.id ?? ""]),
+  );
+  const slots = createInputs(ordered, given, () => setInputs(store, slots.values()));
+  return slots;
+}
+
+function setInputs(store: Store, values: Record<string, string>): void {
+  const place = store.place;
+  store.editDocument("Change an input", (document) => {
+    let next = document;
+    const inputs: Record<string, string> = {};
+    for (const [name, id] of Object.entries(values))
+      [next, inputs[name]] = addAsset(next, name, { id }) as [typeof next, string];
+    return changeLayer(next, place, (layer) => ({ ...layer, inputs }));
+  });
+}
+
+/** Presets and the form of all parameters; undo and redo are written back into the form. */
+function settings(store: Store, method: Method): Part {
+  const form = createForm(method.params_schema, { onchange: changed, open: 0, search: true });
+  const presets = createPresets(method.examples ?? [], (params) => {
+    store.editLayer("Use a preset", (layer) => ({ ...layer, params }));
+  });
+  let written: Params | undefined;
+
+  function changed(): void {
+    if (!form.valid()) return;
+    written = form.values();
+    const params = written;
+    store.editLayer("Change settings", (layer) => ({ ...layer, params }), "params");
+  }
+
+  const close = effect(() => {
+    const { params = {} } = store.layer.value;
+    presets.match(params);
+    if (params === written) return;
+    written = params;
+    form.write(params);
+  });
+  const element = document.createElement("div");
+  element.className = "all-settings";
+  element.append(presets.element, form.element);
+  return { element, close };
+}
+
+function output(store: Store, method: Method): Part {
+  const schema = outputSchema(method.artefacts ?? []);
+  const { name: _name, ...properties } = schema.properties ?? {};
+  const form = createForm({ ...schema, properties }, { onchange: changed, open: 0 });
+  const { output: present = {} } = store.document.value;
+  form.write({ ...(present as Params), ...(store.layer.value.seed && { seed: store.layer.value.seed }) });
+
+  function changed(): void {
+    if (!form.valid()) return;
+    const { seed = 0, ...rest } = form.values();
+    const place = store.place;
+    const withSeed = (layer: Layer): Layer => ({ ...layer, seed: Number(seed) });
+    const change = (document: ReturnType<Store["document"]["peek"]>) =>
+      changeLayer({ ...document, output: rest }, place, withSeed);
+    store.editDocument("Change the output", change, "output");
+  }
+
+  return { element: form.element };
+}

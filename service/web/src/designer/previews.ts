@@ -1,0 +1,176 @@
+/** Previews of the shown frame: asked for when the document or the frame has rested, shown coarse first. */
+
+import { effect } from "@preact/signals";
+import * as legacy from "../shared/api";
+import { asProblem, isAbort } from "../shared/api";
+import { hasPreviews, pictureOf, preview } from "./api";
+import type { Layer, ProjectDocument } from "./document";
+import type { Store } from "./store";
+
+const REST_MS = 250;
+const SIDE_PX = 960;
+const BUSY_MS = 1200;
+
+export interface Previews {
+  /** Repaint the frames around a key from it. */
+  propagate(frame: number): void;
+  /** Let the service prepare for that, with a first picture of the frame that is about to be painted. */
+  prepare(frame: number, picture: Blob): void;
+  close(): void;
+}
+
+export function startPreviews(store: Store): Previews {
+  let timer = 0;
+  let running = new AbortController();
+  let around = new AbortController();
+  let ready = false;
+
+  hasPreviews(store.projectId).then((found) => {
+    ready = true;
+    store.previews.value = found;
+    schedule();
+  });
+
+  const dispose = effect(schedule);
+
+  function schedule(): void {
+    const document = store.document.value;
+    const frame = store.frame.value;
+    const layer = store.layerId.value;
+    clearTimeout(timer);
+    running.abort();
+    const known = store.results.peek().get(frame);
+    if (known?.final && known.document === document) return;
+    if (ready) timer = window.setTimeout(() => paint(document, frame, layer), REST_MS);
+  }
+
+  async function paint(document: ProjectDocument, frame: number, layer: string): Promise<void> {
+    running = new AbortController();
+    const { signal } = running;
+    store.busy.value = "Painting this frame…";
+    try {
+      if (store.previews.value) await stream(document, frame, layer, signal);
+      else await single(document, frame, signal);
+      if (!signal.aborted) store.problem.value = "";
+    } catch (error) {
+      if (isAbort(error) || signal.aborted) return;
+      const problem = asProblem(error);
+      if (problem.status === 503) {
+        timer = window.setTimeout(() => paint(document, frame, layer), BUSY_MS);
+      } else store.problem.value = [problem.message, problem.remedy].filter(Boolean).join(" ");
+    } finally {
+      if (!signal.aborted) store.busy.value = "";
+    }
+  }
+
+  async function stream(document: ProjectDocument, frame: number, layer: string, signal: AbortSignal): Promise<void> {
+    const body = { document, shot: store.shot.peek().id, layer, frame, max_side_px: SIDE_PX };
+    await preview({
+      project: store.projectId,
+      what: "paint",
+      channel: "stage",
+      body,
+      signal,
+      async onrecord(record) {
+        if (record.header.type !== "frame") return;
+        const { frame: at, scale, final } = record.header;
+        const picture = await pictureOf(record);
+        if (!signal.aborted) store.showResult({ frame: at, picture, scale, final, document });
+      },
+    });
+  }
+
+  /** A service without previews of projects: one frame by the layer's method, without painted keys and regions. */
+  async function single(document: ProjectDocument, frame: number, signal: AbortSignal): Promise<void> {
+    const layer = store.layer.peek();
+    const body = { ...plainRequest(document, store.shot.peek().video, layer), frame, max_side_px: SIDE_PX };
+    const picture = await createImageBitmap(await legacy.preview(body, signal));
+    const scale = picture.width / store.size.width;
+    if (!signal.aborted) store.showResult({ frame, picture, scale, final: true, document });
+  }
+
+  async function propagate(frame: number): Promise<void> {
+    if (!store.previews.value) return;
+    around.abort();
+    around = new AbortController();
+    const { signal } = around;
+    const document = store.document.value;
+    const body = {
+      document,
+      shot: store.shot.value.id,
+      layer: store.layerId.value,
+      key: frame,
+      around: 3,
+      max_side_px: 480,
+    };
+    store.neighbours.value = [];
+    try {
+      await preview({
+        project: store.projectId,
+        what: "propagate",
+        channel: "neighbours",
+        body,
+        signal,
+        async onrecord(record) {
+          if (record.header.type !== "frame") return;
+          const { frame: at, scale, final } = record.header;
+          const result = { frame: at, picture: await pictureOf(record), scale, final, document };
+          if (signal.aborted) return;
+          const others = store.neighbours.value.filter((other) => other.frame !== at);
+          store.neighbours.value = [...others, result].sort((a, b) => a.frame - b.frame);
+          if (at !== frame) store.showResult({ ...result, final: false });
+        },
+      });
+    } catch (error) {
+      const problem = asProblem(error);
+      if (!isAbort(error) && problem.status !== 404 && problem.status !== 503) store.problem.value = problem.message;
+    }
+  }
+
+  async function prepare(frame: number, picture: Blob): Promise<void> {
+    if (!store.previews.value) return;
+    const document = store.document.value;
+    const image = await base64(picture);
+    const place = { document, shot: store.shot.value.id, layer: store.layerId.value };
+    const body = { ...place, key: frame, image, around: 1, max_side_px: 480 };
+    const { signal } = around;
+    await preview({
+      project: store.projectId,
+      what: "propagate",
+      channel: "neighbours",
+      body,
+      signal,
+      onrecord() {},
+    }).catch((error) => isAbort(error) || console.info("Impasto: no preparation.", error));
+  }
+
+  return {
+    prepare: (frame, picture) => void prepare(frame, picture),
+    propagate: (frame) => void propagate(frame),
+    close() {
+      dispose();
+      clearTimeout(timer);
+      running.abort();
+      around.abort();
+    },
+  };
+}
+
+/** Bytes as base64, without the prefix of a data address. */
+async function base64(blob: Blob): Promise<string> {
+  const bytes = new Uint8Array(await blob.arrayBuffer());
+  let text = "";
+  for (let i = 0; i < bytes.length; i += 32_768) text += String.fromCharCode(...bytes.subarray(i, i + 32_768));
+  return btoa(text);
+}
+
+function plainRequest(document: ProjectDocument, video: string, layer: Layer): Omit<legacy.JobBody, "output" | "name"> {
+  const id = (name: string) => document.assets[name]?.id ?? "";
+  const inputs = Object.fromEntries(Object.entries(layer.inputs ?? {}).map(([input, name]) => [input, id(name)]));
+  return {
+    method: layer.method,
+    inputs: { video: id(video), ...inputs },
+    params: layer.params ?? {},
+    seed: layer.seed ?? 0,
+  };
+}

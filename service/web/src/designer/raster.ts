@@ -1,0 +1,172 @@
+/** Drawing painted layers on canvases of the video's size. */
+
+import type { Size } from "./geometry";
+import {
+  type BrushStroke,
+  type FillStroke,
+  type KeyPicture,
+  type PictureLayer,
+  type Sample,
+  type Stroke,
+  widthAt,
+} from "./strokes";
+
+type Context = CanvasRenderingContext2D;
+
+export function createCanvas({ width, height }: Size): [HTMLCanvasElement, Context] {
+  const canvas = document.createElement("canvas");
+  Object.assign(canvas, { width, height });
+  const context = canvas.getContext("2d", { willReadFrequently: true });
+  if (!context) throw new Error("The browser gave no canvas.");
+  return [canvas, context];
+}
+
+/** Draw the part of a brush stroke between samples `from` and `until`. */
+export function drawSegments(context: Context, stroke: BrushStroke, from: number, until: number): void {
+  context.lineCap = "round";
+  context.lineJoin = "round";
+  context.strokeStyle = stroke.kind === "eraser" ? "#000" : stroke.color;
+  for (let i = Math.max(1, from); i < until; i++) {
+    const [a, b] = [stroke.samples[i - 1], stroke.samples[i]];
+    if (a && b) drawSegment(context, stroke.size, a, b);
+  }
+  const only = stroke.samples[0];
+  if (from === 0 && only) drawSegment(context, stroke.size, only, [only[0] + 0.01, only[1], only[2]]);
+}
+
+function drawSegment(context: Context, size: number, a: Sample, b: Sample): void {
+  context.lineWidth = (widthAt(size, a[2]) + widthAt(size, b[2])) / 2;
+  context.beginPath();
+  context.moveTo(a[0], a[1]);
+  context.lineTo(b[0], b[1]);
+  context.stroke();
+}
+
+/** Draw one whole stroke; overlapping parts of a translucent stroke do not add up. */
+export function drawStroke(context: Context, stroke: Stroke, size: Size): void {
+  context.save();
+  if (stroke.kind === "fill") drawFill(context, stroke, size);
+  else if (stroke.opacity >= 1) {
+    context.globalCompositeOperation = stroke.kind === "eraser" ? "destination-out" : "source-over";
+    drawSegments(context, stroke, 0, stroke.samples.length);
+  } else {
+    const [scratch, own] = createCanvas(size);
+    drawSegments(own, stroke, 0, stroke.samples.length);
+    context.globalAlpha = stroke.opacity;
+    context.globalCompositeOperation = stroke.kind === "eraser" ? "destination-out" : "source-over";
+    context.drawImage(scratch, 0, 0);
+  }
+  context.restore();
+}
+
+function drawFill(context: Context, { color, opacity, runs }: FillStroke, { width }: Size): void {
+  context.fillStyle = color;
+  context.globalAlpha = opacity;
+  for (let i = 0; i < runs.length; i += 2) {
+    const start = runs[i] ?? 0;
+    context.fillRect(start % width, Math.floor(start / width), runs[i + 1] ?? 0, 1);
+  }
+}
+
+interface Drawn {
+  canvas: HTMLCanvasElement;
+  context: Context;
+  base: string | null;
+  strokes: readonly Stroke[];
+}
+
+/** The stroke under the pen; its samples grow in place. */
+export interface LiveStroke {
+  layer: string;
+  stroke: BrushStroke;
+}
+
+interface LiveDrawing {
+  stroke: BrushStroke;
+  scratch: HTMLCanvasElement;
+  own: Context;
+  whole: HTMLCanvasElement;
+  context: Context;
+  /** Samples drawn so far. */
+  drawn: number;
+}
+
+/** Draws pictures, and keeps each layer's canvas so that one more stroke costs one stroke. */
+export class PictureRaster {
+  private readonly drawn = new Map<string, Drawn>();
+  private readonly bases = new Map<string, ImageBitmap>();
+  private live: LiveDrawing | null = null;
+
+  constructor(private readonly size: Size) {}
+
+  /** Pictures below strokes, by asset id; a layer whose base is missing shows its strokes only. */
+  setBase(asset: string, picture: ImageBitmap): void {
+    this.bases.set(asset, picture);
+    for (const [id, drawn] of this.drawn) if (drawn.base === asset) this.drawn.delete(id);
+  }
+
+  hasBase(asset: string): boolean {
+    return this.bases.has(asset);
+  }
+
+  /** The canvas of one layer, up to date. `key` is unique among the layers of all keys. */
+  layer(key: string, layer: PictureLayer): HTMLCanvasElement {
+    const known = this.drawn.get(key);
+    const extends_ =
+      known &&
+      known.base === layer.base &&
+      known.strokes.length <= layer.strokes.length &&
+      known.strokes.every((stroke, i) => stroke === layer.strokes[i]);
+    const drawn = known && extends_ ? known : this.begin(layer);
+    for (const stroke of layer.strokes.slice(drawn.strokes.length)) drawStroke(drawn.context, stroke, this.size);
+    drawn.strokes = layer.strokes;
+    this.drawn.set(key, drawn);
+    return drawn.canvas;
+  }
+
+  private begin(layer: PictureLayer): Drawn {
+    const [canvas, context] = createCanvas(this.size);
+    const base = layer.base ? this.bases.get(layer.base) : undefined;
+    if (base) context.drawImage(base, 0, 0, this.size.width, this.size.height);
+    return { canvas, context, base: layer.base, strokes: [] };
+  }
+
+  /** Draw all visible layers. `live`: the stroke under the pen, on top of its layer. */
+  draw(context: Context, key: string, picture: KeyPicture, live?: LiveStroke): void {
+    for (const layer of picture.layers) {
+      if (!layer.visible) continue;
+      context.globalAlpha = layer.opacity;
+      const canvas = this.layer(`${key}/${layer.id}`, layer);
+      context.drawImage(live?.layer === layer.id ? this.withLive(canvas, live.stroke) : canvas, 0, 0);
+    }
+    context.globalAlpha = 1;
+  }
+
+  /** The layer with the stroke under the pen. Only samples that are new since the last call are drawn. */
+  private withLive(canvas: HTMLCanvasElement, stroke: BrushStroke): HTMLCanvasElement {
+    if (this.live?.stroke !== stroke) {
+      const [scratch, own] = createCanvas(this.size);
+      const [whole, context] = createCanvas(this.size);
+      this.live = { stroke, scratch, own, whole, context, drawn: 0 };
+    }
+    const { scratch, own, whole, context } = this.live;
+    drawSegments(own, stroke, this.live.drawn, stroke.samples.length);
+    this.live.drawn = stroke.samples.length;
+    context.globalCompositeOperation = "copy";
+    context.drawImage(canvas, 0, 0);
+    context.globalCompositeOperation = stroke.kind === "eraser" ? "destination-out" : "source-over";
+    context.globalAlpha = stroke.opacity;
+    context.drawImage(scratch, 0, 0);
+    context.globalAlpha = 1;
+    return whole;
+  }
+
+  /** The finished picture as PNG. */
+  async png(key: string, picture: KeyPicture): Promise<Blob> {
+    const [canvas, context] = createCanvas(this.size);
+    this.draw(context, key, picture);
+    const blob = await new Promise<Blob | null>((done) => canvas.toBlob(done, "image/png"));
+    if (!blob) throw new Error("The browser could not write the PNG.");
+    return blob;
+  }
+}

@@ -1,0 +1,145 @@
+/** The state of the studio: one project, its history, and what is selected. */
+
+import { computed, type ReadonlySignal, type Signal, signal } from "@preact/signals";
+import type { Asset, Method } from "../shared/types";
+import type { Project } from "./api";
+import type { SaveState } from "./autosave";
+import { changeLayer, type Layer, type LayerPlace, layerOf, type ProjectDocument, type Shot, shotOf } from "./document";
+import type { View } from "./geometry";
+import type { KeyPicture } from "./strokes";
+import { clampFrame } from "./timeline";
+import { type History, record, redo, startHistory, undo } from "./undo";
+
+export type Tool = "pan" | "brush" | "eraser" | "fill" | "picker" | "region" | "lasso" | "direction" | "scribble";
+export const PAINT_TOOLS: readonly Tool[] = ["brush", "eraser", "fill", "picker"];
+
+/** What undo restores: the document and the editable pictures of painted keys, by `pictureKey`. */
+export interface State {
+  document: ProjectDocument;
+  pictures: Readonly<Record<string, KeyPicture>>;
+}
+
+export const pictureKey = (layer: string, frame: number): string => `${layer}:${frame}`;
+
+/** A painted frame as a preview or a finished job gave it. */
+export interface Result {
+  frame: number;
+  picture: ImageBitmap;
+  /** Size of the preview relative to the video. */
+  scale: number;
+  final: boolean;
+  /** The document that it shows; a newer one makes it old. */
+  document: ProjectDocument;
+}
+
+export type StageView = "source" | "compare" | "painted";
+
+export interface Brush {
+  color: string;
+  size: number;
+  opacity: number;
+}
+
+export class Store {
+  readonly projectId: string;
+  readonly history: Signal<History<State>>;
+  readonly document: ReadonlySignal<ProjectDocument>;
+  readonly shot: ReadonlySignal<Shot>;
+  readonly layer: ReadonlySignal<Layer>;
+  readonly method: ReadonlySignal<Method | undefined>;
+  readonly layerId: Signal<string>;
+  readonly frame = signal(0);
+  readonly tool = signal<Tool>("pan");
+  readonly brush = signal<Brush>({ color: "#b43c25", size: 24, opacity: 1 });
+  readonly paintLayer = signal("paint");
+  readonly view = signal<View>({ scale: 1, x: 0, y: 0 });
+  readonly stageView = signal<StageView>("compare");
+  /** Where the wipe divides the picture, 0..1. */
+  readonly split = signal(0.5);
+  readonly region = signal("");
+  readonly results = signal<ReadonlyMap<number, Result>>(new Map());
+  readonly neighbours = signal<readonly Result[]>([]);
+  /** Whether the service previews projects: regions, style cards and painted keys need it. */
+  readonly previews = signal(false);
+  readonly busy = signal("");
+  readonly problem = signal("");
+  readonly saving = signal<SaveState>({ name: "saved" });
+  /** Painted keys that are not uploaded yet. */
+  readonly uploading = signal(0);
+
+  constructor(
+    project: Project,
+    readonly asset: Asset,
+    readonly methods: readonly Method[],
+  ) {
+    this.projectId = project.id;
+    const { document } = project;
+    const shotId = document.shots[0]?.id ?? "";
+    this.history = signal(startHistory<State>({ document, pictures: {} }));
+    this.document = computed(() => this.history.value.present.document);
+    this.layerId = signal(document.shots[0]?.layers.at(-1)?.id ?? "");
+    this.shot = computed(() => must(shotOf(this.document.value, shotId)));
+    this.layer = computed(() => layerOf(this.shot.value, this.layerId.value) ?? must(this.shot.value.layers.at(-1)));
+    this.method = computed(() => methods.find((method) => method.name === this.layer.value.method));
+    this.frame.value = Math.floor(this.frames / 3);
+  }
+
+  get frames(): number {
+    return Math.max(1, this.asset.info.frames ?? 1);
+  }
+
+  get fps(): number {
+    return this.asset.info.fps || 25;
+  }
+
+  get size(): { width: number; height: number } {
+    return { width: this.asset.info.width ?? 16, height: this.asset.info.height ?? 9 };
+  }
+
+  get place(): LayerPlace {
+    return { shot: this.shot.value.id, layer: this.layer.value.id };
+  }
+
+  goTo(frame: number): void {
+    this.frame.value = clampFrame(frame, this.frames);
+  }
+
+  /** One step of the user; steps of one group within a second are joined. */
+  edit(label: string, change: (state: State) => State, group = ""): void {
+    const history = this.history.value;
+    this.history.value = record(history, label, change(history.present), { group, at: performance.now() });
+  }
+
+  /** One step that changes the document only. */
+  editDocument(label: string, change: (document: ProjectDocument) => ProjectDocument, group = ""): void {
+    this.edit(label, (state) => ({ ...state, document: change(state.document) }), group);
+  }
+
+  /** One step that changes the selected layer. */
+  editLayer(label: string, change: (layer: Layer) => Layer, group = ""): void {
+    const place = this.place;
+    this.editDocument(label, (document) => changeLayer(document, place, change), group);
+  }
+
+  undo(): void {
+    this.history.value = undo(this.history.value);
+  }
+
+  redo(): void {
+    this.history.value = redo(this.history.value);
+  }
+
+  /** Show a painted frame; older ones of the same frame are replaced, and at most `most` are kept. */
+  showResult(result: Result, most = 60): void {
+    const results = new Map(this.results.value);
+    results.delete(result.frame);
+    results.set(result.frame, result);
+    for (const frame of results.keys()) if (results.size > most) results.delete(frame);
+    this.results.value = results;
+  }
+}
+
+function must<T>(value: T | undefined): T {
+  if (value === undefined) throw new Error("The project has no shot or no layer.");
+  return value;
+}

@@ -1,0 +1,78 @@
+/** The bottom of the panel: frames, estimated time, jobs ahead, and the buttons that submit. */
+
+import { useEffect, useState } from "preact/hooks";
+import * as api from "../shared/api";
+import { duration } from "../shared/format";
+import { checkProject, type Estimate, estimate, submitProject } from "./api";
+import type { Store } from "./store";
+
+const REST_MS = 1500;
+const SHORT_S = 2;
+
+export function SubmitBar({ store, saveAll }: { store: Store; saveAll(): Promise<boolean> }) {
+  const [problem, setProblem] = useState("");
+  const [sending, setSending] = useState(false);
+  const found = useEstimate(store);
+  const short = Math.min(store.frames, Math.round(SHORT_S * store.fps));
+
+  async function send(range?: [number, number]): Promise<void> {
+    setSending(true);
+    setProblem("");
+    try {
+      if (!(await saveAll()))
+        throw new api.Problem({ detail: "The project is not saved.", remedy: "See the message above the stage." });
+      const faults = await checkProject(store.projectId);
+      const fault = faults[0];
+      if (fault) throw new api.Problem({ detail: fault.message, remedy: fault.remedy });
+      const [first] = await submitProject(store.projectId, range ? { range } : {}, api.token());
+      if (first) location.hash = `#/jobs/${first.job.id}`;
+    } catch (error) {
+      const { message, remedy } = api.asProblem(error);
+      setProblem([message, remedy].filter(Boolean).join(" "));
+    }
+    setSending(false);
+  }
+
+  const from = Math.max(0, Math.min(store.frame.value, store.frames - short));
+  return (
+    <div class="submit-bar designer-submit">
+      <div class="submit-note">
+        <span>{store.frames} frames</span>
+        {found && <span>{estimateText(found)}</span>}
+        <p class="field-error" role="alert">
+          {problem}
+        </p>
+      </div>
+      {short < store.frames && (
+        <button type="button" class="button" disabled={sending} onClick={() => send([from, from + short])}>
+          Paint {SHORT_S} s first
+        </button>
+      )}
+      <button type="button" class="button primary submit" disabled={sending} onClick={() => send()}>
+        Paint the film
+      </button>
+    </div>
+  );
+}
+
+function estimateText({ items, jobs_ahead: ahead }: Estimate): string {
+  const seconds = items.reduce<number | null>(
+    (sum, item) => (sum === null || item.seconds === null ? null : sum + item.seconds),
+    0,
+  );
+  const time = seconds === null ? "" : `about ${duration(seconds)}`;
+  return [time, ahead ? `${ahead} ${ahead === 1 ? "job" : "jobs"} ahead` : ""].filter(Boolean).join(" · ");
+}
+
+/** The service's estimate for the saved project; null where it gives none. */
+function useEstimate(store: Store): Estimate | null {
+  const [found, setFound] = useState<Estimate | null>(null);
+  const saved = store.saving.value.name === "saved";
+  const document = store.document.value;
+  useEffect(() => {
+    if (!saved) return;
+    const timer = setTimeout(() => estimate(store.projectId).then(setFound, () => setFound(null)), REST_MS);
+    return () => clearTimeout(timer);
+  }, [saved, document]);
+  return found;
+}

@@ -1,0 +1,191 @@
+/** The tools beside the stage, and the settings of the brush. */
+
+import type { IconName } from "../shared/icons";
+import { IconButton } from "./icon";
+import { scribbled } from "./keys";
+import { regionsState } from "./region-tool";
+import type { Stage } from "./stage";
+import { PAINT_TOOLS, type StageView, type Store, type Tool } from "./store";
+
+const TOOLS: Record<Tool, { icon: IconName; label: string; keys: string }> = {
+  pan: { icon: "pan", label: "Move the view", keys: "V" },
+  brush: { icon: "brush", label: "Brush", keys: "B" },
+  eraser: { icon: "eraser", label: "Eraser", keys: "E" },
+  fill: { icon: "fill", label: "Fill", keys: "G" },
+  picker: { icon: "picker", label: "Pick a colour", keys: "I" },
+  region: { icon: "select", label: "Pick regions", keys: "R" },
+  lasso: { icon: "lasso", label: "Draw a region", keys: "" },
+  direction: { icon: "arrow", label: "Direct the strokes", keys: "D" },
+  scribble: { icon: "brush", label: "Scribble", keys: "" },
+};
+
+/** Tools for what a method takes: painted keys, or regions with styles and directions. */
+export function toolsOf(method: string, previews: boolean): Tool[] {
+  if (method === "analogy") return ["pan", ...PAINT_TOOLS];
+  if (method === "patches") return ["pan", "brush", "eraser"];
+  if (method !== "multistyle") return ["pan"];
+  return previews ? ["pan", "region", "lasso", "direction"] : ["pan", "lasso", "direction"];
+}
+
+export function Toolbar({ store, stage }: { store: Store; stage: () => Stage | null }) {
+  const tools = toolsOf(store.layer.value.method, store.previews.value && regionsState.value !== "missing");
+  return (
+    <div class="toolbar" role="toolbar" aria-label="Tools" aria-orientation="vertical">
+      {tools.map((tool) => (
+        <IconButton
+          key={tool}
+          name={TOOLS[tool].icon}
+          label={TOOLS[tool].label}
+          keys={TOOLS[tool].keys}
+          pressed={store.tool.value === tool}
+          onClick={() => {
+            store.tool.value = tool;
+          }}
+        />
+      ))}
+      <hr />
+      <IconButton
+        name="undo"
+        label="Undo"
+        keys="Ctrl+Z"
+        disabled={!store.history.value.past.length}
+        onClick={() => store.undo()}
+      />
+      <IconButton
+        name="redo"
+        label="Redo"
+        keys="Ctrl+Shift+Z"
+        disabled={!store.history.value.future.length}
+        onClick={() => store.redo()}
+      />
+      <hr />
+      <IconButton name="zoom" label="Zoom in" keys="+" onClick={() => stage()?.zoom(1.25)} />
+      <IconButton name="full" label="Show the whole frame" keys="0" onClick={() => stage()?.fit()} />
+    </div>
+  );
+}
+
+const VIEWS: [StageView, string][] = [
+  ["source", "Original"],
+  ["compare", "Compare"],
+  ["painted", "Painted"],
+];
+
+/** Above the stage: what it shows, or the brush while one paints. */
+export function StageBar({ store }: { store: Store }) {
+  const painting = store.tool.value === "brush" || store.tool.value === "eraser" || store.tool.value === "fill";
+  return (
+    <div class="stage-bar">
+      {painting ? <BrushSettings store={store} /> : <ViewSwitch store={store} />}
+      <StageState store={store} />
+    </div>
+  );
+}
+
+function ViewSwitch({ store }: { store: Store }) {
+  return (
+    <div class="views" role="group" aria-label="View">
+      {VIEWS.map(([view, title]) => (
+        <button
+          key={view}
+          type="button"
+          aria-pressed={store.stageView.value === view}
+          onClick={() => {
+            store.stageView.value = view;
+          }}
+        >
+          {title}
+        </button>
+      ))}
+    </div>
+  );
+}
+
+function BrushSettings({ store }: { store: Store }) {
+  const brush = store.brush.value;
+  const set = (change: Partial<typeof brush>) => {
+    store.brush.value = { ...brush, ...change };
+  };
+  return (
+    <div class="brush-settings">
+      {scribbled(store.layer.value) ? <ScribbleSwitch store={store} /> : <ColorField store={store} />}
+      <label>
+        Size
+        <input
+          type="range"
+          min={1}
+          max={200}
+          value={brush.size}
+          aria-label="Brush size"
+          onInput={(event) => set({ size: Number(event.currentTarget.value) })}
+        />
+        <output>{brush.size} px</output>
+      </label>
+      <label>
+        Opacity
+        <input
+          type="range"
+          min={5}
+          max={100}
+          value={100 * brush.opacity}
+          aria-label="Brush opacity"
+          onInput={(event) => set({ opacity: Number(event.currentTarget.value) / 100 })}
+        />
+        <output>{Math.round(100 * brush.opacity)} %</output>
+      </label>
+    </div>
+  );
+}
+
+function ColorField({ store }: { store: Store }) {
+  return (
+    <label>
+      Colour
+      <input
+        type="color"
+        value={store.brush.value.color}
+        onInput={(event) => {
+          store.brush.value = { ...store.brush.value, color: event.currentTarget.value };
+        }}
+      />
+    </label>
+  );
+}
+
+/** White scribbles mark the foreground, black ones the background. */
+function ScribbleSwitch({ store }: { store: Store }) {
+  const kinds = [
+    ["#ffffff", "Foreground"],
+    ["#000000", "Background"],
+  ] as const;
+  return (
+    <div class="views" role="group" aria-label="Scribbles mark">
+      {kinds.map(([color, title]) => (
+        <button
+          key={color}
+          type="button"
+          aria-pressed={store.brush.value.color === color}
+          onClick={() => {
+            store.brush.value = { ...store.brush.value, color, opacity: 1 };
+            store.tool.value = "brush";
+          }}
+        >
+          {title}
+        </button>
+      ))}
+    </div>
+  );
+}
+
+/** Whether a preview is on its way, and at which scale the shown one is. */
+function StageState({ store }: { store: Store }) {
+  const result = store.results.value.get(store.frame.value);
+  const scale =
+    result && store.tool.value === "pan" ? `Preview at ${Math.round(100 * result.scale)} % of full size` : "";
+  const text = store.problem.value || store.busy.value || scale;
+  return (
+    <p class={`stage-note ${store.problem.value ? "wrong" : ""}`} role="status">
+      {text}
+    </p>
+  );
+}

@@ -1,0 +1,103 @@
+/** The JSON and binary messages of docs/live.md, and what the parts of the live page pass to each other. */
+
+import type { ProblemFields } from "../shared/api";
+import type { Inputs, Params } from "../shared/types";
+
+export interface Size {
+  width: number;
+  height: number;
+}
+
+export interface Shape extends Size {
+  fps: number;
+}
+
+/** GET /v1/live. */
+export interface Room {
+  methods: string[];
+  receives: string[];
+  sends: string[];
+  capacity: number;
+  free: number;
+  limits: { width: number; height: number; fps: number; frame_bytes: number };
+  /** Seconds after which to ask again if there is no room. */
+  retryAfterS: number;
+}
+
+export interface Ready {
+  type: "ready";
+  session: string;
+  resumed: boolean;
+  send: { codec: string };
+  receive: { codec: string; webcodecs?: string };
+  fps: number;
+}
+
+export interface Stats {
+  type: "stats";
+  received: number;
+  painted: number;
+  dropped: number;
+  width: number;
+  height: number;
+  scale: number;
+  stages_ms: Record<string, number>;
+}
+
+export type Incoming =
+  | Ready
+  | Stats
+  | { type: "resolution"; width: number; height: number; scale: number }
+  | { type: "params"; params: Params }
+  | { type: "keyframe" }
+  | { type: "replaced" }
+  | { type: "bye"; stats: Stats }
+  | { type: "error"; fatal: boolean; problem: ProblemFields; retry_after_s?: number };
+
+/** What the user has set, as a stream needs it. Inputs that are not given are null. */
+export interface LiveSettings {
+  method: string;
+  params: Params;
+  inputs: Record<string, string | null>;
+  /** Pixels of a frame, whatever its shape. */
+  area: number;
+  fps: number;
+  codec: string;
+  quality: number;
+  adaptive: boolean;
+}
+
+export interface Hello extends Shape {
+  type: "hello";
+  method: string;
+  params: Params;
+  inputs: Inputs;
+  send: string[];
+  receive: string[];
+  quality: number;
+  adaptive: boolean;
+}
+
+/** A frame on its way to the service. */
+export interface OutgoingFrame extends Size {
+  payload: Uint8Array<ArrayBuffer>;
+  key: boolean;
+  /** Time of its capture, on the clock of `performance.now()`. */
+  timeUs: number;
+}
+
+/** A painted frame as it came back. */
+export interface IncomingFrame extends OutgoingFrame {
+  sequence: number;
+  serverMs: number;
+  /** Length of the whole message. */
+  bytes: number;
+}
+
+export type ConnectionState =
+  | { name: "connecting" | "live" | "closed" }
+  /** `until`: time of the next attempt, on the clock of `performance.now()`. */
+  | { name: "waiting"; why: "busy" | "lost"; until: number }
+  | { name: "failed"; problem: import("../shared/api").Problem };
+
+export type SourceKind = "camera" | "screen" | "file";

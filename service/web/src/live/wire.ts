@@ -1,0 +1,47 @@
+/** The bytes and the address of docs/live.md: a header of 32 bytes before each frame, both ways. */
+
+import { authorisation } from "../shared/api";
+import type { IncomingFrame, OutgoingFrame } from "./types";
+
+const PROTOCOL = "impasto.live.1";
+const VERSION = 1;
+const HEADER_BYTES = 32;
+const KEY = 1;
+
+/** A frame as one message. */
+export function pack(frame: OutgoingFrame, sequence: number): Uint8Array<ArrayBuffer> {
+  const message = new Uint8Array(HEADER_BYTES + frame.payload.byteLength);
+  const view = new DataView(message.buffer);
+  view.setUint8(0, VERSION);
+  view.setUint8(1, frame.key ? KEY : 0);
+  view.setUint16(2, frame.width);
+  view.setUint16(4, frame.height);
+  view.setUint32(8, sequence);
+  view.setBigUint64(16, BigInt(frame.timeUs));
+  message.set(frame.payload, HEADER_BYTES);
+  return message;
+}
+
+export function unpack(buffer: ArrayBuffer): IncomingFrame {
+  const view = new DataView(buffer);
+  return {
+    key: Boolean(view.getUint8(1) & KEY),
+    width: view.getUint16(2),
+    height: view.getUint16(4),
+    sequence: view.getUint32(8),
+    serverMs: view.getUint32(12) / 1000,
+    timeUs: Number(view.getBigUint64(16)),
+    payload: new Uint8Array(buffer, HEADER_BYTES),
+    bytes: buffer.byteLength,
+  };
+}
+
+/** Open the socket; `session` is one to resume, or empty. */
+export function dial(session: string): WebSocket {
+  const address = new URL(session ? `/v1/live?session=${encodeURIComponent(session)}` : "/v1/live", location.href);
+  address.protocol = address.protocol.replace("http", "ws");
+  const key = authorisation().Authorization?.slice("Bearer ".length);
+  const socket = new WebSocket(address, key ? [PROTOCOL, `impasto.key.${key}`] : [PROTOCOL]);
+  socket.binaryType = "arraybuffer";
+  return socket;
+}

@@ -1,0 +1,39 @@
+/** Start of the operations page: with an admin key, or by asking for one. */
+
+import "../css/base.css";
+import "../css/controls.css";
+import "../css/ops.css";
+import * as api from "../shared/api";
+import { fill, h } from "../shared/dom";
+import { problemBlock } from "../shared/notices";
+import { preparePage } from "../shared/page";
+import type { View } from "../shared/types";
+import { readOverview } from "./api";
+import { createBoard } from "./board";
+
+const main = preparePage();
+let board: View | null = null;
+
+async function begin(): Promise<void> {
+  fill(main, h("div", { class: "loading" }, "Loading…"));
+  board = createBoard(await readOverview(""), failure);
+  fill(main, board.element);
+}
+
+function failure(error: unknown): void {
+  board?.close();
+  board = null;
+  const problem = api.asProblem(error);
+  const again = h("button", { type: "button", class: "button", onclick: start }, "Try again");
+  const other = h("button", { type: "button", class: "button primary", onclick: useAnother }, "Use another key");
+  fill(main, h("div", { class: "failure" }, problemBlock(problem, problem.status === 403 && other, again)));
+}
+
+async function useAnother(): Promise<void> {
+  await api.renewKey(sessionStorage.getItem("impasto.key"));
+  start();
+}
+
+const start = (): Promise<void> => begin().catch(failure);
+
+start();

@@ -1,0 +1,154 @@
+/** The JSON of the HTTP API, as far as the pages use it. The full description is the service's /openapi.json. */
+
+export type Json = null | boolean | number | string | Json[] | { [name: string]: Json };
+/** Parameters of a method, by name. */
+export type Params = Record<string, Json>;
+/** Asset ids by name of the input. */
+export type Inputs = Record<string, string>;
+
+export interface AssetInfo {
+  width?: number;
+  height?: number;
+  frames?: number;
+  fps?: number;
+  duration_s?: number;
+}
+
+export interface Asset {
+  id: string;
+  filename: string;
+  size_bytes: number;
+  media_type: string;
+  /** "video", "image", "archive" or "json". */
+  kind: string;
+  info: AssetInfo;
+}
+
+export type RunState = "queued" | "running" | "paused" | "succeeded" | "failed" | "cancelled";
+
+export interface Fault {
+  code: string;
+  message: string;
+  remedy?: string;
+  field?: string;
+}
+
+export interface Step {
+  name: string;
+  title: string;
+  state: string;
+  counts: Record<string, number>;
+  progress: number;
+  seconds: number;
+  stages: Record<string, number>;
+}
+
+export interface Output {
+  format?: "mp4" | "webm" | "png";
+  quality?: number;
+  artefacts?: string[];
+}
+
+export interface JobRequest {
+  method: string;
+  inputs: Inputs;
+  params: Params;
+  seed?: number;
+  output?: Output;
+  name?: string;
+  priority?: number;
+}
+
+export interface Job {
+  id: string;
+  state: RunState;
+  request: JobRequest;
+  owner: string;
+  /** Seconds since the epoch, as all times. */
+  created_at: number;
+  started_at: number | null;
+  finished_at: number | null;
+  /** 0..1 */
+  progress: number;
+  /** Seconds left; null while unknown. */
+  eta_s: number | null;
+  counts: Record<string, number>;
+  steps: Step[];
+  error: Fault | null;
+  results: string[];
+}
+
+export interface Page<Item> {
+  items: Item[];
+  cursor: string | null;
+}
+
+export type InputKind = "video" | "image" | "image-or-video" | "images" | "json";
+
+export interface InputSpec {
+  name: string;
+  kind: InputKind;
+  required: boolean;
+  title: string;
+  help: string;
+}
+
+export interface Example {
+  name: string;
+  title: string;
+  params: Params;
+}
+
+export interface Method {
+  name: string;
+  title: string;
+  summary: string;
+  inputs: InputSpec[];
+  params_schema: Schema;
+  defaults: Params;
+  examples: Example[];
+  artefacts: string[];
+  thumbnail: string;
+}
+
+/** The part of JSON Schema that pydantic writes for parameters, with our own `unit`, `symbol` and `group`. */
+export interface Schema {
+  $defs?: Record<string, Schema>;
+  $ref?: string;
+  allOf?: Schema[];
+  anyOf?: Schema[];
+  oneOf?: Schema[];
+  properties?: Record<string, Schema>;
+  items?: Schema;
+  type?: string;
+  enum?: Json[];
+  const?: Json;
+  title?: string;
+  description?: string;
+  default?: Json;
+  minimum?: number;
+  maximum?: number;
+  exclusiveMinimum?: number;
+  exclusiveMaximum?: number;
+  multipleOf?: number;
+  unit?: string;
+  symbol?: string;
+  group?: string;
+  nullable?: boolean;
+}
+
+/** The body of a preview: one frame of a job that is not submitted. */
+export interface PreviewRequest {
+  method: string;
+  inputs: Inputs;
+  params: Params;
+  seed?: number;
+  frame: number;
+  max_side_px?: number;
+}
+
+/** A part of a page that was built by hand: its element, and what to call when it leaves the page. */
+export interface View {
+  element: HTMLElement;
+  close(): void;
+}

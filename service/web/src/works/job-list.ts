@@ -1,0 +1,196 @@
+/** The works: cards of all jobs, newest first, with search and a filter by state. */
+
+import * as api from "../shared/api";
+import { type Child, fill, h } from "../shared/dom";
+import { ago, percent } from "../shared/format";
+import { icon, iconButton } from "../shared/icons";
+import { notify, offerUndo, problemBlock } from "../shared/notices";
+import type { Job, Page, View } from "../shared/types";
+import { isFinal, stateWord } from "./progress";
+
+const POLL_MS = 2500;
+
+export interface JobListOptions {
+  /** Jobs a page. */
+  limit: number;
+  /** Whether there are search, filter, and a button for older jobs. */
+  more?: boolean;
+  /** Shown while there are no jobs. */
+  empty?: Child;
+}
+
+export function createJobList({ limit, more = false, empty = "" }: JobListOptions): View {
+  const list = h("ul", { class: "works" });
+  const rest = h("div", { class: "works-rest" });
+  const filter = more ? createFilter(() => applyFilter()) : null;
+  const element = h("div", { "aria-busy": "true" }, filter?.element, list, rest);
+  const cards = new Map<string, Card>();
+  let timer = 0;
+  let closed = false;
+
+  fill(
+    list,
+    Array.from({ length: Math.min(limit, 4) }, () => h("li", { class: "work skeleton", "aria-hidden": "true" })),
+  );
+
+  async function load(): Promise<void> {
+    clearTimeout(timer);
+    try {
+      const page = await api.jobs(limit);
+      if (!closed) show(page);
+    } catch (error) {
+      const again = h("button", { type: "button", class: "button", onclick: () => location.reload() }, "Try again");
+      if (!closed) fill(element, problemBlock(api.asProblem(error), again));
+    }
+  }
+
+  function show(page: Page<Job>): void {
+    element.setAttribute("aria-busy", "false");
+    if (!cards.size) list.replaceChildren();
+    place(page.items, list.firstChild);
+    fill(rest, !cards.size && empty, more && page.cursor && moreButton(page.cursor));
+    if (page.items.some((job) => !isFinal(job))) timer = window.setTimeout(load, POLL_MS);
+  }
+
+  /** Add cards that are new, refresh those that changed, leave the rest alone. */
+  function place(jobs: Job[], before: Node | null = null): void {
+    for (const job of jobs) {
+      const known = cards.get(job.id);
+      if (known) known.update(job);
+      else {
+        const card = createCard(job, load);
+        cards.set(job.id, card);
+        list.insertBefore(card.element, before);
+      }
+    }
+    applyFilter();
+  }
+
+  function applyFilter(): void {
+    if (!filter) return;
+    for (const card of cards.values()) card.element.hidden = !filter.fits(card);
+  }
+
+  function moreButton(cursor: string): HTMLElement {
+    const next = async () => {
+      const page = await api.jobs(limit, cursor);
+      place(page.items);
+      fill(rest, page.cursor && moreButton(page.cursor));
+    };
+    return h("button", { type: "button", class: "button", onclick: () => next().catch(notify) }, "Show more");
+  }
+
+  load();
+  return {
+    element,
+    close() {
+      closed = true;
+      clearTimeout(timer);
+    },
+  };
+}
+
+const STATES: [string, string][] = [
+  ["", "All"],
+  ["active", "Running"],
+  ["succeeded", "Finished"],
+  ["failed", "Failed"],
+];
+
+interface Filter {
+  element: HTMLElement;
+  fits(card: Card): boolean;
+}
+
+function createFilter(changed: () => void): Filter {
+  const text = h("input", {
+    type: "search",
+    placeholder: "Search works",
+    "aria-label": "Search works",
+    oninput: changed,
+  });
+  const state = h(
+    "select",
+    { "aria-label": "Works to show", onchange: changed },
+    STATES.map(([value, title]) => h("option", { value }, title)),
+  );
+  return {
+    element: h("div", { class: "works-filter" }, text, state),
+    fits({ job }) {
+      const words = `${job.request.name ?? ""} ${job.request.method}`.toLowerCase();
+      const active = state.value === "active" ? !isFinal(job) : !state.value || job.state === state.value;
+      return active && words.includes(text.value.trim().toLowerCase());
+    },
+  };
+}
+
+interface Card {
+  element: HTMLElement;
+  job: Job;
+  update(job: Job): void;
+}
+
+function createCard(first: Job, changed: () => void): Card {
+  const poster = h("span", { class: "work-poster" });
+  const bar = h("span", { class: "work-bar" });
+  const state = h("span", { class: "work-state" });
+  const title = h("span", { class: "work-title" });
+  const actions = h("div", { class: "work-actions" });
+  const link = h("a", { href: `#/jobs/${first.id}`, class: "work-link" }, poster, bar, title, state);
+  const element = h("li", { class: "work" }, link, actions);
+  let shown = "";
+
+  function update(now: Job): void {
+    card.job = now;
+    title.textContent = now.request.name || now.request.method;
+    element.dataset.state = now.state;
+    bar.style.setProperty("--done", String(now.progress));
+    state.textContent = stateLine(now);
+    const file = ["poster", "preview"].find((name) => now.results.includes(name));
+    const wanted = file ?? "original";
+    if (shown !== wanted) {
+      shown = wanted;
+      showPoster(now, file);
+    }
+    if (!actions.matches(":focus-within")) fill(actions, buttons(now));
+  }
+
+  /** The painted frame, or a frame of the source until there is one. */
+  async function showPoster(now: Job, file: string | undefined): Promise<void> {
+    if (!file) fill(poster, icon("brush"));
+    const video = now.request.inputs.video;
+    const path = file ? api.paths.file(now.id, file) : video ? api.paths.frame(video, 0, 480) : "";
+    const url = path && (await api.mediaUrl(path).catch(() => ""));
+    if (!url) return;
+    const picture = h("img", { src: url, alt: "", loading: "lazy", class: file ? "" : "pending" });
+    picture.addEventListener("error", () => fill(poster, icon("brush")));
+    fill(poster, picture);
+  }
+
+  function buttons(now: Job): Child[] {
+    const retry = () => api.act(now.id, "retry").then(changed, notify);
+    const name = title.textContent ?? "";
+    const again = ["failed", "cancelled"].includes(now.state) && iconButton("retry", `Try ${name} again`, retry);
+    const remove =
+      isFinal(now) &&
+      iconButton("trash", `Delete ${name}`, () => {
+        element.classList.add("deleted");
+        deleteWithUndo(now.id, name, () => element.classList.remove("deleted"));
+      });
+    return [again, remove];
+  }
+
+  const card: Card = { element, job: first, update };
+  update(first);
+  return card;
+}
+
+function stateLine(job: Job): string {
+  if (job.state === "running") return `Painting, ${percent(job.progress)}`;
+  return job.state === "succeeded" ? ago(job.created_at) : `${stateWord(job)} · ${ago(job.created_at)}`;
+}
+
+/** Delete a job after a few seconds in which the user can undo it. */
+export function deleteWithUndo(id: string, name: string, undo: () => void): void {
+  offerUndo(`Deleted “${name}”.`, undo, () => api.forget(id).catch(notify));
+}

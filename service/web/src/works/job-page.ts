@@ -1,0 +1,171 @@
+/** The page of one job: its progress while it runs, and the player when it is done. */
+
+import * as api from "../shared/api";
+import { type Child, fill, h } from "../shared/dom";
+import { hashOfJob } from "../shared/draft";
+import { follow } from "../shared/events";
+import { ago, percent } from "../shared/format";
+import { iconButton } from "../shared/icons";
+import { notify, problemBlock } from "../shared/notices";
+import type { Job, View } from "../shared/types";
+import { createFacts } from "./facts";
+import { deleteWithUndo } from "./job-list";
+import { createJobPreview } from "./job-preview";
+import { createProgress, isFinal, stateWord } from "./progress";
+import { createResult, type Result } from "./result";
+
+const REFRESH_MS = 600;
+
+export function createJobPage(id: string): View {
+  const element = h("div", { class: "job", "aria-busy": "true" }, h("div", { class: "loading" }, "Loading the job…"));
+  const life = new AbortController();
+  const progress = createProgress();
+  const preview = createJobPreview(id);
+  let result: Result | null = null;
+  let job: Job | null = null;
+  let drawn = "";
+
+  async function refresh(): Promise<void> {
+    try {
+      draw(await api.job(id, life.signal));
+    } catch (error) {
+      if (!life.signal.aborted && !job) missing(api.asProblem(error));
+    }
+  }
+
+  function missing(problem: api.Problem): void {
+    life.abort();
+    element.setAttribute("aria-busy", "false");
+    const links = [
+      h("a", { class: "button", href: "#/jobs" }, "All works"),
+      h("a", { class: "button", href: "#/" }, "To the studio"),
+    ];
+    fill(element, h("div", { class: "failure" }, problemBlock(problem, links)));
+  }
+
+  function draw(now: Job): void {
+    job = now;
+    document.title = `${isFinal(now) ? stateWord(now) : percent(now.progress)} · ${titleOf(now)} · Impasto`;
+    progress.update(now);
+    preview.update(now);
+    if (drawn !== now.state) compose(now);
+    drawn = now.state;
+  }
+
+  /** Lay the page out for the job's state. */
+  function compose(now: Job): void {
+    element.setAttribute("aria-busy", "false");
+    result?.close();
+    result = now.state === "succeeded" ? createResult(now) : null;
+    const side = h(
+      "aside",
+      { class: "panel job-panel", "aria-label": "Progress" },
+      now.error &&
+        problemBlock({ title: "The job failed", message: now.error.message, remedy: now.error.remedy ?? "" }),
+      result?.downloads,
+      progress.element,
+      h("div", { class: "actions" }, verbs(now)),
+      createFacts(now),
+    );
+    const stage = h("div", { class: "studio-stage" }, heading(now), result?.element ?? preview.element);
+    fill(element, h("div", { class: "studio" }, stage, side));
+  }
+
+  function verbs(now: Job): Child[] {
+    const button = (verb: api.JobVerb, text: string, style = "") =>
+      h("button", { type: "button", class: `button ${style}`, onclick: () => act(verb) }, text);
+    const change = (style = "") => h("a", { class: `button ${style}`, href: hashOfJob(now) }, "Change settings");
+    if (now.state === "paused") return [button("resume", "Resume", "primary"), button("cancel", "Cancel")];
+    if (!isFinal(now)) return [button("pause", "Pause"), button("cancel", "Cancel")];
+    const leave = () => {
+      location.hash = "#/jobs";
+    };
+    const remove = iconButton("trash", `Delete ${titleOf(now)}`, () => {
+      leave();
+      deleteWithUndo(id, titleOf(now), () => history.back());
+    });
+    if (now.state === "succeeded") return [change(), remove];
+    if (retryMayHelp(now)) return [button("retry", "Try again", "primary"), change(), remove];
+    return [change("primary"), button("retry", "Try again"), remove];
+  }
+
+  async function act(verb: api.JobVerb): Promise<void> {
+    const disable = (yes: boolean) => {
+      for (const button of element.querySelectorAll<HTMLButtonElement>(".actions button")) button.disabled = yes;
+    };
+    disable(true);
+    await api.act(id, verb).then(draw, notify);
+    disable(false);
+    if (verb === "retry") watch();
+  }
+
+  /** Read the job anew after each event, but not more often than the eye can follow. */
+  async function watch(): Promise<void> {
+    const stop = new AbortController();
+    life.signal.addEventListener("abort", () => stop.abort(), { once: true });
+    const soon = throttle(async () => {
+      await refresh();
+      if (job && isFinal(job)) stop.abort();
+    }, REFRESH_MS);
+    await follow(id, soon, stop.signal);
+  }
+
+  refresh().then(() => {
+    if (job && !isFinal(job)) watch();
+  });
+  return {
+    element,
+    close() {
+      life.abort();
+      preview.close();
+      result?.close();
+    },
+  };
+}
+
+const titleOf = (job: Job): string => job.request.name || job.request.method;
+
+/** Faults of the request come back however often it is tried; crashes and lost machines may not. */
+function retryMayHelp({ state, error }: Job): boolean {
+  if (state === "cancelled" || !error) return true;
+  return !USER_ERRORS.has(error.code);
+}
+
+const USER_ERRORS = new Set([
+  "bad-input",
+  "bad-parameter",
+  "bad-media",
+  "unreadable-media",
+  "no-video-stream",
+  "media-too-large",
+  "bad-frame",
+]);
+
+function heading(job: Job): HTMLElement {
+  const line = `${stateWord(job)} · started ${ago(job.created_at)}`;
+  return h(
+    "div",
+    { class: "film-head" },
+    h("div", { class: "film-title" }, h("h1", {}, titleOf(job)), h("p", {}, line)),
+  );
+}
+
+/** Run `work` at once, then at most once every `ms`; calls in between lead to one more run at the end. */
+function throttle(work: () => Promise<void>, ms: number): () => void {
+  let waiting = false;
+  let again = false;
+  const run = async () => {
+    if (waiting) {
+      again = true;
+      return;
+    }
+    waiting = true;
+    again = false;
+    await work();
+    setTimeout(() => {
+      waiting = false;
+      if (again) run();
+    }, ms);
+  };
+  return run;
+}

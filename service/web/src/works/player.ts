@@ -1,0 +1,187 @@
+/** Two films in step, one over the other: the painted film leads, the original follows, frame by frame if it cannot play. */
+
+import { h, type Props } from "../shared/dom";
+import { clock } from "../shared/format";
+import { iconButton, relabel } from "../shared/icons";
+import { createStills, type Stills } from "../shared/stills";
+import type { Asset, View } from "../shared/types";
+import { createWipe, type Side, type Wipe } from "../shared/wipe";
+
+const SEEK_BEYOND_S = 0.2;
+const NUDGE_BEYOND_S = 0.02;
+const calm = (): boolean => matchMedia("(prefers-reduced-motion: reduce)").matches;
+
+export interface Films {
+  /** The original. */
+  asset: Asset;
+  /** Address of the original, or empty where the browser cannot play it. */
+  before: string;
+  /** Address of the painted film. */
+  after: string;
+  poster: string | null;
+}
+
+export function createPlayer({ asset, before, after, poster }: Films): View {
+  const follower = film(before, { muted: true, tabindex: "-1", "aria-hidden": "true" });
+  const leader = film(after, { poster, muted: true, "aria-label": "The painted film" });
+  const wipe = createWipe({ before: follower, after: leader });
+  const frame = h("div", { class: "frame" }, wipe.element);
+  const element: HTMLElement = h(
+    "div",
+    { class: "player", role: "group", "aria-label": "Player" },
+    frame,
+    controls(leader, wipe, () => element),
+  );
+  const closers = [keepInStep(leader, follower)];
+  frame.style.setProperty("--ratio", String((asset.info.width ?? 16) / (asset.info.height ?? 9)));
+
+  function useStills(): void {
+    if (closers.length > 1 || !leader.hasAttribute("src")) return;
+    const stills = createStills(asset.id, { alt: "", "aria-hidden": "true" });
+    follower.replaceWith(stills.element);
+    stills.onfail(() => {
+      element.classList.add("no-original");
+      wipe.alone("after");
+    });
+    closers.push(followByFrame(leader, stills, asset.info.fps || 25));
+  }
+
+  follower.addEventListener("error", useStills);
+  follower.addEventListener("loadedmetadata", () => follower.videoWidth || useStills());
+  if (!before) useStills();
+  element.addEventListener("keydown", (event) => {
+    if (event.key !== " " || (event.target as Element).closest("button, input")) return;
+    event.preventDefault();
+    toggle(leader);
+  });
+  if (!calm()) leader.play().catch(() => {});
+  return {
+    element,
+    close() {
+      for (const close of closers) close();
+    },
+  };
+}
+
+const film = (src: string, props: Props): HTMLVideoElement =>
+  h("video", { ...(src && { src }), class: "picture", playsinline: "", preload: "auto", loop: true, ...props });
+
+function toggle(video: HTMLVideoElement): void {
+  if (video.paused) video.play().catch(() => {});
+  else video.pause();
+}
+
+/** Let the follower do what the leader does; small drift is corrected by rate, large drift by a seek. */
+function keepInStep(leader: HTMLVideoElement, follower: HTMLVideoElement): () => void {
+  let pending = 0;
+  const align = () => {
+    follower.currentTime = Math.min(leader.currentTime, follower.duration || Infinity);
+  };
+  const tick = () => {
+    const drift = follower.currentTime - leader.currentTime;
+    if (Math.abs(drift) > SEEK_BEYOND_S && !follower.seeking) align();
+    follower.playbackRate = leader.playbackRate * (Math.abs(drift) > NUDGE_BEYOND_S ? 1 - Math.sign(drift) * 0.1 : 1);
+    pending = requestAnimationFrame(tick);
+  };
+  leader.addEventListener("play", () => {
+    follower.play().catch(() => {});
+    cancelAnimationFrame(pending);
+    tick();
+  });
+  leader.addEventListener("pause", () => {
+    cancelAnimationFrame(pending);
+    follower.pause();
+    align();
+  });
+  leader.addEventListener("seeking", align);
+  follower.addEventListener("loadedmetadata", align);
+  return () => {
+    cancelAnimationFrame(pending);
+    for (const video of [leader, follower]) {
+      video.removeAttribute("src");
+      video.load();
+    }
+  };
+}
+
+/** Show the original's frame at the leader's time; while the film plays, as many as the service can decode. */
+function followByFrame(leader: HTMLVideoElement, stills: Stills, fps: number): () => void {
+  let pending = 0;
+  const show = () => stills.show(leader.currentTime * fps + 0.01);
+  const tick = () => {
+    show();
+    pending = requestAnimationFrame(tick);
+  };
+  const stop = () => cancelAnimationFrame(pending);
+  leader.addEventListener("play", () => {
+    stop();
+    tick();
+  });
+  leader.addEventListener("pause", stop);
+  leader.addEventListener("seeked", show);
+  if (leader.paused) show();
+  else tick();
+  return () => {
+    stop();
+    stills.close();
+  };
+}
+
+function controls(leader: HTMLVideoElement, wipe: Wipe, player: () => HTMLElement): HTMLElement {
+  const play = iconButton("play", "Play", () => toggle(leader));
+  leader.addEventListener("play", () => relabel(play, "pause", "Pause"));
+  leader.addEventListener("pause", () => relabel(play, "play", "Play"));
+  const full = iconButton("full", "Full screen", () => {
+    if (document.fullscreenElement) document.exitFullscreen();
+    else player().requestFullscreen();
+  });
+  full.hidden = !document.fullscreenEnabled;
+  return h("div", { class: "transport" }, play, timeline(leader), soundButton(leader), viewSwitch(wipe), full);
+}
+
+function timeline(leader: HTMLVideoElement): HTMLElement[] {
+  const track = h("input", { type: "range", min: "0", max: "1", step: "any", value: "0", "aria-label": "Position" });
+  const time = h("output", { class: "time" }, "0:00.0");
+  const show = () => {
+    const done = leader.currentTime / (leader.duration || 1);
+    track.value = String(done);
+    track.style.setProperty("--fill", String(done));
+    track.setAttribute("aria-valuetext", clock(leader.currentTime));
+    time.textContent = `${clock(leader.currentTime)} / ${clock(leader.duration)}`;
+  };
+  for (const event of ["timeupdate", "loadedmetadata", "seeked"]) leader.addEventListener(event, show);
+  track.addEventListener("input", () => {
+    leader.currentTime = Number(track.value) * (leader.duration || 0);
+  });
+  return [track, time];
+}
+
+function soundButton(leader: HTMLVideoElement): HTMLElement {
+  const button = iconButton("muted", "Sound on", () => {
+    leader.muted = !leader.muted;
+  });
+  leader.addEventListener("volumechange", () => {
+    if (leader.muted) relabel(button, "muted", "Sound on");
+    else relabel(button, "sound", "Sound off");
+  });
+  return button;
+}
+
+const VIEWS: [string, Side | null][] = [
+  ["Original", "before"],
+  ["Compare", null],
+  ["Painted", "after"],
+];
+
+/** Both with the handle, or one of them alone. */
+function viewSwitch(wipe: Wipe): HTMLElement {
+  const press = (chosen: Side | null) => {
+    wipe.alone(chosen);
+    buttons.forEach((button, i) => {
+      button.setAttribute("aria-pressed", String(VIEWS[i]?.[1] === chosen));
+    });
+  };
+  const buttons = VIEWS.map(([text, what]) => h("button", { type: "button", onclick: () => press(what) }, text));
+  press(null);
+  return h("div", { class: "views", role: "group", "aria-label": "View" }, buttons);
+}

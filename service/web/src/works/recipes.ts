@@ -1,0 +1,45 @@
+/** A job as text that makes it again: with curl, in Python, or by the command. */
+
+import type { Job } from "../shared/types";
+
+/** The body of POST /v1/jobs. */
+function body(job: Job): Record<string, unknown> {
+  const { method, inputs, params, seed = 0, output, name = "" } = job.request;
+  return { method, inputs, params, seed, ...(output && { output }), ...(name && { name }) };
+}
+
+/** Text as one word of a POSIX shell. */
+const quoted = (text: string): string => (/^[\w./:=@-]+$/.test(text) ? text : `'${text.replaceAll("'", "'\\''")}'`);
+
+export const curlLine = (job: Job, origin: string): string =>
+  `curl -sS -H 'Content-Type: application/json' -d ${quoted(JSON.stringify(body(job)))} ${quoted(`${origin}/v1/jobs`)}`;
+
+export function pythonLine(job: Job, origin: string): string {
+  const { method, inputs, params, seed = 0 } = job.request;
+  const literal = (value: unknown) => `json.loads(${JSON.stringify(JSON.stringify(value))})`;
+  return [
+    "import json",
+    "from impasto import Client",
+    "",
+    `with Client(${JSON.stringify(origin)}) as impasto:`,
+    `    job = impasto.submit(${JSON.stringify(method)}, ${literal(inputs)}, ${literal(params)}, seed=${seed})`,
+    '    impasto.wait(job["id"])',
+    '    impasto.download(job["id"], "film.mp4")',
+  ].join("\n");
+}
+
+/** `impasto render` with placeholders for the files, which the command reads from the user's disk. */
+export function commandLine(job: Job): string {
+  const { method, inputs, params, seed = 0, output } = job.request;
+  const files = Object.keys(inputs).filter((name) => name !== "video");
+  return [
+    "impasto render VIDEO",
+    `-o film.${output?.format === "webm" ? "webm" : output?.format === "png" ? "zip" : "mp4"}`,
+    `--method ${method}`,
+    ...files.map((name) => `--input ${name}=${name.toUpperCase()}`),
+    ...Object.entries(params).map(
+      ([name, value]) => `--param ${quoted(`${name}=${typeof value === "string" ? value : JSON.stringify(value)}`)}`,
+    ),
+    ...(seed ? [`--seed ${seed}`] : []),
+  ].join(" ");
+}

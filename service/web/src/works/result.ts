@@ -1,0 +1,67 @@
+/** A finished film: the player, or the contact sheet where there is nothing a browser plays, and the downloads. */
+
+import * as api from "../shared/api";
+import { h } from "../shared/dom";
+import { artefactTitle } from "../shared/format";
+import { icon } from "../shared/icons";
+import { notify } from "../shared/notices";
+import { mayPlay } from "../shared/stills";
+import type { Job, View } from "../shared/types";
+import { createPlayer } from "./player";
+
+const NOT_FILES = ["result", "poster", "preview"];
+
+export interface Result extends View {
+  downloads: HTMLElement;
+}
+
+export function createResult(job: Job): Result {
+  const element = h("div", { class: "result" });
+  const life = { closed: false, close: () => {} };
+  const playable = job.request.output?.format !== "png";
+  (playable ? play(job, element, life) : showSheet(job, element)).catch(notify);
+  return {
+    element,
+    downloads: downloads(job),
+    close() {
+      life.closed = true;
+      life.close();
+    },
+  };
+}
+
+async function play(job: Job, element: HTMLElement, life: { closed: boolean; close: () => void }): Promise<void> {
+  const asset = await api.asset(job.request.inputs.video ?? "");
+  const [before, after, poster] = await Promise.all([
+    mayPlay(asset) ? api.mediaUrl(api.paths.content(asset.id)) : "",
+    api.mediaUrl(api.paths.result(job.id)),
+    job.results.includes("poster") ? api.mediaUrl(api.paths.file(job.id, "poster")) : null,
+  ]);
+  if (life.closed) return;
+  const player = createPlayer({ asset, before, after, poster });
+  life.close = player.close;
+  element.append(player.element);
+}
+
+async function showSheet(job: Job, element: HTMLElement): Promise<void> {
+  const name = ["sheet", "poster"].find((file) => job.results.includes(file));
+  if (!name) return;
+  const src = await api.mediaUrl(api.paths.file(job.id, name));
+  element.append(h("img", { class: "sheet", alt: "Contact sheet of the frames", src }));
+}
+
+const FORMATS = { mp4: "MP4", webm: "WebM", png: "ZIP" };
+
+function downloads(job: Job): HTMLElement {
+  const save = (path: string) => () => api.download(path).catch(notify);
+  const text = `Download ${FORMATS[job.request.output?.format ?? "mp4"]}`;
+  const onclick = save(api.paths.result(job.id));
+  const main = h("button", { type: "button", class: "button primary", onclick }, icon("download"), text);
+  const others = job.results.filter((name) => !NOT_FILES.includes(name));
+  const more = others.map((name) =>
+    h("button", { type: "button", class: "button small", onclick: save(api.paths.file(job.id, name)) }, label(name)),
+  );
+  return h("div", { class: "downloads" }, main, more.length > 0 && h("div", { class: "downloads-more" }, more));
+}
+
+const label = (name: string): string => (name === "sheet" ? "Contact sheet" : artefactTitle(name));

@@ -1,0 +1,78 @@
+import { expect, test } from "vitest";
+import type { Point } from "../src/designer/document";
+import * as g from "../src/designer/geometry";
+import { floodRuns, runsOf, thin, widthAt } from "../src/designer/strokes";
+
+test("a fitted picture is whole and centred", () => {
+  const view = g.fitView({ width: 200, height: 100 }, { width: 400, height: 400 }, 10);
+  expect(view).toEqual({ scale: 1.9, x: 10, y: 105 });
+});
+
+test("zooming keeps the point under the pointer", () => {
+  const view = { scale: 1, x: 30, y: 40 };
+  const before = g.toPicture(view, [100, 90]);
+  expect(g.toPicture(g.zoomAbout(view, [100, 90], 3), [100, 90])).toEqual(before);
+  expect(g.toStage(view, g.toPicture(view, [7, 8]))).toEqual([7, 8]);
+});
+
+const SQUARE: Point[] = [
+  [0, 0],
+  [2, 0],
+  [2, 2],
+  [0, 2],
+];
+
+test("points are inside or outside of a polygon", () => {
+  expect(g.contains(SQUARE, [1, 1])).toBe(true);
+  expect(g.contains(SQUARE, [3, 1])).toBe(false);
+  expect(Math.abs(g.area(SQUARE))).toBe(4);
+});
+
+test("simplified lines keep corners and drop points on straight parts", () => {
+  const line: Point[] = [
+    [0, 0],
+    [1, 0.01],
+    [2, 0],
+    [2, 1],
+    [2, 2],
+  ];
+  expect(g.simplify(line, 0.1)).toEqual([
+    [0, 0],
+    [2, 0],
+    [2, 2],
+  ]);
+});
+
+test("strokes circle a center and run along an arrow", () => {
+  const right = g.directionAt([{ pattern: "center", at: [0.5, 0.5] }], [0.9, 0.5], 1);
+  expect(right.angle).toBeCloseTo(Math.PI / 2);
+  const along = g.directionAt([{ pattern: "regular", at: [0, 0], angle: 30 }], [0.7, 0.2], 1);
+  expect(along.angle).toBeCloseTo(Math.PI / 6);
+});
+
+test("a fill stops at another colour", () => {
+  const pixels = new Uint8ClampedArray(4 * 9);
+  for (const wall of [1, 4, 7]) pixels[4 * wall] = 255;
+  expect(floodRuns(pixels, { width: 3, height: 3 }, [0, 0], 10)).toEqual([0, 1, 3, 1, 6, 1]);
+  expect(runsOf(new Uint8Array([0, 1, 1, 0, 1]))).toEqual([1, 2, 4, 1]);
+});
+
+test("pressure widens a stroke, near samples are dropped", () => {
+  expect(widthAt(10, 1)).toBe(10);
+  expect(widthAt(10, 0.1)).toBeLessThan(4);
+  expect(
+    thin(
+      [
+        [0, 0, 1],
+        [0.1, 0, 1],
+        [5, 0, 1],
+        [5.1, 0, 1],
+      ],
+      1,
+    ),
+  ).toEqual([
+    [0, 0, 1],
+    [5, 0, 1],
+    [5.1, 0, 1],
+  ]);
+});

@@ -1,0 +1,341 @@
+"""The studio in Chromium with real pointer events, against the whole service: painted keys, regions, undo, saving."""
+
+from __future__ import annotations
+
+import io
+import json
+import time
+import zipfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import httpx
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from playwright.sync_api import Browser, Page, expect
+
+from service import bundle
+from tests.e2e.test_page import FRAMES, HEIGHT, WIDTH, Watched, browser, clip, open_page, serve, watched
+
+__all__ = ["browser", "clip", "watched"]
+
+pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(240)]
+
+SOON_MS = 30_000
+Document = dict[str, Any]
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    yield from serve(tmp_path_factory.mktemp("studio") / "home")
+
+
+@pytest.fixture(scope="module")
+def video(service: str, clip: Path) -> str:
+    """The uploaded clip: twelve frames, 96 x 64 px, a disc that moves to the right."""
+    answer = httpx.post(f"{service}/v1/assets", files={"file": (clip.name, clip.read_bytes())})
+    return str(answer.json()["id"])
+
+
+def open_project(page: Page, service: str, video: str, method: str, **layer: Any) -> str:
+    """A new project of one layer, opened in the studio; its id."""
+    shot = {"id": "s1", "video": "clip", "layers": [{"id": "l1", "method": method, **layer}]}
+    document = {"schema": 1, "name": "Disc", "assets": {"clip": {"id": video}}, "shots": [shot]}
+    project = str(httpx.post(f"{service}/v1/projects", json={"name": "Disc", "document": document}).json()["id"])
+    page.goto(f"{service}/#/projects/{project}")
+    expect(page.locator(".stage-canvas")).to_be_visible(timeout=SOON_MS)
+    until(page, lambda: page.locator(".stage-canvas").get_attribute("data-frame") == "4")
+    return project
+
+
+def until(page: Page, holds: Callable[[], bool], seconds: float = SOON_MS / 1000) -> None:
+    deadline = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < deadline, "it never came true"
+        page.wait_for_timeout(50)
+
+
+def stored(service: str, project: str) -> Document:
+    document: Document = httpx.get(f"{service}/v1/projects/{project}").json()["document"]
+    return document
+
+
+def layer_of(document: Document) -> dict[str, Any]:
+    layer: dict[str, Any] = document["shots"][0]["layers"][0]
+    return layer
+
+
+def saved(page: Page) -> None:
+    """Everything is uploaded and stored."""
+    expect(page.locator(".save-note")).to_have_text("Saved", timeout=SOON_MS)
+
+
+def on_stage(page: Page, x: float, y: float) -> tuple[float, float]:
+    """A point of the picture, in shares of width and height, on the screen: the fitted view has a margin of 12 px."""
+    box = page.locator(".stage-canvas").bounding_box()
+    assert box is not None
+    scale = min((box["width"] - 24) / WIDTH, (box["height"] - 24) / HEIGHT)
+    left = box["x"] + (box["width"] - scale * WIDTH) / 2
+    top = box["y"] + (box["height"] - scale * HEIGHT) / 2
+    return left + x * scale * WIDTH, top + y * scale * HEIGHT
+
+
+def draw(page: Page, *points: tuple[float, float]) -> None:
+    """Drag the mouse through points of the picture."""
+    first, *rest = (on_stage(page, *point) for point in points)
+    page.mouse.move(*first)
+    page.mouse.down()
+    for point in rest:
+        page.mouse.move(*point, steps=6)
+    page.mouse.up()
+
+
+def draw_with_pen(page: Page, points: list[tuple[float, float, float]]) -> None:
+    """A stroke of a pen: x, y in shares of the picture, pressure 0..1."""
+    session = page.context.new_cdp_session(page)
+    for index, (x, y, force) in enumerate(points):
+        left, top = on_stage(page, x, y)
+        kind = "mousePressed" if index == 0 else "mouseMoved"
+        event = {"type": kind, "x": left, "y": top, "button": "left", "buttons": 1, "pointerType": "pen"}
+        session.send("Input.dispatchMouseEvent", event | {"force": force})
+    session.send("Input.dispatchMouseEvent", event | {"type": "mouseReleased", "force": 0})
+
+
+def asset(service: str, document: Document, name: str) -> bytes:
+    return httpx.get(f"{service}/v1/assets/{document['assets'][name]['id']}/content").content
+
+
+def decoded(png: bytes) -> NDArray[np.uint8]:
+    image = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR_RGB)
+    assert image is not None
+    return np.asarray(image, np.uint8)
+
+
+def start_painting(page: Page) -> None:
+    page.get_by_role("button", name="Brush", exact=True).click()
+    page.get_by_label("Brush size").fill("20")
+    page.locator(".brush-settings input[type=color]").fill("#2040ff")
+    page.wait_for_timeout(500)
+
+
+def test_a_key_painted_with_pressure_is_in_the_film_exactly(watched: Watched, service: str, video: str) -> None:
+    page = watched.page
+    project = open_project(page, service, video, "analogy", params={}, inputs={})
+    start_painting(page)
+    draw_with_pen(page, [(0.2 + 0.05 * i, 0.3, 0.2 + 0.06 * i) for i in range(12)])
+    saved(page)
+    expect(page.get_by_role("group", name="Frames painted from this key").get_by_role("button")).to_have_count(
+        7, timeout=90_000
+    )
+    document = stored(service, project)
+    (key,) = layer_of(document)["keys"]
+    assert key["frame"] == 4
+    strokes = json.loads(asset(service, document, key["paint"]["layers"][1]["strokes"]))["strokes"]
+    pressures = [pressure for _, _, pressure in strokes[0]["samples"]]
+    assert pressures[0] == pytest.approx(0.2, abs=0.02) and pressures[-1] > 0.7
+    painted = decoded(asset(service, document, key["image"]))
+    assert painted.shape == (HEIGHT, WIDTH, 3)
+    thick, thin = ((painted[:, int(x * WIDTH), 2] > 220).sum() for x in (0.68, 0.24))
+    assert thick > 1.5 * thin, "more pressure, a wider stroke"
+
+    page.reload()
+    expect(page.get_by_role("button", name="Key at frame 5")).to_be_visible(timeout=SOON_MS)
+    page.locator("summary", has_text="Film").click()
+    page.get_by_label("PNG frames").check()
+    page.get_by_role("button", name="Paint the film").click()
+    page.wait_for_url("**/#/jobs/*", timeout=SOON_MS)
+    expect(page.get_by_role("button", name="Download ZIP")).to_be_visible(timeout=120_000)
+    result = httpx.get(f"{service}/v1/jobs/{page.url.rpartition('/')[2]}/result").content
+    with zipfile.ZipFile(io.BytesIO(result)) as frames:
+        names = sorted(frames.namelist())
+        assert len(names) == FRAMES
+        assert np.array_equal(decoded(frames.read(names[4])), painted)
+
+
+def test_undo_and_redo_by_keyboard_restore_what_is_stored(watched: Watched, service: str, video: str) -> None:
+    page = watched.page
+    project = open_project(page, service, video, "analogy", params={}, inputs={})
+    before = stored(service, project)
+    start_painting(page)
+    draw(page, (0.2, 0.2), (0.6, 0.5))
+    saved(page)
+    one = stored(service, project)
+    draw(page, (0.7, 0.2), (0.8, 0.8))
+    saved(page)
+    two = stored(service, project)
+    assert len({json.dumps(document, sort_keys=True) for document in (before, one, two)}) == 3
+    for shortcut, expected in (("Control+z", one), ("Control+z", before), ("Control+Shift+z", one), ("Control+y", two)):
+        page.keyboard.press(shortcut)
+        until(page, lambda expected=expected: stored(service, project) == expected)
+
+
+def test_frames_are_stepped_exactly(watched: Watched, service: str, video: str) -> None:
+    page = watched.page
+    open_project(page, service, video, "abstraction")
+    canvas = page.locator(".stage-canvas")
+    page.get_by_role("button", name="Original").click()
+    page.keyboard.press("Home")
+    seen = []
+    for frame in range(FRAMES):
+        until(page, lambda frame=frame: canvas.get_attribute("data-frame") == str(frame))
+        expect(page.locator(".strip-time")).to_contain_text(f"Frame {frame + 1} of {FRAMES}")
+        page.wait_for_timeout(60)
+        seen.append(disc_at(page))
+        page.keyboard.press("ArrowRight")
+    steps = np.diff(seen)
+    assert (steps > 0).all(), "each step shows the next frame"
+    assert steps == pytest.approx(np.full(FRAMES - 1, 1 / (FRAMES + 10)), abs=0.02)
+    page.keyboard.press("l")
+    until(page, lambda: canvas.get_attribute("data-frame") == str(FRAMES - 1))
+    page.keyboard.press("j")
+    until(page, lambda: canvas.get_attribute("data-frame") == "0")
+
+
+def disc_at(page: Page) -> float:
+    """Where the disc is on the stage: 0 left, 1 right."""
+    left, y = on_stage(page, 0, 0.5)
+    right, _ = on_stage(page, 1, 0.5)
+    shot = decoded(page.screenshot(clip={"x": left, "y": y, "width": right - left, "height": 2}))
+    return float(np.flatnonzero(shot[0, :, 0] > 180).mean() / shot.shape[1])
+
+
+def test_regions_styles_and_directions_are_what_was_drawn(watched: Watched, service: str, video: str) -> None:
+    page = watched.page
+    project = open_project(page, service, video, "multistyle")
+    page.get_by_role("button", name="Draw a region").click()
+    draw(page, (0.1, 0.1), (0.5, 0.1), (0.5, 0.9), (0.1, 0.9), (0.1, 0.15))
+    choose_style(page, "Pointillism")
+    page.keyboard.press("End")
+    choose_style(page, "Watercolor")
+    page.get_by_label("Change to the next key").select_option("smooth")
+    page.get_by_role("group", name="Pattern").get_by_role("button", name="Circles").click()
+    draw(page, (0.3, 0.5), (0.45, 0.5))
+    saved(page)
+    layer = layer_of(stored(service, project))
+    (polygon,) = layer["regions"]["region"]["polygons"]
+    corners = np.array(polygon["points"])
+    assert polygon["frame"] == 4
+    assert corners.min(axis=0) == pytest.approx([0.1, 0.1], abs=0.02)
+    assert corners.max(axis=0) == pytest.approx([0.5, 0.9], abs=0.02)
+    keys = [(key["frame"], key["style"]) for key in layer["style_keys"]]
+    assert keys == [(4, "pointillism"), (FRAMES - 1, "watercolor")]
+    assert layer["style_keys"][1]["ease"] == "smooth"
+    (direction,) = layer["directions"]
+    (element,) = direction["elements"]
+    assert (element["pattern"], element["angle"]) == ("center", 0)
+    assert element["at"] == pytest.approx([0.3, 0.5], abs=0.01)
+    assert element["reach"] == pytest.approx(0.15 * WIDTH / HEIGHT, abs=0.02)
+    page.get_by_role("button", name="Paint the film").click()
+    page.wait_for_url("**/#/jobs/*", timeout=SOON_MS)
+    expect(page.get_by_role("button", name="Download MP4")).to_be_visible(timeout=120_000)
+
+
+def choose_style(page: Page, title: str) -> None:
+    page.get_by_role("group", name="Styles").get_by_role("button", name=title).click()
+
+
+def test_scribbles_become_the_foreground_of_patches(watched: Watched, service: str, video: str) -> None:
+    page = watched.page
+    project = open_project(page, service, video, "patches")
+    page.get_by_role("button", name="Mark the foreground").click()
+    page.wait_for_timeout(300)
+    draw(page, (0.35, 0.45), (0.45, 0.55))
+    page.get_by_role("button", name="Mark the background").click()
+    draw(page, (0.8, 0.1), (0.9, 0.9))
+    saved(page)
+    document = stored(service, project)
+    (scribble,) = layer_of(document)["scribbles"]
+    assert scribble["frame"] == 4
+    data = asset(service, document, scribble["image"])
+    marks = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    assert marks is not None
+    height, width = HEIGHT // 2, WIDTH
+    assert marks[height, int(0.4 * width)].tolist() == [255, 255, 255, 255]
+    assert marks[height, int(0.85 * width)].tolist() == [0, 0, 0, 255]
+    assert marks[2, 2, 3] == 0, "what is not marked is transparent"
+
+
+def test_layers_are_shown_hidden_and_rendered(watched: Watched, service: str, video: str) -> None:
+    page = watched.page
+    project = open_project(page, service, video, "abstraction")
+    document = stored(service, project)
+    document["shots"][0]["layers"].append({"id": "l2", "method": "multistyle", "blend": "multiply"})
+    answer = httpx.put(f"{service}/v1/projects/{project}", json=document, headers={"If-Match": '"1"'})
+    assert answer.status_code == 200, answer.text
+    page.reload()
+    page.get_by_role("button", name="Settings of the layer Painting in many styles").click()
+    page.get_by_label("Opacity of the layer").fill("50")
+    page.get_by_role("button", name="Hide the layer Painting in many styles").click()
+    saved(page)
+    first, second = stored(service, project)["shots"][0]["layers"]
+    assert first.get("visible", True)
+    assert (second["blend"], second["opacity"], second["visible"]) == ("multiply", 0.5, False)
+    page.get_by_role("button", name="Paint the film").click()
+    page.wait_for_url("**/#/jobs/*", timeout=SOON_MS)
+    expect(page.get_by_role("button", name="Download MP4")).to_be_visible(timeout=120_000)
+
+
+def test_two_tabs_never_overwrite_each_other_silently(
+    watched: Watched, browser: Browser, service: str, video: str
+) -> None:
+    page = watched.page
+    project = open_project(page, service, video, "abstraction")
+    other = open_page(browser).page
+    other.goto(page.url)
+    expect(other.locator(".stage-canvas")).to_be_visible(timeout=SOON_MS)
+    name(page, "First")
+    saved(page)
+    name(other, "Second")
+    expect(other.get_by_role("alert").first).to_contain_text("Another tab", timeout=SOON_MS)
+    assert stored(service, project)["name"] == "First"
+    other.get_by_role("button", name="Keep mine").click()
+    saved(other)
+    assert stored(service, project)["name"] == "Second"
+    name(page, "Third")
+    page.get_by_role("button", name="Load the other").click()
+    expect(page.get_by_label("Name of the project")).to_have_value("Second", timeout=SOON_MS)
+    other.context.close()
+
+
+def name(page: Page, text: str) -> None:
+    page.get_by_label("Name of the project").fill(text)
+    page.keyboard.press("Tab")
+
+
+def test_without_a_network_nothing_is_lost(watched: Watched, service: str, video: str) -> None:
+    page = watched.page
+    project = open_project(page, service, video, "abstraction")
+    page.context.set_offline(True)
+    name(page, "Offline")
+    expect(page.locator(".save-note")).to_contain_text("kept in this browser", timeout=SOON_MS)
+    page.context.set_offline(False)
+    saved(page)
+    assert stored(service, project)["name"] == "Offline"
+
+
+@pytest.fixture(scope="module")
+def axe() -> str:
+    """The source of axe-core, which checks pages for accessibility."""
+    bundle.install_packages(tools=True)
+    return (bundle.WEB / "node_modules/axe-core/axe.min.js").read_text()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("address", ["/", "/#/jobs", "/live", "/ops", "studio:analogy", "studio:multistyle"])
+def test_no_page_has_an_accessibility_fault(
+    browser: Browser, service: str, video: str, axe: str, address: str, scheme: str
+) -> None:
+    page = open_page(browser, color_scheme=scheme).page
+    if address.startswith("studio:"):
+        open_project(page, service, video, address.removeprefix("studio:"))
+    else:
+        page.goto(service + address)
+    page.wait_for_timeout(800)
+    page.evaluate(axe)
+    found = page.evaluate("async () => (await axe.run()).violations")
+    faults = [(fault["id"], fault["help"], [node["html"][:160] for node in fault["nodes"]]) for fault in found]
+    page.context.close()
+    assert faults == []

@@ -1,0 +1,95 @@
+"""Mutated media files: each is probed and decoded in the guarded child, as an upload is."""
+
+from __future__ import annotations
+
+import traceback
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from pipeline.errors import BadInput
+from pipeline.video.guard.pictures import guarded_exr, guarded_raw
+from pipeline.video.guard.reader import GuardedReader
+from pipeline.video.media import Limits
+from pipeline.video.probe import probe_guarded
+from tests.fuzz.mutate import mutated
+from tests.fuzz.samples import samples
+
+LIMITS = Limits(size_bytes=1 << 22, pixels=1 << 20, side_px=2048, seconds=600, frames=2000)
+MOST_FRAMES = 50
+SLOW_S = 30.0
+"""A case that takes longer counts as a hang."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One malformed file, made again from its kind, seed and number."""
+
+    kind: str
+    seed: int
+    number: int
+
+    @property
+    def id(self) -> str:
+        return f"media:{self.kind}:{self.seed}:{self.number}"
+
+    @classmethod
+    def of(cls, name: str) -> Case:
+        """The case of an id."""
+        _, kind, seed, number = name.split(":")
+        return cls(kind, int(seed), int(number))
+
+    def data(self) -> bytes:
+        """The file's bytes."""
+        files, every = samples()[self.kind], _every()
+        other = every[(self.number * 7 + self.seed) % len(every)]
+        return mutated(files[self.number % len(files)], other, self.seed, self.number)
+
+
+@cache
+def _every() -> tuple[bytes, ...]:
+    return tuple(data for files in samples().values() for data in files)
+
+
+def cases(seed: int, number: int) -> list[Case]:
+    """One case of each kind."""
+    return [Case(kind, seed, number) for kind in samples()]
+
+
+def outcome(case: Case, folder: Path) -> str:
+    """How a case ended: "decoded", "refused: why", or "fault: what" for every exception that is not a refusal."""
+    try:
+        return run(case, folder)
+    except Exception as error:
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        return f"fault: {type(error).__name__}: {error} ({Path(where.filename).name}:{where.lineno})"
+
+
+def run(case: Case, folder: Path) -> str:
+    """Decode a case: "decoded", or "refused: why".
+
+    Raises:
+        AssertionError: a refusal without a remedy, or a frame of a size that was not announced.
+    """
+    path = folder / "upload"
+    path.write_bytes(data := case.data())
+    try:
+        return decode(case.kind, path, data)
+    except BadInput as error:
+        assert error.remedy, f"no remedy: {error}"
+        return f"refused: {error.message}"
+
+
+def decode(kind: str, path: Path, data: bytes) -> str:
+    """Probe and decode a file of `kind` at `path`, of which `data` are the bytes. Raises what the decoders raise."""
+    if kind == "exr":
+        guarded_exr(data, "image")
+        return "decoded"
+    info = probe_guarded(path, LIMITS)
+    if info.kind in ("video", "image"):
+        with GuardedReader(path, LIMITS) as reader:
+            for frame in reader.read(0, MOST_FRAMES):
+                assert frame.shape == (info.height, info.width, 3), "a frame of another size than announced"
+    if info.kind == "image":
+        guarded_raw(data, "image")
+    return "decoded"

@@ -1,0 +1,48 @@
+"""A few malformed files of every kind in every run of the suite; `make fuzz` makes many more."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.fuzz import ledger, media
+from tests.fuzz.samples import samples
+
+MENDED = ("media:exr:1:2",)
+"""Cases that were faults once."""
+
+
+@pytest.mark.parametrize("kind", samples())
+def test_well_formed_samples_are_decoded(kind: str, tmp_path: Path) -> None:
+    for number in range(len(samples()[kind])):
+        (tmp_path / "upload").write_bytes(data := samples()[kind][number])
+        assert media.decode(kind, tmp_path / "upload", data) == "decoded"
+
+
+@pytest.mark.parametrize("number", range(12))
+def test_malformed_files_are_decoded_or_refused(number: int, tmp_path: Path) -> None:
+    for case in media.cases(seed=0, number=number):
+        assert not media.outcome(case, tmp_path).startswith("fault"), case.id
+
+
+@pytest.mark.parametrize("name", MENDED)
+def test_mended_cases_stay_mended(name: str, tmp_path: Path) -> None:
+    assert not media.outcome(media.Case.of(name), tmp_path).startswith("fault")
+
+
+def test_a_case_is_made_again_from_its_id() -> None:
+    case = media.Case("mp4", 3, 17)
+    assert media.Case.of(case.id) == case and case.data() == media.Case("mp4", 3, 17).data()
+    assert case.data() != media.Case("mp4", 4, 17).data()
+
+
+def test_the_ledger_adds_up(tmp_path: Path) -> None:
+    file = tmp_path / "ledger.jsonl"
+    for seed in (1, 2):
+        run = ledger.Run("media", "2026-01-01", "abc", seed, 0)
+        run.count("refused", 0.2)
+        run.count("decoded", 0.4)
+        ledger.append(run, file)
+    assert [run.cases for run in ledger.runs(file)] == [2, 2]
+    assert "| media | 2 | 4 | 0 | 0.4 |" in ledger.table(ledger.runs(file))

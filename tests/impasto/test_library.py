@@ -1,0 +1,118 @@
+"""`impasto.render` from Python: arrays and files, causal and planned methods, the same frames as the command."""
+
+from __future__ import annotations
+
+import doctest
+from collections.abc import Iterator
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+import pytest
+
+import impasto
+import impasto.library
+from impasto.cli.app import run
+from pipeline.errors import BadFrame, BadInput, BadParameter
+from pipeline.frames import Frame
+from tests.conftest import TINY_FRAMES, TINY_HEIGHT, TINY_WIDTH, tiny_frame
+
+
+def frames_of(path: Path) -> list[Frame]:
+    with av.open(str(path)) as clip:
+        return [np.asarray(frame.to_ndarray(format="rgb24"), np.uint8) for frame in clip.decode(video=0)]
+
+
+def arriving(count: int, seen: list[int]) -> Iterator[Frame]:
+    """Frames that note when they are taken."""
+    for index in range(count):
+        seen.append(index)
+        yield tiny_frame(index)
+
+
+def test_the_examples_of_the_docstring(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    flags = doctest.ELLIPSIS | doctest.IGNORE_EXCEPTION_DETAIL
+    found = doctest.testmod(impasto.library, optionflags=flags)
+    assert (found.failed, found.attempted > 5) == (0, True)
+
+
+def test_a_causal_method_gives_each_frame_before_it_reads_the_next() -> None:
+    seen: list[int] = []
+    painted = impasto.render("abstraction", arriving(5, seen), lines="off")
+    assert seen == []
+    for index in range(5):
+        assert next(painted).shape == (TINY_HEIGHT, TINY_WIDTH, 3)
+        assert seen[-1] == index
+    assert list(painted) == []
+
+
+@pytest.mark.parametrize("method", ["patches", "analogy"])
+def test_other_methods_run_their_plan(method: str, tmp_path: Path) -> None:
+    style = np.random.default_rng(1).integers(0, 255, (48, 64, 3), np.uint8)
+    inputs = {"style_output": style} if method == "analogy" else {}
+    clip = [tiny_frame(index) for index in range(4)]
+    painted = list(impasto.render(method, iter(clip), inputs=inputs, seed=3))
+    again = list(impasto.render(method, clip, inputs=inputs, seed=3))
+    assert len(painted) == len(again) == 4
+    assert all(np.array_equal(one, other) for one, other in zip(painted, again, strict=True))
+    assert not np.array_equal(painted[0], clip[0])
+
+
+@pytest.mark.parametrize("method", ["abstraction", "patches"])
+def test_a_file_gives_the_frames_that_the_command_gives(
+    tiny_clip: Path, tmp_path: Path, home: Path, method: str
+) -> None:
+    words = ["render", str(tiny_clip), "-o", f"{tmp_path}/command/", "-m", method, "--seed", "2", "--home", str(home)]
+    assert run([*words, "--quiet"]) == 0
+    path = impasto.render(method, tiny_clip, f"{tmp_path}/library/", seed=2)
+    assert path == tmp_path / "library"
+    names = [f"{index:04d}.png" for index in range(TINY_FRAMES)]
+    assert sorted(file.name for file in path.iterdir()) == names
+    for name in names:
+        one, other = (cv2.imread(str(tmp_path / folder / name)) for folder in ("command", "library"))
+        assert np.array_equal(one, other), name
+
+
+def test_a_video_keeps_times_and_sound(tiny_clip: Path, tmp_path: Path) -> None:
+    path = impasto.render("abstraction", tiny_clip, tmp_path / "out.mp4", lines="off")
+    assert len(frames_of(path)) == TINY_FRAMES
+    with av.open(str(path)) as made, av.open(str(tiny_clip)) as source:
+        assert len(made.streams.audio) == len(source.streams.audio) == 1
+        assert made.streams.video[0].average_rate == source.streams.video[0].average_rate
+
+
+def test_outputs_are_protected(tiny_clip: Path, tmp_path: Path) -> None:
+    clip = tmp_path / "clip.mp4"
+    clip.write_bytes(tiny_clip.read_bytes())
+    with pytest.raises(BadInput, match="is an input"):
+        impasto.render("abstraction", clip, clip, overwrite=True)
+    (tmp_path / "there.mp4").write_text("mine")
+    with pytest.raises(BadInput, match="exists"):
+        impasto.render("abstraction", clip, tmp_path / "there.mp4")
+
+
+def test_mistakes_are_found_before_the_first_frame(tiny_clip: Path) -> None:
+    with pytest.raises(BadParameter, match="Did you mean 'abstraction'"):
+        impasto.render("abstracton", tiny_clip)
+    with pytest.raises(BadParameter, match="Did you mean 'reference'"):
+        impasto.render("abstraction", tiny_clip, inputs={"refernce": tiny_clip})
+    with pytest.raises(BadParameter, match="Did you mean 'lines'"):
+        impasto.render("abstraction", tiny_clip, line="off")
+
+
+@pytest.mark.parametrize(
+    "array", [np.zeros((40, 40, 3)), np.zeros((40, 40), np.uint8), np.zeros((8, 40, 3), np.uint8), "pixels"]
+)
+def test_an_array_that_is_no_frame_is_named(array: object) -> None:
+    with pytest.raises(BadFrame) as caught:
+        next(impasto.render("abstraction", [array]))  # type: ignore[list-item]
+    assert caught.value.field == "source[0]"
+
+
+def test_frames_of_two_sizes_are_refused() -> None:
+    painted = impasto.render("abstraction", [np.zeros((40, 40, 3), np.uint8), np.zeros((40, 48, 3), np.uint8)])
+    next(painted)
+    with pytest.raises(BadFrame, match="one size"):
+        next(painted)

@@ -1,0 +1,154 @@
+"""`impasto render - -o -`: YUV4MPEG2 and raw RGB, against FFmpeg's own reader and writer."""
+
+from __future__ import annotations
+
+import io
+import subprocess
+import sys
+from fractions import Fraction
+from pathlib import Path
+from typing import cast
+
+import av
+import numpy as np
+import pytest
+from av.video.stream import VideoStream
+
+from impasto.y4m import StreamFormat, Y4mReader, Y4mWriter, raw_frames
+from pipeline.errors import UnreadableMedia
+from pipeline.frames import Frame
+from tests.conftest import TINY_HEIGHT, TINY_WIDTH, tiny_frame
+
+SIZE = (TINY_WIDTH, TINY_HEIGHT)
+FRAMES = [tiny_frame(index) for index in range(4)]
+
+
+def ffmpeg_writes(frames: list[Frame], pixel_format: str, rate: int = 12) -> bytes:
+    """The frames as YUV4MPEG2 by FFmpeg's muxer."""
+    with av.open(out := io.BytesIO(), "w", format="yuv4mpegpipe", options={"strict": "-1"}) as sink:
+        stream = cast(VideoStream, sink.add_stream("rawvideo", rate=rate))
+        stream.height, stream.width = frames[0].shape[:2]
+        stream.pix_fmt = pixel_format
+        for frame in frames:
+            picture = av.VideoFrame.from_ndarray(frame, format="rgb24").reformat(format=pixel_format)
+            sink.mux(stream.encode(picture))
+        sink.mux(stream.encode(None))
+    return out.getvalue()
+
+
+def ffmpeg_reads(data: bytes) -> tuple[list[Frame], Fraction]:
+    with av.open(io.BytesIO(data), format="yuv4mpegpipe") as source:
+        rate = source.streams.video[0].average_rate
+        return [np.asarray(p.to_ndarray(format="rgb24"), np.uint8) for p in source.decode(video=0)], Fraction(rate or 0)
+
+
+def close(one: Frame, other: Frame, mean: float) -> bool:
+    return float(np.abs(one.astype(int) - other.astype(int)).mean()) < mean
+
+
+@pytest.mark.parametrize("pixel_format", ["yuv420p", "yuv422p", "yuv444p", "yuv420p10le"])
+def test_what_ffmpeg_writes_is_read(pixel_format: str) -> None:
+    reader = Y4mReader(io.BytesIO(ffmpeg_writes(FRAMES, pixel_format)))
+    assert (reader.format.size, reader.format.fps, reader.format.pixel_format) == (SIZE, 12, pixel_format)
+    read = list(reader)
+    assert len(read) == len(FRAMES)
+    assert all(close(one, other, 6) for one, other in zip(read, FRAMES, strict=True))
+
+
+@pytest.mark.parametrize("size", [SIZE, (65, 49)])
+@pytest.mark.parametrize("pixel_format", ["yuv420p", "yuv422p", "yuv444p"])
+def test_what_is_written_ffmpeg_reads(size: tuple[int, int], pixel_format: str) -> None:
+    frames = [np.full((size[1], size[0], 3), (200, 90, 30), np.uint8)] * 3
+    out = io.BytesIO()
+    writer = Y4mWriter(out, StreamFormat(size, Fraction(30000, 1001), pixel_format))
+    for frame in frames:
+        writer.write(frame)
+    read, rate = ffmpeg_reads(out.getvalue())
+    assert (len(read), rate) == (3, Fraction(30000, 1001))
+    assert all(close(one, other, 4) for one, other in zip(read, frames, strict=True))
+
+
+def test_the_aspect_ratio_of_pixels_counts() -> None:
+    data = ffmpeg_writes(FRAMES[:1], "yuv420p").replace(b" A0:0", b" A2:1").replace(b" A1:1", b" A2:1")
+    assert next(iter(Y4mReader(io.BytesIO(data)))).shape == (TINY_HEIGHT, 2 * TINY_WIDTH, 3)
+
+
+@pytest.mark.parametrize(
+    ("data", "text"),
+    [
+        (b"RIFF", "cut off"),
+        (b"RIFF\n", "not a YUV4MPEG2"),
+        (b"YUV4MPEG2 W64 F25:1\n", "width and height"),
+        (b"YUV4MPEG2 W64 H4x F25:1\n", "width and height"),
+        (b"YUV4MPEG2 W64 H48 F0:0\n", "rate"),
+        (b"YUV4MPEG2 W64 H48 F25:1 C411\n", "C411"),
+        (b"YUV4MPEG2 W64 H48 F25:1 It\n", "interlaced"),
+        (b"YUV4MPEG2 " + b"X" * 2000 + b"\n", "too long"),
+        (b"YUV4MPEG2 W64 H48 F25:1\nFRAME\n" + bytes(100), "within frame 0"),
+        (b"YUV4MPEG2 W64 H48 F25:1\nFROG\n", "begin with FRAME"),
+        (b"YUV4MPEG2 W4 H4 F25:1\n", "too small"),
+    ],
+)
+def test_streams_that_are_none_are_refused(data: bytes, text: str) -> None:
+    with pytest.raises(UnreadableMedia, match=text):
+        list(Y4mReader(io.BytesIO(data)))
+
+
+def test_half_a_raw_frame_is_refused() -> None:
+    data = FRAMES[0].tobytes() + b"xy"
+    frames = raw_frames(io.BytesIO(data), SIZE)
+    assert np.array_equal(next(frames), FRAMES[0])
+    with pytest.raises(UnreadableMedia, match="within frame 1"):
+        next(frames)
+
+
+# -- the command, as a shell uses it
+
+
+def pipe(*words: str, data: bytes = b"") -> subprocess.CompletedProcess[bytes]:
+    command = [sys.executable, "-m", "impasto", "render", *words]
+    return subprocess.run(command, input=data, capture_output=True, timeout=120, check=False)
+
+
+def test_through_the_pipe_and_back() -> None:
+    done = pipe("-", "-o", "-", "-p", "lines=off", data=ffmpeg_writes(FRAMES, "yuv420p"))
+    assert done.returncode == 0, done.stderr
+    read, rate = ffmpeg_reads(done.stdout)
+    assert (len(read), read[0].shape, rate) == (len(FRAMES), (TINY_HEIGHT, TINY_WIDTH, 3), 12)
+
+
+def test_raw_frames_through_the_pipe_and_back() -> None:
+    done = pipe("-", "-o", "-", "--raw", f"{TINY_WIDTH}x{TINY_HEIGHT}@12", data=b"".join(f.tobytes() for f in FRAMES))
+    assert done.returncode == 0, done.stderr
+    assert len(done.stdout) == sum(frame.nbytes for frame in FRAMES)
+
+
+def test_frames_flow_as_they_are_done() -> None:
+    data = ffmpeg_writes(FRAMES, "yuv420p")
+    header, *frames = data.split(b"FRAME\n")
+    command = [sys.executable, "-m", "impasto", "render", "-", "-o", "-", "-p", "lines=off"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdin is not None and process.stdout is not None
+        process.stdin.write(header + b"FRAME\n" + frames[0])
+        process.stdin.flush()
+        assert process.stdout.readline().startswith(b"YUV4MPEG2")  # while the second frame has not been sent
+        assert process.stdout.readline() == b"FRAME\n"
+        assert len(process.stdout.read(len(frames[0]))) == len(frames[0])
+        process.stdin.close()
+        assert process.stdout.read() == b""
+
+
+def test_files_and_pipes_mix(tiny_clip: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out.mp4"
+    assert pipe("-", "-o", str(out), data=ffmpeg_writes(FRAMES, "yuv420p")).returncode == 0
+    with av.open(str(out)) as made:
+        assert (sum(1 for _ in made.decode(video=0)), made.streams.video[0].average_rate) == (len(FRAMES), 12)
+    read, _ = ffmpeg_reads(pipe(str(tiny_clip), "-o", "-").stdout)
+    assert read[0].shape == (TINY_HEIGHT, TINY_WIDTH, 3)
+
+
+@pytest.mark.parametrize("words", [("--artefact", "svg"), ("--json",), ("--workers", "2"), ("--raw", "640")])
+def test_options_that_pipes_cannot_have(words: tuple[str, ...]) -> None:
+    done = pipe("-", "-o", "-", *words)
+    assert done.returncode == 2
+    assert words[0].encode() in done.stderr

@@ -1,0 +1,99 @@
+"""A method that another package registers is listed, served, tested, measured and documented like a built-in one."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from impasto import Client
+from pipeline.video.reader import VideoReader
+from tests.outside import posterize
+
+ROOT = Path(__file__).resolve().parents[2]
+METADATA = "Metadata-Version: 2.1\nName: impasto-posterize\nVersion: 1.0\n"
+ENTRY_POINTS = "[impasto.methods]\nposterize = impasto_posterize:Posterize\n"
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """An environment in which the distribution impasto-posterize is installed."""
+    site = tmp_path_factory.mktemp("site")
+    (site / "impasto_posterize.py").write_text(Path(posterize.__file__).read_text())
+    about = site / "impasto_posterize-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text(METADATA)
+    (about / "entry_points.txt").write_text(ENTRY_POINTS)
+    return {**os.environ, "PYTHONPATH": f"{ROOT}:{site}"}
+
+
+def said(environment: dict[str, str], *words: str) -> str:
+    """What `python WORDS...` prints."""
+    done = subprocess.run([sys.executable, *words], cwd=ROOT, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def impasto(installed: dict[str, str], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
+    """A client of a service in that environment."""
+    home = tmp_path_factory.mktemp("home")
+    command = [sys.executable, "-m", "impasto", "serve", "--port", "0", "--home", str(home), "--workers", "1"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=installed, cwd=ROOT)
+    assert process.stdout is not None
+    with Client(process.stdout.readline().strip()) as client:
+        yield client
+    process.terminate()
+    assert process.wait(30) == 0
+
+
+def test_it_is_listed_with_the_schema_of_its_form(impasto: Client) -> None:
+    assert [method["name"] for method in impasto.methods()][-1] == "posterize"
+    found = impasto.method("posterize")
+    tones = found["params_schema"]["properties"]["tones"]
+    assert (tones["title"], tones["unit"], tones["minimum"], tones["maximum"], tones["default"]) == (
+        "Tones", "levels", 2, 64, 4,
+    )  # fmt: skip
+
+
+def test_a_job_of_it_over_http_gives_its_frames(impasto: Client, tiny_clip: Path, tmp_path: Path) -> None:
+    video = impasto.upload(tiny_clip)["id"]
+    job = impasto.submit("posterize", {"video": video}, {"tones": 2}, output={"format": "png"})
+    impasto.wait(job["id"], timeout_s=60)
+    impasto.download(job["id"], tmp_path / "frames.zip")
+    with VideoReader(tiny_clip) as reader, zipfile.ZipFile(tmp_path / "frames.zip") as archive:
+        for frame, name in zip(reader.read(), archive.namelist(), strict=True):
+            painted = cv2.imdecode(np.frombuffer(archive.read(name), np.uint8), cv2.IMREAD_COLOR)
+            assert painted is not None
+            np.testing.assert_array_equal(painted[..., ::-1], np.where(frame < 128, 64, 192))
+
+
+def test_the_command_explains_it(installed: dict[str, str]) -> None:
+    found = json.loads(said(installed, "-m", "impasto", "methods", "posterize", "--json"))
+    assert (found["title"], [each["name"] for each in found["params"]]) == ("Posterize", ["tones"])
+
+
+def test_the_tests_of_every_method_cover_it(installed: dict[str, str]) -> None:
+    """Among them: equal bytes in any order of tasks, and whatever frame count the container claims."""
+    suite = "tests/pipeline/methods/test_registry.py"
+    printed = said(installed, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-k", "posterize", "-rp", suite)
+    assert "test_the_same_request_gives_the_same_bytes_in_any_order[posterize]" in printed
+
+
+def test_it_has_a_row_in_the_benchmark(installed: dict[str, str]) -> None:
+    printed = said(installed, "-m", "benchmarks.methods", "--size", "64x48", "--frames", "2", "--turns", "1")
+    assert [line.split(" | ")[0] for line in printed.splitlines()][-1] == "| posterize"
+
+
+def test_it_has_a_row_in_the_documentation(installed: dict[str, str]) -> None:
+    printed = said(installed, "-m", "docs.parameters", "--print")
+    assert "| `posterize` | The video with fewer tones. |" in printed
+    assert "## Posterize: `posterize`" in printed

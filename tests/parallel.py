@@ -1,0 +1,36 @@
+"""How the suite is spread over processes (`make test`, pytest-xdist with `--dist loadgroup`).
+
+A file stays in one process, because its fixtures are often one server for all of its tests. All tests that start a Ray
+cluster stay in one process, one after the other: clusters use fixed ports. Files that take longest come first, so that
+no process works alone at the end.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+RAY = "ray"
+LONGEST = (
+    "tests/deploy/test_entrypoint.py",
+    "tests/deploy/test_images.py",
+    "tests/workers/test_ray_nodes.py",
+    "tests/e2e/test_kill.py",
+    "tests/impasto/test_render.py",
+    "tests/workers/test_real_stores.py",
+    "tests/regression/test_recorded_values.py",
+    "tests/impasto/test_service.py",
+    "tests/contracts/test_dispatch.py",
+    "tests/e2e/test_rolling_upgrade.py",
+    "tests/e2e/test_same_bytes.py",
+)
+"""Files of more than 20 s, longest first; the others follow in the order of their names."""
+
+
+def arrange(items: list[pytest.Item]) -> None:
+    """Order tests, and give each its group; in place."""
+    files = {item: item.nodeid.partition("::")[0] for item in items}
+    with_ray = {files[item] for item in items if any(RAY in mark.args for mark in item.iter_markers("real"))}
+    for item in items:
+        item.add_marker(pytest.mark.xdist_group(RAY if files[item] in with_ray else files[item]))
+    rank = {file: place for place, file in enumerate(LONGEST)}
+    items.sort(key=lambda item: rank.get(files[item], len(rank)))

@@ -1,0 +1,133 @@
+"""A session that goes on with other parameters or at another size: the picture must not jump."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+import pipeline.scenes
+from pipeline.frames import Frame
+from pipeline.methods.abstraction import Abstraction, AbstractionParams, AbstractionSession
+
+SIZE, HALF = (192, 128), (96, 64)
+
+
+def scene(count: int) -> list[Frame]:
+    made = pipeline.scenes.scene("portrait", SIZE, frames=count)
+    return [made.image(index) for index in range(count)]
+
+
+def small(frame: Frame, size: tuple[int, int] = HALF) -> Frame:
+    return np.asarray(cv2.resize(frame, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def apart(a: Frame, b: Frame) -> float:
+    return float(np.abs(a.astype(np.int16) - b).mean())
+
+
+def run(session: AbstractionSession, frames: list[Frame]) -> list[Frame]:
+    return [session.step(frame) for frame in frames]
+
+
+def test_the_same_parameters_and_size_change_nothing() -> None:
+    frames = scene(6)
+    plain = run(AbstractionSession(AbstractionParams(), SIZE), frames)
+    session = AbstractionSession(AbstractionParams(), SIZE)
+    first = run(session, frames[:3])
+    rest = run(session.reconfigure(AbstractionParams(), SIZE), frames[3:])
+    assert all(np.array_equal(a, b) for a, b in zip(plain, first + rest, strict=True))
+
+
+def test_looking_ahead_and_painting_after_is_stepping() -> None:
+    frames = scene(4)
+    plain = run(AbstractionSession(AbstractionParams(), SIZE), frames)
+    session = AbstractionSession(AbstractionParams(), SIZE)
+    seen = [session.analyze(frame) for frame in frames]
+    assert all(np.array_equal(a, session.paint(b)) for a, b in zip(plain, seen, strict=True))
+
+
+def test_help_changes_no_bit_however_the_halves_overlap() -> None:
+    frames = scene(12)
+    plain = run(AbstractionSession(AbstractionParams(), SIZE), frames)
+    session = AbstractionSession(AbstractionParams(), SIZE)
+    with ThreadPoolExecutor(1) as helper, ThreadPoolExecutor(1) as eye:
+        session.use_helper(helper)
+        seen = [eye.submit(session.analyze, frame) for frame in frames[:8]]
+        painted = [session.paint(later.result()) for later in seen]
+        session = session.reconfigure(AbstractionParams(), SIZE)
+        painted += run(session, frames[8:])
+    assert all(np.array_equal(a, b) for a, b in zip(plain, painted, strict=True))
+
+
+@pytest.mark.parametrize(("before", "after"), [(SIZE, HALF), (HALF, SIZE)])
+def test_a_change_of_size_keeps_regions_and_colours(before: tuple[int, int], after: tuple[int, int]) -> None:
+    frames = scene(6)
+    session = AbstractionSession(AbstractionParams(), before)
+    last = run(session, [small(f, before) for f in frames[:5]])[-1]
+    ids = set(_ids(session))
+    turned = session.reconfigure(AbstractionParams(), after)
+    painted = turned.step(small(frames[5], after))
+    afresh = AbstractionSession(AbstractionParams(), after).step(small(frames[5], after))
+    assert painted.shape == (after[1], after[0], 3)
+    assert apart(small(painted), small(last)) < 0.75 * apart(small(afresh), small(last))
+    assert len(ids & set(_ids(turned))) > len(ids) / 2
+
+
+def _ids(session: AbstractionSession) -> list[int]:
+    state = session.state()
+    return [int(i) for i in np.unique(state["regions.segmenter.ids"][state["regions.segmenter.labels"]])]
+
+
+@pytest.mark.parametrize(
+    "params",
+    [{"lines": "off"}, {"lines": "flow"}, {"line_width": 6.0}, {"growing_limit": 30}, {"flow": "tvl1"},
+     {"face_importance": 0.0}, {"temporal": "off"},
+     {"edges": "sharp"}],
+)  # fmt: skip
+def test_any_parameter_may_change(params: dict[str, Any]) -> None:
+    frames = scene(4)
+    session = AbstractionSession(AbstractionParams(), SIZE)
+    run(session, frames[:2])
+    there = session.reconfigure(AbstractionParams(**params), SIZE)
+    there.step(frames[2])
+    back = there.reconfigure(AbstractionParams(), HALF)
+    assert back.step(small(frames[3])).shape == (HALF[1], HALF[0], 3)
+
+
+def test_sharp_edges_continue_at_another_size() -> None:
+    frames = scene(4)
+    session = AbstractionSession(AbstractionParams(edges="sharp"), SIZE)
+    whole = run(session, frames[:3])[-1]
+    turned = session.reconfigure(AbstractionParams(edges="sharp"), HALF)
+    assert apart(turned.step(small(frames[2])), small(whole)) < 4
+
+
+def test_a_reference_comes_and_goes() -> None:
+    frames = scene(5)
+    green = np.full((8, 8, 3), (20, 160, 60), np.uint8)
+    session = AbstractionSession(AbstractionParams(), SIZE)
+    run(session, frames[:2])
+    coloured = session.reconfigure(AbstractionParams(), SIZE, {"reference": iter([green])})
+    assert coloured.regions.palette.reference is not None
+    coloured.step(frames[2])
+    kept = coloured.reconfigure(AbstractionParams(lines="off"), SIZE)
+    assert kept.regions.palette.reference is coloured.regions.palette.reference
+    kept.step(frames[3])
+    plain = kept.reconfigure(AbstractionParams(), SIZE, {})
+    assert plain.regions.palette.reference is None
+    plain.step(frames[4])
+
+
+def test_before_the_first_frame_there_is_nothing_to_carry() -> None:
+    session = AbstractionSession(AbstractionParams(), SIZE).reconfigure(AbstractionParams(lines="off"), HALF)
+    assert session.step(small(scene(1)[0])).shape == (HALF[1], HALF[0], 3)
+
+
+def test_the_registered_method_follows() -> None:
+    session = Abstraction().stream(AbstractionParams(), SIZE, 0, {})
+    session.paint(session.analyze(scene(1)[0]))
+    assert isinstance(session.reconfigure(AbstractionParams(), HALF), AbstractionSession)

@@ -1,0 +1,148 @@
+"""Forward streamlines: the same strokes as backward streamlines, and no pixel painted twice."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from pipeline.strokes.brush import Brush, Strokes, blank, discs
+from pipeline.strokes.raster import StrokeProfile
+from pipeline.strokes.seeds import Seeds, place
+from pipeline.strokes.streamlines_backward import streamlines_backward
+from pipeline.strokes.streamlines_forward import (
+    FrontToBack,
+    RasterOptions,
+    composite_over,
+    empty_buffer,
+    streamlines_forward,
+)
+
+SIZE = (91, 111)
+EVEN = StrokeProfile((0, 0), streaks=0, dry=0, soft=0)
+
+
+def dots(xy: list[tuple[float, float]], colours: list[tuple[int, int, int]], brush: Brush) -> Strokes:
+    seeds = Seeds(np.array(xy, np.float32), np.arange(len(xy), dtype=np.uint64))
+    return discs(seeds, brush, np.array(colours, np.float32))
+
+
+def even(angle_rad: float) -> np.ndarray:
+    return np.full((*SIZE, 2), [math.cos(2 * angle_rad), math.sin(2 * angle_rad)], np.float32)
+
+
+def layer(
+    buffer: FrontToBack, strokes: Strokes, field: np.ndarray, length: float, order: list[int], **more: object
+) -> None:
+    lengths = np.full(len(strokes), length, np.float32)
+    options = RasterOptions(profile=EVEN, **more)  # type: ignore[arg-type]
+    streamlines_forward(buffer, strokes, field, lengths, np.array(order, np.intp), options)
+
+
+def many() -> tuple[Strokes, np.ndarray, np.ndarray]:
+    """Strokes all over, a field that turns slowly, and an order that has nothing to do with places."""
+    seeds = place(SIZE, 8, seed=4)
+    rng = np.random.default_rng(5)
+    strokes = discs(seeds, Brush(size_px=7, relief_px=2), rng.uniform(0, 255, (len(seeds), 3)).astype(np.float32))
+    y, x = np.indices(SIZE, np.float32)
+    field = np.dstack([np.cos(x / 60 + y / 80), np.sin(x / 60 + y / 80)]).astype(np.float32)
+    return strokes, field, rng.permutation(len(seeds))
+
+
+@pytest.mark.parametrize(("curved", "alike"), [(False, 0.8), (True, 0.78)])
+def test_what_covers_what_is_what_the_paper_says(curved: bool, alike: float) -> None:
+    """Strokes are 8 px apart and hide each other, so ever so small differences show."""
+    strokes, field, order = many()
+    field = field if curved else even(0.4)
+    buffer = empty_buffer(SIZE)
+    options = RasterOptions(profile=EVEN)
+    streamlines_forward(buffer, strokes, field, np.full(len(strokes), 30, np.float32), order, options)
+    canvas = blank(np.zeros((*SIZE, 3), np.uint8))
+    streamlines_backward(canvas, strokes, field, 30, order, options)
+    apart = np.abs(composite_over(buffer, np.zeros((*SIZE, 3), np.float32))[..., :3] - canvas[..., :3]).max(axis=-1)
+    assert (apart < 30).mean() > alike
+
+
+@pytest.mark.parametrize("degrees", [0, 30, 90, 135])
+def test_a_stroke_is_as_long_and_wide_as_it_should_be(degrees: int) -> None:
+    angle, buffer = math.radians(degrees), empty_buffer(SIZE)
+    layer(buffer, dots([(55, 45)], [(200, 200, 200)], Brush(size_px=8)), even(angle), 40, [0])
+    y, x = np.nonzero(buffer[..., 4] < 0.5)
+    along = (x - 55) * math.cos(angle) + (y - 45) * math.sin(angle)
+    across = (y - 45) * math.cos(angle) - (x - 55) * math.sin(angle)
+    assert np.abs(across).max() <= 4.6
+    assert 22 <= along.max() <= 25 and -25 <= along.min() <= -22
+    assert (1 - buffer[..., 4]).sum() == pytest.approx(8 * 40 + math.pi * 16, rel=0.03)
+
+
+def test_the_first_of_the_order_is_uppermost() -> None:
+    strokes = dots([(50, 45), (55, 45)], [(250, 0, 0), (0, 0, 250)], Brush(size_px=10))
+    for order, top in (([0, 1], 0), ([1, 0], 2)):
+        buffer = empty_buffer(SIZE)
+        layer(buffer, strokes, even(0), 20, order)
+        assert buffer[45, 52, top] == pytest.approx(250, abs=1) and buffer[45, 52, 2 - top] < 1
+
+
+def test_what_is_painted_first_stays_on_top_and_the_ground_shows_where_nothing_is() -> None:
+    buffer = empty_buffer(SIZE)
+    layer(buffer, dots([(30, 45)], [(9, 200, 9)], Brush(size_px=9)), even(0), 10, [0])
+    before = buffer.copy()
+    layer(buffer, dots([(34, 45)], [(200, 9, 9)], Brush(size_px=20)), even(0), 30, [0])
+    done = before[..., 4] < 0.004
+    np.testing.assert_array_equal(buffer[done], before[done])
+    picture = composite_over(buffer, np.full((*SIZE, 3), 77, np.float32))
+    assert (picture[5, 5, :3] == 77).all() and picture[45, 30, 1] == pytest.approx(200, abs=1)
+
+
+def test_thin_paint_adds_up() -> None:
+    buffer = empty_buffer(SIZE)
+    layer(
+        buffer,
+        dots([(50, 45), (50, 45)], [(200, 0, 0), (0, 0, 200)], Brush(size_px=9, opacity=0.5)),
+        even(0),
+        20,
+        [0, 1],
+    )
+    np.testing.assert_allclose(buffer[45, 50, [0, 2, 4]], [100, 50, 0.25], atol=0.5)
+
+
+def test_strokes_keep_off_other_colours_each_by_its_own_tolerance() -> None:
+    guide = np.full((*SIZE, 3), 20, np.uint8)
+    guide[:, 60:] = 60
+    strokes = dots([(50, 20), (50, 70)], [(20, 20, 20)] * 2, Brush(size_px=9))
+    buffer = empty_buffer(SIZE)
+    layer(buffer, strokes, even(0), 60, [0, 1], guide=guide, tolerance=np.array([30, 90], np.float32))
+    assert (buffer[20, 60:, 4] == 1).all() and buffer[20, 55, 4] < 0.01 and buffer[70, 65, 4] < 0.01
+
+
+def test_soft_edges_fade_over_their_width_and_leave_a_stroke_as_wide_as_it_is() -> None:
+    """A stroke of radius 8 along x; how many rows lie between wholly painted and bare."""
+    made = {}
+    for soft in (0.0, 0.5):
+        buffer, strokes = empty_buffer(SIZE), dots([(55, 45)], [(200, 200, 200)], Brush(size_px=16))
+        options = RasterOptions(profile=StrokeProfile((0, 0), streaks=0, dry=0, soft=soft))
+        streamlines_forward(buffer, strokes, even(0), np.array([30], np.float32), np.array([0], np.intp), options)
+        share = 1 - buffer[:, 55, 4]
+        made[soft] = ((share > 0.02) & (share < 0.98)).sum() / 2, share.sum()
+    assert made[0.0][0] <= 1 and 4 <= made[0.5][0] <= 6
+    assert made[0.5][1] == pytest.approx(made[0.0][1], abs=0.3)
+
+
+@pytest.mark.parametrize("threads", [2, 3, 7])
+def test_threads_change_no_byte(threads: int) -> None:
+    strokes, field, order = many()
+    pictures = []
+    for n in (1, threads):
+        buffer = empty_buffer(SIZE)
+        lengths = np.full(len(strokes), 25, np.float32)
+        streamlines_forward(buffer, strokes, field, lengths, order, RasterOptions(threads=n))
+        pictures.append(buffer.tobytes())
+    assert pictures[0] == pictures[1]
+
+
+def test_nothing_to_paint() -> None:
+    buffer = empty_buffer(SIZE)
+    none = Strokes(*(getattr(dots([(1, 1)], [(0, 0, 0)], Brush()), k)[:0] for k in Strokes.__dataclass_fields__))
+    streamlines_forward(buffer, none, even(0), np.zeros(0, np.float32), np.zeros(0, np.intp))
+    assert (buffer == empty_buffer(SIZE)).all()

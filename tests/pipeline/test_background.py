@@ -1,0 +1,52 @@
+"""Work done background: at once without a helper, in turn with one."""
+
+from __future__ import annotations
+
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from pipeline.background import Background
+
+
+def test_without_a_helper_it_is_done_at_once_by_the_caller() -> None:
+    asked = []
+    later = Background()(lambda x: asked.append(threading.current_thread()) or x + 1, 1)
+    assert asked == [threading.current_thread()]
+    assert later.result() == 2
+
+
+def test_a_helper_works_in_order_and_apart() -> None:
+    background, seen, gate = Background(), [], threading.Event()
+    with ThreadPoolExecutor(1) as background.helper:
+        background(gate.wait, 5)
+        laters = [background(lambda n: seen.append(n) or threading.current_thread(), n) for n in range(5)]
+        assert seen == []
+        gate.set()
+        assert {later.result() for later in laters} != {threading.current_thread()}
+    assert seen == [0, 1, 2, 3, 4]
+
+
+def test_what_went_wrong_is_told_to_who_asks() -> None:
+    background = Background()
+    with ThreadPoolExecutor(1) as background.helper, pytest.raises(ZeroDivisionError):
+        background(lambda: 1 / 0).result()
+    background.helper = None
+    with pytest.raises(ZeroDivisionError):
+        background(lambda: 1 / 0)
+
+
+def test_rows_are_all_done_once_and_the_helper_takes_the_upper_half() -> None:
+    background, done = Background(), []
+
+    def work(first: int, last: int) -> None:
+        done.append((first, last, threading.current_thread().name))
+
+    background.rows(work, 7)
+    assert done == [(0, 7, threading.current_thread().name)]
+    done.clear()
+    with ThreadPoolExecutor(1, thread_name_prefix="helper") as background.helper:
+        background.rows(work, 7)
+    assert sorted((first, last) for first, last, _ in done) == [(0, 3), (3, 7)]
+    assert next(name for first, _, name in done if first == 0).startswith("helper")

@@ -1,0 +1,70 @@
+"""Compiling in several processes: one after the other."""
+
+from __future__ import annotations
+
+import fcntl
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from pipeline import jit
+from pipeline.jit import LOCK, kernel
+
+
+@kernel
+def _inner(x: int) -> int:
+    return x + 1
+
+
+@kernel
+def _outer(x: int) -> int:
+    return _inner(x) * 2
+
+
+def test_a_kernel_waits_while_another_process_compiles() -> None:
+    folder = Path(_outer.stats.cache_path)  # type: ignore[attr-defined]
+    got: list[int] = []
+    with (folder / LOCK).open("wb") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        thread = threading.Thread(target=lambda: got.append(_outer(20)))
+        thread.start()
+        thread.join(0.3)
+        assert got == []
+    thread.join(60)
+    assert got == [42], "a kernel within a kernel is compiled in the same turn"
+
+
+SCRIPT = """
+from tests.pipeline.test_jit import _outer
+print(_outer(3), _outer(3.5))
+"""
+
+
+def test_processes_that_begin_together_agree(tmp_path: Path) -> None:
+    env = {"NUMBA_CACHE_DIR": str(tmp_path), "PATH": "", "HOME": str(tmp_path)}
+    command = [sys.executable, "-c", SCRIPT]
+    root = Path(__file__).parents[2]
+    children = [subprocess.Popen(command, cwd=root, env=env, stdout=subprocess.PIPE, text=True) for _ in range(3)]
+    assert {child.communicate(timeout=90)[0] for child in children} == {"8 9.0\n"}
+    assert list(tmp_path.rglob("*.nbc"))
+
+
+def test_a_kernels_stamp_changes_with_what_it_calls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    texts = {"a": "from pipeline.b import f", "b": "from pipeline.c import g\nimport os", "c": "x = 1", "d": "y = 1"}
+    (tmp_path / "pipeline").mkdir()
+    for name, text in texts.items():
+        (tmp_path / "pipeline" / f"{name}.py").write_text(text)
+    monkeypatch.setattr(jit, "_ROOT", tmp_path)
+
+    def stamps() -> dict[str, str]:
+        for remembered in (jit.stamp_of, jit._imported, jit._text):
+            remembered.cache_clear()
+        return {name: jit.stamp_of(tmp_path / "pipeline" / f"{name}.py") for name in texts}
+
+    before = stamps()
+    (tmp_path / "pipeline" / "c.py").write_text("x = 2")
+    after = stamps()
+    assert {name for name in texts if before[name] != after[name]} == {"a", "b", "c"}

@@ -1,0 +1,163 @@
+"""Region borders and their coverage anti-aliased fill: no gaps, exact areas, thin regions survive, sharp borders."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pipeline.background import Background
+from pipeline.frames import Labels
+from pipeline.vector.borders import align_borders, find_borders, smooth_borders
+from pipeline.vector.fill import fill_regions
+
+SIZE = (60, 44)
+
+
+def blobs(count: int = 9, seed: int = 0) -> Labels:
+    noise = cv2.GaussianBlur(np.random.default_rng(seed).random((SIZE[1], SIZE[0])), (0, 0), 3)
+    ranks = noise.ravel().argsort().argsort().reshape(noise.shape)
+    return (1 + ranks * count // ranks.size).astype(np.int32)
+
+
+def confetti() -> Labels:
+    """Every kind of corner, and regions of one pixel."""
+    return np.random.default_rng(1).integers(1, 5, (SIZE[1], SIZE[0])).astype(np.int32)
+
+
+def colours_for(labels: Labels) -> NDArray[np.uint8]:
+    return np.random.default_rng(9).integers(0, 256, (int(labels.max()) + 1, 3), np.uint8)
+
+
+def disc(radius_px: float, side: int = 40) -> Labels:
+    y, x = np.mgrid[:side, :side] - (side - 1) / 2
+    return np.where(x * x + y * y < radius_px**2, 2, 1).astype(np.int32)
+
+
+@pytest.mark.parametrize("labels", [blobs(), confetti(), np.ones((20, 30), np.int32)], ids=["blobs", "confetti", "one"])
+def test_unsmoothed_borders_give_back_the_label_map(labels: Labels) -> None:
+    colours = colours_for(labels)
+    size = (labels.shape[1], labels.shape[0])
+    np.testing.assert_array_equal(fill_regions(find_borders(labels), colours, size), colours[labels])
+
+
+@pytest.mark.parametrize("labels", [blobs(), confetti()], ids=["blobs", "confetti"])
+@pytest.mark.parametrize("scale", [1.0, 1.7, 3.0, 0.5])
+def test_neighbours_leave_no_gap(labels: Labels, scale: float) -> None:
+    """With one colour for all regions every pixel has exactly that colour, however borders move."""
+    colours = np.full((int(labels.max()) + 1, 3), (250, 130, 7), np.uint8)
+    size = (round(SIZE[0] * scale), round(SIZE[1] * scale))
+    picture = fill_regions(smooth_borders(find_borders(labels), 2.0, 2.0), colours, size)
+    np.testing.assert_array_equal(picture, np.broadcast_to(colours[1], picture.shape))
+
+
+def test_the_inside_of_a_region_has_exactly_its_colour() -> None:
+    labels = disc(12)
+    colours = np.array([(0, 0, 0), (10, 200, 90), (240, 17, 33)], np.uint8)
+    picture = fill_regions(smooth_borders(find_borders(labels), 2.0, 2.0), colours, (120, 120))
+    inside = np.asarray(cv2.erode((labels == 2).astype(np.uint8), np.ones((7, 7))), np.uint8)
+    inside = np.asarray(cv2.resize(inside, (120, 120), interpolation=cv2.INTER_NEAREST), np.uint8)
+    np.testing.assert_array_equal(picture[inside > 0], np.broadcast_to(colours[2], (int(inside.sum()), 3)))
+
+
+def test_a_slanting_border_covers_its_area() -> None:
+    """The fill of a half plane whose border is one straight line through lattice nodes, against exact coverage."""
+    labels = np.ones((8, 8), np.int32)
+    labels[:, 4:] = 2
+    borders = find_borders(labels)
+    inner = borders.lattice[:, 0] == 4
+    borders.positions[inner, 0] = 2 + borders.positions[inner, 1] / 2  # from (2, 0) to (6, 8)
+    picture = fill_regions(borders, np.array([[0] * 3, [0] * 3, [255] * 3], np.uint8), (8, 8))
+    fine = (np.arange(64) + 0.5) / 64
+    for y in range(8):
+        edge = 2 + (y + fine) / 2
+        for x in range(8):
+            assert picture[y, x, 0] == pytest.approx(255 * np.clip(x + 1 - edge, 0, 1).mean(), abs=1.5)
+
+
+@pytest.mark.parametrize("radius", [2.0, 3.5, 8.0])
+def test_small_regions_keep_their_area(radius: float) -> None:
+    labels = disc(radius)
+    picture = fill_regions(
+        smooth_borders(find_borders(labels), 1.5, 1.5), np.array([[0] * 3, [0] * 3, [255] * 3], np.uint8), (40, 40)
+    )
+    assert picture[..., 0].sum() / 255 == pytest.approx((labels == 2).sum(), rel=0.15)
+
+
+def test_a_thin_region_survives() -> None:
+    """A slanting line two pixels wide keeps three quarters of its area and is never interrupted."""
+    labels = np.ones((30, 60), np.int32)
+    x = np.arange(4, 56)
+    labels[4 + x // 3, x] = labels[5 + x // 3, x] = 2
+    borders = smooth_borders(find_borders(labels), 2.0, 1.5)
+    picture = fill_regions(borders, np.array([[0] * 3, [0] * 3, [255] * 3], np.uint8), (60, 30))[..., 0] / 255
+    assert picture.sum() > 0.75 * 2 * len(x)
+    assert picture.sum(axis=0)[8:52].min() > 0.8
+
+
+def test_edges_are_equally_sharp_at_every_size() -> None:
+    """The part of pixels that are neither one colour nor the other falls with the scale: borders stay a pixel wide."""
+    borders = smooth_borders(find_borders(disc(12)), 1.5, 1.5)
+    colours = np.array([[0] * 3, [0] * 3, [255] * 3], np.uint8)
+    mixed = []
+    for scale in (1, 2, 4):
+        picture = fill_regions(borders, colours, (40 * scale, 40 * scale))[..., 0]
+        mixed.append(((picture > 0) & (picture < 255)).sum() / scale)
+    assert max(mixed) < 1.3 * min(mixed)
+
+
+def test_smoothing_takes_the_steps_off_a_slanting_border() -> None:
+    y, x = np.mgrid[:40, :60]
+    labels = np.where(y < 8 + 0.4 * x, 1, 2).astype(np.int32)
+    borders = smooth_borders(find_borders(labels), 2.0, 2.0)
+    inner = (borders.lattice[:, 0] > 8) & (borders.lattice[:, 0] < 52)
+    inner &= (borders.lattice[:, 1] > 8) & (borders.lattice[:, 1] < 32)
+    rough, smooth = (
+        np.abs(p[inner, 1] - np.polyval(np.polyfit(p[inner, 0], p[inner, 1], 1), p[inner, 0])).max()
+        for p in (borders.lattice.astype(float), borders.positions.astype(float))
+    )
+    assert smooth < 0.25 * rough
+
+
+def test_borders_stay_within_the_frame_and_the_limit() -> None:
+    borders = smooth_borders(find_borders(confetti()), 3.0, 1.25)
+    assert np.abs(borders.positions - borders.lattice).max() <= 1.25 + 1e-5
+    for axis, last in enumerate(SIZE):
+        for side in (0, last):
+            assert (borders.positions[borders.lattice[:, axis] == side, axis] == side).all()
+
+
+def half_covered(share: float) -> tuple[Labels, NDArray[np.uint8]]:
+    """Two regions, and their picture in 8-bit CIELAB, whose column 10 is a mixture: `share` of the left region."""
+    labels = np.where(np.arange(20) < 10, 1, 2).astype(np.int32)[None].repeat(12, axis=0)
+    lightness = np.where(np.arange(20) < 10, 40.0, 240.0)
+    lightness[10] = 240 - 200 * share
+    lab = np.full((12, 20, 3), 128, np.uint8)
+    lab[..., 0] = np.rint(lightness)
+    return labels, lab
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.5])
+def test_a_border_that_moves_lies_where_the_colours_change(share: float) -> None:
+    labels, lab = half_covered(share)
+    made = align_borders(find_borders(labels), labels, lab, np.full((12, 20, 2), 1, np.float32))
+    inner = made.lattice[:, 0] == 10
+    np.testing.assert_allclose(made.positions[inner, 0], 10 + share, atol=0.02)
+    np.testing.assert_array_equal(made.positions[:, 1], made.lattice[:, 1])
+
+
+def test_a_border_that_stands_still_stays_on_the_lattice() -> None:
+    labels, lab = half_covered(0.5)
+    made = align_borders(find_borders(labels), labels, lab, np.zeros((12, 20, 2), np.float32))
+    np.testing.assert_array_equal(made.positions, made.lattice)
+
+
+def test_two_threads_give_the_same_bytes() -> None:
+    labels = blobs()
+    colours, borders = colours_for(labels), smooth_borders(find_borders(labels), 2.0, 2.0)
+    alone = fill_regions(borders, colours, (131, 97))
+    with ThreadPoolExecutor(1) as helper:
+        np.testing.assert_array_equal(fill_regions(borders, colours, (131, 97), Background(helper)), alone)

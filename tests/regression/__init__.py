@@ -1,0 +1,1 @@
+"""Recorded SHA-256 values of rendered frames: a change that should not change a picture is checked against them."""

@@ -1,0 +1,47 @@
+"""The browser bundle: exact versions, no web addresses, and a clear answer while it is not built."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from fastapi.testclient import TestClient
+
+from service import bundle
+
+
+def test_every_npm_package_has_an_exact_version() -> None:
+    package = json.loads((bundle.WEB / "package.json").read_text())
+    versions = package["dependencies"] | package["devDependencies"]
+    assert versions
+    assert all(re.fullmatch(r"\d+\.\d+\.\d+", version) for version in versions.values()), versions
+
+
+def test_the_lock_file_names_no_host() -> None:
+    lock = (bundle.WEB / "package-lock.json").read_text()
+    assert "://" not in lock, "write it again with: python -m service.bundle lock"
+    packages = json.loads(lock)["packages"]
+    assert all("integrity" in package for name, package in packages.items() if name)
+
+
+def test_pages_that_are_not_built_are_reported_with_the_remedy(
+    client: TestClient, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(bundle, "DIST", tmp_path)
+    answer = client.get("/")
+    assert answer.status_code == 503
+    assert "make web" in answer.text
+
+
+def test_another_source_makes_the_built_pages_stale(pages: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert bundle.is_current()
+    monkeypatch.setattr(bundle, "SOURCES", ("src",))
+    assert not bundle.is_current()
+
+
+def test_bundled_files_are_cached_for_ever_and_pages_are_not(client: TestClient, pages: Path) -> None:
+    script = next((pages / "assets").glob("*.js")).name
+    assert "immutable" in client.get(f"/static/assets/{script}").headers["cache-control"]
+    assert client.get("/").headers["cache-control"] == "no-cache"

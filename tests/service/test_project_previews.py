@@ -1,0 +1,296 @@
+"""Previews of a project over HTTP: records, passes, cards, errors by path, overtaking, bounded memory."""
+
+from __future__ import annotations
+
+import base64
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from fastapi.testclient import TestClient
+from numpy.typing import NDArray
+
+from pipeline.methods.analogy import propagation as propagation_module
+from pipeline.synthesis.images import NOWHERE
+from service.app import create_app
+from service.settings import Settings
+from tests.service.records import picture, records, types
+from workers.farm import Farm, open_farm
+
+Json = dict[str, Any]
+
+
+@pytest.fixture(scope="module")
+def farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
+    opened = open_farm(Settings(home=tmp_path_factory.mktemp("home"), pool="none"))
+    yield opened
+    opened.stop()
+
+
+@pytest.fixture(scope="module")
+def client(farm: Farm, tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
+    app = create_app(Settings(home=tmp_path_factory.mktemp("service"), pool="none"), farm)
+    with TestClient(app, "http://127.0.0.1:8420", raise_server_exceptions=False) as opened:
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def clip(client: TestClient, tiny_clip: Path) -> str:
+    return str(client.post("/v1/assets", files={"file": ("tiny.mp4", tiny_clip.read_bytes())}).json()["id"])
+
+
+def _document(clip: str, *layers: Json) -> Json:
+    return {
+        "schema": 1,
+        "name": "Swan",
+        "assets": {"clip": {"id": clip}},
+        "shots": [{"id": "s1", "video": "clip", "layers": list(layers)}],
+    }
+
+
+def _layer(method: str, **parts: Any) -> Json:
+    return {"id": "l1", "method": method, **parts}
+
+
+@pytest.fixture(scope="module")
+def at(client: TestClient, clip: str) -> str:
+    made = client.post("/v1/projects", json={"document": _document(clip, _layer("multistyle"))})
+    return f"{made.json()['links']['self']}/previews"
+
+
+def _ask(http: TestClient, url: str, **body: Any) -> Any:
+    answer = http.post(url, json={"shot": "s1", **body})
+    assert answer.status_code == 200, answer.text
+    assert answer.headers["Content-Type"] == "application/vnd.impasto.records"
+    return records(answer.content)
+
+
+def test_the_source_comes_frame_by_frame(client: TestClient, at: str) -> None:
+    found = _ask(client, f"{at}/source", frames=[2, 9], step=3, max_side_px=48)
+    assert types(found) == ["begin", "frame", "frame", "frame", "end"]
+    assert [header["frame"] for header, _ in found[1:-1]] == [2, 5, 8]
+    assert picture(found[1][1]).shape == (32, 48, 3)
+    assert found[1][0]["scale"] == 0.5
+
+
+@pytest.mark.parametrize("method", ["abstraction", "multistyle", "patches"])
+def test_every_method_paints_a_frame(client: TestClient, at: str, clip: str, method: str) -> None:
+    found = _ask(client, f"{at}/paint", frame=5, document=_document(clip, _layer(method)))
+    assert types(found) == ["begin", "frame", "end"], "small pictures come at once"
+    assert (found[1][0]["final"], found[1][0]["media_type"]) == (True, "image/png")
+    assert picture(found[1][1]).shape == (64, 96, 3)
+
+
+def test_a_large_picture_comes_coarse_first(
+    client: TestClient, at: str, clip: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("workers.previews.kinds.paint.COARSE_FROM_PX", 90)
+    monkeypatch.setattr("workers.previews.kinds.paint.COARSE_SIDE_PX", 48)
+    found = _ask(client, f"{at}/paint", frame=5)
+    assert [(header["pass"], header["width"]) for header, _ in found[1:-1]] == [(0, 48), (1, 96)]
+
+
+def test_the_preview_of_a_change_is_the_preview_of_the_changed_document(client: TestClient, at: str, clip: str) -> None:
+    change = [{"op": "add", "path": "/shots/0/layers/0/params", "value": {"style": "pointillism"}}]
+    changed = _ask(client, f"{at}/paint", frame=5, change=change)[1][1]
+    document = _document(clip, _layer("multistyle", params={"style": "pointillism"}))
+    assert changed == _ask(client, f"{at}/paint", frame=5, document=document)[1][1]
+    assert changed != _ask(client, f"{at}/paint", frame=5)[1][1]
+
+
+def test_a_range_of_a_causal_method_is_what_its_stream_gives(client: TestClient, at: str, clip: str) -> None:
+    found = _ask(client, f"{at}/paint", frames=[0, 4], document=_document(clip, _layer("abstraction")))
+    assert [header["frame"] for header, _ in found[1:-1]] == [0, 1, 2, 3]
+
+
+def test_a_crop_is_a_piece_of_the_frame_at_full_resolution(client: TestClient, at: str) -> None:
+    whole = picture(_ask(client, f"{at}/paint", frame=5)[1][1])
+    found = _ask(client, f"{at}/paint", frame=5, crop=[10, 20, 30, 16], max_side_px=32)
+    assert np.array_equal(picture(found[1][1]), whole[20:36, 10:40])
+
+
+def test_layers_are_laid_over_each_other(client: TestClient, at: str, clip: str) -> None:
+    below, above = _layer("abstraction"), {**_layer("multistyle"), "id": "l2"}
+
+    def painted(*layers: Json) -> Any:
+        found = _ask(client, f"{at}/paint", frame=5, document=_document(clip, *layers))
+        return picture(found[1][1]).astype(np.int64)
+
+    a, b = painted(below), painted(above)
+    both = painted(below, {**above, "opacity": 0.5, "blend": "multiply"})
+    assert np.abs(both - (0.5 * a * b / 255 + 0.5 * a)).max() <= 0.51
+    assert np.array_equal(painted(below, {**above, "visible": False}), a)
+
+
+def test_cards_show_the_frame_in_every_style(client: TestClient, at: str) -> None:
+    cards = [{"id": name, "set": {"params": {"style": name}}} for name in ("pointillism", "watercolor")]
+    found = _ask(client, f"{at}/styles", frame=5, cards=cards, max_side_px=64)
+    assert [header["card"] for header, _ in found[1:-1]] == ["pointillism", "watercolor"]
+    assert found[1][1] != found[2][1]
+
+
+@pytest.fixture
+def red_key(client: TestClient, at: str) -> NDArray[np.uint8]:
+    """Frame 6 with little blue and green, BGR."""
+    key = picture(_ask(client, f"{at}/source", frame=6)[1][1])
+    key[..., :2] //= 4
+    return key
+
+
+@pytest.fixture
+def propagation(client: TestClient, at: str, clip: str) -> Callable[..., dict[int, NDArray[np.uint8]]]:
+    """The pictures by frame, in the order of the records, for a painting of frame 6."""
+
+    def ask(key: NDArray[np.uint8], **params: Any) -> dict[int, NDArray[np.uint8]]:
+        image = base64.b64encode(cv2.imencode(".png", key)[1].tobytes()).decode()
+        document = _document(clip, _layer("analogy", params={"levels": 2, "iterations": 2, **params}))
+        found = _ask(client, f"{at}/propagate", key=6, around=2, image=image, max_side_px=96, document=document)
+        assert types(found)[-1] == "end"
+        return {header["frame"]: picture(payload) for header, payload in found[1:-1]}
+
+    return ask
+
+
+@pytest.fixture
+def searched(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Pixels that the propagator searches, a number for each frame; empty if it is not called."""
+    counts: list[int] = []
+    plain = propagation_module._Neighbourhood.fixed_offsets
+
+    def counted(self: Any, index: int) -> Any:
+        fixed = plain(self, index)
+        counts.append(96 * 64 if fixed is None else int((fixed[..., 0] <= NOWHERE).sum()))
+        return fixed
+
+    monkeypatch.setattr(propagation_module._Neighbourhood, "fixed_offsets", counted)
+    return counts
+
+
+Ask = Callable[..., dict[int, NDArray[np.uint8]]]
+
+
+def test_a_painted_key_reaches_the_frames_around_it(
+    red_key: NDArray[np.uint8], propagation: Ask, searched: list[int]
+) -> None:
+    shown = propagation(red_key)
+    assert list(shown) == [6, 7, 5, 8, 4] and searched, "the propagator made them"
+    assert np.array_equal(shown[6], red_key), "the key is matched exactly"
+    palette = {tuple(pixel) for pixel in red_key.reshape(-1, 3).tolist()}
+    assert all({tuple(pixel) for pixel in seen.reshape(-1, 3).tolist()} <= palette for seen in shown.values())
+
+
+def test_a_second_edit_searches_only_what_it_changed(
+    red_key: NDArray[np.uint8], propagation: Ask, searched: list[int]
+) -> None:
+    before = propagation(red_key, steadiness=2)
+    assert sum(searched) == 4 * 96 * 64, "all of four frames; the key itself is not searched"
+    searched.clear()
+    edited = cv2.circle(red_key.copy(), (20, 20), 5, (255, 0, 255), -1)
+    after = propagation(edited, steadiness=2)
+    assert 0 < sum(searched) < 96 * 64, "less than a quarter of four frames"
+    assert all((before[frame] != after[frame]).any() for frame in (4, 5, 7, 8))
+
+
+def test_transparent_pixels_of_a_key_show_the_frame(
+    client: TestClient, at: str, red_key: NDArray[np.uint8], propagation: Ask
+) -> None:
+    filmed = picture(_ask(client, f"{at}/source", frame=6, max_side_px=96)[1][1])
+    opacity = np.zeros((64, 96), np.uint8)
+    opacity[:, :50] = 255
+    shown = propagation(np.dstack([red_key, opacity]), steadiness=3)[6]
+    assert np.array_equal(shown[:, :50], red_key[:, :50]) and np.array_equal(shown[:, 50:], filmed[:, 50:])
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_without_a_propagator_the_plan_makes_the_frames(
+    red_key: NDArray[np.uint8], propagation: Ask, monkeypatch: pytest.MonkeyPatch, fails: bool
+) -> None:
+    def none(*_: Any) -> None:
+        if fails:
+            raise ValueError("no")
+
+    monkeypatch.setattr("pipeline.methods.analogy.Analogy.propagator", none)
+    shown = propagation(red_key, levels=1, iterations=1 + fails)
+    assert list(shown) == [6, 5, 7, 4, 8] and np.array_equal(shown[6], red_key)
+
+
+def test_regions_have_the_numbers_of_a_job_and_reach_the_preview(client: TestClient, at: str, clip: str) -> None:
+    found = _ask(client, f"{at}/regions", frame=5, max_side_px=96)
+    assert set(types(found)[1:-3]) == {"progress"} and types(found)[-3:] == ["map", "regions", "end"]
+    coded = picture(found[-3][1]).astype(np.int64)
+    numbers = coded[..., 2] << 16 | coded[..., 1] << 8 | coded[..., 0]
+    tubes = found[-2][0]["tubes"]
+    assert {str(number) for number in np.unique(numbers).tolist()} - {"0"} == set(tubes)
+    tube, row = max(tubes.items(), key=lambda item: int(item[1]["area"]))
+    assert row["area"] == np.count_nonzero(numbers == int(tube))
+    assert int(tube) in found[-2][0]["objects"][str(row["object"])]["tubes"]
+    assert types(_ask(client, f"{at}/regions", frame=6, max_side_px=96)) == ["begin", "map", "regions", "end"], "warm"
+    designed = _layer("multistyle", regions={"a": {"tubes": [int(tube)]}},
+                      style_keys=[{"region": "a", "style": "pointillism", "frame": 0}])  # fmt: skip
+    plain = _ask(client, f"{at}/paint", frame=5)[1][1]
+    assert _ask(client, f"{at}/paint", frame=5, document=_document(clip, designed))[1][1] != plain
+
+
+def test_directions_follow_the_design(client: TestClient, at: str, clip: str) -> None:
+    along = [{"region": "rest", "frame": 0, "edge_weight": 0.0,
+              "elements": [{"pattern": "regular", "at": [0.5, 0.5], "angle": 30}]}]  # fmt: skip
+    document = _document(clip, _layer("multistyle", directions=along))
+    header, payload = _ask(client, f"{at}/directions", frame=5, spacing_px=8, document=document)[1]
+    field = np.frombuffer(payload, "<f4").reshape(header["rows"], header["columns"], 2)
+    assert (header["rows"], header["columns"]) == (8, 12)
+    assert np.abs(np.rad2deg(field[..., 0]) - 30).max() < 1 and field[..., 1].min() > 0.5
+
+
+def test_suggested_keys_begin_with_the_first_frame(client: TestClient, at: str) -> None:
+    found = _ask(client, f"{at}/keys", count=3)
+    scores, keys = found[-3][0], found[-2][0]
+    assert scores["frames"] == [0, 24] and len(scores["occlusion"]) == 24
+    assert keys["frames"][0] == 0 and len(keys["frames"]) == 3
+
+
+def test_problems_of_the_layer_are_refused_by_path(client: TestClient, at: str, clip: str) -> None:
+    wrong = _document(clip, _layer("multistyle", params={"stroke_size": 9}), {**_layer("oil"), "id": "l2"})
+    refused = client.post(f"{at}/paint", json={"shot": "s1", "layer": "l1", "document": wrong})
+    assert refused.status_code == 422
+    assert [error["path"] for error in refused.json()["errors"]] == ["/shots/0/layers/0/params/stroke_size"]
+    other = client.post(f"{at}/paint", json={"shot": "s1", "layer": "l2", "document": wrong})
+    assert [error["path"] for error in other.json()["errors"]] == ["/shots/0/layers/1/method"]
+    assert client.post(f"{at}/paint", json={"shot": "s9"}).status_code == 404
+
+
+def test_a_later_request_overtakes_the_earlier_one(
+    client: TestClient, at: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun, go_on = threading.Event(), threading.Event()
+    plain = __import__("workers.previews.painting", fromlist=["LayerPainter"]).LayerPainter.frame
+
+    def slow(self: Any, number: int, side_px: int) -> Any:
+        begun.set()
+        assert go_on.wait(10)
+        return plain(self, number, side_px)
+
+    monkeypatch.setattr("workers.previews.painting.LayerPainter.frame", slow)
+    answers: dict[int, list[str]] = {}
+
+    def ask(seq: int) -> None:
+        answers[seq] = types(_ask(client, f"{at}/paint", frame=7 + seq, client="tab", seq=seq))
+
+    first = threading.Thread(target=ask, args=(1,))
+    first.start()
+    assert begun.wait(10)
+    second = threading.Thread(target=ask, args=(2,))
+    second.start()
+    go_on.set()
+    first.join(20)
+    second.join(20)
+    assert answers[1][-1] == "overtaken" and answers[2] == ["begin", "frame", "end"]
+    assert types(_ask(client, f"{at}/paint", frame=8, client="tab", seq=1)) == ["begin", "overtaken"], "it is late"
+
+
+def test_warm_state_is_bounded(client: TestClient, at: str) -> None:
+    state = client.get(f"{at}/state").json()
+    assert 0 < state["bytes"] <= state["limit_bytes"] and state["where"] == "process"

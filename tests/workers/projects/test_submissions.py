@@ -1,0 +1,89 @@
+"""From a document to jobs: which inputs, with which frame numbers; the same document gives the same bytes."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from pipeline.errors import BadParameter
+from tests.workers.projects.documents import DESIGNED, asset_id, document, layer
+from workers.projects.faults import BadProject
+from workers.projects.frames import within
+from workers.projects.materials import ImagesByFrame, JsonValue, Uploaded, write_material
+from workers.projects.parsing import parse_document
+from workers.projects.submissions import Selection, layer_inputs, submissions
+
+
+def test_every_part_reaches_the_input_of_its_method() -> None:
+    keyed = layer(
+        "analogy", keys=[{"frame": 12, "image": "key-12", "mask": "mask-12"}], inputs={"style_output": "wave"}
+    )
+    drawn = [{"frame": 3, "image": "fg-0"}]
+    patches = layer("patches", scribbles=drawn, labels=drawn, label_styles={"background": "wash"})
+    abstract = layer("abstraction", importance=drawn, histogram={"hue": [1] * 36}, inputs={"reference": "wave"})
+    found = [submissions(parse_document(document(one)))[0].inputs for one in (keyed, patches, abstract)]
+    video = {"video": Uploaded(asset_id("a"))}
+    image = ImagesByFrame(((3, asset_id("f")),))
+    assert found == [
+        video | {"style_output": Uploaded(asset_id("b")), "keyframes": ImagesByFrame(((12, asset_id("c")),)),
+                 "masks": ImagesByFrame(((12, asset_id("d")),))},
+        video | {"masks": image, "labels": image, "styles": JsonValue('{"background":"wash"}')},
+        video | {"reference": Uploaded(asset_id("b")), "histogram": JsonValue.of({"hue": [1] * 36}),
+                 "importance": image},
+    ]  # fmt: skip
+
+
+def test_a_design_is_put_together() -> None:
+    (job,) = submissions(parse_document(document(DESIGNED)))
+    assert job.method == "multistyle" and job.params == {"style": "pointillism"}
+    design = job.inputs["design"]
+    assert isinstance(design, JsonValue)
+    written = json.loads(design.text)
+    assert written["version"] == 1 and written["keys"] == DESIGNED["style_keys"]
+    assert job.inputs["masks"] == ImagesByFrame(((0, asset_id("e")),))
+
+
+def test_parts_that_a_method_does_not_take_are_not_submitted() -> None:
+    (job,) = submissions(parse_document(document(DESIGNED | {"method": "abstraction", "params": {}})))
+    assert set(job.inputs) == {"video"}
+
+
+def test_frame_numbers_of_a_piece_begin_at_its_start() -> None:
+    keys = [{"region": "a", "frame": f} for f in (0, 10, 20, 30)] + [{"region": "b", "frame": 0}]
+    moved = within({"keys": keys, "n": 3}, (12, 30))
+    assert moved == {"keys": [{"region": "a", "frame": 0}, {"region": "a", "frame": 8}, {"region": "b", "frame": 0}],
+                     "n": 3}  # fmt: skip
+    parsed = parse_document(document(layer("analogy", keys=[{"frame": 12, "image": "key-12"}])))
+    found = layer_inputs(parsed, parsed.shots[0], parsed.shots[0].layers[0], (10, 20))
+    assert found["keyframes"] == ImagesByFrame(((2, asset_id("c")),))
+
+
+def test_a_variant_is_a_job_with_its_changes() -> None:
+    value = document(DESIGNED, variants=[
+        {"id": "v1", "shot": "s1", "layer": "l1", "set": {"params": {"style": None, "relief": 3}, "seed": 7}},
+        {"id": "v2", "shot": "s1", "layer": "l1", "set": {"seed": "no"}},
+    ])  # fmt: skip
+    parsed = parse_document(value)
+    (job,) = submissions(parsed, Selection(variants=["v1"]))
+    assert (job.variant, job.params, job.seed) == ("v1", {"relief": 3}, 7)
+    with pytest.raises(BadProject) as caught:
+        submissions(parsed, Selection(variants=["v2"]))
+    assert caught.value.errors[0].path == "/variants/1/set/seed"
+    with pytest.raises(BadParameter, match="v1, v2"):
+        submissions(parsed, Selection(variants=["v3"]))
+
+
+def test_materials_have_the_same_bytes_each_time(tmp_path: Path) -> None:
+    images = {asset_id("c"): b"\x89PNG\r\n\x1a\n one", asset_id("d"): b"\xff\xd8\xff two"}
+    made = ImagesByFrame(((2, asset_id("c")), (11, asset_id("d"))))
+    written = []
+    for name in "ab":
+        assert write_material(made, tmp_path / name, images.__getitem__) == "frames.zip"
+        written.append((tmp_path / name).read_bytes())
+    assert written[0] == written[1]
+    with zipfile.ZipFile(tmp_path / "a") as archive:
+        assert archive.namelist() == ["0000002.png", "0000011.jpg"]
+    assert JsonValue.of({"b": 1, "a": "é"}).text == '{"a":"é","b":1}'

@@ -1,0 +1,52 @@
+"""The shelf: quicker where it can be, and never other bytes than the store's."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+from workers.blobs.disk import DiskBlobs
+from workers.pools.artefact_cache import MOST_BYTES, ArtefactCache, SharedArtefacts
+
+
+def test_what_is_at_hand_is_not_fetched(tmp_path: Path) -> None:
+    store = DiskBlobs(tmp_path)
+    shelf = ArtefactCache(store)
+    shelf.begin({"jobs/a.npz": lambda: b"quick"}, keep=False)
+    assert shelf.get("jobs/a.npz") == b"quick"
+    assert shelf.end() == {}
+    store.put("jobs/a.npz", b"store")
+    assert shelf.get("jobs/a.npz") == b"store", "the next attempt was given nothing"
+
+
+def test_what_was_lost_on_the_way_comes_from_the_store(tmp_path: Path) -> None:
+    store = DiskBlobs(tmp_path)
+    store.put("jobs/a.npz", b"store")
+    shelf = ArtefactCache(store)
+    shelf.begin({"jobs/a.npz": lambda: None}, keep=False)
+    assert shelf.get("jobs/a.npz") == b"store"
+
+
+def test_artefacts_that_others_wait_for_are_kept_and_stored(tmp_path: Path) -> None:
+    store = DiskBlobs(tmp_path)
+    shelf = ArtefactCache(store)
+    shelf.begin({}, keep=True)
+    shelf.put("jobs/a.npz", io.BytesIO(b"state"))
+    shelf.put("jobs/b.npz", lambda file: file.write(b"more"))
+    shelf.put("jobs/segment", b"frames")
+    shelf.put("jobs/large.npz", bytes(MOST_BYTES + 1))
+    assert shelf.end() == {"jobs/a.npz": b"state", "jobs/b.npz": b"more"}
+    assert store.get("jobs/a.npz") == b"state"
+    assert store.size("jobs/large.npz") == MOST_BYTES + 1
+    shelf.begin({}, keep=False)
+    shelf.put("jobs/c.npz", b"last of its chain")
+    assert shelf.end() == {}
+
+
+def test_the_newest_are_handed_on_up_to_a_bound() -> None:
+    handed = SharedArtefacts(10)
+    handed.add({"a": ("ref-a", 4), "b": ("ref-b", 4)})
+    handed.add({"c": ("ref-c", 5)})
+    assert handed.of(["a", "b", "c", "d"]) == {"b": "ref-b", "c": "ref-c"}
+    handed.add({"d": ("ref-d", 11)})
+    assert handed.of(["a", "b", "c", "d"]) == {}

@@ -1,0 +1,112 @@
+"""What a task is given of a machine, and whether a machine has it: rules without any cluster."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pipeline.methods.base import Resources
+from tests.workers.conftest import finished, request_on, until
+from tests.workers.test_dispatcher import ByHand
+from tests.workers.toy import Toy
+from workers.blobs.disk import DiskBlobs
+from workers.errors import NoCapacity
+from workers.farm import Farm
+from workers.faults import failed_outcome
+from workers.model import JobRequest
+from workers.pools.base import Report
+from workers.pools.capacity import Capacity, capacity_for, default_capacity, machines_with, shortage
+from workers.scheduling.planning import plan_step
+from workers.settings import FarmSettings
+
+GIB = 1 << 30
+FARM = FarmSettings(task_cpus=2, task_gpus=0.25, task_memory_bytes=GIB)
+
+
+@pytest.mark.parametrize(
+    ("resources", "room"),
+    [
+        (None, Capacity(2, 0.25, GIB)),
+        (Resources(), Capacity(2, 0.25, GIB)),
+        (Resources(gpus=0.0), Capacity(2, 0.0, GIB)),
+        (Resources(cpus=1, gpus=1, memory_bytes=GIB // 4), Capacity(1, 1, GIB)),
+        (Resources(memory_bytes=GIB), Capacity(2, 0.25, GIB)),
+        (Resources(memory_bytes=GIB + 1), Capacity(2, 0.25, 2 * GIB)),
+        (Resources(memory_bytes=5 * GIB), Capacity(2, 0.25, 8 * GIB)),
+    ],
+)
+def test_a_task_is_given_what_it_needs_and_else_what_the_farm_says(resources: Resources | None, room: Capacity) -> None:
+    assert capacity_for(resources, FARM) == room
+
+
+def test_small_memory_is_rounded_up_where_the_farm_asks_for_none() -> None:
+    none = FarmSettings(task_memory_bytes=0)
+    assert capacity_for(Resources(memory_bytes=1), none).memory_bytes == GIB // 2
+    assert capacity_for(Resources(), none).memory_bytes == 0
+
+
+def test_a_worker_that_waits_for_work_holds_no_gpu() -> None:
+    assert default_capacity(FARM) == Capacity(2, 0.0, GIB)
+    assert not default_capacity(FARM).covers(capacity_for(None, FARM))
+    assert capacity_for(None, FARM).covers(default_capacity(FARM))
+
+
+def test_machines_that_could_hold_a_task_and_what_is_said_if_none_can() -> None:
+    machines = [("east", Capacity(4, 0, 8 * GIB)), ("west", Capacity(2, 1, 4 * GIB))]
+    assert machines_with(Capacity(1, 0, 4 * GIB), machines) == {"east", "west"}
+    assert machines_with(Capacity(1, 0.5, GIB), machines) == {"west"}
+    assert machines_with(Capacity(3, 0.5, GIB), machines) == set()
+    said = shortage(Capacity(3, 0.5, GIB), machines)
+    assert said == (
+        "No machine of the cluster has 3 CPU, 0.5 GPU, 1024 MiB "
+        "(east: 4 CPU, 8192 MiB; west: 2 CPU, 1 GPU, 4096 MiB)"
+    )  # fmt: skip
+    assert shortage(Capacity(1, 0, 0), []).endswith("(there are none)")
+
+
+def test_what_a_method_says_of_a_step_goes_for_tasks_that_say_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    says = Resources(gpus=0.0, memory_bytes=3 * GIB)
+    monkeypatch.setattr(Toy, "resources", staticmethod(lambda step, context: says), raising=False)
+    request, results = JobRequest("toy", {}), {"look": {"all": {"found": 1}}}
+    assert [task.resources for task in plan_step(1, request, {}, {}, results)] == [says]
+    (own,) = plan_step(1, request, {"memory_mib": 64}, {}, results)
+    assert own.resources == Resources(1.0, 0.0, 64 << 20)
+    (join,) = plan_step(2, request, {}, {}, results)
+    assert join.resources is not None and join.resources.gpus == 0.0
+
+
+def test_a_task_without_room_waits_with_a_reason_and_then_fails_its_job_at_once(
+    settings: FarmSettings, data: Path
+) -> None:
+    pool, blobs = ByHand(), DiskBlobs(settings.blobs_at)
+    farm = Farm(settings, pool)
+    farm.start()
+    try:
+        job = farm.jobs.submit(request_on(farm, data, params={"tasks": 1}))
+        pool.run(blobs, pool.next())
+        order = pool.next()
+        pool.listen(Report(order.attempt_id, worker="waiting for 99 CPU: no machine has that"))
+        until(lambda: "no machine" in farm.tasks.get(order.task_id).attempts[0]["worker"])
+        error = NoCapacity("No machine has 99 CPU.", field="needs", remedy="Add such a machine.")
+        pool.listen(Report(order.attempt_id, outcome=failed_outcome(order.attempt_id, error)))
+        ended = finished(farm, job.id)
+        assert ended.state == "failed" and ended.error is not None
+        assert (ended.error.code, ended.error.remedy) == ("no-room", "Add such a machine.")
+        assert pool.orders == [], "to try again cannot help"
+    finally:
+        farm.stop()
+
+
+def test_readiness_says_that_no_worker_can_start(
+    settings: FarmSettings, monkeypatch: pytest.MonkeyPatch
+) -> None:  # fmt: skip
+    pool = ByHand(0)
+    lack = {"kind": "ray", "workers": 0, "busy": {}, "lacking": "No machine."}
+    monkeypatch.setattr(pool, "describe", lambda: lack)
+    farm = Farm(settings, pool)
+    farm.start()
+    try:
+        until(lambda: farm.ready()["pool"] == "No machine.")
+    finally:
+        farm.stop()

@@ -1,0 +1,34 @@
+"""No module of workers imports itself through others, imports for type checkers included."""
+
+from __future__ import annotations
+
+import ast
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import workers
+
+FOLDER = Path(workers.__file__).parent
+
+
+def _name(path: Path) -> str:
+    parts = path.relative_to(FOLDER.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def _imports(path: Path, modules: set[str]) -> set[str]:
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names = {f"{node.module}.{alias.name}" for alias in node.names}
+            found |= names if names <= modules else (names & modules) | {node.module}
+    return found & modules
+
+
+def test_there_is_no_circle() -> None:
+    paths = {_name(path): path for path in FOLDER.rglob("*.py") if "migrations" not in path.parts}
+    graph = {name: _imports(path, set(paths)) for name, path in paths.items()}
+    assert len(graph) > 80
+    TopologicalSorter(graph).prepare()  # raises CycleError, which names the circle

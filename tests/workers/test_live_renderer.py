@@ -1,0 +1,195 @@
+"""What a painter makes is what the method makes; both halves may run on threads of their own."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import pipeline.scenes
+from pipeline.errors import BadFrame, BadInput, BadParameter
+from pipeline.frames import Frame
+from pipeline.methods.abstraction import Abstraction, AbstractionParams, AbstractionSession
+from pipeline.video.stills import encode_png
+from tests.workers.live_toys import Echo
+from workers.blobs.disk import DiskBlobs
+from workers.errors import NotFound
+from workers.live.codecs import encoder
+from workers.live.model import FrameRequest, LiveOrder, Size, WireFormat
+from workers.live.renderer import LiveRenderer
+
+SIZE = (160, 96)
+RAW = WireFormat("raw", "raw")
+
+
+def scene(count: int, size: Size = SIZE) -> list[Frame]:
+    made = pipeline.scenes.scene("portrait", size, frames=count)
+    return [made.image(index) for index in range(count)]
+
+
+def work(frame: Frame, work_size: Size = SIZE, key: bool = False) -> FrameRequest:
+    return FrameRequest((frame.tobytes(),), (frame.shape[1], frame.shape[0]), work_size, key)
+
+
+def order(method: str = "echo", **changes: object) -> LiveOrder:
+    return replace(LiveOrder(method, {}, 0, {}, SIZE, RAW), **changes)  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def blobs(home: Path) -> DiskBlobs:
+    return DiskBlobs(home)
+
+
+@pytest.fixture
+def painter(blobs: DiskBlobs) -> Iterator[LiveRenderer]:
+    made = LiveRenderer(blobs, lambda name: {"echo": Echo(), "abstraction": Abstraction()}[name])
+    yield made
+    made.close()
+
+
+def step(painter: LiveRenderer, one: FrameRequest) -> Frame:
+    painter.analyze(one)
+    painted = painter.paint()
+    return np.frombuffer(painted.data, np.uint8).reshape(painted.size[1], painted.size[0], 3)
+
+
+def test_an_undropped_stream_is_the_batch_output_byte_for_byte_on_two_threads(painter: LiveRenderer) -> None:
+    frames = scene(16)
+    painter.open(order("abstraction", params={"vividness": 1.3}))
+    with ThreadPoolExecutor(1) as analyses, ThreadPoolExecutor(1) as paints:
+        for frame in frames:
+            analyses.submit(painter.analyze, work(frame))
+        painted = [done.result().data for done in [paints.submit(painter.paint) for _ in frames]]
+    session = AbstractionSession(AbstractionParams(vividness=1.3), SIZE)
+    assert painted == [session.step(frame).tobytes() for frame in frames]
+
+
+def test_references_are_learned_as_in_a_job(painter: LiveRenderer, blobs: DiskBlobs) -> None:
+    picture = scene(1, (64, 64))[0][..., ::-1].copy()
+    blobs.put("assets/a", encode_png(picture))
+    painter.open(order("abstraction", inputs={"reference": "assets/a"}))
+    frames = scene(4)
+    batch = Abstraction().stream(AbstractionParams(), SIZE, 0, {"reference": iter([picture])})
+    assert all(np.array_equal(step(painter, work(frame)), batch.step(frame)) for frame in frames)
+
+
+def test_another_size_goes_on_with_what_is_known(painter: LiveRenderer) -> None:
+    frame = scene(1)[0]
+    painter.open(order())
+    assert step(painter, work(frame)).shape == (96, 160, 3)
+    smaller = step(painter, work(frame, (80, 48)))
+    assert smaller.shape == (48, 80, 3)
+    assert smaller[0, 0, 2] == 2
+    expected = cv2.resize(frame, (80, 48), interpolation=cv2.INTER_AREA)
+    assert np.array_equal(smaller[1:], expected[1:])
+
+
+def test_a_change_waits_for_what_was_looked_at(painter: LiveRenderer) -> None:
+    frame = scene(1)[0]
+    painter.open(order(params={"add": 1}))
+    with ThreadPoolExecutor(1) as analyses:
+        analyses.submit(painter.analyze, work(frame))
+        analyses.submit(painter.analyze, work(frame))
+        changed = analyses.submit(painter.change, {"add": 9}, {})
+        assert painter.paint().data[0] == 1
+        assert not changed.done()
+        assert painter.paint().data[0] == 1
+        changed.result(5)
+    made = step(painter, work(frame))
+    assert made[0, 0].tolist() == [9, 0, 3]
+
+
+def test_references_come_and_go_and_a_bad_one_changes_nothing(painter: LiveRenderer, blobs: DiskBlobs) -> None:
+    frame = scene(1)[0]
+    blobs.put("assets/green", encode_png(np.full((32, 32, 3), (0, 77, 0), np.uint8)))
+    blobs.put("assets/red", encode_png(np.full((32, 32, 3), (255, 0, 0), np.uint8)))
+    blobs.put("assets/text", b"no picture at all")
+    painter.open(order())
+    painter.change({}, {"reference": "assets/green"})
+    assert step(painter, work(frame))[0, 0, 1] == 77
+    for bad, error in (("assets/red", BadInput), ("assets/text", BadInput), ("assets/gone", NotFound)):
+        with pytest.raises(error) as told:
+            painter.change({"add": 5}, {"reference": bad})
+        assert told.value.field == "inputs.reference" or bad == "assets/red"
+    assert step(painter, work(frame))[0, 0].tolist() == [0, 77, 2]
+    painter.change({}, {})
+    assert step(painter, work(frame))[0, 0, 1] == 0
+
+
+def test_faults_come_out_of_paint_in_their_turn(painter: LiveRenderer) -> None:
+    frame = scene(1)[0]
+    painter.open(order())
+    painter.analyze(work(frame))
+    painter.analyze(FrameRequest((b"short",), SIZE, SIZE))
+    assert painter.paint().data
+    with pytest.raises(BadFrame):
+        painter.paint()
+    assert step(painter, work(frame))[0, 0, 2] == 2
+
+
+def test_frames_that_were_dropped_are_decoded_for_the_next(painter: LiveRenderer) -> None:
+    frames = scene(4)
+    wire = WireFormat("h264", "raw")
+    there = encoder(WireFormat("raw", "h264"), SIZE)
+    payloads = [there.encode(frame, False)[0] for frame in frames]
+    painter.open(order(wire=wire))
+    painter.analyze(FrameRequest(tuple(payloads), SIZE, SIZE))
+    painted = painter.paint()
+    made = np.frombuffer(painted.data, np.uint8).reshape(96, 160, 3)
+    assert made[0, 0, 2] == 1, "one frame was painted"
+    assert cv2.PSNR(made, frames[-1]) > 28
+
+
+def test_opened_again_it_goes_on_with_new_codecs(painter: LiveRenderer) -> None:
+    frame = scene(1)[0]
+    painter.open(order())
+    step(painter, work(frame))
+    painter.open(order(wire=WireFormat("raw", "jpeg"), params={"add": 3}))
+    painter.analyze(work(frame))
+    painted = painter.paint()
+    assert painted.data.startswith(b"\xff\xd8")
+    assert painted.stages_s.keys() == {"decode", "look", "paint", "encode"}
+    painter.open(order(seed=1))
+    assert step(painter, work(frame))[0, 0, 2] == 1, "another seed is another stream"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="threads have priorities of their own on Linux only")
+def test_helpers_do_not_keep_the_low_priority_of_the_warm_up(blobs: DiskBlobs) -> None:
+    """One in this process: pytest's."""
+    usual, painter = os.getpriority(os.PRIO_PROCESS, 0), LiveRenderer(blobs, lambda name: Echo(), threads=2)  # type: ignore[arg-type, return-value]
+    busy = np.zeros((1000, 1000), np.uint8)
+
+    def warm_up() -> list[int]:
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), usual + 5)
+        painter.warm_up()
+        cv2.GaussianBlur(busy, (9, 9), 2)
+        return priorities()
+
+    def priorities() -> list[int]:
+        return [os.getpriority(os.PRIO_PROCESS, int(thread.name)) for thread in Path("/proc/self/task").iterdir()]
+
+    with ThreadPoolExecutor(1) as background:
+        assert background.submit(warm_up).result().count(usual + 5) >= 2, (
+            "OpenCV's helper has it too, or this tests nothing"
+        )
+    painter.open(order())
+    cv2.GaussianBlur(busy, (9, 9), 2)
+    try:
+        assert usual + 5 not in priorities()
+    finally:
+        cv2.setNumThreads(1)
+
+
+def test_what_cannot_be_opened(painter: LiveRenderer) -> None:
+    with pytest.raises(BadParameter, match="greater"):
+        painter.open(order(params={"add": -1}))
+    with pytest.raises(NotFound):
+        painter.open(order(inputs={"reference": "assets/gone"}))

@@ -1,0 +1,34 @@
+"""After practice nothing is left to compile: a first frame costs what others do, and can be cancelled like them."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+PROGRAM = """
+import gc
+from numba.core.dispatcher import Dispatcher
+from pipeline.methods import methods
+from pipeline.scenes import scene
+from workers.execution.warm_up import warm_up_process
+
+def compiled():
+    kernels = [thing for thing in gc.get_objects() if isinstance(thing, Dispatcher)]
+    return {f"{kernel.py_func.__name__}{signature}" for kernel in kernels for signature in kernel.signatures}
+
+warm_up_process()
+practised = compiled()
+for method in methods().values():
+    if session := method.stream(method.Params(), (320, 240), 0, {}):
+        for shot in scene("cut", size=(320, 240), frames=6):
+            session.step(shot.image)
+print(*compiled() - practised, sep="\\n", end="")
+"""
+
+
+def test_practice_leaves_nothing_to_compile() -> None:
+    done = subprocess.run([sys.executable, "-c", PROGRAM], cwd=ROOT, capture_output=True, text=True, timeout=240)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == ""

@@ -1,0 +1,145 @@
+"""The platform's own last step of every job: segments become the finished file, its poster, sheet and report."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import zipfile
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from pipeline.errors import UnreadableMedia
+from pipeline.methods.base import TaskResult
+from pipeline.video.contact import contact_sheet, poster
+from pipeline.video.guard.files import guarded_join
+from pipeline.video.join import MEDIA_TYPES
+from pipeline.video.reader import VideoReader
+from pipeline.video.writer import Format, zip_entry
+from workers.blobs.base import Blobs
+from workers.execution.context import PART
+from workers.execution.decoders import Decoders
+from workers.model import TaskOrder
+
+Files = dict[str, tuple[str, str]]
+"""Downloadable name -> (blob key, media type)."""
+_COPY_BYTES = 1 << 20
+
+
+class Assembly:
+    """Makes a job's files from what its tasks have left. `prefix` is where its blobs go."""
+
+    def __init__(self, order: TaskOrder, blobs: Blobs, decoders: Decoders, scratch: Path, prefix: str) -> None:
+        self._order = order
+        self._blobs = blobs
+        self._decoders = decoders
+        self._scratch = scratch
+        self._prefix = prefix
+        self._format: Format = order.output.format  # type: ignore[assignment]
+        self.files: Files = {}
+
+    def run(self, progress: Callable[[float], None]) -> TaskResult:
+        """Join, describe, pack. Raises UnreadableMedia if no task emitted a frame."""
+        joined = self._join(lambda done: progress(0.8 * done))
+        result = self._describe(joined)
+        progress(0.9)
+        self._put("result", f"result.{_suffix(self._format)}", joined, MEDIA_TYPES[self._format])
+        for artefact in self._order.output.artefacts:
+            self._pack(artefact)
+        report = json.dumps(self._report(result), indent=2, sort_keys=True).encode()
+        self._put("report", "report.json", report, "application/json")
+        progress(1.0)
+        return result
+
+    def _join(self, progress: Callable[[float], None]) -> Path:
+        segments = sorted(s for s in self._order.segments if s[2])
+        if not segments:
+            raise UnreadableMedia("The video has no frames.", field="inputs.video", remedy="Use another video.")
+        out = self._scratch / f"result.{_suffix(self._format)}"
+        with ExitStack() as stack:
+            starts = self._starts_s([start for start, _stop, _key in segments])
+            paths = [stack.enter_context(self._blobs.local(key)) for _start, _stop, key in segments]
+            sound = stack.enter_context(self._blobs.local(self._order.inputs["video"]))
+            guarded_join(list(zip(starts, paths, strict=True)), out, self._format, sound, progress)
+        return out
+
+    def _starts_s(self, frames: list[int]) -> list[Fraction]:
+        """When the source shows each of these frames, seconds."""
+        with self._decoders.reader(self._order.inputs["video"]) as reader:
+            return [reader.index.time(frame) * reader.time_base for frame in frames]
+
+    def _describe(self, result: Path) -> TaskResult:
+        with VideoReader(result) as reader:
+            self._put("poster", "poster.jpg", poster(reader), "image/jpeg")
+            self._put("sheet", "sheet.jpg", contact_sheet(reader), "image/jpeg")
+            width, height = reader.size
+            fps, seconds = (reader.fps, reader.index.duration_s) if self._format != "png" else self._source_pace()
+            return {
+                "frames": reader.frames,
+                "width": width,
+                "height": height,
+                "fps": round(fps, 6),
+                "duration_s": round(seconds, 6),
+                "size_bytes": result.stat().st_size,
+            }
+
+    def _source_pace(self) -> tuple[float, float]:
+        info = self._order.input_info["video"]
+        return float(info["fps"]), float(info["duration_s"])
+
+    def _report(self, result: TaskResult) -> dict[str, Any]:
+        order = self._order
+        return {
+            "method": order.method,
+            "params": order.params,
+            "seed": order.seed,
+            "output": {"format": order.output.format, "quality": order.output.quality},
+            "result": result,
+            "steps": order.results,
+            "seconds": order.stages,
+        }
+
+    def _pack(self, artefact: str) -> None:
+        """Join the parts of an artefact that tasks have saved as files, in the order of their names."""
+        parts = sorted(
+            (name.partition(f"/{PART}")[2], key)
+            for name, key in self._order.artefacts.items()
+            if f"/{PART}{artefact}-" in name
+        )
+        if not parts:
+            return
+        path = self._scratch / f"{artefact}.zip"
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as target:
+            for name, key in parts:
+                with self._blobs.local(key) as part:
+                    _add_part(target, name, part)
+        self._put(artefact, f"{artefact}.zip", path, "application/zip")
+
+    def _put(self, name: str, file: str, data: bytes | Path, media_type: str) -> None:
+        key = f"{self._prefix}/{file}"
+        self._blobs.put(key, data)
+        self.files[name] = (key, media_type)
+
+
+def _suffix(form: Format) -> str:
+    return "zip" if form == "png" else form
+
+
+def _add_part(target: zipfile.ZipFile, name: str, part: Path) -> None:
+    """A part that is a zip adds its entries, another is an entry itself."""
+    for entry_name, stream in _entries(name, part):
+        entry = zip_entry(entry_name)
+        entry.compress_type = zipfile.ZIP_DEFLATED
+        with stream, target.open(entry, "w", force_zip64=True) as out:
+            shutil.copyfileobj(stream, out, _COPY_BYTES)
+
+
+def _entries(name: str, part: Path) -> Iterator[tuple[str, Any]]:
+    if not zipfile.is_zipfile(part):
+        yield name, part.open("rb")
+        return
+    with zipfile.ZipFile(part) as source:
+        for member in source.infolist():
+            yield member.filename, source.open(member)

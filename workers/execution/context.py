@@ -1,0 +1,261 @@
+"""What a step function works at when a worker runs it: `pipeline.methods.base.TaskContext` over blobs."""
+
+from __future__ import annotations
+
+import json
+import re
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, ExitStack
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from pipeline.errors import BadParameter, Cancelled
+from pipeline.frames import Frame
+from pipeline.methods.base import Arrays
+from pipeline.video.container import Index
+from pipeline.video.guard.files import GuardedImages
+from pipeline.video.headers import sniff
+from pipeline.video.shot_files import ShotFiles
+from pipeline.video.writer import SegmentSpec
+from workers.blobs.base import Blobs
+from workers.execution.arrays import read_arrays, write_arrays
+from workers.execution.decoders import Decoders
+from workers.execution.emission import Emission, EmitError
+from workers.execution.preview_publisher import PreviewPublisher
+from workers.execution.stage_timer import StageTimer
+from workers.log_context import belong
+from workers.logs import attempt_facts
+from workers.model import TaskOrder
+from workers.pools.base import Tell
+from workers.scheduling.planning import video_info
+
+PART = "part:"
+"""Marks artefacts that are files, not arrays: parts of a download that the job's last step joins."""
+_NAME = re.compile(r"[A-Za-z0-9._-]{1,150}")
+_ASK_EVERY_S = 0.1
+_REPORT_EVERY_S = 0.2
+
+
+class AttemptContext:
+    """The context of one attempt. Its blobs are under `jobs/<job>/<step>/<task>/<attempt>/`: a late attempt overwrites
+    nothing. `frames`, `emit` and `progress` raise `Cancelled` once the job is cancelled. Close it.
+
+    Args:
+        params: the method's validated Params.
+        scratch: a folder of this attempt's own.
+    """
+
+    def __init__(
+        self,
+        order: TaskOrder,
+        params: Any,
+        blobs: Blobs,
+        decoders: Decoders,
+        scratch: Path,
+        report: Tell,
+        cancelled: Callable[[], bool],
+    ) -> None:
+        self.params = params
+        self.seed = order.seed
+        self.video = video_info(order.input_info["video"])
+        self.size = (self.video.width, self.video.height)
+        self.stages = StageTimer()
+        self.artefacts: dict[str, str] = {}
+        self.files: dict[str, tuple[str, str]] = {}
+        self.warnings: list[str] = []
+        self._order = order
+        self._facts = attempt_facts(order.job_id, order.task_id, order.attempt_id)
+        self._blobs = blobs
+        self._decoders = decoders
+        self._scratch = scratch
+        self._report = report
+        self._cancelled = cancelled
+        self._asked = self._told = float("-inf")
+        self._done = 0.0
+        self._shows = PreviewPublisher(blobs, self._key("live"))
+        self._ended_at: int | None = None
+        self._index: Index | None = None
+        self._life = ExitStack()
+        self._emission: Emission | None = None
+
+    # -- inputs
+
+    def frames(self, name: str = "video", start: int = 0, stop: int | None = None) -> Iterator[Frame]:
+        with self._decoders.reader(self._input(name), start) as reader:
+            noted, at = len(reader.errors), start
+            if name == "video":
+                self._index = reader.index
+            source = reader.read(start, stop)
+            while (frame := self._next(source)) is not None:
+                at += 1
+                yield frame
+            self.warnings += [f"{name}: {error}" for error in reader.errors[noted:]]
+        if name == "video" and (stop is None or at < stop):
+            self._ended_at = at
+
+    def _next(self, source: Iterator[Frame]) -> Frame | None:
+        self._check_cancelled()
+        with self.stages.waiting("decode"):
+            return next(source, None)
+
+    def has(self, name: str) -> bool:
+        return name in self._order.inputs
+
+    def image(self, name: str) -> Frame:
+        return next(self.frames(name, 0, 1))
+
+    def json(self, name: str) -> Any:
+        try:
+            return json.loads(self._blobs.get(self._input(name)))
+        except ValueError as error:
+            raise BadParameter(f"The input is not JSON: {error}.", field=f"inputs.{name}") from None
+
+    def images(self, name: str) -> Mapping[int, NDArray[Any]]:
+        path = self._life.enter_context(self._blobs.local(self._input(name)))
+        found = GuardedImages(path, f"inputs.{name}")
+        self._life.callback(found.close)
+        return found
+
+    def entries(self, name: str) -> Mapping[str, bytes]:
+        path = self._life.enter_context(self._blobs.local(self._input(name)))
+        with path.open("rb") as stream:
+            if sniff(stream) != "application/zip":
+                return {}
+        found = ShotFiles(path)
+        self._life.callback(found.close)
+        return found
+
+    def _input(self, name: str) -> str:
+        if name not in self._order.inputs:
+            raise BadParameter(
+                f"The input {name!r} is needed and was not given.",
+                field=f"inputs.{name}",
+                remedy=f"Upload it and name it in the job's inputs as {name!r}.",
+            )
+        return self._order.inputs[name]
+
+    # -- artefacts
+
+    def save(self, name: str, arrays: Arrays) -> None:
+        key = self._key(f"{_checked(name)}.npz")
+        with self.stages.waiting("store"):
+            self._blobs.put(key, partial(write_arrays, arrays=arrays))
+        self._keep(name, key)
+
+    def load(self, step: str, name: str) -> dict[str, NDArray[Any]]:
+        with self.stages.waiting("store"):
+            return read_arrays(self._blobs.get(self._order.artefacts[f"{step}/{name}"]))
+
+    def save_file(self, name: str, data: bytes, media_type: str) -> None:
+        """Keep a file for the user. A name `<artefact>-...` of an artefact that the job asked for is a part of it:
+        the last step joins all parts (the entries of those that are zips) to one zip, named as the artefact."""
+        key = self._key(f"files/{_checked(name)}")
+        with self.stages.waiting("store"):
+            self._blobs.put(key, data)
+        if any(name.startswith(f"{artefact}-") for artefact in self._order.output.artefacts):
+            self._keep(f"{PART}{name}", key)
+        else:
+            self.files[name] = (key, media_type)
+
+    def wants(self, artefact: str) -> bool:
+        return artefact in self._order.output.artefacts
+
+    def _keep(self, name: str, key: str) -> None:
+        full = f"{self._order.step}/{name}"
+        if full in self.artefacts or full in self._order.artefacts:
+            raise BadParameter("An artefact's name is unique in its step.", field="artefact", value=full)
+        self.artefacts[full] = key
+
+    def _key(self, name: str) -> str:
+        order = self._order
+        return f"jobs/{order.job_id}/{order.step}/{order.key}/{order.attempt_id}/{name}"
+
+    # -- frames out
+
+    def emit(self, index: int, frame: Frame) -> None:
+        self._check_cancelled()
+        with self.stages.waiting("encode"):
+            self._emission = self._emission or self._start_emission()
+            self._emission.take(index, frame)
+        self.show(frame)
+
+    def show(self, frame: Frame) -> None:
+        self._check_cancelled()
+        if self._shows.due():
+            with self.stages.waiting("store"):
+                preview = self._shows.put(frame)
+            self._report(self._done, preview)
+
+    def _start_emission(self) -> Emission:
+        if self._order.emits is None:
+            raise EmitError("This task announced no frames.", field="emit", value=self._order.key)
+        index, output = self._video_index(), self._order.output
+        spec = SegmentSpec(output.format, self.size, index.time_base, index.fps, output.quality)  # type: ignore[arg-type]
+        return Emission(self._scratch / "segment", spec, index, self._order.emits)
+
+    def _video_index(self) -> Index:
+        """When frames are shown; known already if the step has read the video."""
+        if self._index is None:
+            with self._decoders.reader(self._input("video")) as reader:
+                self._index = reader.index
+        return self._index
+
+    def finish(self) -> str | None:
+        """Commit the segment and the preview; the segment's blob key, or None. Raises EmitError."""
+        if self._order.emits is None:
+            return None
+        with self.stages.waiting("encode"):
+            self._emission = self._emission or self._start_emission()
+            segment = self._emission.finish(self._ended_at)
+            preview = self._emission.preview()
+        if segment is None or preview is None:
+            return None
+        self.files["preview"] = (self._key("preview.jpg"), "image/jpeg")
+        with self.stages.waiting("store"):
+            self._blobs.put(self._key("segment"), segment)
+            self._blobs.put(self._key("preview.jpg"), preview)
+        return self._key("segment")
+
+    @property
+    def emitted(self) -> tuple[int, int] | None:
+        """Frames [start, stop) that were emitted, or None if the task announced none."""
+        if self._order.emits is None or self._emission is None:
+            return None
+        return self._order.emits[0], self._emission.next
+
+    # -- time
+
+    def clock(self, stage: str) -> AbstractContextManager[None]:
+        belong(self._facts)
+        return self.stages.clock(stage)
+
+    def progress(self, done: float) -> None:
+        self._check_cancelled()
+        now = time.monotonic()
+        if now - self._told >= _REPORT_EVERY_S:
+            self._told, self._done = now, min(max(done, 0.0), 1.0)
+            self._report(self._done)
+
+    def _check_cancelled(self) -> None:
+        belong(self._facts)
+        now = time.monotonic()
+        if now - self._asked < _ASK_EVERY_S:
+            return
+        self._asked = now
+        if self._cancelled():
+            raise Cancelled("The job was cancelled.")
+
+    def close(self) -> None:
+        self._life.close()
+        if self._emission:
+            self._emission.close()
+
+
+def _checked(name: str) -> str:
+    if not _NAME.fullmatch(name):
+        raise BadParameter("An artefact's name is made of [A-Za-z0-9._-].", field="artefact", value=name)
+    return name

@@ -1,0 +1,104 @@
+"""Open decoders, kept between the tasks of one worker: the next run of frames goes on without a seek.
+
+What users brought is decoded by child processes (`pipeline.video.guard`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from threading import Lock
+
+from pipeline.errors import UnreadableMedia
+from pipeline.frames import Frame
+from pipeline.video.guard.reader import GuardedReader
+from pipeline.video.media import Limits
+from workers.blobs.base import Blobs
+
+
+@dataclass(frozen=True)
+class _Open:
+    key: str
+    reader: GuardedReader
+    life: ExitStack
+    """Closes the reader, then lets go of the local file."""
+
+
+class Decoders:
+    """Readers of blobs. An idle reader is lent to one user at a time; the least recently used are closed.
+
+    Args:
+        idle: how many readers stay open while nobody uses them.
+    """
+
+    def __init__(self, blobs: Blobs, limits: Limits | None = None, idle: int = 3) -> None:
+        self._blobs = blobs
+        self._limits = limits or Limits()
+        self._most = idle
+        self._idle: list[_Open] = []
+        self._lock = Lock()
+
+    @contextmanager
+    def reader(self, key: str, start: int = 0) -> Iterator[GuardedReader]:
+        """A reader of the blob, if possible one that stands at frame `start`. Raises KeyError, BadMedia."""
+        lent = self._take(key, start) or self._open(key)
+        try:
+            yield lent.reader
+        except BaseException as error:
+            if not isinstance(error, GeneratorExit):
+                lent.life.close()
+                raise
+            self._give(lent)
+            raise
+        self._give(lent)
+
+    def close(self) -> None:
+        with self._lock:
+            closing, self._idle = self._idle, []
+        for unused in closing:
+            unused.life.close()
+
+    def _take(self, key: str, start: int) -> _Open | None:
+        with self._lock:
+            fitting = [o for o in self._idle if o.key == key]
+            if not fitting:
+                return None
+            chosen = min(fitting, key=lambda o: _distance(o.reader.position, start))
+            self._idle.remove(chosen)
+            return chosen
+
+    def _open(self, key: str) -> _Open:
+        with ExitStack() as stack:
+            path = stack.enter_context(self._blobs.local(key))
+            reader = stack.enter_context(GuardedReader(path, self._limits))
+            return _Open(key, reader, stack.pop_all())
+
+    def _give(self, lent: _Open) -> None:
+        with self._lock:
+            self._idle.append(lent)
+            closing, self._idle = self._idle[: -self._most], self._idle[-self._most :]
+        for unused in closing:
+            unused.life.close()
+
+
+def frame_at(reader: GuardedReader, number: int) -> Frame:
+    """Frame `number` of an open reader, or its last frame if the index is shorter.
+
+    Raises: UnreadableMedia (the file is damaged there: containers may list frames that do not decode).
+    """
+    at = min(max(number, 0), reader.frames - 1)
+    frame = next(reader.read(at, at + 1), None) if at >= 0 else None
+    if frame is None:
+        raise UnreadableMedia(
+            "This frame of the video cannot be decoded: the file is cut off or damaged.",
+            field="frame",
+            value=number,
+            remedy="Choose an earlier frame, or upload the video again.",
+        )
+    return frame
+
+
+def _distance(position: int | None, start: int) -> float:
+    """How far a reader must decode; a seek is worse than any distance forwards."""
+    return start - position if position is not None and position <= start else float("inf")

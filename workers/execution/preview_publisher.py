@@ -1,0 +1,42 @@
+"""What a running task has to show: its newest frame, small, about every other second."""
+
+from __future__ import annotations
+
+import time
+
+from pipeline.frames import Frame
+from pipeline.video.contact import fit
+from pipeline.video.stills import encode_jpeg
+from workers.blobs.base import Blobs
+
+EVERY_S = 2.0
+SIDE_PX = 640
+"""Longest side: 360 lines of a wide picture. Scaling and coding take about 1 ms at 720p; 854 px would take 4."""
+KEPT = 3
+"""Pictures that stay: who was just told of one may still fetch it."""
+
+
+class PreviewPublisher:
+    """Writes JPEGs as blobs `<prefix>-<n>.jpg`: a committed blob never changes, so each picture is a new one."""
+
+    def __init__(self, blobs: Blobs, prefix: str) -> None:
+        self._blobs = blobs
+        self._prefix = prefix
+        self._count = 0
+        self._next = time.monotonic() + EVERY_S / 4
+
+    def due(self) -> bool:
+        """Whether the last picture is old enough."""
+        return time.monotonic() >= self._next
+
+    def put(self, frame: Frame) -> str:
+        """Keep a picture of `frame`; its blob key. Those before the last few are removed."""
+        self._blobs.put(self._key(self._count), encode_jpeg(fit(frame, SIDE_PX)))
+        self._count += 1
+        if self._count > KEPT:
+            self._blobs.delete(self._key(self._count - 1 - KEPT))
+        self._next = time.monotonic() + EVERY_S
+        return self._key(self._count - 1)
+
+    def _key(self, number: int) -> str:
+        return f"{self._prefix}-{number}.jpg"

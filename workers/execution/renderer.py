@@ -1,0 +1,175 @@
+"""`Renderer`: runs one task order, start to end, on this machine. No Ray, no store: blobs in, blobs out."""
+
+from __future__ import annotations
+
+import logging
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import cv2
+
+from pipeline.errors import BadFrame, BadInput, BadParameter, Cancelled
+from pipeline.methods import method, parse_params
+from pipeline.methods.base import Method, Step, Task
+from pipeline.video.guard.decoder_server import start_decoder_server
+from workers.blobs.base import Blobs
+from workers.errors import NotFound
+from workers.execution.assembly import Assembly
+from workers.execution.context import AttemptContext
+from workers.execution.decoders import Decoders
+from workers.execution.warm_up import warm_up_process
+from workers.faults import fault_from
+from workers.logs import AttemptLog, captured, set_up_logs
+from workers.model import TaskOrder, TaskOutcome
+from workers.pools.base import Tell
+from workers.settings import FarmSettings
+from workers.state_machine import ASSEMBLE
+
+_LOG = logging.getLogger(__name__)
+
+
+SWITCH_INTERVAL_S = 0.0005
+
+
+def prepare_process() -> None:
+    """What every process that renders needs first.
+
+    One OpenCV thread: parallel work is ours to spread. Short turns at the interpreter: a method's threads come back to
+    it after every kernel, and a kernel of a small frame takes a tenth of Python's default turn.
+    """
+    cv2.setNumThreads(1)
+    sys.setswitchinterval(SWITCH_INTERVAL_S)
+    start_decoder_server()
+    logging.getLogger("pipeline").setLevel(logging.INFO)
+    _LOG.setLevel(logging.INFO)
+
+
+class Renderer:
+    """Runs orders one after another, keeping decoders open from one to the next. Not thread-safe: one a thread.
+
+    Args:
+        blobs: where inputs are and results go.
+        scratch: folder for files while they are written; None: the system's.
+        find: finds a method by name (the registry; a test may bring its own).
+    """
+
+    def __init__(self, blobs: Blobs, scratch: Path | None = None, find: Callable[[str], Method] = method) -> None:
+        prepare_process()
+        self._blobs = blobs
+        self._scratch = scratch
+        self._find = find
+        self._decoders = Decoders(blobs)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        self._decoders.close()
+
+    def warm_up(self, stopped: Callable[[], bool] = lambda: False) -> None:
+        """Load what methods need before their first frame, once a process. From any thread; never raises."""
+        warm_up_process(stopped)
+
+    def run(
+        self,
+        order: TaskOrder,
+        report: Tell = lambda done, preview="": None,
+        cancelled: Callable[[], bool] = lambda: False,
+    ) -> TaskOutcome:
+        """Run one attempt. What goes wrong is in the outcome, never raised.
+
+        Args:
+            report: told the fraction done, 0..1, a few times a second, and every other second of a new frame to show.
+            cancelled: asked ten times a second; once it says yes, the outcome is `cancelled`.
+        """
+        with captured(order.job_id, order.task_id, order.attempt_id) as log:
+            outcome = TaskOutcome(order.attempt_id, {}, {}, {}, None, {}, "")
+            _LOG.info("step %s, task %s", order.step, order.key)
+            try:
+                outcome = self._run(order, report, cancelled)
+            except Cancelled:
+                outcome = replace(outcome, cancelled=True)
+            except Exception as error:
+                _log_failure(order, error)
+                outcome = replace(outcome, fault=fault_from(error))
+            return _with_log(outcome, log)
+
+    def _run(self, order: TaskOrder, report: Tell, cancelled: Callable[[], bool]) -> TaskOutcome:
+        with self._folder() as folder:
+            params = None if order.step == ASSEMBLE else parse_params(self._find(order.method), order.params)
+            context = AttemptContext(order, params, self._blobs, self._decoders, folder, report, cancelled)
+            try:
+                context.progress(0.0)
+                return self._assemble(order, context, folder) if order.step == ASSEMBLE else self._step(order, context)
+            finally:
+                context.close()
+
+    def _step(self, order: TaskOrder, context: AttemptContext) -> TaskOutcome:
+        step = _step_of(self._find(order.method), order.step)
+        task = Task(order.key, order.args, order.after, order.emits)
+        with context.stages.method():
+            result = dict(step.run(task, context))
+        segment = context.finish()
+        if context.emitted and order.emits and context.emitted[1] < order.emits[1]:
+            _LOG.info("the video ended at frame %d of [%d, %d)", context.emitted[1], *order.emits)
+            result["emitted"] = list(context.emitted)
+        for warning in context.warnings:
+            _LOG.warning("%s", warning)
+        return TaskOutcome(
+            order.attempt_id, result, context.artefacts, context.files, segment, context.stages.seconds(), ""
+        )
+
+    def _assemble(self, order: TaskOrder, context: AttemptContext, folder: Path) -> TaskOutcome:
+        prefix = f"jobs/{order.job_id}/{order.step}/{order.key}/{order.attempt_id}"
+        assembly = Assembly(order, self._blobs, self._decoders, folder, prefix)
+        with context.stages.waiting("join"):
+            result = assembly.run(context.progress)
+        return TaskOutcome(order.attempt_id, result, {}, assembly.files, None, context.stages.seconds(), "")
+
+    @contextmanager
+    def _folder(self) -> Iterator[Path]:
+        if self._scratch:
+            self._scratch.mkdir(parents=True, exist_ok=True)
+        folder = Path(tempfile.mkdtemp(prefix="impasto-", dir=self._scratch))
+        try:
+            yield folder
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def remote_renderer(settings: FarmSettings, blobs: Blobs, scratch: Path | None) -> Renderer:
+    """A renderer in a process of its own, whose logs are to be like those of the service."""
+    set_up_logs(settings)
+    return Renderer(blobs, scratch)
+
+
+def _step_of(chosen: Method, name: str) -> Step[Any]:
+    for step in chosen.steps:
+        if step.name == name:
+            return step
+    raise BadParameter(f"The method {chosen.name!r} has no such step.", field="step", value=name)
+
+
+def _log_failure(order: TaskOrder, error: Exception) -> None:
+    """What the user is to mend is said in a line. All else may be ours to mend: where it broke is said as well, and so
+    it is of an array that is no frame, since here a method has made it."""
+    if isinstance(error, BadInput | NotFound) and not isinstance(error, BadFrame):
+        _LOG.warning("step %s, task %s failed: %s", order.step, order.key, error)
+    else:
+        _LOG.error("step %s, task %s failed", order.step, order.key, exc_info=error)
+
+
+def _with_log(outcome: TaskOutcome, log: AttemptLog) -> TaskOutcome:
+    return replace(outcome, log=log.text())

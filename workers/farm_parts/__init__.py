@@ -1,0 +1,1 @@
+"""The nouns of a `Farm`: `farm.assets`, `farm.jobs`, `farm.tasks`, `farm.files`, and its health checks."""

@@ -1,0 +1,52 @@
+"""Frames, paintings and errors as messages between processes: JSON and bytes, nothing that could be run."""
+
+from __future__ import annotations
+
+from itertools import accumulate, pairwise
+
+from pipeline import errors
+from pipeline.errors import ImpastoError
+from pipeline.video.guard.wire import Message, packed
+from workers.live.model import FrameRequest, RenderedFrame
+
+ANALYZED = packed({"analyzed": True})
+_KINDS = {kind.__name__: kind for kind in vars(errors).values() if isinstance(kind, type)}
+
+
+def of_work(work: FrameRequest) -> bytes:
+    message = {
+        "payloads": [len(payload) for payload in work.payloads],
+        "size": work.size,
+        "work_size": work.work_size,
+        "key": work.key,
+    }
+    return packed(message, b"".join(work.payloads))
+
+
+def work_of(message: Message, data: bytes) -> FrameRequest:
+    bounds = pairwise(accumulate(message["payloads"], initial=0))
+    payloads = tuple(data[begin:end] for begin, end in bounds)
+    return FrameRequest(payloads, tuple(message["size"]), tuple(message["work_size"]), message["key"])
+
+
+def of_painted(painted: RenderedFrame) -> bytes:
+    return packed({"size": painted.size, "key": painted.key, "stages_s": dict(painted.stages_s)}, painted.data)
+
+
+def painted_of(message: Message, data: bytes) -> RenderedFrame:
+    return RenderedFrame(data, tuple(message["size"]), message["key"], message["stages_s"])
+
+
+def of_error(error: Exception) -> bytes:
+    """Of our own all that they say; of others their name and words."""
+    if not isinstance(error, ImpastoError):
+        return packed({"error": "", "message": f"{type(error).__name__}: {error}"})
+    parts = {"message": error.message, "field": error.field, "value": error.value, "remedy": error.remedy}
+    return packed({"error": type(error).__name__, **parts})
+
+
+def error_of(message: Message) -> Exception:
+    if not message["error"]:
+        return RuntimeError(message["message"])
+    kind = _KINDS.get(message["error"], ImpastoError)
+    return kind(message["message"], field=message["field"], value=message["value"], remedy=message["remedy"])  # type: ignore[no-any-return]

@@ -1,0 +1,159 @@
+"""Seats on a Ray cluster: a dedicated actor a session, so that one session's death or load is no other's.
+
+Actors are kept warm: they have imported everything and let their methods practise before a session takes them. So a
+session begins at once, and one whose actor has died goes on within a second. At first there are `spares` of them, and
+another is made whenever the last is taken: making one costs whoever is at work a second. One that a session gives back
+is used again.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import secrets
+import threading
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, TypeVar, cast
+
+import ray
+from ray.exceptions import RayActorError, RayError, RayTaskError
+
+from workers.blobs.base import Blobs
+from workers.live.channel import SECRET_BYTES, LiveWorkerClient
+from workers.live.local_workers import SessionRenderer
+from workers.live.model import FrameRequest, LiveOrder, RenderedFrame
+from workers.live.renderer import LiveRenderer
+from workers.live.worker import LiveWorker, LiveWorkerLost
+from workers.model import Json
+from workers.pools.actors import LiveActor
+
+log = logging.getLogger(__name__)
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class _Warm:
+    """An actor, and a reference to where its post is, which is there once it is warm."""
+
+    actor: Any
+    post: Any
+
+
+class RayLiveWorker:
+    """A `LiveRenderer` in an actor."""
+
+    def __init__(self, actor: Any, channel: LiveWorkerClient, give_back: Callable[[bool], None]) -> None:
+        self._actor, self._channel, self._give_back = actor, channel, give_back
+
+    def open(self, order: LiveOrder) -> Awaitable[None]:
+        return _answer(self._actor.open.remote(order))
+
+    def analyze(self, work: FrameRequest) -> Awaitable[None]:
+        return self._channel.analyze(work)
+
+    def paint(self) -> Awaitable[RenderedFrame]:
+        return self._channel.paint()
+
+    def change(self, params: Mapping[str, Json], inputs: Mapping[str, str]) -> Awaitable[None]:
+        return _answer(self._actor.change.remote(dict(params), dict(inputs)))
+
+    async def leave(self) -> None:
+        self._channel.close()
+        try:
+            await asyncio.wait_for(_answer(self._actor.close.remote()), LEAVE_WITHIN_S)
+        except Exception:
+            self._give_back(False)
+        else:
+            self._give_back(True)
+
+
+OPENCV_THREADS = 2
+"""In a live actor, whose process is its own: a frame shall be done soon, where a batch shall cost little."""
+LEAVE_WITHIN_S = 5.0
+"""An actor that does not let go of its stream in this time is killed."""
+
+
+async def _answer(ref: Any) -> Any:
+    """What an actor's method returns, or what it raised itself; LiveWorkerLost if the actor is gone."""
+    try:
+        return await ref
+    except RayTaskError as error:  # the actor lives; our own code has raised
+        raise error.cause or error from None
+    except RayError as error:
+        raise LiveWorkerLost("The process that painted has died.", value=type(error).__name__) from None
+
+
+class RayLiveWorkers:
+    """
+    Args:
+        blobs: pickled to the actors as it is; on several machines its folder must be shared by them.
+        spares: warm actors to begin with.
+        make_painter: made once an actor; None: a LiveRenderer over `blobs`.
+    """
+
+    kind = "ray"
+
+    def __init__(self, blobs: Blobs, spares: int, make_painter: Callable[[], SessionRenderer] | None = None) -> None:
+        self._spares = spares
+        self._make_painter: bytes = cast(Any, ray.cloudpickle).dumps(
+            make_painter or partial(LiveRenderer, blobs, threads=OPENCV_THREADS)
+        )
+        self._secret = secrets.token_bytes(SECRET_BYTES)
+        self._lock = threading.Lock()
+        self._idle: list[_Warm] = []
+        """The warmest first."""
+        self._stopped = False
+
+    def start(self) -> None:
+        """Ray must be connected: the pool starts first."""
+        self._refill(self._spares)
+
+    async def take(self) -> LiveWorker:
+        """The warmest actor there is; waits until it is warm."""
+        while True:
+            warm = self._pick()
+            self._refill(min(1, self._spares))
+            try:
+                channel = await LiveWorkerClient.connect(await warm.post, self._secret)
+                return RayLiveWorker(warm.actor, channel, partial(self._given_back, warm))
+            except (RayActorError, OSError) as error:
+                log.warning("a live worker died before it was used: %s", error)
+                ray.kill(warm.actor)
+            except BaseException:
+                self._given_back(warm, True)
+                raise
+
+    def stop(self) -> None:
+        with self._lock:
+            self._stopped, idle, self._idle = True, self._idle, []
+        for warm in idle:
+            ray.kill(warm.actor)
+
+    def _pick(self) -> _Warm:
+        with self._lock:
+            if not self._idle:
+                self._idle.append(self._new())
+            ready, _ = ray.wait([warm.post for warm in self._idle], num_returns=len(self._idle), timeout=0)
+            first = next((i for i, warm in enumerate(self._idle) if warm.post in ready), 0)
+            return self._idle.pop(first)
+
+    def _refill(self, count: int) -> None:
+        with self._lock:
+            while len(self._idle) < count and not self._stopped:
+                self._idle.append(self._new())
+
+    def _new(self) -> _Warm:
+        actor = LiveActor.remote(self._make_painter, self._secret)
+        return _Warm(actor, actor.warm_up.remote())
+
+    def _given_back(self, warm: _Warm, sound: bool) -> None:
+        """Keep it for the next session: one more than the spares, so that sessions that come and go start nothing."""
+        with self._lock:
+            kept = sound and not self._stopped and len(self._idle) <= self._spares
+            if kept:
+                self._idle.insert(0, warm)
+        if not kept:
+            ray.kill(warm.actor)

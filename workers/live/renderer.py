@@ -1,0 +1,225 @@
+"""`LiveRenderer`: the work of one session, wherever it runs. No loop, no Ray: called from two threads.
+
+    analysis thread    open, analyze, change, close    decode, scale, `session.analyze`
+    paint thread       paint                           `session.paint`, encode
+
+The result of `analyze` is handed to `paint` inside the process, so that no picture is copied between processes. Every
+`analyze` is followed by one `paint`, in the same order; `paint` raises the errors of both.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from queue import Queue
+from typing import Any
+
+import cv2
+import numpy as np
+
+from pipeline.errors import BadInput, BadParameter, ImpastoError
+from pipeline.frames import Frame
+from pipeline.methods import method, parse_params
+from pipeline.methods.base import Method, Session
+from workers.blobs.base import Blobs
+from workers.errors import NotFound
+from workers.execution.decoders import Decoders
+from workers.execution.renderer import prepare_process
+from workers.execution.warm_up import warm_up_process
+from workers.live.codecs import Decoder, Encoder, decoder, encoder
+from workers.live.model import FrameRequest, LiveOrder, RenderedFrame, Size
+from workers.model import Json
+
+MAX_REFERENCE_FRAMES = 600
+"""A reference is learned from while the client waits."""
+_AHEAD = 2
+
+
+@dataclass(frozen=True)
+class _Analysis:
+    """The result of the analysis thread for one frame."""
+
+    session: Session
+    value: Any
+    key: bool
+    stages_s: dict[str, float]
+
+
+class LiveRenderer:
+    """
+    Args:
+        blobs: where references are.
+        find: finds a method by name (the registry; a test may bring its own).
+        threads: OpenCV's, in this whole process. More than one finish a frame sooner, with the same bytes.
+    """
+
+    def __init__(self, blobs: Blobs, find: Callable[[str], Method] = method, threads: int = 1) -> None:
+        prepare_process()
+        self._threads = threads
+        self._find = find
+        self._decoders = Decoders(blobs)
+        self._helper = ThreadPoolExecutor(1, thread_name_prefix="impasto-aside")
+        self._handed: Queue[_Analysis | Exception] = Queue(_AHEAD)
+        self._news = threading.Condition()
+        self._ahead = 0
+        """Number of frames analyzed and not yet painted."""
+        self._order: LiveOrder | None = None
+        self._session: Session | None = None
+        self._decoder: Decoder | None = None
+        self._encoder: tuple[Size, Encoder] | None = None
+        self._size: Size = (0, 0)
+
+    def warm_up(self) -> None:
+        """Load what methods need before their first frame, once a process. Never raises."""
+        cv2.setNumThreads(self._threads)
+        warm_up_process()
+
+    def open(self, order: LiveOrder) -> None:
+        """Begin a stream; of a stream that is open, go on with it for another connection.
+
+        Raises: BadParameter, BadMedia, BadInput (method, parameters, a reference), NotFound (a reference is gone).
+        """
+        self._renew_threads()
+        before = self._order
+        if before is None or (before.method, before.seed) != (order.method, order.seed):
+            self._session, self._size = self._begin(order), order.size
+        elif (before.params, before.inputs) != (order.params, order.inputs):
+            self.change(order.params, order.inputs)
+        self._order = order
+        self._decoder, self._encoder = decoder(order.wire.send, order.max_side_px), None
+
+    def _renew_threads(self) -> None:
+        """OpenCV's helpers have the priority of the thread that first needed them: the warm-up's, the lowest. A frame
+        whose helper waits for a core is late."""
+        cv2.setNumThreads(1)
+        cv2.setNumThreads(self._threads)
+
+    def _begin(self, order: LiveOrder) -> Session:
+        chosen = self._find(order.method)
+        params = parse_params(chosen, order.params)
+        session = chosen.stream(params, order.size, order.seed, self._references(order.inputs))
+        if session is None:
+            raise BadParameter("This method cannot run live.", field="method", value=order.method)
+        session.use_helper(self._helper)
+        return session
+
+    def analyze(self, work: FrameRequest) -> None:
+        """First half of a frame: decode, scale and `session.analyze`."""
+        result: _Analysis | Exception
+        try:
+            result = self._analyze(work)
+        except Exception as error:
+            result = error
+        with self._news:
+            self._ahead += 1
+        self._handed.put(result)
+
+    def paint(self) -> RenderedFrame:
+        """Second half of the oldest analyzed frame; waits for its analysis.
+
+        Raises: BadFrame (a payload is not a frame), or whatever the method raises.
+        """
+        result = self._handed.get()
+        try:
+            if isinstance(result, Exception):
+                raise result
+            return self._paint(result)
+        finally:
+            with self._news:
+                self._ahead -= 1
+                self._news.notify_all()
+
+    def change(self, params: Mapping[str, Json], inputs: Mapping[str, str]) -> None:
+        """Go on with these parameters (all of them) and references, from the next frame on; or raise, as `open`, and
+        change nothing."""
+        assert self._order is not None and self._session is not None
+        chosen = self._find(self._order.method)
+        references = None if inputs == self._order.inputs else self._references(inputs)
+        self._wait_until_painted()
+        self._session = self._session.reconfigure(parse_params(chosen, params), self._size, references)
+        self._order = replace(self._order, params=dict(params), inputs=dict(inputs))
+
+    def close(self) -> None:
+        """Forget the stream. The painter may be opened again."""
+        self._wait_until_painted()
+        self._order = self._session = self._decoder = self._encoder = None
+
+    # -- the analysis thread
+
+    def _analyze(self, work: FrameRequest) -> _Analysis:
+        began = time.perf_counter()
+        frame = self._decode(work)
+        decoded = time.perf_counter()
+        session = self._session_for((frame.shape[1], frame.shape[0]))
+        value = session.analyze(frame)
+        analyzed = time.perf_counter()
+        return _Analysis(session, value, work.key, {"decode": decoded - began, "look": analyzed - decoded})
+
+    def _decode(self, work: FrameRequest) -> Frame:
+        assert self._decoder is not None
+        for payload in work.payloads[:-1]:
+            self._decoder.decode(payload, work.size)
+        frame = self._decoder.decode(work.payloads[-1], work.size)
+        if work.work_size == work.size:
+            return frame
+        return _resized(frame, work.work_size)
+
+    def _session_for(self, size: Size) -> Session:
+        assert self._order is not None and self._session is not None
+        if size != self._size:
+            self._wait_until_painted()
+            params = parse_params(self._find(self._order.method), self._order.params)
+            self._session = self._session.reconfigure(params, size, None)
+            self._size = size
+        return self._session
+
+    def _wait_until_painted(self) -> None:
+        with self._news:
+            self._news.wait_for(lambda: self._ahead == 0)
+
+    def _references(self, inputs: Mapping[str, str]) -> dict[str, Iterator[Frame]]:
+        return {name: self._frames(name, key) for name, key in inputs.items()}
+
+    def _frames(self, name: str, key: str) -> Iterator[Frame]:
+        field = f"inputs.{name}"
+        try:
+            with self._decoders.reader(key) as reader:
+                if reader.frames > MAX_REFERENCE_FRAMES:
+                    raise BadInput(
+                        f"A live reference has at most {MAX_REFERENCE_FRAMES} frames.",
+                        field=field, value=reader.frames, remedy="Use a picture or a shorter video.",
+                    )  # fmt: skip
+                yield from reader.read()
+        except KeyError:
+            raise NotFound("The asset has been deleted.", field=field) from None
+        except ImpastoError as error:
+            error.field = error.field if error.field == field else field
+            raise
+
+    # -- the paint thread
+
+    def _paint(self, analysis: _Analysis) -> RenderedFrame:
+        began = time.perf_counter()
+        frame = analysis.session.paint(analysis.value)
+        painted = time.perf_counter()
+        data, size, key = self._encoder_for((frame.shape[1], frame.shape[0])).encode(frame, analysis.key)
+        encoded = time.perf_counter()
+        stages = analysis.stages_s | {"paint": painted - began, "encode": encoded - painted}
+        return RenderedFrame(data, size, key, stages)
+
+    def _encoder_for(self, size: Size) -> Encoder:
+        assert self._order is not None
+        if self._encoder is None or self._encoder[0] != size:
+            self._encoder = (size, encoder(self._order.wire, size))
+        return self._encoder[1]
+
+
+def _resized(frame: Frame, size: Size) -> Frame:
+    """Halved while that is too large, the rest bilinear: three times quicker than a mean over any area."""
+    while frame.shape[1] >= 2 * size[0] and frame.shape[0] >= 2 * size[1]:
+        half = (frame.shape[1] // 2, frame.shape[0] // 2)
+        frame = np.asarray(cv2.resize(frame, half, interpolation=cv2.INTER_AREA), np.uint8)
+    return np.asarray(cv2.resize(frame, size, interpolation=cv2.INTER_LINEAR), np.uint8)

@@ -1,0 +1,159 @@
+"""Live as a service sees it: what can be done, how much room there is, and a `Stream` for a checked order.
+
+For one loop, but for what only reads numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from pipeline.errors import BadParameter
+from pipeline.frames import MIN_SIDE_PX
+from pipeline.methods import method, methods, parse_params
+from pipeline.methods.base import InputKind, Method
+from workers.live.codecs import CODECS
+from workers.live.model import LiveOrder, Size, WireFormat
+from workers.live.stream import Stream
+from workers.live.worker import LiveWorkers, NoLiveWorker
+from workers.model import Asset, Json, asset_key
+from workers.settings import FarmSettings
+
+RETRY_AFTER_S = 5.0
+_FITS: Mapping[InputKind, tuple[str, ...]] = {
+    "image": ("image", "video"),
+    "image-or-video": ("image", "video", "archive"),
+}
+"""Kinds of input that a live method can be given, and the kinds of asset that fit."""
+
+
+@dataclass(frozen=True)
+class LiveLimits:
+    """What is taken."""
+
+    side_px: int
+    """Longest side of a frame."""
+    fps: float
+    frame_bytes: int
+    """Of one payload."""
+
+
+class SessionSlot:
+    """Room for one session, until it is released."""
+
+    def __init__(self, live: LiveSessions) -> None:
+        self._live: LiveSessions | None = live
+
+    def release(self) -> None:
+        """Twice is the same as once."""
+        if self._live is not None:
+            self._live.sessions -= 1
+            self._live = None
+
+
+class LiveSessions:
+    """
+    Args:
+        seats: where sessions are painted.
+        settings: how many there may be, and what they may send.
+    """
+
+    receives = CODECS
+    sends = CODECS
+
+    def __init__(self, seats: LiveWorkers, settings: FarmSettings) -> None:
+        self._seats = seats
+        self.capacity = settings.live_sessions
+        self.limits = LiveLimits(settings.live_max_side_px, settings.live_max_fps, settings.live_frame_bytes)
+        self.sessions = 0
+        """Places taken."""
+
+    def start(self) -> None:
+        """On the main thread."""
+        if self.capacity:
+            self._seats.start()
+
+    def stop(self) -> None:
+        self._seats.stop()
+
+    @property
+    def free(self) -> int:
+        return max(0, self.capacity - self.sessions)
+
+    def methods(self) -> tuple[str, ...]:
+        """Names of the causal methods."""
+        return tuple(name for name, found in methods().items() if _causal(found))
+
+    def place(self) -> SessionSlot:
+        """Room for a session, at once. Raises NoLiveWorker."""
+        if not self.free:
+            raise NoLiveWorker(
+                f"All {self.capacity} live sessions are taken.",
+                retry_after_s=RETRY_AFTER_S,
+                remedy=f"Try again in {RETRY_AFTER_S:g} s.",
+            )
+        self.sessions += 1
+        return SessionSlot(self)
+
+    def order(
+        self,
+        name: str,
+        params: Mapping[str, Json],
+        assets: Mapping[str, Asset],
+        seed: int,
+        size: Size,
+        wire: WireFormat,
+    ) -> LiveOrder:
+        """A checked order. Raises BadParameter."""
+        chosen = method(name)
+        if not _causal(chosen):
+            remedy = f"Use one of: {', '.join(self.methods())}."
+            raise BadParameter("This method cannot run live.", field="method", value=name, remedy=remedy)
+        self._check_size(size)
+        self._check_rate(wire.fps)
+        inputs = self.inputs(chosen.name, assets)
+        return LiveOrder(name, self.params(name, params), seed, inputs, size, wire, self.limits.side_px)
+
+    @staticmethod
+    def params(name: str, params: Mapping[str, Json]) -> dict[str, Json]:
+        """All parameters of the method, with defaults filled in. Raises BadParameter."""
+        return parse_params(method(name), params).model_dump(mode="json")
+
+    @staticmethod
+    def inputs(name: str, assets: Mapping[str, Asset]) -> dict[str, str]:
+        """Blob keys by input name. Raises BadParameter: not an input that a live session can have."""
+        specs = {spec.name: spec for spec in method(name).inputs if spec.name != "video" and spec.kind in _FITS}
+        for given, asset in assets.items():
+            if given not in specs:
+                known = ", ".join(specs) or "none"
+                raise BadParameter(
+                    f"A live session of {name!r} has no input {given!r}.",
+                    field=f"inputs.{given}", remedy=f"Its inputs are: {known}.",
+                )  # fmt: skip
+            fits = _FITS[specs[given].kind]
+            if asset.kind not in fits:
+                raise BadParameter(
+                    f"The input {given!r} is to be {specs[given].kind}, and this asset is {asset.kind}.",
+                    field=f"inputs.{given}", value=asset.id, remedy=f"Use an asset of kind: {', '.join(fits)}.",
+                )  # fmt: skip
+        return {given: asset_key(asset.id) for given, asset in assets.items()}
+
+    def stream(self, order: LiveOrder, adaptive: bool) -> Stream:
+        """A session at work, to be opened. Its place has been taken before."""
+        return Stream(self._seats, order, adaptive)
+
+    def _check_size(self, size: Size) -> None:
+        for name, side in zip(("width", "height"), size, strict=True):
+            if not MIN_SIDE_PX <= side <= self.limits.side_px:
+                remedy = f"Use {MIN_SIDE_PX} to {self.limits.side_px} px."
+                raise BadParameter(f"The {name} is out of range.", field=name, value=side, remedy=remedy)
+
+    def _check_rate(self, fps: float) -> None:
+        if not 0 < fps <= self.limits.fps:
+            remedy = f"Use a rate above 0, up to {self.limits.fps:g} frames a second."
+            raise BadParameter("The frame rate is out of range.", field="fps", value=fps, remedy=remedy)
+
+
+def _causal(chosen: Method) -> bool:
+    """Whether it has a stream; making one and letting it go costs a fraction of a millisecond."""
+    return chosen.stream(chosen.Params(), (64, 64), 0, {}) is not None

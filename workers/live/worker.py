@@ -1,0 +1,57 @@
+"""Where the work of sessions runs: a *seat* a session. Threads of this process (`local_seats`), or Ray actors."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Mapping
+from typing import Protocol
+
+from pipeline.errors import ImpastoError
+from workers.live.model import FrameRequest, LiveOrder, RenderedFrame
+from workers.model import Json
+
+
+class LiveWorkerLost(ImpastoError):
+    """The process of a seat died. What it had in work is lost; the session may take another seat."""
+
+    code = "worker-lost"
+
+
+class NoLiveWorker(ImpastoError):
+    """Every seat is taken."""
+
+    code = "busy"
+
+    def __init__(self, message: str, *, retry_after_s: float = 5.0, **parts: object) -> None:
+        super().__init__(message, **parts)  # type: ignore[arg-type]
+        self.retry_after_s = retry_after_s
+
+
+class LiveWorker(Protocol):
+    """A `LiveRenderer` in this process or another. Calls are submitted at once and run in the order of the calls; they
+    raise what the renderer raises, or `LiveWorkerLost`. For one event loop only.
+
+    `analyze` and `paint` of a frame are called together; `paint` waits for `analyze` in the worker.
+    """
+
+    def open(self, order: LiveOrder) -> Awaitable[None]: ...
+    def analyze(self, work: FrameRequest) -> Awaitable[None]: ...
+    def paint(self) -> Awaitable[RenderedFrame]: ...
+    def change(self, params: Mapping[str, Json], inputs: Mapping[str, str]) -> Awaitable[None]: ...
+    async def leave(self) -> None:
+        """Give it back. Never raises; waits for nothing but what runs."""
+        ...
+
+
+class LiveWorkers(Protocol):
+    kind: str
+    """"local" or "ray"."""
+
+    def start(self) -> None:
+        """Get ready; on the main thread."""
+        ...
+
+    async def take(self) -> LiveWorker:
+        """A seat, warm if there is one. Raises NoLiveWorker: none can be had in time."""
+        ...
+
+    def stop(self) -> None: ...

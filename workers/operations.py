@@ -1,0 +1,188 @@
+"""What operators see and steer: who works, on which machines, what failed, a job's attempts in time, live sessions.
+
+A *worker* is a process that takes tasks (`impasto serve`, `impasto worker`): in the store, a dispatcher. It has
+*slots*: each runs one attempt at a time, on some *node*, a machine (in a Ray cluster, one of its nodes). Draining a
+worker or a node means that nothing new starts there while what runs is finished, so that it can be upgraded without
+losing work. Pausing the queue is the same for all of them at once. Both are kept in the store, and heeded by all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from workers.model import Json
+
+
+class DrainScope(StrEnum):
+    """What can be told to start nothing new."""
+
+    QUEUE = "queue"
+    """All of it."""
+    WORKER = "worker"
+    NODE = "node"
+
+
+@dataclass(frozen=True)
+class Slot:
+    """Where one attempt at a time runs, as its pool knows it."""
+
+    name: str
+    """Unique in its worker."""
+    node: str
+    cpus: float = 1.0
+    gpus: float = 0.0
+    memory_bytes: int = 0
+    """What is set aside for it; 0: nothing in particular."""
+
+
+@dataclass(frozen=True)
+class WorkerInfo:
+    """Who a worker is, told once at its start."""
+
+    host: str
+    role: str
+    """"serve" (it answers requests as well) or "worker"."""
+    kind: str
+    """Where its slots are: "local" or "ray"."""
+    version: str
+
+
+@dataclass(frozen=True)
+class Drain:
+    """An operator's wish that a place start nothing new."""
+
+    place: DrainScope
+    name: str
+    """Of the place; empty for the queue."""
+    at: float
+    by: str
+    """Owner of the key that asked; empty without one."""
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class RunningAttempt:
+    """What a slot runs now."""
+
+    attempt_id: str
+    task_id: str
+    job_id: str
+    method: str
+    step: str
+    key: str
+    number: int
+    progress: float
+    """0..1"""
+    started_at: float
+    slot: str
+    """Empty: it is on its way to one."""
+    node: str
+
+
+@dataclass(frozen=True)
+class WorkerView:
+    id: str
+    host: str
+    role: str
+    kind: str
+    version: str
+    state: str
+    """"live", "away" (silent for longer than its lease), "draining" (takes nothing new, still runs something) or
+    "drained"."""
+    started_at: float
+    seen_at: float
+    """Its last sign of life."""
+    slots: tuple[Slot, ...]
+    at_work: tuple[RunningAttempt, ...]
+    drain: Drain | None = None
+
+
+@dataclass(frozen=True)
+class NodeView:
+    name: str
+    state: str
+    """"open", "draining" (something still runs there) or "drained"."""
+    slots: int
+    busy: int
+    cpus: float
+    gpus: float
+    memory_bytes: int
+    workers: tuple[str, ...]
+    """Ids of those with slots there."""
+    drain: Drain | None = None
+
+
+@dataclass(frozen=True)
+class Failure:
+    """An attempt that did not succeed."""
+
+    attempt_id: str
+    task_id: str
+    job_id: str
+    job_name: str
+    job_state: str
+    owner: str
+    method: str
+    step: str
+    key: str
+    task_state: str
+    number: int
+    outcome: str
+    """"failed" or "interrupted"."""
+    worker: str
+    slot: str
+    started_at: float
+    finished_at: float
+    error: Json | None
+
+
+@dataclass(frozen=True)
+class TimelineBar:
+    """One attempt on a job's timeline."""
+
+    attempt_id: str
+    task_id: str
+    step: str
+    key: str
+    number: int
+    worker: str
+    slot: str
+    outcome: str
+    """"running", "succeeded", "failed", "interrupted", "released" or "cancelled"."""
+    started_at: float
+    finished_at: float | None
+    code: str = ""
+    """Of its fault."""
+
+
+@dataclass(frozen=True)
+class AttemptLogView:
+    attempt_id: str
+    task_id: str
+    job_id: str
+    number: int
+    outcome: str
+    worker: str
+    slot: str
+    error: Json | None
+    log: str
+
+
+@dataclass(frozen=True)
+class LiveView:
+    """A live session, of whichever process."""
+
+    id: str
+    process: str
+    owner: str
+    method: str
+    width: int
+    height: int
+    opened_at: float
+    connected: bool
+    """False: it waits for a client that was lost."""
+    figures: Json = field(default_factory=dict)
+    """Of the whole session, as in the `stats` message of the live protocol."""
+    ending: bool = False
+    """An operator has asked for its end."""

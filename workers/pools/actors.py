@@ -1,0 +1,131 @@
+"""The Ray actors, a line or two a method: everything they do is done by plain classes. With `ray_pool` and
+`ray_seats`, the only files that import Ray."""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import os
+import socket
+import threading
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, cast
+
+import ray
+from ray.exceptions import RayError
+
+from workers.blobs.base import Blobs
+from workers.live.channel import Address, LiveWorkerServer
+from workers.live.local_workers import SessionRenderer
+from workers.live.model import LiveOrder
+from workers.model import Json, TaskOrder, TaskOutcome
+from workers.pools.artefact_cache import ArtefactCache
+from workers.pools.attempt_monitor import AttemptMonitor
+from workers.pools.local_pool import Runner
+
+CONTROL = "control"
+RENDER_NICENESS = 10
+"""Live sessions and the service's answers go before renders."""
+FETCH_S = 10.0
+"""Longer than this, the blob store is quicker."""
+LOWEST = 19
+"""Nice."""
+
+
+class _RenderActor:
+    """Runs one order at a time; answers in between, from a thread of its own, how far it is."""
+
+    def __init__(self, make_runner: Callable[[Blobs], Runner], blobs: Blobs) -> None:
+        os.nice(RENDER_NICENESS)
+        self._watch = AttemptMonitor()
+        self._shelf = ArtefactCache(blobs)
+        self._runner = make_runner(self._shelf)
+        warm_up = partial(self._runner.warm_up, lambda: False)
+        threading.Thread(target=warm_up, name="impasto-warm-up", daemon=True).start()
+
+    def run(self, order: TaskOrder, given: Mapping[str, Any]) -> tuple[TaskOutcome, dict[str, tuple[Any, int]]]:
+        """The outcome; and of what others of its step will load, by blob key: a reference, and how many bytes.
+
+        Args:
+            given: by blob key, references that orders before it have left.
+        """
+        self._shelf.begin({key: partial(_fetch, reference) for key, reference in given.items()}, order.leads)
+        outcome = self._watch.run(self._runner, order)
+        return outcome, {key: (ray.put(data), len(data)) for key, data in self._shelf.end().items()}
+
+    @ray.method(concurrency_group=CONTROL)
+    def hello(self) -> tuple[str, str]:
+        """Who this is (host and process id), and the id of its Ray node."""
+        return f"{socket.gethostname()}:{os.getpid()}", ray.get_runtime_context().get_node_id()
+
+    @ray.method(concurrency_group=CONTROL)
+    def progress(self) -> tuple[str, float, str]:
+        """(attempt id, 0..1, blob key of its newest frame) of what runs now."""
+        return self._watch.progress()
+
+    @ray.method(concurrency_group=CONTROL)
+    def cancel(self, attempt_id: str) -> None:
+        self._watch.cancel(attempt_id)
+
+
+def _fetch(reference: Any) -> bytes | None:
+    """What was put; None if it was lost with the actor that had put it."""
+    try:
+        return cast(bytes, ray.get(reference, timeout=FETCH_S))
+    except (RayError, TimeoutError):
+        return None
+
+
+class _LiveActor:
+    """A `LivePainter`. Frames come and go on its `LiveWorkerServer`, on threads of their own; calls are for all else.
+
+    Args:
+        make_painter: pickled, so that what it needs is imported by `warm_up`.
+        secret: what connections to the post must say.
+    """
+
+    def __init__(self, make_painter: bytes, secret: bytes) -> None:
+        self._make_painter, self._secret = make_painter, secret
+        self._painter: SessionRenderer | None = None
+        self._post: LiveWorkerServer | None = None
+
+    def warm_up(self) -> Address:
+        """Returns where its post is, once a first frame costs what others do.
+
+        It gets ready behind those who are at work: seconds of imports and practice would cost a session its frames.
+        """
+        thread = threading.Thread(target=self._get_ready, name="impasto-warm-up")
+        thread.start()
+        thread.join()
+        self._post = LiveWorkerServer(self._here, cast(Any, ray.util).get_node_ip_address(), self._secret)
+        return self._post.address
+
+    def _get_ready(self) -> None:
+        with contextlib.suppress(OSError):  # of this thread alone, on Linux; elsewhere it may not be possible
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), LOWEST)
+        painter = cast(SessionRenderer, ray.cloudpickle.loads(self._make_painter)())
+        painter.warm_up()
+        gc.collect()
+        gc.freeze()  # what was imported is never garbage; looking through it takes a tenth of a second
+        self._painter = painter
+
+    @property
+    def _here(self) -> SessionRenderer:
+        assert self._painter is not None, "warmed up first"
+        return self._painter
+
+    def open(self, order: LiveOrder) -> None:
+        self._here.open(order)
+
+    def change(self, params: Mapping[str, Json], inputs: Mapping[str, str]) -> None:
+        self._here.change(params, inputs)
+
+    def close(self) -> None:
+        self._here.close()
+
+
+RenderActor: Any = cast(Any, ray.remote)(max_restarts=0, max_task_retries=0, concurrency_groups={CONTROL: 1})(
+    _RenderActor
+)
+LiveActor: Any = cast(Any, ray.remote)(num_cpus=0, max_restarts=0, max_task_retries=0)(_LiveActor)

@@ -1,0 +1,147 @@
+"""What the tasks of a step hand to each other, at hand: blobs stay the truth, this only saves fetching them.
+
+A chain of tasks passes its state on: an artefact that one saves is loaded by the next, often on another machine. Where
+there is a quicker way than the blob store (Ray's shared memory), the bytes go by it as well; if they are lost on it,
+the blob is read. Nothing depends on the shelf but time.
+"""
+
+from __future__ import annotations
+
+import io
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from workers.blobs.base import Blobs, Content, Direct
+
+ARTEFACT = ".npz"
+"""What keys of artefacts end with."""
+MOST_BYTES = 16 << 20
+"""Of one artefact on the shelf; larger ones go by the blob store only."""
+
+Fetch = Callable[[], bytes | None]
+"""The bytes, or None: they are not there any more."""
+
+
+class ArtefactCache(Blobs):
+    """A blob store of which some blobs are at hand. For one attempt after another, of which each calls `begin`.
+
+    Args:
+        blobs: the store itself.
+    """
+
+    def __init__(self, blobs: Blobs) -> None:
+        self._blobs = blobs
+        self._lock = threading.Lock()
+        self._given: Mapping[str, Fetch] = {}
+        self._made: dict[str, bytes] | None = None
+
+    def begin(self, given: Mapping[str, Fetch], keep: bool) -> None:
+        """An attempt begins.
+
+        Args:
+            given: blobs that are at hand, by key.
+            keep: whether others wait for its artefacts.
+        """
+        self._given = given
+        self._made = {} if keep else None
+
+    def end(self) -> dict[str, bytes]:
+        """The artefacts that it has stored, if they were to be kept."""
+        with self._lock:
+            made, self._made, self._given = self._made or {}, None, {}
+        return made
+
+    def get(self, key: str) -> bytes:
+        fetch = self._given.get(key)
+        data = None if fetch is None else fetch()
+        return self._blobs.get(key) if data is None else data
+
+    def put(self, key: str, data: Content) -> None:
+        if self._made is not None and key.endswith(ARTEFACT) and not isinstance(data, Path):
+            data = _whole(data)
+            self._keep(key, data)
+        self._blobs.put(key, data)
+
+    def _keep(self, key: str, data: bytes) -> None:
+        with self._lock:
+            if self._made is not None and len(data) <= MOST_BYTES:
+                self._made[key] = data
+
+    # -- the rest is the store's
+
+    def put_if_absent(self, key: str, data: bytes) -> bool:
+        return self._blobs.put_if_absent(key, data)
+
+    def read(self, key: str, start: int = 0, stop: int | None = None, chunk: int = 1 << 20) -> Iterator[bytes]:
+        return self._blobs.read(key, start, stop, chunk)
+
+    def local(self, key: str) -> AbstractContextManager[Path]:
+        return self._blobs.local(key)
+
+    def size(self, key: str) -> int | None:
+        return self._blobs.size(key)
+
+    def delete(self, key: str) -> None:
+        self._blobs.delete(key)
+
+    def delete_all(self, keys: Iterable[str]) -> None:
+        self._blobs.delete_all(keys)
+
+    def keys(self, prefix: str) -> Iterator[str]:
+        return self._blobs.keys(prefix)
+
+    def check(self) -> None:
+        self._blobs.check()
+
+    def check_room(self, wanted_bytes: int = 0) -> None:
+        self._blobs.check_room(wanted_bytes)
+
+    def sweep(self, older_than_s: float = 3600.0) -> int:
+        return self._blobs.sweep(older_than_s)
+
+    @property
+    def direct(self) -> Direct | None:
+        return self._blobs.direct
+
+
+def _whole(data: bytes | BinaryIO | Callable[[BinaryIO], None]) -> bytes:
+    if isinstance(data, bytes):
+        return data
+    if not callable(data):
+        return data.read()
+    stream = io.BytesIO()
+    data(stream)
+    return stream.getvalue()
+
+
+class SharedArtefacts:
+    """What attempts have left on the way: the newest, up to a number of bytes. Thread-safe.
+
+    Args:
+        most_bytes: of all together.
+    """
+
+    def __init__(self, most_bytes: int) -> None:
+        self._most = most_bytes
+        self._lock = threading.Lock()
+        self._left: OrderedDict[str, tuple[Any, int]] = OrderedDict()
+        self._bytes = 0
+
+    def add(self, made: Mapping[str, tuple[Any, int]]) -> None:
+        """By blob key: what leads to the bytes, and how many there are."""
+        with self._lock:
+            for key, (way, size) in made.items():
+                self._left[key] = (way, size)
+                self._bytes += size
+            while self._bytes > self._most:
+                _, (_, size) = self._left.popitem(last=False)
+                self._bytes -= size
+
+    def of(self, keys: Iterable[str]) -> dict[str, Any]:
+        """Those that are there."""
+        with self._lock:
+            return {key: self._left[key][0] for key in keys if key in self._left}

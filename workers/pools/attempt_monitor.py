@@ -1,0 +1,47 @@
+"""How far an attempt is, and whether it is to stop: asked and told from another thread than the one that works."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+
+from workers.model import TaskOrder, TaskOutcome
+from workers.pools.local_pool import Runner
+
+_REMEMBERED = 64
+
+
+class AttemptMonitor:
+    """Stands beside a runner. Thread-safe."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._attempt_id = ""
+        self._done = 0.0
+        self._preview = ""
+        self._cancelled: OrderedDict[str, None] = OrderedDict()
+
+    def run(self, runner: Runner, order: TaskOrder) -> TaskOutcome:
+        with self._lock:
+            self._attempt_id, self._done, self._preview = order.attempt_id, 0.0, ""
+        return runner.run(order, self._report, lambda: self._is_cancelled(order.attempt_id))
+
+    def progress(self) -> tuple[str, float, str]:
+        """(attempt id, 0..1, blob key of its newest frame) of what ran last."""
+        with self._lock:
+            return self._attempt_id, self._done, self._preview
+
+    def cancel(self, attempt_id: str) -> None:
+        """Stop the attempt, also if it has not begun yet."""
+        with self._lock:
+            self._cancelled[attempt_id] = None
+            while len(self._cancelled) > _REMEMBERED:
+                self._cancelled.popitem(last=False)
+
+    def _report(self, done: float, preview: str = "") -> None:
+        with self._lock:
+            self._done, self._preview = done, preview or self._preview
+
+    def _is_cancelled(self, attempt_id: str) -> bool:
+        with self._lock:
+            return attempt_id in self._cancelled

@@ -1,0 +1,73 @@
+"""Room for tasks: what one needs of a machine, against what workers have and machines offer. Pure; knows no cluster."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from pipeline.methods.base import Resources
+from workers.settings import FarmSettings
+
+_LEAST_BYTES = 512 << 20
+"""Memory is given out in this, twice this, four times this ...: so that a worker suits many tasks."""
+
+
+@dataclass(frozen=True)
+class Capacity:
+    """So much of a machine."""
+
+    cpus: float
+    gpus: float
+    memory_bytes: int
+
+    def covers(self, other: Capacity) -> bool:
+        """Whether what fits into `other` fits in here."""
+        return self.cpus >= other.cpus and self.gpus >= other.gpus and self.memory_bytes >= other.memory_bytes
+
+    def __str__(self) -> str:
+        gpus = f", {self.gpus:g} GPU" if self.gpus else ""
+        memory = f", {self.memory_bytes >> 20} MiB" if self.memory_bytes else ""
+        return f"{self.cpus:g} CPU{gpus}{memory}"
+
+
+def default_capacity(settings: FarmSettings) -> Capacity:
+    """What a worker has that waits for whatever comes. No GPU: it would keep others from it, or stand idle without."""
+    return Capacity(settings.task_cpus, 0.0, settings.task_memory_bytes)
+
+
+def capacity_for(resources: Resources | None, settings: FarmSettings) -> Capacity:
+    """What a task is given: what it needs, and by the farm's settings where it does not say.
+
+    Memory is rounded up, and never less than the farm gives to every task.
+    """
+    given = resources or Resources()
+    return Capacity(
+        settings.task_cpus if given.cpus is None else given.cpus,
+        settings.task_gpus if given.gpus is None else given.gpus,
+        max(settings.task_memory_bytes, _rounded(given.memory_bytes)),
+    )
+
+
+def _rounded(size: int) -> int:
+    """The next size that is given out; 0 for 0."""
+    if size <= 0:
+        return 0
+    given = _LEAST_BYTES
+    while given < size:
+        given *= 2
+    return given
+
+
+Machines = Iterable[tuple[str, Capacity]]
+"""By name, what each has to give if nothing runs there. Names may repeat."""
+
+
+def machines_with(room: Capacity, machines: Machines) -> set[str]:
+    """Names of the machines that have so much."""
+    return {name for name, machine in machines if machine.covers(room)}
+
+
+def shortage(room: Capacity, machines: Machines) -> str:
+    """For people: what no machine has, and what there is."""
+    there = "; ".join(sorted(f"{name}: {machine}" for name, machine in machines)) or "there are none"
+    return f"No machine of the cluster has {room} ({there})"

@@ -1,0 +1,152 @@
+"""Attempts in threads of this process. The work itself leaves Python's lock: NumPy, OpenCV, OpenCL, Numba."""
+
+from __future__ import annotations
+
+import queue
+import socket
+import threading
+import time
+from collections.abc import Callable, Collection
+from typing import Protocol
+
+from workers.faults import failed_outcome
+from workers.model import TaskOrder, TaskOutcome
+from workers.operations import Slot
+from workers.pools.base import Report, Tell
+
+Listen = Callable[[Report], None]
+
+
+class Runner(Protocol):
+    """Runs one order at a time, as `workers.execution.renderer.Renderer` does."""
+
+    def run(self, order: TaskOrder, report: Tell, cancelled: Callable[[], bool]) -> TaskOutcome: ...
+
+    def close(self) -> None: ...
+
+    def warm_up(self, stopped: Callable[[], bool]) -> None:
+        """Get ready in the background, beside `run`, until it is done or `stopped`."""
+        ...
+
+
+class LocalPool:
+    """`workers` threads, each with a runner of its own, made in the thread at its first order."""
+
+    hands_on = False
+
+    def __init__(self, make_runner: Callable[[], Runner], workers: int) -> None:
+        self.capacity = workers
+        self._make_runner = make_runner
+        self._orders: queue.SimpleQueue[TaskOrder | None] = queue.SimpleQueue()
+        self._stops: dict[str, threading.Event] = {}
+        self._busy: dict[str, str] = {}
+        self._abandoned: set[str] = set()
+        self._lock = threading.Lock()
+        self._threads: list[threading.Thread] = []
+        self._stopping = threading.Event()
+        self._warming = threading.Thread(target=self._warm_up, name="impasto-warm-up", daemon=True)
+        self._listen: Listen = lambda report: None
+        self._node = socket.gethostname()
+        self._held = False
+
+    @property
+    def free(self) -> int:
+        with self._lock:
+            return 0 if self._held else self.capacity - len(self._stops) + len(self._abandoned)
+
+    def hold(self, nodes: Collection[str]) -> None:
+        self._held = self._node in nodes
+
+    def slots(self) -> tuple[Slot, ...]:
+        with self._lock:
+            given_up = {self._busy.get(attempt_id) for attempt_id in self._abandoned}
+            names = [thread.name for thread in self._threads if thread.is_alive() and thread.name not in given_up]
+        return tuple(Slot(name, self._node) for name in names)
+
+    def start(self, listen: Listen) -> None:
+        self._listen = listen
+        for _ in range(self.capacity):
+            self._add_worker()
+        self._warming.start()
+
+    def submit(self, order: TaskOrder) -> None:
+        with self._lock:
+            self._stops[order.attempt_id] = threading.Event()
+        self._orders.put(order)
+
+    def cancel(self, attempt_id: str) -> None:
+        with self._lock:
+            if stop := self._stops.get(attempt_id):
+                stop.set()
+
+    def abandon(self, attempt_id: str) -> None:
+        """Stop waiting for an attempt that does not answer. A thread cannot be killed: another takes its place."""
+        self.cancel(attempt_id)
+        with self._lock:
+            if attempt_id not in self._busy or attempt_id in self._abandoned:
+                return
+            self._abandoned.add(attempt_id)
+        self._add_worker()
+
+    def describe(self) -> dict[str, object]:
+        with self._lock:
+            return {"kind": "local", "workers": self.capacity, "busy": dict(self._busy)}
+
+    def stop(self, grace_s: float = 5.0) -> None:
+        self._stopping.set()
+        with self._lock:
+            for stop in self._stops.values():
+                stop.set()
+        for _ in self._threads:
+            self._orders.put(None)
+        deadline = time.monotonic() + grace_s
+        for thread in (*self._threads, self._warming):
+            thread.join(max(0.0, deadline - time.monotonic()))
+
+    def _warm_up(self) -> None:
+        runner = self._make_runner()
+        runner.warm_up(self._stopping.is_set)
+        runner.close()
+
+    def _add_worker(self) -> None:
+        name = f"impasto-worker-{len(self._threads)}"
+        thread = threading.Thread(target=self._work, name=name, daemon=True)
+        self._threads.append(thread)
+        thread.start()
+
+    def _work(self) -> None:
+        name = threading.current_thread().name
+        runner: Runner | None = None
+        while (order := self._orders.get()) is not None:
+            runner = self._run(order, runner, name)
+            if self._was_abandoned(order.attempt_id):
+                break  # another thread works in our place
+        if runner is not None:
+            runner.close()
+
+    def _was_abandoned(self, attempt_id: str) -> bool:
+        with self._lock:
+            was = attempt_id in self._abandoned
+            self._abandoned.discard(attempt_id)
+            return was
+
+    def _run(self, order: TaskOrder, runner: Runner | None, name: str) -> Runner | None:
+        """Run one order and report; returns the runner for the next one."""
+        attempt_id = order.attempt_id
+        with self._lock:
+            stop = self._stops[attempt_id]
+            self._busy[attempt_id] = name
+        self._listen(Report(attempt_id, worker=name))
+
+        def tell(done: float, preview: str = "") -> None:
+            self._listen(Report(attempt_id, done, worker=name, preview=preview))
+
+        try:
+            runner = runner or self._make_runner()
+            outcome = runner.run(order, tell, stop.is_set)
+        except BaseException as error:
+            outcome, runner = failed_outcome(attempt_id, error), None
+        with self._lock:
+            del self._stops[attempt_id], self._busy[attempt_id]
+        self._listen(Report(attempt_id, 1.0, outcome, worker=name))
+        return runner

@@ -1,0 +1,376 @@
+"""Attempts on a Ray cluster: one actor a worker. Ray is muscle: it retries nothing and keeps nothing for us.
+
+An actor counts as capacity once it has said hello, so that a cluster with fewer processors than workers simply does
+less at once. When an actor dies its attempt is reported as lost and another actor takes its place.
+
+An actor has its room (processors, part of a GPU, memory) from Ray, so that no machine is given more than it has. A
+task that fits into no idle actor's room takes the place of one with an actor of its own, which waits for a machine with
+room: an autoscaler may make one. If none of now could ever hold it, the task says so while it waits, and fails at last.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, cast
+
+import ray
+from ray.exceptions import RayError
+
+from pipeline.errors import StorageError
+from workers.blobs.base import Blobs
+from workers.blobs.disk import DiskBlobs
+from workers.errors import NoCapacity
+from workers.execution.renderer import remote_renderer
+from workers.faults import failed_outcome
+from workers.model import TaskOrder, TaskOutcome
+from workers.operations import Slot
+from workers.pools.actors import RenderActor
+from workers.pools.artefact_cache import SharedArtefacts
+from workers.pools.base import Report
+from workers.pools.capacity import Capacity, Machines, capacity_for, default_capacity, machines_with, shortage
+from workers.pools.local_pool import Listen, Runner
+from workers.pools.ray_cluster import connect
+from workers.settings import FarmSettings
+
+log = logging.getLogger(__name__)
+
+_TICK_S = 0.25
+"""How often progress is asked for while something runs."""
+_PATIENCE_S = 3.0
+"""How long an actor waits for room before an idle one makes it: as long as one takes to start."""
+_HANDED_BYTES = 64 << 20
+"""Of artefacts in Ray's shared memory, over all nodes: with those just made far below what Ray begins to spill at. To
+spill them took a seventh of two processors."""
+
+
+@dataclass
+class _Worker:
+    """An actor and what it does."""
+
+    actor: Any
+    hello: Any
+    """Reference to its greeting, until that has come."""
+    room: Capacity
+    """What it has from Ray."""
+    avoids: frozenset[str] = frozenset()
+    """Ids of Ray nodes where it was not to begin."""
+    name: str = ""
+    node: str = ""
+    attempt_id: str = ""
+    patient_since: float = field(default_factory=time.monotonic)
+    """Since when it has waited for a machine without having been helped."""
+    hopeless_since: float | None = None
+    """Since when no machine of the cluster could hold it, however idle."""
+    answer: Any = None
+    """Reference to the outcome of the attempt."""
+
+    @property
+    def idle(self) -> bool:
+        return bool(self.name) and not self.attempt_id
+
+
+class RayPool:
+    """`settings.workers` actors on the cluster at `settings.ray_address` ("local": one of its own, on this machine).
+
+    Args:
+        blobs: pickled to the actors as it is; on several machines S3, or a folder that they share.
+        make_runner: from the blobs, called once an actor; None: a Renderer.
+    """
+
+    def __init__(
+        self, blobs: Blobs, settings: FarmSettings, make_runner: Callable[[Blobs], Runner] | None = None
+    ) -> None:
+        self._settings = settings
+        self._blobs = blobs
+        here = settings.ray_address == "local"
+        self._make_runner = make_runner or partial(
+            remote_renderer, settings.for_workers, scratch=settings.scratch if here else None
+        )
+        self.hands_on = not (here and isinstance(blobs, DiskBlobs))  # a file just written on this machine is as near
+        self._handed = SharedArtefacts(_HANDED_BYTES)
+        self._workers: list[_Worker] = []
+        self._lock = threading.RLock()
+        self._news = threading.Event()
+        self._stopping = False
+        self._pump = threading.Thread(target=self._watch, name="impasto-ray", daemon=True)
+        self._listen: Listen = lambda report: None
+        self._usual = default_capacity(settings)
+        self._lacking = ""
+        """What keeps every worker from starting, in words."""
+        self._held: frozenset[str] = frozenset()
+        self._avoided: frozenset[str] = frozenset()
+        """Ids of the nodes that are held."""
+        self._owed = 0
+        """Actors that were ended to make room for others."""
+
+    @property
+    def capacity(self) -> int:
+        with self._lock:
+            return sum(1 for worker in self._workers if worker.name or worker.attempt_id)
+
+    @property
+    def free(self) -> int:
+        with self._lock:
+            return len(self._idle())
+
+    def _idle(self) -> list[_Worker]:
+        return [worker for worker in self._workers if worker.idle and worker.node not in self._held]
+
+    def slots(self) -> tuple[Slot, ...]:
+        with self._lock:
+            there = [worker for worker in self._workers if worker.name]
+        return tuple(Slot(w.name, w.node, w.room.cpus, w.room.gpus, w.room.memory_bytes) for w in there)
+
+    def hold(self, nodes: Collection[str]) -> None:
+        """Idle actors of these nodes move to others, as far as there is room."""
+        if self._held == frozenset(nodes):
+            return
+        names = _node_names()
+        with self._lock:
+            self._held = frozenset(nodes)
+            self._avoided = frozenset(node_id for node_id, name in names.items() if name in self._held)
+            for worker in list(self._workers):
+                starting = not worker.name and not worker.attempt_id
+                if (worker.idle and worker.node in self._held) or (starting and worker.avoids != self._avoided):
+                    self._exchange(worker, self._usual)
+
+    def start(self, listen: Listen) -> None:
+        """Connect, or start a cluster. On the main thread only: Ray aborts the process at its end otherwise."""
+        if threading.current_thread() is not threading.main_thread():
+            raise StorageError("A Ray farm starts on the main thread.", remedy="Call start() there.")
+        self._listen = listen
+        connect(self._settings)
+        with self._lock:
+            self._workers = [self._new_worker(self._usual) for _ in range(self._settings.workers)]
+        self._pump.start()
+
+    def submit(self, order: TaskOrder) -> None:
+        with self._lock:
+            worker = self._place_for(capacity_for(order.resources, self._settings))
+            if worker is not None:
+                worker.attempt_id = order.attempt_id
+                given = self._handed.of(order.artefacts.values()) if order.after else {}
+                worker.answer = worker.actor.run.remote(order, given)
+        if worker is None:  # an actor died between the claim and now
+            self._listen(Report(order.attempt_id, lost=True))
+        self._news.set()
+
+    def _place_for(self, room: Capacity) -> _Worker | None:
+        idle = self._idle()
+        fitting = [worker for worker in idle if worker.room.covers(room)]
+        if fitting or not idle:  # the least that will do: the others may be wanted for more
+            return min(fitting, key=lambda worker: (worker.room.gpus, worker.room.memory_bytes), default=None)
+        roomy = machines_with(room, _machines())
+        return self._exchange(next((worker for worker in idle if worker.node in roomy), idle[0]), room)
+
+    def cancel(self, attempt_id: str) -> None:
+        worker = self._at_work(attempt_id)
+        if worker is not None:
+            worker.actor.cancel.remote(attempt_id)
+
+    def abandon(self, attempt_id: str) -> None:
+        worker = self._at_work(attempt_id)
+        if worker is not None:
+            ray.kill(worker.actor)
+            self._replace(worker)
+
+    def describe(self) -> dict[str, object]:
+        with self._lock:
+            busy = {worker.attempt_id: worker.name for worker in self._workers if worker.attempt_id}
+        wanted = self._settings.workers
+        return {"kind": "ray", "workers": self.capacity, "wanted": wanted, "busy": busy, "lacking": self._lacking}
+
+    def stop(self, grace_s: float = 5.0) -> None:
+        with self._lock:
+            busy = [worker for worker in self._workers if worker.attempt_id]
+        for worker in busy:
+            worker.actor.cancel.remote(worker.attempt_id)
+        if busy:
+            ray.wait([worker.answer for worker in busy], num_returns=len(busy), timeout=grace_s)
+        self._stopping = True
+        self._news.set()
+        self._pump.join(grace_s)
+        self._collect(0.0)
+        ray.shutdown()
+
+    # -- the pump: greetings, answers, progress
+
+    def _watch(self) -> None:
+        while not self._stopping:
+            self._news.clear()
+            try:
+                if not self._collect(_TICK_S):
+                    self._news.wait(_TICK_S)
+                self._ask_progress()
+                self._make_room()
+            except Exception:
+                log.exception("the Ray pool failed; it tries again")
+                self._news.wait(1.0)
+
+    def _collect(self, timeout_s: float) -> bool:
+        """Take what has come within `timeout_s`; False at once if nothing is awaited."""
+        with self._lock:
+            awaited = {w.hello if w.hello is not None else w.answer: w for w in self._workers}
+        awaited.pop(None, None)
+        if not awaited:
+            return False
+        come, _ = ray.wait(list(awaited), timeout=timeout_s)
+        for ref in come:
+            self._take(ref, awaited[ref])
+        return True
+
+    def _take(self, ref: Any, worker: _Worker) -> None:
+        try:
+            value = ray.get(ref)
+        except ray.exceptions.RayTaskError as error:  # the actor lives; our own code has raised
+            value = failed_outcome(worker.attempt_id, error.cause or error), {}
+        except RayError as error:
+            log.warning("the worker %s has died: %s", worker.name or "(starting)", type(error).__name__)
+            self._replace(worker, lost=worker.attempt_id)
+            return
+        if worker.hello is None:
+            self._answered(worker, *value)
+        else:
+            self._greeted(worker, *value)
+
+    def _greeted(self, worker: _Worker, name: str, node_id: str) -> None:
+        node = _node_names().get(node_id, node_id[:12])
+        with self._lock:
+            worker.name, worker.node, worker.hello, worker.hopeless_since = name, node, None, None
+        self._listen(Report("", worker=name))
+
+    def _answered(self, worker: _Worker, outcome: TaskOutcome, made: dict[str, tuple[Any, int]]) -> None:
+        self._handed.add(made)
+        with self._lock:
+            worker.attempt_id, worker.answer = "", None
+            if worker.node in self._held:
+                self._exchange(worker, self._usual)
+        self._listen(Report(outcome.attempt_id, 1.0, outcome, worker=worker.name))
+
+    def _ask_progress(self) -> None:
+        with self._lock:
+            busy = [worker for worker in self._workers if worker.attempt_id]
+            asked = {worker.actor.progress.remote(): worker for worker in busy if worker.name}
+        for worker in busy:
+            if not worker.name:  # its actor waits for room: that is no silence
+                none = "" if worker.hopeless_since is None else ": no machine has that"
+                self._listen(Report(worker.attempt_id, worker=f"waiting for {worker.room}{none}"))
+        if not asked:
+            return
+        come, _ = ray.wait(list(asked), num_returns=len(asked), timeout=_TICK_S)
+        for ref in come:
+            self._tell(ref, asked[ref])
+
+    def _tell(self, ref: Any, worker: _Worker) -> None:
+        try:
+            attempt_id, done, preview = ray.get(ref)
+        except RayError:
+            return  # its answer will say so
+        if attempt_id == worker.attempt_id:
+            self._listen(Report(attempt_id, done, worker=worker.name, preview=preview))
+
+    # -- actors
+
+    def _make_room(self) -> None:
+        """End an idle actor where one that has waited a while could begin; once nobody waits, make up for it."""
+        now = time.monotonic()
+        with self._lock:
+            unborn = [worker for worker in self._workers if not worker.name]
+            if not any(worker.attempt_id for worker in unborn):
+                self._workers += [self._new_worker(self._usual) for _ in range(self._owed)]
+                self._owed = 0
+            late = [worker for worker in unborn if now - worker.patient_since > _PATIENCE_S]
+        machines = _machines() if late else []
+        for worker in late:
+            worker.patient_since = now
+            self._help(worker, machines, now)
+        if not unborn or late:
+            self._note_lack(machines)
+
+    def _help(self, worker: _Worker, machines: Machines, now: float) -> None:
+        """See to an actor that waits for room."""
+        roomy = machines_with(worker.room, machines)
+        if roomy:
+            worker.hopeless_since = None
+            if worker.attempt_id:
+                self._end_idle(roomy)
+            return
+        worker.hopeless_since = worker.hopeless_since or now
+        if worker.attempt_id and now - worker.hopeless_since > self._settings.room_s:
+            self._give_up(worker, machines)
+
+    def _give_up(self, worker: _Worker, machines: Machines) -> None:
+        """Fail the attempt of an actor that has waited long enough for a machine that there is not."""
+        remedy = "Add such a machine to the cluster, or choose a smaller video, then retry the job."
+        error = NoCapacity(f"{shortage(worker.room, machines)}.", field="needs", value=str(worker.room), remedy=remedy)
+        attempt_id, worker.attempt_id = worker.attempt_id, ""
+        ray.kill(worker.actor)
+        self._replace(worker)
+        self._listen(Report(attempt_id, outcome=failed_outcome(attempt_id, error), worker="none"))
+
+    def _note_lack(self, machines: Machines) -> None:
+        """Operators are told, once, when no worker can start on any machine."""
+        with self._lock:
+            hopeless = bool(self._workers) and all(worker.hopeless_since is not None for worker in self._workers)
+        said = f"{shortage(self._usual, machines)}: no worker can start." if hopeless else ""
+        if said and not self._lacking:
+            log.warning("%s", said)
+        self._lacking = said
+
+    def _end_idle(self, nodes: Collection[str]) -> None:
+        """One of these nodes, if there is one."""
+        with self._lock:
+            found = next((worker for worker in self._idle() if worker.node in nodes), None)
+            if found is not None:
+                ray.kill(found.actor)
+                self._workers.remove(found)
+                self._owed += 1
+
+    def _new_worker(self, room: Capacity) -> _Worker:
+        elsewhere = {"ray.io/node-id": f"!in({','.join(sorted(self._avoided))})"} if self._avoided else None
+        actor = RenderActor.options(
+            num_cpus=room.cpus, num_gpus=room.gpus, memory=room.memory_bytes or None, label_selector=elsewhere
+        ).remote(self._make_runner, self._blobs)
+        return _Worker(actor, actor.hello.remote(), room, self._avoided)
+
+    def _exchange(self, worker: _Worker, room: Capacity) -> _Worker:
+        """End an actor that has nothing to do; another takes its place."""
+        ray.kill(worker.actor)
+        new = self._new_worker(room)
+        self._workers[self._workers.index(worker)] = new
+        return new
+
+    def _replace(self, worker: _Worker, lost: str = "") -> None:
+        with self._lock:
+            if worker in self._workers:
+                self._workers[self._workers.index(worker)] = self._new_worker(self._usual)
+        if lost:
+            self._listen(Report(lost, lost=True, worker=worker.name))
+
+    def _at_work(self, attempt_id: str) -> _Worker | None:
+        with self._lock:
+            return next((worker for worker in self._workers if worker.attempt_id == attempt_id), None)
+
+
+def _node_names() -> dict[str, str]:
+    """By the id of every Ray node: the name that it was started with, else its host's."""
+    return {node["NodeID"]: _node_name(node) for node in cast(Any, ray).nodes()}
+
+
+def _node_name(node: dict[str, Any]) -> str:
+    named = node["NodeName"] and node["NodeName"] != node["NodeManagerAddress"]
+    return str(node["NodeName"] if named else node["NodeManagerHostname"])
+
+
+def _machines() -> list[tuple[str, Capacity]]:
+    """What each node that is alive has to give, if nothing runs there."""
+    return [(_node_name(node), _has(node["Resources"])) for node in cast(Any, ray).nodes() if node["Alive"]]
+
+
+def _has(resources: Mapping[str, float]) -> Capacity:
+    return Capacity(resources.get("CPU", 0.0), resources.get("GPU", 0.0), int(resources.get("memory", 0)))

@@ -1,0 +1,59 @@
+"""The engine: answers preview queries over warm state, one process's share of it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+
+from workers.blobs.base import Blobs
+from workers.execution.renderer import prepare_process
+from workers.previews.byte_cache import ByteCache
+from workers.previews.context import PreviewContext
+from workers.previews.kinds import directions, paint, propagate, regions, suggest
+from workers.previews.memory import Check
+from workers.previews.model import Overtaken, PreviewQuery, Record
+from workers.previews.warm import WarmFrames
+
+Kind = Callable[[PreviewContext], Iterator[Record]]
+
+
+def kinds() -> dict[str, Kind]:
+    """Every kind of preview by name."""
+    return {
+        "paint": paint.paint, "source": paint.source, "styles": paint.styles, "propagate": propagate.propagate,
+        "regions": regions.regions, "directions": directions.directions, "keys": suggest.suggest,
+    }  # fmt: skip
+
+
+class PreviewEngine:
+    """Answers queries. Thread-safe.
+
+    Args:
+        limit_bytes: of frames and everything else that is kept warm.
+    """
+
+    def __init__(self, blobs: Blobs, limit_bytes: int) -> None:
+        prepare_process()
+        self.cache = ByteCache(limit_bytes)
+        self._frames = WarmFrames(blobs, self.cache)
+
+    def close(self) -> None:
+        self._frames.close()
+
+    def run(self, query: PreviewQuery, check: Check) -> Iterator[Record]:
+        """The answer, piece by piece: "begin", what the kind gives, then "end" (or "overtaken").
+
+        Raises: ImpastoError, what is wrong with the query; then the answer ends.
+        """
+        began = time.monotonic()
+        context = PreviewContext(query, self._frames, self.cache, check, began)
+        yield Record({"type": "begin", "seq": query.seq})
+        try:
+            check()
+            for record in kinds()[query.what](context):
+                yield record
+                check()
+        except Overtaken as error:
+            yield Record({"type": "overtaken", "by": error.by})
+            return
+        yield Record({"type": "end", "ms": context.ms})

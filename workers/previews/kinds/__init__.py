@@ -1,0 +1,1 @@
+"""Kinds of previews: each a generator of records."""

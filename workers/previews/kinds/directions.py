@@ -1,0 +1,29 @@
+"""The direction that strokes have in a frame, with the design as it is now, for drawing it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from pipeline.errors import BadParameter
+from workers.previews.context import PreviewContext
+from workers.previews.kinds.regions import known_artefacts
+from workers.previews.model import Record
+from workers.previews.painting import LayerPainter
+
+
+def directions(context: PreviewContext) -> Iterator[Record]:
+    """Angle and strength on a grid of points `spacing_px` apart, float32 little-endian, rows x columns x 2."""
+    layer, number, spacing = context.query.layers[0], context.options["frame"], context.options["spacing_px"]
+    painter = LayerPainter(layer, context.frames, context.check, known_artefacts(context, layer))
+    field, (width, height) = painter.directions(number, context.query.side_px)
+    if field is None:
+        raise BadParameter(f"The method {layer.method!r} has no stroke directions.", field="layer", value=layer.id,
+                           remedy="Choose a method that has, such as multistyle.")  # fmt: skip
+    columns, rows = max(1, width // spacing), max(1, height // spacing)
+    x = ((np.arange(columns) + 0.5) * field.shape[1] / columns).astype(np.intp)
+    y = ((np.arange(rows) + 0.5) * field.shape[0] / rows).astype(np.intp)
+    header = {"type": "field", "frame": number, "columns": columns, "rows": rows, "spacing_px": spacing,
+              "width": width, "height": height, "dtype": "float32", "order": "angle,strength"}  # fmt: skip
+    yield Record(header, np.ascontiguousarray(field[np.ix_(y, x)], "<f4").tobytes())

@@ -1,0 +1,143 @@
+"""A painted key carried to the frames around it, while the artist paints: the nearest frames first."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Generator, Iterator
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import BadInput, BadParameter, Cancelled
+from pipeline.methods import method
+from workers.previews.context import PreviewContext
+from workers.previews.model import LayerSources, Overtaken, Record
+from workers.previews.painting import LayerPainter, resized
+from workers.previews.propagators import PROXY_SIDE_PX, forget_propagator, propagator_of
+
+_LOG = logging.getLogger(__name__)
+
+KEYS = "keys.image"
+"""The part of a layer that painted keys are."""
+MASKS = "keys.mask"
+"""The part of a layer that says where they are painted."""
+
+
+def propagate(context: PreviewContext) -> Iterator[Record]:
+    """Frames key - around .. key + around: by the method's propagator, which works at `PROXY_SIDE_PX` at most; by its
+    plan over these frames if it has none, or if that fails."""
+    layer, key = context.query.layers[0], context.options["key"]
+    name = _input(layer, KEYS)
+    if name is None:
+        raise BadParameter(
+            f"The method {layer.method!r} takes no painted keys.", field="layer", value=layer.id,
+            remedy="Choose a method with the part keys, such as analogy.",
+        )  # fmt: skip
+    if key >= (total := context.frames.info(layer.video).frames):
+        raise BadParameter("The video has no such frame.", field="key", value=key, remedy=f"Use 0 to {total - 1}.")
+    side_px = min(context.query.side_px, PROXY_SIDE_PX)
+    try:
+        if (yield from _propagated(context, layer, name, side_px)):
+            return
+    except (BadInput, Cancelled, Overtaken):
+        raise
+    except Exception:
+        _LOG.exception("The propagator of %r failed; its plan runs instead.", layer.method)
+        forget_propagator(context, layer, side_px)
+    yield from _planned(context, layer, name)
+
+
+def _propagated(context: PreviewContext, layer: LayerSources, name: str, side_px: int) -> Generator[Record, None, bool]:
+    """The records; whether the method has a propagator.
+
+    Frames that have a painted key of their own, and those beyond, are left out: this key does not reach them.
+    """
+    key = context.options["key"]
+    around, span = _span(context, layer, name)
+    with propagator_of(context, layer, side_px) as propagator:
+        if propagator is None:
+            return False
+        image = _key_image(context, layer, name, side_px)
+        if image is None:
+            propagator.prepare(key, around)
+            return True
+        for number, picture in propagator.repaint(key, image, around):
+            if number in span:
+                yield context.picture(number, picture, final=True)
+    return True
+
+
+def _span(context: PreviewContext, layer: LayerSources, name: str) -> tuple[int, range]:
+    """How many frames on each side of the key to repaint, and the frames to show: those between its neighbour keys."""
+    key, around = context.options["key"], context.options["around"]
+    others = [frame for frame in layer.images.get(name, {}) if frame != key]
+    start = max([key - around, *(frame + 1 for frame in others if frame < key)])
+    stop = min([key + around + 1, *(frame for frame in others if frame > key)])
+    return max(key - start, stop - 1 - key), range(start, stop)
+
+
+def _key_image(context: PreviewContext, layer: LayerSources, name: str, side_px: int) -> NDArray[np.uint8] | None:
+    """The painted key, uint8 RGB or RGBA of the proxy frames' size; None if nothing is painted on that frame."""
+    key = context.options["key"]
+    source = context.options.get("image") or layer.images.get(name, {}).get(key)
+    if source is None:
+        return None
+    frame = context.frames.frame(layer.video, key, side_px)
+    size = (frame.shape[1], frame.shape[0])
+    mask = layer.images.get(_input(layer, MASKS) or "", {}).get(key)
+    shown = None if mask is None else context.frames.image(mask, "inputs")
+    return key_at_size(context.frames.image(source, "image"), shown, size)
+
+
+def key_at_size(drawing: NDArray[Any], mask: NDArray[Any] | None, size: tuple[int, int]) -> NDArray[np.uint8]:
+    """A drawing as uint8 RGB, or RGBA if it has opacity or a mask, at `size` (width, height).
+
+    Args:
+        drawing: gray, RGB or RGBA, 8 or 16 bit.
+        mask: white where it is painted, in place of its opacity; of any size.
+    """
+    eight = _eight_bit(drawing)
+    colours = np.dstack([eight] * 3) if eight.ndim == 2 else eight[..., :3]
+    if mask is not None:
+        opacity = resized(_plane(_eight_bit(mask)), (eight.shape[1], eight.shape[0]))
+    elif eight.ndim == 3 and eight.shape[2] == 4:
+        opacity = eight[..., 3]
+    else:
+        return np.ascontiguousarray(resized(colours, size))
+    return _shrunk(np.ascontiguousarray(colours), np.ascontiguousarray(opacity), size)
+
+
+def _shrunk(colours: NDArray[np.uint8], opacity: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
+    """RGBA at `size`. Colours are averaged by opacity: those of transparent pixels have no meaning."""
+    if (colours.shape[1], colours.shape[0]) == size:
+        return np.dstack([colours, opacity])
+    weight = opacity.astype(np.float32) / 255
+    total = cv2.resize(weight, size, interpolation=cv2.INTER_AREA)
+    summed = cv2.resize(colours * weight[..., None], size, interpolation=cv2.INTER_AREA)
+    mean = np.rint(summed / np.maximum(total, 1e-6)[..., None]).clip(0, 255)
+    return np.dstack([mean, np.rint(total * 255)]).astype(np.uint8)
+
+
+def _eight_bit(image: NDArray[Any]) -> NDArray[np.uint8]:
+    return np.asarray(image if image.dtype == np.uint8 else image >> 8, np.uint8)
+
+
+def _plane(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    return image if image.ndim == 2 else np.ascontiguousarray(image[..., 0])
+
+
+def _planned(context: PreviewContext, layer: LayerSources, name: str) -> Iterator[Record]:
+    """The frames by the method's plan over them."""
+    key, around, image = context.options["key"], context.options["around"], context.options.get("image")
+    start, stop = max(0, key - around), min(context.frames.info(layer.video).frames, key + around + 1)
+    given = {} if image is None else {name: {key: context.frames.image(image, "image")}}
+    found = dict(LayerPainter(layer, context.frames, context.check).planned(start, stop, context.query.side_px, given))
+    for number in sorted(found, key=lambda frame: (abs(frame - key), frame)):
+        yield context.picture(number, found[number], final=True)
+
+
+def _input(layer: LayerSources, part: str) -> str | None:
+    """The method's input that is made from a part of the layer."""
+    return next((spec.name for spec in method(layer.method).inputs if spec.part == part), None)

@@ -1,0 +1,93 @@
+"""What a preview is asked for, and the records that answer it. Plain data, which travels to another process."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+from pipeline.errors import ImpastoError
+
+MEDIA_TYPE = "application/vnd.impasto.records"
+
+
+@dataclass(frozen=True)
+class LayerSources:
+    """A layer of a shot with all that its method takes.
+
+    Attributes:
+        video: blob key of the layer's video.
+        files: blob keys of inputs that are files, by input name.
+        images: of inputs that are images by frame: frame -> blob key, or the image's bytes themselves.
+        documents: inputs that are JSON, parsed.
+    """
+
+    id: str
+    method: str
+    params: Mapping[str, Any]
+    seed: int
+    video: str
+    files: Mapping[str, str] = field(default_factory=dict)
+    images: Mapping[str, Mapping[int, str | bytes]] = field(default_factory=dict)
+    documents: Mapping[str, Any] = field(default_factory=dict)
+    opacity: float = 1.0
+    blend: str = "over"
+
+    @cached_property
+    def digest(self) -> str:
+        """Equal for layers whose picture is equal."""
+        what = (self.method, dict(self.params), self.seed, self.video, dict(self.files), dict(self.images),
+                dict(self.documents))  # fmt: skip
+        return hashlib.sha256(repr(what).encode()).hexdigest()
+
+
+@dataclass(frozen=True)
+class PreviewQuery:
+    """One request.
+
+    Attributes:
+        what: kind of the preview: a key of `workers.previews.engine.KINDS`.
+        project: id; client, channel, seq: a request overtakes earlier ones of the same client and channel.
+        layers: from back to front; at least one.
+        side_px: longest side of the answer's pictures.
+        options: what else the kind takes, checked by the service.
+    """
+
+    what: str
+    project: str
+    client: str
+    channel: str
+    seq: int
+    layers: tuple[LayerSources, ...]
+    side_px: int
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Record:
+    """A piece of an answer: a JSON header, of which `type` says what it is, and bytes."""
+
+    header: Mapping[str, Any]
+    payload: bytes = b""
+
+    def encode(self) -> bytes:
+        """Length of the header as 4 bytes, big-endian; the header with `bytes`, the payload's length; the payload."""
+        header = json.dumps({**self.header, "bytes": len(self.payload)}, separators=(",", ":")).encode()
+        return struct.pack(">I", len(header)) + header + self.payload
+
+
+class Overtaken(ImpastoError):
+    """A later request of the same client and channel has come; `by` is its number."""
+
+    code = "overtaken"
+
+    def __init__(self, by: int) -> None:
+        super().__init__("A later request has come.", field="seq", value=by)
+        self.by = by
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return Overtaken, (self.by,)

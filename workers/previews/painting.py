@@ -1,0 +1,182 @@
+"""Frames of layers, painted by whatever way the method has for one frame or a few, and laid over each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Frame
+from pipeline.methods import method, parse_params
+from pipeline.methods.base import Method, PreviewRequest
+from workers.previews.memory import Check, painted
+from workers.previews.model import LayerSources
+from workers.previews.warm import WarmFrames
+from workers.projects.frames import within
+
+LEAD_FRAMES = 2
+"""Frames before the wanted one that a causal method sees first, so that motion and memory count."""
+REFERENCE_FRAMES = 24
+Artefacts = Mapping[str, Mapping[str, bytes]]
+
+
+class LayerPainter:
+    """Paints frames of one layer.
+
+    Args:
+        artefacts: what is known of the video already: artefact -> file by path.
+    """
+
+    def __init__(
+        self, layer: LayerSources, frames: WarmFrames, check: Check, artefacts: Artefacts | None = None
+    ) -> None:
+        self._layer, self._frames, self._check, self._artefacts = layer, frames, check, artefacts or {}
+        self._method: Method = method(layer.method)
+        self._params = parse_params(self._method, layer.params)
+        self._kinds = {spec.name: spec.kind for spec in self._method.inputs}
+
+    def frame(self, number: int, side_px: int) -> Frame:
+        """Frame `number`, scaled to fit, painted: by the method's own preview, its stream, or its plan over this frame
+        alone, in which painted keys have no part."""
+        total = self._frames.info(self._layer.video).frames
+        number = min(number, total - 1)
+        lead = self._frames.frames(self._layer.video, number - LEAD_FRAMES, number + 1, side_px)
+        self._check()
+        if (own := self._by_method(lead, number, total)) is not None:
+            return own
+        if (streamed := self._streamed(lead, side_px)) is not None:
+            return streamed
+        params = self._method.single_frame_params(self._params)
+        inputs = self._files(number, number + 1, self._scale(lead[-1]))
+        return next(painted(self._method, params, self._layer.seed, lead[-1:], inputs, self._check))[1]
+
+    def frames(self, start: int, stop: int, side_px: int) -> Iterator[tuple[int, Frame]]:
+        """Frames [start, stop), each as soon as it is painted. A causal method goes on from one to the next; of any
+        other, the plan runs over these frames."""
+        stop = min(stop, self._frames.info(self._layer.video).frames)
+        probe = self._frames.frames(self._layer.video, start, start + 1, side_px)
+        if self._documents() and type(self._method).preview is not Method.preview:
+            for number in range(start, stop):
+                yield number, self.frame(number, side_px)
+        elif (session := self._session((probe[0].shape[1], probe[0].shape[0]), side_px)) is not None:
+            yield from self._from_session(session, start, stop, side_px)
+        else:
+            yield from self.planned(start, stop, side_px, {})
+
+    def planned(
+        self, start: int, stop: int, side_px: int, images: Mapping[str, Mapping[int, NDArray[Any]]]
+    ) -> Iterator[tuple[int, Frame]]:
+        """Frames [start, stop) by the method's plan over them, with the drawings of these frames.
+
+        Args:
+            images: instead of the layer's own: input -> frame number -> drawing, of any size.
+        """
+        video = self._frames.frames(self._layer.video, start, stop, side_px)
+        inputs = self._files(start, stop, self._scale(video[0]))
+        size = (video[0].shape[1], video[0].shape[0])
+        for name in {*self._layer.images, *images}:
+            drawn = {**self._images(name, start, stop), **images.get(name, {})}
+            if drawn:
+                inputs[name] = {frame - start: resized(image, size) for frame, image in sorted(drawn.items())}
+        for name, value in self._documents().items():
+            inputs[name] = within(value, (start, stop))
+        for index, picture in painted(self._method, self._params, self._layer.seed, video, inputs, self._check):
+            yield start + index, picture
+
+    def directions(self, number: int, side_px: int) -> tuple[NDArray[np.float32] | None, tuple[int, int]]:
+        """Stroke directions of a frame (see `Method.directions`), and its size (width, height)."""
+        total = self._frames.info(self._layer.video).frames
+        number = min(number, total - 1)
+        frame = self._frames.frame(self._layer.video, number, side_px)
+        found = self._method.directions(self._request([frame], number, total))
+        return found, (frame.shape[1], frame.shape[0])
+
+    def _by_method(self, lead: Sequence[Frame], number: int, total: int) -> Frame | None:
+        return self._method.preview(self._request(lead, number, total))
+
+    def _request(self, lead: Sequence[Frame], number: int, total: int) -> PreviewRequest[Any]:
+        images = {name: self._images(name, 0, total) for name in self._layer.images}
+        return PreviewRequest(
+            self._params, self._layer.seed, lead, number, total, self._documents(), images, self._artefacts
+        )
+
+    def _from_session(self, session: Any, start: int, stop: int, side_px: int) -> Iterator[tuple[int, Frame]]:
+        first = max(0, start - LEAD_FRAMES)
+        for number, frame in enumerate(self._frames.frames(self._layer.video, first, stop, side_px), first):
+            self._check()
+            picture = session.step(frame)
+            if number >= start:
+                yield number, picture
+
+    def _session(self, size: tuple[int, int], side_px: int) -> Any:
+        references = {name: self._reference(key, side_px) for name, key in sorted(self._layer.files.items())
+                      if self._kinds[name] not in ("json", "images")}  # fmt: skip
+        return self._method.stream(self._params, size, self._layer.seed, references)
+
+    def _streamed(self, lead: Sequence[Frame], side_px: int) -> Frame | None:
+        session = self._session((lead[0].shape[1], lead[0].shape[0]), side_px)
+        if session is None:
+            return None
+        picture: Frame | None = None
+        for frame in lead:
+            self._check()
+            picture = session.step(frame)
+        return picture
+
+    def _reference(self, key: str, side_px: int) -> Iterator[Frame]:
+        yield from self._frames.frames(key, 0, REFERENCE_FRAMES, side_px)
+
+    def _scale(self, frame: Frame) -> float:
+        info = self._frames.info(self._layer.video)
+        return float(max(frame.shape) / max(info.width, info.height))
+
+    def _files(self, start: int, stop: int, scale: float) -> dict[str, Any]:
+        """The inputs that are files, scaled as the video is: strokes keep their size relative to the picture."""
+        found: dict[str, Any] = {}
+        for name, key in self._layer.files.items():
+            if self._kinds[name] in ("image", "image-or-video"):
+                found[name] = [self._shrunk(key, 0, scale)]
+            elif self._kinds[name] == "video":
+                found[name] = [self._shrunk(key, number, scale) for number in range(start, stop)]
+        return found
+
+    def _shrunk(self, key: str, number: int, scale: float) -> Frame:
+        info = self._frames.info(key)
+        return self._frames.frame(key, number, max(1, round(max(info.width, info.height) * scale)))
+
+    def _documents(self) -> dict[str, Any]:
+        given = {name: self._frames.document(key, f"inputs.{name}") for name, key in self._layer.files.items()
+                 if self._kinds[name] == "json"}  # fmt: skip
+        return {**given, **self._layer.documents}
+
+    def _images(self, name: str, start: int, stop: int) -> dict[int, NDArray[Any]]:
+        found = self._layer.images.get(name, {})
+        return {frame: self._frames.image(found[frame], f"inputs.{name}") for frame in found if start <= frame < stop}
+
+
+def resized(image: NDArray[Any], size: tuple[int, int]) -> NDArray[Any]:
+    """A drawing at (width, height): colours are averaged; gray values (labels, masks) are the nearest pixel's."""
+    if (image.shape[1], image.shape[0]) == size:
+        return image
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_NEAREST if image.ndim == 2 else cv2.INTER_AREA))
+
+
+def laid_over(below: Frame, above: Frame, opacity: float, blend: str) -> Frame:
+    """A layer over what is below it, uint8 (h, w, 3); values are sRGB, rounded to nearest."""
+    a, b = above.astype(np.float32), below.astype(np.float32)
+    full = np.float32(255)
+    mixed = {"over": a, "multiply": a * b / full, "screen": full - (full - a) * (full - b) / full, "add": a + b}[blend]
+    out = np.float32(opacity) * mixed + np.float32(1 - opacity) * b
+    return np.asarray(np.clip(np.rint(out), 0, 255), np.uint8)
+
+
+def stacked(painted: Sequence[Frame], layers: Sequence[LayerSources]) -> Frame:
+    """The layers' pictures over each other, from back to front; the backmost lies over black."""
+    out = np.zeros_like(painted[0]) if (layers[0].opacity, layers[0].blend) != (1.0, "over") else painted[0]
+    for picture, layer in zip(painted, layers, strict=True):
+        if picture is not out:
+            out = laid_over(out, picture, layer.opacity, layer.blend)
+    return out

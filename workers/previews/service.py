@@ -1,0 +1,115 @@
+"""`farm.previews`: queries in, records out; a later query of the same client and channel cancels the earlier ones."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from pipeline.errors import Cancelled
+from workers.model import Json
+from workers.previews.memory import Check
+from workers.previews.model import Overtaken, PreviewQuery, Record
+
+_FORGET = 10_000
+"""Clients and channels that are remembered: beyond that, the longest silent are forgotten."""
+
+
+class Runner(Protocol):
+    """Where previews are made: in this process, or in one of their own."""
+
+    def run(self, query: PreviewQuery, check: Check) -> Iterator[Record]:
+        """The answer, record by record. `check` raises once it is not wanted any more."""
+        ...
+
+    def state(self) -> Json:
+        """Bytes that are kept, their limit, restarts so far, where it runs."""
+        ...
+
+    def close(self) -> None: ...
+
+
+@dataclass
+class _Ticket:
+    """One query under way."""
+
+    query: PreviewQuery
+    by: int | None = None
+    """The later query that has overtaken it."""
+    left: threading.Event = field(default_factory=threading.Event)
+    """Set when the client has gone."""
+
+    def check(self) -> None:
+        if self.by is not None:
+            raise Overtaken(self.by)
+        if self.left.is_set():
+            raise Cancelled("Nobody waits for this preview any more.")
+
+
+class PreviewRun:
+    """An answer under way: iterate over it, and call `cancel` if the client goes."""
+
+    def __init__(self, service: PreviewService, ticket: _Ticket) -> None:
+        self._service, self._ticket = service, ticket
+
+    def cancel(self) -> None:
+        """Stop soon: the answer is not wanted any more."""
+        self._ticket.left.set()
+
+    def __iter__(self) -> Iterator[Record]:
+        return self._service.answer(self._ticket)
+
+
+class PreviewService:
+    """Thread-safe.
+
+    Args:
+        runner: makes the previews.
+        slots: previews made at once; others wait for their turn, and are gone if they are overtaken meanwhile.
+    """
+
+    def __init__(self, runner: Runner, slots: int) -> None:
+        self._runner = runner
+        self._slots = threading.BoundedSemaphore(slots)
+        self._lock = threading.Lock()
+        self._latest: dict[tuple[str, str, str], _Ticket] = {}
+
+    def start(self, query: PreviewQuery) -> PreviewRun:
+        """Begin a query; it overtakes earlier ones, or is overtaken at once if a later one has come already."""
+        ticket, name = _Ticket(query), (query.project, query.client, query.channel)
+        with self._lock:
+            before = self._latest.pop(name, None)
+            if before is not None and before.query.seq > query.seq:
+                ticket.by = before.query.seq
+                self._latest[name] = before
+            else:
+                if before is not None:
+                    before.by = query.seq
+                self._latest[name] = ticket
+            while len(self._latest) > _FORGET:
+                self._latest.pop(next(iter(self._latest)))
+        return PreviewRun(self, ticket)
+
+    def answer(self, ticket: _Ticket) -> Iterator[Record]:
+        """The records of a query. Raises what is wrong with it."""
+        try:
+            self._wait_for_turn(ticket)
+        except Overtaken as error:
+            yield Record({"type": "begin", "seq": ticket.query.seq})
+            yield Record({"type": "overtaken", "by": error.by})
+            return
+        try:
+            yield from self._runner.run(ticket.query, ticket.check)
+        finally:
+            self._slots.release()
+
+    def _wait_for_turn(self, ticket: _Ticket) -> None:
+        while not self._slots.acquire(timeout=0.02):
+            ticket.check()
+
+    def state(self) -> Json:
+        return self._runner.state()
+
+    def close(self) -> None:
+        self._runner.close()

@@ -1,0 +1,91 @@
+"""Frames at proxy size, decoded once and kept while there is room."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+from numpy.typing import NDArray
+
+from pipeline.errors import BadParameter
+from pipeline.frames import Frame
+from pipeline.methods.base import VideoInfo
+from pipeline.video.contact import fit
+from pipeline.video.guard.pictures import guarded_raw
+from workers.blobs.base import Blobs
+from workers.execution.decoders import Decoders
+from workers.previews.byte_cache import ByteCache
+
+_AHEAD = 4
+"""Frames decoded beyond those asked for: people step forwards."""
+
+
+class WarmFrames:
+    """Frames of videos by blob key. Thread-safe.
+
+    Arrays are copies: kernels compiled for writable arrays are used, and nobody changes what is kept.
+    """
+
+    def __init__(self, blobs: Blobs, cache: ByteCache) -> None:
+        self._blobs, self._cache = blobs, cache
+        self._decoders = Decoders(blobs)
+
+    def close(self) -> None:
+        self._decoders.close()
+
+    def info(self, key: str) -> VideoInfo:
+        """Size at full resolution, frame count, pace."""
+
+        def look() -> VideoInfo:
+            with self._decoders.reader(key) as reader:
+                width, height = reader.size
+                return VideoInfo(width, height, reader.frames, reader.fps, reader.frames / max(reader.fps, 1e-6))
+
+        return self._cache.get(("info", key), look, lambda _: 200)
+
+    def frames(self, key: str, start: int, stop: int, side_px: int) -> list[Frame]:
+        """Frames [start, stop), those that there are, scaled to fit `side_px`; never enlarged."""
+        start, stop = max(0, start), min(stop, self.info(key).frames)
+        wanted = range(start, stop)
+        found = {index: self._cache.peek((key, side_px, index)) for index in wanted}
+        missing = [index for index in wanted if found[index] is None]
+        if missing:
+            for index, frame in self._decode(key, missing[0], missing[-1] + 1, side_px):
+                found[index] = frame
+        return [found[index].copy() for index in wanted if found[index] is not None]
+
+    def frame(self, key: str, index: int, side_px: int) -> Frame:
+        """Frame `index`; of a shorter video, its last."""
+        index = min(max(index, 0), self.info(key).frames - 1)
+        return self.frames(key, index, index + 1, side_px)[0]
+
+    def full(self, key: str, index: int) -> Frame:
+        """A frame at full resolution, which is not kept."""
+        index = min(max(index, 0), self.info(key).frames - 1)
+        with self._decoders.reader(key, index) as reader:
+            return next(reader.read(index, index + 1))
+
+    def stream(self, key: str, start: int, stop: int) -> Iterator[Frame]:
+        """Frames [start, stop) at full resolution, one at a time."""
+        with self._decoders.reader(key, start) as reader:
+            yield from reader.read(start, stop)
+
+    def image(self, source: str | bytes, field: str) -> NDArray[Any]:
+        """A drawing as it is stored, 8 or 16 bit, alpha kept. `source`: blob key, or the file's bytes."""
+        data = source if isinstance(source, bytes) else self._blobs.get(source)
+        return guarded_raw(data, field)
+
+    def document(self, key: str, field: str) -> Any:
+        """A JSON file."""
+        try:
+            return json.loads(self._blobs.get(key))
+        except ValueError as error:
+            raise BadParameter(f"The input is not JSON: {error}.", field=field) from None
+
+    def _decode(self, key: str, start: int, stop: int, side_px: int) -> Iterator[tuple[int, Frame]]:
+        with self._decoders.reader(key, start) as reader:
+            for index, frame in enumerate(reader.read(start, min(stop + _AHEAD, reader.frames)), start):
+                small = fit(frame, side_px)
+                self._cache.put((key, side_px, index), small, small.nbytes)
+                yield index, small

@@ -1,0 +1,175 @@
+"""What keeps a document from being rendered: every problem, with its place. A document with problems can be saved."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from pipeline.methods import methods, param_faults
+from pipeline.methods.base import InputSpec, Method
+from workers.model import Asset
+from workers.projects.document import Document, Layer, Shot
+from workers.projects.faults import BadProject, DocumentFault, Path, fault, fault_at
+from workers.projects.submissions import Pick, Selection, images_of, picks
+from workers.scheduling.requests import FITS
+
+_DESIGN = {"keys": "style_keys"}
+"""Members of a design document that have another name in a layer."""
+
+
+def problems(
+    document: Document, assets: Mapping[str, Asset], selection: Selection = Selection()
+) -> list[DocumentFault]:
+    """Every problem of the selected shots.
+
+    Args:
+        assets: the assets that there are, by id: those of `document.asset_ids` that the owner holds.
+    """
+    try:
+        chosen = picks(document, selection)
+    except BadProject as error:
+        return list(error.errors)
+    found = [problem for pick in chosen for problem in _Check(document, assets, selection, pick).shot()]
+    if not chosen:
+        found.append(fault(("shots",), "The project has no shots.", remedy="Add a video."))
+    return list(dict.fromkeys(found))
+
+
+def shot_problems(
+    document: Document, assets: Mapping[str, Asset], shot: Shot, index: int, layers: Sequence[int]
+) -> list[DocumentFault]:
+    """Problems of some layers of one shot, as previews see them.
+
+    Args:
+        shot: with those layers only; `index`: its number in the document; `layers`: theirs in the shot.
+    """
+    path: Path = ("shots", index)
+    pick = Pick(shot, path, tuple((*path, "layers", k) for k in layers))
+    return list(dict.fromkeys(_Check(document, assets, Selection(), pick, jobs=False).shot()))
+
+
+class _Check:
+    """Checks one shot. `jobs`: also what only matters to jobs."""
+
+    def __init__(
+        self, document: Document, assets: Mapping[str, Asset], selection: Selection, pick: Pick, jobs: bool = True
+    ) -> None:
+        self._document, self._assets, self._pick = document, assets, pick
+        self._output = selection.output or document.output
+        self._frames = selection.frames
+        self._jobs = jobs
+
+    def shot(self) -> Iterator[DocumentFault]:
+        shot, path = self._pick.shot, self._pick.path
+        video = self._asset(shot.video)
+        yield from self._there(shot.video, (*path, "video"))
+        if video is not None and video.kind not in FITS["video"]:
+            yield fault((*path, "video"), f"This asset is no video: it is {video.kind}.", value=video.id,
+                        remedy="Name a video, an image or a zip of numbered images.")  # fmt: skip
+        count = self._count(video)
+        span = self._frames or shot.range
+        if span is not None and count is not None and span[1] > count:
+            yield fault((*path, "range"), f"The video has {count} frames.", value=span, remedy=f"End at {count}.")
+        if not any(layer.visible for layer in shot.layers):
+            yield fault((*path, "layers"), "The shot has no visible layer.", remedy="Add a layer, or show one.")
+        if self._jobs and sum(layer.visible for layer in shot.layers) > 1:
+            yield fault((*path, "layers"), "Several visible layers cannot be rendered yet.", remedy="Show one of them.")
+        if self._jobs and span is not None:
+            yield fault((*path, "range"), "A piece of a video cannot be rendered yet.", remedy="Leave the range out.")
+        for layer, at in zip(shot.layers, self._pick.layer_paths, strict=True):
+            if layer.visible:
+                yield from self._layer(layer, at, video, count)
+
+    def _layer(self, layer: Layer, path: Path, video: Asset | None, count: int | None) -> Iterator[DocumentFault]:
+        chosen = methods().get(layer.method)
+        if chosen is None:
+            remedy = f"Use one of: {', '.join(methods())}."
+            yield fault((*path, "method"), "There is no such method.", value=layer.method, remedy=remedy)
+            return
+        for wrong in param_faults(chosen, layer.params):
+            yield fault_at((*path, *wrong.field.split(".")), wrong)
+        for member in ("source", "matte"):
+            if (name := getattr(layer, member)) is not None:
+                yield from self._there(name, (*path, member))
+        for artefact in self._output.artefacts:
+            if artefact not in chosen.artefacts:
+                remedy = f"The method {chosen.name!r} makes: {', '.join(chosen.artefacts) or 'none'}."
+                yield fault(("output", "artefacts"), "There is no such artefact.", value=artefact, remedy=remedy)
+        for spec in chosen.inputs:
+            if spec.name != "video":
+                yield from self._input(chosen, spec, layer, path, video, count)
+
+    def _input(
+        self, chosen: Method, spec: InputSpec, layer: Layer, path: Path, video: Asset | None, count: int | None
+    ) -> Iterator[DocumentFault]:
+        if spec.name in layer.inputs:
+            yield from self._file(spec, layer.inputs[spec.name], (*path, "inputs", spec.name))
+        elif spec.part and spec.kind == "images":
+            yield from self._images(spec, layer, path, video, count)
+        elif spec.part and (value := getattr(layer, spec.part)):
+            yield from self._json(chosen, spec, layer, path, value, count)
+        elif spec.required:
+            message = f"The input {spec.name!r} is missing: {spec.help}"
+            yield fault((*path, "inputs", spec.name), message, remedy="Give one.")
+
+    def _file(self, spec: InputSpec, name: str, path: Path) -> Iterator[DocumentFault]:
+        yield from self._there(name, path)
+        asset = self._asset(name)
+        if asset is not None and asset.kind not in FITS[spec.kind]:
+            yield fault(path, f"This input is {spec.kind}, and the asset is {asset.kind}.", value=asset.id,
+                        remedy=f"Use an asset of kind: {', '.join(FITS[spec.kind])}.")  # fmt: skip
+
+    def _images(
+        self, spec: InputSpec, layer: Layer, path: Path, video: Asset | None, count: int | None
+    ) -> Iterator[DocumentFault]:
+        part, _, member = spec.part.partition(".")
+        places = {item.frame: index for index, item in enumerate(getattr(layer, part))}
+        for frame, name in images_of(layer, spec.part).items():
+            at = (*path, part, places[frame], member)
+            yield from self._there(name, at)
+            if count is not None and frame >= count:
+                remedy = f"Use 0 to {count - 1}."
+                yield fault((*at[:-1], "frame"), f"The video has {count} frames.", value=frame, remedy=remedy)
+            yield from self._picture(self._asset(name), at, video)
+
+    def _picture(self, asset: Asset | None, path: Path, video: Asset | None) -> Iterator[DocumentFault]:
+        if asset is None:
+            return
+        if asset.kind != "image":
+            yield fault(path, f"A drawing is an image, and this asset is {asset.kind}.", value=asset.id,
+                        remedy="Upload it as PNG.")  # fmt: skip
+        elif video is not None and _size(asset) != _size(video):
+            wanted = "x".join(map(str, _size(video)))
+            yield fault(path, "It has not the video's size.", value="x".join(map(str, _size(asset))),
+                        remedy=f"Make it {wanted}.")  # fmt: skip
+
+    def _json(
+        self, chosen: Method, spec: InputSpec, layer: Layer, path: Path, value: object, count: int | None
+    ) -> Iterator[DocumentFault]:
+        check = chosen.input_checks.get(spec.name)
+        if check is None:
+            return
+        masks = any(bool(images_of(layer, other.part)) or other.name in layer.inputs
+                    for other in chosen.inputs if other.kind == "images")  # fmt: skip
+        for wrong in check(value, frames=count, masks=masks):
+            inner = (
+                wrong.path
+                if spec.part != "design"
+                else (_DESIGN.get(str(wrong.path[0]), wrong.path[0]), *wrong.path[1:])
+            )
+            where = inner if spec.part == "design" else (spec.part, *inner)
+            yield fault((*path, *where), wrong.message, value=wrong.value, remedy=wrong.remedy)
+
+    def _there(self, name: str, path: Path) -> Iterator[DocumentFault]:
+        if self._asset(name) is None:
+            yield fault(path, "The asset is not on the server.", value=self._document.assets[name].id,
+                        remedy="Upload it again.")  # fmt: skip
+
+    def _asset(self, name: str) -> Asset | None:
+        return self._assets.get(self._document.assets[name].id)
+
+    def _count(self, video: Asset | None) -> int | None:
+        return None if video is None else int(video.info.get("frames", 0)) or None
+
+
+def _size(asset: Asset) -> tuple[int, int]:
+    return int(asset.info.get("width", 0)), int(asset.info.get("height", 0))

@@ -1,0 +1,174 @@
+"""The project document, schema 1: assets, shots, layers and what was drawn on them, variants, output. JSON.
+
+Frame numbers count the frames of the shot's video from 0, also where `range` takes only a piece of it. The parts of a
+layer (keys, regions, scribbles, ...) are named for what an artist does; `InputSpec.part` says which of them a method
+takes as which input. Parts that the layer's method does not take are kept and not used, so that changing the method
+loses nothing. Members named `ui` belong to the page.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+SCHEMA = 1
+MAX_DOCUMENT_BYTES = 4 << 20
+MAX_SEED = 2**53 - 1
+"""The largest whole number that every JSON reader keeps exact."""
+
+Id = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,40}$")]
+AssetName = Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]{1,80}$", description="A name in `assets`.")]
+InputName = Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]{1,80}$")]
+Title = Annotated[str, Field(max_length=200)]
+FrameNumber = Annotated[int, Field(ge=0, le=10_000_000)]
+FrameRange = Annotated[tuple[FrameNumber, FrameNumber], Field(description="[first frame, one past the last)")]
+Ratio = Annotated[float, Field(ge=0, le=1)]
+Blend = Literal["over", "multiply", "screen", "add"]
+Ui = Annotated[dict[str, Any], Field(description="For the page; not read by the service.")]
+
+
+class Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class AssetRef(Part):
+    """An uploaded file under a name of the document."""
+
+    id: str = Field(pattern=r"^ast_[0-9a-f]{64}$")
+    title: Title = ""
+
+
+class PaintLayer(Part):
+    """One layer of the editable form of a painted key. The service reads only its assets, to keep them."""
+
+    id: Id
+    name: Title = ""
+    image: AssetName | None = None
+    strokes: AssetName | None = None
+    opacity: Ratio = 1.0
+    blend: Blend = "over"
+    visible: bool = True
+
+
+class Paint(Part):
+    """The editable form of a painted key."""
+
+    layers: tuple[PaintLayer, ...] = Field(default=(), max_length=200)
+
+
+class Drawing(Part):
+    """An image for one frame: PNG of the video's size."""
+
+    frame: FrameNumber
+    image: AssetName
+    strokes: AssetName | None = Field(default=None, description="Editable form of the drawing.")
+    ui: Ui = {}
+
+
+class PaintedKey(Part):
+    """A frame as the artist wants it. Transparent pixels, or black ones of the mask, are left to the method."""
+
+    frame: FrameNumber
+    image: AssetName
+    mask: AssetName | None = None
+    paint: Paint | None = None
+    ui: Ui = {}
+
+
+class Layer(Part):
+    """One method at work on a shot, and how its picture is laid over the layers below."""
+
+    id: Id
+    name: Title = ""
+    method: str = Field(min_length=1, max_length=64)
+    params: dict[str, Any] = Field(default={}, max_length=256)
+    seed: int = Field(default=0, ge=0, le=MAX_SEED)
+    visible: bool = True
+    opacity: Ratio = 1.0
+    blend: Blend = "over"
+    source: AssetName | None = Field(default=None, description="Another video for this layer, frame by frame.")
+    matte: AssetName | None = Field(default=None, description="Gray pictures: white where the layer is.")
+    inputs: dict[InputName, AssetName] = Field(default={}, max_length=64, description="Files by the method's inputs.")
+    keys: tuple[PaintedKey, ...] = Field(default=(), max_length=1000)
+    regions: dict[str, Any] = {}
+    styles: dict[str, Any] = {}
+    style_keys: tuple[Any, ...] = ()
+    directions: tuple[Any, ...] = ()
+    region_maps: tuple[Drawing, ...] = Field(default=(), max_length=1000)
+    scribbles: tuple[Drawing, ...] = Field(default=(), max_length=1000)
+    labels: tuple[Drawing, ...] = Field(default=(), max_length=1000)
+    label_styles: dict[str, Any] = {}
+    importance: tuple[Drawing, ...] = Field(default=(), max_length=1000)
+    histogram: dict[str, Any] | None = None
+    ui: Ui = {}
+
+    @property
+    def design(self) -> dict[str, Any] | None:
+        """Regions, styles, style keys and directions as one design document; None if there are none."""
+        parts = {
+            "regions": self.regions, "styles": self.styles, "keys": list(self.style_keys),
+            "directions": list(self.directions),
+        }  # fmt: skip
+        return {"version": 1, **parts} if any(parts.values()) else None
+
+
+class Shot(Part):
+    """A video, or a piece of it, and its layers from back to front."""
+
+    id: Id
+    name: Title = ""
+    video: AssetName
+    range: FrameRange | None = None
+    layers: tuple[Layer, ...] = Field(default=(), max_length=32)
+    ui: Ui = {}
+
+
+class Variant(Part):
+    """A layer with changes that the artist keeps beside it."""
+
+    id: Id
+    name: Title = ""
+    shot: Id
+    layer: Id
+    set: dict[str, Any] = Field(default={}, description="JSON Merge Patch (RFC 7396) on the layer.")
+    frame: FrameNumber | None = None
+    image: AssetName | None = None
+    ui: Ui = {}
+
+
+class Output(Part):
+    """What jobs of the project make."""
+
+    format: Literal["mp4", "webm", "png"] = "mp4"
+    quality: int = Field(default=20, ge=0, le=51, description="Constant rate factor, 0 (lossless) to 51.")
+    artefacts: tuple[InputName, ...] = Field(default=(), max_length=32)
+
+
+class Document(Part):
+    """A project, schema 1."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, validate_by_name=True)
+
+    schema_version: Literal[1] = Field(alias="schema")
+    name: str = Field(min_length=1, max_length=200)
+    assets: dict[AssetName, AssetRef] = Field(default={}, max_length=20_000)
+    shots: tuple[Shot, ...] = Field(default=(), max_length=500)
+    variants: tuple[Variant, ...] = Field(default=(), max_length=500)
+    output: Output = Output()
+    ui: Ui = {}
+
+    @property
+    def asset_ids(self) -> frozenset[str]:
+        """Ids of all assets that the document names."""
+        return frozenset(ref.id for ref in self.assets.values())
+
+
+def empty(name: str) -> dict[str, Any]:
+    """A new document without shots."""
+    return {"schema": SCHEMA, "name": name}
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON Schema of the document."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Document.model_json_schema(by_alias=True)}

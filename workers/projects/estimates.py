@@ -1,0 +1,57 @@
+"""How long a job will take: from finished jobs of the same method on this farm, by frames and pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from statistics import median
+
+from workers.errors import NotFound
+from workers.model import Asset, Job, JobRequest
+
+SAMPLES = 20
+"""Finished jobs that are looked at, the newest first."""
+ALIKE = 8.0
+"""Jobs whose frames have this many times more or fewer pixels tell nothing."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Wall time of a job once it has begun.
+
+    Attributes:
+        frames: that it paints; None: unknown.
+        seconds: None: no finished job tells.
+        samples: jobs that `seconds` is from.
+    """
+
+    frames: int | None
+    seconds: float | None
+    samples: int
+
+
+def estimate(request: JobRequest, finished: Iterable[Job], find: Callable[[str], Asset]) -> Estimate:
+    """The median time a frame and pixel of similar jobs, times the frames and pixels of this one.
+
+    Args:
+        finished: jobs of the same method that succeeded, the newest first.
+        find: the asset of an id. Raises NotFound.
+    """
+    frames, pixels = _size(request, find)
+    if frames is None or not pixels:
+        return Estimate(frames, None, 0)
+    rates = []
+    for job in finished:
+        count, own = _size(job.request, find)
+        if count and own and 1 / ALIKE <= own / pixels <= ALIKE and job.started_at and job.finished_at:
+            rates.append((job.finished_at - job.started_at) / (count * own))
+    return Estimate(frames, round(median(rates) * frames * pixels, 1) if rates else None, len(rates))
+
+
+def _size(request: JobRequest, find: Callable[[str], Asset]) -> tuple[int | None, int]:
+    """Frames, and pixels of a frame, of a job's video."""
+    try:
+        info = find(request.inputs["video"]).info
+    except (KeyError, NotFound):
+        return None, 0
+    return int(info.get("frames", 0)) or None, int(info.get("width", 0)) * int(info.get("height", 0))

@@ -1,0 +1,65 @@
+"""What a job's inputs are made of: uploaded assets, images by frame, JSON. The last two become assets of their own.
+
+The same parts give the same bytes, and so the same asset, on every machine.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pipeline.video.headers import sniff
+from pipeline.video.writer import zip_entry
+
+
+@dataclass(frozen=True)
+class Uploaded:
+    """An asset as it is."""
+
+    asset_id: str
+
+
+@dataclass(frozen=True)
+class ImagesByFrame:
+    """Images of single frames: (frame number as the job counts, asset id), ascending."""
+
+    images: tuple[tuple[int, str], ...]
+
+
+@dataclass(frozen=True)
+class JsonValue:
+    """A JSON document, as its canonical text."""
+
+    text: str
+
+    @staticmethod
+    def of(value: Any) -> JsonValue:
+        return JsonValue(json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False))
+
+
+Material = Uploaded | ImagesByFrame | JsonValue
+
+
+def write_material(material: ImagesByFrame | JsonValue, path: Path, read: Callable[[str], bytes]) -> str:
+    """Write the input's file at `path` and return a file name for it.
+
+    Args:
+        read: the bytes of an asset, by its id.
+    """
+    if isinstance(material, JsonValue):
+        path.write_text(material.text, "utf-8")
+        return "document.json"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
+        for frame, asset_id in material.images:
+            data = read(asset_id)
+            archive.writestr(zip_entry(f"{frame:07d}.{_suffix(data)}"), data)
+    return "frames.zip"
+
+
+def _suffix(data: bytes) -> str:
+    return {"image/jpeg": "jpg", "image/x-exr": "exr"}.get(sniff(io.BytesIO(data)), "png")

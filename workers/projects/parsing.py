@@ -1,0 +1,108 @@
+"""From JSON to a document whose structure is sound, or all that is wrong with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from pydantic import ValidationError
+
+from workers.projects.document import Document, Drawing, Layer, Shot
+from workers.projects.faults import BadProject, DocumentFault, Path, fault, refuse_if_any
+
+_DRAWINGS = ("region_maps", "scribbles", "labels", "importance")
+
+
+def parse_document(value: Any) -> Document:
+    """The document.
+
+    Raises:
+        BadProject: unknown members, wrong types, numbers out of range, ids used twice, names of assets that are not in
+            `assets`; all of them.
+    """
+    try:
+        document = Document.model_validate(value)
+    except ValidationError as error:
+        raise BadProject([_fault(found) for found in error.errors(include_url=False)]) from None
+    refuse_if_any(_faults(document))
+    return document
+
+
+def _fault(error: Any) -> DocumentFault:
+    path: Path = tuple(part for part in error["loc"] if part != "[key]")
+    if error["type"] == "missing":
+        return fault(path, f"{path[-1]} is missing.", remedy="Give it.")
+    if error["type"] == "extra_forbidden":
+        return fault(path, f"There is no member {path[-1]!r} here.", value=error["input"], remedy="Leave it out.")
+    return fault(path, f"{error['msg']}.", value=error["input"], remedy="See GET /v1/projects/schema.")
+
+
+def _faults(document: Document) -> Iterator[DocumentFault]:
+    shots = {shot.id: shot for shot in document.shots}
+    yield from _twice(((shot.id for shot in document.shots)), ("shots",))
+    yield from _twice((variant.id for variant in document.variants), ("variants",))
+    for index, shot in enumerate(document.shots):
+        yield from _of_shot(shot, ("shots", index))
+    for index, variant in enumerate(document.variants):
+        path: Path = ("variants", index)
+        known = [layer.id for layer in shots[variant.shot].layers] if variant.shot in shots else []
+        if variant.shot not in shots:
+            yield fault((*path, "shot"), "There is no such shot.", value=variant.shot, remedy="Name one of `shots`.")
+        elif variant.layer not in known:
+            yield fault((*path, "layer"), "The shot has no such layer.", value=variant.layer, remedy="Name one of it.")
+    for path, name in _names(document):
+        if name not in document.assets:
+            yield fault(path, f"There is no asset named {name!r}.", value=name, remedy="Add it to `assets`.")
+
+
+def _of_shot(shot: Shot, path: Path) -> Iterator[DocumentFault]:
+    if shot.range is not None and shot.range[0] >= shot.range[1]:
+        yield fault((*path, "range"), "A range has at least one frame.", value=shot.range, remedy="Use [first, end).")
+    yield from _twice((layer.id for layer in shot.layers), (*path, "layers"))
+    for index, layer in enumerate(shot.layers):
+        at = (*path, "layers", index)
+        yield from _twice((key.frame for key in layer.keys), (*at, "keys"), "frame")
+        for part in _DRAWINGS:
+            yield from _twice((drawing.frame for drawing in getattr(layer, part)), (*at, part), "frame")
+
+
+def _twice(values: Iterable[Any], path: Path, member: str = "id") -> Iterator[DocumentFault]:
+    seen: set[Any] = set()
+    for index, value in enumerate(values):
+        if value in seen:
+            yield fault((*path, index, member), f"This {member} is used twice.", value=value, remedy="Use it once.")
+        seen.add(value)
+
+
+def _names(document: Document) -> Iterator[tuple[Path, str]]:
+    """(path, name) of every use of an asset."""
+    for s, shot in enumerate(document.shots):
+        yield ("shots", s, "video"), shot.video
+        for k, layer in enumerate(shot.layers):
+            yield from _names_of_layer(layer, ("shots", s, "layers", k))
+    for v, variant in enumerate(document.variants):
+        if variant.image is not None:
+            yield ("variants", v, "image"), variant.image
+
+
+def _names_of_layer(layer: Layer, path: Path) -> Iterator[tuple[Path, str]]:
+    for member in ("source", "matte"):
+        if (name := getattr(layer, member)) is not None:
+            yield (*path, member), name
+    for input_name, name in layer.inputs.items():
+        yield (*path, "inputs", input_name), name
+    for k, key in enumerate(layer.keys):
+        at = (*path, "keys", k)
+        yield (*at, "image"), key.image
+        if key.mask is not None:
+            yield (*at, "mask"), key.mask
+        for p, paint in enumerate(key.paint.layers if key.paint else ()):
+            for member in ("image", "strokes"):
+                if (name := getattr(paint, member)) is not None:
+                    yield (*at, "paint", "layers", p, member), name
+    for part in _DRAWINGS:
+        drawings: tuple[Drawing, ...] = getattr(layer, part)
+        for d, drawing in enumerate(drawings):
+            yield (*path, part, d, "image"), drawing.image
+            if drawing.strokes is not None:
+                yield (*path, part, d, "strokes"), drawing.strokes

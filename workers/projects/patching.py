@@ -1,0 +1,50 @@
+"""Changes to a document: JSON Patch (RFC 6902) and JSON Merge Patch (RFC 7396)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from jsonpatch import JsonPatch, JsonPatchException
+from jsonpointer import JsonPointerException
+
+from pipeline.errors import BadInput
+
+MAX_OPERATIONS = 10_000
+
+
+class BadPatch(BadInput):
+    """A patch cannot be read, or does not fit the document."""
+
+    code = "bad-patch"
+
+
+def patched(document: Any, operations: Any) -> Any:
+    """The document after the operations of a JSON Patch; all of them or none.
+
+    Raises:
+        BadPatch: an operation is malformed, its place is not there, or a test fails.
+    """
+    if not isinstance(operations, list) or len(operations) > MAX_OPERATIONS:
+        raise BadPatch(
+            f"A JSON Patch is a list of at most {MAX_OPERATIONS} operations.", field="body",
+            remedy='For example [{"op": "replace", "path": "/name", "value": "Swan"}].',
+        )  # fmt: skip
+    try:
+        return JsonPatch(operations).apply(document)
+    except (JsonPatchException, JsonPointerException, TypeError, ValueError) as error:
+        raise BadPatch(
+            f"The patch cannot be applied: {error}.", field="body", remedy="Load the document and send a new patch."
+        ) from None
+
+
+def merged(document: Any, patch: Any) -> Any:
+    """The document after a JSON Merge Patch: objects are merged member by member, null removes, all else replaces."""
+    if not isinstance(patch, dict):
+        return patch
+    result = dict(document) if isinstance(document, dict) else {}
+    for name, value in patch.items():
+        if value is None:
+            result.pop(name, None)
+        else:
+            result[name] = merged(result.get(name), value)
+    return result

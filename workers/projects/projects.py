@@ -1,0 +1,266 @@
+"""`farm.projects`: documents checked and stored, submitted as jobs, exported and imported."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pipeline.errors import BadInput, UnreadableMedia
+from workers.errors import NotFound
+from workers.farm_parts.assets import FarmAssets
+from workers.farm_parts.files import FarmFiles
+from workers.farm_parts.jobs import FarmJobs
+from workers.model import Asset, Job, JobRequest, Page, Submitted
+from workers.previews.model import LayerSources
+from workers.projects.archive import ProjectArchive, open_project, write_archive
+from workers.projects.checking import problems, shot_problems
+from workers.projects.document import MAX_DOCUMENT_BYTES, Document
+from workers.projects.faults import BadProject, DocumentFault, refuse_if_any
+from workers.projects.materials import ImagesByFrame, JsonValue, Material, Uploaded, write_material
+from workers.projects.model import Project, ProjectJob, ProjectVersion
+from workers.projects.parsing import parse_document
+from workers.projects.sources import layer_sources
+from workers.projects.submissions import Selection, Submission, submissions
+from workers.store.projects import Draft
+from workers.store.projects import Projects as StoredProjects
+
+Sources = tuple[LayerSources, ...]
+
+
+@dataclass(frozen=True)
+class SubmittedShot:
+    """A job that a project's submission made, or found by its idempotency key."""
+
+    job: Submitted
+    shot: str
+    variant: str | None
+    version: int
+
+
+class Projects:
+    """Projects of a farm. Thread-safe.
+
+    Args:
+        store: where they are kept.
+        assets, jobs, files: of the same farm.
+        scratch: a folder for files while they are made; None: the system's.
+    """
+
+    def __init__(
+        self,
+        store: StoredProjects,
+        assets: FarmAssets,
+        jobs: FarmJobs,
+        files: FarmFiles,
+        scratch: Path | None = None,
+    ) -> None:
+        self._store, self._assets, self._jobs, self._files, self._scratch = store, assets, jobs, files, scratch
+
+    # -- documents
+
+    def create(self, document: dict[str, Any], owner: str, author: str = "") -> Project:
+        """A new project. Raises BadProject (structure)."""
+        return self._store.create(_draft(document, author or owner), owner)
+
+    def get(self, project_id: str) -> Project:
+        """The project, deleted or not. Raises NotFound."""
+        return self._store.get(project_id)
+
+    def page(self, owner: str | None = None, deleted: bool = False, cursor: str | None = None, limit: int = 50) -> Page:
+        """Project items, the most recently changed first."""
+        return self._store.page(owner, deleted, cursor, limit)
+
+    def document(self, project_id: str, version: int | None = None) -> tuple[ProjectVersion, dict[str, Any]]:
+        """A version (None: the newest) and its document. Raises NotFound."""
+        return self._store.document(project_id, version)
+
+    def save(self, project_id: str, expected: int, document: dict[str, Any], author: str) -> Project:
+        """Store the document as the version after `expected`. Raises BadProject, VersionMismatch, NotFound."""
+        return self._store.save(project_id, expected, _draft(document, author))
+
+    def versions(self, project_id: str, cursor: str | None = None, limit: int = 50) -> Page:
+        """ProjectVersion items, newest first."""
+        return self._store.versions(project_id, cursor, limit)
+
+    def label(self, project_id: str, version: int, label: str) -> ProjectVersion:
+        """Name a version, which keeps it. Raises NotFound."""
+        return self._store.label(project_id, version, label)
+
+    def delete(self, project_id: str) -> Project:
+        """Mark it as deleted; it can be restored for some time."""
+        return self._store.delete(project_id)
+
+    def restore(self, project_id: str) -> Project:
+        """Take a deletion back. Raises NotFound once it is over."""
+        return self._store.restore(project_id)
+
+    def share_epoch(self, project_id: str) -> int:
+        """Links signed with an earlier epoch are void."""
+        return self._store.share_epoch(project_id)
+
+    def end_shares(self, project_id: str) -> None:
+        """Void every link of the project."""
+        self._store.end_shares(project_id)
+
+    # -- jobs
+
+    def problems(self, document: Document, owner: str, selection: Selection = Selection()) -> list[DocumentFault]:
+        """What keeps the selected shots from being rendered."""
+        return problems(document, self.assets(document.asset_ids, owner), selection)
+
+    def assets(self, asset_ids: Iterable[str], owner: str) -> dict[str, Asset]:
+        """Those of the assets that the owner holds, by id."""
+        found = {}
+        for asset_id in asset_ids:
+            try:
+                found[asset_id] = self._assets.get(asset_id, owner)
+            except NotFound:
+                continue
+        return found
+
+    def submit(
+        self,
+        project_id: str,
+        selection: Selection = Selection(),
+        version: int | None = None,
+        idempotency_key: str = "",
+        max_active: int | None = None,
+    ) -> list[SubmittedShot]:
+        """Submit the selected shots, owned by the project's owner.
+
+        Args:
+            version: None: the newest.
+            idempotency_key: the same key and selection: the same jobs.
+            max_active: unfinished jobs that the owner may have; None: any number.
+
+        Raises:
+            BadProject: the document has problems.
+        """
+        project = self.get(project_id)
+        kept, value = self.document(project_id, version)
+        document = parse_document(value)
+        refuse_if_any(self.problems(document, project.owner, selection))
+        made = []
+        for one in submissions(document, selection):
+            key = idempotency_key and f"{idempotency_key}/{one.shot}/{one.variant or ''}"
+            request = self.request(one, project.owner, {"project": project_id, "shot": one.shot})
+            job = self._jobs.submit(request, project.owner, key, max_active=max_active)
+            made.append(SubmittedShot(job, one.shot, one.variant, kept.version))
+        noted = [ProjectJob(each.job.id, each.shot, each.variant, each.version, each.job.created_at) for each in made]
+        self._store.add_jobs(project_id, noted)
+        return made
+
+    def request(self, submission: Submission, owner: str, labels: dict[str, str] | None = None) -> JobRequest:
+        """The job of a submission, its inputs made to assets of `owner`."""
+        ids = {name: self._asset_id(material, owner) for name, material in submission.inputs.items()}
+        return submission.request(ids, labels or {})
+
+    def _asset_id(self, material: Material, owner: str) -> str:
+        if isinstance(material, Uploaded):
+            return material.asset_id
+        return self._made(material, owner).id
+
+    def _made(self, material: ImagesByFrame | JsonValue, owner: str) -> Asset:
+        with tempfile.TemporaryDirectory(prefix="impasto-", dir=self._scratch) as folder:
+            path = Path(folder) / "material"
+            name = write_material(material, path, lambda asset_id: b"".join(self._bytes(asset_id)))
+            return self._assets.add(path, name, owner)
+
+    def _bytes(self, asset_id: str) -> Iterator[bytes]:
+        return self._files.read(self._assets.file(asset_id))
+
+    def jobs(self, project_id: str) -> list[tuple[ProjectJob, Job | None]]:
+        """Jobs of the project, newest first; None for one that was deleted."""
+        return [(noted, self._job(noted.job_id)) for noted in self._store.jobs(project_id)]
+
+    def _job(self, job_id: str) -> Job | None:
+        try:
+            return self._jobs.get(job_id)
+        except NotFound:
+            return None
+
+    # -- previews
+
+    def layer_sources(self, project: Project, value: dict[str, Any], shot_id: str, layer_id: str | None) -> Sources:
+        """What previews of a shot are made of: one layer, or all visible ones.
+
+        Args:
+            value: a document of the project, perhaps not saved yet.
+
+        Raises:
+            BadProject: the document is not sound, or the layers have problems.
+            NotFound: there is no such shot or layer.
+        """
+        document = parse_document(value)
+        shot = _one(document.shots, shot_id, "shot")
+        chosen = [layer for layer in shot.layers if layer.visible]
+        if layer_id is not None:
+            chosen = [_one(shot.layers, layer_id, "layer").model_copy(update={"visible": True})]
+        shown = shot.model_copy(update={"layers": tuple(chosen), "range": None})
+        places = [index for index, layer in enumerate(shot.layers) if any(layer.id == own.id for own in chosen)]
+        assets = self.assets(document.asset_ids, project.owner)
+        refuse_if_any(shot_problems(document, assets, shown, document.shots.index(shot), places))
+        return tuple(layer_sources(document, shown, layer) for layer in chosen)
+
+    # -- archives
+
+    def export(self, project_id: str, path: Path, version: int | None = None) -> None:
+        """Write the project with its assets to a zip file at `path`."""
+        project = self.get(project_id)
+        _, value = self.document(project_id, version)
+        assets = self.assets(parse_document(value).asset_ids, project.owner)
+        write_archive(path, value, assets, self._bytes)
+
+    def load(
+        self, path: Path, owner: str, limit_bytes: int, admit: Callable[[int], None] = lambda size: None
+    ) -> Project:
+        """A new project of `owner` from an exported zip file.
+
+        Args:
+            limit_bytes: that the archive may unpack to.
+            admit: called with the size of each asset before it is added; what it raises is raised.
+
+        Raises:
+            UnreadableMedia: the archive is not sound.
+            BadProject: the document in it is not.
+        """
+        with open_project(path, limit_bytes) as archive:
+            document = parse_document(archive.document)
+            for asset_id in sorted(document.asset_ids & archive.manifest.assets.keys()):
+                self._unpack(archive, asset_id, owner, admit)
+            return self.create(archive.document, owner)
+
+    def _unpack(self, archive: ProjectArchive, asset_id: str, owner: str, admit: Callable[[int], None]) -> None:
+        with tempfile.TemporaryDirectory(prefix="impasto-", dir=self._scratch) as folder:
+            path = Path(folder) / "asset"
+            filename = archive.extract(asset_id, path)
+            admit(path.stat().st_size)
+            if (found := self._assets.add(path, filename, owner).id) != asset_id:
+                raise UnreadableMedia(
+                    "An asset of the archive has other bytes than its document names.", field="archive",
+                    value=f"{asset_id} is {found}", remedy="Export the project again.",
+                )  # fmt: skip
+
+
+def _one(items: Iterable[Any], wanted: str, field: str) -> Any:
+    for item in items:
+        if item.id == wanted:
+            return item
+    raise NotFound(f"The project has no such {field}.", field=field, value=wanted, remedy=f"Name a {field} of it.")
+
+
+def _draft(value: dict[str, Any], author: str) -> Draft:
+    document = parse_document(value)
+    draft = Draft(value, document.name, document.asset_ids, author)
+    if draft.size_bytes > MAX_DOCUMENT_BYTES:
+        raise BadInput(
+            f"A document has at most {MAX_DOCUMENT_BYTES} bytes.", field="document", value=draft.size_bytes,
+            remedy="Upload strokes and pictures as assets.",
+        )  # fmt: skip
+    return draft
+
+
+__all__ = ["BadProject", "Projects", "SubmittedShot"]

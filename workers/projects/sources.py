@@ -1,0 +1,39 @@
+"""What a preview of a layer is made of: blob keys instead of assets, nothing uploaded for it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pipeline.methods import methods
+from workers.model import asset_key
+from workers.previews.model import LayerSources
+from workers.projects.document import Document, Layer, Shot
+from workers.projects.submissions import parts_used
+
+
+def layer_sources(document: Document, shot: Shot, layer: Layer) -> LayerSources:
+    """The layer's sources. Frame numbers are those of the whole video."""
+    chosen = methods()[layer.method]
+
+    def key(name: str) -> str:
+        return asset_key(document.assets[name].id)
+
+    names = {spec.name for spec in chosen.inputs}
+    documents: dict[str, Any] = {}
+    for spec in chosen.inputs:
+        if spec.part and spec.kind == "json" and spec.name not in layer.inputs and (value := getattr(layer, spec.part)):
+            documents[spec.name] = value
+    images = {spec.name: {frame: key(name) for frame, name in found.items()}
+              for spec, found in parts_used(chosen, layer) if found}  # fmt: skip
+    return LayerSources(
+        id=layer.id,
+        method=layer.method,
+        params=dict(layer.params),
+        seed=layer.seed,
+        video=key(layer.source or shot.video),
+        files={name: key(asset) for name, asset in layer.inputs.items() if name in names and name != "video"},
+        images=images,
+        documents=documents,
+        opacity=layer.opacity,
+        blend=layer.blend,
+    )

@@ -1,0 +1,189 @@
+"""The jobs that a document stands for: one for each shot, or for each variant of a layer. Pure and deterministic."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import ValidationError
+
+from pipeline.errors import BadParameter
+from pipeline.methods import methods
+from pipeline.methods.base import InputSpec, Method
+from workers.model import JobRequest, Json, OutputSpec
+from workers.projects.document import Document, Layer, Output, Shot, Variant
+from workers.projects.faults import BadProject, Path, fault
+from workers.projects.frames import within
+from workers.projects.materials import ImagesByFrame, JsonValue, Material, Uploaded
+from workers.projects.patching import merged
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Which jobs are wanted of a document.
+
+    Attributes:
+        shots: ids; None: all.
+        variants: ids of variants, each a job of its own; then `shots` is not looked at.
+        frames: a piece of every shot instead of its own range, frame numbers of its video.
+        output: instead of the document's.
+    """
+
+    shots: Collection[str] | None = None
+    variants: Collection[str] = ()
+    frames: tuple[int, int] | None = None
+    output: Output | None = None
+    priority: int = 0
+
+
+@dataclass(frozen=True)
+class Submission:
+    """One job of a project, before its inputs are assets."""
+
+    shot: str
+    variant: str | None
+    method: str
+    params: Json
+    seed: int
+    inputs: dict[str, Material]
+    output: OutputSpec
+    name: str
+    frames: tuple[int, int] | None = None
+    """[first, end) of the video; None: all of it."""
+    priority: int = 0
+
+    def request(self, ids: Mapping[str, str], labels: Mapping[str, str]) -> JobRequest:
+        """The job. `ids`: asset id of every input."""
+        return JobRequest(
+            self.method, dict(ids), self.params, self.seed, self.output, self.priority, self.name, dict(labels)
+        )
+
+
+@dataclass(frozen=True)
+class Pick:
+    """A shot to be rendered, with the places of its layers in the document."""
+
+    shot: Shot
+    path: Path
+    layer_paths: tuple[Path, ...]
+    variant: str | None = None
+
+
+def picks(document: Document, selection: Selection = Selection()) -> list[Pick]:
+    """The shots, or variants of them, that are selected, in the document's order.
+
+    Raises:
+        BadProject: an id that the document does not have, a variant that is no sound layer.
+    """
+    if selection.variants:
+        _known(selection.variants, [variant.id for variant in document.variants], "variants")
+        chosen = [(index, v) for index, v in enumerate(document.variants) if v.id in selection.variants]
+        return [_variant(document, variant, index) for index, variant in chosen]
+    if selection.shots is not None:
+        _known(selection.shots, [shot.id for shot in document.shots], "shots")
+    found = []
+    for index, shot in enumerate(document.shots):
+        if selection.shots is None or shot.id in selection.shots:
+            path: Path = ("shots", index)
+            found.append(Pick(shot, path, tuple((*path, "layers", k) for k in range(len(shot.layers)))))
+    return found
+
+
+def submissions(document: Document, selection: Selection = Selection()) -> list[Submission]:
+    """The jobs. The document's problems (`checking.problems`) must be none.
+
+    Raises:
+        BadProject: see `picks`.
+    """
+    return [_submission(document, pick, selection) for pick in picks(document, selection)]
+
+
+def _submission(document: Document, pick: Pick, selection: Selection) -> Submission:
+    shot = pick.shot
+    frames = selection.frames or shot.range
+    layer = next(layer for layer in shot.layers if layer.visible)
+    output = selection.output or document.output
+    return Submission(
+        shot=shot.id,
+        variant=pick.variant,
+        method=layer.method,
+        params=dict(layer.params),
+        seed=layer.seed,
+        inputs=layer_inputs(document, shot, layer, frames),
+        output=OutputSpec(output.format, output.quality, output.artefacts),
+        name=f"{document.name}: {shot.name or shot.id}"[:200],
+        frames=frames,
+        priority=selection.priority,
+    )
+
+
+def layer_inputs(document: Document, shot: Shot, layer: Layer, frames: tuple[int, int] | None) -> dict[str, Material]:
+    """What the layer's method takes of the document, by the names of its inputs. Frame numbers begin at `frames`."""
+    chosen = methods()[layer.method]
+    found: dict[str, Material] = {"video": Uploaded(document.assets[layer.source or shot.video].id)}
+    for spec in chosen.inputs:
+        if (material := _material(document, layer, spec, frames)) is not None:
+            found[spec.name] = material
+    return found
+
+
+def _material(document: Document, layer: Layer, spec: InputSpec, frames: tuple[int, int] | None) -> Material | None:
+    if spec.name in layer.inputs and spec.name != "video":
+        return Uploaded(document.assets[layer.inputs[spec.name]].id)
+    if not spec.part:
+        return None
+    if spec.kind != "images":
+        value = getattr(layer, spec.part)
+        return JsonValue.of(within(value, frames)) if value else None
+    start, stop = frames or (0, 1 << 62)
+    images = tuple(
+        (frame - start, document.assets[name].id)
+        for frame, name in sorted(images_of(layer, spec.part).items())
+        if start <= frame < stop
+    )
+    return ImagesByFrame(images) if images else None
+
+
+def images_of(layer: Layer, part: str) -> dict[int, str]:
+    """Frame -> asset name of a part of the layer, as "keys.mask"; drawings that have none are left out."""
+    name, _, member = part.partition(".")
+    return {item.frame: image for item in getattr(layer, name) if (image := getattr(item, member)) is not None}
+
+
+def parts_used(chosen: Method, layer: Layer) -> Iterator[tuple[InputSpec, dict[int, str]]]:
+    """The method's inputs that are images by frame, with those that the layer has."""
+    for spec in chosen.inputs:
+        if spec.kind == "images" and spec.part and spec.name not in layer.inputs:
+            yield spec, images_of(layer, spec.part)
+
+
+def _variant(document: Document, variant: Variant, index: int) -> Pick:
+    s, shot = next((s, shot) for s, shot in enumerate(document.shots) if shot.id == variant.shot)
+    changed = tuple(_changed(layer, variant, index) if layer.id == variant.layer else layer for layer in shot.layers)
+    paths: list[Path] = [
+        ("variants", index, "set") if layer.id == variant.layer else ("shots", s, "layers", k)
+        for k, layer in enumerate(shot.layers)
+    ]
+    return Pick(shot.model_copy(update={"layers": changed}), ("shots", s), tuple(paths), variant.id)
+
+
+def _changed(layer: Layer, variant: Variant, index: int) -> Layer:
+    value: Any = merged(layer.model_dump(mode="json"), variant.set)
+    try:
+        return Layer.model_validate({**value, "visible": True})
+    except ValidationError as error:
+        faults = [
+            fault(("variants", index, "set", *found["loc"]), f"{found['msg']}.", value=found["input"])
+            for found in error.errors(include_url=False)
+        ]
+        raise BadProject(faults) from None
+
+
+def _known(wanted: Iterable[str], known: Collection[str], field_: str) -> None:
+    for name in wanted:
+        if name not in known:
+            raise BadParameter(
+                f"The project has no such thing among its {field_}.", field=field_, value=name,
+                remedy=f"There are: {', '.join(known) or 'none'}.",
+            )  # fmt: skip

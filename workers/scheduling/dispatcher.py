@@ -1,0 +1,430 @@
+"""The dispatcher: one thread that plans steps, claims tasks for its pool, and brings their outcomes into the store.
+
+It keeps nothing that matters: kill it at any instant and its successor goes on from what the store says. When the
+store or the blobs are away it waits, longer each time, and loses no outcome meanwhile.
+"""
+
+from __future__ import annotations
+
+import logging
+import socket
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from pipeline.errors import ImpastoError, StorageError
+from workers import state_machine as machine
+from workers.faults import failed_outcome, fault_from, is_final, is_resource_away
+from workers.log_context import About, about
+from workers.model import Fault, TaskOutcome
+from workers.operations import DrainScope, Slot, WorkerInfo
+from workers.pools.base import Pool, Report
+from workers.scheduling.orders import Orders
+from workers.scheduling.planning import plan_step
+from workers.scheduling.process_lock import ProcessLock
+from workers.settings import FarmSettings
+from workers.store import Claim, Heartbeat, StepToPlan, Store
+
+log = logging.getLogger(__name__)
+
+_BUSY_TICK_S = 0.4
+"""While something runs: how often progress is written and cancelled attempts are looked for."""
+_PACES = ((4.0, 1), (30.0, 3), (float("inf"), 6))
+"""So long after a rest, progress is written at every tick, then at every third, then every sixth: nobody watches each
+step of long work, and to write it and have it read would cost a fast method percents of its time."""
+_IDLE_TICK_S = 1.0
+"""How soon work that another process has accepted is seen."""
+_FULL_TICK_S = 5.0
+"""The same while there is no place for it."""
+_LOOK_TICKS = 3
+"""So many ticks lie at most between two looks for attempts that another process has cancelled."""
+_MAX_BACK_OFF_S = 15.0
+_RESOURCE_AWAY_S = 3.0
+"""Wait of a task that met an absent store, a full disk or exhausted descriptors."""
+_PLANS_AT_ONCE = 4
+_SKIP_S = 60.0
+"""A step whose plan can neither be stored nor recorded as failed is not tried again for this long."""
+
+
+@dataclass
+class _Flight:
+    """An attempt that is with the pool."""
+
+    heard: float
+    """When it last reported, monotonic s."""
+    job_id: str
+    task_id: str
+    last_step: bool
+    progress: float = 0.0
+    preview: str = ""
+    worker: str = ""
+    told: bool = True
+    """Whether the store knows `progress` and `preview`."""
+    revoked: bool = False
+
+
+class Dispatcher:
+    """Runs the jobs of a store on a pool.
+
+    Args:
+        store: the truth.
+        pool: started and stopped by this.
+        settings: capacity, leases, limits.
+        has_room: raises StorageFull when nothing new should begin.
+        tidy: told of a job (its id) that succeeded or was deleted: blobs are needed no more. Quick.
+        who: how operators know it.
+    """
+
+    def __init__(
+        self,
+        store: Store,
+        pool: Pool,
+        settings: FarmSettings,
+        has_room: Callable[[], None] = lambda: None,
+        tidy: Callable[[str], None] = lambda job_id: None,
+        who: WorkerInfo | None = None,
+    ) -> None:
+        self._store = store
+        self._pool = pool
+        self._who = who or WorkerInfo(socket.gethostname(), "serve", "local", "")
+        self._settings = settings
+        self._has_room = has_room
+        self._tidy = tidy
+        self._orders = Orders(store, pool.hands_on)
+        self._flights: dict[str, _Flight] = {}
+        self._skipped: dict[str, float] = {}
+        """Job id -> monotonic time until which its plan is not tried again."""
+        self._reports: deque[Report] = deque()
+        self._wake = threading.Event()
+        self._stopping = False
+        self._draining = False
+        self._slots: tuple[Slot, ...] | None = None
+        """Those that the store knows."""
+        self._thread = threading.Thread(target=self._run, name="impasto-dispatcher", daemon=True)
+        self._life: ProcessLock | None = None
+        self._renewed = self._told = self._looked = self._rested = float("-inf")
+        self._turned = time.monotonic()
+        self.trouble = ""
+        """What keeps it from working now; empty if nothing does."""
+
+    # -- life
+
+    def start(self, life: ProcessLock) -> None:
+        """Take up what earlier lives have left, and begin. `stop` ends `life`."""
+        self._pool.start(self._hear)
+        self._life = life
+        self._turned = self._rested = time.monotonic()
+        self._thread.start()
+
+    def stop(self, grace_s: float = 5.0) -> None:
+        """Ask running attempts to stop, give their tasks back, and end."""
+        if self._life is None:
+            return
+        self._stopping = True
+        self._wake.set()
+        self._thread.join(grace_s + _MAX_BACK_OFF_S)
+        self._pool.stop(grace_s)
+        self._leave()
+        self._life.end()
+        self._life = None
+
+    def drain(self, timeout_s: float) -> bool:
+        """Take nothing new, and let what runs end; whether all of it did within `timeout_s`. Call `stop` then."""
+        self._draining = True
+        deadline = time.monotonic() + timeout_s
+        while self._flights and time.monotonic() < deadline:
+            time.sleep(0.05)
+        return not self._flights
+
+    def poke(self) -> None:
+        """Something in the store has changed: look now."""
+        self._looked = float("-inf")
+        self._wake.set()
+
+    def check(self) -> None:
+        """Raise StorageError with what keeps it from working, or if its thread hangs or has died."""
+        silent_s = time.monotonic() - self._turned
+        if not self._thread.is_alive() or silent_s > 4 * _MAX_BACK_OFF_S:
+            raise StorageError(f"The dispatcher has been silent for {silent_s:.0f} s.", remedy="Restart the service.")
+        if trouble := self.trouble or str(self._pool.describe().get("lacking", "")):
+            raise StorageError(trouble)
+
+    @property
+    def id(self) -> str:
+        """As the store knows it; empty unless it is started."""
+        return "" if self._life is None else self._life.id
+
+    @property
+    def running(self) -> int:
+        """Attempts that are with the pool."""
+        return len(self._flights)
+
+    # -- the thread
+
+    def _run(self) -> None:
+        back_off, woken, sought = 0.0, True, float("-inf")
+        while not self._stopping:
+            self._wake.clear()
+            self._turned = time.monotonic()
+            try:
+                self._turn()
+                if woken or back_off or self._turned - sought >= (_IDLE_TICK_S if self._has_place() else _FULL_TICK_S):
+                    self._seek()
+                    sought = self._turned
+                back_off, self.trouble = 0.0, ""
+            except Exception as error:
+                back_off = min(_MAX_BACK_OFF_S, max(0.5, 2 * back_off))
+                self._note_trouble(error)
+            woken = self._wake.wait(back_off or (_BUSY_TICK_S if self._flights else _IDLE_TICK_S))
+            if not (woken or self._flights):
+                self._rested = time.monotonic()
+
+    def _note_trouble(self, error: Exception) -> None:
+        self.trouble = str(error) or type(error).__name__
+        if isinstance(error, StorageError):
+            log.warning("dispatcher waits: %s", error)
+        else:
+            log.exception("dispatcher failed; it tries again")
+
+    def _turn(self) -> None:
+        """Look after what runs. Repeatable: an exception in the middle loses nothing."""
+        self._bring_in()
+        self._keep_leases()
+        self._enrol()
+        self._tell_progress()
+        self._revoke()
+
+    def _seek(self) -> None:
+        """Find new work. Repeatable as well."""
+        self._plan()
+        self._fill()
+
+    # -- reports from the pool
+
+    def _hear(self, report: Report) -> None:
+        """Called from any thread."""
+        self._reports.append(report)
+        if report.outcome is not None or report.lost:
+            self._wake.set()
+
+    def _bring_in(self) -> None:
+        while self._reports:
+            self._take(self._reports[0])
+            self._reports.popleft()
+
+    def _take(self, report: Report) -> None:
+        flight = self._flights.get(report.attempt_id)
+        if flight is None:
+            return  # given up already; the store would refuse it, too
+        flight.heard = time.monotonic()
+        if report.worker and report.worker != flight.worker:
+            flight.worker, flight.told = report.worker, False
+        if report.lost:
+            self._settle(report.attempt_id, flight, _lost(report))
+        elif report.outcome is not None:
+            self._settle(report.attempt_id, flight, report.outcome)
+        elif (report.progress, report.preview or flight.preview) != (flight.progress, flight.preview):
+            flight.progress, flight.preview = report.progress, report.preview or flight.preview
+            flight.told = False
+
+    def _settle(self, attempt_id: str, flight: _Flight, outcome: TaskOutcome) -> None:
+        """Write an outcome to the store. The attempt is forgotten here only after that has succeeded.
+
+        An outcome that cannot be written (a NaN, an object that is not JSON) fails its attempt; if even that cannot be
+        written, the attempt is given back. So one outcome never delays the others.
+        """
+        try:
+            counted = self._commit(outcome, flight.worker)
+        except StorageError:
+            raise
+        except Exception as error:
+            log.exception("the outcome cannot be stored", extra=_about(attempt_id, flight))
+            counted = self._commit_unstorable(attempt_id, flight, error)
+        self._flights.pop(attempt_id, None)
+        _log_end(attempt_id, flight, outcome, counted)
+        jobs = self._store.jobs
+        over = jobs.succeeded(flight.job_id) if counted and flight.last_step else not jobs.exists(flight.job_id)
+        if over:
+            self._tidy(flight.job_id)
+
+    def _commit_unstorable(self, attempt_id: str, flight: _Flight, error: Exception) -> bool:
+        try:
+            return self._commit(failed_outcome(attempt_id, error), flight.worker)
+        except StorageError:
+            raise
+        except Exception:
+            log.exception("the failure cannot be stored either", extra=_about(attempt_id, flight))
+            return self._store.queue.put_off(attempt_id, _SKIP_S, "The outcome could not be stored.")
+
+    def _commit(self, outcome: TaskOutcome, worker: str) -> bool:
+        work, fault = self._store.queue, outcome.fault
+        if outcome.cancelled and self._stopping:
+            return work.put_off(outcome.attempt_id, 0.0, outcome.log)
+        if outcome.cancelled:  # an attempt that nobody stopped is at fault; that of a cancelled job is fenced
+            fault = fault or Fault("cancelled", "The task stopped by itself.", "See the log of the task.")
+        if fault is None:
+            return work.finish(outcome, worker=worker)
+        if is_resource_away(fault):
+            return work.put_off(outcome.attempt_id, _RESOURCE_AWAY_S, outcome.log)
+        return work.finish(outcome, machine.Failed(fault, is_final(fault)), worker)
+
+    def _tell_progress(self) -> None:
+        news = {attempt_id: flight for attempt_id, flight in self._flights.items() if not flight.told}
+        now = time.monotonic()
+        if not news or now - self._told < _BUSY_TICK_S * self._pace():
+            return
+        self._told = now
+        self._store.queue.progress(
+            {
+                attempt_id: Heartbeat(flight.progress, flight.worker, flight.preview)
+                for attempt_id, flight in news.items()
+            }
+        )
+        for flight in news.values():
+            flight.told = True
+
+    def _pace(self) -> int:
+        """Ticks from one look at what runs to the next."""
+        worked_s = time.monotonic() - self._rested
+        return next(ticks for until_s, ticks in _PACES if worked_s < until_s)
+
+    # -- leases, revocations, silence
+
+    def _keep_leases(self) -> None:
+        assert self._life is not None
+        lease_s = self._settings.lease_s
+        if time.monotonic() - self._renewed < lease_s / 3:
+            return
+        self._store.queue.renew(self._life.id, lease_s)
+        dead = self._life.dead()
+        if given_back := self._store.queue.interrupt(dead):
+            log.info("%d attempts of dead dispatchers were given back", given_back)
+        self._life.forget(dead)
+        self._renewed = time.monotonic()
+
+    def _enrol(self) -> None:
+        """Let operators know of our slots."""
+        if (slots := self._pool.slots()) != self._slots:
+            self._store.workers.enrol(self.id, self._who, slots)
+            self._slots = slots
+
+    def _revoke(self) -> None:
+        """Tell the pool of attempts that no longer count (their job was cancelled), and of silent ones."""
+        assert self._life is not None
+        now = time.monotonic()
+        if not self._flights or now - self._looked < _BUSY_TICK_S * min(self._pace(), _LOOK_TICKS):
+            return
+        mine = self._store.queue.mine(self._life.id)
+        self._looked = now
+        for attempt_id, flight in list(self._flights.items()):
+            if attempt_id not in mine and not flight.revoked:
+                flight.revoked = True
+                self._pool.cancel(attempt_id)
+            if now - flight.heard > self._settings.stall_s:
+                self._pool.abandon(attempt_id)
+                self._hear(Report(attempt_id, outcome=_stalled(attempt_id, self._settings.stall_s)))
+
+    # -- new work
+
+    def _plan(self) -> None:
+        now = time.monotonic()
+        self._skipped = {job_id: until for job_id, until in self._skipped.items() if until > now}
+        for todo in self._store.plans.to_plan(_PLANS_AT_ONCE + len(self._skipped)):
+            if todo.job_id not in self._skipped:
+                self._plan_one(todo)
+
+    def _plan_one(self, todo: StepToPlan) -> None:
+        """Plan a step and store its tasks. Whatever goes wrong fails this job only; if that cannot be recorded, the job
+        is skipped for a while. An absent store is raised, because it concerns every job."""
+        try:
+            self._plan_and_store(todo)
+        except StorageError:
+            raise
+        except Exception as error:
+            log.warning("planning failed: %s", error, extra=about(job=todo.job_id), exc_info=not _is_ours(error))
+            self._record_plan_failure(todo, error)
+        self._wake.set()  # an empty step ends at once, and the next one needs a plan
+
+    def _record_plan_failure(self, todo: StepToPlan, error: Exception) -> None:
+        try:
+            self._store.plans.plan_failed(todo.job_id, todo.step, fault_from(error))
+        except StorageError:
+            raise
+        except Exception:
+            log.exception("a failed plan cannot be recorded; the job is skipped", extra=about(job=todo.job_id))
+            self._skipped[todo.job_id] = time.monotonic() + _SKIP_S
+
+    def _plan_and_store(self, todo: StepToPlan) -> None:
+        plans, inputs = self._store.plans, self._store.task_inputs
+        results, _ = inputs.before(todo.job_id, todo.step)
+        info = inputs.input_info(todo.request.inputs)
+        plans.planned(todo.job_id, todo.step, plan_step(todo.step, todo.request, todo.params, info, results))
+
+    def _fill(self) -> None:
+        assert self._life is not None
+        self._pool.hold([drain.name for drain in self._store.workers.drains() if drain.place is DrainScope.NODE])
+        while self._has_place() and not (self._stopping or self._draining):
+            self._has_room()
+            claim = self._store.queue.claim(self._life.id, self._settings.lease_s)
+            if claim is None:
+                return
+            last = claim.step_name == machine.ASSEMBLE
+            flight = _Flight(time.monotonic(), claim.job_id, str(claim.task["id"]), last)
+            self._flights[claim.attempt_id] = flight
+            log.info("attempt begins", extra=_about(claim.attempt_id, flight, step=claim.step_name))
+            self._send(claim)
+
+    def _has_place(self) -> bool:
+        """An order that cannot be made out takes no place in the pool, and would let us claim without end."""
+        return len(self._flights) < self._pool.capacity and self._pool.free > 0
+
+    def _send(self, claim: Claim) -> None:
+        """Hand a claimed task to the pool. Whatever goes wrong is the attempt's outcome, so that its slot is free."""
+        try:
+            self._pool.submit(self._orders.order(claim))
+        except Exception as error:
+            if not _is_ours(error):
+                log.exception("an order failed", extra=about(job=claim.job_id))
+            self._hear(Report(claim.attempt_id, outcome=failed_outcome(claim.attempt_id, error)))
+
+    def _leave(self) -> None:
+        """Give back what did not end in time."""
+        try:
+            self._bring_in()
+            for attempt_id in list(self._flights):
+                self._store.queue.put_off(attempt_id, 0.0, "The service was stopped.")
+            self._store.queue.retire(self.id)
+        except StorageError as error:
+            log.warning("could not give running attempts back; the next start does: %s", error)
+        self._flights.clear()
+
+
+def _about(attempt_id: str, flight: _Flight, **more: str) -> dict[str, About]:
+    return about(job=flight.job_id, task=flight.task_id, attempt=attempt_id, **more)
+
+
+def _log_end(attempt_id: str, flight: _Flight, outcome: TaskOutcome, counted: bool) -> None:
+    """How an attempt ended, and whether that still counted."""
+    facts = _about(attempt_id, flight, worker=flight.worker, counted=str(counted).lower())
+    if outcome.fault is not None:
+        log.warning("attempt failed, %s: %s", outcome.fault.code, outcome.fault.message, extra=facts)
+    else:
+        log.info("attempt was cancelled" if outcome.cancelled else "attempt succeeded", extra=facts)
+
+
+def _is_ours(error: Exception) -> bool:
+    """Whether the error says enough by itself; others are logged with a traceback."""
+    return isinstance(error, ImpastoError)
+
+
+def _lost(report: Report) -> TaskOutcome:
+    fault = Fault("worker-lost", "The worker died while it ran this task.", "Look for a lack of memory, then retry.")
+    said = f"The worker {report.worker or '(unknown)'} died."
+    return TaskOutcome(report.attempt_id, {}, {}, {}, None, {}, said, fault)
+
+
+def _stalled(attempt_id: str, seconds: float) -> TaskOutcome:
+    fault = Fault("stalled", f"The task reported nothing for {seconds:.0f} s.", "See the log of the task, then retry.")
+    return TaskOutcome(attempt_id, {}, {}, {}, None, {}, "", fault)

@@ -1,0 +1,149 @@
+"""Clearing up behind jobs: blobs that nobody needs any more, and what crashes have left. In a thread of its own, since
+a store of blobs that is far away takes its time."""
+
+from __future__ import annotations
+
+import logging
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import groupby
+
+from pipeline.errors import StorageError
+from workers.blobs.base import Blobs
+from workers.model import asset_key
+from workers.store import Store
+from workers.store.projects import Retention
+
+log = logging.getLogger(__name__)
+
+_JOBS, _ASSETS = "jobs/", "assets/"
+_BACK_OFF_S = 5.0
+
+
+@dataclass(frozen=True)
+class Removed:
+    """What a sweep has removed."""
+
+    unfinished: int = 0
+    """Files and uploads of writers that died."""
+    jobs: int = 0
+    """Blobs of jobs that are over or forgotten."""
+    assets: int = 0
+    """Bytes that no asset has."""
+    projects: int = 0
+    """Projects that were deleted long ago."""
+    versions: int = 0
+    """Old versions of projects that are not kept."""
+
+
+class GarbageCollector:
+    """Removes what no job needs. Thread-safe.
+
+    Args:
+        every_s: between two sweeps through everything; the first is soon after the start.
+        my_turn: whether this process is the one to sweep, of all that share the store.
+        undo_s: how long a deleted project can be restored.
+        retention: which versions of projects stay.
+    """
+
+    def __init__(
+        self, store: Store, blobs: Blobs, every_s: float, my_turn: Callable[[], bool],
+        undo_s: float = 30 * 86400.0, retention: Retention = Retention(),
+    ) -> None:  # fmt: skip
+        self._store, self._blobs = store, blobs
+        self._undo_s, self._retention = undo_s, retention
+        self._every_s, self._my_turn = every_s, my_turn
+        self._jobs: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._run, name="impasto-tidier", daemon=True)
+        self._stopping = threading.Event()
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def stop(self) -> None:
+        self._stopping.set()
+        self._jobs.put(None)
+        if self._thread.is_alive():
+            self._thread.join(5.0)
+
+    def later(self, job_id: str) -> None:
+        """Clear up behind this job soon."""
+        self._jobs.put(job_id)
+
+    def job(self, job_id: str) -> int:
+        """Delete what only the job's own tasks needed, or all there is if the job is forgotten; say how much."""
+        kept = self._store.jobs.blob_keys(job_id)
+        return self._delete(key for key in self._blobs.keys(f"{_JOBS}{job_id}/") if key not in kept)
+
+    def sweep(self) -> Removed:
+        """Go through everything. A blob that is being made is safe: its job is not over, its asset is put again."""
+        unfinished = self._blobs.sweep()
+        jobs = sum(self.job(job_id) for job_id in self._job_ids() if self._is_over(job_id))
+        assets = sum(self._asset(key) for key in list(self._blobs.keys(_ASSETS)))
+        return Removed(unfinished, jobs, assets, self._store.projects.purge(self._undo_s), self._thin())
+
+    def _thin(self) -> int:
+        total = 0
+        while thinned := self._store.projects.thin(self._retention):
+            total += thinned
+        return total
+
+    # -- the thread
+
+    def _run(self) -> None:
+        due = time.monotonic() + min(_BACK_OFF_S, self._every_s)
+        while not self._stopping.is_set():
+            try:
+                job_id = self._jobs.get(timeout=max(0.0, due - time.monotonic()))
+            except queue.Empty:
+                due = time.monotonic() + (self._every_s if self._try(self._sweep_in_turn) else _BACK_OFF_S)
+                continue
+            if job_id is not None and not self._try(lambda job_id=job_id: self.job(job_id)):  # type: ignore[misc]
+                self._jobs.put(job_id)
+                self._stopping.wait(_BACK_OFF_S)
+
+    def _try(self, act: Callable[[], object]) -> bool:
+        try:
+            act()
+        except StorageError as error:
+            log.warning("clearing up waits: %s", error)
+            return False
+        except Exception:
+            log.exception("clearing up failed")
+        return True
+
+    def _sweep_in_turn(self) -> None:
+        if self._my_turn() and (swept := self.sweep()) != Removed():
+            log.info("swept %s", swept)
+
+    # -- what is needed no more
+
+    def _delete(self, keys: Iterator[str]) -> int:
+        gone = list(keys)
+        if gone:
+            self._blobs.delete_all(gone)
+        return len(gone)
+
+    def _job_ids(self) -> Iterator[str]:
+        found = (key.split("/")[1] for key in self._blobs.keys(_JOBS))
+        return (job_id for job_id, _ in groupby(found))
+
+    def _is_over(self, job_id: str) -> bool:
+        """Failed and cancelled jobs may be retried: what they have done is needed."""
+        return self._store.jobs.succeeded(job_id) or not self._store.jobs.exists(job_id)
+
+    def _asset(self, key: str) -> bool:
+        """Delete bytes that no asset has; one that is being added is put again by who adds it."""
+        asset_id, gone = f"ast_{key.removeprefix(_ASSETS)}", []
+        assert asset_key(asset_id) == key
+
+        def forget() -> None:
+            self._blobs.delete(key)
+            gone.append(key)
+
+        if not self._store.assets.knows(asset_id):
+            self._store.assets.unless_known(asset_id, forget)
+        return bool(gone)

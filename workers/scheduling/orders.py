@@ -1,0 +1,83 @@
+"""From a claimed task to the order that a worker gets. What finished steps have left is read once a step."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+
+from pipeline.methods.base import Resources
+from workers.model import Json, TaskOrder, asset_key
+from workers.state_machine import ASSEMBLE
+from workers.store import Claim, Store
+from workers.store.records import request_of
+
+_REMEMBERED = 32
+
+
+@dataclass(frozen=True)
+class _Before:
+    """What a step may know of the job before it; the same for all its tasks."""
+
+    results: dict[str, dict[str, Json]]
+    artefacts: dict[str, str]
+    info: dict[str, Json]
+    segments: tuple[tuple[int, int, str], ...]
+    stages: dict[str, dict[str, float]]
+
+
+class Orders:
+    """Builds orders. Used by one thread.
+
+    Args:
+        hands_on: whether their pool has a way from task to task that is quicker than blobs.
+    """
+
+    def __init__(self, store: Store, hands_on: bool) -> None:
+        self._store = store
+        self._hands_on = hands_on
+        self._known: OrderedDict[tuple[str, int], _Before] = OrderedDict()
+
+    def order(self, claim: Claim) -> TaskOrder:
+        """Raises NotFound (an input is gone), StorageError."""
+        task, request = claim.task, request_of(claim.job["request"])
+        step = claim.step_name
+        before = self._before(claim.job_id, task["step"], request.inputs, step)
+        after, chained = self._store.task_inputs.chain(task["id"]) if task["chained"] else ((), {})
+        return TaskOrder(
+            attempt_id=claim.attempt_id,
+            job_id=claim.job_id,
+            task_id=task["id"],
+            step=step,
+            method=request.method,
+            key=task["key"],
+            args=task["args"],
+            emits=None if task["emit_start"] is None else (task["emit_start"], task["emit_stop"]),
+            params=claim.job["params"],
+            seed=request.seed,
+            inputs={name: asset_key(asset_id) for name, asset_id in request.inputs.items()},
+            input_info=before.info,
+            output=request.output,
+            results=before.results,
+            artefacts={**before.artefacts, **chained},
+            after=after,
+            segments=before.segments,
+            stages=before.stages,
+            resources=None if task["needs"] is None else Resources(**task["needs"]),
+            leads=self._hands_on and self._store.task_inputs.leads(task["id"]),
+        )
+
+    def _before(self, job_id: str, step: int, inputs: dict[str, str], name: str) -> _Before:
+        key = (job_id, step)
+        if key not in self._known:
+            self._known[key] = self._read(job_id, step, inputs, name)
+        self._known.move_to_end(key)
+        while len(self._known) > _REMEMBERED:
+            self._known.popitem(last=False)
+        return self._known[key]
+
+    def _read(self, job_id: str, step: int, inputs: dict[str, str], name: str) -> _Before:
+        context = self._store.task_inputs
+        results, artefacts = context.before(job_id, step)
+        last = name == ASSEMBLE
+        segments, stages = (context.segments(job_id), context.stages(job_id, step)) if last else ((), {})
+        return _Before(results, artefacts, context.input_info(inputs), segments, stages)

@@ -1,0 +1,142 @@
+"""What may be submitted. Everything that can be known to fail is refused here, before anything is accepted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from urllib.parse import urlsplit
+
+from pipeline.errors import BadParameter, did_you_mean, together
+from pipeline.methods import method, parse_params
+from pipeline.methods.base import InputKind, InputSpec, Method
+from workers.model import Asset, JobRequest, OutputSpec
+from workers.scheduling.planning import expected_weights, steps_of
+from workers.store import Accepted
+
+FORMATS = ("mp4", "webm", "png")
+_MAX_QUALITY = 51
+_MAX_PRIORITY = 100
+_MAX_LABELS = 32
+_MAX_LABEL_NAME, _MAX_LABEL_VALUE, _MAX_NAME, _MAX_URL = 63, 255, 200, 2000
+_MAX_SEED = 2**63 - 1
+
+FITS: Mapping[InputKind, tuple[str, ...]] = {
+    "video": ("video", "image", "archive"),
+    "image": ("image", "video"),
+    "image-or-video": ("image", "video", "archive"),
+    "images": ("archive", "image"),
+    "json": ("json",),
+}
+"""Kind of input -> kinds of asset that can be used for it."""
+
+
+def check_request(request: JobRequest, assets: Mapping[str, Asset]) -> Accepted:
+    """The request with its parameters complete.
+
+    Args:
+        assets: input name -> the asset given for it.
+
+    Raises:
+        BadParameter: names the field, its value and the remedy.
+    """
+    chosen = method(request.method)
+    faults: list[BadParameter] = []
+    with _collected(faults):
+        params = parse_params(chosen, request.params)
+    with _collected(faults):
+        check_inputs(chosen, assets)
+    with _collected(faults):
+        check_output(chosen, request.output)
+    with _collected(faults):
+        _check_envelope(request)
+    if faults:
+        raise together(faults)
+    info = assets["video"].info if "video" in assets else {}
+    weights = expected_weights(chosen, info)
+    return Accepted(request, params.model_dump(mode="json"), steps_of(chosen), weights)
+
+
+@contextmanager
+def _collected(faults: list[BadParameter]) -> Iterator[None]:
+    """Collect a refusal, so that the user hears of all of them at once."""
+    try:
+        yield
+    except BadParameter as fault:
+        faults.append(fault)
+
+
+def check_inputs(chosen: Method, assets: Mapping[str, Asset]) -> None:
+    """Every input is known to the method and fits; none that it needs is missing."""
+    specs = {spec.name: spec for spec in chosen.inputs}
+    for name in assets:
+        if name not in specs:
+            raise BadParameter(
+                f"The method {chosen.name!r} has no input {name!r}.",
+                field=f"inputs.{name}",
+                remedy=did_you_mean(name, specs, "inputs"),
+            )
+    for spec in specs.values():
+        _check_input(spec, assets.get(spec.name))
+
+
+def _check_input(spec: InputSpec, asset: Asset | None) -> None:
+    field = f"inputs.{spec.name}"
+    if asset is None:
+        if spec.required:
+            raise BadParameter(f"The input {spec.name!r} is missing.", field=field, remedy=f"Give one: {spec.help}")
+        return
+    if asset.kind not in FITS[spec.kind]:
+        raise BadParameter(
+            f"The input {spec.name!r} is to be {spec.kind}, and this asset is {asset.kind}.",
+            field=field,
+            value=asset.id,
+            remedy=f"Use an asset of kind: {', '.join(FITS[spec.kind])}.",
+        )
+
+
+def check_output(chosen: Method, output: OutputSpec) -> None:
+    if output.format not in FORMATS:
+        _refuse("output.format", output.format, f"Use one of: {', '.join(FORMATS)}.")
+    if not 0 <= output.quality <= _MAX_QUALITY:
+        _refuse("output.quality", output.quality, f"Use 0 (lossless) to {_MAX_QUALITY}.")
+    for artefact in output.artefacts:
+        if artefact not in chosen.artefacts:
+            known = ", ".join(chosen.artefacts) or "none"
+            _refuse("output.artefacts", artefact, f"The method {chosen.name!r} makes: {known}.")
+
+
+def _check_envelope(request: JobRequest) -> None:
+    if not -_MAX_PRIORITY <= request.priority <= _MAX_PRIORITY:
+        _refuse("priority", request.priority, f"Use -{_MAX_PRIORITY} to {_MAX_PRIORITY}; higher is served first.")
+    if not 0 <= request.seed <= _MAX_SEED:
+        _refuse("seed", request.seed, "Use 0 to 2**63 - 1.")
+    if len(request.name) > _MAX_NAME:
+        _refuse("name", request.name, f"Use at most {_MAX_NAME} characters.")
+    _check_labels(request.labels)
+    if request.webhook:
+        _check_url(request.webhook)
+
+
+def _check_labels(labels: Mapping[str, str]) -> None:
+    if len(labels) > _MAX_LABELS:
+        _refuse("labels", len(labels), f"Use at most {_MAX_LABELS} labels.")
+    for name, value in labels.items():
+        if not 1 <= len(name) <= _MAX_LABEL_NAME:
+            _refuse("labels", name, f"A label's name has 1 to {_MAX_LABEL_NAME} characters.")
+        if len(value) > _MAX_LABEL_VALUE:
+            _refuse(f"labels.{name}", value, f"A label's value has at most {_MAX_LABEL_VALUE} characters.")
+
+
+def _check_url(url: str) -> None:
+    remedy = "Use an http or https URL with a host, for example https://example.org/hook."
+    try:
+        parts = urlsplit(url)
+        sound = parts.scheme in ("http", "https") and bool(parts.hostname) and (parts.port or 1) > 0
+    except ValueError:
+        sound = False
+    if not sound or len(url) > _MAX_URL or not url.isprintable() or " " in url:
+        _refuse("webhook", url, remedy)
+
+
+def _refuse(field: str, value: object, remedy: str) -> None:
+    raise BadParameter(f"{field} cannot be {str(value)[:100]!r}.", field=field, value=value, remedy=remedy)

@@ -1,0 +1,413 @@
+"""The state machine of jobs and tasks: pure, `advance(state, event) -> (state, effects)`. The store applies it.
+
+A job, as its user sees it (`RunState`):
+
+                  claim               every task of the last step is done
+      QUEUED ---------------> RUNNING ------------------------------------> SUCCEEDED
+        |  ^                   |  ^ |
+        |  | resume     pause  |  | | a task failed for good, and those that ran beside it have ended
+        |  |                   |  | +-------------------------------------> FAILED
+        |  +------- PAUSED <---+  |
+        +---------->   |  --------+
+          pause        |     resume, while attempts still run
+                       |
+      QUEUED, RUNNING, PAUSED -- cancel --> CANCELLED
+      FAILED, CANCELLED -- retry, requeue --> QUEUED
+
+A task (`TaskState`); its attempts are counted, and a late answer never gets here (the store fences it by attempt id):
+
+                 tasks before it        claim            done
+      WAITING -----------------> READY -------> RUNNING -------> SUCCEEDED
+                                   ^               |
+                                   |  failed, lost |  attempts are left
+                                   +---------------+  (interrupted, released: not counted as failures)
+                                                   |
+                                                   +-----------> FAILED       attempts used up, or bad input
+      WAITING, READY, RUNNING -- cancel of the job --> CANCELLED
+      FAILED, CANCELLED -- retry, requeue --> READY or WAITING, with a fresh budget of attempts
+
+Steps run one after the other: a step is planned once every task of the step before it is done. The last step of every
+job is the platform's own (`ASSEMBLE`). A job that is `doomed` (a task has failed for good) starts nothing new, lets
+what runs end, because its results are kept, and then fails. Pausing, too, lets running attempts end.
+
+The machine looks at the current step only: all tasks of earlier steps have succeeded, later ones have none yet. So its
+state is a handful of numbers, whatever the size of the job.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
+
+from workers.errors import Conflict
+from workers.model import Fault, RunState, TaskState
+
+ASSEMBLE = "assemble"
+"""The platform's own last step: join what was emitted, make poster and contact sheet. One task of the same key."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    attempts: int = 3
+    """Failures after which a task fails for good."""
+    interruptions: int = 20
+    """The same for attempts that died with their whole process: a task that kills its host must end, too."""
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Tasks of the current step by state."""
+
+    waiting: int = 0
+    ready: int = 0
+    running: int = 0
+    succeeded: int = 0
+    failed: int = 0
+    cancelled: int = 0
+
+    @property
+    def open(self) -> int:
+        """Tasks that are not done."""
+        return self.waiting + self.ready + self.running + self.failed + self.cancelled
+
+    def moved(self, old: TaskState, new: TaskState, n: int = 1) -> Counts:
+        """`n` tasks leave `old` for `new`."""
+        if old is new:
+            return self
+        return replace(self, **{old.value: getattr(self, old.value) - n, new.value: getattr(self, new.value) + n})
+
+
+@dataclass(frozen=True)
+class JobSnapshot:
+    """What decides about a job."""
+
+    run: RunState
+    step: int
+    """Index of the current step."""
+    steps: int
+    """Number of steps, the platform's own among them."""
+    planned: bool = False
+    """Whether the current step has its tasks."""
+    doomed: bool = False
+    """A task has failed for good since the job was last started: nothing new begins."""
+    counts: Counts = Counts()
+
+
+@dataclass(frozen=True)
+class TaskSnapshot:
+    """What decides about a task."""
+
+    state: TaskState
+    blockers: int = 0
+    """Tasks of its step that must be done first and are not."""
+    failures: int = 0
+    interruptions: int = 0
+
+
+@dataclass(frozen=True)
+class State:
+    """A job, and the one task that the event is about (None for events about the job)."""
+
+    job: JobSnapshot
+    task: TaskSnapshot | None = None
+    limits: Limits = Limits()
+
+
+# -- events: what happened ------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Planned:
+    """The current step has its tasks: so many may start, so many wait for others."""
+
+    ready: int
+    waiting: int
+
+
+@dataclass(frozen=True)
+class PlanFailed:
+    fault: Fault
+
+
+@dataclass(frozen=True)
+class Claimed:
+    """A dispatcher took the task; an attempt begins."""
+
+
+@dataclass(frozen=True)
+class Done:
+    """The attempt succeeded, and `frees` tasks have nothing left to wait for."""
+
+    frees: int = 0
+
+
+@dataclass(frozen=True)
+class Failed:
+    """The attempt failed or its worker died. `final`: trying again cannot help."""
+
+    fault: Fault
+    final: bool = False
+
+
+@dataclass(frozen=True)
+class Interrupted:
+    """The attempt died with its dispatcher (kill -9, power loss): nobody's fault, as long as it stays rare."""
+
+
+@dataclass(frozen=True)
+class Released:
+    """The attempt was given back unfinished: an orderly shutdown, or storage was away. It does not count."""
+
+
+@dataclass(frozen=True)
+class Pause:
+    pass
+
+
+@dataclass(frozen=True)
+class Resume:
+    pass
+
+
+@dataclass(frozen=True)
+class Cancel:
+    pass
+
+
+@dataclass(frozen=True)
+class Retry:
+    """Start what failed or was cancelled again; `blocked_failed` and `blocked_cancelled` of those must wait."""
+
+    blocked_failed: int = 0
+    blocked_cancelled: int = 0
+
+
+@dataclass(frozen=True)
+class Requeue:
+    """Start this one failed or cancelled task again."""
+
+
+StateEvent: TypeAlias = (
+    Planned | PlanFailed | Claimed | Done | Failed | Interrupted | Released | Pause | Resume | Cancel | Retry | Requeue
+)
+
+
+# -- effects: what the store does in the same transaction -----------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class FreeDependents:
+    """Tasks that waited for this one only become ready."""
+
+
+@dataclass(frozen=True)
+class CancelTasks:
+    """Every unfinished task of the step becomes cancelled; running attempts end here and are told."""
+
+
+@dataclass(frozen=True)
+class RestartTasks:
+    """Every failed or cancelled task of the step becomes ready or waiting, with a fresh budget."""
+
+
+@dataclass(frozen=True)
+class BackOff:
+    """The task may not be claimed for a while; longer after each failure."""
+
+    failures: int
+
+
+@dataclass(frozen=True)
+class SetError:
+    """The job's error, unless it has one."""
+
+    fault: Fault
+
+
+@dataclass(frozen=True)
+class ClearError:
+    """The job has no error any more."""
+
+
+@dataclass(frozen=True)
+class AnnounceState:
+    """The job's state changed: an event, and a webhook message when it is final."""
+
+    run: RunState
+
+
+Effect: TypeAlias = FreeDependents | CancelTasks | RestartTasks | BackOff | SetError | ClearError | AnnounceState
+Effects: TypeAlias = tuple[Effect, ...]
+
+
+# -- transitions ----------------------------------------------------------------------------------------------------
+
+
+def advance(state: State, event: StateEvent) -> tuple[State, Effects]:
+    """The state after `event`, and what is to be done about it.
+
+    Raises:
+        Conflict: the event is not possible in this state; nothing has changed.
+    """
+    after, effects = _HANDLERS[type(event)](state, event)
+    settled, more = _settle(after.job)
+    if settled.run is not state.job.run:
+        more = (*more, AnnounceState(settled.run))
+    return replace(after, job=settled), (*effects, *more)
+
+
+def _settle(job: JobSnapshot) -> tuple[JobSnapshot, Effects]:
+    """What follows by itself once nothing runs: the next step, or the end."""
+    counts = job.counts
+    if job.run.final or not job.planned or counts.running:
+        return job, ()
+    if counts.open == 0:
+        if job.step == job.steps - 1:
+            return replace(job, run=RunState.SUCCEEDED), ()
+        return replace(job, step=job.step + 1, planned=False, counts=Counts()), ()
+    if (counts.failed or counts.cancelled) and (job.doomed or not counts.ready):
+        return replace(job, run=RunState.FAILED if counts.failed else RunState.CANCELLED, doomed=False), ()
+    return job, ()
+
+
+def _planned(state: State, event: Planned) -> tuple[State, Effects]:
+    job = state.job
+    _need(not job.run.final and not job.planned, "The step is planned already, or the job has ended.", job.run)
+    counts = Counts(ready=event.ready, waiting=event.waiting)
+    return replace(state, job=replace(job, planned=True, counts=counts)), ()
+
+
+def _plan_failed(state: State, event: PlanFailed) -> tuple[State, Effects]:
+    job = state.job
+    _need(not job.run.final and not job.planned, "The step is planned already, or the job has ended.", job.run)
+    return replace(state, job=replace(job, run=RunState.FAILED)), (SetError(event.fault),)
+
+
+def _claimed(state: State, event: Claimed) -> tuple[State, Effects]:
+    job = state.job
+    _need(job.run in (RunState.QUEUED, RunState.RUNNING) and not job.doomed, "The job starts nothing now.", job.run)
+    moved = _move(state, TaskState.READY, TaskState.RUNNING)
+    return replace(moved, job=replace(moved.job, run=RunState.RUNNING)), ()
+
+
+def _done(state: State, event: Done) -> tuple[State, Effects]:
+    moved = _move(state, TaskState.RUNNING, TaskState.SUCCEEDED)
+    counts = moved.job.counts.moved(TaskState.WAITING, TaskState.READY, event.frees)
+    return replace(moved, job=replace(moved.job, counts=counts)), (FreeDependents(),)
+
+
+def _failed(state: State, event: Failed) -> tuple[State, Effects]:
+    failures = _task(state).failures + 1
+    counted = replace(state, task=replace(_task(state), failures=failures))
+    if event.final or failures >= state.limits.attempts:
+        return _give_up(counted, event.fault)
+    return _move(counted, TaskState.RUNNING, TaskState.READY), (BackOff(failures),)
+
+
+def _interrupted(state: State, event: Interrupted) -> tuple[State, Effects]:
+    times = _task(state).interruptions + 1
+    counted = replace(state, task=replace(_task(state), interruptions=times))
+    if times < state.limits.interruptions:
+        return _move(counted, TaskState.RUNNING, TaskState.READY), ()
+    return _give_up(
+        counted,
+        Fault(
+            "interrupted",
+            f"The service died {times} times while this task ran.",
+            "Look for a lack of memory on the machine, then retry the job.",
+        ),
+    )
+
+
+def _give_up(state: State, fault: Fault) -> tuple[State, Effects]:
+    moved = _move(state, TaskState.RUNNING, TaskState.FAILED)
+    return replace(moved, job=replace(moved.job, doomed=True)), (SetError(fault),)
+
+
+def _released(state: State, event: Released) -> tuple[State, Effects]:
+    return _move(state, TaskState.RUNNING, TaskState.READY), ()
+
+
+def _pause(state: State, event: Pause) -> tuple[State, Effects]:
+    _need(state.job.run in (RunState.QUEUED, RunState.RUNNING), "Only a queued or running job pauses.", state.job.run)
+    return replace(state, job=replace(state.job, run=RunState.PAUSED)), ()
+
+
+def _resume(state: State, event: Resume) -> tuple[State, Effects]:
+    job = state.job
+    _need(job.run is RunState.PAUSED, "Only a paused job resumes.", job.run)
+    run = RunState.RUNNING if job.counts.running else RunState.QUEUED
+    return replace(state, job=replace(job, run=run)), ()
+
+
+def _cancel(state: State, event: Cancel) -> tuple[State, Effects]:
+    job = state.job
+    _need(not job.run.final, "The job has ended.", job.run)
+    counts = job.counts
+    for open_state in (TaskState.WAITING, TaskState.READY, TaskState.RUNNING):
+        counts = counts.moved(open_state, TaskState.CANCELLED, getattr(job.counts, open_state.value))
+    return replace(state, job=replace(job, run=RunState.CANCELLED, doomed=False, counts=counts)), (CancelTasks(),)
+
+
+def _retry(state: State, event: Retry) -> tuple[State, Effects]:
+    job = state.job
+    _need(job.run in (RunState.FAILED, RunState.CANCELLED), "Only a failed or cancelled job is retried.", job.run)
+    counts = job.counts
+    for ended, blocked in (
+        (TaskState.FAILED, event.blocked_failed),
+        (TaskState.CANCELLED, event.blocked_cancelled),
+    ):
+        counts = counts.moved(ended, TaskState.READY, getattr(job.counts, ended.value) - blocked)
+        counts = counts.moved(ended, TaskState.WAITING, blocked)
+    return replace(state, job=_reopened(job, counts)), (RestartTasks(), ClearError())
+
+
+def _requeue(state: State, event: Requeue) -> tuple[State, Effects]:
+    task = _task(state)
+    _need(
+        task.state in (TaskState.FAILED, TaskState.CANCELLED), "Only a failed or cancelled task runs again.", task.state
+    )
+    _need(task.blockers == 0, "The task waits for others that are not done: run those first.", task.state)
+    fresh = replace(state, task=replace(task, failures=0, interruptions=0))
+    moved = _move(fresh, task.state, TaskState.READY)
+    return replace(moved, job=_reopened(moved.job, moved.job.counts)), (ClearError(),)
+
+
+def _reopened(job: JobSnapshot, counts: Counts) -> JobSnapshot:
+    """The job goes on: queued again if it had ended, else as it was."""
+    return replace(job, run=RunState.QUEUED if job.run.final else job.run, doomed=False, counts=counts)
+
+
+def _move(state: State, old: TaskState, new: TaskState) -> State:
+    task = _task(state)
+    _need(task.state is old, f"The task is not {old}.", task.state)
+    counts = state.job.counts.moved(old, new)
+    return replace(state, job=replace(state.job, counts=counts), task=replace(task, state=new))
+
+
+def _task(state: State) -> TaskSnapshot:
+    if state.task is None:
+        raise Conflict("The event needs a task.", field="task")
+    return state.task
+
+
+def _need(holds: bool, message: str, found: RunState | TaskState) -> None:
+    if not holds:
+        raise Conflict(message, field="state", value=found.value)
+
+
+_HANDLERS: dict[type, Callable[[State, Any], tuple[State, Effects]]] = {
+    Planned: _planned,
+    PlanFailed: _plan_failed,
+    Claimed: _claimed,
+    Done: _done,
+    Failed: _failed,
+    Interrupted: _interrupted,
+    Released: _released,
+    Pause: _pause,
+    Resume: _resume,
+    Cancel: _cancel,
+    Retry: _retry,
+    Requeue: _requeue,
+}

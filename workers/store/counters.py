@@ -1,0 +1,45 @@
+"""What has happened since this process began: counts that only rise, for metrics."""
+
+from __future__ import annotations
+
+import threading
+from collections import Counter
+
+from workers.model import Json
+
+
+class AttemptCounters:
+    """Counts of ended attempts. Thread-safe."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._attempts: Counter[str] = Counter()
+        self._failures: Counter[str] = Counter()
+        self._frames: Counter[str] = Counter()
+        self._seconds: dict[str, float] = {}
+
+    def ended(self, outcome: str, code: str, method: str, frames: int, seconds: float) -> None:
+        """An attempt ended.
+
+        Args:
+            code: of its fault, or empty.
+            frames: that it finished; 0 unless it succeeded.
+            seconds: from its claim to now.
+        """
+        with self._lock:
+            self._attempts[outcome] += 1
+            self._seconds[method] = self._seconds.get(method, 0.0) + max(0.0, seconds)
+            if code:
+                self._failures[code] += 1
+            if frames:
+                self._frames[method] += frames
+
+    def counts(self) -> Json:
+        """Attempts by outcome, failures by code, frames and busy seconds by method."""
+        with self._lock:
+            return {
+                "attempts": dict(self._attempts),
+                "failures": dict(self._failures),
+                "frames": dict(self._frames),
+                "busy_s": dict(self._seconds),
+            }

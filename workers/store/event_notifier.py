@@ -1,0 +1,111 @@
+"""The bell that wakes who waits for a job's events, in this process or after news from another.
+
+What this process writes rings at once. For what others write, one thread looks every quarter of a second at the jobs
+that somebody waits for, in one query, however many wait; less often, down to once a second, while it finds nothing that
+this process did not know. (PostgreSQL's NOTIFY would be a little sooner; it makes all
+commits queue at one lock, is lost on a fail-over, and does not pass through poolers.)
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections import Counter, OrderedDict
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+
+from pipeline.errors import StorageError
+
+log = logging.getLogger(__name__)
+
+GONE = 1 << 62
+"""In place of the newest event of a job that was deleted."""
+_REMEMBERED = 4096
+_LOOK_EVERY_S = (0.25, 1.0)
+_AWAY_S = 2.0
+_LINGER_S = 5.0
+"""How long the thread stays when nobody waits."""
+
+Newest = Callable[[Collection[str]], Mapping[str, int]]
+"""Ids of jobs -> the number of the newest event of each that is there."""
+
+
+class EventNotifier:
+    """Knows of jobs how far their history has grown."""
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._newest: OrderedDict[str, int] = OrderedDict()
+        self._waited: Counter[str] = Counter()
+        self._looking = False
+
+    def ring(self, job_id: str, seq: int) -> None:
+        """The job has an event of this number."""
+        with self._changed:
+            self._newest[job_id] = max(seq, self._newest.get(job_id, 0))
+            self._newest.move_to_end(job_id)
+            while len(self._newest) > _REMEMBERED:
+                self._newest.popitem(last=False)
+            self._changed.notify_all()
+
+    def newest(self, job_id: str) -> int:
+        """The number of the job's newest event that is known here, 0 if none is."""
+        with self._changed:
+            return self._newest.get(job_id, 0)
+
+    def wait(self, job_id: str, after: int, timeout_s: float, newest: Newest) -> bool:
+        """Until the job is known to have an event with seq > `after`; False on time-out.
+
+        Args:
+            newest: asks the database, for all jobs that somebody waits for.
+        """
+        with self._waiting(job_id, newest), self._changed:
+            return self._changed.wait_for(lambda: self._newest.get(job_id, 0) > after, timeout_s)
+
+    @contextmanager
+    def _waiting(self, job_id: str, newest: Newest) -> Iterator[None]:
+        with self._changed:
+            self._waited[job_id] += 1
+            if not self._looking:
+                self._looking = True
+                threading.Thread(target=self._look, args=(newest,), name="impasto-bell", daemon=True).start()
+        try:
+            yield
+        finally:
+            with self._changed:
+                self._waited[job_id] -= 1
+                if not self._waited[job_id]:
+                    del self._waited[job_id]
+
+    def _look(self, newest: Newest) -> None:
+        """Look while somebody waits, and a little longer."""
+        needed, (soon_s, late_s) = time.monotonic(), _LOOK_EVERY_S
+        pause_s = soon_s
+        while True:
+            time.sleep(pause_s)
+            with self._changed:
+                waited = list(self._waited)
+                needed = time.monotonic() if waited else needed
+                if time.monotonic() - needed > _LINGER_S:
+                    self._looking = False
+                    return
+            if waited:
+                pause_s = soon_s if self._look_once(waited, newest) else min(late_s, 1.2 * pause_s)
+
+    def _look_once(self, waited: list[str], newest: Newest) -> bool:
+        """Whether there was news."""
+        try:
+            found = newest(waited)
+        except StorageError as error:
+            log.warning("events of other processes wait: %s", error)
+            time.sleep(_AWAY_S)
+            return True
+        except Exception:
+            log.exception("looking for events failed; it goes on")
+            time.sleep(_AWAY_S)
+            return True
+        news = {job_id: seq for job_id in waited if (seq := found.get(job_id, GONE)) > self.newest(job_id)}
+        for job_id, seq in news.items():
+            self.ring(job_id, seq)
+        return bool(news)

@@ -1,0 +1,48 @@
+"""The history of jobs: numbered events, listed and waited for. Read-only."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+from sqlalchemy import Connection, func, select
+
+from workers.errors import NotFound
+from workers.model import Event
+from workers.store import schema
+from workers.store.base import StorePart
+from workers.store.records import event_of
+
+
+class Events(StorePart):
+    """Events by job. `seq` rises by one from 1; the oldest are pruned."""
+
+    def list(self, job_id: str, after: int = 0, limit: int = 500) -> tuple[Sequence[Event], bool]:
+        """Events with seq > `after`, and whether some of these have been pruned."""
+        table = schema.events
+        query = select(table).where(table.c.job_id == job_id, table.c.seq > after).order_by(table.c.seq).limit(limit)
+        with self._db.read() as connection:
+            newest = _newest_seq(connection, job_id)
+            found = [event_of(row) for row in connection.execute(query).mappings()]
+        first = found[0].seq if found else newest + 1
+        return found, first > after + 1 and newest > after
+
+    def wait(self, job_id: str, after: int, timeout_s: float) -> bool:
+        """Block until the job has an event with seq > `after` (or is deleted: True as well); False on time-out."""
+        if not self._notifier.newest(job_id):
+            with self._db.read() as connection:
+                self._notifier.ring(job_id, _newest_seq(connection, job_id))
+        return self._notifier.wait(job_id, after, timeout_s, self._newest)
+
+    def _newest(self, job_ids: Collection[str]) -> dict[str, int]:
+        jobs = schema.jobs
+        with self._db.read() as connection:
+            found = connection.execute(select(jobs.c.id, jobs.c.last_seq).where(jobs.c.id.in_(job_ids)))
+            return {job_id: int(seq) for job_id, seq in found}
+
+
+def _newest_seq(connection: Connection, job_id: str) -> int:
+    query = select(func.max(schema.jobs.c.last_seq)).where(schema.jobs.c.id == job_id)
+    seq = connection.execute(query).scalar()
+    if seq is None:
+        raise NotFound(f"There is no job {job_id}.", field="job", value=job_id)
+    return int(seq)

@@ -1,0 +1,133 @@
+"""Whose turn it is: the job that is served next.
+
+Jobs that may start a task stand in lanes, one for each owner and priority. The highest priority goes first; within it
+the owner with the least at work; a lane's jobs in the order in which they came. So nobody waits for another's thousand
+jobs, and what a user asked for first is done first.
+
+A claim costs the same with one job or ten thousand, with ten tasks or a hundred thousand: lanes are found by hopping
+over an index of just those jobs; what is at work is counted from running attempts: there are no more than workers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import CTE, Connection, RowMapping, ScalarSelect, Select, bindparam, exists, func, or_, select, text
+
+from workers.model import TaskState
+from workers.store import schema
+from workers.store.job_transaction import LONGEST_WAIT_S, RUNNING
+
+RUNNING_TASKS = "running_tasks"
+"""Quota of a key: how many tasks of its jobs run at once."""
+
+
+@dataclass(frozen=True)
+class Lane:
+    """The jobs of an owner that may start a task, of one priority."""
+
+    priority: int
+    owner: str
+    oldest: str
+    """Id of a job."""
+    running: int
+    """Tasks of the owner that run now."""
+    most: int | None
+    """How many of them may."""
+
+    @property
+    def order(self) -> tuple[int, int, str]:
+        return -self.priority, self.running, self.oldest
+
+
+def lanes(connection: Connection, most: int | None = None) -> list[Lane]:
+    """Lanes in the order in which they are served, without those that are at their bound.
+
+    Args:
+        most: tasks that an owner may have at work, unless the owner's key says otherwise.
+    """
+    found = connection.execute(_LANES).all()
+    running = _running(connection) if found else {}
+    made = (
+        Lane(row.priority, row.owner, row.id, running.get(row.owner, 0), (row.quotas or {}).get(RUNNING_TASKS, most))
+        for row in found
+    )
+    return sorted((lane for lane in made if lane.most is None or lane.running < lane.most), key=lambda lane: lane.order)
+
+
+def job_in(connection: Connection, lane: Lane, now: float, wait: bool) -> RowMapping | None:
+    """The lane's next job with a task that is due, under lock.
+
+    Args:
+        wait: for the lock, if another dispatcher has it; otherwise such a job is passed over.
+    """
+    values = {"priority": lane.priority, "owner": lane.owner, **moment(now)}
+    return connection.execute(_JOB_IN[wait], values).mappings().first()
+
+
+def due() -> tuple[Any, ...]:
+    """Of a task: it may run now, as `moment` says."""
+    tasks = schema.tasks
+    in_time = or_(tasks.c.ready_at <= bindparam("now"), tasks.c.ready_at > bindparam("too_late"))
+    return tasks.c.state == TaskState.READY.value, in_time
+
+
+def moment(now: float) -> dict[str, float]:
+    """What `due` asks for."""
+    return {"now": now, "too_late": now + LONGEST_WAIT_S}
+
+
+def _job_in(wait: bool) -> Select[Any]:
+    jobs = schema.jobs
+    return (
+        select(jobs)
+        .where(text("jobs.ready > 0"), jobs.c.priority == bindparam("priority"), jobs.c.owner == bindparam("owner"))
+        .where(exists().where(schema.tasks.c.job_id == jobs.c.id, *due()))
+        .order_by(jobs.c.id)
+        .limit(1)
+        .with_for_update(skip_locked=not wait)
+    )
+
+
+def _lanes() -> Select[Any]:
+    """Priority, owner, oldest job and quotas of every lane: from one to the next by the index, never through a lane."""
+    heads, jobs, keys = _heads(), schema.jobs, schema.api_keys
+    columns = (jobs.c.priority, jobs.c.owner, jobs.c.id, keys.c.quotas)
+    return select(*columns).join(heads, heads.c.id == jobs.c.id).outerjoin(keys, keys.c.id == jobs.c.owner)
+
+
+def _heads() -> CTE:
+    """Ids of the oldest job of every lane. A hop is one or two look-ups: SQLite seeks no pair of columns at once."""
+    first = select(_first("start").label("id")).cte("heads", recursive=True)
+    at = schema.jobs.alias("at")
+    later = func.coalesce(_first("sideways", at, same_priority=True), _first("upwards", at))
+    return first.union_all(select(later).select_from(first.join(at, at.c.id == first.c.id)))
+
+
+def _first(name: str, at: Any = None, same_priority: bool = False) -> ScalarSelect[Any]:
+    """The oldest job of the next lane: of the priority of the job `at`, or of the next higher one; without `at`, of the
+    first lane there is."""
+    then = schema.jobs.alias(name)
+    query = select(then.c.id).where(text(f"{name}.ready > 0"))
+    if same_priority:
+        query = query.where(then.c.priority == at.c.priority, then.c.owner > at.c.owner).correlate(at)
+    elif at is not None:
+        query = query.where(then.c.priority > at.c.priority).correlate(at)
+    return query.order_by(then.c.priority, then.c.owner, then.c.id).limit(1).scalar_subquery()
+
+
+def _running(connection: Connection) -> dict[str, int]:
+    """Tasks at work by owner."""
+    return {owner: int(n) for owner, n in connection.execute(_RUNNING)}
+
+
+# Made once: to put a statement together takes longer than to answer it.
+_LANES = _lanes()
+_JOB_IN = {wait: _job_in(wait) for wait in (False, True)}
+_RUNNING = (
+    select(schema.jobs.c.owner, func.count())
+    .join(schema.attempts, schema.attempts.c.job_id == schema.jobs.c.id)
+    .where(schema.attempts.c.outcome == RUNNING)
+    .group_by(schema.jobs.c.owner)
+)

@@ -1,0 +1,267 @@
+"""One job, locked, in one write transaction: apply events of the state machine, append to its history.
+
+Every change of a job goes through here, so that states, counts, history and webhook messages never disagree.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Any
+
+from sqlalchemy import Connection, RowMapping, and_, bindparam, delete, insert, or_, select, update
+
+from workers import state_machine as machine
+from workers.errors import NotFound
+from workers.ids import new_id
+from workers.model import Json, RunState, TaskState
+from workers.state_machine import Counts, JobSnapshot, Limits, State, StateEvent, TaskSnapshot
+from workers.store import schema, task_states
+from workers.store.records import counts_of, fault_to_json
+
+_PRUNE_EVERY = 100
+RUNNING = "running"
+"""The outcome of an attempt that has none yet."""
+LONGEST_WAIT_S = 300.0
+"""No task waits longer between attempts; one that seems to has been put off before the clock was set back."""
+# Made once: to put a statement together takes longer than to answer it.
+_LOCKED = select(schema.jobs).where(schema.jobs.c.id == bindparam("id")).with_for_update()
+_TASK = select(schema.tasks).where(schema.tasks.c.id == bindparam("id"), schema.tasks.c.job_id == bindparam("job_id"))
+_STEP = select(schema.steps).where(
+    schema.steps.c.job_id == bindparam("job_id"), schema.steps.c.step == bindparam("step")
+)
+ACTIVE = (RunState.QUEUED.value, RunState.RUNNING.value)
+"""States of jobs that are planned and run."""
+
+
+@dataclass(frozen=True)
+class StorePolicy:
+    """When to give up, and how much history to keep."""
+
+    limits: Limits = field(default_factory=Limits)
+    retry_delay_s: float = 0.5
+    events_kept: int = 5000
+    owner_tasks: int | None = None
+    """Tasks that an owner may have at work at once, unless the owner's key says otherwise; None: any."""
+
+
+class JobTransaction:
+    """A job under lock until the transaction ends. Call `close` last."""
+
+    def __init__(self, connection: Connection, row: RowMapping, now: float, policy: StorePolicy) -> None:
+        self.connection = connection
+        self.job_id = str(row["id"])
+        self.now = now
+        self.row = dict(row)
+        self._policy = policy
+        self._changes: dict[str, Any] = {}
+        self._events: list[Json] = []
+
+    @classmethod
+    def open(cls, connection: Connection, job_id: str, now: float, policy: StorePolicy) -> JobTransaction | None:
+        """Lock the job; None if there is no such job."""
+        row = connection.execute(_LOCKED, {"id": job_id}).mappings().first()
+        return None if row is None else cls(connection, row, now, policy)
+
+    @property
+    def seq(self) -> int:
+        """The number of the newest event."""
+        return int(self.row["last_seq"]) + len(self._events)
+
+    @property
+    def changed(self) -> bool:
+        return bool(self._events or self._changes)
+
+    def task(self, task_id: str) -> dict[str, Any]:
+        """The row of a task of this job."""
+        row = self.connection.execute(_TASK, {"id": task_id, "job_id": self.job_id}).mappings().first()
+        if row is None:
+            raise NotFound(f"There is no task {task_id}.", field="task", value=task_id)
+        return dict(row)
+
+    def step_row(self, step: int) -> RowMapping:
+        return self.connection.execute(_STEP, {"job_id": self.job_id, "step": step}).mappings().one()
+
+    def happen(self, event: StateEvent, task: dict[str, Any] | None = None) -> State:
+        """Apply `event` (about the row `task`, if given), write what follows. Raises Conflict."""
+        before = State(self._job_mark(), _task_mark(task), self._policy.limits)
+        after, effects = machine.advance(before, event)
+        self._write_job(before.job, after.job)
+        if task is not None and after.task is not None:
+            self._write_task(task, after.task)
+        for effect in effects:
+            self._apply(effect, task)
+        return after
+
+    def say(self, kind: str, data: Json) -> None:
+        """Append to the job's history."""
+        seq = self.seq + 1
+        self._events.append({"job_id": self.job_id, "seq": seq, "at": self.now, "type": kind, "data": data})
+
+    def say_task(self, task: dict[str, Any], state: TaskState, **more: Any) -> None:
+        self.say("task.state", {"task_id": task["id"], "key": task["key"], "state": state.value, **more})
+
+    def close(self) -> None:
+        """Write the job's row and history."""
+        if not self.changed:
+            return
+        seq = self.seq
+        if self._events:
+            self.connection.execute(insert(schema.events), self._events)
+            self._prune(seq)
+        changes = {**self._changes, "last_seq": seq, "updated_at": self.now}
+        self.connection.execute(update(schema.jobs).where(schema.jobs.c.id == self.job_id).values(changes))
+
+    def _prune(self, seq: int) -> None:
+        if seq // _PRUNE_EVERY != self.row["last_seq"] // _PRUNE_EVERY:
+            events = schema.events
+            gone = seq - self._policy.events_kept
+            self.connection.execute(delete(events).where(events.c.job_id == self.job_id, events.c.seq <= gone))
+
+    # -- the machine's state, read and written
+
+    def _job_mark(self) -> JobSnapshot:
+        row = self.row
+        counts = counts_of(self.step_row(row["step"]))
+        return JobSnapshot(
+            RunState(row["state"]), row["step"], row["step_count"], row["planned"], row["doomed"], counts
+        )
+
+    def _write_job(self, before: JobSnapshot, after: JobSnapshot) -> None:
+        counts = after.counts if after.step == before.step else _all_done(before)
+        if counts != before.counts:
+            self._write_counts(before.step, counts)
+        self._set(state=after.run.value, step=after.step, planned=after.planned, doomed=after.doomed)
+        may_start = after.run.value in ACTIVE and after.planned and not after.doomed
+        self._set(ready=after.counts.ready if may_start else 0)
+        if after.run is RunState.RUNNING and self.row["started_at"] is None:
+            self._set(started_at=self.now)
+        if after.run is not before.run:
+            self._set(finished_at=self.now if after.run.final else None)
+
+    def _set(self, **values: Any) -> None:
+        changed = {name: value for name, value in values.items() if self.row[name] != value}
+        self.row.update(changed)
+        self._changes.update(changed)
+
+    def _write_counts(self, step: int, counts: Counts) -> None:
+        steps = schema.steps
+        values = {state.value: getattr(counts, state.value) for state in TaskState}
+        where = (steps.c.job_id == self.job_id, steps.c.step == step)
+        self.connection.execute(update(steps).where(*where).values(values))
+
+    def _write_task(self, task: dict[str, Any], mark: TaskSnapshot) -> None:
+        values: dict[str, Any] = {
+            "state": mark.state.value,
+            "failures": mark.failures,
+            "interruptions": mark.interruptions,
+        }
+        if mark.state is not TaskState.RUNNING:
+            values |= {"attempt_id": None, "progress": 1.0 if mark.state is TaskState.SUCCEEDED else 0.0}
+        task.update(values)
+        self.connection.execute(update(schema.tasks).where(schema.tasks.c.id == task["id"]).values(values))
+
+    # -- effects
+
+    def _apply(self, effect: machine.Effect, task: dict[str, Any] | None) -> None:
+        match effect:
+            case machine.FreeDependents():
+                self._free_dependents(_given(task)["id"])
+            case machine.BackOff(failures):
+                wait_s = self._policy.retry_delay_s * 2.0 ** (failures - 1)
+                self.delay(_given(task), min(wait_s, LONGEST_WAIT_S))
+            case machine.CancelTasks():
+                self._stop_everything()
+            case machine.RestartTasks():
+                self._start_again()
+            case machine.SetError(fault):
+                self._set(error=self.row["error"] or fault_to_json(fault))
+            case machine.ClearError():
+                self._set(error=None)
+            case machine.AnnounceState(run):
+                self._announce(run)
+
+    def delay(self, task: dict[str, Any], seconds: float) -> None:
+        """Let nobody claim the task for a while."""
+        where = schema.tasks.c.id == task["id"]
+        self.connection.execute(update(schema.tasks).where(where).values(ready_at=self.now + seconds))
+
+    def _free_dependents(self, task_id: str) -> None:
+        tasks, edges = schema.tasks, schema.task_edges
+        dependents = tasks.c.id.in_(select(edges.c.task_id).where(edges.c.before_id == task_id))
+        self.connection.execute(update(tasks).where(dependents).values(blockers=tasks.c.blockers - 1))
+        freed = (dependents, tasks.c.blockers == 0, tasks.c.state == TaskState.WAITING.value)
+        self.connection.execute(update(tasks).where(*freed).values(state=TaskState.READY.value))
+
+    def _stop_everything(self) -> None:
+        """End what runs. Tasks that have not begun are cancelled because their job is (see `states`): to write a row
+        for each of a hundred thousand would keep the user waiting for seconds."""
+        attempts = schema.attempts
+        running = (attempts.c.job_id == self.job_id, attempts.c.outcome == RUNNING)
+        ended = {"outcome": "cancelled", "finished_at": self.now}
+        self.connection.execute(update(attempts).where(*running).values(ended))
+        self._cancel_tasks(TaskState.RUNNING)
+
+    def _cancel_tasks(self, *states: TaskState) -> None:
+        tasks = schema.tasks
+        where = (tasks.c.job_id == self.job_id, tasks.c.state.in_([state.value for state in states]))
+        values = {"state": TaskState.CANCELLED.value, "attempt_id": None, "progress": 0.0}
+        self.connection.execute(update(tasks).where(*where).values(values))
+
+    def spell_out(self) -> None:
+        """Write the state of every task of a cancelled job, before one of them alone is to run again."""
+        if self.row["state"] == RunState.CANCELLED.value:
+            self._cancel_tasks(*task_states.UNBEGUN)
+
+    def _start_again(self) -> None:
+        tasks = schema.tasks
+        ended = tasks.c.state.in_([TaskState.FAILED.value, TaskState.CANCELLED.value])
+        used = or_(tasks.c.failures > 0, tasks.c.interruptions > 0, tasks.c.ready_at > 0)
+        unbegun = tasks.c.state.in_([state.value for state in task_states.UNBEGUN])
+        where = (tasks.c.job_id == self.job_id, or_(ended, and_(unbegun, used)))
+        fresh = {"failures": 0, "interruptions": 0, "ready_at": 0.0}
+        blocked = {"state": TaskState.WAITING.value, **fresh}
+        free = {"state": TaskState.READY.value, **fresh}
+        self.connection.execute(update(tasks).where(*where, tasks.c.blockers > 0).values(blocked))
+        self.connection.execute(update(tasks).where(*where).values(free))
+
+    def _announce(self, run: RunState) -> None:
+        error = self.row["error"]
+        self.say("job.state", {"state": run.value, "error": error})
+        url = self.row["request"]["webhook"]
+        if run.final and url:
+            self.connection.execute(insert(schema.deliveries).values(self._message(run, url, error)))
+
+    def _message(self, run: RunState, url: str, error: Json | None) -> dict[str, Any]:
+        request = self.row["request"]
+        data = {"job_id": self.job_id, "state": run.value, "error": error}
+        data |= {name: request[name] for name in ("name", "method", "labels")}
+        stamp = datetime.fromtimestamp(self.now, UTC).isoformat(timespec="milliseconds")
+        body = {"type": f"job.{run.value}", "timestamp": stamp, "data": data}
+        return {
+            "id": new_id("msg_"),
+            "job_id": self.job_id,
+            "owner": self.row["owner"],
+            "url": url,
+            "body": body,
+            "created_at": self.now,
+            "state": "waiting",
+            "next_at": self.now,
+        }
+
+
+def _task_mark(task: dict[str, Any] | None) -> TaskSnapshot | None:
+    if task is None:
+        return None
+    return TaskSnapshot(TaskState(task["state"]), task["blockers"], task["failures"], task["interruptions"])
+
+
+def _all_done(before: JobSnapshot) -> Counts:
+    """Counts of a step that has just been left behind: everything in it succeeded."""
+    counts = before.counts
+    return Counts(succeeded=counts.open + counts.succeeded)
+
+
+def _given(task: dict[str, Any] | None) -> dict[str, Any]:
+    assert task is not None, "the machine asks this only for events about a task"
+    return task

@@ -1,0 +1,326 @@
+"""Projects in the database: every version of a document, the assets that versions name, the jobs made of them.
+
+Documents are kept as compressed JSON. A version is written only if it was made on the stored one. Old versions are
+thinned out by `thin`; what `Retention` keeps is never changed.
+"""
+
+from __future__ import annotations
+
+import json
+import zlib
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from sqlalchemy import ColumnElement, Connection, delete, insert, select, update
+
+from workers.errors import NotFound
+from workers.ids import new_id
+from workers.model import Page
+from workers.projects.model import Project, ProjectJob, ProjectVersion, VersionMismatch
+from workers.store import schema
+from workers.store.base import StorePart
+from workers.store.records import Row, pack_cursor, unpack_cursor
+
+_LEVEL = 6
+_THINNED_AT_ONCE = 20
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A document to be stored.
+
+    Attributes:
+        document: JSON object.
+        asset_ids: ids of the assets that it names.
+        author: owner of the key that saves it.
+    """
+
+    document: Mapping[str, Any]
+    name: str
+    asset_ids: Collection[str]
+    author: str
+
+    @cached_property
+    def body(self) -> bytes:
+        """The document as JSON text."""
+        return json.dumps(self.document, ensure_ascii=False, separators=(",", ":")).encode()
+
+    @property
+    def size_bytes(self) -> int:
+        return len(self.body)
+
+
+@dataclass(frozen=True)
+class Retention:
+    """Which versions stay: all younger than `every_s`; of older ones the last of each `then_one_in_s`; always the
+    newest, labelled ones, and those that jobs were made of."""
+
+    every_s: float = 7 * 86400.0
+    then_one_in_s: float = 3600.0
+
+
+class Projects(StorePart):
+    """Projects by id."""
+
+    def create(self, draft: Draft, owner: str) -> Project:
+        """A new project with `draft` as version 1."""
+        project_id, now = new_id("prj_"), self._now()
+        row = {"id": project_id, "owner": owner, "name": draft.name, "version": 1, "created_at": now,
+               "updated_at": now, "deleted_at": None, "share_epoch": 0}  # fmt: skip
+        with self._db.write() as connection:
+            connection.execute(insert(schema.projects).values(row))
+            _write(connection, project_id, 1, now, draft)
+        return _project(row)
+
+    def get(self, project_id: str) -> Project:
+        """The project, deleted or not. Raises NotFound."""
+        with self._db.read() as connection:
+            return _project(_row(connection, project_id))
+
+    def page(self, owner: str | None, deleted: bool, cursor: str | None, limit: int) -> Page:
+        """Projects, the most recently changed first."""
+        table = schema.projects
+        gone = table.c.deleted_at.is_not(None)
+        where: list[ColumnElement[bool]] = [gone if deleted else ~gone]
+        if owner is not None:
+            where.append(table.c.owner == owner)
+        if cursor is not None:
+            at, last = unpack_cursor(cursor, float, str)
+            where.append((table.c.updated_at < at) | ((table.c.updated_at == at) & (table.c.id < last)))
+        order = (table.c.updated_at.desc(), table.c.id.desc())
+        with self._db.read() as connection:
+            rows = connection.execute(select(table).where(*where).order_by(*order).limit(limit + 1)).mappings().all()
+        items = tuple(_project(row) for row in rows[:limit])
+        return Page(items, pack_cursor(items[-1].updated_at, items[-1].id) if len(rows) > limit else None)
+
+    def document(self, project_id: str, version: int | None = None) -> tuple[ProjectVersion, dict[str, Any]]:
+        """A version and its document; None: the newest. Raises NotFound (unknown, or thinned out)."""
+        table = schema.project_versions
+        with self._db.read() as connection:
+            wanted = version or _row(connection, project_id)["version"]
+            query = select(table).where(table.c.project_id == project_id, table.c.version == wanted)
+            row = connection.execute(query).mappings().first()
+            if row is None:
+                raise _no_version(wanted)
+            return _version(row, _jobs_of(connection, project_id, [wanted])), _unpacked(row["body"])
+
+    def save(self, project_id: str, expected: int, draft: Draft) -> Project:
+        """Store `draft` as the version after `expected`. The document that is stored already makes no new version.
+
+        Raises:
+            NotFound: there is no such project, or it is deleted.
+            VersionMismatch: another version than `expected` is the newest.
+        """
+        with self._db.write() as connection:
+            row = _row(connection, project_id, lock=True)
+            if row["deleted_at"] is not None:
+                raise _no_project(project_id)
+            if row["version"] != expected:
+                raise VersionMismatch(expected, row["version"])
+            if _same(connection, project_id, expected, draft):
+                return _project(row)
+            now = max(self._now(), row["updated_at"])
+            changes = {"version": expected + 1, "name": draft.name, "updated_at": now}
+            connection.execute(update(schema.projects).where(schema.projects.c.id == project_id).values(changes))
+            _write(connection, project_id, expected + 1, now, draft)
+            return _project({**row, **changes})
+
+    def versions(self, project_id: str, cursor: str | None = None, limit: int = 50) -> Page:
+        """ProjectVersion items, newest first."""
+        table = schema.project_versions
+        columns = [column for column in table.c if column.name != "body"]
+        query = select(*columns).where(table.c.project_id == project_id)
+        if cursor is not None:
+            query = query.where(table.c.version < unpack_cursor(cursor, int)[0])
+        with self._db.read() as connection:
+            rows = connection.execute(query.order_by(table.c.version.desc()).limit(limit + 1)).mappings().all()
+            jobs = _jobs_of(connection, project_id, [row["version"] for row in rows[:limit]])
+        items = tuple(_version(row, jobs) for row in rows[:limit])
+        return Page(items, pack_cursor(items[-1].version) if len(rows) > limit else None)
+
+    def label(self, project_id: str, version: int, label: str) -> ProjectVersion:
+        """Name a version; a named one is kept. An empty label takes the name away. Raises NotFound."""
+        table = schema.project_versions
+        where = (table.c.project_id == project_id, table.c.version == version)
+        with self._db.write() as connection:
+            if connection.execute(update(table).where(*where).values(label=label)).rowcount == 0:
+                raise _no_version(version)
+        return self.document(project_id, version)[0]
+
+    # -- deletion
+
+    def delete(self, project_id: str) -> Project:
+        """Mark as deleted; `restore` takes that back until `purge`."""
+        return self._mark(project_id, self._now())
+
+    def restore(self, project_id: str) -> Project:
+        """Take a deletion back. Raises NotFound once it was purged."""
+        return self._mark(project_id, None)
+
+    def _mark(self, project_id: str, deleted_at: float | None) -> Project:
+        with self._db.write() as connection:
+            row = _row(connection, project_id, lock=True)
+            if (row["deleted_at"] is None) == (deleted_at is None):
+                return _project(row)
+            table = schema.projects
+            connection.execute(update(table).where(table.c.id == project_id).values(deleted_at=deleted_at))
+            return _project({**row, "deleted_at": deleted_at})
+
+    def purge(self, undo_s: float) -> int:
+        """Forget projects that were deleted longer ago than `undo_s` seconds; how many."""
+        table = schema.projects
+        with self._db.write() as connection:
+            gone = connection.execute(delete(table).where(table.c.deleted_at < self._now() - undo_s))
+            return int(gone.rowcount)
+
+    # -- shares
+
+    def share_epoch(self, project_id: str) -> int:
+        """Links that were signed with an earlier epoch are void. Raises NotFound."""
+        with self._db.read() as connection:
+            return int(_row(connection, project_id)["share_epoch"])
+
+    def end_shares(self, project_id: str) -> None:
+        """Void every link of the project."""
+        table = schema.projects
+        with self._db.write() as connection:
+            _row(connection, project_id, lock=True)
+            raised = update(table).where(table.c.id == project_id).values(share_epoch=table.c.share_epoch + 1)
+            connection.execute(raised)
+
+    # -- jobs and assets
+
+    def add_jobs(self, project_id: str, jobs: Iterable[ProjectJob]) -> None:
+        """Note jobs that were made of the project. Those that are noted already stay as they are."""
+        table = schema.project_jobs
+        with self._db.write() as connection:
+            _row(connection, project_id, lock=True)
+            known = set(connection.execute(select(table.c.job_id).where(table.c.project_id == project_id)).scalars())
+            rows = [{"project_id": project_id, **vars(job)} for job in jobs if job.job_id not in known]
+            if rows:
+                connection.execute(insert(table), rows)
+
+    def jobs(self, project_id: str) -> list[ProjectJob]:
+        """Jobs of the project, newest first; some of them may have been deleted."""
+        table = schema.project_jobs
+        query = select(table).where(table.c.project_id == project_id).order_by(table.c.at.desc(), table.c.job_id.desc())
+        with self._db.read() as connection:
+            return [_job(row) for row in connection.execute(query).mappings()]
+
+    def owner_of(self, project_id: str) -> str:
+        """Raises NotFound."""
+        with self._db.read() as connection:
+            return str(_row(connection, project_id)["owner"])
+
+    # -- retention
+
+    def thin(self, retention: Retention) -> int:
+        """Forget the versions that `retention` does not keep, of a few projects; how many. Call it again until 0."""
+        versions = schema.project_versions
+        before = self._now() - retention.every_s
+        crowded = (
+            select(versions.c.project_id)
+            .where(versions.c.at < before, versions.c.thinned.is_(False))
+            .group_by(versions.c.project_id)
+            .limit(_THINNED_AT_ONCE)
+        )
+        with self._db.read() as connection:
+            projects = list(connection.execute(crowded).scalars())
+        return sum(self._thin(project_id, before, retention.then_one_in_s) for project_id in projects)
+
+    def _thin(self, project_id: str, before: float, one_in_s: float) -> int:
+        table = schema.project_versions
+        with self._db.write() as connection:
+            newest = _row(connection, project_id, lock=True)["version"]
+            old = select(table.c.version, table.c.at, table.c.label).where(
+                table.c.project_id == project_id, table.c.at < before
+            )
+            rows = connection.execute(old.order_by(table.c.version)).mappings().all()
+            last = {int(row["at"] // one_in_s): row["version"] for row in rows}
+            pinned = {newest, *last.values(), *_jobs_of(connection, project_id, [row["version"] for row in rows])}
+            gone = [row["version"] for row in rows if row["version"] not in pinned and not row["label"]]
+            for start in range(0, len(gone), 500):
+                some = table.c.version.in_(gone[start : start + 500])
+                connection.execute(delete(table).where(table.c.project_id == project_id, some))
+            mark = update(table).where(table.c.project_id == project_id, table.c.at < before)
+            connection.execute(mark.values(thinned=True))
+            if gone:
+                _forget_assets(connection, project_id)
+            return len(gone)
+
+
+def _row(connection: Connection, project_id: str, lock: bool = False) -> Row:
+    query = select(schema.projects).where(schema.projects.c.id == project_id)
+    row = connection.execute(query.with_for_update() if lock else query).mappings().first()
+    if row is None:
+        raise _no_project(project_id)
+    return dict(row)
+
+
+def _no_project(project_id: str) -> NotFound:
+    return NotFound("There is no such project.", field="project_id", value=project_id, remedy="See GET /v1/projects.")
+
+
+def _no_version(version: int) -> NotFound:
+    return NotFound(
+        "There is no such version; old ones are thinned out.", field="version", value=version,
+        remedy="See GET /v1/projects/{id}/versions.",
+    )  # fmt: skip
+
+
+def _write(connection: Connection, project_id: str, version: int, now: float, draft: Draft) -> None:
+    row = {"project_id": project_id, "version": version, "at": now, "author": draft.author, "label": "",
+           "size_bytes": draft.size_bytes, "body": zlib.compress(draft.body, _LEVEL), "thinned": False}  # fmt: skip
+    connection.execute(insert(schema.project_versions).values(row))
+    table = schema.project_assets
+    known = set(connection.execute(select(table.c.asset_id).where(table.c.project_id == project_id)).scalars())
+    fresh = sorted(set(draft.asset_ids) - known)
+    if fresh:
+        connection.execute(insert(table), [{"project_id": project_id, "asset_id": asset} for asset in fresh])
+
+
+def _same(connection: Connection, project_id: str, version: int, draft: Draft) -> bool:
+    table = schema.project_versions
+    query = select(table.c.body).where(table.c.project_id == project_id, table.c.version == version)
+    return zlib.decompress(connection.execute(query).scalar_one()) == draft.body
+
+
+def _unpacked(body: bytes) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(zlib.decompress(body))
+    return found
+
+
+def _jobs_of(connection: Connection, project_id: str, versions: Collection[int]) -> dict[int, tuple[str, ...]]:
+    table = schema.project_jobs
+    query = select(table.c.version, table.c.job_id).where(
+        table.c.project_id == project_id, table.c.version.between(min(versions, default=0), max(versions, default=0))
+    )
+    found: dict[int, tuple[str, ...]] = {}
+    for version, job_id in connection.execute(query.order_by(table.c.job_id)):
+        found[version] = (*found.get(version, ()), job_id)
+    return found
+
+
+def _forget_assets(connection: Connection, project_id: str) -> None:
+    """Let go of the assets that no version names any more."""
+    table, versions = schema.project_assets, schema.project_versions
+    bodies = connection.execute(select(versions.c.body).where(versions.c.project_id == project_id)).scalars()
+    named = {ref["id"] for body in bodies for ref in _unpacked(body).get("assets", {}).values()}
+    held = set(connection.execute(select(table.c.asset_id).where(table.c.project_id == project_id)).scalars())
+    for asset_id in sorted(held - named):
+        connection.execute(delete(table).where(table.c.project_id == project_id, table.c.asset_id == asset_id))
+
+
+def _project(row: Row) -> Project:
+    return Project(**{name: row[name] for name in Project.__dataclass_fields__})
+
+
+def _version(row: Row, jobs: Mapping[int, tuple[str, ...]]) -> ProjectVersion:
+    names = [name for name in ProjectVersion.__dataclass_fields__ if name != "jobs"]
+    return ProjectVersion(**{name: row[name] for name in names}, jobs=jobs.get(row["version"], ()))
+
+
+def _job(row: Row) -> ProjectJob:
+    return ProjectJob(**{name: row[name] for name in ProjectJob.__dataclass_fields__})

@@ -1,0 +1,393 @@
+"""What dispatchers do with tasks: claim them, keep leases, bring in outcomes. Answers are fenced by attempt id."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import Connection, RowMapping, bindparam, delete, func, insert, or_, select, update
+
+from workers import state_machine as machine
+from workers.ids import new_id
+from workers.model import TaskOutcome, TaskState
+from workers.operations import DrainScope
+from workers.state_machine import StateEvent
+from workers.store import fair_scheduler, schema
+from workers.store.base import Clock, StorePart
+from workers.store.counters import AttemptCounters
+from workers.store.database import Database
+from workers.store.event_notifier import EventNotifier
+from workers.store.job_transaction import ACTIVE, RUNNING, JobTransaction, StorePolicy
+from workers.store.job_views import meters_of
+from workers.store.progress import job_eta_s, job_progress
+from workers.store.records import fault_to_json
+from workers.store.workers import held_back
+
+_CLAIMS = 8
+"""How often a claim looks again when others were quicker."""
+_FORGOTTEN_S = 3600.0
+_LOG_KEPT = 64 << 10
+"""Characters of an attempt's log that are kept: the last ones."""
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A task that this dispatcher runs now."""
+
+    attempt_id: str
+    job_id: str
+    step_name: str
+    task: Mapping[str, Any]
+    """The row of the task."""
+    job: Mapping[str, Any]
+    """The row of its job."""
+
+
+@dataclass(frozen=True)
+class Heartbeat:
+    """A sign of life of a running attempt."""
+
+    done: float
+    """0..1"""
+    worker: str = ""
+    preview: str = ""
+    """Blob key of its newest frame, JPEG; empty: none."""
+
+
+class TaskQueue(StorePart):
+    """The store as dispatchers see it. Every method is one transaction."""
+
+    def __init__(
+        self, db: Database, notifier: EventNotifier, policy: StorePolicy, now: Clock, counters: AttemptCounters
+    ) -> None:
+        super().__init__(db, notifier, policy, now)
+        self._counters = counters
+        self._enlisted: set[str] = set()
+        """Dispatchers that this process has given a lease."""
+
+    # -- claiming
+
+    def claim(self, dispatcher: str, lease_s: float) -> Claim | None:
+        """The next task to run; None if there is none that may run now. See `turn` for the order."""
+        for _ in range(_CLAIMS):
+            with self._db.write() as connection:
+                self._enlist(connection, dispatcher, lease_s)
+                row = None if held_back(connection, dispatcher) else self._next_job(connection)
+                if row is None:
+                    return None
+                book = JobTransaction(connection, row, self._now(), self._policy)
+                claim = _claim_in(book, dispatcher)
+                book.close()
+            if claim is not None:
+                self._notifier.ring(claim.job_id, book.seq)
+                return claim
+        return None
+
+    def _next_job(self, connection: Connection) -> RowMapping | None:
+        """A job with a task to start, under lock. One that another dispatcher is at is waited for only if there is no
+        other: two dispatchers with one job both have work."""
+        lanes = fair_scheduler.lanes(connection, self._policy.owner_tasks)
+        for wait in (False,) if self._db.is_sqlite else (False, True):
+            for lane in lanes:
+                if (row := fair_scheduler.job_in(connection, lane, self._now(), wait)) is not None:
+                    return row
+        return None
+
+    # -- while it runs
+
+    def renew(self, dispatcher: str, lease_s: float) -> None:
+        """The dispatcher is alive, and will say so again before `lease_s` have passed."""
+        with self._db.write() as connection:
+            self._renew(connection, dispatcher, lease_s)
+
+    def _renew(self, connection: Connection, dispatcher: str, lease_s: float) -> None:
+        table, now = schema.dispatchers, self._now()
+        lease = {"lease_until": now + lease_s, "seen_at": now}
+        if not connection.execute(update(table).where(table.c.id == dispatcher).values(lease)).rowcount:
+            connection.execute(insert(table).values(id=dispatcher, started_at=now, **lease))
+        self._enlisted.add(dispatcher)
+
+    def _enlist(self, connection: Connection, dispatcher: str, lease_s: float) -> None:
+        """Nobody claims who has no lease."""
+        if dispatcher not in self._enlisted:
+            self._renew(connection, dispatcher, lease_s)
+
+    def retire(self, dispatcher: str) -> None:
+        """The dispatcher ends: what it still has, if anything, is given back by the others at once."""
+        with self._db.write() as connection:
+            connection.execute(delete(schema.dispatchers).where(schema.dispatchers.c.id == dispatcher))
+            _forget_drains(connection)
+        self._enlisted.discard(dispatcher)
+
+    def dispatchers(self) -> list[str]:
+        """Who is alive, the longest alive first."""
+        table = schema.dispatchers
+        query = select(table.c.id).where(table.c.lease_until >= self._now()).order_by(table.c.started_at, table.c.id)
+        with self._db.read() as connection:
+            return list(connection.execute(query).scalars())
+
+    def mine(self, dispatcher: str) -> set[str]:
+        """The dispatcher's attempts that still count."""
+        with self._db.read() as connection:
+            return set(connection.execute(_MINE, {"dispatcher": dispatcher}).scalars())
+
+    def progress(self, signs: Mapping[str, Heartbeat]) -> None:
+        """Note how far attempts are (by id), where, and what there is to see; skips those that no longer count."""
+        with self._db.read() as connection:
+            rows = connection.execute(_STILL_RUNNING, {"ids": list(signs)}).all()
+        for job_id in {row.job_id for row in rows}:
+            self._progress_in(job_id, {row.id: signs[row.id] for row in rows if row.job_id == job_id})
+
+    def _progress_in(self, job_id: str, signs: Mapping[str, Heartbeat]) -> None:
+        with self._book_if_any(job_id) as book:
+            held = [] if book is None else [_current(book, attempt_id) for attempt_id in signs]
+            for each in filter(None, held):
+                _note_sign(each, signs[each.attempt["id"]])
+            if book is not None and any(held):
+                _say_progress(book)
+
+    # -- outcomes
+
+    def finish(self, outcome: TaskOutcome, event: StateEvent | None = None, worker: str = "") -> bool:
+        """Bring in an attempt's outcome, once; False if the attempt no longer counts (nothing has changed then).
+
+        Args:
+            outcome: what the attempt brought back; its log and fault are kept even if it failed.
+            event: what happened, if not what `outcome` says by itself (success).
+            worker: who ran it.
+        """
+        with self._held(outcome.attempt_id) as held:
+            if held is None:
+                return False
+            if event is None:
+                _keep_result(held, outcome)
+                event = machine.Done(_frees(held.book.connection, held.task["id"]))
+            _end(held, event, outcome, worker)
+        self._count(held, event)
+        return True
+
+    def _count(self, held: _Held, event: StateEvent) -> None:
+        code = event.fault.code if isinstance(event, machine.Failed) else ""
+        task, seconds = held.task, self._now() - held.attempt["started_at"]
+        emitted = isinstance(event, machine.Done) and task["emit_start"] is not None
+        frames = task["emit_stop"] - task["emit_start"] if emitted else 0
+        self._counters.ended(_OUTCOMES[type(event)], code, held.book.row["method"], frames, seconds)
+
+    def interrupt(self, dispatchers: Collection[str]) -> int:
+        """Give back what dispatchers that are dead, or silent beyond their lease, were running; say how much."""
+        table, leases, now = schema.attempts, schema.dispatchers, self._now()
+        alive = select(leases.c.id).where(leases.c.lease_until >= now, leases.c.id.not_in(dispatchers))
+        query = select(table.c.id).where(table.c.outcome == RUNNING, table.c.dispatcher.not_in(alive))
+        with self._db.read() as connection:
+            ids = connection.execute(query).scalars().all()
+        log = "The process that ran this attempt has died or was cut off."
+        given_back = sum(self.finish(TaskOutcome(i, {}, {}, {}, None, {}, log), machine.Interrupted()) for i in ids)
+        with self._db.write() as connection:
+            gone = or_(leases.c.id.in_(dispatchers), leases.c.lease_until < now - _FORGOTTEN_S)
+            if connection.execute(delete(leases).where(gone)).rowcount:
+                _forget_drains(connection)
+        return given_back
+
+    def put_off(self, attempt_id: str, seconds: float, log: str) -> bool:
+        """Give an attempt back without blame, to be claimed again in a while (storage was away)."""
+        with self._held(attempt_id) as held:
+            if held is None:
+                return False
+            _end(held, machine.Released(), TaskOutcome(attempt_id, {}, {}, {}, None, {}, log))
+            held.book.delay(held.task, seconds)
+        self._count(held, machine.Released())
+        return True
+
+    # -- fences
+
+    @contextmanager
+    def _held(self, attempt_id: str) -> Iterator[_Held | None]:
+        """The attempt with its task and job, if it is the task's current one and running: only then it counts."""
+        with self._db.read() as connection:
+            job_id = connection.execute(_JOB_OF, {"id": attempt_id}).scalar()
+        if job_id is None:
+            yield None
+            return
+        with self._book_if_any(job_id) as book:
+            yield None if book is None else _current(book, attempt_id)
+
+
+@dataclass(frozen=True)
+class _Held:
+    """A running attempt under the lock of its job."""
+
+    book: JobTransaction
+    task: dict[str, Any]
+    attempt: dict[str, Any]
+
+
+def _current(book: JobTransaction, attempt_id: str) -> _Held | None:
+    attempt = book.connection.execute(_ATTEMPT, {"id": attempt_id}).mappings().first()
+    if attempt is None or attempt["outcome"] != RUNNING:
+        return None
+    task = book.task(attempt["task_id"])
+    if task["attempt_id"] != attempt_id or task["state"] != TaskState.RUNNING.value:
+        return None
+    return _Held(book, task, dict(attempt))
+
+
+def _forget_drains(connection: Connection) -> None:
+    """Of workers that are no more; a node's stays, since the machine may come back."""
+    drains, workers = schema.drains, schema.dispatchers
+    gone = (drains.c.place == DrainScope.WORKER.value, drains.c.name.not_in(select(workers.c.id)))
+    connection.execute(delete(drains).where(*gone))
+
+
+# -- claiming
+
+
+def _claim_in(book: JobTransaction, dispatcher: str) -> Claim | None:
+    """Claim the job's first ready task, if it still has one now that the job is under lock."""
+    task = _first_ready(book)
+    if task is None or book.row["doomed"] or book.row["state"] not in ACTIVE:
+        return None
+    book.happen(machine.Claimed(), task)
+    attempt_id, number = new_id("att_"), _next_number(book.connection, task["id"])
+    attempt = {"id": attempt_id, "task_id": task["id"], "job_id": book.job_id, "number": number, "outcome": RUNNING}
+    attempt |= {"dispatcher": dispatcher, "started_at": book.now}
+    book.connection.execute(insert(schema.attempts).values(attempt))
+    where = schema.tasks.c.id == task["id"]
+    book.connection.execute(update(schema.tasks).where(where).values(attempt_id=attempt_id))
+    task["attempt_id"] = attempt_id
+    book.say_task(task, TaskState.RUNNING, attempt=number)
+    return Claim(attempt_id, book.job_id, book.step_row(task["step"])["name"], task, book.row)
+
+
+def _first_ready(book: JobTransaction) -> dict[str, Any] | None:
+    row = (
+        book.connection.execute(_FIRST_READY, {"job_id": book.job_id, **fair_scheduler.moment(book.now)})
+        .mappings()
+        .first()
+    )
+    return None if row is None else dict(row)
+
+
+def _next_number(connection: Connection, task_id: str) -> int:
+    return int(connection.execute(_MADE, {"task_id": task_id}).scalar_one()) + 1
+
+
+# Made once: to put a statement together takes longer than to answer it.
+_FIRST_READY = (
+    select(schema.tasks)
+    .where(schema.tasks.c.job_id == bindparam("job_id"), *fair_scheduler.due())
+    .order_by(schema.tasks.c.position)
+    .limit(1)
+)
+_MADE = select(func.coalesce(func.max(schema.attempts.c.number), 0)).where(
+    schema.attempts.c.task_id == bindparam("task_id")
+)
+_ATTEMPT = select(schema.attempts).where(schema.attempts.c.id == bindparam("id"))
+_MINE = select(schema.attempts.c.id).where(
+    schema.attempts.c.dispatcher == bindparam("dispatcher"), schema.attempts.c.outcome == RUNNING
+)
+_STILL_RUNNING = select(schema.attempts.c.id, schema.attempts.c.job_id).where(
+    schema.attempts.c.id.in_(bindparam("ids", expanding=True)), schema.attempts.c.outcome == RUNNING
+)
+_NOTE_PROGRESS = (
+    update(schema.tasks).where(schema.tasks.c.id == bindparam("task_id")).values(progress=bindparam("done"))
+)
+_NOTE_WORKER = (
+    update(schema.attempts).where(schema.attempts.c.id == bindparam("attempt_id")).values(worker=bindparam("by"))
+)
+_JOB_OF = select(schema.attempts.c.job_id).where(schema.attempts.c.id == bindparam("id"))
+_FREES = (
+    select(func.count())
+    .select_from(schema.task_edges.join(schema.tasks, schema.tasks.c.id == schema.task_edges.c.task_id))
+    .where(
+        schema.task_edges.c.before_id == bindparam("task_id"),
+        schema.tasks.c.blockers == 1,
+        schema.tasks.c.state == TaskState.WAITING.value,
+    )
+)
+"""How many tasks wait for this one only."""
+
+
+# -- while it runs
+
+
+def _note_sign(held: _Held, sign: Heartbeat) -> None:
+    connection = held.book.connection
+    connection.execute(_NOTE_PROGRESS, {"task_id": held.task["id"], "done": sign.done})
+    if sign.worker != held.attempt["worker"]:
+        connection.execute(_NOTE_WORKER, {"attempt_id": held.attempt["id"], "by": sign.worker})
+    if sign.preview:
+        _keep_file(held.book, "preview", sign.preview, "image/jpeg")
+
+
+# -- outcomes
+
+
+def _keep_result(held: _Held, outcome: TaskOutcome) -> None:
+    """Write what a successful attempt made: result, artefacts, segment, files, and its seconds."""
+    book, task = held.book, held.task
+    made = {"note": outcome.result, "artefacts": outcome.artefacts, "segment": outcome.segment}
+    book.connection.execute(update(schema.tasks).where(schema.tasks.c.id == task["id"]).values(made))
+    for name, (key, media_type) in outcome.files.items():
+        _keep_file(book, name, key, media_type)
+    _add_measures(book, task, outcome.stages, book.now - held.attempt["started_at"])
+
+
+def _keep_file(book: JobTransaction, name: str, key: str, media_type: str) -> None:
+    """The job's file of this name is this blob from now on."""
+    files = schema.files
+    row = {"key": key, "media_type": media_type, "created_at": book.now}
+    known = update(files).where(files.c.job_id == book.job_id, files.c.name == name).values(row)
+    if not book.connection.execute(known).rowcount:
+        book.connection.execute(insert(files).values(job_id=book.job_id, name=name, **row))
+
+
+def _add_measures(book: JobTransaction, task: dict[str, Any], stages: Mapping[str, float], seconds: float) -> None:
+    steps = schema.steps
+    step = book.step_row(task["step"])
+    summed = {name: step["stages"].get(name, 0.0) + stages.get(name, 0.0) for name in {*step["stages"], *stages}}
+    values = {"stages": summed, "busy_s": step["busy_s"] + seconds, "weight_done": step["weight_done"] + task["weight"]}
+    where = (steps.c.job_id == book.job_id, steps.c.step == task["step"])
+    book.connection.execute(update(steps).where(*where).values(values))
+
+
+def _frees(connection: Connection, task_id: str) -> int:
+    """How many tasks wait for this one only."""
+    return int(connection.execute(_FREES, {"task_id": task_id}).scalar_one())
+
+
+def _end(held: _Held, event: StateEvent, outcome: TaskOutcome, worker: str = "") -> None:
+    """Close the attempt, let the machine decide what follows, and say it."""
+    book, task, attempt = held.book, held.task, held.attempt
+    fault = event.fault if isinstance(event, machine.Failed) else None
+    ended = {
+        "outcome": _OUTCOMES[type(event)],
+        "finished_at": book.now,
+        "fault": fault_to_json(fault),
+        "log": _storable(outcome.log[-_LOG_KEPT:]),
+        "worker": worker or attempt["worker"],
+    }
+    book.connection.execute(update(schema.attempts).where(schema.attempts.c.id == attempt["id"]).values(ended))
+    after = book.happen(event, task).task
+    state = TaskState.READY if after is None else after.state
+    book.say_task(task, state, attempt=attempt["number"], outcome=ended["outcome"], error=ended["fault"])
+
+
+def _storable(log: str) -> str:
+    """Logs have what decoders and drivers say: what no database keeps as text is replaced."""
+    return log.replace("\0", "\N{REPLACEMENT CHARACTER}").encode("utf-8", "replace").decode()
+
+
+_OUTCOMES: dict[type, str] = {
+    machine.Done: "succeeded",
+    machine.Failed: "failed",
+    machine.Interrupted: "interrupted",
+    machine.Released: "released",
+}
+
+
+def _say_progress(book: JobTransaction) -> None:
+    meters = meters_of(book.connection, book.row, book.now)
+    step = book.step_row(book.row["step"])["name"]
+    book.say("job.progress", {"progress": job_progress(meters), "eta_s": job_eta_s(meters), "step": step})
