@@ -14,8 +14,9 @@ from workers.log_context import About, here, of, working_for
 from workers.settings import FarmSettings
 
 OURS = ("impasto", "service", "workers", "pipeline")
-_LINES = 400
-_LINE_CHARS = 2000
+_RECORDS = 400
+_HEAD_CHARS, _TAIL_CHARS = 1_000, 7_000
+"""What an attempt's log keeps of a long record: its message, and the end of its traceback, where the cause is."""
 _TRACE_CHARS = 20_000
 
 
@@ -73,15 +74,23 @@ class AttemptLog(logging.Handler):
         self.setFormatter(
             logging.Formatter(f"%(asctime)s %(levelname)s {job_id} {task_id} {attempt_id} %(name)s: %(message)s")
         )
-        self._lines: deque[str] = deque(maxlen=_LINES)
+        self._lines: deque[str] = deque(maxlen=_RECORDS)
         self._attempt_id = attempt_id
 
     def emit(self, record: logging.LogRecord) -> None:
         if here().get("attempt") == self._attempt_id:
-            self._lines.append(self.format(record)[:_LINE_CHARS])
+            self._lines.append(shortened(self.format(record)))
 
     def text(self) -> str:
         return "\n".join(self._lines)
+
+
+def shortened(text: str) -> str:
+    """`text` without its middle if it is longer than 8,000 characters."""
+    left_out = len(text) - _HEAD_CHARS - _TAIL_CHARS
+    if left_out <= 0:
+        return text
+    return f"{text[:_HEAD_CHARS]}\n[{left_out} characters left out]\n{text[-_TAIL_CHARS:]}"
 
 
 def attempt_facts(job_id: str, task_id: str, attempt_id: str) -> About:

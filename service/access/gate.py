@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hmac
+import math
 from urllib.parse import urlsplit
 
 from starlette.concurrency import run_in_threadpool
@@ -81,7 +82,7 @@ class Gate:
                 "Too many requests in a short time.",
                 headers=retry_after(wait_s),
                 field="Authorization",
-                remedy=f"Wait {wait_s:.1f} s.",
+                remedy=f"Wait {math.ceil(wait_s * 10) / 10:.1f} s.",
             )
 
     def _check_local(self, headers: Headers, scheme: str) -> None:

@@ -142,7 +142,7 @@ def kill_accepting(scene: Scene) -> None:
     threading.Timer(scene.chance.uniform(0.1, 0.8), accepting.kill).start()
     for number in range(100):
         shape, key = number % len(SHAPES), f"{len(scene.jobs)}-{number}"
-        answered = accepting.jobs.submit(asset, SHAPES[shape], key)
+        answered = accepting.submit(asset, SHAPES[shape], key)
         if not answered or number == 0:
             request = JobRequest("toy", {"data": asset}, SHAPES[shape], seed=7)
             again = scene.asking.jobs.submit(request, idempotency_key=key).id

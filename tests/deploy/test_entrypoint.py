@@ -19,7 +19,7 @@ import pytest
 from impasto import Client
 from tests.real.processes import free_port
 
-pytestmark = [pytest.mark.slow, pytest.mark.real("ray")]
+pytestmark = [pytest.mark.slow, pytest.mark.real("ray"), pytest.mark.timeout(900)]
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -87,7 +87,7 @@ def with_no_fuss(act: Callable[[], None]) -> None:
         return
 
 
-def until(done: Callable[[], bool], timeout_s: float = 90) -> None:
+def until(done: Callable[[], bool], timeout_s: float = 200) -> None:
     deadline = time.monotonic() + timeout_s
     while not done():
         assert time.monotonic() < deadline

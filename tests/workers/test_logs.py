@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from workers.log_context import about, belong, here, working_for
-from workers.logs import OURS, attempt_facts, captured, set_up_logs
+from workers.logs import OURS, attempt_facts, captured, set_up_logs, shortened
 from workers.settings import FarmSettings
 
 LOG = logging.getLogger("workers.test")
@@ -76,6 +76,14 @@ def test_a_failure_keeps_its_trace_in_one_line(lines: Callable[[], list[str]]) -
         LOG.exception("it failed", extra=about(job="job_9"))
     (row,) = rows(lines())
     assert "no such colour" in row["trace"] and row["job"] == "job_9" and row["level"] == "error"
+
+
+def test_a_long_record_keeps_its_first_line_and_its_cause() -> None:
+    trace = "task failed\n" + "  File x.py\n" * 3000 + "NoBlob: assets/15"
+    kept = shortened(trace)
+    assert kept.startswith("task failed\n") and kept.endswith("NoBlob: assets/15")
+    assert len(kept) < 8_100 and f"[{len(trace) - 8_000} characters left out]" in kept
+    assert shortened("short") == "short"
 
 
 def test_levels_and_settings_again(lines: Callable[[], list[str]]) -> None:
