@@ -77,7 +77,7 @@ class ConnectionGuard:
         if client is None:
             self._clients[transport] = _Client(phase, self._clock())
             if len(self._clients) > self._limit:
-                self._make_room(transport)
+                self._free_capacity(transport)
         elif client.phase != phase or phase is Phase.BODY:
             client.phase, client.since = phase, self._clock()
 
@@ -85,7 +85,7 @@ class ConnectionGuard:
         """The connection is closed."""
         self._clients.pop(transport, None)
 
-    def _make_room(self, newest: asyncio.Transport) -> None:
+    def _free_capacity(self, newest: asyncio.Transport) -> None:
         """Close the connection that has waited longest for its client; if none waits, refuse the newest."""
         waiting = [
             (client.phase, client.since, transport)

@@ -89,7 +89,7 @@ class Farm:
 
     def _make_dispatcher(self, pool: Pool) -> Dispatcher:
         who = WorkerInfo(socket.gethostname(), self._settings.role, str(pool.describe()["kind"]), version())
-        return Dispatcher(self._store, pool, self._settings, self._blobs.check_room, self._collector.later, who)
+        return Dispatcher(self._store, pool, self._settings, self._blobs.check_free_space, self._collector.later, who)
 
     def _parts(self) -> dict[str, Callable[[], None]]:
         parts = {"store": self._store.check, "blobs": self._blobs.check}

@@ -53,10 +53,10 @@ def _shortage(error: BaseException) -> Fault | None:
 
 def _chain(error: BaseException) -> Iterator[BaseException]:
     """The error and what caused it, newest first."""
-    seen: set[int] = set()
+    visited: set[int] = set()
     current: BaseException | None = error
-    while current is not None and id(current) not in seen:
-        seen.add(id(current))
+    while current is not None and id(current) not in visited:
+        visited.add(id(current))
         yield current
         current = current.__cause__ or current.__context__
 

@@ -70,7 +70,7 @@ class FarmSettings(BaseModel):
     """GPUs (0.25: four tasks share one), if it computes on a compute device: with 0, that is a processor,"""
     task_memory_bytes: int = Field(default=1 << 30, ge=0)
     """and memory, at least."""
-    room_s: float = Field(default=600.0, ge=1)
+    capacity_wait_s: float = Field(default=600.0, ge=1)
     """How long a task waits for a machine that no cluster of now has (an autoscaler may bring one) before it fails."""
 
     attempts: int = Field(default=3, ge=1, le=20)

@@ -273,20 +273,20 @@ def _settle(job: JobSnapshot) -> tuple[JobSnapshot, Effects]:
 
 def _planned(state: State, event: Planned) -> tuple[State, Effects]:
     job = state.job
-    _need(not job.run.final and not job.planned, "The step is planned already, or the job has ended.", job.run)
+    _require(not job.run.final and not job.planned, "The step is planned already, or the job has ended.", job.run)
     counts = Counts(ready=event.ready, waiting=event.waiting)
     return replace(state, job=replace(job, planned=True, counts=counts)), ()
 
 
 def _plan_failed(state: State, event: PlanFailed) -> tuple[State, Effects]:
     job = state.job
-    _need(not job.run.final and not job.planned, "The step is planned already, or the job has ended.", job.run)
+    _require(not job.run.final and not job.planned, "The step is planned already, or the job has ended.", job.run)
     return replace(state, job=replace(job, run=RunState.FAILED)), (SetError(event.fault),)
 
 
 def _claimed(state: State, event: Claimed) -> tuple[State, Effects]:
     job = state.job
-    _need(job.run in (RunState.QUEUED, RunState.RUNNING) and not job.doomed, "The job starts nothing now.", job.run)
+    _require(job.run in (RunState.QUEUED, RunState.RUNNING) and not job.doomed, "The job starts nothing now.", job.run)
     moved = _move(state, TaskState.READY, TaskState.RUNNING)
     return replace(moved, job=replace(moved.job, run=RunState.RUNNING)), ()
 
@@ -330,20 +330,22 @@ def _released(state: State, event: Released) -> tuple[State, Effects]:
 
 
 def _pause(state: State, event: Pause) -> tuple[State, Effects]:
-    _need(state.job.run in (RunState.QUEUED, RunState.RUNNING), "Only a queued or running job pauses.", state.job.run)
+    _require(
+        state.job.run in (RunState.QUEUED, RunState.RUNNING), "Only a queued or running job pauses.", state.job.run
+    )
     return replace(state, job=replace(state.job, run=RunState.PAUSED)), ()
 
 
 def _resume(state: State, event: Resume) -> tuple[State, Effects]:
     job = state.job
-    _need(job.run is RunState.PAUSED, "Only a paused job resumes.", job.run)
+    _require(job.run is RunState.PAUSED, "Only a paused job resumes.", job.run)
     run = RunState.RUNNING if job.counts.running else RunState.QUEUED
     return replace(state, job=replace(job, run=run)), ()
 
 
 def _cancel(state: State, event: Cancel) -> tuple[State, Effects]:
     job = state.job
-    _need(not job.run.final, "The job has ended.", job.run)
+    _require(not job.run.final, "The job has ended.", job.run)
     counts = job.counts
     for open_state in (TaskState.WAITING, TaskState.READY, TaskState.RUNNING):
         counts = counts.moved(open_state, TaskState.CANCELLED, getattr(job.counts, open_state.value))
@@ -352,7 +354,7 @@ def _cancel(state: State, event: Cancel) -> tuple[State, Effects]:
 
 def _retry(state: State, event: Retry) -> tuple[State, Effects]:
     job = state.job
-    _need(job.run in (RunState.FAILED, RunState.CANCELLED), "Only a failed or cancelled job is retried.", job.run)
+    _require(job.run in (RunState.FAILED, RunState.CANCELLED), "Only a failed or cancelled job is retried.", job.run)
     counts = job.counts
     for ended, blocked in (
         (TaskState.FAILED, event.blocked_failed),
@@ -365,10 +367,10 @@ def _retry(state: State, event: Retry) -> tuple[State, Effects]:
 
 def _requeue(state: State, event: Requeue) -> tuple[State, Effects]:
     task = _task(state)
-    _need(
+    _require(
         task.state in (TaskState.FAILED, TaskState.CANCELLED), "Only a failed or cancelled task runs again.", task.state
     )
-    _need(task.blockers == 0, "The task waits for others that are not done: run those first.", task.state)
+    _require(task.blockers == 0, "The task waits for others that are not done: run those first.", task.state)
     fresh = replace(state, task=replace(task, failures=0, interruptions=0))
     moved = _move(fresh, task.state, TaskState.READY)
     return replace(moved, job=_reopened(moved.job, moved.job.counts)), (ClearError(),)
@@ -381,7 +383,7 @@ def _reopened(job: JobSnapshot, counts: Counts) -> JobSnapshot:
 
 def _move(state: State, old: TaskState, new: TaskState) -> State:
     task = _task(state)
-    _need(task.state is old, f"The task is not {old}.", task.state)
+    _require(task.state is old, f"The task is not {old}.", task.state)
     counts = state.job.counts.moved(old, new)
     return replace(state, job=replace(state.job, counts=counts), task=replace(task, state=new))
 
@@ -392,8 +394,8 @@ def _task(state: State) -> TaskSnapshot:
     return state.task
 
 
-def _need(holds: bool, message: str, found: RunState | TaskState) -> None:
-    if not holds:
+def _require(condition: bool, message: str, found: RunState | TaskState) -> None:
+    if not condition:
         raise Conflict(message, field="state", value=found.value)
 
 

@@ -15,7 +15,7 @@ from service.uploads.store import UploadStore
 from workers.errors import NotFound, QuotaExceeded
 from workers.model import Asset
 
-NO_ROOM = "Try again later, or ask the operator to free space."
+STORAGE_FULL_REMEDY = "Try again later, or ask the operator to free space."
 
 
 def adopt(context: ServiceContext, caller: Principal, path: Path, filename: str, sha256: str) -> tuple[Asset, bool]:
@@ -50,11 +50,11 @@ def check_quota(context: ServiceContext, caller: Principal, size_bytes: int) -> 
         )
 
 
-def check_room(context: ServiceContext, size_bytes: int) -> None:
+def check_free_space(context: ServiceContext, size_bytes: int) -> None:
     """Raise StorageFull unless the disk of uploads has `size_bytes` free beyond its reserve."""
     free = shutil.disk_usage(context.settings.uploads_dir).free
     if free - size_bytes < context.settings.reserve_bytes:
-        raise StorageFull("The disk is nearly full.", field="file", value=size_bytes, remedy=NO_ROOM)
+        raise StorageFull("The disk is nearly full.", field="file", value=size_bytes, remedy=STORAGE_FULL_REMEDY)
 
 
 @contextmanager
@@ -64,5 +64,5 @@ def disk_faults() -> Iterator[None]:
         yield
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise StorageFull("The disk is full.", field="file", remedy=NO_ROOM) from error
+            raise StorageFull("The disk is full.", field="file", remedy=STORAGE_FULL_REMEDY) from error
         raise

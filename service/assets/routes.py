@@ -12,7 +12,7 @@ from starlette.concurrency import run_in_threadpool
 
 from service.access.depends import Context, Reader, ServiceContext, Submitter
 from service.access.keys import Principal
-from service.assets.adopt import adopt, check_room, disk_faults
+from service.assets.adopt import adopt, check_free_space, disk_faults
 from service.assets.multipart import FileReceiver
 from service.bodies import chunks
 from service.errors import Busy, retry_after
@@ -58,7 +58,7 @@ async def upload(request: Request, response: Response, context: Context, caller:
 def _room(context: ServiceContext) -> Path:
     with disk_faults():
         context.settings.uploads_dir.mkdir(parents=True, exist_ok=True)
-    check_room(context, 0)
+    check_free_space(context, 0)
     return context.settings.uploads_dir
 
 

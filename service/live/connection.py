@@ -51,7 +51,7 @@ from workers.errors import NotFound
 from workers.live.codecs import BUILT_ON, webcodecs_name
 from workers.live.model import LiveOrder, Packet, WireFormat
 from workers.live.resolution import deadline_s
-from workers.live.stream import Answer, Item, NeedsKey, Replaced, Resized, Stream
+from workers.live.stream import Answer, Item, KeyframeNeeded, Replaced, Resized, Stream
 from workers.model import Asset
 
 MAX_FRAMES_PER_S = 240
@@ -335,7 +335,7 @@ class Connection:
         if isinstance(item, Replaced):
             self._sessions.metrics.lost.inc()
             return ReplacedOut(reason=item.reason)
-        assert isinstance(item, NeedsKey)
+        assert isinstance(item, KeyframeNeeded)
         return KeyframeOut(reason=item.reason)
 
     async def _send_statistics(self, session: LiveSession, stream: Stream) -> None:

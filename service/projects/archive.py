@@ -12,7 +12,7 @@ from starlette.responses import FileResponse
 
 from service.access.depends import Context, Reader, ServiceContext, Submitter
 from service.access.keys import Principal
-from service.assets.adopt import check_quota, check_room, disk_faults
+from service.assets.adopt import check_free_space, check_quota, disk_faults
 from service.bodies import chunks
 from service.errors import UnsupportedMediaType
 from service.projects.lookup import etag, find_project
@@ -64,7 +64,7 @@ async def import_project(request: Request, response: Response, context: Context,
 def _room(context: ServiceContext) -> Path:
     with disk_faults():
         context.settings.uploads_dir.mkdir(parents=True, exist_ok=True)
-    check_room(context, 0)
+    check_free_space(context, 0)
     return context.settings.uploads_dir
 
 

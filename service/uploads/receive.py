@@ -11,7 +11,7 @@ from starlette.requests import Request
 from pipeline.errors import BadInput
 from service.access.depends import ServiceContext
 from service.access.keys import Principal
-from service.assets.adopt import check_quota, check_room, disk_faults
+from service.assets.adopt import check_free_space, check_quota, disk_faults
 from service.bodies import chunks
 from service.errors import OffsetMismatch
 from service.uploads.headers import Checksum
@@ -33,7 +33,7 @@ async def append(request: Request, context: ServiceContext, store: UploadStore, 
         return upload.length
     with store.claim(upload) as file:
         _check_offset(file.tell(), at)
-        await run_in_threadpool(check_room, context, upload.length - at)
+        await run_in_threadpool(check_free_space, context, upload.length - at)
         try:
             await _copy(request, context, file, upload.length - at, checksum)
         except BaseException:
@@ -60,7 +60,7 @@ async def _copy(
     with disk_faults():
         try:
             async for chunk in chunks(request, room, context.settings.idle_s):
-                check_room(context, len(chunk))  # others fill the disk, too
+                check_free_space(context, len(chunk))  # others fill the disk, too
                 await run_in_threadpool(file.write, chunk)
                 if checksum:
                     checksum.hash.update(chunk)

@@ -15,7 +15,7 @@ from starlette.concurrency import run_in_threadpool
 
 from service.access.depends import Context, Reader, ServiceContext, Submitter
 from service.access.keys import Principal
-from service.assets.adopt import check_quota, check_room, disk_faults
+from service.assets.adopt import check_free_space, check_quota, disk_faults
 from service.errors import BodyTooLarge, Locked
 from service.uploads.headers import (
     BODY_TYPE,
@@ -82,7 +82,7 @@ def _create(request: Request, context: ServiceContext, store: UploadStore, calle
         reserved = store.reserved()
         _check_count(context, reserved.counts.get(caller.owner, 0))
         check_quota(context, caller, length + reserved.owned_bytes.get(caller.owner, 0))
-        check_room(context, length + reserved.missing_bytes)
+        check_free_space(context, length + reserved.missing_bytes)
         return store.create(caller.owner, name, metadata, length)
 
 

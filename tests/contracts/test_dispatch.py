@@ -216,7 +216,7 @@ def test_a_job_that_another_is_at_is_passed_over(two: tuple[Store, Store]) -> No
     one, other = two
     first, second = _job(one), _job(one)
     _plan(one, Task("x"))
-    with one.queue._book(first):
+    with one.queue._transaction(first):
         claim = other.queue.claim("other", 30)
     assert claim is not None and claim.job_id == second
 
@@ -226,7 +226,7 @@ def test_the_only_job_is_waited_for(two: tuple[Store, Store]) -> None:
     job_id, claims = _job(one), []
     _plan(one, Task("x"), Task("y"))
     thread = threading.Thread(target=lambda: claims.append(other.queue.claim("other", 30)))
-    with one.queue._book(job_id):
+    with one.queue._transaction(job_id):
         thread.start()
         time.sleep(0.2)
         assert not claims
@@ -308,15 +308,15 @@ def _effort(store: Store) -> int:
         steps[0] += 1
         return 0
 
-    def watch(connection: sqlite3.Connection, *_: object) -> None:
+    def inspect(connection: sqlite3.Connection, *_: object) -> None:
         connection.set_progress_handler(count, 10)
 
-    event.listen(store._db._engine, "checkout", watch)
+    event.listen(store._db._engine, "checkout", inspect)
     for _ in range(2):
         claim = store.queue.claim("me", 30)
         assert claim is not None
         assert store.queue.finish(_answer(claim))
-    event.remove(store._db._engine, "checkout", watch)
+    event.remove(store._db._engine, "checkout", inspect)
     return steps[0]
 
 

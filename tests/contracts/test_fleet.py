@@ -124,13 +124,13 @@ def test_a_drained_worker_finishes_and_gets_nothing_new(store: Store) -> None:
         _enrol(store, name)
     _job(store)
     _plan(store, *(Task(f"t-{i}") for i in range(4)))
-    held = _claim(store, "old")
+    claim = _claim(store, "old")
     store.workers.drain(DrainScope.WORKER, "old", "key_1", "upgrade")
     state = {worker.id: worker.state for worker in store.workers.workers().items}
     assert state == {"old": "draining", "new": "live"}
     assert store.queue.claim("old", 30) is None
     assert _claim(store, "new").task["key"] == "t-1"
-    assert store.queue.finish(_answer(held))
+    assert store.queue.finish(_answer(claim))
     (old,) = (worker for worker in store.workers.workers().items if worker.id == "old")
     assert (old.state, old.drain and old.drain.reason) == ("drained", "upgrade")
     store.workers.resume(DrainScope.WORKER, "old")
@@ -172,8 +172,8 @@ def test_failures_are_told_newest_first_with_their_logs(store: Store, clock: Clo
     (one,) = store.workers.failures(jobs[0]).items
     assert (one.job_name, one.job_state, one.task_state, one.outcome) == ("job-0", "failed", "failed", "failed")
     assert (one.slot, one.number, one.error and one.error["code"]) == ("s1", 1, FAULT.code)
-    said = store.workers.attempt_log(failed[0])
-    assert said.log == f"log of {jobs[0]}\nTraceback"
+    view = store.workers.attempt_log(failed[0])
+    assert view.log == f"log of {jobs[0]}\nTraceback"
     with pytest.raises(NotFound):
         store.workers.attempt_log("att_none")
 

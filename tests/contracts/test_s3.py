@@ -325,7 +325,7 @@ def test_no_copy_is_fetched_that_would_fill_the_disk(tmp_path: Path) -> None:
         pass
     assert error.value.remedy
     with pytest.raises(StorageFull):
-        copies.check_room()
+        copies.check_free_space()
 
 
 def test_what_crashed_fetches_left_is_swept(tmp_path: Path) -> None:

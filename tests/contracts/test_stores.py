@@ -462,9 +462,9 @@ def test_claiming_and_answering_read_no_whole_table(store: Store, monkeypatch: p
     """With 100,000 tasks a scan would show: every statement must find its rows by an index."""
     job_id = _job(store)
     _plan(store, *(Task(f"t-{i}", after=("t-0",) if i > 5 else ()) for i in range(500)))
-    said: list[tuple[str, object]] = []
+    statements: list[tuple[str, object]] = []
     engine = store._db._engine
-    event.listen(engine, "before_cursor_execute", lambda c, cursor, text, given, *_: said.append((text, given)))
+    event.listen(engine, "before_cursor_execute", lambda c, cursor, text, given, *_: statements.append((text, given)))
     for _ in range(2):
         claim = _claim(store)
         store.queue.progress({claim.attempt_id: Heartbeat(0.5)})
@@ -473,7 +473,7 @@ def test_claiming_and_answering_read_no_whole_table(store: Store, monkeypatch: p
     store.jobs.get(job_id)
     store.tasks.page(job_id, state="ready", limit=5)
     store.events.list(job_id, 3, 5)
-    for text, given in list(said):
+    for text, given in list(statements):
         assert not _scanned(store, text, given) & {"tasks", "task_edges", "attempts", "events", "files"}, text
 
 

@@ -65,7 +65,7 @@ class Nginx:
         return ssl.create_default_context(cafile=str(self.folder / "fullchain.pem"))
 
     def start(self) -> None:
-        log = self.folder / "said"
+        log = self.folder / "stderr"
         self._process = start(["nginx", "-c", str(self.folder / "nginx.conf")], log)
         until(lambda: listens(self.port), self._process, log)
 

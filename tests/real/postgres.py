@@ -71,12 +71,12 @@ class Postgres:
 
     def _answers(self) -> bool:
         try:
-            self.say("SELECT 1")
+            self.execute("SELECT 1")
         except psycopg.OperationalError:
             return False
         return True
 
-    def say(self, statement: str, database: str = "postgres") -> list[tuple[object, ...]]:
+    def execute(self, statement: str, database: str = "postgres") -> list[tuple[object, ...]]:
         """Run one statement outside any transaction."""
         where = f"host={self.folder} user=impasto dbname={database}"
         with psycopg.connect(where, autocommit=True, connect_timeout=5) as connection:
@@ -89,16 +89,16 @@ class Postgres:
     def empty(self) -> str:
         """The URL of a new, empty database."""
         name = f"t{next(self._numbers)}"
-        self.say(f"CREATE DATABASE {name}")
+        self.execute(f"CREATE DATABASE {name}")
         return self.url(name)
 
     def fresh(self) -> str:
         """The URL of a new database with the tables of the newest schema: a copy, which is quicker than migrating."""
-        if not self.say(f"SELECT 1 FROM pg_database WHERE datname = '{_TEMPLATE}'"):
-            self.say(f"CREATE DATABASE {_TEMPLATE}")
+        if not self.execute(f"SELECT 1 FROM pg_database WHERE datname = '{_TEMPLATE}'"):
+            self.execute(f"CREATE DATABASE {_TEMPLATE}")
             Store(self.url(_TEMPLATE)).close()
         name = f"t{next(self._numbers)}"
-        self.say(f"CREATE DATABASE {name} TEMPLATE {_TEMPLATE} STRATEGY FILE_COPY")
+        self.execute(f"CREATE DATABASE {name} TEMPLATE {_TEMPLATE} STRATEGY FILE_COPY")
         return self.url(name)
 
     def stop(self, how: signal.Signals = signal.SIGINT) -> None:

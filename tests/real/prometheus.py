@@ -23,9 +23,9 @@ def missing() -> str:
 def promtool(*words: str | Path) -> str:
     """What promtool says. Raises AssertionError with it if it objects."""
     done = subprocess.run(["promtool", *map(str, words)], capture_output=True, text=True)
-    said = done.stdout + done.stderr
-    assert done.returncode == 0, said
-    return said
+    output = done.stdout + done.stderr
+    assert done.returncode == 0, output
+    return output
 
 
 class Prometheus:

@@ -131,7 +131,7 @@ class DrivenFarm(Farm):
 
     def tell(self, job_id: str, kind: str, data: dict[str, Any]) -> None:
         """Append an event to the job's history."""
-        with self._store.jobs._book(job_id) as transaction:
+        with self._store.jobs._transaction(job_id) as transaction:
             transaction.say(kind, data)
 
     def send(self, url: str) -> Delivery:

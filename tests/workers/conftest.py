@@ -36,27 +36,27 @@ def settings(tmp_path: Path) -> FarmSettings:
 
 
 @pytest.fixture
-def open_studio(settings: FarmSettings) -> Iterator[Callable[..., Farm]]:
+def open_farm(settings: FarmSettings) -> Iterator[Callable[..., Farm]]:
     """Opens and starts farms; stops them at the end."""
     opened: list[Farm] = []
 
     def open_one(start: bool = True, **changes: Any) -> Farm:
         chosen = settings.model_copy(update=changes)
         blobs = DiskBlobs(chosen.blobs_at)
-        studio = Farm(chosen, LocalPool(lambda: ToyRunner(blobs), chosen.workers))
-        opened.append(studio)
+        farm = Farm(chosen, LocalPool(lambda: ToyRunner(blobs), chosen.workers))
+        opened.append(farm)
         if start:
-            studio.start()
-        return studio
+            farm.start()
+        return farm
 
     yield open_one
-    for studio in opened:
-        studio.stop()
+    for farm in opened:
+        farm.stop()
 
 
 @pytest.fixture
-def farm(open_studio: Callable[..., Farm]) -> Farm:
-    return open_studio()
+def farm(open_farm: Callable[..., Farm]) -> Farm:
+    return open_farm()
 
 
 @pytest.fixture

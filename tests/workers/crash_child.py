@@ -31,10 +31,10 @@ def main(home: Path) -> None:
     job = farm.jobs.submit(JobRequest("toy", {"data": asset.id}, PARAMS, seed=3), idempotency_key=KEY)
     farm.start()
     print(job.id, flush=True)
-    seen = 0
+    last_seq = 0
     while not farm.jobs.get(job.id).state.final:
-        farm.jobs.wait_for_event(job.id, seen, 1.0)
-        seen = max((event.seq for event in farm.jobs.events(job.id, seen)[0]), default=seen)
+        farm.jobs.wait_for_event(job.id, last_seq, 1.0)
+        last_seq = max((event.seq for event in farm.jobs.events(job.id, last_seq)[0]), default=last_seq)
         print(f"done {farm.jobs.get(job.id).counts['succeeded']}", flush=True)
     farm.stop()
 

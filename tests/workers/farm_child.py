@@ -26,14 +26,14 @@ from workers.pools.local_pool import LocalPool
 from workers.settings import FarmSettings
 
 STEP_S = 3600.0
-_told_time = time.time
+_system_time = time.time
 _ahead_s = 0.0
 
 
 def main() -> None:
     pipeline.methods.methods = lambda: {"toy": Toy()}  # type: ignore[assignment]
     farm_module.probe_guarded = probe
-    time.time = lambda: _told_time() + _ahead_s
+    time.time = lambda: _system_time() + _ahead_s
     signal.signal(signal.SIGUSR1, _step)
     settings = FarmSettings.model_validate_json(sys.stdin.readline())
     farm = Farm(settings, _pool(settings, open_blobs(settings)))

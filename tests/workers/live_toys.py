@@ -38,8 +38,8 @@ class EchoParams(Params):
 class EchoSession:
     """Gives frames back with `add` added, and their number in the stream as the blue of the top left pixel."""
 
-    def __init__(self, params: EchoParams, size: tuple[int, int], green: int = 0, seen: int = 0) -> None:
-        self.params, self.size, self.green, self.seen = params, size, green, seen
+    def __init__(self, params: EchoParams, size: tuple[int, int], green: int = 0, received: int = 0) -> None:
+        self.params, self.size, self.green, self.received = params, size, green, received
 
     def step(self, frame: Frame) -> Frame:
         return self.paint(self.analyze(frame))
@@ -47,12 +47,12 @@ class EchoSession:
     def analyze(self, frame: Frame) -> Any:
         assert (frame.shape[1], frame.shape[0]) == self.size
         time.sleep(self.params.look_s)
-        self.seen += 1
+        self.received += 1
         if self.params.fault == "look":
             raise RuntimeError("the cat sat on the lens")
-        if self.params.fault == "die" and self.seen == 3:
+        if self.params.fault == "die" and self.received == 3:
             os.kill(os.getpid(), signal.SIGKILL)
-        return frame, self.seen
+        return frame, self.received
 
     def paint(self, analysis: Any) -> Frame:
         frame, number = analysis
@@ -70,7 +70,7 @@ class EchoSession:
         self, params: Any, size: tuple[int, int], references: Mapping[str, Iterator[Frame]] | None = None
     ) -> EchoSession:
         green = self.green if references is None else _green(references)
-        return EchoSession(params, size, green, self.seen)
+        return EchoSession(params, size, green, self.received)
 
 
 def _green(references: Mapping[str, Iterator[Frame]]) -> int:
@@ -104,10 +104,10 @@ class Echo:
 
 
 @dataclass
-class ToySeat:
+class ToyWorker:
     """A seat of the test's own loop: work takes as long as the test says, and it dies when told."""
 
-    seats: ToySeats
+    workers: ToyWorkers
     opened: LiveOrder | None = None
     alive: bool = True
     left: bool = False
@@ -116,7 +116,7 @@ class ToySeat:
     def __post_init__(self) -> None:
         self._analyzed: asyncio.Queue[FrameRequest | Exception] = asyncio.Queue()
         self.death = asyncio.Event()
-        self.seen: list[FrameRequest] = []
+        self.received: list[FrameRequest] = []
 
     def open(self, order: LiveOrder) -> Awaitable[None]:
         return asyncio.ensure_future(self._open(order))
@@ -129,8 +129,8 @@ class ToySeat:
         return asyncio.ensure_future(self._analyze(work))
 
     async def _analyze(self, work: FrameRequest) -> None:
-        self.seen.append(work)
-        await self._live(self.seats.look_s)
+        self.received.append(work)
+        await self._live(self.workers.look_s)
         self._analyzed.put_nowait(BadFrame("No frame.") if work.payloads[-1] == b"bad" else work)
 
     def paint(self) -> Awaitable[RenderedFrame]:
@@ -140,12 +140,12 @@ class ToySeat:
         death = asyncio.ensure_future(self.death.wait())
         got = asyncio.ensure_future(self._analyzed.get())
         await asyncio.wait({death, got}, return_when=asyncio.FIRST_COMPLETED)
-        await self._live(self.seats.paint_s)
+        await self._live(self.workers.paint_s)
         work = got.result()
         if isinstance(work, Exception):
             raise work
         return RenderedFrame(
-            work.payloads[-1], work.work_size, work.key, {"look": self.seats.look_s, "paint": self.seats.paint_s}
+            work.payloads[-1], work.work_size, work.key, {"look": self.workers.look_s, "paint": self.workers.paint_s}
         )
 
     def change(self, params: Mapping[str, Any], inputs: Mapping[str, str]) -> Awaitable[None]:
@@ -170,18 +170,18 @@ class ToySeat:
         self.death.set()
 
 
-class ToySeats:
+class ToyWorkers:
     kind = "toy"
 
     def __init__(self, look_s: float = 0.0, paint_s: float = 0.0, most: int = 100) -> None:
         self.look_s, self.paint_s, self.most = look_s, paint_s, most
-        self.made: list[ToySeat] = []
+        self.made: list[ToyWorker] = []
 
     def start(self) -> None: ...
     def stop(self) -> None: ...
 
-    async def take(self) -> ToySeat:
+    async def take(self) -> ToyWorker:
         if len(self.made) >= self.most:
             raise NoLiveWorker("None is left.")
-        self.made.append(ToySeat(self))
+        self.made.append(ToyWorker(self))
         return self.made[-1]

@@ -61,13 +61,13 @@ class Worker:
         pipe = subprocess.PIPE
         self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, cwd=ROOT)
         assert self._process.stdin is not None and self._process.stdout is not None
-        self._process.stdin.write(self._told() + "\n")
+        self._process.stdin.write(self._settings_json() + "\n")
         self._process.stdin.flush()
 
-    def _told(self) -> str:
-        told = self._settings.model_dump(mode="json")
-        told |= {"s3_access_key": ACCESS_KEY, "s3_secret_key": SECRET_KEY}
-        return json.dumps(told)
+    def _settings_json(self) -> str:
+        settings = self._settings.model_dump(mode="json")
+        settings |= {"s3_access_key": ACCESS_KEY, "s3_secret_key": SECRET_KEY}
+        return json.dumps(settings)
 
     def wait_up(self) -> None:
         assert self._process is not None and self._process.stdout is not None

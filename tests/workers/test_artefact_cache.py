@@ -11,36 +11,36 @@ from workers.pools.artefact_cache import MOST_BYTES, ArtefactCache, SharedArtefa
 
 def test_what_is_at_hand_is_not_fetched(tmp_path: Path) -> None:
     store = DiskBlobs(tmp_path)
-    shelf = ArtefactCache(store)
-    shelf.begin({"jobs/a.npz": lambda: b"quick"}, keep=False)
-    assert shelf.get("jobs/a.npz") == b"quick"
-    assert shelf.end() == {}
+    cache = ArtefactCache(store)
+    cache.begin({"jobs/a.npz": lambda: b"quick"}, keep=False)
+    assert cache.get("jobs/a.npz") == b"quick"
+    assert cache.end() == {}
     store.put("jobs/a.npz", b"store")
-    assert shelf.get("jobs/a.npz") == b"store", "the next attempt was given nothing"
+    assert cache.get("jobs/a.npz") == b"store", "the next attempt was given nothing"
 
 
 def test_what_was_lost_on_the_way_comes_from_the_store(tmp_path: Path) -> None:
     store = DiskBlobs(tmp_path)
     store.put("jobs/a.npz", b"store")
-    shelf = ArtefactCache(store)
-    shelf.begin({"jobs/a.npz": lambda: None}, keep=False)
-    assert shelf.get("jobs/a.npz") == b"store"
+    cache = ArtefactCache(store)
+    cache.begin({"jobs/a.npz": lambda: None}, keep=False)
+    assert cache.get("jobs/a.npz") == b"store"
 
 
 def test_artefacts_that_others_wait_for_are_kept_and_stored(tmp_path: Path) -> None:
     store = DiskBlobs(tmp_path)
-    shelf = ArtefactCache(store)
-    shelf.begin({}, keep=True)
-    shelf.put("jobs/a.npz", io.BytesIO(b"state"))
-    shelf.put("jobs/b.npz", lambda file: file.write(b"more"))
-    shelf.put("jobs/segment", b"frames")
-    shelf.put("jobs/large.npz", bytes(MOST_BYTES + 1))
-    assert shelf.end() == {"jobs/a.npz": b"state", "jobs/b.npz": b"more"}
+    cache = ArtefactCache(store)
+    cache.begin({}, keep=True)
+    cache.put("jobs/a.npz", io.BytesIO(b"state"))
+    cache.put("jobs/b.npz", lambda file: file.write(b"more"))
+    cache.put("jobs/segment", b"frames")
+    cache.put("jobs/large.npz", bytes(MOST_BYTES + 1))
+    assert cache.end() == {"jobs/a.npz": b"state", "jobs/b.npz": b"more"}
     assert store.get("jobs/a.npz") == b"state"
     assert store.size("jobs/large.npz") == MOST_BYTES + 1
-    shelf.begin({}, keep=False)
-    shelf.put("jobs/c.npz", b"last of its chain")
-    assert shelf.end() == {}
+    cache.begin({}, keep=False)
+    cache.put("jobs/c.npz", b"last of its chain")
+    assert cache.end() == {}
 
 
 def test_the_newest_are_handed_on_up_to_a_bound() -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.methods.base import Resources
 from tests.workers.conftest import finished, request_on, until
-from tests.workers.test_dispatcher import ByHand
+from tests.workers.test_dispatcher import ManualPool
 from tests.workers.toy import Toy
 from workers.blobs.disk import DiskBlobs
 from workers.errors import NoCapacity
@@ -25,7 +25,7 @@ FARM = FarmSettings(task_cpus=2, task_gpus=0.25, task_memory_bytes=GIB)
 
 
 @pytest.mark.parametrize(
-    ("resources", "room"),
+    ("resources", "capacity"),
     [
         (None, Capacity(2, 0.25, GIB)),
         (Resources(), Capacity(2, 0.25, GIB)),
@@ -36,8 +36,10 @@ FARM = FarmSettings(task_cpus=2, task_gpus=0.25, task_memory_bytes=GIB)
         (Resources(memory_bytes=5 * GIB), Capacity(2, 0.25, 8 * GIB)),
     ],
 )
-def test_a_task_is_given_what_it_needs_and_else_what_the_farm_says(resources: Resources | None, room: Capacity) -> None:
-    assert capacity_for(resources, FARM) == room
+def test_a_task_is_given_what_it_needs_and_else_what_the_farm_says(
+    resources: Resources | None, capacity: Capacity
+) -> None:
+    assert capacity_for(resources, FARM) == capacity
 
 
 def test_small_memory_is_rounded_up_where_the_farm_asks_for_none() -> None:
@@ -57,8 +59,8 @@ def test_machines_that_could_hold_a_task_and_what_is_said_if_none_can() -> None:
     assert machines_with(Capacity(1, 0, 4 * GIB), machines) == {"east", "west"}
     assert machines_with(Capacity(1, 0.5, GIB), machines) == {"west"}
     assert machines_with(Capacity(3, 0.5, GIB), machines) == set()
-    said = shortage(Capacity(3, 0.5, GIB), machines)
-    assert said == (
+    message = shortage(Capacity(3, 0.5, GIB), machines)
+    assert message == (
         "No machine of the cluster has 3 CPU, 0.5 GPU, 1024 MiB "
         "(east: 4 CPU, 8192 MiB; west: 2 CPU, 1 GPU, 4096 MiB)"
     )  # fmt: skip
@@ -66,10 +68,10 @@ def test_machines_that_could_hold_a_task_and_what_is_said_if_none_can() -> None:
 
 
 def test_what_a_method_says_of_a_step_goes_for_tasks_that_say_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    says = Resources(gpus=0.0, memory_bytes=3 * GIB)
-    monkeypatch.setattr(Toy, "resources", staticmethod(lambda step, context: says), raising=False)
+    declared = Resources(gpus=0.0, memory_bytes=3 * GIB)
+    monkeypatch.setattr(Toy, "resources", staticmethod(lambda step, context: declared), raising=False)
     request, results = JobRequest("toy", {}), {"look": {"all": {"found": 1}}}
-    assert [task.resources for task in plan_step(1, request, {}, {}, results)] == [says]
+    assert [task.resources for task in plan_step(1, request, {}, {}, results)] == [declared]
     (own,) = plan_step(1, request, {"memory_mib": 64}, {}, results)
     assert own.resources == Resources(1.0, 0.0, 64 << 20)
     (join,) = plan_step(2, request, {}, {}, results)
@@ -79,7 +81,7 @@ def test_what_a_method_says_of_a_step_goes_for_tasks_that_say_nothing(monkeypatc
 def test_a_task_without_room_waits_with_a_reason_and_then_fails_its_job_at_once(
     settings: FarmSettings, data: Path
 ) -> None:
-    pool, blobs = ByHand(), DiskBlobs(settings.blobs_at)
+    pool, blobs = ManualPool(), DiskBlobs(settings.blobs_at)
     farm = Farm(settings, pool)
     farm.start()
     try:
@@ -101,7 +103,7 @@ def test_a_task_without_room_waits_with_a_reason_and_then_fails_its_job_at_once(
 def test_readiness_says_that_no_worker_can_start(
     settings: FarmSettings, monkeypatch: pytest.MonkeyPatch
 ) -> None:  # fmt: skip
-    pool = ByHand(0)
+    pool = ManualPool(0)
     lack = {"kind": "ray", "workers": 0, "busy": {}, "lacking": "No machine."}
     monkeypatch.setattr(pool, "describe", lambda: lack)
     farm = Farm(settings, pool)

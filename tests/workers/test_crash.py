@@ -31,13 +31,13 @@ def _kill_after(home: Path, lines: int) -> None:
     child.wait(10)
 
 
-def test_a_job_survives_kill_9_again_and_again(open_studio: Callable[..., Farm], tmp_path: Path) -> None:
+def test_a_job_survives_kill_9_again_and_again(open_farm: Callable[..., Farm], tmp_path: Path) -> None:
     home = tmp_path / "home"
     home.mkdir()
     moments = random.Random(5)
     for _ in range(4):
         _kill_after(home, moments.randint(2, 9))
-    farm = open_studio(lease_s=600)
+    farm = open_farm(lease_s=600)
     job = farm.jobs.page().items[0]
     assert finished(farm, job.id, 20).state == "succeeded", "long before the lease is over"
     tasks = list(farm.tasks.page(job.id).items)
@@ -45,21 +45,21 @@ def test_a_job_survives_kill_9_again_and_again(open_studio: Callable[..., Farm],
     assert done == [1] * len(tasks), "what was done was not done again"
     assert any(a["outcome"] == "interrupted" for task in tasks for a in task.attempts)
 
-    quiet = open_studio(home=tmp_path / "quiet")
+    quiet = open_farm(home=tmp_path / "quiet")
     asset = quiet.assets.add(home / "data.json", "data.json")
     other = quiet.jobs.submit(JobRequest("toy", {"data": asset.id}, PARAMS, seed=3), idempotency_key=KEY)
     finished(quiet, other.id)
     assert result(quiet, other.id) == result(farm, job.id)
 
 
-def test_another_process_at_work_keeps_its_attempts(open_studio: Callable[..., Farm], tmp_path: Path) -> None:
+def test_another_process_at_work_keeps_its_attempts(open_farm: Callable[..., Farm], tmp_path: Path) -> None:
     home = tmp_path / "home"
     home.mkdir()
     child = _start(home)
     assert child.stdout is not None
     child.stdout.readline()
     child.stdout.readline()
-    farm = open_studio()
+    farm = open_farm()
     job = finished(farm, farm.jobs.page().items[0].id)
     assert child.wait(20) == 0
     outcomes = {a["outcome"] for task in farm.tasks.page(job.id).items for a in task.attempts}

@@ -23,7 +23,7 @@ from workers.scheduling.process_lock import ProcessLock
 from workers.settings import FarmSettings
 
 
-class ByHand:
+class ManualPool:
     """A pool that runs nothing: the test answers."""
 
     def __init__(self, capacity: int = 2) -> None:
@@ -33,13 +33,13 @@ class ByHand:
         self.abandoned: list[str] = []
         self.listen: Listen = lambda report: None
 
-    hands_on = False
+    shares_memory = False
 
     @property
     def free(self) -> int:
         return self.capacity
 
-    def hold(self, nodes: Collection[str]) -> None: ...
+    def drain(self, nodes: Collection[str]) -> None: ...
 
     def slots(self) -> tuple[Slot, ...]:
         return tuple(Slot(f"hand-{i}", "here") for i in range(self.capacity))
@@ -71,8 +71,8 @@ class ByHand:
 
 
 @pytest.fixture
-def pool() -> ByHand:
-    return ByHand()
+def pool() -> ManualPool:
+    return ManualPool()
 
 
 @pytest.fixture
@@ -81,7 +81,7 @@ def blobs(settings: FarmSettings) -> DiskBlobs:
 
 
 @pytest.fixture
-def by_hand(settings: FarmSettings, pool: ByHand) -> Callable[..., Farm]:
+def manual_farm(settings: FarmSettings, pool: ManualPool) -> Callable[..., Farm]:
     def open_one(**changes: object) -> Farm:
         farm = Farm(settings.model_copy(update=changes), pool)
         opened.append(farm)
@@ -94,8 +94,8 @@ def by_hand(settings: FarmSettings, pool: ByHand) -> Callable[..., Farm]:
         farm.stop()
 
 
-def test_a_worker_that_dies_costs_an_attempt(by_hand: Callable[..., Farm], pool: ByHand, data: Path) -> None:
-    farm = by_hand()
+def test_a_worker_that_dies_costs_an_attempt(manual_farm: Callable[..., Farm], pool: ManualPool, data: Path) -> None:
+    farm = manual_farm()
     job = farm.jobs.submit(request_on(farm, data))
     for _ in range(3):
         pool.listen(Report(pool.next().attempt_id, lost=True, worker="w-1"))
@@ -104,8 +104,8 @@ def test_a_worker_that_dies_costs_an_attempt(by_hand: Callable[..., Farm], pool:
     assert error.code == "worker-lost"
 
 
-def test_a_silent_worker_is_given_up(by_hand: Callable[..., Farm], pool: ByHand, data: Path) -> None:
-    farm = by_hand(stall_s=0.5, attempts=1)
+def test_a_silent_worker_is_given_up(manual_farm: Callable[..., Farm], pool: ManualPool, data: Path) -> None:
+    farm = manual_farm(stall_s=0.5, attempts=1)
     job = farm.jobs.submit(request_on(farm, data))
     order = pool.next()
     error = finished(farm, job.id).error
@@ -115,9 +115,9 @@ def test_a_silent_worker_is_given_up(by_hand: Callable[..., Farm], pool: ByHand,
 
 
 def test_a_late_answer_of_a_given_up_attempt_changes_nothing(
-    by_hand: Callable[..., Farm], pool: ByHand, data: Path
+    manual_farm: Callable[..., Farm], pool: ManualPool, data: Path
 ) -> None:
-    farm = by_hand()
+    farm = manual_farm()
     job = farm.jobs.submit(request_on(farm, data))
     late = pool.next()
     pool.listen(Report(late.attempt_id, lost=True))
@@ -127,8 +127,8 @@ def test_a_late_answer_of_a_given_up_attempt_changes_nothing(
     until(lambda: farm.jobs.get(job.id).steps[1].counts["running"] == 2)
 
 
-def test_progress_is_shown_while_it_runs(by_hand: Callable[..., Farm], pool: ByHand, data: Path) -> None:
-    farm = by_hand()
+def test_progress_is_shown_while_it_runs(manual_farm: Callable[..., Farm], pool: ManualPool, data: Path) -> None:
+    farm = manual_farm()
     job = farm.jobs.submit(request_on(farm, data))
     order = pool.next()
     pool.listen(Report(order.attempt_id, 0.4, worker="w-1", preview="live-0.jpg"))
@@ -141,9 +141,9 @@ def test_progress_is_shown_while_it_runs(by_hand: Callable[..., Farm], pool: ByH
 
 
 def test_an_outcome_waits_while_the_store_is_away(
-    by_hand: Callable[..., Farm], pool: ByHand, blobs: DiskBlobs, data: Path, monkeypatch: pytest.MonkeyPatch
+    manual_farm: Callable[..., Farm], pool: ManualPool, blobs: DiskBlobs, data: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    farm = by_hand()
+    farm = manual_farm()
     job = farm.jobs.submit(request_on(farm, data, params={"tasks": 1}))
     order = pool.next()
     finish = farm._store.queue.finish
@@ -165,9 +165,9 @@ def test_an_outcome_waits_while_the_store_is_away(
 
 
 def test_nothing_begins_while_the_disk_is_full(
-    by_hand: Callable[..., Farm], pool: ByHand, data: Path, monkeypatch: pytest.MonkeyPatch
+    manual_farm: Callable[..., Farm], pool: ManualPool, data: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    farm = by_hand()
+    farm = manual_farm()
     request = request_on(farm, data)
     job = farm.jobs.submit(request)
     pool.next()
@@ -182,9 +182,9 @@ def test_nothing_begins_while_the_disk_is_full(
 
 
 def test_a_deleted_job_leaves_no_blobs_of_late_attempts(
-    by_hand: Callable[..., Farm], pool: ByHand, blobs: DiskBlobs, data: Path
+    manual_farm: Callable[..., Farm], pool: ManualPool, blobs: DiskBlobs, data: Path
 ) -> None:
-    farm = by_hand()
+    farm = manual_farm()
     job = farm.jobs.submit(request_on(farm, data, params={"tasks": 1}))
     pool.run(blobs, pool.next())
     drawing = pool.next()
@@ -209,22 +209,22 @@ def test_a_running_dispatcher_is_alive_and_a_closed_one_is_forgotten(tmp_path: P
 
 
 def test_scratch_files_of_a_crash_are_swept_when_nobody_else_is_alive(
-    by_hand: Callable[..., Farm], settings: FarmSettings
+    manual_farm: Callable[..., Farm], settings: FarmSettings
 ) -> None:
     left = settings.scratch / "impasto-x" / "segment"
     left.parent.mkdir(parents=True)
     left.touch()
-    by_hand()
+    manual_farm()
     assert not left.exists()
     left.parent.mkdir(parents=True)
-    by_hand()
+    manual_farm()
     assert left.parent.exists(), "it may be in use by the other farm"
 
 
 def test_a_plan_that_cannot_be_stored_delays_no_other_job(
-    by_hand: Callable[..., Farm], pool: ByHand, data: Path, monkeypatch: pytest.MonkeyPatch
+    manual_farm: Callable[..., Farm], pool: ManualPool, data: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    farm = by_hand()
+    farm = manual_farm()
     planned = farm._store.plans.planned
 
     def fail(job_id: str, step: int, tasks: list[Task]) -> bool:
@@ -243,9 +243,9 @@ def test_a_plan_that_cannot_be_stored_delays_no_other_job(
 
 
 def test_a_job_whose_failed_plan_cannot_be_recorded_delays_no_other_job(
-    by_hand: Callable[..., Farm], pool: ByHand, data: Path, monkeypatch: pytest.MonkeyPatch
+    manual_farm: Callable[..., Farm], pool: ManualPool, data: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    farm = by_hand()
+    farm = manual_farm()
 
     def fail(*_: object) -> bool:
         raise TypeError("not JSON")
@@ -263,9 +263,9 @@ def test_a_job_whose_failed_plan_cannot_be_recorded_delays_no_other_job(
 
 
 def test_an_outcome_that_cannot_be_stored_fails_its_attempt_only(
-    by_hand: Callable[..., Farm], pool: ByHand, data: Path, blobs: DiskBlobs
+    manual_farm: Callable[..., Farm], pool: ManualPool, data: Path, blobs: DiskBlobs
 ) -> None:
-    farm = by_hand(attempts=1)
+    farm = manual_farm(attempts=1)
     job = farm.jobs.submit(request_on(farm, data))
     order = pool.next()
     pool.listen(Report(order.attempt_id, outcome=TaskOutcome(order.attempt_id, {"x": object()}, {}, {}, None, {}, "")))
@@ -275,9 +275,9 @@ def test_an_outcome_that_cannot_be_stored_fails_its_attempt_only(
 
 
 def test_an_order_that_fails_holds_no_slot(
-    by_hand: Callable[..., Farm], pool: ByHand, data: Path, monkeypatch: pytest.MonkeyPatch
+    manual_farm: Callable[..., Farm], pool: ManualPool, data: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    farm = by_hand(attempts=1)
+    farm = manual_farm(attempts=1)
 
     def fail(order: TaskOrder) -> None:
         raise RuntimeError("the pool is confused")

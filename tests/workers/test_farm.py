@@ -27,11 +27,11 @@ def test_a_job_runs_all_its_steps_and_its_result_can_be_read(farm: Farm, data: P
 
 
 def test_the_same_request_gives_the_same_bytes_with_one_worker_and_with_two(
-    open_studio: Callable[..., Farm], data: Path, tmp_path: Path
+    open_farm: Callable[..., Farm], data: Path, tmp_path: Path
 ) -> None:
     results = set()
     for workers in (1, 2):
-        farm = open_studio(home=tmp_path / f"home-{workers}", workers=workers)
+        farm = open_farm(home=tmp_path / f"home-{workers}", workers=workers)
         job = farm.jobs.submit(request_on(farm, data, params={"tasks": 8, "chain": True}))
         finished(farm, job.id)
         results.add(result(farm, job.id))
@@ -80,10 +80,10 @@ def test_bad_input_is_not_tried_again(farm: Farm, data: Path) -> None:
 
 @pytest.mark.parametrize("trouble", ["away", "full", "descriptors"])
 def test_a_shortage_of_storage_or_descriptors_costs_no_attempt(
-    open_studio: Callable[..., Farm], data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, trouble: str
+    open_farm: Callable[..., Farm], data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, trouble: str
 ) -> None:
     monkeypatch.setattr("workers.scheduling.dispatcher._RESOURCE_AWAY_S", 0.05)
-    farm = open_studio(attempts=1)
+    farm = open_farm(attempts=1)
     params = {"trouble": trouble, "mark": str(tmp_path / "mark")}
     job = finished(farm, farm.jobs.submit(request_on(farm, data, params=params)).id)
     assert job.state == "succeeded"
@@ -98,8 +98,8 @@ def test_a_plan_that_goes_round_fails_the_job(farm: Farm, data: Path) -> None:
     assert job.error.code == "bad-plan"
 
 
-def test_cancel_reaches_a_running_task_within_a_second(open_studio: Callable[..., Farm], data: Path) -> None:
-    farm = open_studio(workers=1)
+def test_cancel_reaches_a_running_task_within_a_second(open_farm: Callable[..., Farm], data: Path) -> None:
+    farm = open_farm(workers=1)
     job = farm.jobs.submit(request_on(farm, data, params={"tasks": 2, "sleep_s": 30}))
     until(lambda: farm.tasks.page(job.id, state="running").items and farm.jobs.get(job.id).steps[1].counts["running"])
     began = time.monotonic()
@@ -126,8 +126,8 @@ def test_a_cancelled_job_can_be_retried_and_deleted(farm: Farm, data: Path, tmp_
     )
 
 
-def test_a_paused_job_starts_nothing_until_it_resumes(open_studio: Callable[..., Farm], data: Path) -> None:
-    farm = open_studio(workers=1)
+def test_a_paused_job_starts_nothing_until_it_resumes(open_farm: Callable[..., Farm], data: Path) -> None:
+    farm = open_farm(workers=1)
     job = farm.jobs.submit(request_on(farm, data, params={"tasks": 6, "sleep_s": 0.1}))
     until(lambda: farm.jobs.get(job.id).steps[1].counts["running"])
     assert farm.jobs.pause(job.id).state == "paused"
@@ -140,9 +140,9 @@ def test_a_paused_job_starts_nothing_until_it_resumes(open_studio: Callable[...,
 
 
 def test_higher_priority_is_served_first_and_then_the_owner_with_least(
-    open_studio: Callable[..., Farm], data: Path
+    open_farm: Callable[..., Farm], data: Path
 ) -> None:
-    farm = open_studio(start=False, workers=1)
+    farm = open_farm(start=False, workers=1)
     low = farm.jobs.submit(request_on(farm, data), owner="anna")
     high = farm.jobs.submit(request_on(farm, data, priority=5), owner="ben")
     farm.start()
@@ -169,8 +169,8 @@ def test_idempotency(farm: Farm, data: Path) -> None:
         farm.jobs.submit(request_on(farm, data, seed=8), owner="anna", idempotency_key="k")
 
 
-def test_events_tell_the_story_and_say_when_its_beginning_is_gone(open_studio: Callable[..., Farm], data: Path) -> None:
-    farm = open_studio(events_kept=50)
+def test_events_tell_the_story_and_say_when_its_beginning_is_gone(open_farm: Callable[..., Farm], data: Path) -> None:
+    farm = open_farm(events_kept=50)
     job = farm.jobs.submit(request_on(farm, data, params={"tasks": 5}))
     assert farm.jobs.wait_for_event(job.id, 1, 5.0)
     finished(farm, job.id)
@@ -217,12 +217,12 @@ def test_operators_see_what_goes_on(farm: Farm, data: Path) -> None:
     farm.jobs.cancel(job.id)
 
 
-def test_an_orderly_stop_gives_running_tasks_back(open_studio: Callable[..., Farm], data: Path) -> None:
-    farm = open_studio()
+def test_an_orderly_stop_gives_running_tasks_back(open_farm: Callable[..., Farm], data: Path) -> None:
+    farm = open_farm()
     job = farm.jobs.submit(request_on(farm, data, params={"tasks": 2, "sleep_s": 0.5}))
     until(lambda: farm.jobs.get(job.id).steps[1].counts["running"] == 2)
     farm.stop()
-    again = open_studio()
+    again = open_farm()
     assert finished(again, job.id).state == "succeeded"
     outcomes = [attempt["outcome"] for task in again.tasks.page(job.id).items for attempt in task.attempts]
     assert outcomes.count("released") == 2

@@ -71,11 +71,11 @@ def test_a_store_whose_disk_is_full_keeps_what_it_has(small_disk: Path) -> None:
 
 
 def test_work_waits_for_room_and_new_work_is_refused(
-    small_disk: Path, open_studio: Callable[..., Farm], data: Path, tmp_path: Path
+    small_disk: Path, open_farm: Callable[..., Farm], data: Path, tmp_path: Path
 ) -> None:
     """The reserve is the point: what runs has room to end in, so nothing fails."""
     changes: dict[str, Any] = {"home": tmp_path / "home", "blob_root": small_disk / "blobs"}
-    farm = open_studio(**changes, reserve_bytes=2 << 20)
+    farm = open_farm(**changes, reserve_bytes=2 << 20)
     job = farm.jobs.submit(request_on(farm, data, params={"tasks": 12, "sleep_s": 0.05, "chain": True}))
     until(lambda: farm.jobs.get(job.id).counts["succeeded"] >= 3)
     filler = _fill(small_disk, leave=1 << 20)

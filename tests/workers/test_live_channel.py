@@ -26,13 +26,13 @@ class Mirror:
     """Gives back what it is shown. Of some payloads it dislikes something."""
 
     def __init__(self) -> None:
-        self._seen: SimpleQueue[bytes] = SimpleQueue()
+        self._payloads: SimpleQueue[bytes] = SimpleQueue()
 
     def analyze(self, work: FrameRequest) -> None:
-        self._seen.put(work.payloads[-1])
+        self._payloads.put(work.payloads[-1])
 
     def paint(self) -> RenderedFrame:
-        data = self._seen.get()
+        data = self._payloads.get()
         if data == b"bad":
             raise BadFrame("Not a frame.", field="payload", remedy="Send a JPEG.")
         if data == b"odd":
@@ -91,9 +91,9 @@ def test_a_frame_is_looked_at_while_the_one_before_is_painted(post: LiveWorkerSe
 def test_errors_are_told_and_the_stream_goes_on(post: LiveWorkerServer) -> None:
     async def act(channel: LiveWorkerClient) -> None:
         await channel.analyze(work(b"bad"))
-        with pytest.raises(BadFrame) as told:
+        with pytest.raises(BadFrame) as raised:
             await channel.paint()
-        assert (told.value.field, told.value.remedy) == ("payload", "Send a JPEG.")
+        assert (raised.value.field, raised.value.remedy) == ("payload", "Send a JPEG.")
         await channel.analyze(work(b"odd"))
         with pytest.raises(RuntimeError, match="ZeroDivisionError: a brush without hairs"):
             await channel.paint()

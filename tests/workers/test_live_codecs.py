@@ -37,10 +37,10 @@ def test_one_in_one_out_and_it_looks_the_same(codec: str, size: Size) -> None:
         payload, coded, key = there.encode(frame, key=False)
         assert key == (index == 0 or codec not in BUILT_ON)
         assert coded == (size if codec not in BUILT_ON else (size[0] + size[0] % 2, size[1] + size[1] % 2))
-        seen = back.decode(payload, size)
-        assert seen.shape == frame.shape
-        assert seen.flags.c_contiguous
-        assert cv2.PSNR(seen, frame) > (100 if codec == "raw" else 29)
+        decoded = back.decode(payload, size)
+        assert decoded.shape == frame.shape
+        assert decoded.flags.c_contiguous
+        assert cv2.PSNR(decoded, frame) > (100 if codec == "raw" else 29)
 
 
 @pytest.mark.parametrize("codec", [c for c in CODECS if c != "raw"])
@@ -52,9 +52,9 @@ def test_colours_stay(codec: str, height: int) -> None:
     for column, colour in enumerate(colours):
         frame[:, 32 * column : 32 * column + 32] = colour
     payload, _, _ = encoder(wire(codec, 95), (192, height)).encode(frame, key=True)
-    seen = decoder(codec, 1920).decode(payload, (192, height))
+    decoded = decoder(codec, 1920).decode(payload, (192, height))
     for column, colour in enumerate(colours):
-        assert np.abs(seen[height // 2, 32 * column + 16].astype(int) - colour).max() <= 6
+        assert np.abs(decoded[height // 2, 32 * column + 16].astype(int) - colour).max() <= 6
 
 
 @pytest.mark.parametrize("codec", VIDEO)
@@ -69,8 +69,8 @@ def test_decoding_can_begin_at_any_key_frame(codec: str) -> None:
     there = encoder(wire(codec), SIZE)
     payloads = [there.encode(frame, key=index == 5)[0] for index, frame in enumerate(frames())]
     back = decoder(codec, 1920)
-    seen = [back.decode(payload, SIZE) for payload in payloads[5:]]
-    assert cv2.PSNR(seen[-1], frames()[-1]) > 29
+    decoded = [back.decode(payload, SIZE) for payload in payloads[5:]]
+    assert cv2.PSNR(decoded[-1], frames()[-1]) > 29
 
 
 def test_h264_is_annex_b_with_parameter_sets_at_each_key_frame() -> None:
@@ -92,9 +92,9 @@ def test_quality_costs_bytes() -> None:
 @pytest.mark.parametrize("codec", CODECS)
 @pytest.mark.parametrize("payload", [b"garbage", b"\xff\xd8\xff" + bytes(50), bytes(4000), b"\x00\x00\x00\x01g" * 9])
 def test_garbage_is_refused(codec: str, payload: bytes) -> None:
-    with pytest.raises(BadFrame) as told:
+    with pytest.raises(BadFrame) as raised:
         decoder(codec, 1920).decode(payload, SIZE)
-    assert told.value.field == "payload"
+    assert raised.value.field == "payload"
 
 
 @pytest.mark.parametrize("codec", VIDEO)

@@ -135,10 +135,10 @@ def test_a_death_of_a_video_codec_needs_a_key_frame() -> None:
 
 
 def test_nothing_begins_while_it_is_held() -> None:
-    policy = FramePolicy(held=True)
+    policy = FramePolicy(suspended=True)
     policy.arrive(packet(1))
     assert policy.start() is None
-    policy.held = False
+    policy.suspended = False
     assert policy.start()
 
 

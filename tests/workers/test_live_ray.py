@@ -51,7 +51,7 @@ def pids(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def seats(tmp_path_factory: pytest.TempPathFactory, pids: Path) -> Iterator[Any]:
+def workers(tmp_path_factory: pytest.TempPathFactory, pids: Path) -> Iterator[Any]:
     import ray
 
     from workers.live.ray_workers import RayLiveWorkers
@@ -67,28 +67,28 @@ def seats(tmp_path_factory: pytest.TempPathFactory, pids: Path) -> Iterator[Any]
     ray.shutdown()
 
 
-def test_a_seat_paints_and_our_errors_stay_ours(seats: Any) -> None:
+def test_a_seat_paints_and_our_errors_stay_ours(workers: Any) -> None:
     async def run() -> None:
-        seat = await seats.take()
-        await seat.open(ORDER)
+        worker = await workers.take()
+        await worker.open(ORDER)
         for number in range(1, 4):
-            analyzed, painted = seat.analyze(FrameRequest((FRAME,), SIZE, SIZE)), seat.paint()
+            analyzed, painted = worker.analyze(FrameRequest((FRAME,), SIZE, SIZE)), worker.paint()
             await analyzed
             assert (await painted).data[2] == number
-        await seat.analyze(FrameRequest((b"short",), SIZE, SIZE))
-        with pytest.raises(BadFrame) as told:
-            await seat.paint()
-        assert told.value.field == "payload"
+        await worker.analyze(FrameRequest((b"short",), SIZE, SIZE))
+        with pytest.raises(BadFrame) as raised:
+            await worker.paint()
+        assert raised.value.field == "payload"
         with pytest.raises(BadParameter):
-            await seat.change({"add": 999}, {})
-        await seat.leave()
+            await worker.change({"add": 999}, {})
+        await worker.leave()
 
     asyncio.run(asyncio.wait_for(run(), 30))
 
 
-def test_kill_9_in_the_middle_of_a_stream_costs_less_than_a_second(seats: Any, pids: Path) -> None:
+def test_kill_9_in_the_middle_of_a_stream_costs_less_than_a_second(workers: Any, pids: Path) -> None:
     async def run() -> None:
-        stream = Stream(seats, ORDER)
+        stream = Stream(workers, ORDER)
         await stream.open()
         until_spare = asyncio.to_thread(until, lambda: len(list(pids.glob("[0-9]*"))) >= 2, 30)
         await until_spare
@@ -122,12 +122,12 @@ async def _send(stream: Stream, count: int, first: int = 0) -> None:
         await asyncio.sleep(1 / 40)
 
 
-def test_a_seat_that_is_given_back_is_used_again(seats: Any, pids: Path) -> None:
+def test_a_seat_that_is_given_back_is_used_again(workers: Any, pids: Path) -> None:
     async def one() -> str:
-        seat = await seats.take()
-        await seat.open(ORDER)
+        worker = await workers.take()
+        await worker.open(ORDER)
         where = (pids / "at-work").read_text()
-        await seat.leave()
+        await worker.leave()
         return where
 
     async def run() -> None:
@@ -136,19 +136,19 @@ def test_a_seat_that_is_given_back_is_used_again(seats: Any, pids: Path) -> None
     asyncio.run(asyncio.wait_for(run(), 60))
 
 
-def test_frames_that_go_through_the_object_store_leave_nothing_there(seats: Any) -> None:
+def test_frames_that_go_through_the_object_store_leave_nothing_there(workers: Any) -> None:
     """Raw 640x480 is 0.9 MB each way: 120 of them would fill the store of 100 MB twice."""
     size = (640, 480)
     payload = bytes(640 * 480 * 3)
 
     async def run() -> None:
-        seat = await seats.take()
-        await seat.open(LiveOrder("echo", {}, 0, {}, size, WireFormat("raw", "raw")))
+        worker = await workers.take()
+        await worker.open(LiveOrder("echo", {}, 0, {}, size, WireFormat("raw", "raw")))
         for _ in range(120):
-            analyzed, painted = seat.analyze(FrameRequest((payload,), size, size)), seat.paint()
+            analyzed, painted = worker.analyze(FrameRequest((payload,), size, size)), worker.paint()
             await analyzed
             await painted
-        await seat.leave()
+        await worker.leave()
 
     began = time.perf_counter()
     asyncio.run(asyncio.wait_for(run(), 60))

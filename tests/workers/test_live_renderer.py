@@ -116,9 +116,9 @@ def test_references_come_and_go_and_a_bad_one_changes_nothing(painter: LiveRende
     painter.change({}, {"reference": "assets/green"})
     assert step(painter, work(frame))[0, 0, 1] == 77
     for bad, error in (("assets/red", BadInput), ("assets/text", BadInput), ("assets/gone", NotFound)):
-        with pytest.raises(error) as told:
+        with pytest.raises(error) as raised:
             painter.change({"add": 5}, {"reference": bad})
-        assert told.value.field == "inputs.reference" or bad == "assets/red"
+        assert raised.value.field == "inputs.reference" or bad == "assets/red"
     assert step(painter, work(frame))[0, 0].tolist() == [0, 77, 2]
     painter.change({}, {})
     assert step(painter, work(frame))[0, 0, 1] == 0

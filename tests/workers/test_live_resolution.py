@@ -25,22 +25,22 @@ def drive(
 
     Gives (time, scale, latency) of those that were painted.
     """
-    eye, hand, seen = 0.0, 0.0, []
+    analysis_free, paint_free, answers = 0.0, 0.0, []
     for number in range(int(seconds * fps)):
         came = start_s + number / fps
-        begins = max(came, eye)
+        begins = max(came, analysis_free)
         if begins > came + 1 / fps:
             continue  # a newer one took its place
         rung, half = ladder.rung, cost_s(ladder.scale, came) / 2
-        eye = begins + half
-        hand = max(eye, hand) + half
-        eye = max(eye, hand - half)
-        seen.append((came, ladder.scale, hand - came))
-        ladder.painted(hand, 1 / fps, hand - came, halves(2 * half), rung)
-    return seen
+        analysis_free = begins + half
+        paint_free = max(analysis_free, paint_free) + half
+        analysis_free = max(analysis_free, paint_free - half)
+        answers.append((came, ladder.scale, paint_free - came))
+        ladder.painted(paint_free, 1 / fps, paint_free - came, split_cost(2 * half), rung)
+    return answers
 
 
-def halves(whole_s: float) -> FrameCost:
+def split_cost(whole_s: float) -> FrameCost:
     return FrameCost(0.0, whole_s / 2, whole_s / 2)
 
 
@@ -74,8 +74,8 @@ def test_decoding_does_not_get_cheaper_at_a_smaller_size() -> None:
 
 def test_an_overloaded_machine_steps_down_within_a_second_and_stays_below_two_periods() -> None:
     ladder = ResolutionLadder()
-    seen = drive(ladder, 10, by_side(0.1))
-    later = [latency for came, _, latency in seen if came > 1.0]
+    answers = drive(ladder, 10, by_side(0.1))
+    later = [latency for came, _, latency in answers if came > 1.0]
     assert max(later) <= 2 / FPS
     assert ladder.scale <= 0.375
 
@@ -95,17 +95,17 @@ def test_slow_first_frames_are_no_reason() -> None:
 @pytest.mark.parametrize(("every", "stays"), [(400, True), (60, False)])
 def test_a_slow_frame_now_and_then_is_no_reason_yet_one_in_a_hundred_is(every: int, stays: bool) -> None:
     ladder = ResolutionLadder()
-    seen = drive(ladder, 30, lambda scale, now: 0.06 if round(now * FPS) % every == every - 1 else 0.02)
-    assert ({scale for _, scale, _ in seen} == {1.0}) == stays
+    answers = drive(ladder, 30, lambda scale, now: 0.06 if round(now * FPS) % every == every - 1 else 0.02)
+    assert ({scale for _, scale, _ in answers} == {1.0}) == stays
 
 
 def test_a_size_that_holds_for_a_few_seconds_only_has_failed() -> None:
     ladder = ResolutionLadder()
-    seen = drive(ladder, 600, lambda scale, now: 0.03 + 0.01 * (int(now) % 12 == 11) if scale == 1 else 0.018)
-    rises = sum(scale > before for (_, scale, _), (_, before, _) in zip(seen[1:], seen, strict=False))
-    late = sum(latency > 1 / FPS for _, _, latency in seen)
+    answers = drive(ladder, 600, lambda scale, now: 0.03 + 0.01 * (int(now) % 12 == 11) if scale == 1 else 0.018)
+    rises = sum(scale > before for (_, scale, _), (_, before, _) in zip(answers[1:], answers, strict=False))
+    late = sum(latency > 1 / FPS for _, _, latency in answers)
     assert rises <= 10
-    assert late < 0.01 * len(seen)
+    assert late < 0.01 * len(answers)
 
 
 def test_it_rises_again_when_the_load_is_gone() -> None:
@@ -119,8 +119,8 @@ def test_it_rises_again_when_the_load_is_gone() -> None:
 def test_steps_up_that_fail_become_rare() -> None:
     """At full size it costs far more than the smaller size lets expect."""
     ladder = ResolutionLadder()
-    seen = drive(ladder, 240, lambda scale, now: 0.06 if scale == 1 else 0.015)
-    tries = [came for (came, scale, _), (_, before, _) in zip(seen[1:], seen, strict=False) if scale > before]
+    answers = drive(ladder, 240, lambda scale, now: 0.06 if scale == 1 else 0.015)
+    tries = [came for (came, scale, _), (_, before, _) in zip(answers[1:], answers, strict=False) if scale > before]
     waits = [b - a for a, b in pairwise(tries)]
     assert 3 <= len(tries) <= 8
     assert waits[-1] > 4 * waits[0]
@@ -132,32 +132,34 @@ def test_whether_frames_must_overlap(whole_s: float, hurried: bool, adaptive: bo
     ladder = ResolutionLadder(adaptive)
     assert not ladder.hurried(0.0, 1 / FPS), "nothing is known"
     for i in range(20):
-        ladder.painted(i / FPS, 1 / FPS, 0.03, halves(whole_s), 0)
+        ladder.painted(i / FPS, 1 / FPS, 0.03, split_cost(whole_s), 0)
     assert ladder.hurried(20 / FPS, 1 / FPS) == hurried
 
 
 def test_says_why() -> None:
     ladder = ResolutionLadder()
-    ladder.painted(0.0, 1 / FPS, 0.1, halves(0.1), 0)
-    said = [ladder.painted(1.0 + i / FPS, 1 / FPS, 0.1, halves(0.1), ladder.rung) for i in range(2)]
-    assert said == [None, "slow"]
+    ladder.painted(0.0, 1 / FPS, 0.1, split_cost(0.1), 0)
+    changes = [ladder.painted(1.0 + i / FPS, 1 / FPS, 0.1, split_cost(0.1), ladder.rung) for i in range(2)]
+    assert changes == [None, "slow"]
     began = 2.0
-    said = [ladder.painted(began + i / FPS, 1 / FPS, 0.004, halves(0.004), ladder.rung) for i in range(int(5 * FPS))]
-    assert "room" in said
+    changes = [
+        ladder.painted(began + i / FPS, 1 / FPS, 0.004, split_cost(0.004), ladder.rung) for i in range(int(5 * FPS))
+    ]
+    assert "room" in changes
 
 
 def test_what_was_begun_at_another_size_does_not_count() -> None:
     ladder = ResolutionLadder(rung=2)
     for i in range(100):
-        ladder.painted(i / FPS, 1 / FPS, 1.0, halves(1.0), 0)
+        ladder.painted(i / FPS, 1 / FPS, 1.0, split_cost(1.0), 0)
     assert ladder.rung == 2
 
 
 @given(st.floats(0.001, 0.5), st.floats(0.3, 2.0))
 def test_whatever_it_costs_the_delay_falls_or_there_is_no_smaller_size(full_s: float, power: float) -> None:
     ladder = ResolutionLadder()
-    seen = drive(ladder, 8, lambda scale, now: full_s * scale**power)
-    tail = [latency for came, _, latency in seen if came > 6]
+    answers = drive(ladder, 8, lambda scale, now: full_s * scale**power)
+    tail = [latency for came, _, latency in answers if came > 6]
     assert ladder.rung == len(SCALES) - 1 or max(tail) <= 2 / FPS
 
 

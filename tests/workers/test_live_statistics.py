@@ -31,12 +31,12 @@ def test_figures_of_a_second() -> None:
     figures = FrameStatistics(10.0, received=4, dropped=1)
     for latency_s in (0.01, 0.02, 0.03):
         figures.answered(latency_s, {"look": 0.004, "paint": latency_s})
-    said = figures.as_json(11.5)
-    assert (said["received"], said["painted"], said["dropped"], said["fps"]) == (4, 3, 1, 2.0)
-    assert said["latency_ms"]["p50"] == pytest.approx(20, rel=0.03)
-    assert said["stages_ms"] == {"look": 4.0, "paint": 20.0}
+    report = figures.as_json(11.5)
+    assert (report["received"], report["painted"], report["dropped"], report["fps"]) == (4, 3, 1, 2.0)
+    assert report["latency_ms"]["p50"] == pytest.approx(20, rel=0.03)
+    assert report["stages_ms"] == {"look": 4.0, "paint": 20.0}
 
 
 def test_figures_of_nothing() -> None:
-    said = FrameStatistics(0.0).as_json(0.0)
-    assert (said["painted"], said["fps"], said["latency_ms"]["p99"]) == (0, 0.0, 0.0)
+    report = FrameStatistics(0.0).as_json(0.0)
+    assert (report["painted"], report["fps"], report["latency_ms"]["p99"]) == (0, 0.0, 0.0)

@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 
 from pipeline.errors import BadFrame, BadInput
-from tests.workers.live_toys import ToySeats
+from tests.workers.live_toys import ToyWorkers
 from workers.live.model import LiveOrder, Packet, WireFormat
-from workers.live.stream import Answer, NeedsKey, Replaced, Resized, Stream
+from workers.live.stream import Answer, KeyframeNeeded, Replaced, Resized, Stream
 from workers.live.worker import NoLiveWorker
 
 SIZE = (64, 64)
@@ -37,8 +37,8 @@ def packet(number: int, key: bool = True, size: tuple[int, int] = SIZE, data: by
 
 
 @asynccontextmanager
-async def opened(seats: ToySeats, chosen: LiveOrder | None = None) -> AsyncIterator[Stream]:
-    stream = Stream(seats, chosen or order())
+async def opened(workers: ToyWorkers, chosen: LiveOrder | None = None) -> AsyncIterator[Stream]:
+    stream = Stream(workers, chosen or order())
     await stream.open()
     yield stream
     await stream.aclose()
@@ -54,7 +54,7 @@ async def take(stream: Stream) -> Any:
 
 @looped
 async def test_answers_come_in_order_with_their_numbers_and_times() -> None:
-    async with opened(ToySeats(look_s=0.002, paint_s=0.002)) as stream:
+    async with opened(ToyWorkers(look_s=0.002, paint_s=0.002)) as stream:
         got = []
         for number in range(8):
             stream.offer(packet(number))
@@ -65,8 +65,8 @@ async def test_answers_come_in_order_with_their_numbers_and_times() -> None:
 
 @looped
 async def test_a_fast_client_gets_the_newest() -> None:
-    seats = ToySeats(look_s=0.01, paint_s=0.01)
-    async with opened(seats) as stream:
+    workers = ToyWorkers(look_s=0.01, paint_s=0.01)
+    async with opened(workers) as stream:
         got: list[int] = []
 
         async def read() -> None:
@@ -89,20 +89,20 @@ async def test_a_fast_client_gets_the_newest() -> None:
 
 @looped
 async def test_nothing_begins_while_an_answer_waits_unsent() -> None:
-    seats = ToySeats()
-    async with opened(seats) as stream:
+    workers = ToyWorkers()
+    async with opened(workers) as stream:
         for number in range(50):
             stream.offer(packet(number))
             await asyncio.sleep(0.001)
-        assert len(seats.made[0].seen) <= 3
+        assert len(workers.made[0].received) <= 3
         while (await take(stream)).packet.sequence != 49:
             pass
 
 
 @looped
 async def test_a_change_is_between_frames() -> None:
-    seats = ToySeats(look_s=0.005, paint_s=0.005)
-    async with opened(seats) as stream:
+    workers = ToyWorkers(look_s=0.005, paint_s=0.005)
+    async with opened(workers) as stream:
         stream.offer(packet(1))
         await stream.change({"add": 2}, {})
         assert stream.order.params == {"add": 2}
@@ -116,33 +116,33 @@ async def test_a_change_is_between_frames() -> None:
 
 @looped
 async def test_a_death_is_made_good_by_another_seat() -> None:
-    seats = ToySeats(look_s=0.02, paint_s=0.02)
-    async with opened(seats) as stream:
+    workers = ToyWorkers(look_s=0.02, paint_s=0.02)
+    async with opened(workers) as stream:
         await stream.change({"add": 4}, {})
         stream.offer(packet(1))
         await asyncio.sleep(0.03)
         stream.offer(packet(2))
         await asyncio.sleep(0.001)
-        seats.made[0].die()
+        workers.made[0].die()
         stream.offer(packet(3))
         assert isinstance(await take(stream), Replaced)
         assert (await take(stream)).packet.sequence == 3
-        assert seats.made[0].left
-        assert seats.made[1].opened is not None
-        assert seats.made[1].opened.params == {"add": 4}
-        assert seats.made[1].seen[0].key
+        assert workers.made[0].left
+        assert workers.made[1].opened is not None
+        assert workers.made[1].opened.params == {"add": 4}
+        assert workers.made[1].received[0].key
         figures = stream.figures()
         assert (figures["received"], figures["painted"], figures["dropped"]) == (3, 1, 2)
 
 
 @looped
 async def test_a_death_under_a_video_codec_asks_for_a_key_frame() -> None:
-    seats = ToySeats(look_s=0.01)
-    async with opened(seats, order("h264")) as stream:
+    workers = ToyWorkers(look_s=0.01)
+    async with opened(workers, order("h264")) as stream:
         stream.offer(packet(1))
         await asyncio.sleep(0.001)
-        seats.made[0].die()
-        assert isinstance(await take(stream), NeedsKey)
+        workers.made[0].die()
+        assert isinstance(await take(stream), KeyframeNeeded)
         assert isinstance(await take(stream), Replaced)
         stream.offer(packet(2, key=False))
         stream.offer(packet(3))
@@ -151,21 +151,21 @@ async def test_a_death_under_a_video_codec_asks_for_a_key_frame() -> None:
 
 @looped
 async def test_a_death_during_a_change() -> None:
-    seats = ToySeats()
-    async with opened(seats) as stream:
-        seats.made[0].die()
+    workers = ToyWorkers()
+    async with opened(workers) as stream:
+        workers.made[0].die()
         await stream.change({"add": 7}, {})
-        assert seats.made[1].changes == 1
+        assert workers.made[1].changes == 1
         assert stream.order.params == {"add": 7}
 
 
 @looped
 async def test_no_seat_for_a_dead_one_ends_the_stream() -> None:
-    seats = ToySeats(look_s=0.01, most=1)
-    async with opened(seats) as stream:
+    workers = ToyWorkers(look_s=0.01, most=1)
+    async with opened(workers) as stream:
         stream.offer(packet(1))
         await asyncio.sleep(0.001)
-        seats.made[0].die()
+        workers.made[0].die()
         with pytest.raises(NoLiveWorker):
             await take(stream)
         with pytest.raises(NoLiveWorker):
@@ -174,7 +174,7 @@ async def test_no_seat_for_a_dead_one_ends_the_stream() -> None:
 
 @looped
 async def test_a_bad_frame_ends_the_stream() -> None:
-    async with opened(ToySeats()) as stream:
+    async with opened(ToyWorkers()) as stream:
         stream.offer(packet(1))
         stream.offer(packet(2, data=b"bad"))
         with pytest.raises(BadFrame):
@@ -184,8 +184,8 @@ async def test_a_bad_frame_ends_the_stream() -> None:
 
 @looped
 async def test_overload_lowers_the_size_and_says_so_before_the_first_such_answer() -> None:
-    seats = ToySeats(look_s=0.03, paint_s=0.03)
-    async with opened(seats, order(fps=100)) as stream:
+    workers = ToyWorkers(look_s=0.03, paint_s=0.03)
+    async with opened(workers, order(fps=100)) as stream:
 
         async def send() -> None:
             for number in range(400):
@@ -202,7 +202,7 @@ async def test_overload_lowers_the_size_and_says_so_before_the_first_such_answer
 
 @looped
 async def test_frames_of_another_size_change_the_size() -> None:
-    async with opened(ToySeats()) as stream:
+    async with opened(ToyWorkers()) as stream:
         stream.offer(packet(1))
         await take(stream)
         stream.offer(packet(2, size=(128, 96)))
@@ -213,8 +213,8 @@ async def test_frames_of_another_size_change_the_size() -> None:
 
 @looped
 async def test_another_connection_goes_on() -> None:
-    seats = ToySeats(look_s=0.005)
-    async with opened(seats) as stream:
+    workers = ToyWorkers(look_s=0.005)
+    async with opened(workers) as stream:
         for number in range(3):
             stream.offer(packet(number))
         await asyncio.sleep(0.02)
@@ -225,27 +225,27 @@ async def test_another_connection_goes_on() -> None:
         stream.offer(packet(0))
         answer = await take(stream)
         assert answer.packet.sequence == 0
-        assert seats.made[0].opened is not None
-        assert seats.made[0].opened.wire.receive == "webp"
+        assert workers.made[0].opened is not None
+        assert workers.made[0].opened.wire.receive == "webp"
         figures = stream.figures()
         assert figures["received"] == figures["painted"] + figures["dropped"] == 5
 
 
 @looped
 async def test_closing_gives_the_seat_back_and_wakes_who_waits() -> None:
-    seats = ToySeats(look_s=0.01, paint_s=0.01)
-    async with opened(seats) as stream:
+    workers = ToyWorkers(look_s=0.01, paint_s=0.01)
+    async with opened(workers) as stream:
         waiting = asyncio.create_task(stream.next())
         stream.offer(packet(1))
         await asyncio.sleep(0.001)
         await stream.aclose()
-        assert seats.made[0].left
+        assert workers.made[0].left
         assert isinstance(await waiting, Answer | None)
 
 
 @looped
 async def test_a_second_says_what_happened_in_it() -> None:
-    async with opened(ToySeats()) as stream:
+    async with opened(ToyWorkers()) as stream:
         stream.offer(packet(1))
         await take(stream)
         first, second = stream.second(), stream.second()

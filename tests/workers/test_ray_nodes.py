@@ -48,7 +48,7 @@ def farm(cluster: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Far
     home = tmp_path_factory.mktemp("nodes")
     settings = FarmSettings(
         home=home, pool="ray", workers=3, ray_address=cluster.address, reserve_bytes=0, retry_delay_s=0.02,
-        task_memory_bytes=64 << 20, room_s=8,
+        task_memory_bytes=64 << 20, capacity_wait_s=8,
     )  # fmt: skip
     blobs = DiskBlobs(settings.blobs_at)
     studio = Farm(settings, RayPool(blobs, settings, ToyRunner))

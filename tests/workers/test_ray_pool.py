@@ -43,10 +43,8 @@ def ray_farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
     farm.stop()
 
 
-def test_ray_and_the_local_pool_give_the_same_bytes(
-    ray_farm: Farm, open_studio: Callable[..., Farm], data: Path
-) -> None:
-    local = open_studio()
+def test_ray_and_the_local_pool_give_the_same_bytes(ray_farm: Farm, open_farm: Callable[..., Farm], data: Path) -> None:
+    local = open_farm()
     results = set()
     for farm in (ray_farm, local):
         job = finished(farm, farm.jobs.submit(request_on(farm, data, params={"tasks": 6, "chain": True})).id, 60)
@@ -63,7 +61,7 @@ def test_a_chain_hands_its_state_on_without_the_blob_store(
     results = []
     for far, most_bytes in ((True, 1 << 20), (True, 0), (False, 1 << 20)):
         fetched.unlink(missing_ok=True)
-        monkeypatch.setattr(ray_farm._dispatcher._orders, "_hands_on", far)
+        monkeypatch.setattr(ray_farm._dispatcher._orders, "_shares_memory", far)
         monkeypatch.setattr(pool, "_handed", SharedArtefacts(most_bytes))
         job = finished(
             ray_farm, ray_farm.jobs.submit(request_on(ray_farm, data, params={"tasks": 6, "chain": True})).id, 60

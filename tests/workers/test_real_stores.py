@@ -99,7 +99,9 @@ def test_readiness_answers_while_postgres_does_not(
     farm = opened(real, works=False)
     until(lambda: farm.ready() == {"store": "ok", "blobs": "ok"})
     monkeypatch.setattr("workers.farm_parts.health.PATIENCE_S", 1.5)
-    (backend,) = {row[0] for row in postgres.say("SELECT pid FROM pg_stat_activity WHERE application_name='impasto'")}
+    (backend,) = {
+        row[0] for row in postgres.execute("SELECT pid FROM pg_stat_activity WHERE application_name='impasto'")
+    }
     postgres.process.send_signal(signal.SIGSTOP)
     _signal(backend, signal.SIGSTOP)
     try:
@@ -166,9 +168,9 @@ def _name(url: str) -> str:
 
 
 def test_a_backup_of_sqlite_is_taken_while_it_works(
-    open_studio: Callable[..., Farm], tmp_path: Path, expected: list[bytes]
+    open_farm: Callable[..., Farm], tmp_path: Path, expected: list[bytes]
 ) -> None:
-    farm = open_studio(home=tmp_path / "old", lease_s=1)
+    farm = open_farm(home=tmp_path / "old", lease_s=1)
     jobs = _submit(farm, tmp_path)
     until(lambda: farm.jobs.get(jobs[0]).counts["succeeded"] >= 2)
     new = tmp_path / "new"
@@ -177,5 +179,5 @@ def test_a_backup_of_sqlite_is_taken_while_it_works(
         database.execute("VACUUM INTO ?", (str(new / "impasto.db"),))
     farm.stop()
     (tmp_path / "old" / "blobs").rename(new / "blobs")
-    other = open_studio(home=new)
+    other = open_farm(home=new)
     assert [result(other, finished(other, job).id) for job in jobs] == expected

@@ -93,7 +93,7 @@ class Blobs(Protocol):
         """Raise StorageError if blobs cannot be written and read now (for readyz)."""
         ...
 
-    def check_room(self, wanted_bytes: int = 0) -> None:
+    def check_free_space(self, wanted_bytes: int = 0) -> None:
         """Raise StorageFull unless there is room for `wanted_bytes` more. Cheap."""
         ...
 

@@ -90,9 +90,9 @@ class DiskBlobs:
     def check(self) -> None:
         """Raise StorageError if a blob cannot be written, StorageFull if less than the reserve is free."""
         with disk_errors(), self._written(b"impasto"):
-            self.check_room()
+            self.check_free_space()
 
-    def check_room(self, wanted_bytes: int = 0) -> None:
+    def check_free_space(self, wanted_bytes: int = 0) -> None:
         """Raise StorageFull unless `wanted_bytes` more leave the reserve free. Cheap."""
         with disk_errors():
             self.root.mkdir(parents=True, exist_ok=True)

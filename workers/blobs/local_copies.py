@@ -40,7 +40,7 @@ class Copies:
         """The copy `name`; `fetch` writes it, if there is none, to the path that it is given."""
         self._make_folder()
         place = self.folder / name
-        while (handle := _hold(place)) is None:
+        while (handle := _lock(place)) is None:
             self._fetch(place, size, fetch)
         try:
             os.utime(place)
@@ -48,7 +48,7 @@ class Copies:
         finally:
             os.close(handle)
 
-    def check_room(self, wanted_bytes: int = 0) -> None:
+    def check_free_space(self, wanted_bytes: int = 0) -> None:
         """Remove copies until `wanted_bytes` more leave the reserve free, or raise StorageFull."""
         self._make_folder()
         need = self.reserve_bytes + wanted_bytes
@@ -76,7 +76,7 @@ class Copies:
             if place.exists():
                 return
             self._shrink(lambda kept: kept + size > self.most_bytes)
-            self.check_room(size)
+            self.check_free_space(size)
             temporary = place.with_name(f"{place.name}.{secrets.token_hex(8)}.part")
             try:
                 with disk_errors():
@@ -103,7 +103,7 @@ class Copies:
             kept -= size if _remove_unused(file) else 0
 
 
-def _hold(place: Path) -> int | None:
+def _lock(place: Path) -> int | None:
     """A shared lock on the copy, as an open file; None if there is no copy (any more)."""
     try:
         handle = os.open(place, os.O_RDONLY)

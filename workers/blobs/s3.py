@@ -113,8 +113,10 @@ class S3Blobs:
                 answer = self._client.delete_objects(Bucket=self.options.bucket, Delete={"Objects": names})
             refused = [error for error in answer.get("Errors", ()) if error.get("Code") != "NoSuchKey"]
             if refused:
-                said = f"{refused[0].get('Code')} {refused[0].get('Message')}"
-                raise StorageError(f"{len(refused)} blobs cannot be deleted: {said}.", remedy="Check the key's rights.")
+                reason = f"{refused[0].get('Code')} {refused[0].get('Message')}"
+                raise StorageError(
+                    f"{len(refused)} blobs cannot be deleted: {reason}.", remedy="Check the key's rights."
+                )
 
     def keys(self, prefix: str) -> Iterator[str]:
         pages = self._client.get_paginator("list_objects_v2")
@@ -130,11 +132,11 @@ class S3Blobs:
         with as_storage_error():
             hasty.put_object(Bucket=self.options.bucket, Key=name, Body=b"impasto")
             hasty.delete_object(Bucket=self.options.bucket, Key=name)
-        self.check_room()
+        self.check_free_space()
 
-    def check_room(self, wanted_bytes: int = 0) -> None:
+    def check_free_space(self, wanted_bytes: int = 0) -> None:
         """The bucket has none to ask for; the disk for local copies has."""
-        self.copies.check_room()
+        self.copies.check_free_space()
 
     def sweep(self, older_than_s: float = 3600.0) -> int:
         """Abort uploads that nobody completes, so that their parts cost nothing more, and clear up local copies."""

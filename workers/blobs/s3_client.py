@@ -106,7 +106,7 @@ def as_storage_error(key: str = "") -> Iterator[None]:
         if isinstance(cause := error.__cause__ or error.__context__, ClientError):
             raise _refused(cause) from error
         remedy = "Check that it runs and can be reached."
-        raise StorageError(f"The S3 store does not answer: {_said(error)}.", remedy=remedy) from error
+        raise StorageError(f"The S3 store does not answer: {_describe(error)}.", remedy=remedy) from error
 
 
 def code_of(error: ClientError) -> str:
@@ -115,12 +115,12 @@ def code_of(error: ClientError) -> str:
 
 
 def _refused(error: ClientError) -> StorageError:
-    code, said = code_of(error), error.response.get("Error", {}).get("Message", "")
+    code, message = code_of(error), error.response.get("Error", {}).get("Message", "")
     if code in _FULL:
         return StorageFull("The S3 store is full.", remedy="Free some space in the bucket, or raise its quota.")
     remedy = _REMEDIES.get(code, "Look into the server's log.")
-    return StorageError(f"The S3 store refuses: {code} {said}".rstrip(". ") + ".", remedy=remedy)
+    return StorageError(f"The S3 store refuses: {code} {message}".rstrip(". ") + ".", remedy=remedy)
 
 
-def _said(error: Exception) -> str:
+def _describe(error: Exception) -> str:
     return (str(error) or type(error).__name__).rstrip(".")

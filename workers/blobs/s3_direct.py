@@ -21,17 +21,17 @@ class S3Direct:
     def download_url(self, key: str, filename: str, media_type: str, seconds: int = 3600) -> str:
         how = f"attachment; filename*=UTF-8''{quote(filename, safe='')}"
         more = {"ResponseContentDisposition": how, "ResponseContentType": media_type}
-        return self._sign("get_object", key, seconds, **more)
+        return self._presign("get_object", key, seconds, **more)
 
     def upload_url(self, key: str, seconds: int = 3600) -> str:
-        return self._sign("put_object", key, seconds)
+        return self._presign("put_object", key, seconds)
 
     def begin(self, key: str) -> str:
         with as_storage_error():
             return str(self._client.create_multipart_upload(**self._at(key))["UploadId"])
 
     def part_url(self, key: str, upload_id: str, number: int, seconds: int = 3600) -> str:
-        return self._sign("upload_part", key, seconds, UploadId=upload_id, PartNumber=number)
+        return self._presign("upload_part", key, seconds, UploadId=upload_id, PartNumber=number)
 
     def complete(self, key: str, upload_id: str) -> None:
         parts = self._parts(key, upload_id)
@@ -52,7 +52,7 @@ class S3Direct:
             found = list(pages.paginate(**self._at(key), UploadId=upload_id).search("Parts[]"))
         return [{"PartNumber": part["PartNumber"], "ETag": part["ETag"]} for part in found if part]
 
-    def _sign(self, call: str, key: str, seconds: int, **more: object) -> str:
+    def _presign(self, call: str, key: str, seconds: int, **more: object) -> str:
         with as_storage_error():
             return str(self._client.generate_presigned_url(call, {**self._at(key), **more}, ExpiresIn=seconds))
 

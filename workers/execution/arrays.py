@@ -72,8 +72,8 @@ def _head(shape: tuple[int, ...], dtype: np.dtype[Any]) -> bytes:
 
 def _padding(at: int) -> bytes:
     """A field after which `at` plus its length is a multiple of `ALIGNED`."""
-    room = -(at + 4) % ALIGNED
-    return struct.pack("<HH", _PADDING, room) + bytes(room)
+    padding = -(at + 4) % ALIGNED
+    return struct.pack("<HH", _PADDING, padding) + bytes(padding)
 
 
 def _repeats(array: NDArray[Any]) -> bool:

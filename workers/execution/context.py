@@ -74,12 +74,12 @@ class AttemptContext:
         self._scratch = scratch
         self._report = report
         self._cancelled = cancelled
-        self._asked = self._told = float("-inf")
+        self._last_check = self._last_report = float("-inf")
         self._done = 0.0
-        self._shows = PreviewPublisher(blobs, self._key("live"))
+        self._publisher = PreviewPublisher(blobs, self._key("live"))
         self._ended_at: int | None = None
         self._index: Index | None = None
-        self._life = ExitStack()
+        self._exit_stack = ExitStack()
         self._emission: Emission | None = None
 
     # -- inputs
@@ -115,18 +115,18 @@ class AttemptContext:
             raise BadParameter(f"The input is not JSON: {error}.", field=f"inputs.{name}") from None
 
     def images(self, name: str) -> Mapping[int, NDArray[Any]]:
-        path = self._life.enter_context(self._blobs.local(self._input(name)))
+        path = self._exit_stack.enter_context(self._blobs.local(self._input(name)))
         found = GuardedImages(path, f"inputs.{name}")
-        self._life.callback(found.close)
+        self._exit_stack.callback(found.close)
         return found
 
     def entries(self, name: str) -> Mapping[str, bytes]:
-        path = self._life.enter_context(self._blobs.local(self._input(name)))
+        path = self._exit_stack.enter_context(self._blobs.local(self._input(name)))
         with path.open("rb") as stream:
             if sniff(stream) != "application/zip":
                 return {}
         found = ShotFiles(path)
-        self._life.callback(found.close)
+        self._exit_stack.callback(found.close)
         return found
 
     def _input(self, name: str) -> str:
@@ -185,9 +185,9 @@ class AttemptContext:
 
     def show(self, frame: Frame) -> None:
         self._check_cancelled()
-        if self._shows.due():
+        if self._publisher.due():
             with self.stages.waiting("store"):
-                preview = self._shows.put(frame)
+                preview = self._publisher.put(frame)
             self._report(self._done, preview)
 
     def _start_emission(self) -> Emission:
@@ -236,21 +236,21 @@ class AttemptContext:
     def progress(self, done: float) -> None:
         self._check_cancelled()
         now = time.monotonic()
-        if now - self._told >= _REPORT_EVERY_S:
-            self._told, self._done = now, min(max(done, 0.0), 1.0)
+        if now - self._last_report >= _REPORT_EVERY_S:
+            self._last_report, self._done = now, min(max(done, 0.0), 1.0)
             self._report(self._done)
 
     def _check_cancelled(self) -> None:
         belong(self._facts)
         now = time.monotonic()
-        if now - self._asked < _ASK_EVERY_S:
+        if now - self._last_check < _ASK_EVERY_S:
             return
-        self._asked = now
+        self._last_check = now
         if self._cancelled():
             raise Cancelled("The job was cancelled.")
 
     def close(self) -> None:
-        self._life.close()
+        self._exit_stack.close()
         if self._emission:
             self._emission.close()
 

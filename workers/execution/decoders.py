@@ -21,7 +21,7 @@ from workers.blobs.base import Blobs
 class _Open:
     key: str
     reader: GuardedReader
-    life: ExitStack
+    exit_stack: ExitStack
     """Closes the reader, then lets go of the local file."""
 
 
@@ -42,22 +42,22 @@ class Decoders:
     @contextmanager
     def reader(self, key: str, start: int = 0) -> Iterator[GuardedReader]:
         """A reader of the blob, if possible one that stands at frame `start`. Raises KeyError, BadMedia."""
-        lent = self._take(key, start) or self._open(key)
+        borrowed = self._take(key, start) or self._open(key)
         try:
-            yield lent.reader
+            yield borrowed.reader
         except BaseException as error:
             if not isinstance(error, GeneratorExit):
-                lent.life.close()
+                borrowed.exit_stack.close()
                 raise
-            self._give(lent)
+            self._give(borrowed)
             raise
-        self._give(lent)
+        self._give(borrowed)
 
     def close(self) -> None:
         with self._lock:
             closing, self._idle = self._idle, []
         for unused in closing:
-            unused.life.close()
+            unused.exit_stack.close()
 
     def _take(self, key: str, start: int) -> _Open | None:
         with self._lock:
@@ -74,12 +74,12 @@ class Decoders:
             reader = stack.enter_context(GuardedReader(path, self._limits))
             return _Open(key, reader, stack.pop_all())
 
-    def _give(self, lent: _Open) -> None:
+    def _give(self, borrowed: _Open) -> None:
         with self._lock:
-            self._idle.append(lent)
+            self._idle.append(borrowed)
             closing, self._idle = self._idle[: -self._most], self._idle[-self._most :]
         for unused in closing:
-            unused.life.close()
+            unused.exit_stack.close()
 
 
 def frame_at(reader: GuardedReader, number: int) -> Frame:

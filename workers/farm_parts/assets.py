@@ -39,7 +39,7 @@ class FarmAssets:
 
     def add(self, path: Path, filename: str, owner: str = "") -> Asset:
         """Probe and store the file at `path`, which the caller may delete afterwards. Raises BadMedia, StorageFull."""
-        self._blobs.check_room(path.stat().st_size)
+        self._blobs.check_free_space(path.stat().st_size)
         info = self._probe(path, self._limits)
         sha256 = _sha256(path)
         asset = Asset(

@@ -37,20 +37,20 @@ class _PendingCheck:
     def __init__(self, check: Check) -> None:
         self.answered = threading.Event()
         self._began = time.monotonic()
-        self._said = ""
+        self._status = ""
         threading.Thread(target=self._ask, args=(check,), name="impasto-check", daemon=True).start()
 
     def _ask(self, check: Check) -> None:
         try:
             check()
-            self._said = "ok"
+            self._status = "ok"
         except (ImpastoError, OSError) as error:
-            self._said = str(error)
+            self._status = str(error)
         except Exception as error:
-            self._said = f"{type(error).__name__}: {error}"
+            self._status = f"{type(error).__name__}: {error}"
         self.answered.set()
 
     def verdict(self, deadline: float) -> str:
         if self.answered.wait(max(0.0, deadline - time.monotonic())):
-            return self._said
+            return self._status
         return f"No answer for {time.monotonic() - self._began:.0f} s."

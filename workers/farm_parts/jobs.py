@@ -70,7 +70,7 @@ class FarmJobs:
             return known
         admit()
         accepted = check_request(request, self._inputs(request))
-        self._blobs.check_room()
+        self._blobs.check_free_space()
         job = self._store.jobs.add(accepted, owner, idempotency_key, max_active)
         log.info("job accepted", extra=about(job=job.id, owner=owner, method=request.method))
         self._wake()

@@ -82,11 +82,11 @@ class LiveWorkerServer:
     def _greet(self, wire: socket.socket) -> bool:
         wire.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         wire.settimeout(GREET_S)
-        said = b""
-        while len(said) < SECRET_BYTES and (more := wire.recv(SECRET_BYTES - len(said))):
-            said += more
+        received = b""
+        while len(received) < SECRET_BYTES and (more := wire.recv(SECRET_BYTES - len(received))):
+            received += more
         wire.settimeout(None)
-        return hmac.compare_digest(said, self._secret)
+        return hmac.compare_digest(received, self._secret)
 
     def _analyze(self, wire: socket.socket) -> None:
         """Look at what comes; another thread paints."""

@@ -208,11 +208,11 @@ def _describe(context: VideoCodecContext, size: Size, fps: float, matrix: Colors
     context.color_trc = ColorTrc.BT709 if hd else ColorTrc.SMPTE170M
 
 
-def _same_size(found: Size, said: Size) -> None:
-    if found != said:
+def _same_size(found: Size, announced: Size) -> None:
+    if found != announced:
         raise BadFrame(
             "The picture has not the size that its header says.",
-            field="payload", value=f"{found[0]}x{found[1]} instead of {said[0]}x{said[1]}",
+            field="payload", value=f"{found[0]}x{found[1]} instead of {announced[0]}x{announced[1]}",
             remedy="Put the picture's width and height into the header.",
         )  # fmt: skip
 

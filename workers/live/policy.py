@@ -43,7 +43,7 @@ class FramePolicy:
     built_on: bool = False
     received: int = 0
     dropped: int = 0
-    held: bool = False
+    suspended: bool = False
     """Nothing begins: the session is about to change."""
     alone: bool = True
     """One frame at a time."""
@@ -52,7 +52,7 @@ class FramePolicy:
     _painting: deque[Packet] = field(default_factory=deque)
     unsent: int = 0
     """Finished answers that are not on their way yet."""
-    _needs_key: bool = True
+    _keyframe_needed: bool = True
     _asked: bool = False
 
     @property
@@ -75,9 +75,9 @@ class FramePolicy:
         self.received += 1
         if not self.built_on or packet.key:
             self._drop_waiting()
-            self._waiting, self._needs_key, self._asked = [packet], False, False
+            self._waiting, self._keyframe_needed, self._asked = [packet], False, False
             return False
-        if self._needs_key:
+        if self._keyframe_needed:
             self.dropped += 1
             return self._ask()
         self.dropped += bool(self._waiting)
@@ -89,7 +89,7 @@ class FramePolicy:
 
     def _give_up(self) -> bool:
         self._drop_waiting()
-        self._needs_key = True
+        self._keyframe_needed = True
         return self._ask()
 
     def _drop_waiting(self) -> None:
@@ -103,7 +103,13 @@ class FramePolicy:
 
     def start(self) -> Start | None:
         """The frame to begin now, which is then being analyzed; None: none yet."""
-        if self.held or not self._waiting or self.unsent or self._looking or len(self._painting) > (not self.alone):
+        if (
+            self.suspended
+            or not self._waiting
+            or self.unsent
+            or self._looking
+            or len(self._painting) > (not self.alone)
+        ):
             return None
         begun = Start(tuple(self._waiting))
         self._waiting.clear()
@@ -146,4 +152,4 @@ class FramePolicy:
         self._drop_waiting()
         self.dropped += self.unsent
         self.unsent = 0
-        self._needs_key, self._asked = True, False
+        self._keyframe_needed, self._asked = True, False

@@ -39,7 +39,7 @@ class _Warm:
     """An actor, and a reference to where its post is, which is there once it is warm."""
 
     actor: Any
-    post: Any
+    address: Any
 
 
 class RayLiveWorker:
@@ -117,7 +117,7 @@ class RayLiveWorkers:
             warm = self._pick()
             self._refill(min(1, self._spares))
             try:
-                channel = await LiveWorkerClient.connect(await warm.post, self._secret)
+                channel = await LiveWorkerClient.connect(await warm.address, self._secret)
                 return RayLiveWorker(warm.actor, channel, partial(self._given_back, warm))
             except (RayActorError, OSError) as error:
                 log.warning("a live worker died before it was used: %s", error)
@@ -136,8 +136,8 @@ class RayLiveWorkers:
         with self._lock:
             if not self._idle:
                 self._idle.append(self._new())
-            ready, _ = ray.wait([warm.post for warm in self._idle], num_returns=len(self._idle), timeout=0)
-            first = next((i for i, warm in enumerate(self._idle) if warm.post in ready), 0)
+            ready, _ = ray.wait([warm.address for warm in self._idle], num_returns=len(self._idle), timeout=0)
+            first = next((i for i, warm in enumerate(self._idle) if warm.address in ready), 0)
             return self._idle.pop(first)
 
     def _refill(self, count: int) -> None:

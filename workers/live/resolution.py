@@ -42,7 +42,7 @@ AIM = 0.9
 """Frames that took longer than this part of the deadline count as late: sending takes time as well, and so do tries of
 a larger size."""
 PATIENCE_S, MOST_PATIENCE_S = 3.0, 120.0
-HELD_S = 60.0
+STABLE_S = 60.0
 """A step up that is taken back sooner has failed; one that lasts this long makes up for those that did."""
 ENOUGH = 4
 """Frames, for a median."""
@@ -121,7 +121,7 @@ class FrameCost:
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _Sample:
     at_s: float
     latency_s: float
     cost: FrameCost
@@ -136,7 +136,7 @@ class ResolutionLadder:
 
     adaptive: bool = True
     rung: int = 0
-    _seen: deque[_Seen] = field(default_factory=lambda: deque(maxlen=MOST_KEPT))
+    _samples: deque[_Sample] = field(default_factory=lambda: deque(maxlen=MOST_KEPT))
     _late: int = 0
     _since_s: float | None = None
     """When this rung was taken."""
@@ -161,27 +161,27 @@ class ResolutionLadder:
             self._since_s = now_s + SETTLE_S
         if now_s < self._since_s:
             return None
-        self._keep(_Seen(now_s, latency_s, cost))
+        self._keep(_Sample(now_s, latency_s, cost))
         self._late = self._late + 1 if latency_s > _LATE_PERIODS * period_s else 0
         if not self.adaptive:
             return None
         if self._slow(now_s, period_s):
             return self._fall(now_s, period_s)
-        return self._rise(now_s) if self._room(now_s, period_s) else None
+        return self._rise(now_s) if self._has_spare_time(now_s, period_s) else None
 
     def hurried(self, now_s: float, period_s: float) -> bool:
         """Whether a frame takes so long that the next must begin before it is painted; False until that is known."""
-        recent = [seen.cost.whole_s for seen in self._seen if seen.at_s >= now_s - LOOK_BACK_S]
-        return len(recent) >= ENOUGH and median(recent) > MARGIN * period_s
+        costs = [sample.cost.whole_s for sample in self._samples if sample.at_s >= now_s - LOOK_BACK_S]
+        return len(costs) >= ENOUGH and median(costs) > MARGIN * period_s
 
     def restart(self) -> None:
         """Another worker goes on: what was measured before says nothing of its first frames."""
         self._measure_anew(None)
 
-    def _keep(self, seen: _Seen) -> None:
-        self._seen.append(seen)
-        while self._seen[0].at_s < seen.at_s - _KEPT_S:
-            self._seen.popleft()
+    def _keep(self, sample: _Sample) -> None:
+        self._samples.append(sample)
+        while self._samples[0].at_s < sample.at_s - _KEPT_S:
+            self._samples.popleft()
 
     def _slow(self, now_s: float, period_s: float) -> bool:
         if self.rung == len(SCALES) - 1:
@@ -189,24 +189,24 @@ class ResolutionLadder:
         if self._late >= 2 or self._often_late(now_s, period_s):
             return True
         assert self._since_s is not None
-        recent = [seen for seen in self._seen if seen.at_s >= now_s - LOOK_BACK_S]
-        if now_s - self._since_s < LOOK_BACK_S or len(recent) < 2:
+        samples = [sample for sample in self._samples if sample.at_s >= now_s - LOOK_BACK_S]
+        if now_s - self._since_s < LOOK_BACK_S or len(samples) < 2:
             return False
-        return median(seen.cost.half_s for seen in recent) > period_s
+        return median(sample.cost.half_s for sample in samples) > period_s
 
     def _often_late(self, now_s: float, period_s: float) -> bool:
         """More than a few frames, and more than a share of all, missed the deadline."""
         aim_s = AIM * deadline_s(period_s)
-        if self._seen[-1].latency_s <= aim_s:
+        if self._samples[-1].latency_s <= aim_s:
             return False
-        ages = [(now_s - seen.at_s, seen.latency_s > aim_s) for seen in self._seen]
+        ages = [(now_s - sample.at_s, sample.latency_s > aim_s) for sample in self._samples]
         for window_s, few, share in LATE_WINDOWS:
-            recent = [late for age_s, late in ages if age_s <= window_s]
-            if sum(recent) > max(few, share * len(recent)):
+            late_frames = [late for age_s, late in ages if age_s <= window_s]
+            if sum(late_frames) > max(few, share * len(late_frames)):
                 return True
         return False
 
-    def _room(self, now_s: float, period_s: float) -> bool:
+    def _has_spare_time(self, now_s: float, period_s: float) -> bool:
         if self.rung == 0 or self._since_s is None:
             return False
         patience_s = min(PATIENCE_S * 2 ** self._fails[self.rung - 1], MOST_PATIENCE_S)
@@ -218,19 +218,19 @@ class ResolutionLadder:
 
     def _tail_s(self, now_s: float) -> float:
         """What one in twenty of the latest frames took longer than, from arrival to answer."""
-        latest = sorted(seen.latency_s for seen in self._seen if seen.at_s >= now_s - PATIENCE_S)
+        latest = sorted(sample.latency_s for sample in self._samples if sample.at_s >= now_s - PATIENCE_S)
         return latest[int(TAIL * (len(latest) - 1))]
 
     def _usual(self, part: float, now_s: float) -> FrameCost:
         """What `part` of the latest frames do not exceed."""
-        latest = [seen.cost for seen in self._seen if seen.at_s >= now_s - PATIENCE_S]
+        latest = [sample.cost for sample in self._samples if sample.at_s >= now_s - PATIENCE_S]
         costs = sorted(latest, key=lambda cost: cost.whole_s)
         return costs[int(part * (len(costs) - 1))]
 
     def _fall(self, now_s: float, period_s: float) -> Reason:
-        held_s = HELD_S if self._rose_s is None else now_s - self._rose_s
-        self._fails[self.rung] += held_s < HELD_S
-        self.rung = self.rung + 1 if held_s < HELD_S else self._fitting(now_s, period_s)
+        lasted_s = STABLE_S if self._rose_s is None else now_s - self._rose_s
+        self._fails[self.rung] += lasted_s < STABLE_S
+        self.rung = self.rung + 1 if lasted_s < STABLE_S else self._fitting(now_s, period_s)
         self._rose_s = None
         self._measure_anew(now_s)
         return "slow"
@@ -242,7 +242,7 @@ class ResolutionLadder:
         return next((r for r in below if usual.at(SCALES[r] / self.scale).fits(period_s)), len(SCALES) - 1)
 
     def _rise(self, now_s: float) -> Reason:
-        if self._rose_s is not None and now_s - self._rose_s > HELD_S:
+        if self._rose_s is not None and now_s - self._rose_s > STABLE_S:
             self._fails = [0] * len(SCALES)
         self.rung -= 1
         self._rose_s = now_s
@@ -250,6 +250,6 @@ class ResolutionLadder:
         return "room"
 
     def _measure_anew(self, since_s: float | None) -> None:
-        self._seen.clear()
+        self._samples.clear()
         self._late = 0
         self._since_s = since_s

@@ -61,8 +61,8 @@ class LiveSessions:
     receives = CODECS
     sends = CODECS
 
-    def __init__(self, seats: LiveWorkers, settings: FarmSettings) -> None:
-        self._seats = seats
+    def __init__(self, workers: LiveWorkers, settings: FarmSettings) -> None:
+        self._workers = workers
         self.capacity = settings.live_sessions
         self.limits = LiveLimits(settings.live_max_side_px, settings.live_max_fps, settings.live_frame_bytes)
         self.sessions = 0
@@ -71,10 +71,10 @@ class LiveSessions:
     def start(self) -> None:
         """On the main thread."""
         if self.capacity:
-            self._seats.start()
+            self._workers.start()
 
     def stop(self) -> None:
-        self._seats.stop()
+        self._workers.stop()
 
     @property
     def free(self) -> int:
@@ -140,7 +140,7 @@ class LiveSessions:
 
     def stream(self, order: LiveOrder, adaptive: bool) -> Stream:
         """A session at work, to be opened. Its place has been taken before."""
-        return Stream(self._seats, order, adaptive)
+        return Stream(self._workers, order, adaptive)
 
     def _check_size(self, size: Size) -> None:
         for name, side in zip(("width", "height"), size, strict=True):

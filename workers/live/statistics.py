@@ -29,10 +29,10 @@ class Histogram:
 
     def percentile(self, percent: float) -> float:
         """Seconds that `percent` of the durations do not exceed; 0 if there are none."""
-        wanted, seen = math.ceil(self.count * percent / 100), 0
+        wanted, counted = math.ceil(self.count * percent / 100), 0
         for place, number in enumerate(self._bins):
-            seen += number
-            if number and seen >= wanted:
+            counted += number
+            if number and counted >= wanted:
                 return float(FIRST_S * GROWTH**place)
         return 0.0
 

@@ -23,7 +23,7 @@ from workers.model import Json
 
 log = logging.getLogger(__name__)
 
-SEAT_WITHIN_S = 60.0
+WORKER_WITHIN_S = 60.0
 """A seat must be had in this time: on a machine that has never run them, kernels are compiled first."""
 LEAVE_WITHIN_S = 10.0
 
@@ -56,13 +56,13 @@ class Replaced:
 
 
 @dataclass(frozen=True)
-class NeedsKey:
+class KeyframeNeeded:
     """The client is to send a key frame."""
 
     reason: str
 
 
-Item = Answer | Resized | Replaced | NeedsKey
+Item = Answer | Resized | Replaced | KeyframeNeeded
 
 
 class Stream:
@@ -76,25 +76,25 @@ class Stream:
 
     def __init__(
         self,
-        seats: LiveWorkers,
+        workers: LiveWorkers,
         order: LiveOrder,
         adaptive: bool = True,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self.order = order
-        self._seats, self._clock = seats, clock
+        self._workers, self._clock = workers, clock
         self._policy = FramePolicy(built_on=order.wire.send in BUILT_ON)
         self._ladder, self._pace = ResolutionLadder(adaptive), FrameRateMeter(order.wire.fps)
-        self._seat: LiveWorker | None = None
+        self._worker: LiveWorker | None = None
         self._input_size = self._shown_size = order.size
         self._why_resized = "input"
         self._key_wanted = False
         self._items: deque[Item] = deque()
         self._moved = asyncio.Event()
         """Set at every change of state."""
-        self._held_by: set[str] = set()
+        self._suspended_by: set[str] = set()
         self._changing = asyncio.Lock()
-        self._mending: asyncio.Task[None] | None = None
+        self._replacing: asyncio.Task[None] | None = None
         self._newest: asyncio.Task[None] | None = None
         """Of the frame begun last."""
         self._tasks: set[asyncio.Task[None]] = set()
@@ -107,37 +107,37 @@ class Stream:
 
     async def open(self) -> None:
         """Take a seat and begin. Raises NoLiveWorker, or what `LivePainter.open` raises."""
-        self._seat = await self._take()
+        self._worker = await self._take()
 
     async def aclose(self) -> None:
         """Stop, and give the seat back. What is in work is finished first, for nobody."""
-        self._hold("closed")
+        self._suspend("closed")
         self._wake()
-        if self._mending is not None:
-            self._mending.cancel()
+        if self._replacing is not None:
+            self._replacing.cancel()
         if self._tasks:
             await asyncio.wait(self._tasks, timeout=LEAVE_WITHIN_S)
-        if self._seat is not None:
-            seat, self._seat = self._seat, None
-            await seat.leave()
+        if self._worker is not None:
+            worker, self._worker = self._worker, None
+            await worker.leave()
 
     def detach(self) -> None:
         """The connection is gone: what waits is dropped, what is in work is painted for nobody."""
-        self._hold("away")
+        self._suspend("away")
         self._items.clear()
         self._policy.leave()
         self._wake()
 
     async def attach(self, wire: WireFormat, size: Size, adaptive: bool) -> None:
         """Go on for another connection: its codecs, its frames. Raises as `open`."""
-        self._hold("away")
+        self._suspend("away")
         order = replace(self.order, wire=wire)
-        await self._on_seat(lambda seat: seat.open(order), order)
+        await self._on_worker(lambda worker: worker.open(order), order)
         self._policy.built_on = wire.send in BUILT_ON
         self._policy.leave()
         self._items.clear()
         self._ladder.adaptive, self._pace, self._input_size = adaptive, FrameRateMeter(wire.fps), size
-        self._free("away")
+        self._release("away")
 
     # -- frames
 
@@ -150,7 +150,7 @@ class Stream:
         """A frame has come."""
         self._pace.arrived(packet.at_s)
         if self._policy.arrive(packet):
-            self._put(NeedsKey("earlier frames are lost"))
+            self._put(KeyframeNeeded("earlier frames are lost"))
         self._pump()
 
     def want_key(self) -> None:
@@ -159,7 +159,7 @@ class Stream:
 
     async def next(self) -> Item | None:
         """What to send next; None once closed. Raises what ended the stream. After an `Answer` is sent, call `sent`."""
-        await self._until(lambda: bool(self._items) or "closed" in self._held_by)
+        await self._until(lambda: bool(self._items) or "closed" in self._suspended_by)
         return self._items.popleft() if self._items else None
 
     def sent(self, answer: Answer, latency_s: float) -> None:
@@ -186,8 +186,8 @@ class Stream:
         self._counted = (self._policy.received, self._policy.dropped)
         self._second.received, self._second.dropped = self._counted[0] - received, self._counted[1] - dropped
         now = self._clock()
-        said, self._second = self._second.as_json(now), FrameStatistics(now)
-        return said | self._shown()
+        figures, self._second = self._second.as_json(now), FrameStatistics(now)
+        return figures | self._shown()
 
     def _shown(self) -> Json:
         width, height = self.size
@@ -197,32 +197,34 @@ class Stream:
 
     async def change(self, params: Mapping[str, Json], inputs: Mapping[str, str]) -> None:
         """Go on with these parameters (all of them) and references (blob keys), or raise and change nothing."""
-        await self._on_seat(lambda seat: seat.change(params, inputs), replace(self.order, params=params, inputs=inputs))
+        await self._on_worker(
+            lambda worker: worker.change(params, inputs), replace(self.order, params=params, inputs=inputs)
+        )
 
-    async def _on_seat(self, call: Callable[[LiveWorker], Awaitable[None]], order: LiveOrder) -> None:
+    async def _on_worker(self, call: Callable[[LiveWorker], Awaitable[None]], order: LiveOrder) -> None:
         """Do something on the seat while nothing is in work; from then on `order` is in force. A seat that dies of it
         is replaced by one that begins with the order as it was, and it is tried there."""
-        async with self._quiet():
+        async with self._idle():
             try:
-                await call(self._here())
+                await call(self._open_worker())
             except LiveWorkerLost as error:
-                self._lose(self._here(), str(error))
-                await self._until(lambda: self._mending is None)
-                await call(self._here())
+                self._lose(self._open_worker(), str(error))
+                await self._until(lambda: self._replacing is None)
+                await call(self._open_worker())
             self.order = order
 
     @asynccontextmanager
-    async def _quiet(self) -> AsyncIterator[None]:
+    async def _idle(self) -> AsyncIterator[None]:
         """Nothing is in work and nothing begins."""
         async with self._changing:
-            self._hold("change")
+            self._suspend("change")
             try:
-                await self._until(lambda: not self._policy.working and self._mending is None)
+                await self._until(lambda: not self._policy.working and self._replacing is None)
                 if self._failure is not None:
                     raise self._failure
                 yield
             finally:
-                self._free("change")
+                self._release("change")
 
     # -- work
 
@@ -239,19 +241,19 @@ class Stream:
 
     async def _paint(self, start: Start, work: FrameRequest, before: asyncio.Task[None] | None) -> None:
         """A frame from its analysis to its answer. It waits for the task `before`: answers keep the order of frames."""
-        began, rung, seat = self._clock(), self._ladder.rung, self._here()
-        analyzing, painting = asyncio.ensure_future(seat.analyze(work)), asyncio.ensure_future(seat.paint())
+        began, rung, worker = self._clock(), self._ladder.rung, self._open_worker()
+        analyzing, painting = asyncio.ensure_future(worker.analyze(work)), asyncio.ensure_future(worker.paint())
         analyzing.add_done_callback(lambda done: self._analyzed(done, start))
         try:
             painted = await painting
             if before is not None:
                 await asyncio.wait([before])
         except LiveWorkerLost as error:
-            self._lose(seat, str(error))
+            self._lose(worker, str(error))
         except Exception as error:
             self._fail(error)
         else:
-            if seat is not self._seat:
+            if worker is not self._worker:
                 return  # counted as lost with its seat
             self._finished(Answer(start.frame, painted, began - start.frame.at_s), work.work_size, rung)
 
@@ -264,7 +266,7 @@ class Stream:
     def _finished(self, answer: Answer, size: Size, rung: int) -> None:
         self._policy.painted()
         self._measure(answer, rung)
-        if "away" in self._held_by:
+        if "away" in self._suspended_by:
             self._policy.leave()
         else:
             self._show(size)
@@ -285,57 +287,57 @@ class Stream:
 
     # -- death and failure
 
-    def _here(self) -> LiveWorker:
-        assert self._seat is not None, "the stream is open"
-        return self._seat
+    def _open_worker(self) -> LiveWorker:
+        assert self._worker is not None, "the stream is open"
+        return self._worker
 
     async def _take(self) -> LiveWorker:
         async def one() -> LiveWorker:
             while True:
-                seat = await self._seats.take()
+                worker = await self._workers.take()
                 try:
-                    await seat.open(self.order)
-                    return seat
+                    await worker.open(self.order)
+                    return worker
                 except LiveWorkerLost:
                     log.warning("a live worker died before its first frame")
-                    await seat.leave()
+                    await worker.leave()
                 except BaseException:
-                    await seat.leave()
+                    await worker.leave()
                     raise
 
         try:
-            return await asyncio.wait_for(one(), SEAT_WITHIN_S)
+            return await asyncio.wait_for(one(), WORKER_WITHIN_S)
         except TimeoutError:
             raise NoLiveWorker("No live worker got ready in time.", remedy="Try again in a minute.") from None
 
-    def _lose(self, seat: LiveWorker, reason: str) -> None:
+    def _lose(self, worker: LiveWorker, reason: str) -> None:
         """The seat has died: forget what it had in work, take another. Told by everything that it had in work."""
-        if seat is not self._seat or "closed" in self._held_by:
+        if worker is not self._worker or "closed" in self._suspended_by:
             return
-        self._seat = None
+        self._worker = None
         log.warning("a live worker has died: %s", reason)
-        self._hold("mending")
+        self._suspend("replacing")
         if self._policy.lost():
-            self._put(NeedsKey("the worker died"))
+            self._put(KeyframeNeeded("the worker died"))
         self._ladder.restart()
-        self._mending = self._spawn(self._mend(seat, reason))
+        self._replacing = self._spawn(self._replace_worker(worker, reason))
         self._wake()
 
-    async def _mend(self, lost: LiveWorker, reason: str) -> None:
+    async def _replace_worker(self, lost: LiveWorker, reason: str) -> None:
         try:
-            self._seat = await self._take()
+            self._worker = await self._take()
             self._key_wanted = True
             self._put(Replaced(reason))
         except Exception as error:
             self._fail(error)
         finally:
-            self._mending = None
-            self._free("mending")
+            self._replacing = None
+            self._release("replacing")
             await lost.leave()
 
     def _fail(self, error: Exception) -> None:
         self._failure = self._failure or error
-        self._hold("failed")
+        self._suspend("failed")
         self._wake()
 
     # -- small things
@@ -344,13 +346,13 @@ class Stream:
         self._items.append(item)
         self._wake()
 
-    def _hold(self, why: str) -> None:
-        self._held_by.add(why)
-        self._policy.held = True
+    def _suspend(self, why: str) -> None:
+        self._suspended_by.add(why)
+        self._policy.suspended = True
 
-    def _free(self, why: str) -> None:
-        self._held_by.discard(why)
-        self._policy.held = bool(self._held_by)
+    def _release(self, why: str) -> None:
+        self._suspended_by.discard(why)
+        self._policy.suspended = bool(self._suspended_by)
         self._wake()
         self._pump()
 

@@ -38,9 +38,9 @@ class _RenderActor:
 
     def __init__(self, make_runner: Callable[[Blobs], Runner], blobs: Blobs) -> None:
         os.nice(RENDER_NICENESS)
-        self._watch = AttemptMonitor()
-        self._shelf = ArtefactCache(blobs)
-        self._runner = make_runner(self._shelf)
+        self._monitor = AttemptMonitor()
+        self._cache = ArtefactCache(blobs)
+        self._runner = make_runner(self._cache)
         warm_up = partial(self._runner.warm_up, lambda: False)
         threading.Thread(target=warm_up, name="impasto-warm-up", daemon=True).start()
 
@@ -50,9 +50,9 @@ class _RenderActor:
         Args:
             given: by blob key, references that orders before it have left.
         """
-        self._shelf.begin({key: partial(_fetch, reference) for key, reference in given.items()}, order.leads)
-        outcome = self._watch.run(self._runner, order)
-        return outcome, {key: (ray.put(data), len(data)) for key, data in self._shelf.end().items()}
+        self._cache.begin({key: partial(_fetch, reference) for key, reference in given.items()}, order.leads)
+        outcome = self._monitor.run(self._runner, order)
+        return outcome, {key: (ray.put(data), len(data)) for key, data in self._cache.end().items()}
 
     @ray.method(concurrency_group=CONTROL)
     def hello(self) -> tuple[str, str]:
@@ -62,11 +62,11 @@ class _RenderActor:
     @ray.method(concurrency_group=CONTROL)
     def progress(self) -> tuple[str, float, str]:
         """(attempt id, 0..1, blob key of its newest frame) of what runs now."""
-        return self._watch.progress()
+        return self._monitor.progress()
 
     @ray.method(concurrency_group=CONTROL)
     def cancel(self, attempt_id: str) -> None:
-        self._watch.cancel(attempt_id)
+        self._monitor.cancel(attempt_id)
 
 
 def _fetch(reference: Any) -> bytes | None:
@@ -88,7 +88,7 @@ class _LiveActor:
     def __init__(self, make_painter: bytes, secret: bytes) -> None:
         self._make_painter, self._secret = make_painter, secret
         self._painter: SessionRenderer | None = None
-        self._post: LiveWorkerServer | None = None
+        self._server: LiveWorkerServer | None = None
 
     def warm_up(self) -> Address:
         """Returns where its post is, once a first frame costs what others do.
@@ -98,8 +98,8 @@ class _LiveActor:
         thread = threading.Thread(target=self._get_ready, name="impasto-warm-up")
         thread.start()
         thread.join()
-        self._post = LiveWorkerServer(self._here, cast(Any, ray.util).get_node_ip_address(), self._secret)
-        return self._post.address
+        self._server = LiveWorkerServer(self._here, cast(Any, ray.util).get_node_ip_address(), self._secret)
+        return self._server.address
 
     def _get_ready(self) -> None:
         with contextlib.suppress(OSError):  # of this thread alone, on Linux; elsewhere it may not be possible

@@ -97,8 +97,8 @@ class ArtefactCache(Blobs):
     def check(self) -> None:
         self._blobs.check()
 
-    def check_room(self, wanted_bytes: int = 0) -> None:
-        self._blobs.check_room(wanted_bytes)
+    def check_free_space(self, wanted_bytes: int = 0) -> None:
+        self._blobs.check_free_space(wanted_bytes)
 
     def sweep(self, older_than_s: float = 3600.0) -> int:
         return self._blobs.sweep(older_than_s)

@@ -55,11 +55,11 @@ class Pool(Protocol):
         ...
 
     @property
-    def hands_on(self) -> bool:
+    def shares_memory(self) -> bool:
         """Whether tasks of a step have a quicker way to each other than the blob store: see `shelf`."""
         ...
 
-    def hold(self, nodes: Collection[str]) -> None:
+    def drain(self, nodes: Collection[str]) -> None:
         """Let nothing begin on these nodes until the next call; what runs there goes on."""
         ...
 

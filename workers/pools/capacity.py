@@ -62,12 +62,12 @@ Machines = Iterable[tuple[str, Capacity]]
 """By name, what each has to give if nothing runs there. Names may repeat."""
 
 
-def machines_with(room: Capacity, machines: Machines) -> set[str]:
+def machines_with(wanted: Capacity, machines: Machines) -> set[str]:
     """Names of the machines that have so much."""
-    return {name for name, machine in machines if machine.covers(room)}
+    return {name for name, machine in machines if machine.covers(wanted)}
 
 
-def shortage(room: Capacity, machines: Machines) -> str:
+def shortage(wanted: Capacity, machines: Machines) -> str:
     """For people: what no machine has, and what there is."""
     there = "; ".join(sorted(f"{name}: {machine}" for name, machine in machines)) or "there are none"
-    return f"No machine of the cluster has {room} ({there})"
+    return f"No machine of the cluster has {wanted} ({there})"

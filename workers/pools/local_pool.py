@@ -32,7 +32,7 @@ class Runner(Protocol):
 class LocalPool:
     """`workers` threads, each with a runner of its own, made in the thread at its first order."""
 
-    hands_on = False
+    shares_memory = False
 
     def __init__(self, make_runner: Callable[[], Runner], workers: int) -> None:
         self.capacity = workers
@@ -47,15 +47,15 @@ class LocalPool:
         self._warming = threading.Thread(target=self._warm_up, name="impasto-warm-up", daemon=True)
         self._listen: Listen = lambda report: None
         self._node = socket.gethostname()
-        self._held = False
+        self._drained = False
 
     @property
     def free(self) -> int:
         with self._lock:
-            return 0 if self._held else self.capacity - len(self._stops) + len(self._abandoned)
+            return 0 if self._drained else self.capacity - len(self._stops) + len(self._abandoned)
 
-    def hold(self, nodes: Collection[str]) -> None:
-        self._held = self._node in nodes
+    def drain(self, nodes: Collection[str]) -> None:
+        self._drained = self._node in nodes
 
     def slots(self) -> tuple[Slot, ...]:
         with self._lock:

@@ -37,12 +37,16 @@ class RayNode:
             *(() if gpus is None else ("--num-gpus", f"{gpus:g}")),
             *(() if memory_gib is None else ("--memory", str(int(memory_gib * (1 << 30))))),
         ]
-        self._said = tempfile.TemporaryFile()  # noqa: SIM115  (closed by __exit__)
+        self._output = tempfile.TemporaryFile()  # noqa: SIM115  (closed by __exit__)
         self._process: subprocess.Popen[bytes] | None = None
 
     def __enter__(self) -> Self:
         self._process = subprocess.Popen(  # noqa: S603  (our own arguments)
-            self._command, stdin=subprocess.DEVNULL, stdout=self._said, stderr=subprocess.STDOUT, start_new_session=True
+            self._command,
+            stdin=subprocess.DEVNULL,
+            stdout=self._output,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
         )
         return self
 
@@ -58,14 +62,14 @@ class RayNode:
             log.warning("the Ray node does not end; it is killed")
             self._process.kill()
             self._process.wait()
-        self._said.close()
+        self._output.close()
 
     def check(self) -> None:
         """Raise StorageError if the node has gone: the head may have."""
         assert self._process is not None
         if self._process.poll() is not None:
-            self._said.seek(0)
-            last = self._said.read()[-2000:].decode("utf-8", "replace").strip()
+            self._output.seek(0)
+            last = self._output.read()[-2000:].decode("utf-8", "replace").strip()
             raise StorageError(
                 f"The Ray node has ended: {last or 'it said nothing'}.",
                 field="ray_address",

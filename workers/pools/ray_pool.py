@@ -55,7 +55,7 @@ class _Worker:
     actor: Any
     hello: Any
     """Reference to its greeting, until that has come."""
-    room: Capacity
+    capacity: Capacity
     """What it has from Ray."""
     avoids: frozenset[str] = frozenset()
     """Ids of Ray nodes where it was not to begin."""
@@ -91,18 +91,19 @@ class RayPool:
         self._make_runner = make_runner or partial(
             remote_renderer, settings.for_workers, scratch=settings.scratch if here else None
         )
-        self.hands_on = not (here and isinstance(blobs, DiskBlobs))  # a file just written on this machine is as near
+        # A file just written on this machine is read as quickly as shared memory.
+        self.shares_memory = not (here and isinstance(blobs, DiskBlobs))
         self._handed = SharedArtefacts(_HANDED_BYTES)
         self._workers: list[_Worker] = []
         self._lock = threading.RLock()
         self._news = threading.Event()
         self._stopping = False
-        self._pump = threading.Thread(target=self._watch, name="impasto-ray", daemon=True)
+        self._pump = threading.Thread(target=self._run, name="impasto-ray", daemon=True)
         self._listen: Listen = lambda report: None
         self._usual = default_capacity(settings)
-        self._lacking = ""
+        self._shortage = ""
         """What keeps every worker from starting, in words."""
-        self._held: frozenset[str] = frozenset()
+        self._drained: frozenset[str] = frozenset()
         self._avoided: frozenset[str] = frozenset()
         """Ids of the nodes that are held."""
         self._owed = 0
@@ -119,24 +120,24 @@ class RayPool:
             return len(self._idle())
 
     def _idle(self) -> list[_Worker]:
-        return [worker for worker in self._workers if worker.idle and worker.node not in self._held]
+        return [worker for worker in self._workers if worker.idle and worker.node not in self._drained]
 
     def slots(self) -> tuple[Slot, ...]:
         with self._lock:
             there = [worker for worker in self._workers if worker.name]
-        return tuple(Slot(w.name, w.node, w.room.cpus, w.room.gpus, w.room.memory_bytes) for w in there)
+        return tuple(Slot(w.name, w.node, w.capacity.cpus, w.capacity.gpus, w.capacity.memory_bytes) for w in there)
 
-    def hold(self, nodes: Collection[str]) -> None:
+    def drain(self, nodes: Collection[str]) -> None:
         """Idle actors of these nodes move to others, as far as there is room."""
-        if self._held == frozenset(nodes):
+        if self._drained == frozenset(nodes):
             return
         names = _node_names()
         with self._lock:
-            self._held = frozenset(nodes)
-            self._avoided = frozenset(node_id for node_id, name in names.items() if name in self._held)
+            self._drained = frozenset(nodes)
+            self._avoided = frozenset(node_id for node_id, name in names.items() if name in self._drained)
             for worker in list(self._workers):
                 starting = not worker.name and not worker.attempt_id
-                if (worker.idle and worker.node in self._held) or (starting and worker.avoids != self._avoided):
+                if (worker.idle and worker.node in self._drained) or (starting and worker.avoids != self._avoided):
                     self._exchange(worker, self._usual)
 
     def start(self, listen: Listen) -> None:
@@ -160,13 +161,13 @@ class RayPool:
             self._listen(Report(order.attempt_id, lost=True))
         self._news.set()
 
-    def _place_for(self, room: Capacity) -> _Worker | None:
+    def _place_for(self, capacity: Capacity) -> _Worker | None:
         idle = self._idle()
-        fitting = [worker for worker in idle if worker.room.covers(room)]
+        fitting = [worker for worker in idle if worker.capacity.covers(capacity)]
         if fitting or not idle:  # the least that will do: the others may be wanted for more
-            return min(fitting, key=lambda worker: (worker.room.gpus, worker.room.memory_bytes), default=None)
-        roomy = machines_with(room, _machines())
-        return self._exchange(next((worker for worker in idle if worker.node in roomy), idle[0]), room)
+            return min(fitting, key=lambda worker: (worker.capacity.gpus, worker.capacity.memory_bytes), default=None)
+        suitable = machines_with(capacity, _machines())
+        return self._exchange(next((worker for worker in idle if worker.node in suitable), idle[0]), capacity)
 
     def cancel(self, attempt_id: str) -> None:
         worker = self._at_work(attempt_id)
@@ -183,7 +184,7 @@ class RayPool:
         with self._lock:
             busy = {worker.attempt_id: worker.name for worker in self._workers if worker.attempt_id}
         wanted = self._settings.workers
-        return {"kind": "ray", "workers": self.capacity, "wanted": wanted, "busy": busy, "lacking": self._lacking}
+        return {"kind": "ray", "workers": self.capacity, "wanted": wanted, "busy": busy, "lacking": self._shortage}
 
     def stop(self, grace_s: float = 5.0) -> None:
         with self._lock:
@@ -200,14 +201,14 @@ class RayPool:
 
     # -- the pump: greetings, answers, progress
 
-    def _watch(self) -> None:
+    def _run(self) -> None:
         while not self._stopping:
             self._news.clear()
             try:
                 if not self._collect(_TICK_S):
                     self._news.wait(_TICK_S)
                 self._ask_progress()
-                self._make_room()
+                self._free_capacity()
             except Exception:
                 log.exception("the Ray pool failed; it tries again")
                 self._news.wait(1.0)
@@ -248,7 +249,7 @@ class RayPool:
         self._handed.add(made)
         with self._lock:
             worker.attempt_id, worker.answer = "", None
-            if worker.node in self._held:
+            if worker.node in self._drained:
                 self._exchange(worker, self._usual)
         self._listen(Report(outcome.attempt_id, 1.0, outcome, worker=worker.name))
 
@@ -259,14 +260,14 @@ class RayPool:
         for worker in busy:
             if not worker.name:  # its actor waits for room: that is no silence
                 none = "" if worker.hopeless_since is None else ": no machine has that"
-                self._listen(Report(worker.attempt_id, worker=f"waiting for {worker.room}{none}"))
+                self._listen(Report(worker.attempt_id, worker=f"waiting for {worker.capacity}{none}"))
         if not asked:
             return
         come, _ = ray.wait(list(asked), num_returns=len(asked), timeout=_TICK_S)
         for ref in come:
-            self._tell(ref, asked[ref])
+            self._report_progress(ref, asked[ref])
 
-    def _tell(self, ref: Any, worker: _Worker) -> None:
+    def _report_progress(self, ref: Any, worker: _Worker) -> None:
         try:
             attempt_id, done, preview = ray.get(ref)
         except RayError:
@@ -276,7 +277,7 @@ class RayPool:
 
     # -- actors
 
-    def _make_room(self) -> None:
+    def _free_capacity(self) -> None:
         """End an idle actor where one that has waited a while could begin; once nobody waits, make up for it."""
         now = time.monotonic()
         with self._lock:
@@ -288,39 +289,41 @@ class RayPool:
         machines = _machines() if late else []
         for worker in late:
             worker.patient_since = now
-            self._help(worker, machines, now)
+            self._check_waiting(worker, machines, now)
         if not unborn or late:
-            self._note_lack(machines)
+            self._update_shortage(machines)
 
-    def _help(self, worker: _Worker, machines: Machines, now: float) -> None:
+    def _check_waiting(self, worker: _Worker, machines: Machines, now: float) -> None:
         """See to an actor that waits for room."""
-        roomy = machines_with(worker.room, machines)
-        if roomy:
+        suitable = machines_with(worker.capacity, machines)
+        if suitable:
             worker.hopeless_since = None
             if worker.attempt_id:
-                self._end_idle(roomy)
+                self._end_idle(suitable)
             return
         worker.hopeless_since = worker.hopeless_since or now
-        if worker.attempt_id and now - worker.hopeless_since > self._settings.room_s:
+        if worker.attempt_id and now - worker.hopeless_since > self._settings.capacity_wait_s:
             self._give_up(worker, machines)
 
     def _give_up(self, worker: _Worker, machines: Machines) -> None:
         """Fail the attempt of an actor that has waited long enough for a machine that there is not."""
         remedy = "Add such a machine to the cluster, or choose a smaller video, then retry the job."
-        error = NoCapacity(f"{shortage(worker.room, machines)}.", field="needs", value=str(worker.room), remedy=remedy)
+        error = NoCapacity(
+            f"{shortage(worker.capacity, machines)}.", field="needs", value=str(worker.capacity), remedy=remedy
+        )
         attempt_id, worker.attempt_id = worker.attempt_id, ""
         ray.kill(worker.actor)
         self._replace(worker)
         self._listen(Report(attempt_id, outcome=failed_outcome(attempt_id, error), worker="none"))
 
-    def _note_lack(self, machines: Machines) -> None:
+    def _update_shortage(self, machines: Machines) -> None:
         """Operators are told, once, when no worker can start on any machine."""
         with self._lock:
             hopeless = bool(self._workers) and all(worker.hopeless_since is not None for worker in self._workers)
-        said = f"{shortage(self._usual, machines)}: no worker can start." if hopeless else ""
-        if said and not self._lacking:
-            log.warning("%s", said)
-        self._lacking = said
+        message = f"{shortage(self._usual, machines)}: no worker can start." if hopeless else ""
+        if message and not self._shortage:
+            log.warning("%s", message)
+        self._shortage = message
 
     def _end_idle(self, nodes: Collection[str]) -> None:
         """One of these nodes, if there is one."""
@@ -331,17 +334,20 @@ class RayPool:
                 self._workers.remove(found)
                 self._owed += 1
 
-    def _new_worker(self, room: Capacity) -> _Worker:
+    def _new_worker(self, capacity: Capacity) -> _Worker:
         elsewhere = {"ray.io/node-id": f"!in({','.join(sorted(self._avoided))})"} if self._avoided else None
         actor = RenderActor.options(
-            num_cpus=room.cpus, num_gpus=room.gpus, memory=room.memory_bytes or None, label_selector=elsewhere
+            num_cpus=capacity.cpus,
+            num_gpus=capacity.gpus,
+            memory=capacity.memory_bytes or None,
+            label_selector=elsewhere,
         ).remote(self._make_runner, self._blobs)
-        return _Worker(actor, actor.hello.remote(), room, self._avoided)
+        return _Worker(actor, actor.hello.remote(), capacity, self._avoided)
 
-    def _exchange(self, worker: _Worker, room: Capacity) -> _Worker:
+    def _exchange(self, worker: _Worker, capacity: Capacity) -> _Worker:
         """End an actor that has nothing to do; another takes its place."""
         ray.kill(worker.actor)
-        new = self._new_worker(room)
+        new = self._new_worker(capacity)
         self._workers[self._workers.index(worker)] = new
         return new
 

@@ -67,11 +67,11 @@ def _of_shot(shot: Shot, path: Path) -> Iterator[DocumentFault]:
 
 
 def _twice(values: Iterable[Any], path: Path, member: str = "id") -> Iterator[DocumentFault]:
-    seen: set[Any] = set()
+    earlier: set[Any] = set()
     for index, value in enumerate(values):
-        if value in seen:
+        if value in earlier:
             yield fault((*path, index, member), f"This {member} is used twice.", value=value, remedy="Use it once.")
-        seen.add(value)
+        earlier.add(value)
 
 
 def _names(document: Document) -> Iterator[tuple[Path, str]]:

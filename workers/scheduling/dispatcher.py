@@ -52,7 +52,7 @@ _SKIP_S = 60.0
 class _Flight:
     """An attempt that is with the pool."""
 
-    heard: float
+    last_report_s: float
     """When it last reported, monotonic s."""
     job_id: str
     task_id: str
@@ -60,7 +60,7 @@ class _Flight:
     progress: float = 0.0
     preview: str = ""
     worker: str = ""
-    told: bool = True
+    reported: bool = True
     """Whether the store knows `progress` and `preview`."""
     revoked: bool = False
 
@@ -82,17 +82,17 @@ class Dispatcher:
         store: Store,
         pool: Pool,
         settings: FarmSettings,
-        has_room: Callable[[], None] = lambda: None,
-        tidy: Callable[[str], None] = lambda job_id: None,
+        check_space: Callable[[], None] = lambda: None,
+        collect: Callable[[str], None] = lambda job_id: None,
         who: WorkerInfo | None = None,
     ) -> None:
         self._store = store
         self._pool = pool
         self._who = who or WorkerInfo(socket.gethostname(), "serve", "local", "")
         self._settings = settings
-        self._has_room = has_room
-        self._tidy = tidy
-        self._orders = Orders(store, pool.hands_on)
+        self._check_space = check_space
+        self._collect = collect
+        self._orders = Orders(store, pool.shares_memory)
         self._flights: dict[str, _Flight] = {}
         self._skipped: dict[str, float] = {}
         """Job id -> monotonic time until which its plan is not tried again."""
@@ -103,32 +103,32 @@ class Dispatcher:
         self._slots: tuple[Slot, ...] | None = None
         """Those that the store knows."""
         self._thread = threading.Thread(target=self._run, name="impasto-dispatcher", daemon=True)
-        self._life: ProcessLock | None = None
-        self._renewed = self._told = self._looked = self._rested = float("-inf")
-        self._turned = time.monotonic()
+        self._process_lock: ProcessLock | None = None
+        self._last_renewal = self._progress_written = self._last_look = self._last_idle = float("-inf")
+        self._last_turn = time.monotonic()
         self.trouble = ""
         """What keeps it from working now; empty if nothing does."""
 
     # -- life
 
-    def start(self, life: ProcessLock) -> None:
-        """Take up what earlier lives have left, and begin. `stop` ends `life`."""
-        self._pool.start(self._hear)
-        self._life = life
-        self._turned = self._rested = time.monotonic()
+    def start(self, process_lock: ProcessLock) -> None:
+        """Take up what earlier lives have left, and begin. `stop` ends `process_lock`."""
+        self._pool.start(self._receive)
+        self._process_lock = process_lock
+        self._last_turn = self._last_idle = time.monotonic()
         self._thread.start()
 
     def stop(self, grace_s: float = 5.0) -> None:
         """Ask running attempts to stop, give their tasks back, and end."""
-        if self._life is None:
+        if self._process_lock is None:
             return
         self._stopping = True
         self._wake.set()
         self._thread.join(grace_s + _MAX_BACK_OFF_S)
         self._pool.stop(grace_s)
         self._leave()
-        self._life.end()
-        self._life = None
+        self._process_lock.end()
+        self._process_lock = None
 
     def drain(self, timeout_s: float) -> bool:
         """Take nothing new, and let what runs end; whether all of it did within `timeout_s`. Call `stop` then."""
@@ -140,12 +140,12 @@ class Dispatcher:
 
     def poke(self) -> None:
         """Something in the store has changed: look now."""
-        self._looked = float("-inf")
+        self._last_look = float("-inf")
         self._wake.set()
 
     def check(self) -> None:
         """Raise StorageError with what keeps it from working, or if its thread hangs or has died."""
-        silent_s = time.monotonic() - self._turned
+        silent_s = time.monotonic() - self._last_turn
         if not self._thread.is_alive() or silent_s > 4 * _MAX_BACK_OFF_S:
             raise StorageError(f"The dispatcher has been silent for {silent_s:.0f} s.", remedy="Restart the service.")
         if trouble := self.trouble or str(self._pool.describe().get("lacking", "")):
@@ -154,7 +154,7 @@ class Dispatcher:
     @property
     def id(self) -> str:
         """As the store knows it; empty unless it is started."""
-        return "" if self._life is None else self._life.id
+        return "" if self._process_lock is None else self._process_lock.id
 
     @property
     def running(self) -> int:
@@ -164,52 +164,56 @@ class Dispatcher:
     # -- the thread
 
     def _run(self) -> None:
-        back_off, woken, sought = 0.0, True, float("-inf")
+        back_off, woken, searched = 0.0, True, float("-inf")
         while not self._stopping:
             self._wake.clear()
-            self._turned = time.monotonic()
+            self._last_turn = time.monotonic()
             try:
-                self._turn()
-                if woken or back_off or self._turned - sought >= (_IDLE_TICK_S if self._has_place() else _FULL_TICK_S):
-                    self._seek()
-                    sought = self._turned
+                self._check_running()
+                if (
+                    woken
+                    or back_off
+                    or self._last_turn - searched >= (_IDLE_TICK_S if self._has_free_slot() else _FULL_TICK_S)
+                ):
+                    self._find_work()
+                    searched = self._last_turn
                 back_off, self.trouble = 0.0, ""
             except Exception as error:
                 back_off = min(_MAX_BACK_OFF_S, max(0.5, 2 * back_off))
-                self._note_trouble(error)
+                self._record_outage(error)
             woken = self._wake.wait(back_off or (_BUSY_TICK_S if self._flights else _IDLE_TICK_S))
             if not (woken or self._flights):
-                self._rested = time.monotonic()
+                self._last_idle = time.monotonic()
 
-    def _note_trouble(self, error: Exception) -> None:
+    def _record_outage(self, error: Exception) -> None:
         self.trouble = str(error) or type(error).__name__
         if isinstance(error, StorageError):
             log.warning("dispatcher waits: %s", error)
         else:
             log.exception("dispatcher failed; it tries again")
 
-    def _turn(self) -> None:
+    def _check_running(self) -> None:
         """Look after what runs. Repeatable: an exception in the middle loses nothing."""
-        self._bring_in()
+        self._handle_reports()
         self._keep_leases()
         self._enrol()
-        self._tell_progress()
+        self._write_progress()
         self._revoke()
 
-    def _seek(self) -> None:
+    def _find_work(self) -> None:
         """Find new work. Repeatable as well."""
         self._plan()
         self._fill()
 
     # -- reports from the pool
 
-    def _hear(self, report: Report) -> None:
+    def _receive(self, report: Report) -> None:
         """Called from any thread."""
         self._reports.append(report)
         if report.outcome is not None or report.lost:
             self._wake.set()
 
-    def _bring_in(self) -> None:
+    def _handle_reports(self) -> None:
         while self._reports:
             self._take(self._reports[0])
             self._reports.popleft()
@@ -218,16 +222,16 @@ class Dispatcher:
         flight = self._flights.get(report.attempt_id)
         if flight is None:
             return  # given up already; the store would refuse it, too
-        flight.heard = time.monotonic()
+        flight.last_report_s = time.monotonic()
         if report.worker and report.worker != flight.worker:
-            flight.worker, flight.told = report.worker, False
+            flight.worker, flight.reported = report.worker, False
         if report.lost:
             self._settle(report.attempt_id, flight, _lost(report))
         elif report.outcome is not None:
             self._settle(report.attempt_id, flight, report.outcome)
         elif (report.progress, report.preview or flight.preview) != (flight.progress, flight.preview):
             flight.progress, flight.preview = report.progress, report.preview or flight.preview
-            flight.told = False
+            flight.reported = False
 
     def _settle(self, attempt_id: str, flight: _Flight, outcome: TaskOutcome) -> None:
         """Write an outcome to the store. The attempt is forgotten here only after that has succeeded.
@@ -247,7 +251,7 @@ class Dispatcher:
         jobs = self._store.jobs
         over = jobs.succeeded(flight.job_id) if counted and flight.last_step else not jobs.exists(flight.job_id)
         if over:
-            self._tidy(flight.job_id)
+            self._collect(flight.job_id)
 
     def _commit_unstorable(self, attempt_id: str, flight: _Flight, error: Exception) -> bool:
         try:
@@ -270,12 +274,12 @@ class Dispatcher:
             return work.put_off(outcome.attempt_id, _RESOURCE_AWAY_S, outcome.log)
         return work.finish(outcome, machine.Failed(fault, is_final(fault)), worker)
 
-    def _tell_progress(self) -> None:
-        news = {attempt_id: flight for attempt_id, flight in self._flights.items() if not flight.told}
+    def _write_progress(self) -> None:
+        news = {attempt_id: flight for attempt_id, flight in self._flights.items() if not flight.reported}
         now = time.monotonic()
-        if not news or now - self._told < _BUSY_TICK_S * self._pace():
+        if not news or now - self._progress_written < _BUSY_TICK_S * self._pace():
             return
-        self._told = now
+        self._progress_written = now
         self._store.queue.progress(
             {
                 attempt_id: Heartbeat(flight.progress, flight.worker, flight.preview)
@@ -283,26 +287,26 @@ class Dispatcher:
             }
         )
         for flight in news.values():
-            flight.told = True
+            flight.reported = True
 
     def _pace(self) -> int:
         """Ticks from one look at what runs to the next."""
-        worked_s = time.monotonic() - self._rested
+        worked_s = time.monotonic() - self._last_idle
         return next(ticks for until_s, ticks in _PACES if worked_s < until_s)
 
     # -- leases, revocations, silence
 
     def _keep_leases(self) -> None:
-        assert self._life is not None
+        assert self._process_lock is not None
         lease_s = self._settings.lease_s
-        if time.monotonic() - self._renewed < lease_s / 3:
+        if time.monotonic() - self._last_renewal < lease_s / 3:
             return
-        self._store.queue.renew(self._life.id, lease_s)
-        dead = self._life.dead()
+        self._store.queue.renew(self._process_lock.id, lease_s)
+        dead = self._process_lock.dead()
         if given_back := self._store.queue.interrupt(dead):
             log.info("%d attempts of dead dispatchers were given back", given_back)
-        self._life.forget(dead)
-        self._renewed = time.monotonic()
+        self._process_lock.forget(dead)
+        self._last_renewal = time.monotonic()
 
     def _enrol(self) -> None:
         """Let operators know of our slots."""
@@ -312,19 +316,19 @@ class Dispatcher:
 
     def _revoke(self) -> None:
         """Tell the pool of attempts that no longer count (their job was cancelled), and of silent ones."""
-        assert self._life is not None
+        assert self._process_lock is not None
         now = time.monotonic()
-        if not self._flights or now - self._looked < _BUSY_TICK_S * min(self._pace(), _LOOK_TICKS):
+        if not self._flights or now - self._last_look < _BUSY_TICK_S * min(self._pace(), _LOOK_TICKS):
             return
-        mine = self._store.queue.mine(self._life.id)
-        self._looked = now
+        mine = self._store.queue.mine(self._process_lock.id)
+        self._last_look = now
         for attempt_id, flight in list(self._flights.items()):
             if attempt_id not in mine and not flight.revoked:
                 flight.revoked = True
                 self._pool.cancel(attempt_id)
-            if now - flight.heard > self._settings.stall_s:
+            if now - flight.last_report_s > self._settings.stall_s:
                 self._pool.abandon(attempt_id)
-                self._hear(Report(attempt_id, outcome=_stalled(attempt_id, self._settings.stall_s)))
+                self._receive(Report(attempt_id, outcome=_stalled(attempt_id, self._settings.stall_s)))
 
     # -- new work
 
@@ -363,11 +367,11 @@ class Dispatcher:
         plans.planned(todo.job_id, todo.step, plan_step(todo.step, todo.request, todo.params, info, results))
 
     def _fill(self) -> None:
-        assert self._life is not None
-        self._pool.hold([drain.name for drain in self._store.workers.drains() if drain.place is DrainScope.NODE])
-        while self._has_place() and not (self._stopping or self._draining):
-            self._has_room()
-            claim = self._store.queue.claim(self._life.id, self._settings.lease_s)
+        assert self._process_lock is not None
+        self._pool.drain([drain.name for drain in self._store.workers.drains() if drain.place is DrainScope.NODE])
+        while self._has_free_slot() and not (self._stopping or self._draining):
+            self._check_space()
+            claim = self._store.queue.claim(self._process_lock.id, self._settings.lease_s)
             if claim is None:
                 return
             last = claim.step_name == machine.ASSEMBLE
@@ -376,7 +380,7 @@ class Dispatcher:
             log.info("attempt begins", extra=_about(claim.attempt_id, flight, step=claim.step_name))
             self._send(claim)
 
-    def _has_place(self) -> bool:
+    def _has_free_slot(self) -> bool:
         """An order that cannot be made out takes no place in the pool, and would let us claim without end."""
         return len(self._flights) < self._pool.capacity and self._pool.free > 0
 
@@ -387,12 +391,12 @@ class Dispatcher:
         except Exception as error:
             if not _is_ours(error):
                 log.exception("an order failed", extra=about(job=claim.job_id))
-            self._hear(Report(claim.attempt_id, outcome=failed_outcome(claim.attempt_id, error)))
+            self._receive(Report(claim.attempt_id, outcome=failed_outcome(claim.attempt_id, error)))
 
     def _leave(self) -> None:
         """Give back what did not end in time."""
         try:
-            self._bring_in()
+            self._handle_reports()
             for attempt_id in list(self._flights):
                 self._store.queue.put_off(attempt_id, 0.0, "The service was stopped.")
             self._store.queue.retire(self.id)
@@ -421,8 +425,8 @@ def _is_ours(error: Exception) -> bool:
 
 def _lost(report: Report) -> TaskOutcome:
     fault = Fault("worker-lost", "The worker died while it ran this task.", "Look for a lack of memory, then retry.")
-    said = f"The worker {report.worker or '(unknown)'} died."
-    return TaskOutcome(report.attempt_id, {}, {}, {}, None, {}, said, fault)
+    log_text = f"The worker {report.worker or '(unknown)'} died."
+    return TaskOutcome(report.attempt_id, {}, {}, {}, None, {}, log_text, fault)
 
 
 def _stalled(attempt_id: str, seconds: float) -> TaskOutcome:

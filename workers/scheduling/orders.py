@@ -32,9 +32,9 @@ class Orders:
         hands_on: whether their pool has a way from task to task that is quicker than blobs.
     """
 
-    def __init__(self, store: Store, hands_on: bool) -> None:
+    def __init__(self, store: Store, shares_memory: bool) -> None:
         self._store = store
-        self._hands_on = hands_on
+        self._shares_memory = shares_memory
         self._known: OrderedDict[tuple[str, int], _Before] = OrderedDict()
 
     def order(self, claim: Claim) -> TaskOrder:
@@ -63,7 +63,7 @@ class Orders:
             segments=before.segments,
             stages=before.stages,
             resources=None if task["needs"] is None else Resources(**task["needs"]),
-            leads=self._hands_on and self._store.task_inputs.leads(task["id"]),
+            leads=self._shares_memory and self._store.task_inputs.leads(task["id"]),
         )
 
     def _before(self, job_id: str, step: int, inputs: dict[str, str], name: str) -> _Before:

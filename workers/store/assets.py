@@ -27,18 +27,18 @@ class Assets(StorePart):
             still_there: asked inside the transaction, so that a `delete` beside us cannot leave a row without bytes.
         """
         with self._db.write() as connection:
-            self._db.hold(connection, asset.id)
+            self._db.lock(connection, asset.id)
             if not still_there():
                 return None
             if _find(connection, asset.id) is None:
                 connection.execute(insert(schema.assets).values(asdict(asset)))
-            _hold(connection, asset)
+            _add_owner(connection, asset)
         return self.get(asset.id, asset.owner)
 
     def get(self, asset_id: str, owner: str | None = None) -> Asset:
         """The asset; with `owner`, as that owner holds it (their file name and time), else NotFound."""
         with self._db.read() as connection:
-            found = _find(connection, asset_id) if owner is None else _held_by(connection, asset_id, owner)
+            found = _find(connection, asset_id) if owner is None else _find_owned(connection, asset_id, owner)
         if found is None:
             raise _unknown(asset_id)
         return found
@@ -65,7 +65,7 @@ class Assets(StorePart):
         self.get(asset_id, owner)
         with self._db.write() as connection:
             table, owners = schema.assets, schema.asset_owners
-            self._db.hold(connection, asset_id)
+            self._db.lock(connection, asset_id)
             connection.execute(select(table.c.id).where(table.c.id == asset_id).with_for_update()).first()
             _refuse_if_used(connection, asset_id, owner)
             mine = () if owner is None else (owners.c.owner == owner,)
@@ -82,7 +82,7 @@ class Assets(StorePart):
     def unless_known(self, asset_id: str, forget: Callable[[], None]) -> None:
         """Call `forget` if the asset is (still) unknown, while nobody can add it."""
         with self._db.write() as connection:
-            self._db.hold(connection, asset_id)
+            self._db.lock(connection, asset_id)
             if _find(connection, asset_id) is None:
                 forget()
 
@@ -92,7 +92,7 @@ def _find(connection: Connection, asset_id: str) -> Asset | None:
     return None if row is None else asset_of(row)
 
 
-def _held_by(connection: Connection, asset_id: str, owner: str) -> Asset | None:
+def _find_owned(connection: Connection, asset_id: str, owner: str) -> Asset | None:
     _, key, query = _listing(owner)
     row = connection.execute(query.where(key == asset_id)).mappings().first()
     return None if row is None else asset_of(row)
@@ -109,10 +109,10 @@ def _listing(owner: str | None) -> tuple[ColumnElement[float], ColumnElement[str
     return owners.c.created_at, table.c.id, query
 
 
-def _hold(connection: Connection, asset: Asset) -> None:
+def _add_owner(connection: Connection, asset: Asset) -> None:
     owners = schema.asset_owners
-    held = select(owners.c.owner).where(owners.c.asset_id == asset.id, owners.c.owner == asset.owner)
-    if connection.execute(held).first() is None:
+    known = select(owners.c.owner).where(owners.c.asset_id == asset.id, owners.c.owner == asset.owner)
+    if connection.execute(known).first() is None:
         names = {"owner": asset.owner, "asset_id": asset.id, "filename": asset.filename}
         values = {**names, "created_at": asset.created_at}
         connection.execute(insert(owners).values(values))

@@ -23,20 +23,20 @@ class StorePart:
         self._now = now
 
     @contextmanager
-    def _book(self, job_id: str) -> Iterator[JobTransaction]:
+    def _transaction(self, job_id: str) -> Iterator[JobTransaction]:
         """The job under lock; committed at the end, and the bell rung. Raises NotFound."""
-        with self._book_if_any(job_id) as book:
-            if book is None:
+        with self._transaction_if_any(job_id) as job:
+            if job is None:
                 raise NotFound(f"There is no job {job_id}.", field="job", value=job_id)
-            yield book
+            yield job
 
     @contextmanager
-    def _book_if_any(self, job_id: str) -> Iterator[JobTransaction | None]:
-        """Like `_book`; None if there is no such job."""
+    def _transaction_if_any(self, job_id: str) -> Iterator[JobTransaction | None]:
+        """Like `_transaction`; None if there is no such job."""
         with self._db.write() as connection:
-            book = JobTransaction.open(connection, job_id, self._now(), self._policy)
-            yield book
-            if book is not None:
-                book.close()
-        if book is not None and book.changed:
-            self._notifier.ring(job_id, book.seq)
+            job = JobTransaction.open(connection, job_id, self._now(), self._policy)
+            yield job
+            if job is not None:
+                job.close()
+        if job is not None and job.changed:
+            self._notifier.notify(job_id, job.seq)

@@ -30,6 +30,6 @@ class ServerClock:
         before = time.monotonic()
         if before - self._looked < _LOOK_EVERY_S:
             return
-        said = float(connection.execute(_NOW).scalar_one())
+        server_time = float(connection.execute(_NOW).scalar_one())
         self._looked = time.monotonic()
-        self._ahead = said - (before + self._looked) / 2
+        self._ahead = server_time - (before + self._looked) / 2

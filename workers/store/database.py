@@ -84,7 +84,7 @@ class Database:
             self._look(connection)
             yield connection
 
-    def hold(self, connection: Connection, name: str) -> None:
+    def lock(self, connection: Connection, name: str) -> None:
         """Let nobody else hold `name` until this write transaction ends: for what is not there to be locked yet."""
         if not self.is_sqlite:  # there, nobody else writes
             connection.execute(text("SELECT pg_advisory_xact_lock(hashtextextended(:name, 482309))"), {"name": name})
@@ -175,10 +175,10 @@ def _as_storage_error() -> Iterator[None]:
     except PoolTimeout as error:
         raise StorageError("The database has no free connection.", remedy="Try again shortly.") from error
     except DBAPIError as error:
-        said = str(error.orig)
-        if "disk is full" in said or "No space left" in said or "disk full" in said:
+        reason = str(error.orig)
+        if "disk is full" in reason or "No space left" in reason or "disk full" in reason:
             raise StorageFull("The disk of the database is full.", remedy="Free some space on it.") from error
         away = type(error) in (OperationalError, InterfaceError, DatabaseError) or error.connection_invalidated
         if away or getattr(error.orig, "sqlstate", "") == _READ_ONLY:
-            raise StorageError(f"The database does not answer: {said}.", remedy="Check that it runs.") from error
+            raise StorageError(f"The database does not answer: {reason}.", remedy="Check that it runs.") from error
         raise

@@ -40,7 +40,7 @@ class EventNotifier:
         self._waited: Counter[str] = Counter()
         self._looking = False
 
-    def ring(self, job_id: str, seq: int) -> None:
+    def notify(self, job_id: str, seq: int) -> None:
         """The job has an event of this number."""
         with self._changed:
             self._newest[job_id] = max(seq, self._newest.get(job_id, 0))
@@ -107,5 +107,5 @@ class EventNotifier:
             return True
         news = {job_id: seq for job_id in waited if (seq := found.get(job_id, GONE)) > self.newest(job_id)}
         for job_id, seq in news.items():
-            self.ring(job_id, seq)
+            self.notify(job_id, seq)
         return bool(news)

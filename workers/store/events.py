@@ -30,7 +30,7 @@ class Events(StorePart):
         """Block until the job has an event with seq > `after` (or is deleted: True as well); False on time-out."""
         if not self._notifier.newest(job_id):
             with self._db.read() as connection:
-                self._notifier.ring(job_id, _newest_seq(connection, job_id))
+                self._notifier.notify(job_id, _newest_seq(connection, job_id))
         return self._notifier.wait(job_id, after, timeout_s, self._newest)
 
     def _newest(self, job_ids: Collection[str]) -> dict[str, int]:

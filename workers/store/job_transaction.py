@@ -82,9 +82,9 @@ class JobTransaction:
     def step_row(self, step: int) -> RowMapping:
         return self.connection.execute(_STEP, {"job_id": self.job_id, "step": step}).mappings().one()
 
-    def happen(self, event: StateEvent, task: dict[str, Any] | None = None) -> State:
+    def apply(self, event: StateEvent, task: dict[str, Any] | None = None) -> State:
         """Apply `event` (about the row `task`, if given), write what follows. Raises Conflict."""
-        before = State(self._job_mark(), _task_mark(task), self._policy.limits)
+        before = State(self._job_snapshot(), _task_snapshot(task), self._policy.limits)
         after, effects = machine.advance(before, event)
         self._write_job(before.job, after.job)
         if task is not None and after.task is not None:
@@ -93,13 +93,13 @@ class JobTransaction:
             self._apply(effect, task)
         return after
 
-    def say(self, kind: str, data: Json) -> None:
+    def add_event(self, kind: str, data: Json) -> None:
         """Append to the job's history."""
         seq = self.seq + 1
         self._events.append({"job_id": self.job_id, "seq": seq, "at": self.now, "type": kind, "data": data})
 
-    def say_task(self, task: dict[str, Any], state: TaskState, **more: Any) -> None:
-        self.say("task.state", {"task_id": task["id"], "key": task["key"], "state": state.value, **more})
+    def add_task_event(self, task: dict[str, Any], state: TaskState, **more: Any) -> None:
+        self.add_event("task.state", {"task_id": task["id"], "key": task["key"], "state": state.value, **more})
 
     def close(self) -> None:
         """Write the job's row and history."""
@@ -120,7 +120,7 @@ class JobTransaction:
 
     # -- the machine's state, read and written
 
-    def _job_mark(self) -> JobSnapshot:
+    def _job_snapshot(self) -> JobSnapshot:
         row = self.row
         counts = counts_of(self.step_row(row["step"]))
         return JobSnapshot(
@@ -150,14 +150,14 @@ class JobTransaction:
         where = (steps.c.job_id == self.job_id, steps.c.step == step)
         self.connection.execute(update(steps).where(*where).values(values))
 
-    def _write_task(self, task: dict[str, Any], mark: TaskSnapshot) -> None:
+    def _write_task(self, task: dict[str, Any], snapshot: TaskSnapshot) -> None:
         values: dict[str, Any] = {
-            "state": mark.state.value,
-            "failures": mark.failures,
-            "interruptions": mark.interruptions,
+            "state": snapshot.state.value,
+            "failures": snapshot.failures,
+            "interruptions": snapshot.interruptions,
         }
-        if mark.state is not TaskState.RUNNING:
-            values |= {"attempt_id": None, "progress": 1.0 if mark.state is TaskState.SUCCEEDED else 0.0}
+        if snapshot.state is not TaskState.RUNNING:
+            values |= {"attempt_id": None, "progress": 1.0 if snapshot.state is TaskState.SUCCEEDED else 0.0}
         task.update(values)
         self.connection.execute(update(schema.tasks).where(schema.tasks.c.id == task["id"]).values(values))
 
@@ -166,14 +166,14 @@ class JobTransaction:
     def _apply(self, effect: machine.Effect, task: dict[str, Any] | None) -> None:
         match effect:
             case machine.FreeDependents():
-                self._free_dependents(_given(task)["id"])
+                self._free_dependents(_required_task(task)["id"])
             case machine.BackOff(failures):
                 wait_s = self._policy.retry_delay_s * 2.0 ** (failures - 1)
-                self.delay(_given(task), min(wait_s, LONGEST_WAIT_S))
+                self.delay(_required_task(task), min(wait_s, LONGEST_WAIT_S))
             case machine.CancelTasks():
-                self._stop_everything()
+                self._end_running()
             case machine.RestartTasks():
-                self._start_again()
+                self._restart_tasks()
             case machine.SetError(fault):
                 self._set(error=self.row["error"] or fault_to_json(fault))
             case machine.ClearError():
@@ -193,7 +193,7 @@ class JobTransaction:
         freed = (dependents, tasks.c.blockers == 0, tasks.c.state == TaskState.WAITING.value)
         self.connection.execute(update(tasks).where(*freed).values(state=TaskState.READY.value))
 
-    def _stop_everything(self) -> None:
+    def _end_running(self) -> None:
         """End what runs. Tasks that have not begun are cancelled because their job is (see `states`): to write a row
         for each of a hundred thousand would keep the user waiting for seconds."""
         attempts = schema.attempts
@@ -208,12 +208,12 @@ class JobTransaction:
         values = {"state": TaskState.CANCELLED.value, "attempt_id": None, "progress": 0.0}
         self.connection.execute(update(tasks).where(*where).values(values))
 
-    def spell_out(self) -> None:
+    def write_task_states(self) -> None:
         """Write the state of every task of a cancelled job, before one of them alone is to run again."""
         if self.row["state"] == RunState.CANCELLED.value:
             self._cancel_tasks(*task_states.UNBEGUN)
 
-    def _start_again(self) -> None:
+    def _restart_tasks(self) -> None:
         tasks = schema.tasks
         ended = tasks.c.state.in_([TaskState.FAILED.value, TaskState.CANCELLED.value])
         used = or_(tasks.c.failures > 0, tasks.c.interruptions > 0, tasks.c.ready_at > 0)
@@ -227,7 +227,7 @@ class JobTransaction:
 
     def _announce(self, run: RunState) -> None:
         error = self.row["error"]
-        self.say("job.state", {"state": run.value, "error": error})
+        self.add_event("job.state", {"state": run.value, "error": error})
         url = self.row["request"]["webhook"]
         if run.final and url:
             self.connection.execute(insert(schema.deliveries).values(self._message(run, url, error)))
@@ -250,7 +250,7 @@ class JobTransaction:
         }
 
 
-def _task_mark(task: dict[str, Any] | None) -> TaskSnapshot | None:
+def _task_snapshot(task: dict[str, Any] | None) -> TaskSnapshot | None:
     if task is None:
         return None
     return TaskSnapshot(TaskState(task["state"]), task["blockers"], task["failures"], task["interruptions"])
@@ -262,6 +262,6 @@ def _all_done(before: JobSnapshot) -> Counts:
     return Counts(succeeded=counts.open + counts.succeeded)
 
 
-def _given(task: dict[str, Any] | None) -> dict[str, Any]:
+def _required_task(task: dict[str, Any] | None) -> dict[str, Any]:
     assert task is not None, "the machine asks this only for events about a task"
     return task

@@ -47,7 +47,7 @@ def job_views(connection: Connection, rows: Sequence[Row]) -> list[Job]:
     return [_job(row, steps[row["id"]], running[row["id"]], ended.get(row["id"], 0), files[row["id"]]) for row in rows]
 
 
-def step_meters(job: Row, steps: Sequence[Row], running: Sequence[Row], ended: int, told_at: float) -> list[StepMeter]:
+def step_meters(job: Row, steps: Sequence[Row], running: Sequence[Row], ended: int, now: float) -> list[StepMeter]:
     """Measures of every step of a job.
 
     Args:
@@ -56,15 +56,15 @@ def step_meters(job: Row, steps: Sequence[Row], running: Sequence[Row], ended: i
         told_at: when they last said how far they are: seconds after that have nothing to show yet.
     """
     return [
-        _meter(job, step, running, ended, told_at) if step["step"] == job["step"] else _meter(job, step, (), 0, told_at)
+        _meter(job, step, running, ended, now) if step["step"] == job["step"] else _meter(job, step, (), 0, now)
         for step in steps
     ]
 
 
-def meters_of(connection: Connection, job: Row, told_at: float) -> list[StepMeter]:
+def meters_of(connection: Connection, job: Row, now: float) -> list[StepMeter]:
     """Measures of every step of the job whose row is `job`."""
     steps, running = (_grouped(connection, query, [job["id"]])[job["id"]] for query in (_STEPS, _RUNNING))
-    return step_meters(job, steps, running, 0, told_at)
+    return step_meters(job, steps, running, 0, now)
 
 
 def _just_ended(connection: Connection, ids: Sequence[str]) -> dict[str, int]:
@@ -123,7 +123,7 @@ def _step_state(job: Row, step: Row, meter: StepMeter) -> str:
     return "running" if step["running"] or step["succeeded"] else "waiting"
 
 
-def _meter(job: Row, step: Row, running: Sequence[Row], ended: int, told_at: float) -> StepMeter:
+def _meter(job: Row, step: Row, running: Sequence[Row], ended: int, now: float) -> StepMeter:
     return StepMeter(
         expected=step["expected"],
         weight=step["weight"],
@@ -133,5 +133,5 @@ def _meter(job: Row, step: Row, running: Sequence[Row], ended: int, told_at: flo
         done=step["step"] < job["step"] or job["state"] == RunState.SUCCEEDED.value,
         running=len(running) + min(ended, step["ready"]),
         running_weight_done=sum(task["weight"] * task["progress"] for task in running),
-        running_s=sum(max(0.0, told_at - task["started_at"]) for task in running),
+        running_s=sum(max(0.0, now - task["started_at"]) for task in running),
     )

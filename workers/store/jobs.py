@@ -83,13 +83,13 @@ class Jobs(StorePart):
             if known is None:
                 raise
             job_id = known
-        self._notifier.ring(job_id, 1)
+        self._notifier.notify(job_id, 1)
         return self._submitted(job_id, new=known is None)
 
     def _check_quota(self, connection: Connection, owner: str, max_active: int | None) -> None:
         if max_active is None:
             return
-        self._db.hold(connection, f"jobs of {owner}")
+        self._db.lock(connection, f"jobs of {owner}")
         active = int(connection.execute(ACTIVE_JOBS, {"owner": owner}).scalar_one())
         if active >= max_active:
             raise QuotaExceeded(
@@ -128,39 +128,39 @@ class Jobs(StorePart):
 
     def command(self, job_id: str, event: machine.Pause | machine.Resume | machine.Cancel) -> Job:
         """Pause, resume or cancel. Raises Conflict."""
-        with self._book(job_id) as book:
-            book.happen(event)
+        with self._transaction(job_id) as job:
+            job.apply(event)
         return self.get(job_id)
 
     def retry(self, job_id: str) -> Job:
         """Start again what failed or was cancelled. Raises Conflict, NotFound (an input was deleted since)."""
-        with self._book(job_id) as book:
-            _need_assets(book.connection, book.row["request"]["inputs"])
-            blocked = _blocked(book.connection, job_id, RunState(book.row["state"]))
-            book.happen(machine.Retry(blocked[TaskState.FAILED], blocked[TaskState.CANCELLED]))
+        with self._transaction(job_id) as job:
+            _need_assets(job.connection, job.row["request"]["inputs"])
+            blocked = _blocked(job.connection, job_id, RunState(job.row["state"]))
+            job.apply(machine.Retry(blocked[TaskState.FAILED], blocked[TaskState.CANCELLED]))
         return self.get(job_id)
 
     def requeue(self, task_id: str) -> None:
         """Start one failed or cancelled task again. Raises Conflict, NotFound."""
         with self._db.read() as connection:
             job_id = _job_of_task(connection, task_id)
-        with self._book(job_id) as book:
-            _need_assets(book.connection, book.row["request"]["inputs"])
-            book.spell_out()
-            task = book.task(task_id)
-            book.happen(machine.Requeue(), task)
-            book.delay(task, 0.0)
-            book.say_task(task, TaskState.READY)
+        with self._transaction(job_id) as job:
+            _need_assets(job.connection, job.row["request"]["inputs"])
+            job.write_task_states()
+            task = job.task(task_id)
+            job.apply(machine.Requeue(), task)
+            job.delay(task, 0.0)
+            job.add_task_event(task, TaskState.READY)
 
     def remove(self, job_id: str) -> None:
         """Forget a final job. Raises Conflict while it is not."""
-        with self._book(job_id) as book:
-            if not RunState(book.row["state"]).final:
+        with self._transaction(job_id) as job:
+            if not RunState(job.row["state"]).final:
                 raise Conflict(
-                    "The job has not ended.", field="state", value=book.row["state"], remedy="Cancel it first."
+                    "The job has not ended.", field="state", value=job.row["state"], remedy="Cancel it first."
                 )
-            book.connection.execute(delete(schema.jobs).where(schema.jobs.c.id == job_id))
-        self._notifier.ring(job_id, GONE)
+            job.connection.execute(delete(schema.jobs).where(schema.jobs.c.id == job_id))
+        self._notifier.notify(job_id, GONE)
 
     def exists(self, job_id: str) -> bool:
         return self._state(job_id) is not None

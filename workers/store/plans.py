@@ -49,31 +49,31 @@ class Plans(StorePart):
 
     def planned(self, job_id: str, step: int, tasks: Sequence[Task]) -> bool:
         """Keep the tasks of a step; False if another did, or the job has ended since. `tasks` have been checked."""
-        with self._unplanned(job_id, step) as book:
-            if book is None:
+        with self._unplanned(job_id, step) as job:
+            if job is None:
                 return False
-            rows = _task_rows(book, step, tasks)
+            rows = _task_rows(job, step, tasks)
             waiting = sum(1 for row in rows if row["blockers"])
-            _insert_tasks(book.connection, tasks, rows)
-            _weigh(book, step, sum(task.weight for task in tasks))
-            book.happen(machine.Planned(len(rows) - waiting, waiting))
-            book.say("step.planned", {"step": book.step_row(step)["name"], "tasks": len(rows)})
+            _insert_tasks(job.connection, tasks, rows)
+            _weigh(job, step, sum(task.weight for task in tasks))
+            job.apply(machine.Planned(len(rows) - waiting, waiting))
+            job.add_event("step.planned", {"step": job.step_row(step)["name"], "tasks": len(rows)})
             return True
 
     def plan_failed(self, job_id: str, step: int, fault: Fault) -> bool:
-        with self._unplanned(job_id, step) as book:
-            if book is None:
+        with self._unplanned(job_id, step) as job:
+            if job is None:
                 return False
-            book.happen(machine.PlanFailed(fault))
+            job.apply(machine.PlanFailed(fault))
             return True
 
     @contextmanager
     def _unplanned(self, job_id: str, step: int) -> Iterator[JobTransaction | None]:
         """The job, if `step` is its current one and still has no tasks."""
-        with self._book_if_any(job_id) as book:
-            row = {} if book is None else book.row
-            turn = bool(row) and row["step"] == step and not row["planned"] and not RunState(row["state"]).final
-            yield book if turn else None
+        with self._transaction_if_any(job_id) as job:
+            row = {} if job is None else job.row
+            is_next = bool(row) and row["step"] == step and not row["planned"] and not RunState(row["state"]).final
+            yield job if is_next else None
 
 
 def _step_to_plan(row: Any) -> StepToPlan:
@@ -81,12 +81,12 @@ def _step_to_plan(row: Any) -> StepToPlan:
     return StepToPlan(row["id"], row["step"], row["step_count"], row["method"], row["params"], request)
 
 
-def _task_rows(book: JobTransaction, step: int, tasks: Sequence[Task]) -> list[dict[str, Any]]:
+def _task_rows(job: JobTransaction, step: int, tasks: Sequence[Task]) -> list[dict[str, Any]]:
     table = schema.tasks
-    last = book.connection.execute(
-        select(func.coalesce(func.max(table.c.position), 0)).where(table.c.job_id == book.job_id)
+    last = job.connection.execute(
+        select(func.coalesce(func.max(table.c.position), 0)).where(table.c.job_id == job.job_id)
     ).scalar_one()
-    return [_task_row(book.job_id, step, last + i, task) for i, task in enumerate(tasks, 1)]
+    return [_task_row(job.job_id, step, last + i, task) for i, task in enumerate(tasks, 1)]
 
 
 def _task_row(job_id: str, step: int, position: int, task: Task) -> dict[str, Any]:
@@ -117,7 +117,7 @@ def _insert_tasks(connection: Connection, tasks: Sequence[Task], rows: list[dict
         connection.execute(insert(schema.task_edges), edges)
 
 
-def _weigh(book: JobTransaction, step: int, weight: float) -> None:
+def _weigh(job: JobTransaction, step: int, weight: float) -> None:
     steps = schema.steps
-    where = (steps.c.job_id == book.job_id, steps.c.step == step)
-    book.connection.execute(update(steps).where(*where).values(weight=weight))
+    where = (steps.c.job_id == job.job_id, steps.c.step == step)
+    job.connection.execute(update(steps).where(*where).values(weight=weight))

@@ -308,8 +308,8 @@ def _forget_assets(connection: Connection, project_id: str) -> None:
     table, versions = schema.project_assets, schema.project_versions
     bodies = connection.execute(select(versions.c.body).where(versions.c.project_id == project_id)).scalars()
     named = {ref["id"] for body in bodies for ref in _unpacked(body).get("assets", {}).values()}
-    held = set(connection.execute(select(table.c.asset_id).where(table.c.project_id == project_id)).scalars())
-    for asset_id in sorted(held - named):
+    stored = set(connection.execute(select(table.c.asset_id).where(table.c.project_id == project_id)).scalars())
+    for asset_id in sorted(stored - named):
         connection.execute(delete(table).where(table.c.project_id == project_id, table.c.asset_id == asset_id))
 
 

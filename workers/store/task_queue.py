@@ -23,9 +23,9 @@ from workers.store.job_transaction import ACTIVE, RUNNING, JobTransaction, Store
 from workers.store.job_views import meters_of
 from workers.store.progress import job_eta_s, job_progress
 from workers.store.records import fault_to_json
-from workers.store.workers import held_back
+from workers.store.workers import is_drained
 
-_CLAIMS = 8
+_CLAIM_TRIES = 8
 """How often a claim looks again when others were quicker."""
 _FORGOTTEN_S = 3600.0
 _LOG_KEPT = 64 << 10
@@ -70,18 +70,18 @@ class TaskQueue(StorePart):
     # -- claiming
 
     def claim(self, dispatcher: str, lease_s: float) -> Claim | None:
-        """The next task to run; None if there is none that may run now. See `turn` for the order."""
-        for _ in range(_CLAIMS):
+        """The next task to run; None if there is none that may run now. See `fair_scheduler` for the order."""
+        for _ in range(_CLAIM_TRIES):
             with self._db.write() as connection:
                 self._enlist(connection, dispatcher, lease_s)
-                row = None if held_back(connection, dispatcher) else self._next_job(connection)
+                row = None if is_drained(connection, dispatcher) else self._next_job(connection)
                 if row is None:
                     return None
-                book = JobTransaction(connection, row, self._now(), self._policy)
-                claim = _claim_in(book, dispatcher)
-                book.close()
+                job = JobTransaction(connection, row, self._now(), self._policy)
+                claim = _claim_in(job, dispatcher)
+                job.close()
             if claim is not None:
-                self._notifier.ring(claim.job_id, book.seq)
+                self._notifier.notify(claim.job_id, job.seq)
                 return claim
         return None
 
@@ -133,20 +133,20 @@ class TaskQueue(StorePart):
         with self._db.read() as connection:
             return set(connection.execute(_MINE, {"dispatcher": dispatcher}).scalars())
 
-    def progress(self, signs: Mapping[str, Heartbeat]) -> None:
+    def progress(self, heartbeats: Mapping[str, Heartbeat]) -> None:
         """Note how far attempts are (by id), where, and what there is to see; skips those that no longer count."""
         with self._db.read() as connection:
-            rows = connection.execute(_STILL_RUNNING, {"ids": list(signs)}).all()
+            rows = connection.execute(_STILL_RUNNING, {"ids": list(heartbeats)}).all()
         for job_id in {row.job_id for row in rows}:
-            self._progress_in(job_id, {row.id: signs[row.id] for row in rows if row.job_id == job_id})
+            self._progress_in(job_id, {row.id: heartbeats[row.id] for row in rows if row.job_id == job_id})
 
-    def _progress_in(self, job_id: str, signs: Mapping[str, Heartbeat]) -> None:
-        with self._book_if_any(job_id) as book:
-            held = [] if book is None else [_current(book, attempt_id) for attempt_id in signs]
-            for each in filter(None, held):
-                _note_sign(each, signs[each.attempt["id"]])
-            if book is not None and any(held):
-                _say_progress(book)
+    def _progress_in(self, job_id: str, heartbeats: Mapping[str, Heartbeat]) -> None:
+        with self._transaction_if_any(job_id) as job:
+            current = [] if job is None else [_find_current(job, attempt_id) for attempt_id in heartbeats]
+            for each in filter(None, current):
+                _record_heartbeat(each, heartbeats[each.attempt["id"]])
+            if job is not None and any(current):
+                _add_progress_event(job)
 
     # -- outcomes
 
@@ -158,22 +158,22 @@ class TaskQueue(StorePart):
             event: what happened, if not what `outcome` says by itself (success).
             worker: who ran it.
         """
-        with self._held(outcome.attempt_id) as held:
-            if held is None:
+        with self._current_attempt(outcome.attempt_id) as current:
+            if current is None:
                 return False
             if event is None:
-                _keep_result(held, outcome)
-                event = machine.Done(_frees(held.book.connection, held.task["id"]))
-            _end(held, event, outcome, worker)
-        self._count(held, event)
+                _keep_result(current, outcome)
+                event = machine.Done(_frees(current.job.connection, current.task["id"]))
+            _end(current, event, outcome, worker)
+        self._count(current, event)
         return True
 
-    def _count(self, held: _Held, event: StateEvent) -> None:
+    def _count(self, current: _CurrentAttempt, event: StateEvent) -> None:
         code = event.fault.code if isinstance(event, machine.Failed) else ""
-        task, seconds = held.task, self._now() - held.attempt["started_at"]
+        task, seconds = current.task, self._now() - current.attempt["started_at"]
         emitted = isinstance(event, machine.Done) and task["emit_start"] is not None
         frames = task["emit_stop"] - task["emit_start"] if emitted else 0
-        self._counters.ended(_OUTCOMES[type(event)], code, held.book.row["method"], frames, seconds)
+        self._counters.ended(_OUTCOMES[type(event)], code, current.job.row["method"], frames, seconds)
 
     def interrupt(self, dispatchers: Collection[str]) -> int:
         """Give back what dispatchers that are dead, or silent beyond their lease, were running; say how much."""
@@ -192,45 +192,45 @@ class TaskQueue(StorePart):
 
     def put_off(self, attempt_id: str, seconds: float, log: str) -> bool:
         """Give an attempt back without blame, to be claimed again in a while (storage was away)."""
-        with self._held(attempt_id) as held:
-            if held is None:
+        with self._current_attempt(attempt_id) as current:
+            if current is None:
                 return False
-            _end(held, machine.Released(), TaskOutcome(attempt_id, {}, {}, {}, None, {}, log))
-            held.book.delay(held.task, seconds)
-        self._count(held, machine.Released())
+            _end(current, machine.Released(), TaskOutcome(attempt_id, {}, {}, {}, None, {}, log))
+            current.job.delay(current.task, seconds)
+        self._count(current, machine.Released())
         return True
 
     # -- fences
 
     @contextmanager
-    def _held(self, attempt_id: str) -> Iterator[_Held | None]:
+    def _current_attempt(self, attempt_id: str) -> Iterator[_CurrentAttempt | None]:
         """The attempt with its task and job, if it is the task's current one and running: only then it counts."""
         with self._db.read() as connection:
             job_id = connection.execute(_JOB_OF, {"id": attempt_id}).scalar()
         if job_id is None:
             yield None
             return
-        with self._book_if_any(job_id) as book:
-            yield None if book is None else _current(book, attempt_id)
+        with self._transaction_if_any(job_id) as job:
+            yield None if job is None else _find_current(job, attempt_id)
 
 
 @dataclass(frozen=True)
-class _Held:
+class _CurrentAttempt:
     """A running attempt under the lock of its job."""
 
-    book: JobTransaction
+    job: JobTransaction
     task: dict[str, Any]
     attempt: dict[str, Any]
 
 
-def _current(book: JobTransaction, attempt_id: str) -> _Held | None:
-    attempt = book.connection.execute(_ATTEMPT, {"id": attempt_id}).mappings().first()
+def _find_current(job: JobTransaction, attempt_id: str) -> _CurrentAttempt | None:
+    attempt = job.connection.execute(_ATTEMPT, {"id": attempt_id}).mappings().first()
     if attempt is None or attempt["outcome"] != RUNNING:
         return None
-    task = book.task(attempt["task_id"])
+    task = job.task(attempt["task_id"])
     if task["attempt_id"] != attempt_id or task["state"] != TaskState.RUNNING.value:
         return None
-    return _Held(book, task, dict(attempt))
+    return _CurrentAttempt(job, task, dict(attempt))
 
 
 def _forget_drains(connection: Connection) -> None:
@@ -243,26 +243,32 @@ def _forget_drains(connection: Connection) -> None:
 # -- claiming
 
 
-def _claim_in(book: JobTransaction, dispatcher: str) -> Claim | None:
+def _claim_in(job: JobTransaction, dispatcher: str) -> Claim | None:
     """Claim the job's first ready task, if it still has one now that the job is under lock."""
-    task = _first_ready(book)
-    if task is None or book.row["doomed"] or book.row["state"] not in ACTIVE:
+    task = _first_ready(job)
+    if task is None or job.row["doomed"] or job.row["state"] not in ACTIVE:
         return None
-    book.happen(machine.Claimed(), task)
-    attempt_id, number = new_id("att_"), _next_number(book.connection, task["id"])
-    attempt = {"id": attempt_id, "task_id": task["id"], "job_id": book.job_id, "number": number, "outcome": RUNNING}
-    attempt |= {"dispatcher": dispatcher, "started_at": book.now}
-    book.connection.execute(insert(schema.attempts).values(attempt))
+    job.apply(machine.Claimed(), task)
+    attempt_id, number = new_id("att_"), _next_number(job.connection, task["id"])
+    attempt = {
+        "id": attempt_id,
+        "task_id": task["id"],
+        "job_id": job.job_id,
+        "number": number,
+        "outcome": RUNNING,
+    }
+    attempt |= {"dispatcher": dispatcher, "started_at": job.now}
+    job.connection.execute(insert(schema.attempts).values(attempt))
     where = schema.tasks.c.id == task["id"]
-    book.connection.execute(update(schema.tasks).where(where).values(attempt_id=attempt_id))
+    job.connection.execute(update(schema.tasks).where(where).values(attempt_id=attempt_id))
     task["attempt_id"] = attempt_id
-    book.say_task(task, TaskState.RUNNING, attempt=number)
-    return Claim(attempt_id, book.job_id, book.step_row(task["step"])["name"], task, book.row)
+    job.add_task_event(task, TaskState.RUNNING, attempt=number)
+    return Claim(attempt_id, job.job_id, job.step_row(task["step"])["name"], task, job.row)
 
 
-def _first_ready(book: JobTransaction) -> dict[str, Any] | None:
+def _first_ready(job: JobTransaction) -> dict[str, Any] | None:
     row = (
-        book.connection.execute(_FIRST_READY, {"job_id": book.job_id, **fair_scheduler.moment(book.now)})
+        job.connection.execute(_FIRST_READY, {"job_id": job.job_id, **fair_scheduler.moment(job.now)})
         .mappings()
         .first()
     )
@@ -290,10 +296,8 @@ _MINE = select(schema.attempts.c.id).where(
 _STILL_RUNNING = select(schema.attempts.c.id, schema.attempts.c.job_id).where(
     schema.attempts.c.id.in_(bindparam("ids", expanding=True)), schema.attempts.c.outcome == RUNNING
 )
-_NOTE_PROGRESS = (
-    update(schema.tasks).where(schema.tasks.c.id == bindparam("task_id")).values(progress=bindparam("done"))
-)
-_NOTE_WORKER = (
+_SET_PROGRESS = update(schema.tasks).where(schema.tasks.c.id == bindparam("task_id")).values(progress=bindparam("done"))
+_SET_WORKER = (
     update(schema.attempts).where(schema.attempts.c.id == bindparam("attempt_id")).values(worker=bindparam("by"))
 )
 _JOB_OF = select(schema.attempts.c.job_id).where(schema.attempts.c.id == bindparam("id"))
@@ -312,44 +316,44 @@ _FREES = (
 # -- while it runs
 
 
-def _note_sign(held: _Held, sign: Heartbeat) -> None:
-    connection = held.book.connection
-    connection.execute(_NOTE_PROGRESS, {"task_id": held.task["id"], "done": sign.done})
-    if sign.worker != held.attempt["worker"]:
-        connection.execute(_NOTE_WORKER, {"attempt_id": held.attempt["id"], "by": sign.worker})
-    if sign.preview:
-        _keep_file(held.book, "preview", sign.preview, "image/jpeg")
+def _record_heartbeat(current: _CurrentAttempt, heartbeat: Heartbeat) -> None:
+    connection = current.job.connection
+    connection.execute(_SET_PROGRESS, {"task_id": current.task["id"], "done": heartbeat.done})
+    if heartbeat.worker != current.attempt["worker"]:
+        connection.execute(_SET_WORKER, {"attempt_id": current.attempt["id"], "by": heartbeat.worker})
+    if heartbeat.preview:
+        _keep_file(current.job, "preview", heartbeat.preview, "image/jpeg")
 
 
 # -- outcomes
 
 
-def _keep_result(held: _Held, outcome: TaskOutcome) -> None:
+def _keep_result(current: _CurrentAttempt, outcome: TaskOutcome) -> None:
     """Write what a successful attempt made: result, artefacts, segment, files, and its seconds."""
-    book, task = held.book, held.task
+    job, task = current.job, current.task
     made = {"note": outcome.result, "artefacts": outcome.artefacts, "segment": outcome.segment}
-    book.connection.execute(update(schema.tasks).where(schema.tasks.c.id == task["id"]).values(made))
+    job.connection.execute(update(schema.tasks).where(schema.tasks.c.id == task["id"]).values(made))
     for name, (key, media_type) in outcome.files.items():
-        _keep_file(book, name, key, media_type)
-    _add_measures(book, task, outcome.stages, book.now - held.attempt["started_at"])
+        _keep_file(job, name, key, media_type)
+    _add_measures(job, task, outcome.stages, job.now - current.attempt["started_at"])
 
 
-def _keep_file(book: JobTransaction, name: str, key: str, media_type: str) -> None:
+def _keep_file(job: JobTransaction, name: str, key: str, media_type: str) -> None:
     """The job's file of this name is this blob from now on."""
     files = schema.files
-    row = {"key": key, "media_type": media_type, "created_at": book.now}
-    known = update(files).where(files.c.job_id == book.job_id, files.c.name == name).values(row)
-    if not book.connection.execute(known).rowcount:
-        book.connection.execute(insert(files).values(job_id=book.job_id, name=name, **row))
+    row = {"key": key, "media_type": media_type, "created_at": job.now}
+    known = update(files).where(files.c.job_id == job.job_id, files.c.name == name).values(row)
+    if not job.connection.execute(known).rowcount:
+        job.connection.execute(insert(files).values(job_id=job.job_id, name=name, **row))
 
 
-def _add_measures(book: JobTransaction, task: dict[str, Any], stages: Mapping[str, float], seconds: float) -> None:
+def _add_measures(job: JobTransaction, task: dict[str, Any], stages: Mapping[str, float], seconds: float) -> None:
     steps = schema.steps
-    step = book.step_row(task["step"])
+    step = job.step_row(task["step"])
     summed = {name: step["stages"].get(name, 0.0) + stages.get(name, 0.0) for name in {*step["stages"], *stages}}
     values = {"stages": summed, "busy_s": step["busy_s"] + seconds, "weight_done": step["weight_done"] + task["weight"]}
-    where = (steps.c.job_id == book.job_id, steps.c.step == task["step"])
-    book.connection.execute(update(steps).where(*where).values(values))
+    where = (steps.c.job_id == job.job_id, steps.c.step == task["step"])
+    job.connection.execute(update(steps).where(*where).values(values))
 
 
 def _frees(connection: Connection, task_id: str) -> int:
@@ -357,21 +361,21 @@ def _frees(connection: Connection, task_id: str) -> int:
     return int(connection.execute(_FREES, {"task_id": task_id}).scalar_one())
 
 
-def _end(held: _Held, event: StateEvent, outcome: TaskOutcome, worker: str = "") -> None:
+def _end(current: _CurrentAttempt, event: StateEvent, outcome: TaskOutcome, worker: str = "") -> None:
     """Close the attempt, let the machine decide what follows, and say it."""
-    book, task, attempt = held.book, held.task, held.attempt
+    job, task, attempt = current.job, current.task, current.attempt
     fault = event.fault if isinstance(event, machine.Failed) else None
     ended = {
         "outcome": _OUTCOMES[type(event)],
-        "finished_at": book.now,
+        "finished_at": job.now,
         "fault": fault_to_json(fault),
         "log": _storable(outcome.log[-_LOG_KEPT:]),
         "worker": worker or attempt["worker"],
     }
-    book.connection.execute(update(schema.attempts).where(schema.attempts.c.id == attempt["id"]).values(ended))
-    after = book.happen(event, task).task
+    job.connection.execute(update(schema.attempts).where(schema.attempts.c.id == attempt["id"]).values(ended))
+    after = job.apply(event, task).task
     state = TaskState.READY if after is None else after.state
-    book.say_task(task, state, attempt=attempt["number"], outcome=ended["outcome"], error=ended["fault"])
+    job.add_task_event(task, state, attempt=attempt["number"], outcome=ended["outcome"], error=ended["fault"])
 
 
 def _storable(log: str) -> str:
@@ -387,7 +391,7 @@ _OUTCOMES: dict[type, str] = {
 }
 
 
-def _say_progress(book: JobTransaction) -> None:
-    meters = meters_of(book.connection, book.row, book.now)
-    step = book.step_row(book.row["step"])["name"]
-    book.say("job.progress", {"progress": job_progress(meters), "eta_s": job_eta_s(meters), "step": step})
+def _add_progress_event(job: JobTransaction) -> None:
+    meters = meters_of(job.connection, job.row, job.now)
+    step = job.step_row(job.row["step"])["name"]
+    job.add_event("job.progress", {"progress": job_progress(meters), "eta_s": job_eta_s(meters), "step": step})

@@ -65,7 +65,7 @@ class Webhooks(StorePart):
 def _after_try(tries: int, status: int | None, error: str, now: float) -> dict[str, Any]:
     if status is not None and 200 <= status < 300:
         return {"tries": tries, "state": "delivered", "next_at": None, "last_error": ""}
-    said = error or ("no answer" if status is None else f"HTTP {status}")
+    reason = error or ("no answer" if status is None else f"HTTP {status}")
     if status == _GONE or tries > len(WAITS_S):
-        return {"tries": tries, "state": "dead", "next_at": None, "last_error": said}
-    return {"tries": tries, "state": "waiting", "next_at": now + WAITS_S[tries - 1], "last_error": said}
+        return {"tries": tries, "state": "dead", "next_at": None, "last_error": reason}
+    return {"tries": tries, "state": "waiting", "next_at": now + WAITS_S[tries - 1], "last_error": reason}

@@ -88,8 +88,8 @@ class Workers(StorePart):
         """Start nothing new there. Twice is the same as once. Raises NotFound: there is no such place."""
         table = schema.drains
         with self._db.write() as connection:
-            self._db.hold(connection, f"drain {place} {name}")
-            _need_place(connection, place, name)
+            self._db.lock(connection, f"drain {place} {name}")
+            _require_target(connection, place, name)
             known = _drained(connection).get((place, name))
             if known is None:
                 known = Drain(place, name, self._now(), by[:80], reason)
@@ -102,7 +102,7 @@ class Workers(StorePart):
         with self._db.write() as connection:
             gone = delete(table).where(table.c.place == place, table.c.name == name)
             if not connection.execute(gone).rowcount:
-                _need_place(connection, place, name)
+                _require_target(connection, place, name)
 
     # -- what failed, what ran
 
@@ -180,12 +180,12 @@ class Workers(StorePart):
                 raise NotFound("There is no such live session.", field="session_id", value=session_id)
 
 
-def held_back(connection: Connection, dispatcher: str) -> bool:
+def is_drained(connection: Connection, dispatcher: str) -> bool:
     """Whether this dispatcher may start nothing: it is drained, or the queue is paused."""
-    return connection.execute(_HELD_BACK, {"worker": dispatcher}).first() is not None
+    return connection.execute(_DRAINED_OR_PAUSED, {"worker": dispatcher}).first() is not None
 
 
-_HELD_BACK = (
+_DRAINED_OR_PAUSED = (
     select(schema.drains.c.place)
     .where(
         or_(
@@ -200,7 +200,7 @@ _HELD_BACK = (
 _DRAINS = select(schema.drains).order_by(schema.drains.c.at)
 
 
-def _need_place(connection: Connection, place: DrainScope, name: str) -> None:
+def _require_target(connection: Connection, place: DrainScope, name: str) -> None:
     """Raise NotFound unless there is one of that name."""
     workers, slots = schema.dispatchers, schema.slots
     if place is DrainScope.QUEUE:

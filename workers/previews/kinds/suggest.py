@@ -49,9 +49,9 @@ def _scores(before: Frame, now: Frame) -> tuple[float, float, float]:
         return 0.0, 0.0, 1.0
     a, b = to_gray(before), to_gray(now)
     back, forth = estimate(b, a, "dis-fast"), estimate(a, b, "dis-fast")
-    seen = visible(back, forth)
+    matched = visible(back, forth)
     apart = np.abs(fetch(a, back).astype(np.float32) - b.astype(np.float32)) > MISFIT_LEVELS
-    return float(1 - seen.mean()), float((apart & seen).mean()), 0.0
+    return float(1 - matched.mean()), float((apart & matched).mean()), 0.0
 
 
 def chosen(scores: NDArray[np.float64], count: int) -> Sequence[int]:
