@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import httpx
@@ -87,7 +88,7 @@ def with_no_fuss(act: Callable[[], None]) -> None:
         return
 
 
-def until(done: Callable[[], bool], timeout_s: float = 200) -> None:
+def until(done: Callable[[], bool], timeout_s: float = 120) -> None:
     deadline = time.monotonic() + timeout_s
     while not done():
         assert time.monotonic() < deadline
@@ -95,10 +96,12 @@ def until(done: Callable[[], bool], timeout_s: float = 200) -> None:
 
 
 @pytest.fixture
-def containers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Containers]:
-    found = Containers(tmp_path_factory.mktemp("e"))
-    yield found
-    found.close()
+def containers() -> Iterator[Containers]:
+    """In a folder with a short path: a Unix socket's path has at most 107 bytes, and Ray adds about 75."""
+    with TemporaryDirectory(prefix="imp-", ignore_cleanup_errors=True) as folder:
+        found = Containers(Path(folder))
+        yield found
+        found.close()
 
 
 def test_a_service_is_a_node_of_its_cluster(containers: Containers, tiny_clip: Path) -> None:
