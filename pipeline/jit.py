@@ -1,11 +1,12 @@
-"""The one way serial label work is compiled: Numba, cached on disk, without the interpreter lock, strict floats.
+"""Compilation of serial label work with Numba: cached on disk, without the interpreter lock, strict floating point.
 
-Numba's cache is not made for several processes at once: its index names a file before that is written, so that another
-process may load what an older version of the code has left there. Here one process at a time compiles or loads, under
-a lock that dies with it; what the first has compiled the others load.
+Two faults of Numba's cache are corrected here:
 
-Nor does it see that a kernel calls one of another file that has changed: here what is cached is also stamped with the
-text of every file that the kernel's own imports from.
+- Its index names a file before that file is written, so a process may load what an older version of the code left
+  there. Here only one process at a time compiles or loads, under a file lock that ends with the process; the other
+  processes load what the first one compiled.
+- It does not notice that a kernel calls a kernel of another file that has changed. Here the cache is also keyed by the
+  text of every file that the kernel's file imports, directly or indirectly.
 """
 
 from __future__ import annotations
@@ -19,10 +20,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
 
+P = ParamSpec("P")
+T = TypeVar("T")
 F = TypeVar("F", bound=Callable[..., object])
 
 LOCK = "numba.lock"
@@ -30,10 +33,10 @@ LOCK = "numba.lock"
 
 
 def kernel(function: F) -> F:
-    """Compile `function` ahead of its first use in a process; equal inputs give equal bytes on every machine."""
+    """Compile `function` at its first call in a process; equal inputs give equal bytes on every machine."""
     compiled: Any = numba.njit(cache=True, nogil=True, fastmath=False, error_model="numpy")(function)
     if hasattr(compiled, "compile"):  # a plain function where compiling is switched off
-        compiled.compile = _alone(compiled.compile, Path(compiled.stats.cache_path))
+        compiled.compile = _locked(compiled.compile, Path(compiled.stats.cache_path))
         index = compiled._cache._cache_file
         index._source_stamp = (index._source_stamp, stamp_of(Path(function.__code__.co_filename)))
     return cast(F, compiled)
@@ -45,14 +48,14 @@ _IMPORT = re.compile(r"^from (pipeline[\w.]*) import", re.MULTILINE)
 
 @cache
 def stamp_of(file: Path) -> str:
-    """A digest of the file and, through its imports, of every file of the pipeline that it depends on."""
+    """SHA-256, hexadecimal, of the file and of every file of the pipeline that it imports, directly or indirectly."""
     digest = hashlib.sha256()
-    for each in sorted(_reached(file)):
+    for each in sorted(_dependencies(file)):
         digest.update(_text(each))
     return digest.hexdigest()
 
 
-def _reached(file: Path) -> set[Path]:
+def _dependencies(file: Path) -> set[Path]:
     found, todo = {file}, [file]
     while todo:
         new = _imported(todo.pop()) - found
@@ -72,18 +75,19 @@ def _text(file: Path) -> bytes:
     return file.read_bytes()
 
 
-def _alone(compile_for: Callable[..., Any], cache: Path) -> Callable[..., Any]:
-    def compile_alone(signature: Any) -> Any:
-        with _turn.at(cache):
-            return compile_for(signature)
+def _locked(compile_for: Callable[P, T], cache: Path) -> Callable[P, T]:
+    def compile_locked(*args: P.args, **kwargs: P.kwargs) -> T:
+        with _COMPILE_LOCK.acquired(cache):
+            return compile_for(*args, **kwargs)
 
-    return compile_alone
+    return compile_locked
 
 
-class _Turn:
-    """Whose turn it is: one thread of this process, which then has the lock among processes.
+class _CompileLock:
+    """Lock for compiling and loading: one thread of this process, which then has the lock among processes.
 
-    A kernel that calls another compiles it in the middle of its own turn, even if its cache is in another folder.
+    It is reentrant: a kernel that calls another one compiles it while it is compiled itself, even if the cache of the
+    other one is in another folder.
     """
 
     def __init__(self) -> None:
@@ -91,13 +95,14 @@ class _Turn:
         self._taken = False
 
     @contextmanager
-    def at(self, cache: Path) -> Iterator[None]:
+    def acquired(self, cache: Path) -> Iterator[None]:
+        """Context manager that has the lock of the folder `cache`."""
         with self._thread:
             if self._taken:
                 yield
                 return
             self._taken = True
-            handle = _lock(cache / LOCK)
+            handle = _lock_file(cache / LOCK)
             try:
                 yield
             finally:
@@ -106,8 +111,9 @@ class _Turn:
                     os.close(handle)
 
 
-def _lock(file: Path) -> int | None:
-    """Wait for the lock; None where files cannot be locked (a read-only or odd file system)."""
+def _lock_file(file: Path) -> int | None:
+    """Wait for the lock and return its file descriptor; None where files cannot be locked, such as a read-only file
+    system."""
     try:
         handle = os.open(file, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
     except OSError:
@@ -120,4 +126,4 @@ def _lock(file: Path) -> int | None:
     return handle
 
 
-_turn = _Turn()
+_COMPILE_LOCK = _CompileLock()

@@ -25,12 +25,14 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import ceil, sqrt
 from numbers import Real
-from typing import Any
+from typing import TypeGuard
 
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import JsonValue
 
+from pipeline.arrays import Arrays, State
 from pipeline.errors import BadInput
 from pipeline.frames import Frame
 from pipeline.jit import kernel
@@ -64,7 +66,7 @@ class ColourStats(Tone):
 
     hue: NDArray[np.float64]
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> dict[str, JsonValue]:
         """What `from_histogram` takes, unless `hue` is all zero."""
         return {
             "hue": self.hue.tolist(),
@@ -115,11 +117,11 @@ class ToneTracker:
         self._tone = now if cut or self._tone is None else self._tone + self._gain * (now - self._tone)
         return Tone(*self._tone.tolist())
 
-    def state(self) -> dict[str, NDArray[Any]]:
+    def state(self) -> State:
         """All that the next step depends on."""
         return {"tone": np.empty(0) if self._tone is None else self._tone.copy()}
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+    def restore(self, state: Arrays) -> None:
         """Go on, to the bit, from where `state` was taken."""
         kept = np.asarray(state["tone"], np.float64)
         self._tone = kept.copy() if kept.size else None
@@ -278,7 +280,7 @@ def _smoothstep(x: NDArray[np.float64]) -> NDArray[np.float64]:
 _KEYS = ("hue", "saturation_mean", "saturation_std", "value_mean")
 
 
-def _object(data: object, field: str) -> Mapping[str, Any]:
+def _object(data: object, field: str) -> Mapping[str, object]:
     wanted = f"Give one object with {', '.join(_KEYS)}."
     if not isinstance(data, Mapping):
         raise BadInput("A colour histogram is a JSON object.", field=field, value=type(data).__name__, remedy=wanted)
@@ -291,7 +293,7 @@ def _object(data: object, field: str) -> Mapping[str, Any]:
     return data
 
 
-def _fraction(data: Mapping[str, Any], key: str, field: str) -> float:
+def _fraction(data: Mapping[str, object], key: str, field: str) -> float:
     value = data[key]
     if not _is_number(value) or not 0 <= value <= 1:
         raise BadInput(
@@ -300,7 +302,7 @@ def _fraction(data: Mapping[str, Any], key: str, field: str) -> float:
     return float(value)
 
 
-def _weights(values: Any, field: str) -> NDArray[np.float64]:
+def _weights(values: object, field: str) -> NDArray[np.float64]:
     remedy = "Give 36 or 360 numbers of 0 or more, not all 0; weight 0 stands for red."
     if not isinstance(values, list) or len(values) not in (36, HUES):
         size = len(values) if isinstance(values, list) else type(values).__name__
@@ -318,5 +320,5 @@ def _weights(values: Any, field: str) -> NDArray[np.float64]:
     return np.asarray(spread / spread.sum())
 
 
-def _is_number(value: object) -> bool:
+def _is_number(value: object) -> TypeGuard[float]:
     return isinstance(value, Real) and not isinstance(value, bool) and value == value

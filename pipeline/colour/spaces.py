@@ -7,12 +7,11 @@ OpenCV's 8 bit Lab scales L* by 255/100 and adds 128 to a* and b*; its 8 bit H i
 
 from __future__ import annotations
 
-from typing import Any
-
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.jit import kernel
 
 Colours = NDArray[np.float64]
@@ -76,7 +75,7 @@ def to_8bit(rgb: ArrayLike) -> NDArray[np.uint8]:
 
 
 def _through_cv2(colours: ArrayLike, code: int) -> Colours:
-    rows: NDArray[Any] = np.asarray(colours, np.float32)
+    rows: AnyArray = np.asarray(colours, np.float32)
     if rows.size == 0:
         return rows.astype(np.float64)
     return cv2.cvtColor(rows.reshape(1, -1, 3), code).reshape(rows.shape).astype(np.float64)

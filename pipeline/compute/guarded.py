@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -10,6 +10,9 @@ from numpy.typing import DTypeLike
 from pipeline.compute.opencl import Device, DeviceArray
 from pipeline.compute.probe import Found
 from pipeline.errors import DeviceError
+
+if TYPE_CHECKING:
+    import pyopencl  # at run time through `runtime.opencl` only
 
 BAND_BYTES = 4096
 
@@ -27,7 +30,7 @@ class GuardedDevice(Device):
     def __init__(self, found: Found, fill: int) -> None:
         super().__init__(found)
         self._fill = fill
-        self._arrays: list[tuple[Any, int]] = []
+        self._arrays: list[tuple[pyopencl.Buffer, int]] = []
 
     def empty(self, shape: tuple[int, ...], dtype: DTypeLike = np.float32) -> DeviceArray:
         kind = np.dtype(dtype)

@@ -9,17 +9,24 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeAlias
+from types import ModuleType
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import DTypeLike
 
+from pipeline.arrays import AnyArray
 from pipeline.compute import choice, runtime
 from pipeline.compute.probe import Found, describe
-from pipeline.compute.signature import Parameter, check, signature
+from pipeline.compute.signature import Macro, Parameter, check, signature
 from pipeline.errors import DeviceError
 
+if TYPE_CHECKING:
+    import pyopencl  # at run time through `runtime.opencl` only
+
 Group: TypeAlias = tuple[int, ...] | None
+_KernelKey: TypeAlias = tuple[Path, str, tuple[str, ...], Path | None]
+"""File, name, options and common file of a kernel."""
 
 _PRELUDE = "#pragma OPENCL FP_CONTRACT OFF\n#line 1\n"
 """Forbids contraction into fused multiply-adds, so that kernels round as NumPy does."""
@@ -32,9 +39,9 @@ _IDLE_BYTES = 256 << 20
 class DeviceArray:
     """An array in device memory, C order. Its memory returns to the pool when the last reference is dropped."""
 
-    buffer: Any
+    buffer: pyopencl.Buffer
     shape: tuple[int, ...]
-    dtype: np.dtype[Any]
+    dtype: np.dtype[np.generic]
 
     @property
     def nbytes(self) -> int:
@@ -57,11 +64,12 @@ class Device:
         rounding = self._cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT
         exact = handle.single_fp_config & rounding
         self._options = ["-cl-std=CL1.2", *(["-cl-fp32-correctly-rounded-divide-sqrt"] if exact else [])]
-        self._programs: dict[tuple[str, tuple[str, ...]], Any] = {}
+        self._programs: dict[tuple[str, tuple[str, ...]], pyopencl.Program] = {}
         self._lock = threading.RLock()
         self._kernels = threading.local()
 
-    def _find(self, found: Found) -> Any:
+    def _find(self, found: Found) -> pyopencl.Device:
+        device: pyopencl.Device
         for platform in self._cl.get_platforms():
             for device in platform.get_devices():
                 if describe(self._cl, device).identity == found.identity:
@@ -75,7 +83,7 @@ class Device:
     def __repr__(self) -> str:
         return f"<Device {self.platform}: {self.name}>"
 
-    def upload(self, array: NDArray[Any]) -> DeviceArray:
+    def upload(self, array: AnyArray) -> DeviceArray:
         """Copy an array to the device."""
         source = np.ascontiguousarray(array)
         target = self.empty(source.shape, source.dtype)
@@ -96,7 +104,7 @@ class Device:
         """Allocate an array of zeros."""
         return self.upload(np.zeros(shape, dtype))
 
-    def download(self, array: DeviceArray) -> NDArray[Any]:
+    def download(self, array: DeviceArray) -> AnyArray:
         """Copy an array from the device; waits for all work that it depends on."""
         target = np.empty(array.shape, array.dtype)
         with self._lock, _as_device_error(self._cl, "A download failed"):
@@ -109,7 +117,7 @@ class Device:
             self._queue.finish()
 
     def kernel(
-        self, file: Path, name: str, defines: Mapping[str, int | float | str] | None = None, common: Path | None = None
+        self, file: Path, name: str, defines: Mapping[str, Macro] | None = None, common: Path | None = None
     ) -> Kernel:
         """The kernel `name` of an OpenCL C file, compiled on first use (pyopencl caches the binary on disk).
 
@@ -119,8 +127,8 @@ class Device:
             common: a file of shared functions, prepended to the source.
         """
         options = tuple(f"-D{key}={value}" for key, value in (defines or {}).items())
-        kept: dict[Any, Kernel] = self._kernels.__dict__.setdefault("kept", {})
-        key = (file, name, options, common)
+        kept: dict[_KernelKey, Kernel] = self._kernels.__dict__.setdefault("kept", {})
+        key: _KernelKey = (file, name, options, common)
         if key not in kept:
             before = f"{common.read_text()}#line 1\n" if common else ""
             text = file.read_text()
@@ -128,7 +136,7 @@ class Device:
             kept[key] = Kernel(self, self._cl.Kernel(program, name), signature(text, name), defines or {})
         return kept[key]
 
-    def _program(self, source: str, options: tuple[str, ...], name: str) -> Any:
+    def _program(self, source: str, options: tuple[str, ...], name: str) -> pyopencl.Program:
         with self._lock, _as_device_error(self._cl, f"{name} cannot be built for {self.name}"):
             key = (source, options)
             if key not in self._programs:
@@ -153,17 +161,17 @@ class Device:
 class Launch:
     """A kernel with its arguments and work sizes, for `Device.run`."""
 
-    compiled: Any
+    compiled: pyopencl.Kernel
     padded: tuple[int, ...]
     group: tuple[int, ...]
-    args: tuple[Any, ...]
+    args: tuple[pyopencl.Buffer | np.generic, ...]
 
 
 class Kernel:
     """A compiled kernel. Only the thread that requested it may use it."""
 
     def __init__(
-        self, device: Device, compiled: Any, parameters: tuple[Parameter, ...], macros: Mapping[str, Any]
+        self, device: Device, compiled: pyopencl.Kernel, parameters: tuple[Parameter, ...], macros: Mapping[str, Macro]
     ) -> None:
         self._device, self._compiled, self._parameters, self._macros = device, compiled, parameters, dict(macros)
 
@@ -188,7 +196,7 @@ class Kernel:
         self._device.run(self.at(size, *args, group=group))
 
 
-def _argument(value: DeviceArray | float | np.generic) -> Any:
+def _argument(value: DeviceArray | float | np.generic) -> pyopencl.Buffer | np.generic:
     if isinstance(value, DeviceArray):
         return value.buffer
     if isinstance(value, np.generic):
@@ -197,7 +205,7 @@ def _argument(value: DeviceArray | float | np.generic) -> Any:
 
 
 @contextmanager
-def _as_device_error(cl: Any, what: str) -> Iterator[None]:
+def _as_device_error(cl: ModuleType, what: str) -> Iterator[None]:
     try:
         yield
     except cl.Error as error:

@@ -15,11 +15,16 @@ import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.compute import runtime
+
+if TYPE_CHECKING:
+    import pyopencl  # at run time through `runtime.opencl` only
 
 TIMEOUT_S = 120.0
 """Time limit for testing all devices together. A first build on a busy machine takes several seconds."""
@@ -130,13 +135,13 @@ def main(skip: int) -> None:
         print(json.dumps({**asdict(found), "fault": _try(cl, device)}), flush=True)
 
 
-def _listed(cl: Any) -> Iterator[tuple[Found, Any]]:
+def _listed(cl: ModuleType) -> Iterator[tuple[Found, pyopencl.Device]]:
     for platform in cl.get_platforms():
         for device in platform.get_devices():
             yield describe(cl, device), device
 
 
-def describe(cl: Any, device: Any) -> Found:
+def describe(cl: ModuleType, device: pyopencl.Device) -> Found:
     """Properties of a device, computed in the same way in the test child and in the process that uses the device."""
     kinds = {cl.device_type.GPU: "gpu", cl.device_type.CPU: "cpu"}
     kind = next((name for bit, name in kinds.items() if device.type & bit), "other")
@@ -145,7 +150,7 @@ def describe(cl: Any, device: Any) -> Found:
     return Found(platform, device.name.strip(), kind, device.driver_version.strip(), (int(own), device.global_mem_size))
 
 
-def _try(cl: Any, device: Any) -> str:
+def _try(cl: ModuleType, device: pyopencl.Device) -> str:
     """Run the test kernel. Returns "" if the result is correct, otherwise a description of the fault."""
     try:
         got, wanted = _run(cl, device)
@@ -154,7 +159,7 @@ def _try(cl: Any, device: Any) -> str:
     return "" if np.allclose(got, wanted, rtol=1e-5) else "its result of the test kernel is wrong"
 
 
-def _run(cl: Any, device: Any) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
+def _run(cl: ModuleType, device: pyopencl.Device) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     context = cl.Context([device])
     queue = cl.CommandQueue(context)
     values = np.zeros(-(-_COUNT // 8) * 8, np.float32)
@@ -163,7 +168,7 @@ def _run(cl: Any, device: Any) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, An
     cl.enqueue_copy(queue, source, values)
     cl.enqueue_copy(queue, result, np.zeros_like(values))
     program = cl.Program(context, Path(__file__).with_suffix(".cl").read_text()).build()
-    program.probe(queue, values.shape, (8,), source, result, np.int32(_COUNT))
+    cl.Kernel(program, "probe")(queue, values.shape, (8,), source, result, np.int32(_COUNT))
     got = np.empty_like(values)
     cl.enqueue_copy(queue, got, result)
     mirrored = values.reshape(-1, 8)[:, ::-1].reshape(-1)

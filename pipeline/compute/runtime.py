@@ -24,7 +24,7 @@ import platformdirs
 SYSTEM_VENDORS = Path("/etc/OpenCL/vendors")
 _INTEL_PACKAGE = "intel-opencl-rt"
 _INTEL_RUNTIME = "libintelocl.so"
-_INTEL_NEEDS = ("libintlc.so.5", "libimf.so", "libsvml.so", "libirng.so")
+_INTEL_LIBRARIES = ("libintlc.so.5", "libimf.so", "libsvml.so", "libirng.so")
 """Libraries that the runtime depends on, in loading order."""
 
 _lock = threading.Lock()
@@ -72,7 +72,7 @@ def registrations() -> dict[str, str]:
 
 
 def _register(runtime: Path | None) -> None:
-    if runtime is None or not _load_needs(runtime.parent):
+    if runtime is None or not _load_libraries(runtime.parent):
         return
     wanted = {**registrations(), "impasto-intel-cpu.icd": str(runtime)}
     # The loader can be configured only through this variable, which it reads when pyopencl is imported. This is the
@@ -80,10 +80,10 @@ def _register(runtime: Path | None) -> None:
     os.environ["OCL_ICD_VENDORS"] = str(_vendors(wanted))
 
 
-def _load_needs(folder: Path) -> bool:
+def _load_libraries(folder: Path) -> bool:
     """Load the libraries that the runtime depends on, so that the linker finds them; False if one cannot be loaded."""
     try:
-        for name in _INTEL_NEEDS:
+        for name in _INTEL_LIBRARIES:
             ctypes.CDLL(str(folder / name), mode=ctypes.RTLD_GLOBAL)
     except OSError:
         return False  # another architecture or an incomplete installation: do not register the runtime

@@ -17,11 +17,22 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Protocol, TypeAlias
 
 import numpy as np
 
 from pipeline.errors import DeviceError
+
+Macro: TypeAlias = int | float | str
+"""Value of a macro of the source (`-D name=value`)."""
+
+
+class Sized(Protocol):
+    """An array in device memory."""
+
+    @property
+    def nbytes(self) -> int: ...
+
 
 _ELEMENT_BYTES = {
     "uchar": 1,
@@ -107,7 +118,7 @@ _OPERATORS: Mapping[type[ast.operator], Callable[[int, int], int]] = {
 }
 
 
-def _value(node: ast.expr, names: Mapping[str, Any]) -> int:
+def _value(node: ast.expr, names: Mapping[str, Macro]) -> int:
     """The value of a size expression: integers, names, the operators + - * //, and `or` (1 or 0)."""
     if isinstance(node, ast.Constant) and isinstance(node.value, int):
         return node.value
@@ -124,8 +135,9 @@ def _value(node: ast.expr, names: Mapping[str, Any]) -> int:
 
 
 def check(
-    kernel: str, parameters: Sequence[Parameter], args: Sequence[Any], size: Sequence[int], macros: Mapping[str, Any]
-) -> None:
+    kernel: str, parameters: Sequence[Parameter], args: Sequence[Sized | float | np.generic], size: Sequence[int],
+    macros: Mapping[str, Macro],
+) -> None:  # fmt: skip
     """Check that every array argument holds at least the declared number of elements.
 
     Args:
@@ -140,21 +152,22 @@ def check(
             f"The kernel {kernel} has {len(parameters)} parameters and got {len(args)} arguments.", field="kernel",
             value=kernel, remedy="Pass one argument for each parameter.",
         )  # fmt: skip
-    names = dict(zip("XYZ", (*size, 1, 1), strict=False)) | dict(macros)
+    names: dict[str, Macro] = {**dict(zip("XYZ", (*size, 1, 1), strict=False)), **macros}
     for parameter, value in zip(parameters, args, strict=True):
         if isinstance(value, np.void):
             names |= {field: int(value[field]) for field in value.dtype.names or ()}
-        elif parameter.needs is None:
+        elif isinstance(value, int | float | np.generic):
             names[parameter.name] = int(value)
         else:
             names[f"{parameter.name}_length"] = value.nbytes // parameter.element_bytes
     for parameter, value in zip(parameters, args, strict=True):
         if parameter.needs is None:
             continue
+        size_bytes = 0 if isinstance(value, int | float) else value.nbytes
         needed = _value(parameter.needs, names) * parameter.element_bytes
-        if value.nbytes < needed:
+        if size_bytes < needed:
             raise DeviceError(
-                f"The argument {parameter.name} of the kernel {kernel} has {value.nbytes} bytes; its declared size "
+                f"The argument {parameter.name} of the kernel {kernel} has {size_bytes} bytes; its declared size "
                 f"({parameter.text}) is {needed} bytes.", field="kernel", value=kernel,
                 remedy="Report this: it is a fault of the program.",
             )  # fmt: skip

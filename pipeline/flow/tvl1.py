@@ -6,7 +6,7 @@ same operations in NumPy as their specification (`tvl1_reference`).
 
 from __future__ import annotations
 
-from typing import Any, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 from pipeline.compute import Device
 from pipeline.flow.gray import Gray, gray_pair
@@ -62,10 +62,12 @@ def tvl1(previous: object, current: object, params: TvL1 = DEFAULTS, device: Dev
         iterations instead of a stopping test, so that the time does not depend on the picture.
     """
     first, second = gray_pair(previous, current)
-    return solve(Reference() if device is None else Kernels(device), first, second, params)
+    if device is None:
+        return solve(Reference(), first, second, params)
+    return solve(Kernels(device), first, second, params)
 
 
-def solve(ops: Operations[Any], previous: Gray, current: Gray, params: TvL1) -> Flow:
+def solve(ops: Operations[T], previous: Gray, current: Gray, params: TvL1) -> Flow:
     """Coarse to fine, whatever the operations run on."""
     levels = [ops.texture(ops.load(previous, current), params)]
     while min(ops.size(levels[-1])) >= 2 * COARSEST_PX:

@@ -7,7 +7,7 @@ Every operation keeps to float32 and to the order of the kernels, so that the tw
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import cv2
 import numpy as np
@@ -17,8 +17,8 @@ from pipeline.flow.gray import Gray
 from pipeline.flow.tvl1_params import TvL1
 from pipeline.frames import Flow
 
-Planes: TypeAlias = NDArray[Any]
-"""Always float32, which NumPy's types cannot say: to them a Python number makes it float64."""
+Planes: TypeAlias = NDArray[np.floating]
+"""float32. The annotation is wider because NumPy's stubs infer float64 for a product with a Python float."""
 
 ROF_THETA = np.float32(0.125 * 127.5)
 """Strength of the denoising that finds the texture, in grey levels: wedel2009improved's 1/8 for brightness in -1..1."""

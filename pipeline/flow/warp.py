@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.frames import Flow, Plane
 
 
@@ -19,7 +18,7 @@ def positions(flow: Flow) -> tuple[Plane, Plane]:
     return np.asarray(x, dtype=np.float32), np.asarray(y, dtype=np.float32)
 
 
-def fetch(image: NDArray[Any], flow: Flow) -> NDArray[Any]:
+def fetch(image: AnyArray, flow: Flow) -> AnyArray:
     """The image where the flow points: out(x) = image(x + flow(x)), bilinear; beyond the border its pixel goes on.
 
     With `estimate(previous, current)` and `image = current` this is `previous` again, where nothing was hidden.
@@ -32,7 +31,7 @@ def fetch(image: NDArray[Any], flow: Flow) -> NDArray[Any]:
     return np.asarray(cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
 
 
-def push(image: NDArray[Any], flow: Flow) -> tuple[NDArray[np.float32], Plane]:
+def push(image: AnyArray, flow: Flow) -> tuple[NDArray[np.float32], Plane]:
     """The image carried along the flow: each pixel is spread over the four around its target.
 
     Args:

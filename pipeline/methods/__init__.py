@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import entry_points
 from types import MappingProxyType
-from typing import Any
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
@@ -41,7 +40,7 @@ def method(name: str) -> Method:
         ) from None
 
 
-def parse_params(chosen: Method, values: Mapping[str, Any]) -> Params:
+def parse_params(chosen: Method, values: Mapping[str, object]) -> Params:
     """Validate `values` against the method's Params.
 
     Raises: BadParameter for the first fault, with all further ones as its `others`.
@@ -52,7 +51,7 @@ def parse_params(chosen: Method, values: Mapping[str, Any]) -> Params:
         raise together([_param_fault(chosen, found) for found in error.errors()]) from None
 
 
-def param_faults(chosen: Method, values: Mapping[str, Any]) -> list[BadParameter]:
+def param_faults(chosen: Method, values: Mapping[str, object]) -> list[BadParameter]:
     """Every fault of `values` as the method's Params; `field` is `params.<name>`."""
     try:
         chosen.Params.model_validate(values)

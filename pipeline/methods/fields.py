@@ -1,10 +1,20 @@
-"""Fields of a method's parameters: limits, and what a form or a command line needs to show them."""
+"""Parameters of a method: their base class, and fields with limits, unit and help for forms and command lines."""
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
-from pydantic import Field
+from pydantic import BaseModel, ConfigDict, Field, JsonValue
+
+
+class Params(BaseModel):
+    """Base class of every method's parameters: immutable; unknown names and NaN are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, validate_default=True)
+
+
+P = TypeVar("P", bound=Params)
+P_co = TypeVar("P_co", bound=Params, covariant=True)
 
 Switch = Literal["on", "off"]
 FlowName = Literal["dis-ultrafast", "dis-fast", "dis-medium", "tvl1"]
@@ -14,11 +24,15 @@ FlowName = Literal["dis-ultrafast", "dis-fast", "dis-medium", "tvl1"]
 def number(
     default: float, low: float, high: float, title: str, help_: str, unit: str, group: str, symbol: str = ""
 ) -> Any:
-    """A number from `low` to `high`; `symbol`: its name in the paper."""
-    extra: dict[str, Any] = {"unit": unit, "group": group, **({"symbol": symbol} if symbol else {})}
+    """Field for a number from `low` to `high`.
+
+    Args:
+        symbol: name of the parameter in the paper.
+    """
+    extra: dict[str, JsonValue] = {"unit": unit, "group": group, **({"symbol": symbol} if symbol else {})}
     return Field(default, ge=low, le=high, title=title, description=help_, json_schema_extra=extra)
 
 
 def choice(default: str, title: str, help_: str, group: str) -> Any:
-    """One of a few words."""
+    """Field for one of a few words; the annotation of the field lists them."""
     return Field(default, title=title, description=help_, json_schema_extra={"group": group})

@@ -1,20 +1,23 @@
-"""Running a method in memory: a task context over arrays, and a plan runner. For the library call, previews,
-benchmarks, notebooks and tests; the farm has a context over blobs instead."""
+"""A method run in memory: a task context over arrays, and a plan runner.
+
+Used by the library call, previews, benchmarks, notebooks and tests. The farm uses a task context over blobs instead.
+"""
 
 from __future__ import annotations
 
 import random
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager
 from dataclasses import replace
-from typing import Any, Generic, Protocol
+from typing import Generic, Protocol, TypeAlias, cast
 
 import numpy as np
-from numpy.typing import NDArray
+from pydantic import JsonValue
 
+from pipeline.arrays import AnyArray, Arrays, State
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame
-from pipeline.methods.base import Arrays, Method, P, PlanContext, Task, TaskResult, VideoInfo
+from pipeline.methods.base import AnyParams, Method, P, PlanContext, Task, TaskResult, VideoInfo, no_clock
 
 DEFAULT_FPS = 25.0
 
@@ -28,6 +31,10 @@ class FrameSource(Protocol):
     def read(self, start: int, stop: int | None) -> Iterator[Frame]:
         """Frames [start, stop), uint8 (height, width, 3), one at a time."""
         ...
+
+
+Input: TypeAlias = Sequence[Frame] | FrameSource | Mapping[int, AnyArray] | Mapping[str, bytes] | JsonValue
+"""An input in memory; its kind determines which of these it is."""
 
 
 class LocalContext(Generic[P]):
@@ -50,22 +57,22 @@ class LocalContext(Generic[P]):
     """
 
     def __init__(
-        self, params: P, video: Sequence[Frame] | FrameSource, inputs: Mapping[str, Any] | None = None, seed: int = 0,
+        self, params: P, video: Sequence[Frame] | FrameSource, inputs: Mapping[str, Input] | None = None, seed: int = 0,
         artefacts: frozenset[str] = frozenset(),
     ) -> None:  # fmt: skip
         self.params, self.seed, self.artefacts = params, seed, artefacts
-        self.inputs: dict[str, Any] = {"video": video, **(inputs or {})}
+        self.inputs: dict[str, Input] = {"video": video, **(inputs or {})}
         self.video = _info(video)
         self.size = (self.video.width, self.video.height)
         self.files: dict[str, bytes] = {}
         self.emitted: dict[int, Frame] = {}
-        self.kept: dict[tuple[str, str], dict[str, NDArray[Any]]] = {}
+        self.kept: dict[tuple[str, str], State] = {}
         self.step = ""
         self.task: Task | None = None
         self._makers: dict[tuple[str, str], str] = {}
 
     def frames(self, name: str = "video", start: int = 0, stop: int | None = None) -> Iterator[Frame]:
-        source = self._input(name)
+        source = cast("Sequence[Frame] | FrameSource", self._input(name))
         frames = source[start:stop] if isinstance(source, Sequence) else source.read(start, stop)
         return (frame.copy() for frame in frames)
 
@@ -75,18 +82,16 @@ class LocalContext(Generic[P]):
     def image(self, name: str) -> Frame:
         return next(self.frames(name, 0, 1))
 
-    def json(self, name: str) -> Any:
-        return self._input(name)
+    def json(self, name: str) -> JsonValue:
+        return cast("JsonValue", self._input(name))
 
-    def images(self, name: str) -> Mapping[int, NDArray[Any]]:
-        found: Mapping[int, NDArray[Any]] = self._input(name)
-        return found
+    def images(self, name: str) -> Mapping[int, AnyArray]:
+        return cast("Mapping[int, AnyArray]", self._input(name))
 
     def entries(self, name: str) -> Mapping[str, bytes]:
-        found: Mapping[str, bytes] = self.inputs.get(f"{name}.entries", {})
-        return found
+        return cast("Mapping[str, bytes]", self.inputs.get(f"{name}.entries", {}))
 
-    def _input(self, name: str) -> Any:
+    def _input(self, name: str) -> Input:
         if name not in self.inputs:
             raise BadParameter(
                 f"The input {name!r} is missing.", field=f"inputs.{name}", remedy=f"Give the input {name!r}."
@@ -99,7 +104,7 @@ class LocalContext(Generic[P]):
         self._makers[self.step, name] = self.task.key if self.task else ""
         self.kept[self.step, name] = {key: np.array(array) for key, array in arrays.items()}
 
-    def load(self, step: str, name: str) -> dict[str, NDArray[Any]]:
+    def load(self, step: str, name: str) -> State:
         own = step == self.step and self.task is not None
         if own and self.task is not None and self._makers.get((step, name)) not in self.task.after:
             raise KeyError(f"{step}/{name}: task {self.task.key!r} does not name its maker in `after`")
@@ -122,13 +127,13 @@ class LocalContext(Generic[P]):
         return
 
     def clock(self, stage: str) -> AbstractContextManager[None]:
-        return nullcontext()
+        return no_clock(stage)
 
     def progress(self, done: float) -> None:
         return
 
 
-def run_plan(method: Method, context: LocalContext[Any], shuffle: int | None = None) -> dict[str, list[Task]]:
+def run_plan(method: Method, context: LocalContext[AnyParams], shuffle: int | None = None) -> dict[str, list[Task]]:
     """Run a method's whole plan in this thread.
 
     Args:
@@ -144,7 +149,7 @@ def run_plan(method: Method, context: LocalContext[Any], shuffle: int | None = N
 
 
 def iterate_plan(
-    method: Method, context: LocalContext[Any], shuffle: int | None = None, steps: int | None = None
+    method: Method, context: LocalContext[AnyParams], shuffle: int | None = None, steps: int | None = None
 ) -> Iterator[tuple[str, Task]]:
     """Run a method's plan task by task: (step name, task) after each, so that emitted frames can be taken out.
 

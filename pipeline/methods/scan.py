@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 from pipeline.errors import BadInput
 from pipeline.frames import Frame, Plane
-from pipeline.methods.base import TaskContext
+from pipeline.methods.base import AnyParams, TaskContext
 from pipeline.segmentation.cuts import is_cut, thumbnail
 
 _PROGRESS_FRAMES = 16
 
 
 def scan_video(
-    context: TaskContext[Any], cut_sensitivity: float, each: Callable[[Frame], None] | None = None
+    context: TaskContext[AnyParams], cut_sensitivity: float, each: Callable[[Frame], None] | None = None
 ) -> tuple[int, list[int]]:
     """Decode the whole video once.
 

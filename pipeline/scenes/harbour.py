@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pipeline.methods.base import seeded
+from pipeline.randomness import seeded
 from pipeline.scenes import paints as p
 from pipeline.scenes.base import CutOut, Motion, Paint, Spot
 from pipeline.scenes.grain import grain

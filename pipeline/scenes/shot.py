@@ -6,11 +6,11 @@ import json
 import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Arrays
 from pipeline.errors import BadParameter
 from pipeline.scenes.base import Scene, SceneFrame
 from pipeline.video.archive import MANIFEST
@@ -58,7 +58,7 @@ def vectors(frame: SceneFrame) -> dict[str, NDArray[np.float32]]:
     return {"Vector.X": -minus[..., 0], "Vector.Y": minus[..., 1], "Vector.Z": -plus[..., 0], "Vector.W": plus[..., 1]}
 
 
-def _exr(planes: Mapping[str, NDArray[Any]]) -> bytes:
+def _exr(planes: Arrays) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "pass.exr"
         write_exr(path, planes)

@@ -9,13 +9,12 @@ slowly. The more often a face has been met, the longer it is kept without being 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Arrays, State
 from pipeline.frames import Flow, Plane
 from pipeline.segmentation.face_detector import SLICES, Boxes, FaceDetector, join, slices
 from pipeline.segmentation.motion import median_motion
@@ -126,9 +125,9 @@ class FaceTracker:
         self._meet(boxes, newcomers=True, fresh=fresh)
         self._search = None
 
-    def state(self) -> dict[str, NDArray[Any]]:
+    def state(self) -> State:
         """All that the next step depends on."""
-        state: dict[str, NDArray[Any]] = {"faces": self.tracks.copy()}
+        state: State = {"faces": self.tracks.copy()}
         if self._search:
             search = self._search
             state |= {"search.gray": search.gray, "search.hits": search.hits, "search.done": np.array(search.done)}
@@ -136,7 +135,7 @@ class FaceTracker:
                 state["search.flows"] = np.stack(search.flows)
         return state
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+    def restore(self, state: Arrays) -> None:
         """Go on, to the bit, from where `state` was taken."""
         self.tracks = np.array(state["faces"], np.float64)
         self._search = None

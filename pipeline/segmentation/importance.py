@@ -11,14 +11,13 @@ smoothed causally, because I(p) sets the thresholds of edges and of region growi
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray, Arrays, State
 from pipeline.errors import BadFrame
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.segmentation.faces import FaceTracker
@@ -126,7 +125,7 @@ class ImportanceTracker:
         if self._params.face > 0:
             self._faces.continue_search()
 
-    def state(self) -> dict[str, NDArray[Any]]:
+    def state(self) -> State:
         """All that the next step depends on."""
         return {
             "age": np.array(self._age, np.int64),
@@ -135,7 +134,7 @@ class ImportanceTracker:
             **self._faces.state(),
         }
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+    def restore(self, state: Arrays) -> None:
         """Go on, to the bit, from where `state` was taken (same params and size)."""
         self._age = int(state["age"])
         self._faces.restore(state)
@@ -219,7 +218,7 @@ def _prepare_mask(mask: Plane | Mask, size: tuple[int, int], small: tuple[int, i
     return np.asarray(cv2.resize(both, small, interpolation=cv2.INTER_AREA), np.float32)
 
 
-def _check_shape(array: NDArray[Any], size: tuple[int, int], field: str) -> None:
+def _check_shape(array: AnyArray, size: tuple[int, int], field: str) -> None:
     if array.ndim < 2 or (array.shape[1], array.shape[0]) != size:
         expected = f"(height, width) = ({size[1]}, {size[0]})"
         raise BadFrame(f"The {field} has another size than the video, {expected}.", field=field, value=array.shape)

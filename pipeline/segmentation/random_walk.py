@@ -8,24 +8,25 @@ frame whose label is known, or to none. Every label is one right-hand side of th
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.errors import BadParameter
 from pipeline.frames import Flow, Labels, Plane
 from pipeline.jit import kernel
 from pipeline.solvers import Multigrid
 
-Edges: TypeAlias = tuple[NDArray[Any], NDArray[Any]]
+Edges: TypeAlias = tuple[Plane, Plane]
 """Weights of the edges to the right neighbour, float32 (h, w - 1), and to the one below, (h - 1, w); > 0."""
 
 FAINT = 1e-6
 """Weight that every edge has at least: no part of the picture is cut off by arithmetic."""
 
 
-def motion_edges(forward: Flow | None, backward: Flow | None, colours: NDArray[Any] | None = None,
+def motion_edges(forward: Flow | None, backward: Flow | None, colours: AnyArray | None = None,
                  colour_unit: float = 0.0) -> Edges:  # fmt: skip
     """Similarity of motion of 4-neighbours: w = exp(-(D(v+(x), v+(y)) + D(v-(x), v-(y))) / 2), D = |v1 - v2|^2.
 
@@ -54,13 +55,13 @@ def motion_edges(forward: Flow | None, backward: Flow | None, colours: NDArray[A
     return edges[0], edges[1]
 
 
-def _square(vectors: NDArray[Any]) -> Plane:
+def _square(vectors: AnyArray) -> Plane:
     """Squared length along the last axis: a few planes are added faster than an axis of 2 or 3 is summed."""
     return np.asarray(sum(vectors[..., channel] * vectors[..., channel] for channel in range(vectors.shape[-1])))
 
 
 def probabilities(
-    seeds: Labels, edges: Edges, count: int, *, votes: NDArray[Any] | None = None, tolerance: float = 1e-4
+    seeds: Labels, edges: Edges, count: int, *, votes: AnyArray | None = None, tolerance: float = 1e-4
 ) -> NDArray[np.float32]:
     """Probability of each label at each pixel: float32 (count, h, w), summing to 1 where any label can be reached.
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.frames import Plane
 
 SIDE_PX = 64
@@ -43,7 +42,7 @@ def spectral_residual(gray: NDArray[np.uint8]) -> Plane:
     return squeezed
 
 
-def _power(spectrum: NDArray[Any]) -> Plane:
+def _power(spectrum: AnyArray) -> Plane:
     """Squared magnitude. Not by `cv2.magnitude`: its last bit depends on where in memory its result happens to lie."""
     real, imaginary = spectrum[..., 0], spectrum[..., 1]
     squared: Plane = real * real + imaginary * imaginary

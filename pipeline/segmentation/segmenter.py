@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Arrays, State
 from pipeline.background import Pending
 from pipeline.frames import Flow, Labels, Plane
 from pipeline.segmentation.growing import count_open, grow, unlabelled
@@ -173,7 +172,7 @@ class Segmenter:
         self.next_id += len(new)
         return ids
 
-    def state(self) -> dict[str, NDArray[Any]]:
+    def state(self) -> State:
         """All it remembers, for `restore`: a restored segmenter goes on with the same bytes."""
         if self.last is None:
             return {"next_id": np.array(self.next_id)}
@@ -183,7 +182,7 @@ class Segmenter:
             "means": last.means, "remainder": self.remainder,
         }  # fmt: skip
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+    def restore(self, state: Arrays) -> None:
         self.next_id = int(state["next_id"])
         self.last = None
         if "labels" in state:

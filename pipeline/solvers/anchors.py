@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.jit import kernel
 
 
-def adrift(anchored: NDArray[np.bool_], right: NDArray[Any], down: NDArray[Any]) -> NDArray[np.bool_]:
+def adrift(anchored: NDArray[np.bool_], right: AnyArray, down: AnyArray) -> NDArray[np.bool_]:
     """Pixels from which no path over edges > 0 leads to an anchored one: bool (h, w).
 
     Args:
@@ -24,7 +23,7 @@ def adrift(anchored: NDArray[np.bool_], right: NDArray[Any], down: NDArray[Any])
 
 
 @kernel
-def _flood(reached: NDArray[np.bool_], right: NDArray[Any], down: NDArray[Any]) -> None:
+def _flood(reached: NDArray[np.bool_], right: AnyArray, down: AnyArray) -> None:
     height, width = reached.shape
     stack = np.empty(height * width, np.int64)
     top = 0

@@ -7,14 +7,14 @@ The coarse matrix is P' A P.
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.jit import kernel
 
-Doubles: TypeAlias = NDArray[Any]
+Doubles: TypeAlias = NDArray[np.float64]
 
 
 @kernel

@@ -12,7 +12,7 @@ those corners only.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from pipeline.jit import kernel
 from pipeline.solvers.coarsen import coarse_stencil, interpolation_weights
 from pipeline.solvers.lines import factor_lines, sweep
 
-Doubles: TypeAlias = NDArray[Any]
+Doubles: TypeAlias = NDArray[np.float64]
 """float64 array; near convergence, residuals are small differences of large numbers."""
 
 

@@ -7,14 +7,14 @@ line is a tridiagonal system, factored in advance. Lines of the same parity are 
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.jit import kernel
 
-Doubles: TypeAlias = NDArray[Any]
+Doubles: TypeAlias = NDArray[np.float64]
 
 LOST = 1e-14
 """Pivots below this fraction of the diagonal are treated as 0: the line is not coupled to anything else."""

@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.errors import BadParameter
 from pipeline.frames import Mask
 from pipeline.solvers.anchors import adrift
@@ -64,8 +64,8 @@ class Multigrid:
     """
 
     def __init__(
-        self, fixed: Mask, *, right: NDArray[Any] | None = None, down: NDArray[Any] | None = None,
-        absorb: NDArray[Any] | None = None,
+        self, fixed: Mask, *, right: AnyArray | None = None, down: AnyArray | None = None,
+        absorb: AnyArray | None = None,
     ) -> None:  # fmt: skip
         """Build all coarse grids, in time and memory linear in the number of pixels.
 
@@ -93,7 +93,7 @@ class Multigrid:
         self._levels = build_levels(stencil)
 
     def solve(
-        self, values: NDArray[Any], *, source: NDArray[Any] | None = None, start: NDArray[Any] | None = None,
+        self, values: AnyArray, *, source: AnyArray | None = None, start: AnyArray | None = None,
         fallback: float = 0.0, tolerance: float = TOLERANCE, max_cycles: int = MAX_CYCLES,
     ) -> Solution:  # fmt: skip
         """Solve for one or several right-hand sides. Each is solved independently, with the same bytes as alone.
@@ -124,7 +124,7 @@ class Multigrid:
         x = np.array([found for found, _ in solved], np.float32).reshape(shape)
         return Solution(x, tuple(history for _, history in solved))
 
-    def _batch(self, array: NDArray[Any], field: str, labels: int | None = None) -> Doubles:
+    def _batch(self, array: AnyArray, field: str, labels: int | None = None) -> Doubles:
         given = np.asarray(array, np.float64)
         if given.shape[-2:] != self.fixed.shape or given.ndim not in (2, 3):
             raise BadParameter(
@@ -166,8 +166,8 @@ class Multigrid:
 
 
 def solve_laplace(
-    values: NDArray[Any], fixed: Mask, *, right: NDArray[Any] | None = None, down: NDArray[Any] | None = None,
-    absorb: NDArray[Any] | None = None, source: NDArray[Any] | None = None, start: NDArray[Any] | None = None,
+    values: AnyArray, fixed: Mask, *, right: AnyArray | None = None, down: AnyArray | None = None,
+    absorb: AnyArray | None = None, source: AnyArray | None = None, start: AnyArray | None = None,
     fallback: float = 0.0, tolerance: float = TOLERANCE, max_cycles: int = MAX_CYCLES,
 ) -> Solution:  # fmt: skip
     """Interpolate given values over the picture: `Multigrid` followed by one `solve`, see there for the parameters.
@@ -251,7 +251,7 @@ def _check_effort(tolerance: float, max_cycles: int) -> None:
         raise BadParameter("It takes at least one.", field="max_cycles", value=max_cycles, remedy="Use 40.")
 
 
-def _weights(given: NDArray[Any] | None, shape: tuple[int, int], field: str, default: float) -> Doubles:
+def _weights(given: AnyArray | None, shape: tuple[int, int], field: str, default: float) -> Doubles:
     if given is None:
         return np.full(shape, default)
     weights = np.asarray(given, np.float64)

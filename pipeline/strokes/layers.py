@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.frames import Frame, Plane
 from pipeline.jit import kernel
 from pipeline.strokes.brush import Brush, Canvas, Direction, blank, colours_at
@@ -89,7 +89,7 @@ def area_error(error: Plane, xy: Points, side_px: NDArray[np.float32]) -> NDArra
     Source: hertzmann1998painterly, section 2.1.
     """
     out = np.empty(len(xy), np.float32)
-    total: NDArray[Any] = cv2.integral(error, sdepth=cv2.CV_64F)
+    total: AnyArray = cv2.integral(error, sdepth=cv2.CV_64F)
     _area_error(total, xy, side_px, out)
     return out
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cache
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Arrays, State
 from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.jit import kernel
@@ -91,10 +90,10 @@ class EdgeDarkening:
         self.rims = now
         return np.asarray(np.rint(now * 255), np.uint8)
 
-    def state(self) -> dict[str, NDArray[Any]]:
+    def state(self) -> State:
         return {} if self.rims is None else {"rims": self.rims}
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+    def restore(self, state: Arrays) -> None:
         self.rims = state.get("rims")
 
 

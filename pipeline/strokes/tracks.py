@@ -7,13 +7,12 @@ gradually by their `presence`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Arrays, State
 from pipeline.frames import Flow, Frame, Mask
 from pipeline.jit import kernel
 from pipeline.strokes.brush import Strokes, colours_at
@@ -49,7 +48,7 @@ class StrokeTracks:
             self.seeds[keep], self.targets[keep], self.presence[keep], self.leaving[keep], self.initial[keep]
         )
 
-    def state(self) -> dict[str, NDArray[Any]]:
+    def state(self) -> State:
         """The tracks as arrays by name, for storage."""
         return {
             "xy": self.seeds.xy, "ids": self.seeds.ids, "targets": self.targets, "presence": self.presence,
@@ -57,7 +56,7 @@ class StrokeTracks:
         }  # fmt: skip
 
     @classmethod
-    def from_state(cls, state: Mapping[str, NDArray[Any]]) -> StrokeTracks:
+    def from_state(cls, state: Arrays) -> StrokeTracks:
         """Restore what `state` returned."""
         seeds = Seeds(state["xy"], state["ids"].astype(np.uint64))
         return cls(seeds, state["targets"], state["presence"], state["leaving"].astype(np.bool_), state["initial"])

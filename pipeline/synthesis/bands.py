@@ -11,11 +11,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.compute import Device, DeviceArray
 from pipeline.synthesis.energy import Energy
 from pipeline.synthesis.images import TAIL, Style
@@ -24,7 +23,7 @@ from pipeline.synthesis.operations import FrameState, LoadedStyle, NeighbourAppe
 from pipeline.synthesis.reference import Reference
 from pipeline.synthesis.refine import FARTHEST_PX
 
-Array = NDArray[Any]
+Array = AnyArray
 
 
 @dataclass

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.compute import Device, DeviceArray, Launch
 from pipeline.synthesis.energy import SCALE_SHIFT, Energy, cosines, steps_table, tables, taps
 from pipeline.synthesis.images import TAIL, Bytes, Style, Target, padded
@@ -33,10 +33,10 @@ class Kernels:
         self._constants: dict[Energy, tuple[DeviceArray, ...]] = {}
         self._cosines = device.upload(cosines())
 
-    def upload(self, array: NDArray[Any]) -> DeviceArray:
+    def upload(self, array: AnyArray) -> DeviceArray:
         return self.device.upload(array)
 
-    def fetch(self, array: DeviceArray) -> NDArray[Any]:
+    def fetch(self, array: DeviceArray) -> AnyArray:
         return self.device.download(array)
 
     def finish(self) -> None:
@@ -62,7 +62,7 @@ class Kernels:
             self.upload(turns), self.upload(steps_table(energy.radius, style.bins is not None)),
         )  # fmt: skip
 
-    def _or_nothing(self, array: NDArray[Any] | None) -> DeviceArray:
+    def _or_nothing(self, array: AnyArray | None) -> DeviceArray:
         return self._nothing if array is None else self.upload(array)
 
     def margined(self, plane: Bytes, margin_px: int) -> DeviceArray:

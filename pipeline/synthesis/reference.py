@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.jit import kernel
 from pipeline.strokes.random import philox
 from pipeline.synthesis.energy import NO_DIRECTION, cosines, tables, taps
@@ -16,7 +16,7 @@ from pipeline.synthesis.images import packed as pack
 from pipeline.synthesis.operations import FrameState, LoadedStyle, RandomKey, Search, iteration, words
 from pipeline.synthesis.reference_energy import Inputs, Iteration, extrapolated_offset, improve, unit
 
-Array = NDArray[Any]
+Array = AnyArray
 Size = tuple[int, int]
 _NONE = np.zeros(0, np.uint8)
 _BINOMIAL = (20, 15, 6, 1)

@@ -9,13 +9,13 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.jit import kernel
 from pipeline.strokes.random import philox
 from pipeline.synthesis.energy import NO_DIRECTION, SCALE_SHIFT
 
-Array = NDArray[Any]
+Array = AnyArray
 _NOWHERE = np.float32(-1e6)
 _INFINITE = np.float32(3.0e38)
 _UNIT = np.float32(5.9604645e-8)

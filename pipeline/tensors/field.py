@@ -8,12 +8,13 @@ component (kagaya2011video, section 3.2).
 from __future__ import annotations
 
 import math
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.frames import Flow, Mask, Plane
 from pipeline.solvers import Multigrid, Solution
 from pipeline.tensors.structure import tangent_field
@@ -25,7 +26,7 @@ SAMPLES = 64
 """Sample points on a circle around a singularity; theta must turn by less than half a turn between two of them."""
 
 
-def field_of(angle_rad: NDArray[Any] | float, strength: NDArray[Any] | float = 1.0) -> OrientationField:
+def field_of(angle_rad: AnyArray | float, strength: AnyArray | float = 1.0) -> OrientationField:
     """Orientation field of strokes at these angles: float32 (2, *shape); `strength` is rho, >= 0."""
     twice = 2 * np.asarray(angle_rad, np.float64)
     return np.stack([strength * np.cos(twice), strength * np.sin(twice)]).astype(np.float32)
@@ -48,14 +49,14 @@ def direction_of(field: OrientationField, least: float = 1e-6) -> Flow:
     return tangent_field(np.stack([-field[0], -field[1] / 2, np.zeros_like(field[0])]), least)
 
 
-def rotated(field: OrientationField, angle_rad: NDArray[Any] | float) -> OrientationField:
+def rotated(field: OrientationField, angle_rad: AnyArray | float) -> OrientationField:
     """Rotate each tensor in place, so that strokes turn by `angle_rad`: float32 (2, h, w)."""
     c, s = np.cos(2 * np.asarray(angle_rad, np.float64)), np.sin(2 * np.asarray(angle_rad, np.float64))
     return np.stack([c * field[0] - s * field[1], s * field[0] + c * field[1]]).astype(np.float32)
 
 
 def fill_free(
-    field: OrientationField, key: Mask, *, right: NDArray[Any] | None = None, down: NDArray[Any] | None = None,
+    field: OrientationField, key: Mask, *, right: AnyArray | None = None, down: AnyArray | None = None,
     start: OrientationField | None = None,
 ) -> Solution:  # fmt: skip
     """Extend the field of the key regions over the free regions: attribute `x` of the result, float32 (2, h, w).

@@ -20,6 +20,7 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray, Arrays
 from pipeline.errors import BadInput, MediaTooLarge, UnreadableMedia
 from pipeline.frames import Flow, Frame, Plane
 from pipeline.video.media import Limits
@@ -104,7 +105,7 @@ def _extent(window: Any) -> tuple[int, int]:
     return int(right) - int(left) + 1, int(bottom) - int(top) + 1
 
 
-def _placed(parts: Iterable[tuple[Mapping[str, Any], Mapping[str, NDArray[Any]]]], name: str) -> Exr:
+def _placed(parts: Iterable[tuple[Mapping[str, Any], Arrays]], name: str) -> Exr:
     planes: dict[str, Plane] = {}
     size = (0, 0)
     for header, channels in parts:
@@ -124,7 +125,7 @@ def _named(prefix: str, channel: str) -> str:
     return channel if channel.startswith(prefix) else prefix + channel
 
 
-def _within(pixels: NDArray[Any], shift: tuple[int, int], size: tuple[int, int]) -> Plane:
+def _within(pixels: AnyArray, shift: tuple[int, int], size: tuple[int, int]) -> Plane:
     """Copy the pixels of the data window into the display window."""
     if shift == (0, 0) and pixels.shape[::-1] == size:
         return np.ascontiguousarray(pixels, np.float32)

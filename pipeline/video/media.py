@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Any, Literal, NoReturn
+from typing import Literal, NoReturn
+
+from pydantic import JsonValue
 
 from pipeline.errors import MediaTooLarge, UnreadableMedia
 from pipeline.frames import MIN_SIDE_PX
@@ -46,7 +48,7 @@ class MediaInfo:
     rotation_deg: int = 0
     """Clockwise rotation for display, from the file's metadata: 0, 90, 180 or 270."""
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> dict[str, JsonValue]:
         return asdict(self)
 
 

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
 from zipfile import ZipFile, ZipInfo
 
-from numpy.typing import NDArray
-
+from pipeline.arrays import AnyArray
 from pipeline.errors import UnreadableMedia
 from pipeline.video.archive import number_of, open_archive, read_entry
 from pipeline.video.headers import sniff
@@ -16,7 +14,7 @@ from pipeline.video.media import Limits
 from pipeline.video.stills import decode_raw
 
 
-class NumberedImages(Mapping[int, "NDArray[Any]"]):
+class NumberedImages(Mapping[int, AnyArray]):
     """Images as stored, by the last number in their file names, ascending. A single image file has number 0.
 
     The caller closes it.
@@ -50,7 +48,7 @@ class NumberedImages(Mapping[int, "NDArray[Any]"]):
                 )
             self._members[number] = member
 
-    def __getitem__(self, number: int) -> NDArray[Any]:
+    def __getitem__(self, number: int) -> AnyArray:
         if self._archive is None:
             if number != 0:
                 raise KeyError(number)

@@ -23,9 +23,9 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import PurePosixPath
-from typing import Any, Literal, NoReturn
+from typing import Literal, NoReturn
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
 
 from pipeline.errors import UnreadableMedia
 from pipeline.video.archive import MANIFEST, number_of
@@ -46,7 +46,7 @@ class LayerJson(BaseModel):
 
     name: str = Field(min_length=1, description="Name of its folder in layers/; any name if `ids` is given.")
     ids: tuple[int, ...] = Field((), description="Object numbers of the ids pass that form the layer.")
-    params: dict[str, Any] = Field({}, description="Parameters of the method that differ for this layer.")
+    params: dict[str, JsonValue] = Field({}, description="Parameters of the method that differ for this layer.")
     guides: dict[str, float] = Field({}, description="Weights of its guides by name; 0 = not used.")
     overpaint_px: float | None = Field(
         None, ge=0, le=500, description="Reach of paint beyond the silhouette; None = as keys."

@@ -7,12 +7,12 @@ yields its beauty pass, converted from linear light to sRGB.
 from __future__ import annotations
 
 import io
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.frames import Frame
 from pipeline.video.exr import EXR_MAGIC, pixels, read_exr
 from pipeline.video.headers import IMAGE_TYPES, ImageHeader, image_header, sniff
@@ -56,7 +56,7 @@ def decode_rgb(data: bytes, limits: Limits, name: str = "image") -> Frame:
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)
 
 
-def decode_raw(data: bytes, limits: Limits, name: str = "image") -> NDArray[Any]:
+def decode_raw(data: bytes, limits: Limits, name: str = "image") -> AnyArray:
     """Decode an image as stored, without EXIF rotation: (h, w), (h, w, 3) RGB or (h, w, 4) RGBA; uint8 or uint16."""
     check_image(data, limits, name)
     if data.startswith(EXR_MAGIC):
@@ -77,7 +77,7 @@ def _exr(data: bytes, limits: Limits, name: str) -> NDArray[np.uint8]:
     return found
 
 
-def _to_8_bit(image: NDArray[Any]) -> NDArray[np.uint8]:
+def _to_8_bit(image: AnyArray) -> NDArray[np.uint8]:
     if image.dtype == np.uint8:
         return np.asarray(image, np.uint8)
     if image.dtype == np.uint16:

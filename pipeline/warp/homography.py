@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.jit import kernel
 
 Homography: TypeAlias = NDArray[np.float64]
 """float64 (3, 3), acts on homogeneous coordinates (x, y, 1), px."""
-Points: TypeAlias = NDArray[Any]
+Points: TypeAlias = NDArray[np.floating]
 """(n, 2): (x, y), px."""
 
 IDENTITY: Homography = np.eye(3)
@@ -55,7 +56,7 @@ def lattice(shape: tuple[int, int], origin: tuple[int, int] = (0, 0)) -> NDArray
 
 
 def fit(
-    source: Points, target: Points, *, weights: NDArray[Any] | None = None, noise_px: float = 0.25, rounds: int = 6,
+    source: Points, target: Points, *, weights: AnyArray | None = None, noise_px: float = 0.25, rounds: int = 6,
     start: Homography | None = None,
 ) -> Homography:  # fmt: skip
     """Fit a homography from `source` to `target`, robust to outliers.

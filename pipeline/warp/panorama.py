@@ -6,12 +6,12 @@ A *lay* is the placement of a rectangle of a frame in the panorama: a homography
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.frames import Frame, Plane
 from pipeline.jit import kernel
 from pipeline.warp.homography import Homography, apply, lattice
@@ -32,7 +32,7 @@ class Lay:
 
     rect: Rect
     matrix: Homography
-    rest: NDArray[Any]
+    rest: AnyArray
 
     def positions(self) -> NDArray[np.float32]:
         """Panorama positions G of the rectangle's pixels: float32 (h, w, 2), working px."""

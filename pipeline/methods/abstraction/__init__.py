@@ -7,7 +7,7 @@ up to t only, and a live stream runs the same session as a batch job.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from pipeline.colour.scheme import learn
 from pipeline.frames import Frame
@@ -52,7 +52,7 @@ class Abstraction(Method):
             "each valid until the next.", "importance.image",
         ),
     )  # fmt: skip
-    steps: ClassVar[tuple[Step[Any], ...]] = (
+    steps: ClassVar[tuple[Step[AbstractionParams], ...]] = (
         Step("scan", "Find the shots", plan_scan, run_scan, weight=0.05),
         Step("reference", "Learn the colours", plan_reference, run_reference, weight=0.0),
         Step("abstract", "Paint", plan_abstract, run_abstract),
@@ -74,7 +74,7 @@ class Abstraction(Method):
         )
 
     def stream(
-        self, params: Any, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]
+        self, params: AbstractionParams, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]
     ) -> AbstractionSession:
         """A live session. `references` may hold "reference": the frames to learn colours from."""
         scheme = learn(references["reference"]) if "reference" in references else None

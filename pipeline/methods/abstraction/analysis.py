@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Arrays, State, flatten, part
 from pipeline.background import Background, Pending, Ready
 from pipeline.colour.lab8 import LabPlanes, rgb_to_lab8
 from pipeline.colour.scheme import Tone, ToneTracker
@@ -20,7 +19,7 @@ from pipeline.lines.coherent import Ink
 from pipeline.methods.abstraction.line_extractor import LineExtractor
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.sharp_lines import SharpLineExtractor
-from pipeline.methods.abstraction.state import Clock, State, flatten, part
+from pipeline.methods.tasks import Clock
 from pipeline.segmentation.cuts import is_cut, light_steadiness, thumbnail
 from pipeline.segmentation.edges import edges
 from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker
@@ -157,7 +156,7 @@ class FrameAnalyzer:
     def state(self) -> State:
         self._deferred.result()
         self._search_faces()
-        parts: dict[str, Mapping[str, NDArray[Any]]] = {"importance": self.importance.state()}
+        parts: dict[str, Arrays] = {"importance": self.importance.state()}
         if self.lines:
             parts["lines"] = self.lines.state()
         if self.tone:
@@ -167,7 +166,7 @@ class FrameAnalyzer:
             own |= {"gray": self.gray, "denoised": self.denoised, "thumbnail": self.thumbnail}
         return own | flatten(parts)
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+    def restore(self, state: Arrays) -> None:
         self.shot = int(state["shot"])
         self.gray, self.denoised, self.thumbnail = (state.get(k) for k in ("gray", "denoised", "thumbnail"))
         self.importance.restore(part(state, "importance"))

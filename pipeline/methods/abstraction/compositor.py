@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Arrays, State
 from pipeline.background import Background, Pending
 from pipeline.colour.paint import flat, overlay
 from pipeline.frames import Frame
@@ -16,7 +15,7 @@ from pipeline.lines.coherent import Ink
 from pipeline.methods.abstraction.analysis import FrameAnalysis
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.region_stage import ColouredRegions
-from pipeline.methods.abstraction.state import Clock, State
+from pipeline.methods.tasks import Clock
 from pipeline.segmentation.motion import BackwardMaps, blend_with_past, warp_back
 from pipeline.segmentation.refinement import round_boundaries
 from pipeline.segmentation.segmenter import Segmentation
@@ -87,5 +86,5 @@ class Compositor:
     def state(self) -> State:
         return {} if self.picture is None else {"picture": self.picture}
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+    def restore(self, state: Arrays) -> None:
         self.picture = state.get("picture")

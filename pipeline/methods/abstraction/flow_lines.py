@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import Arrays, State
 from pipeline.compute import Device, device
 from pipeline.errors import DeviceError
 from pipeline.frames import Flow, Plane
@@ -73,10 +70,10 @@ class FlowLines:
             return flow
         return np.asarray(cv2.resize(flow, size, interpolation=cv2.INTER_NEAREST) / np.float32(self.shrink), np.float32)
 
-    def state(self) -> dict[str, NDArray[Any]]:
+    def state(self) -> State:
         return {} if self.tensors is None else {"tensors": self.tensors}
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+    def restore(self, state: Arrays) -> None:
         self.tensors = state.get("tensors")
 
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Arrays, State
 from pipeline.frames import Flow, Plane
 from pipeline.lines.coherent import Ink, Past, keep_strokes
 from pipeline.lines.dog import dog_response, soft_threshold
@@ -65,11 +63,11 @@ class LineExtractor:
             return self.flow_lines.step(gray, importance, flow)
         return dog_response(gray, self.sigma_px, TAU)
 
-    def state(self) -> dict[str, NDArray[Any]]:
+    def state(self) -> State:
         own = {} if self.last is None else {"ink": self.last}
         return own | (self.flow_lines.state() if self.flow_lines else {})
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+    def restore(self, state: Arrays) -> None:
         self.last = state.get("ink")
         if self.flow_lines:
             self.flow_lines.restore(state)

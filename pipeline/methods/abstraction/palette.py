@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Arrays, State
 from pipeline.colour import scheme
 from pipeline.colour.spaces import hsv_to_srgb, lab_to_srgb, srgb_to_hsv, srgb_to_lab, to_8bit
 from pipeline.methods.abstraction.params import AbstractionParams
@@ -58,8 +56,8 @@ class Palette:
         before = last[np.minimum(regions.previous, len(last) - 1)]
         return np.asarray(before + weight * (target - before))
 
-    def state(self) -> dict[str, NDArray[Any]]:
+    def state(self) -> State:
         return {} if self.last is None else {"colours": self.last}
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+    def restore(self, state: Arrays) -> None:
         self.last = state.get("colours")

@@ -13,11 +13,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import islice, pairwise
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.colour.scheme import ColourStats, from_histogram, learn
 from pipeline.frames import Frame, Plane
 from pipeline.methods.abstraction.params import AbstractionParams
@@ -127,7 +126,7 @@ class _Masks(Mapping[int, Plane]):
     A run begins with the newest one up to its start.
     """
 
-    def __init__(self, images: Mapping[int, NDArray[Any]], start: int) -> None:
+    def __init__(self, images: Mapping[int, AnyArray], start: int) -> None:
         self._images = images
         earlier = [number for number in images if number <= start]
         self._source = {number: number for number in images} | ({start: max(earlier)} if earlier else {})
@@ -142,7 +141,7 @@ class _Masks(Mapping[int, Plane]):
         return len(self._source)
 
 
-def _plane(image: NDArray[Any]) -> Plane:
+def _plane(image: AnyArray) -> Plane:
     """Importance 0..1 of a gray or RGB image of 8 or 16 bit."""
     gray = image if image.ndim == 2 else image[..., :3].mean(axis=-1)
     return np.asarray(gray / np.iinfo(image.dtype).max, np.float32)

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Arrays, State, flatten, part
 from pipeline.colour.scheme import ColourStats
 from pipeline.methods.abstraction.analysis import FrameAnalysis
 from pipeline.methods.abstraction.palette import Palette
 from pipeline.methods.abstraction.params import AbstractionParams
-from pipeline.methods.abstraction.state import Clock, State, flatten, part
+from pipeline.methods.tasks import Clock
 from pipeline.segmentation.segmenter import Segmentation, Segmenter, SegmenterParams
 
 IDS_A_SHOT = 1_000_000_000
@@ -68,7 +67,7 @@ class RegionStage:
         parts = {"segmenter": self.segmenter.state(), "palette": self.palette.state()}
         return {"shot": np.array(self.shot)} | flatten(parts)
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+    def restore(self, state: Arrays) -> None:
         self.shot = int(state["shot"])
         self.segmenter.restore(part(state, "segmenter"))
         self.palette.restore(part(state, "palette"))

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from pipeline.methods.abstraction.state import State
+from pipeline.arrays import AnyArray, Arrays, State
 
 PICTURES = ("analyzer.gray", "analyzer.denoised", "compositor.picture")
 LABELS, AREAS, REMAINDER = "regions.segmenter.labels", "regions.segmenter.areas", "regions.segmenter.remainder"
@@ -24,9 +22,7 @@ SEARCH = "analyzer.importance.search."
 TENSORS = "analyzer.lines.tensors"
 
 
-def resample_state(
-    state: Mapping[str, NDArray[Any]], size: tuple[int, int], coarse: Mapping[str, tuple[int, int]]
-) -> State:
+def resample_state(state: Arrays, size: tuple[int, int], coarse: Mapping[str, tuple[int, int]]) -> State:
     """The state for a session whose frames are `size`.
 
     Args:
@@ -62,13 +58,13 @@ def resample_state(
     return moved
 
 
-def _size(state: Mapping[str, NDArray[Any]]) -> tuple[int, int] | None:
+def _size(state: Arrays) -> tuple[int, int] | None:
     """(width, height) of the frames that `state` is of; None before the first."""
     gray = state.get("analyzer.gray")
     return None if gray is None else (gray.shape[1], gray.shape[0])
 
 
-def _resample(plane: NDArray[Any], size: tuple[int, int]) -> NDArray[Any]:
+def _resample(plane: AnyArray, size: tuple[int, int]) -> AnyArray:
     if (plane.shape[1], plane.shape[0]) == size:
         return plane
     how = cv2.INTER_AREA if plane.shape[1] > size[0] else cv2.INTER_LINEAR

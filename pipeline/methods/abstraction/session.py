@@ -15,10 +15,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from typing import Any
 
-from numpy.typing import NDArray
-
+from pipeline.arrays import Arrays, State, flatten, part
 from pipeline.background import Background
 from pipeline.colour.scheme import ColourStats, learn
 from pipeline.frames import Frame, Plane
@@ -28,7 +26,7 @@ from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.region_stage import RegionStage
 from pipeline.methods.abstraction.resample_state import resample_state
 from pipeline.methods.abstraction.sharp_compositor import SharpCompositor
-from pipeline.methods.abstraction.state import Clock, State, flatten, no_clock, part
+from pipeline.methods.tasks import Clock, no_clock
 
 AHEAD = 6
 """Frames the analyzer may be ahead of the compositor: evens out their run times at little memory."""
@@ -102,7 +100,7 @@ class AbstractionSession:
             {"analyzer": self.analyzer.state(), "regions": self.regions.state(), "compositor": self.compositor.state()}
         )
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+    def restore(self, state: Arrays) -> None:
         self.analyzer.restore(part(state, "analyzer"))
         self.regions.restore(part(state, "regions"))
         self.compositor.restore(part(state, "compositor"))

@@ -13,7 +13,7 @@ from pipeline.methods.abstraction.analysis import FrameAnalysis
 from pipeline.methods.abstraction.compositor import INK, Compositor, Painting
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.region_stage import ColouredRegions
-from pipeline.methods.abstraction.state import Clock
+from pipeline.methods.tasks import Clock
 from pipeline.segmentation.motion import past_weights
 from pipeline.vector.borders import Borders, align_borders, find_borders, smooth_borders
 from pipeline.vector.fill import fill_regions

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Arrays, State
 from pipeline.frames import Flow, Plane
 from pipeline.lines.coherent import Ink, Past, keep_strokes
 from pipeline.lines.coverage import blend_opacity, blend_response, draw_lines, line_field
@@ -55,12 +53,12 @@ class SharpLineExtractor(LineExtractor):
             return opacity
         return blend_opacity(opacity, self.opacity, flow, self.shrink, self.params.paint_memory)
 
-    def state(self) -> dict[str, NDArray[Any]]:
+    def state(self) -> State:
         """Arrays by name: those of `LineExtractor`, and the previous frame's opacity and response."""
         if self.opacity is None or self.response is None:
             return super().state()
         return super().state() | {"opacity": self.opacity, "response": self.response}
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+    def restore(self, state: Arrays) -> None:
         super().restore(state)
         self.opacity, self.response = state.get("opacity"), state.get("response")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from pipeline.methods.base import (
     Example,
     InputCheck,
     InputSpec,
+    JsonSchema,
     Method,
     Params,
     PlanContext,
@@ -62,7 +63,7 @@ class Multistyle(Method):
             "region_maps.image",
         ),
     )  # fmt: skip
-    steps: ClassVar[tuple[Step[Any], ...]] = (
+    steps: ClassVar[tuple[Step[MultistyleParams], ...]] = (
         Step("scan", "Find the shots", plan_scan, run_scan, weight=0.03),
         Step("regions", "Find the regions", plan_regions, run_regions, weight=0.0),
         Step("maps", "Map the regions", plan_maps, run_maps, weight=0.0),
@@ -76,10 +77,10 @@ class Multistyle(Method):
         Example("calm-to-stress", "Calm to stress", {"style": "van-gogh", "effect": "calm-to-stress"}),
     )
 
-    input_schemas: ClassVar[Mapping[str, Callable[[], dict[str, Any]]]] = {"design": schema}
+    input_schemas: ClassVar[Mapping[str, Callable[[], JsonSchema]]] = {"design": schema}
     input_checks: ClassVar[Mapping[str, InputCheck]] = {"design": check}
 
-    def single_frame_params(self, params: Any) -> MultistyleParams:
+    def single_frame_params(self, params: MultistyleParams) -> MultistyleParams:
         """A frame on its own is painted without what other frames contribute."""
         alone: MultistyleParams = params.model_copy(update={"temporal": "off"})
         return alone
@@ -96,7 +97,7 @@ class Multistyle(Method):
         return preview_directions(request)
 
     def stream(
-        self, params: Any, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]
+        self, params: MultistyleParams, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]
     ) -> MultistyleSession:
         """A live session, without a design."""
         return MultistyleSession(params, size, seed)

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray, Arrays, State
 from pipeline.frames import Flow, Frame, Plane
 from pipeline.methods.multistyle.styles import PIXEL_FIELDS
 from pipeline.strokes.brush import Direction, Strokes
@@ -45,7 +45,7 @@ class StrokeLayer:
 
     xy: NDArray[np.float32]
     ids: Ids
-    strokes: NDArray[Any]
+    strokes: AnyArray
     sigma_px: float
 
     def __len__(self) -> int:
@@ -111,9 +111,9 @@ class FrameAnalysis:
             return np.zeros(size[::-1], np.float32)
         return np.asarray(_resized(self.rims, size) * np.divide(self.pixel_field("rim", size), 255), np.float32)
 
-    def pack(self) -> dict[str, NDArray[Any]]:
+    def pack(self) -> State:
         """The analysis as arrays by name, for storage."""
-        out: dict[str, NDArray[Any]] = {
+        out: State = {
             "picture": self.picture, "field": self.field, "number": np.array(float(self.number)),
         }  # fmt: skip
         if self.back is not None:
@@ -130,7 +130,7 @@ class FrameAnalysis:
         }
 
 
-def unpack(arrays: Mapping[str, NDArray[Any]]) -> FrameAnalysis:
+def unpack(arrays: Arrays) -> FrameAnalysis:
     """Restore what `FrameAnalysis.pack` returned."""
     count = sum(name.endswith(".xy") for name in arrays)
     layers = tuple(

@@ -6,17 +6,15 @@ The painter keeps at most the few previous paintings of temporal accumulation.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Arrays, State, flatten, part
 from pipeline.flow import estimate
 from pipeline.flow.invert import invert_flow
 from pipeline.frames import Flow, Frame, Mask, Plane, same_size
-from pipeline.methods.abstraction.state import Clock, State, flatten, part
 from pipeline.methods.multistyle.analysis import FrameAnalysis, Half
 from pipeline.methods.multistyle.denoise import TemporalDenoiser, denoise_directions, zero_resting_flow
 from pipeline.methods.multistyle.design import Design
@@ -24,6 +22,7 @@ from pipeline.methods.multistyle.design_fields import DesignFields, RegionPlacem
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.stroke_layers import FrameMotion, StrokeLayers, blurred
 from pipeline.methods.multistyle.styles import PIXEL_FIELDS, STYLES, Values, chosen_style, layer_style, uniform
+from pipeline.methods.tasks import Clock
 from pipeline.segmentation.cuts import is_cut, thumbnail
 from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker
 from pipeline.strokes.paper import EdgeDarkening
@@ -190,7 +189,7 @@ class FrameAnalyzer:
         own |= {name: array for name, array in planes.items() if array is not None}
         return own | flatten({name: getattr(self, name).state() for name in _PARTS})
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+    def restore(self, state: Arrays) -> None:
         self.number = int(state["number"])
         self.gray, self.thumbnail, self.tensors = (state.get(name) for name in ("gray", "thumbnail", "tensors"))
         self.detail, self.field = state.get("detail"), state.get("field")

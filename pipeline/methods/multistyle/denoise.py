@@ -6,13 +6,11 @@ a running mean, which still fluctuates, is not enough: values within the toleran
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Arrays, State
 from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Mask, Plane
 from pipeline.jit import kernel
@@ -111,10 +109,10 @@ class TemporalDenoiser:
         self.past = now
         return np.asarray(np.rint(now), np.uint8)
 
-    def state(self) -> dict[str, NDArray[Any]]:
+    def state(self) -> State:
         return {} if self.past is None else {"past": self.past}
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+    def restore(self, state: Arrays) -> None:
         self.past = state.get("past")
 
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Hashable, Iterable, Iterator
 from itertools import pairwise
 from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
 
 from pipeline.errors import BadParameter
-from pipeline.methods.base import InputFault
+from pipeline.methods.base import InputFault, JsonSchema
 from pipeline.methods.multistyle.params import STYLE_NAMES, StyleName
 from pipeline.methods.multistyle.styles import FIELDS, STYLES, TECHNIQUE_FIELDS, Style, Technique
 from pipeline.tensors.elements import Pattern
@@ -192,12 +193,12 @@ def _changed(style: Model, changes: BaseModel | None, names: Iterable[str]) -> M
     return style.model_copy(update={name: new for name in names if (new := getattr(changes, name)) is not None})
 
 
-def schema() -> dict[str, Any]:
+def schema() -> JsonSchema:
     """JSON Schema of the design document."""
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Design.model_json_schema()}
 
 
-def parse(document: Any, *, frames: int | None = None, masks: bool | None = None) -> Design:
+def parse(document: object, *, frames: int | None = None, masks: bool | None = None) -> Design:
     """Validate a parsed JSON document and return the design.
 
     Args:
@@ -215,21 +216,21 @@ def parse(document: Any, *, frames: int | None = None, masks: bool | None = None
     return design
 
 
-def check(document: Any, *, frames: int | None, masks: bool | None) -> list[InputFault]:
+def check(document: object, *, frames: int | None, masks: bool | None) -> list[InputFault]:
     """Every fault of a design document; arguments as for `parse`."""
     return _checked(document, frames, masks)[1]
 
 
-def _checked(document: Any, frames: int | None, masks: bool | None) -> tuple[Design | None, list[InputFault]]:
+def _checked(document: object, frames: int | None, masks: bool | None) -> tuple[Design | None, list[InputFault]]:
     try:
         design = Design.model_validate(document)
     except ValidationError as error:
-        return None, [_of_model(found) for found in error.errors(include_url=False)]
+        return None, [_fault_of(found) for found in error.errors(include_url=False)]
     return design, [*_region_faults(design), *_key_faults(design), *_frame_faults(design, frames),
                     *_mask_faults(design, masks)]  # fmt: skip
 
 
-def _of_model(error: Any) -> InputFault:
+def _fault_of(error: ErrorDetails) -> InputFault:
     path = tuple(part for part in error["loc"] if part != "[key]")
     remedy = f"Use {VERSION}." if path == ("version",) else "See docs/multistyle.md for the format."
     return InputFault(path, f"{error['msg']}.", error.get("input"), remedy)
@@ -278,15 +279,15 @@ def _region_faults(design: Design) -> Iterator[InputFault]:
 
 def _of_faults(design: Design, name: str) -> Iterator[InputFault]:
     path = ("regions", name, "of")
-    seen, at = {name}, design.regions[name].of
+    visited, at = {name}, design.regions[name].of
     while at is not None and at != REST:
         if at not in design.regions:
             yield InputFault(path, "Unknown region.", at, f"Known regions: {', '.join(design.names)}.")
             return
-        if at in seen:
+        if at in visited:
             yield InputFault(path, "A region cannot be its own parent.", at, "Remove the cycle of `of`.")
             return
-        seen.add(at)
+        visited.add(at)
         at = design.regions[at].of
 
 
@@ -309,14 +310,14 @@ def _no_region(design: Design, path: tuple[str | int, ...], name: str) -> InputF
     return InputFault(path, "Unknown region.", name, f"Known regions: {', '.join(design.names)}.")
 
 
-def _twice(keys: Iterable[Any], path: tuple[str | int, ...]) -> Iterator[InputFault]:
-    seen: set[Any] = set()
+def _twice(keys: Iterable[Hashable], path: tuple[str | int, ...]) -> Iterator[InputFault]:
+    met: set[Hashable] = set()
     for index, key in enumerate(keys):
-        if key in seen:
+        if key in met:
             yield InputFault(
                 (*path, index, "frame"), "Two keys of one region have the same frame.", key, "Keep one of them."
             )
-        seen.add(key)
+        met.add(key)
 
 
 def _frame_faults(design: Design, frames: int | None) -> Iterator[InputFault]:

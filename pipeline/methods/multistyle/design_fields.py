@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.methods.multistyle.design import Design, DirectionKey, ElementAt, StyleKey, keys_around
 from pipeline.methods.multistyle.harmonic_weights import Weights, enlarge, mix, soften, solve_weights
 from pipeline.methods.multistyle.label_propagation import RegionMap
@@ -101,7 +101,7 @@ class DesignFields:
         own = self.technique if key is None else self.design.technique(key, self.technique)
         return np.array([getattr(own, name) for name in TECHNIQUE_FIELDS])
 
-    def _interpolated(self, frame: int, vector_of: Callable[[StyleKey | None], NDArray[Any]]) -> NDArray[Any]:
+    def _interpolated(self, frame: int, vector_of: Callable[[StyleKey | None], AnyArray]) -> AnyArray:
         """A row per region: the vector of its keys, interpolated at the frame; without keys that of None."""
         base = vector_of(None)
         table = np.tile(base, (len(self.design.names), 1))
@@ -197,7 +197,7 @@ class DesignFields:
 HUE = FIELDS.index("hue")
 
 
-def _difference(one: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
+def _difference(one: AnyArray, other: AnyArray) -> AnyArray:
     """`other` minus `one`; for styles, the hue goes the shorter way round."""
     out = np.asarray(other - one)
     if len(out) == len(FIELDS):
@@ -210,7 +210,7 @@ def _same_turn(hues_deg: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.asarray(hues_deg[0] + _shorter(hues_deg - hues_deg[0]), np.float32)
 
 
-def _shorter(difference_deg: NDArray[Any]) -> NDArray[Any]:
+def _shorter(difference_deg: AnyArray) -> AnyArray:
     """A difference of hues, limited to half a turn: -180..180; what is within it stays exactly the same."""
     turns = np.where(np.abs(difference_deg) > 180, np.round(difference_deg / 360), 0)
     return np.asarray(difference_deg - 360 * turns, difference_deg.dtype)

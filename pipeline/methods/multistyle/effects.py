@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Any, get_args
+from typing import TypeAlias, get_args
+
+from pydantic import JsonValue
 
 from pipeline.methods.multistyle.design import REST, Design
 from pipeline.methods.multistyle.params import Effect
+
+JsonObject: TypeAlias = dict[str, JsonValue]
 
 EFFECTS: tuple[str, ...] = get_args(Effect)
 
 BACKGROUND = "background"
 """Name of the region of the largest object of each shot; the region `rest` is the subject."""
-SHARP: dict[str, Any] = {"size": 9, "layers": 3, "threshold": 12}
-BROAD: dict[str, Any] = {"size": 44, "layers": 1}
+SHARP: JsonObject = {"size": 9, "layers": 3, "threshold": 12}
+BROAD: JsonObject = {"size": 44, "layers": 1}
 
 
-def document(effect: Effect, frames: int) -> dict[str, Any]:
+def document(effect: Effect, frames: int) -> JsonObject:
     """The effect as a design document, which can be edited and passed as the input `design`.
 
     Args:
@@ -24,15 +28,14 @@ def document(effect: Effect, frames: int) -> dict[str, Any]:
     last = max(frames - 1, 0)
     match effect:
         case "rack-focus":
-            keys = _rack(BACKGROUND, BROAD, SHARP, last) + _rack(REST, SHARP, BROAD, last)
-            return _two(keys)
+            return _two(_rack(BACKGROUND, BROAD, SHARP, last) + _rack(REST, SHARP, BROAD, last))
         case "emphasis":
-            dull = {**BROAD, "size": 34, "layers": 1.6, "saturation": -0.35, "value": -0.06, "jitter": 0.1}
+            dull: JsonObject = {**BROAD, "size": 34, "layers": 1.6, "saturation": -0.35, "value": -0.06, "jitter": 0.1}
             return _two([_key(BACKGROUND, 0, dull), _key(REST, 0, {**SHARP, "saturation": 0.18})])
         case "calm-to-stress":
-            calm = {"size": 26, "length": 180, "jitter": 0.12, "saturation": -0.1}
-            stress = {"size": 18, "length": 70, "jitter": 0.85, "saturation": 0.35, "hue": -35, "relief": 5}
-            keys = [_key(REST, 0, calm, "smooth"), _key(REST, last, stress)]
+            calm: JsonObject = {"size": 26, "length": 180, "jitter": 0.12, "saturation": -0.1}
+            stress: JsonObject = {"size": 18, "length": 70, "jitter": 0.85, "saturation": 0.35, "hue": -35, "relief": 5}
+            keys: list[JsonValue] = [_key(REST, 0, calm, "smooth"), _key(REST, last, stress)]
             return {"version": 1, "keys": keys[: 1 if last == 0 else 2]}
         case "none":
             return {"version": 1}
@@ -43,11 +46,11 @@ def effect_design(effect: Effect, frames: int) -> Design | None:
     return None if effect == "none" else Design.model_validate(document(effect, frames))
 
 
-def _two(keys: list[dict[str, Any]]) -> dict[str, Any]:
+def _two(keys: list[JsonValue]) -> JsonObject:
     return {"version": 1, "regions": {BACKGROUND: {"objects": [1], "border": "soft"}}, "keys": keys}
 
 
-def _rack(region: str, before: dict[str, Any], after: dict[str, Any], last: int) -> list[dict[str, Any]]:
+def _rack(region: str, before: JsonObject, after: JsonObject, last: int) -> list[JsonValue]:
     """Two keys: the first style for a third of the video, the second for the last third, a smooth change between."""
     first, second = last // 3, 2 * last // 3
     if first == second:
@@ -55,5 +58,5 @@ def _rack(region: str, before: dict[str, Any], after: dict[str, Any], last: int)
     return [_key(region, first, before, "smooth"), _key(region, second, after)]
 
 
-def _key(region: str, frame: int, changes: dict[str, Any], ease: str = "linear") -> dict[str, Any]:
+def _key(region: str, frame: int, changes: JsonObject, ease: str = "linear") -> JsonObject:
     return {"region": region, "frame": frame, "set": changes, "ease": ease}

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Arrays, State
 from pipeline.flow import estimate
 from pipeline.flow.reliability import visible
 from pipeline.flow.warp import positions
@@ -83,12 +81,12 @@ class LabelPropagator:
         for k, plane in enumerate(self.planes):
             plane[moved] = np.where(smooth[moved] == k, 255, 0)
 
-    def state(self) -> dict[str, NDArray[Any]]:
+    def state(self) -> State:
         if self.frame is None:
             return {}
         return {"frame": self.frame, "names": self.names, "planes": self.planes}
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+    def restore(self, state: Arrays) -> None:
         if "frame" in state:
             self.frame, self.names, self.planes = state["frame"], state["names"], state["planes"].copy()
 

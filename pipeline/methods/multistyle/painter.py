@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray, Arrays, State, flatten, part
 from pipeline.frames import Frame, Plane
-from pipeline.methods.abstraction.state import Clock, State, flatten, no_clock, part
 from pipeline.methods.multistyle.analysis import FrameAnalysis, StrokeLayer, unpack
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.styles import STYLES, pigment
+from pipeline.methods.tasks import Clock, no_clock
 from pipeline.strokes.accumulation import Painting, accumulate
 from pipeline.strokes.brush import Canvas, Direction
 from pipeline.strokes.emboss import Lighting, emboss
@@ -79,7 +77,7 @@ class Painter:
         """Analyses of the previous frames as arrays by name."""
         return flatten({str(index): analysis.pack() for index, (analysis, _) in enumerate(self.past)})
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+    def restore(self, state: Arrays) -> None:
         self.past = []
         count = len({name.partition(".")[0] for name in state})
         for index in reversed(range(count)):
@@ -191,7 +189,7 @@ def _round_off(canvas: Canvas) -> None:
         canvas[..., 3] = cv2.GaussianBlur(np.ascontiguousarray(canvas[..., 3]), (0, 0), sigma)
 
 
-def _enlarged(image: NDArray[Any], size: tuple[int, int]) -> NDArray[Any]:
+def _enlarged(image: AnyArray, size: tuple[int, int]) -> AnyArray:
     if (image.shape[1], image.shape[0]) == size:
         return image
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_LINEAR))

@@ -14,13 +14,10 @@ result is the same, byte for byte, as that of one session over the whole video.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from itertools import pairwise
-from typing import Any
 
-from numpy.typing import NDArray
-
-from pipeline.methods.abstraction.state import part
+from pipeline.arrays import Arrays, State, part
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.multistyle import region_maps
 from pipeline.methods.multistyle.analysis import FrameAnalysis, unpack
@@ -105,7 +102,7 @@ def _analyze(task: Task, context: TaskContext[MultistyleParams]) -> TaskResult:
     else:
         analyzer.number = start
     placed = region_maps.placed(design, task, context)
-    kept: dict[str, NDArray[Any]] = {}
+    kept: State = {}
     count = 0
     for frame in context.frames("video", start, stop):
         analysis = analyzer.step(frame, placed(start + count))
@@ -122,7 +119,7 @@ def _analyze(task: Task, context: TaskContext[MultistyleParams]) -> TaskResult:
     return {"frames": count, "laplace_residual": analyzer.design.residual, "laplace_cycles": analyzer.design.cycles}
 
 
-def _from(kept: dict[str, NDArray[Any]], first: int) -> dict[str, NDArray[Any]]:
+def _from(kept: State, first: int) -> State:
     """Packed analyses of a run, from its frame `first` on."""
     return {name: array for name, array in kept.items() if int(name.partition(".")[0]) >= first}
 
@@ -145,7 +142,7 @@ def _paint(task: Task, context: TaskContext[MultistyleParams]) -> TaskResult:
     return {"frames": len(frames)}
 
 
-def _unpacked(kept: Mapping[str, NDArray[Any]]) -> list[FrameAnalysis]:
+def _unpacked(kept: Arrays) -> list[FrameAnalysis]:
     """Analyses of several frames, in order."""
     return [unpack(part(kept, str(number))) for number in sorted({int(name.partition(".")[0]) for name in kept})]
 

@@ -5,15 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame
-from pipeline.methods.abstraction.state import no_clock
 from pipeline.methods.base import PreviewRequest
 from pipeline.methods.multistyle.analysis import FrameAnalysis
 from pipeline.methods.multistyle.analyzer import FrameAnalyzer
@@ -24,6 +23,7 @@ from pipeline.methods.multistyle.label_propagation import RegionMap
 from pipeline.methods.multistyle.painter import Painter
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.regions import Propagated, RegionKeys, compose
+from pipeline.methods.tasks import no_clock
 from pipeline.tensors.ellipses import Ellipse, fit_ellipse
 from pipeline.tensors.field import angle_of, strength_of
 
@@ -95,7 +95,7 @@ def _found(files: Mapping[str, bytes]) -> FoundRegions:
 
 
 def _placed(
-    design: Design, masks: Mapping[int, NDArray[Any]], found: FoundRegions | None, number: int, size: tuple[int, int]
+    design: Design, masks: Mapping[int, AnyArray], found: FoundRegions | None, number: int, size: tuple[int, int]
 ) -> RegionPlacement:
     given = RegionKeys(design, masks, size)
     now = _map(given, number, found)
@@ -114,10 +114,12 @@ def _placed(
 
 def _map(given: RegionKeys, number: int, found: FoundRegions | None) -> RegionMap:
     """Region map of a frame, with outlines and label maps of the nearest key."""
-    planes: list[Any] = []
+    planes: list[RegionMap] = []
     for channel, keys in given.channels.items():
         nearest = min(keys, key=lambda key: (abs(key - number), key))
-        planes.append(given.key(channel, nearest))
+        key = given.key(channel, nearest)
+        assert key is not None  # `nearest` is a keyframe of the channel
+        planes.append(key)
     shape = given.size[::-1]
     planes_of_keys = np.stack(planes) if planes else np.zeros((0, *shape), np.uint8)
     maps = Propagated(number, (0, 1 << 40), planes_of_keys, None)

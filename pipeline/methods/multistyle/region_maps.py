@@ -10,15 +10,14 @@ import json
 import zipfile
 from collections.abc import Callable, Iterable, Mapping
 from itertools import pairwise
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Arrays, State, part
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame
-from pipeline.methods.abstraction.state import part
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.multistyle.design import REST, Design
 from pipeline.methods.multistyle.design_fields import RegionPlacement
@@ -126,8 +125,8 @@ def _in_order(
     return reversed(list(enumerate(context.frames("video", start, stop), start)))
 
 
-def _packed(propagated: list[NDArray[np.uint8]], ids: list[NDArray[np.int64]]) -> dict[str, NDArray[Any]]:
-    out: dict[str, NDArray[Any]] = {"propagated": np.stack(propagated)}
+def _packed(propagated: list[NDArray[np.uint8]], ids: list[NDArray[np.int64]]) -> State:
+    out: State = {"propagated": np.stack(propagated)}
     if ids:
         names, inverse = np.unique(np.stack(ids), return_inverse=True)
         out |= {"names": names, "tubes": inverse.reshape(len(ids), *ids[0].shape).astype(np.uint16)}
@@ -235,9 +234,7 @@ def _colour_sums(maps: list[NDArray[np.uint8]], frames: Iterable[Frame], count: 
     return out
 
 
-def _png_archive(
-    maps: list[NDArray[np.uint8]], fore: Mapping[str, NDArray[Any]], start: int, numbers: Mapping[str, int]
-) -> bytes:
+def _png_archive(maps: list[NDArray[np.uint8]], fore: Arrays, start: int, numbers: Mapping[str, int]) -> bytes:
     """Zip of PNG files: `map-0000012.png`, region number as gray value; `tubes-0000012.png`, 65536 R + 256 G + B."""
     made = io.BytesIO()
     rank = np.array([numbers.get(str(name), 0) for name in fore.get("names", np.zeros(0))], np.int64)
@@ -307,7 +304,7 @@ def ellipses(context: PlanContext[MultistyleParams], start: int, stop: int, shot
         for frame, own in result["shapes"].items()
     }  # fmt: skip
     now: dict[str, dict[str, list[float]]] = {}
-    keyed: list[list[Any]] = []
+    keyed: list[list[str | int | list[float]]] = []
     scan = context.results["scan"]["video"]
     shots = list(pairwise([0, *scan["cuts"], scan["frames"]]))
     for name in sorted({region for region, _ in needs["follow"]}):

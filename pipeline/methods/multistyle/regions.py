@@ -8,15 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray, Arrays, State, flatten, part
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame
-from pipeline.methods.abstraction.state import State, flatten, part
 from pipeline.methods.multistyle.design import REST, Design
 from pipeline.methods.multistyle.label_propagation import LabelPropagator, RegionMap
 
@@ -37,7 +36,7 @@ class RegionKeys:
     """
 
     design: Design
-    masks: Mapping[int, NDArray[Any]]
+    masks: Mapping[int, AnyArray]
     size: tuple[int, int]
     channels: dict[str, list[int]] = field(init=False)
     """Channel -> its keyframes in ascending order."""
@@ -72,7 +71,7 @@ class RegionKeys:
         return out
 
 
-def label_map(image: NDArray[Any], size: tuple[int, int], where: str) -> NDArray[np.uint16]:
+def label_map(image: AnyArray, size: tuple[int, int], where: str) -> NDArray[np.uint16]:
     """Convert an image to a label map of the video's size: gray value, or the red channel of colour images.
 
     Raises:
@@ -110,7 +109,7 @@ class RegionPropagator:
     def state(self) -> State:
         return flatten({f"channel{k}": propagator.state() for k, propagator in enumerate(self.propagators.values())})
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+    def restore(self, state: Arrays) -> None:
         for k, propagator in enumerate(self.propagators.values()):
             propagator.restore(part(state, f"channel{k}"))
 

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
-from typing import Any
 
-from numpy.typing import NDArray
-
+from pipeline.arrays import Arrays, State, flatten, part
 from pipeline.frames import Frame
-from pipeline.methods.abstraction.state import Clock, State, flatten, no_clock, part
 from pipeline.methods.multistyle.analysis import FrameAnalysis
 from pipeline.methods.multistyle.analyzer import FrameAnalyzer
 from pipeline.methods.multistyle.painter import Painter
 from pipeline.methods.multistyle.params import MultistyleParams
+from pipeline.methods.tasks import Clock, no_clock
 
 
 class MultistyleSession:
@@ -37,7 +35,7 @@ class MultistyleSession:
         self.painter.threads = 2
 
     def reconfigure(
-        self, params: Any, size: tuple[int, int], references: Mapping[str, Iterator[Frame]] | None = None
+        self, params: MultistyleParams, size: tuple[int, int], references: Mapping[str, Iterator[Frame]] | None = None
     ) -> MultistyleSession:
         """Continue with other parameters: strokes persist, accumulated paintings do not. Another size starts anew."""
         after = MultistyleSession(params, size, self.seed, self.analyzer.clock)
@@ -50,6 +48,6 @@ class MultistyleSession:
         """State as arrays by name; a session restored from it continues with the same bytes."""
         return flatten({"analyzer": self.analyzer.state(), "painter": self.painter.state()})
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+    def restore(self, state: Arrays) -> None:
         self.analyzer.restore(part(state, "analyzer"))
         self.painter.restore(part(state, "painter"))

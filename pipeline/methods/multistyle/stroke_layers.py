@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray, Arrays, State, flatten, part
 from pipeline.flow.reliability import inside
 from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Mask, Plane
-from pipeline.methods.abstraction.state import State, flatten, part
 from pipeline.methods.multistyle.analysis import STROKE, StrokeLayer
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.styles import PROFILE_FIELDS, SMALLEST_PX, LayerStyle, pigment
@@ -187,7 +185,7 @@ class StrokeLayers:
         tracks = {f"tracks{k}": own.state() for k, own in enumerate(self.tracks)}
         return flatten(tracks | {"errors": {str(k): error for k, error in enumerate(self.errors)}})
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+    def restore(self, state: Arrays) -> None:
         errors = part(state, "errors")
         self.errors = [errors[str(k)] for k in range(len(errors))]
         count = sum(name.startswith("tracks") and name.endswith(".xy") for name in state)
@@ -219,7 +217,7 @@ def _layer_brush(style: LayerStyle, index: int) -> Brush:
     return layer_brush(style.brush, style.technique["layer_ratio"], index)
 
 
-def blurred(image: NDArray[Any], sigma_px: float) -> NDArray[Any]:
+def blurred(image: AnyArray, sigma_px: float) -> AnyArray:
     return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma_px))
 
 

@@ -13,11 +13,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import JsonValue
 
+from pipeline.arrays import Arrays, State
 from pipeline.frames import Frame
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.session import AbstractionSession
-from pipeline.methods.abstraction.state import State
 from pipeline.methods.base import TaskResult
 
 COARSE = AbstractionParams(
@@ -52,7 +53,7 @@ class TubeTracker:
     def state(self) -> State:
         return self.session.state()
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+    def restore(self, state: Arrays) -> None:
         self.session.restore(state)
 
 
@@ -111,6 +112,10 @@ class Tube:
     object: int
 
 
+_Place = tuple[float, float, int]
+"""(x, y, area) of a tube in a frame, px."""
+
+
 @dataclass
 class _Stats:
     """Statistics of a tube over several frames; `entry` and `exit` are (x, y, area) in its first and last frame."""
@@ -118,14 +123,15 @@ class _Stats:
     first: int
     last: int
     sums: NDArray[np.int64]
-    entry: tuple[float, float, int]
-    exit: tuple[float, float, int]
+    entry: _Place
+    exit: _Place
 
     def extend(self, other: _Stats) -> None:
         """Add the statistics of later frames."""
         self.last, self.exit, self.sums = other.last, other.exit, self.sums + other.sums
 
-    def pack(self) -> list[Any]:
+    def pack(self) -> list[JsonValue]:
+        """Row of a task's result: first, last, sums, entry, exit."""
         return [self.first, self.last, self.sums.tolist(), list(self.entry), list(self.exit)]
 
     @classmethod

@@ -21,10 +21,10 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
 import pipeline
 from pipeline import errors
+from pipeline.arrays import AnyArray
 from pipeline.errors import ImpastoError, UnreadableMedia
 from pipeline.video.guard.wire import ConnectionBroken, Message, receive, send
 from pipeline.video.media import unreadable
@@ -185,7 +185,7 @@ class DecoderProcess:
             _raise(answer["error"])
         return answer, data
 
-    def array(self, shape: tuple[int, ...], dtype: str) -> NDArray[Any]:
+    def array(self, shape: tuple[int, ...], dtype: str) -> AnyArray:
         """A copy of the array in the shared memory. Raises UnreadableMedia if it would not fit there."""
         kind = np.dtype(dtype)
         if kind.hasobject or int(np.prod(shape, dtype=np.int64)) * kind.itemsize > len(self._memory):

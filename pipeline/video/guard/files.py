@@ -6,10 +6,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
 
-from numpy.typing import NDArray
-
+from pipeline.arrays import AnyArray
 from pipeline.video.guard.decoder_server import DecoderDied, DecoderProcess, start_decoder
 from pipeline.video.media import Limits
 from pipeline.video.writer import Format
@@ -18,7 +16,7 @@ _BYTES_A_PIXEL = 8
 """RGBA with 16 bits a channel."""
 
 
-class GuardedImages(Mapping[int, "NDArray[Any]"]):
+class GuardedImages(Mapping[int, AnyArray]):
     """`NumberedImages` whose images are decoded by a decoder process, on access. Close it."""
 
     def __init__(self, path: Path, field: str, limits: Limits | None = None) -> None:
@@ -31,7 +29,7 @@ class GuardedImages(Mapping[int, "NDArray[Any]"]):
     def _begin(self) -> DecoderProcess:
         return start_decoder("images", self._task, self._shared_bytes)
 
-    def __getitem__(self, number: int) -> NDArray[Any]:
+    def __getitem__(self, number: int) -> AnyArray:
         if number not in self._numbers:
             raise KeyError(number)
         try:

@@ -6,10 +6,8 @@ import tempfile
 import threading
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
-from numpy.typing import NDArray
-
+from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput
 from pipeline.video.exr import Exr
 from pipeline.video.guard.decoder_server import DecoderDied, DecoderProcess, start_decoder
@@ -51,7 +49,7 @@ class _ThreadDecoder(threading.local):
 _DECODER = _ThreadDecoder()
 
 
-def guarded_raw(data: bytes, name: str) -> NDArray[Any]:
+def guarded_raw(data: bytes, name: str) -> AnyArray:
     """As `pipeline.video.stills.decode_raw`. Raises UnreadableMedia, MediaTooLarge."""
     return _decoded("raw", data, name)[1]
 
@@ -63,7 +61,7 @@ def guarded_exr(data: bytes, name: str) -> Exr:
     return Exr((int(width), int(height)), dict(zip(map(str, answer["names"]), planes, strict=True)))
 
 
-def _decoded(kind: str, data: bytes, name: str) -> tuple[Message, NDArray[Any]]:
+def _decoded(kind: str, data: bytes, name: str) -> tuple[Message, AnyArray]:
     with tempfile.NamedTemporaryFile() as file:
         file.write(data)
         file.flush()

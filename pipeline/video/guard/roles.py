@@ -13,13 +13,12 @@ import socket
 from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 import psutil
-from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput, Cancelled, MediaTooLarge
 from pipeline.video import memory_file
 from pipeline.video.exr import read_exr
@@ -49,7 +48,7 @@ class ChildConnection:
     def answer(self, message: Message, data: bytes = b"") -> None:
         send(self._wire, message, data)
 
-    def share(self, array: NDArray[Any]) -> Message:
+    def share(self, array: AnyArray) -> Message:
         """Copy an array into the shared memory; the answer that describes it."""
         if array.nbytes > len(self._shared):
             raise MediaTooLarge(

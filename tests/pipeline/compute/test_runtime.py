@@ -54,7 +54,7 @@ def test_registrations_are_kept_and_one_is_added(monkeypatch: pytest.MonkeyPatch
     monkeypatch.delenv("OCL_ICD_VENDORS", raising=False)
     monkeypatch.setattr(runtime, "SYSTEM_VENDORS", system)
     monkeypatch.setattr(runtime, "cache_folder", lambda: tmp_path / "cache")
-    monkeypatch.setattr(runtime, "_load_needs", lambda folder: True)
+    monkeypatch.setattr(runtime, "_load_libraries", lambda folder: True)
     runtime._register(Path("/wheel/libintelocl.so"))
     chosen = Path(runtime.os.environ["OCL_ICD_VENDORS"])
     assert {f.name: f.read_text() for f in chosen.iterdir()} == {

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame
 from pipeline.methods import method
-from pipeline.methods.abstraction.state import no_clock
+from pipeline.methods.base import no_clock
 from pipeline.methods.local import LocalContext, run_plan
 from pipeline.methods.multistyle import MultistyleParams, MultistyleSession, plan
 from pipeline.methods.multistyle.analysis import unpack

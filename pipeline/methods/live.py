@@ -1,0 +1,50 @@
+"""Live sessions: a causal method applied to a stream of frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from concurrent.futures import Executor
+from typing import Any, Protocol
+
+from pipeline.frames import Frame
+
+
+class Session(Protocol):
+    """A causal method applied to a stream: one frame in, one frame out.
+
+    `step(frame)` is `paint(analyze(frame))`. The two halves keep separate state: `analyze` of a frame may run on one
+    thread while `paint` of an earlier frame runs on another, as long as each half receives every frame, in order.
+    """
+
+    def step(self, frame: Frame) -> Frame: ...
+
+    def analyze(self, frame: Frame) -> object:
+        """First half: the analysis of the incoming frame, an opaque value for `paint`."""
+        ...
+
+    def paint(self, analysis: Any) -> Frame:
+        """Second half: the outgoing frame."""
+        ...
+
+    def use_helper(self, helper: Executor) -> None:
+        """Run independent parts of a frame on `helper`, too, from now on. This shortens the latency of a frame and
+        raises the total CPU time; the output bytes stay the same.
+
+        Args:
+            helper: an executor with one thread. It must outlive the session.
+        """
+        ...
+
+    def reconfigure(
+        self, params: Any, size: tuple[int, int], references: Mapping[str, Iterator[Frame]] | None = None
+    ) -> Session:
+        """A session that continues this one with other parameters or another frame size, without a visible jump.
+
+        Args:
+            params: the method's Params.
+            size: (width, height) of the following frames, px.
+            references: as for `Method.stream`; None keeps those in use.
+
+        Call it when every analyzed frame has been painted; do not use this session afterwards.
+        """
+        ...

@@ -1,0 +1,95 @@
+"""Previews of single frames, repainting of frames around a painted key, and checks of documents, for an editor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Generic, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import JsonValue
+
+from pipeline.arrays import AnyArray
+from pipeline.frames import Frame
+from pipeline.methods.fields import P_co
+
+
+@dataclass(frozen=True)
+class PreviewRequest(Generic[P_co]):
+    """A preview of one frame, for a method that has a way of its own to draw one (`Method.preview`).
+
+    Attributes:
+        frames: uint8 (height, width, 3), consecutive; the last one is to be painted, the others come before it.
+        number: of the last frame in the video; total: frames of the video.
+        documents: inputs of kind "json" by name, parsed.
+        images: inputs of kind "images" by name: image by frame number.
+        artefacts: archives that an earlier job of the same video made, by artefact name: file by path.
+    """
+
+    params: P_co
+    seed: int
+    frames: Sequence[Frame]
+    number: int
+    total: int
+    documents: Mapping[str, JsonValue] = field(default_factory=dict)
+    images: Mapping[str, Mapping[int, AnyArray]] = field(default_factory=dict)
+    artefacts: Mapping[str, Mapping[str, bytes]] = field(default_factory=dict)
+
+
+class KeyPropagator(Protocol):
+    """Repaints the frames around a painted key while somebody edits it (`Method.propagator`).
+
+    It keeps what an edit does not change, such as motion and earlier results, from call to call. Not thread-safe: one
+    call of `prepare`, or one iteration over `repaint`, at a time. An iteration may be abandoned at any frame.
+    """
+
+    @property
+    def size_bytes(self) -> int:
+        """Bytes of main memory that are kept between calls."""
+        ...
+
+    def prepare(self, key: int, around: int) -> None:
+        """Compute in advance what `repaint` needs besides the painting.
+
+        Args:
+            key: index of the key among the frames.
+            around: frames on each side of it.
+        """
+        ...
+
+    def repaint(self, key: int, image: NDArray[np.uint8], around: int) -> Iterator[tuple[int, Frame]]:
+        """(index, picture) of the key, then of the frames around it, nearest first; uint8 (height, width, 3).
+
+        Args:
+            image: the painted key, uint8 (height, width, 3) or, with opacity, (height, width, 4), of the frames' size.
+                The key's own picture equals it where it is opaque; the method fills its transparent pixels.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class InputFault:
+    """A fault of a JSON document that a method takes.
+
+    Attributes:
+        path: members and indices from the document's root.
+    """
+
+    path: tuple[str | int, ...]
+    message: str
+    value: object = None
+    remedy: str = ""
+
+
+class InputCheck(Protocol):
+    """Checks a JSON document that a method takes, before anything runs."""
+
+    def __call__(self, document: object, *, frames: int | None, masks: bool | None) -> Sequence[InputFault]:
+        """Every fault of the document.
+
+        Args:
+            frames: frame count of the video; None: frame numbers are not checked.
+            masks: whether the method's label maps are given; None: unknown.
+        """
+        ...

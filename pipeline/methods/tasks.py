@@ -1,0 +1,222 @@
+"""Plan of a method: steps, tasks, and what they run with.
+
+A *step* is a list of *tasks*; a task is a unit of work that one worker runs on its own. The farm runs any plan without
+knowing the method:
+
+    plan:   for each step in order: `tasks = step.plan(plan_context)`     when all earlier steps are done
+    run:    for each task whose `after` is done:                          on any worker, any number of times
+                result = step.run(task, task_context)
+
+`PlanContext.results` holds the small JSON results of the tasks of finished steps, so that a later step can size itself
+by what an earlier one found (scene cuts, patches). Large results are *artefacts*: named dictionaries of arrays that a
+task saves through its context and a later task loads. Finished frames are *emitted*; the platform encodes and joins
+them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field
+from typing import Any, Generic, Protocol
+
+from pydantic import JsonValue
+
+from pipeline.arrays import AnyArray, Arrays, State
+from pipeline.frames import Frame
+from pipeline.methods.fields import P, P_co
+
+TaskResult = dict[str, Any]
+"""A task's small JSON result."""
+Clock = Callable[[str], AbstractContextManager[None]]
+"""Timer: called with the name of a stage, it returns a context manager that measures the wall time inside."""
+
+
+def no_clock(stage: str) -> AbstractContextManager[None]:
+    """A `Clock` that measures nothing."""
+    return nullcontext()
+
+
+@dataclass(frozen=True)
+class VideoInfo:
+    """Facts about the video that a plan may use.
+
+    Attributes:
+        width, height: px, after rotation.
+        frames: frame count according to the container, which may be wrong. A method that needs the true count has a
+            step that decodes the video (`pipeline.methods.scan`).
+        fps: frames per second; duration_s: seconds.
+    """
+
+    width: int
+    height: int
+    frames: int
+    fps: float
+    duration_s: float
+
+
+@dataclass(frozen=True)
+class PlanContext(Generic[P_co]):
+    """Everything that a plan may depend on. Two equal plan contexts give equal plans, on any machine.
+
+    Attributes:
+        inputs: names of the inputs that were given.
+        results: results of the tasks of finished steps: step name -> task key -> result.
+    """
+
+    params: P_co
+    seed: int
+    video: VideoInfo
+    inputs: frozenset[str] = frozenset()
+    results: Mapping[str, Mapping[str, TaskResult]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Resources:
+    """Resources that a task occupies while it runs. The farm's settings fill in what is None.
+
+    Attributes:
+        cpus: processors.
+        gpus: a share of one GPU (0.25: four such tasks share it) or a whole number of GPUs. 0: the task computes on
+            processors only. None: it computes on the compute device of its process.
+        memory_bytes: peak memory of the task's process; 0: no declared need.
+    """
+
+    cpus: float | None = None
+    gpus: float | None = None
+    memory_bytes: int = 0
+
+
+@dataclass(frozen=True)
+class Task:
+    """A unit of work of a step.
+
+    Attributes:
+        key: unique in its step, stable, made of [a-z0-9-].
+        after: keys of tasks of the SAME step that must be done first, in plan order. Earlier steps are always done. A
+            task may load artefacts of earlier steps and, within its own step, artefacts of these tasks only, so that
+            its input does not depend on the order in which tasks happen to run.
+        emits: frames [start, stop) that this task emits, each exactly once and in order; None: none.
+        weight: expected cost, for progress and ETA, where painting one frame costs 1. Decoding and scanning a frame
+            costs about 0.05.
+        resources: None: those that `Method.resources` gives for the step, else those of the farm's settings.
+    """
+
+    key: str
+    args: TaskResult = field(default_factory=dict)
+    after: tuple[str, ...] = ()
+    emits: tuple[int, int] | None = None
+    weight: float = 1.0
+    resources: Resources | None = None
+
+
+class TaskContext(Protocol[P_co]):
+    """Environment of a running task: parameters, inputs, artefacts, emitted frames, clocks, progress, cancellation."""
+
+    @property
+    def params(self) -> P_co: ...
+
+    @property
+    def seed(self) -> int: ...
+
+    @property
+    def video(self) -> VideoInfo: ...
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) of the video's frames, px."""
+        ...
+
+    def frames(self, name: str = "video", start: int = 0, stop: int | None = None) -> Iterator[Frame]:
+        """Decode frames [start, stop) of an input, one at a time; fewer if the video ends earlier."""
+        ...
+
+    def has(self, name: str) -> bool:
+        """Whether the input `name` was given."""
+        ...
+
+    def image(self, name: str) -> Frame:
+        """The input `name` as one image (the first frame of a video)."""
+        ...
+
+    def json(self, name: str) -> JsonValue:
+        """The input `name` parsed as JSON."""
+        ...
+
+    def images(self, name: str) -> Mapping[int, AnyArray]:
+        """The images of the input `name` by the number in their file name, as stored: 8 or 16 bit, alpha kept."""
+        ...
+
+    def entries(self, name: str) -> Mapping[str, bytes]:
+        """The files of the archive `name` by path, without the folder that all share, each read on access. Empty if
+        the input is not an archive."""
+        ...
+
+    def save(self, name: str, arrays: Arrays) -> None:
+        """Save arrays as the artefact `name` of this step. The name is unique among the step's tasks."""
+        ...
+
+    def load(self, step: str, name: str) -> State:
+        """Load the artefact `name` of an earlier step, or of a task of this step that `Task.after` names.
+
+        Raises: KeyError, if there is no such artefact.
+        """
+        ...
+
+    def save_file(self, name: str, data: bytes, media_type: str) -> None:
+        """Save a file that the user can download (an SVG, a JSON report)."""
+        ...
+
+    def wants(self, artefact: str) -> bool:
+        """Whether the job asked for an optional artefact (`output.artefacts`), for example "svg" or "labels"."""
+        ...
+
+    def emit(self, index: int, frame: Frame) -> None:
+        """Deliver finished frame `index`, in order. Returns quickly: encoding runs outside the method's clocks."""
+        ...
+
+    def show(self, frame: Frame) -> None:
+        """Publish a picture of work in progress, of any size, before frames can be emitted."""
+        ...
+
+    def clock(self, stage: str) -> AbstractContextManager[None]:
+        """Measure a stage of the method, wall seconds. Stages of several threads may overlap."""
+        ...
+
+    def progress(self, done: float) -> None:
+        """Report the fraction done, 0..1. Call it a few times a second.
+
+        Raises: Cancelled, if the job was cancelled.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Step(Generic[P]):
+    """A stage of a method's plan.
+
+    Attributes:
+        weight: expected total weight of its tasks per frame of the video, used until the step is planned.
+    """
+
+    name: str
+    title: str
+    plan: Callable[[PlanContext[P]], Sequence[Task]]
+    run: Callable[[Task, TaskContext[P]], TaskResult]
+    weight: float = 1.0
+
+
+PROCESS_BYTES = 512 << 20
+"""Memory of a worker process before its first task: libraries, compiled kernels and its decoder processes."""
+
+
+def resources_per_pixel(video: VideoInfo, bytes_per_pixel: float, device: bool = False) -> Resources:
+    """Resources of a task that keeps `bytes_per_pixel` bytes for each pixel of a frame.
+
+    Args:
+        device: whether the task computes on the compute device of its process.
+    """
+    return Resources(
+        gpus=None if device else 0.0,
+        memory_bytes=PROCESS_BYTES + int(bytes_per_pixel * video.width * video.height),
+    )
