@@ -5,6 +5,7 @@
     │   ├── BadParameter            a parameter is out of range, of the wrong type, or unknown
     │   ├── BadMedia                the bytes of a media file are invalid
     │   │   ├── UnreadableMedia     truncated, empty, wrong file extension, or unknown codec
+    │   │   ├── DamagedMedia        some frames are missing or unreadable, and the job asked to fail then
     │   │   ├── NoVideoStream       a valid container without a video stream
     │   │   └── MediaTooLarge       more bytes, pixels or seconds than the limits allow
     │   └── BadFrame                an array is not a frame (wrong type, dtype, shape or size)
@@ -114,6 +115,10 @@ class BadMedia(BadInput):
 
 class UnreadableMedia(BadMedia):
     code = "unreadable-media"
+
+
+class DamagedMedia(BadMedia):
+    code = "damaged-media"
 
 
 class NoVideoStream(BadMedia):

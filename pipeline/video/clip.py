@@ -12,9 +12,9 @@ from pathlib import Path
 import av
 
 from pipeline.frames import Frame
-from pipeline.video.container import Index, build_index
 from pipeline.video.decoder import Damage, Pass
 from pipeline.video.geometry import Geometry, geometry_of, to_frame
+from pipeline.video.index import Index, build_index
 from pipeline.video.media import Limits, check_size, unreadable
 
 _Placed = tuple[int, av.VideoFrame]
@@ -32,6 +32,7 @@ class Clip:
         self._limits = limits
         self._tolerant = False
         self.errors: list[str] = []
+        self.unreadable: list[int] = []
         self._forget()
         self.index: Index = build_index(path, limits)
         first = self._retried(0)
@@ -66,7 +67,15 @@ class Clip:
             picture = self._retried(at)
             if picture is None:
                 return
+            if not self._is_intact(at):
+                self.unreadable.append(at)
             yield to_frame(picture, self.geometry)
+
+    def _is_intact(self, at: int) -> bool:
+        """Whether the picture for frame `at`, which was just found, is that frame and complete."""
+        assert self._current is not None
+        found, picture = self._current
+        return found == at and not picture.is_corrupt and at not in self.index.incomplete
 
     def _retried(self, at: int) -> av.VideoFrame | None:
         try:

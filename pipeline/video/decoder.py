@@ -13,7 +13,8 @@ from av.container import InputContainer
 from av.packet import Packet
 from av.video.stream import VideoStream
 
-from pipeline.video.container import Index, decoder_of, open_container, video_stream
+from pipeline.video.container import decoder_of, open_container, video_stream
+from pipeline.video.index import Index
 from pipeline.video.media import Limits
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from pipeline.video.archive import entry_stream, open_archive
 from pipeline.video.clip import Clip
 from pipeline.video.container import open_container, video_stream
+from pipeline.video.damage import damage_of
 from pipeline.video.guard.decoder_server import start_decoder
 from pipeline.video.headers import IMAGE_TYPES, image_header, is_still, sniff
 from pipeline.video.media import (
@@ -142,6 +143,7 @@ def _described(source: Clip | Sequence, found: MediaInfo, limits: Limits) -> Med
             duration_s=round(index.duration_s, 6),
             pixel_format=source.pixel_format,
             rotation_deg=source.geometry.rotation_deg,
+            damage=damage_of(index, index.incomplete).describe("The file"),
         )
     finally:
         source.close()

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Frame
 from pipeline.video.clip import Clip
-from pipeline.video.container import Index
 from pipeline.video.headers import IMAGE_TYPES, image_header, is_still, sniff
+from pipeline.video.index import Index
 from pipeline.video.media import Limits, check_bytes, unreadable
 from pipeline.video.sequence import Sequence, open_folder, open_still, open_zip
 
@@ -87,6 +87,11 @@ class VideoReader:
     def errors(self) -> list[str]:
         """Decoding errors so far; an undecodable frame is replaced by the frame before it."""
         return self._source.errors
+
+    @property
+    def unreadable(self) -> list[int]:
+        """Indices of the frames read so far that were incomplete or replaced by the frame before them."""
+        return self._source.unreadable
 
     @property
     def position(self) -> int | None:

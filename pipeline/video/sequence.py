@@ -11,8 +11,8 @@ import numpy as np
 
 from pipeline.frames import Frame, same_size
 from pipeline.video.archive import natural_key, open_archive, read_entry
-from pipeline.video.container import Index
 from pipeline.video.geometry import Geometry
+from pipeline.video.index import Index
 from pipeline.video.media import SEQUENCE_FPS, Limits, check_bytes, unreadable
 from pipeline.video.shot_files import FRAMES, is_shot, pictures_of
 from pipeline.video.stills import decode_rgb
@@ -37,6 +37,7 @@ class Sequence:
         self._limits = limits
         self._close = close
         self.errors: list[str] = []
+        self.unreadable: list[int] = []
         self.position: int | None = 0
         count = len(loaders)
         ticks = np.arange(count, dtype=np.int64)

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from pipeline.errors import BadParameter, Cancelled
 from pipeline.frames import Frame
 from pipeline.methods.base import Arrays
-from pipeline.video.container import Index
 from pipeline.video.guard.files import GuardedImages
 from pipeline.video.headers import sniff
+from pipeline.video.index import Index
 from pipeline.video.shot_files import ShotFiles
 from pipeline.video.writer import SegmentSpec
 from workers.blobs.base import Blobs

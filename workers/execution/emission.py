@@ -7,7 +7,7 @@ from pathlib import Path
 from pipeline.errors import ImpastoError
 from pipeline.frames import Frame, check_frame
 from pipeline.video.contact import fit
-from pipeline.video.container import Index
+from pipeline.video.index import Index
 from pipeline.video.stills import encode_jpeg
 from pipeline.video.writer import SegmentSpec, SegmentWriter, segment_writer
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame
-from pipeline.video.container import Index
 from pipeline.video.guard.decoder_server import DecoderDied, DecoderProcess, start_decoder
 from pipeline.video.guard.wire import Message
+from pipeline.video.index import Index
 from pipeline.video.media import Limits
 
 _FOREVER = 1 << 62
@@ -43,6 +43,8 @@ class GuardedReader:
         self.index = _index(about, data)
         self.errors: list[str] = []
         """Decoding errors so far."""
+        self.unreadable: list[int] = []
+        """Indices of the frames read so far that were incomplete or replaced by the frame before them."""
         self.position: int | None = about["position"]
         """The first frame that can be read without a seek, or None."""
 
@@ -89,6 +91,7 @@ class GuardedReader:
             start, question = start + 1, {}
             self.position = answer["position"]
             self.errors += answer["errors"]
+            self.unreadable += answer["unreadable"]
             if answer.get("end"):
                 return
             yield np.asarray(self._child.array(tuple(answer["shape"]), "u1"), np.uint8)
@@ -107,4 +110,6 @@ def _index(about: Message, data: bytes) -> Index:
     times = np.frombuffer(data, "<i8").astype(np.int64)
     count = int(about["frames"])
     above, below = about["tick"]
-    return Index(times[:count], times[count:], int(about["end"]), Fraction(above, below), bool(about["exact"]))
+    tick, incomplete = Fraction(above, below), frozenset(about["incomplete"])
+    missing = tuple((frame, missed) for frame, missed in about["missing"])
+    return Index(times[:count], times[count:], int(about["end"]), tick, bool(about["exact"]), missing, incomplete)

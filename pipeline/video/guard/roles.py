@@ -70,16 +70,18 @@ def _video(connection: ChildConnection) -> None:
         tick = index.time_base
         facts = {"size": reader.size, "rotation_deg": reader.rotation_deg, "pixel_format": reader.pixel_format}
         times = {"tick": (tick.numerator, tick.denominator), "end": index.end, "exact": index.exact}
+        times |= {"missing": index.missing, "incomplete": sorted(index.incomplete)}
         data = index.pts.astype("<i8").tobytes() + index.keys.astype("<i8").tobytes()
         connection.answer(facts | times | {"frames": len(index.pts), "position": reader.position}, data)
-        reported, frames = 0, reader.read(0, 0)
+        reported, noted, frames = 0, 0, reader.read(0, 0)
         while True:
             request = connection.next()
             if "start" in request:
                 frames = reader.read(request["start"], request["stop"])
             frame = next(frames, None)
             news: Message = {"position": reader.position, "errors": reader.errors[reported:]}
-            reported = len(reader.errors)
+            news["unreadable"] = reader.unreadable[noted:]
+            reported, noted = len(reader.errors), len(reader.unreadable)
             connection.answer(news | ({"end": True} if frame is None else connection.share(frame)))
 
 
