@@ -121,7 +121,8 @@ class Client:
         idempotency_key: str = "",
         **more: Any,
     ) -> Json:
-        """Submit a job. `inputs`: input name -> asset id. `more`: seed, output, priority, name, labels, webhook.
+        """Submit a job. `inputs`: input name -> asset id. `more`: seed, frames, output, priority, name, labels,
+        webhook.
 
         Without `idempotency_key` each call is a job of its own; with one, the same request is the same job.
         Raises: BadParameter, NotFound (an asset), IdempotencyMismatch, QuotaExceeded.

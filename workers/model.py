@@ -91,6 +91,8 @@ class JobRequest:
     labels: dict[str, str] = field(default_factory=dict)
     webhook: str = ""
     """URL that is told of the job's end, or empty."""
+    frames: tuple[int, int] | None = None
+    """[first, end) of the video; None: all. The job's inputs number frames as the whole video does."""
 
 
 @dataclass(frozen=True)
@@ -209,6 +211,8 @@ class TaskOrder:
     """For "assemble": step -> stage -> seconds, summed over the step's tasks."""
     resources: Resources | None = None
     """Of a machine; None: what the farm gives to every task."""
+    frames: tuple[int, int] | None = None
+    """As in the request. All other frame numbers of the order are counted from its start."""
     leads: bool = False
     """Whether tasks of this step wait for it."""
 

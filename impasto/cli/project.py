@@ -16,7 +16,7 @@ from workers.projects.document import Document
 from workers.projects.faults import refuse_if_any
 from workers.projects.materials import Material, Uploaded, write_material
 from workers.projects.parsing import parse_document
-from workers.projects.submissions import Submission, submissions
+from workers.projects.submissions import Selection, Submission, submissions
 from workers.settings import FarmSettings
 
 
@@ -29,9 +29,13 @@ def is_project(path: Path) -> bool:
 
 
 def project_order(
-    path: Path, scratch: Path, where: Target, artefacts: Mapping[str, Path | None], overwrite: bool
-) -> RenderOrder:
+    path: Path, scratch: Path, where: Target, artefacts: Mapping[str, Path | None], overwrite: bool,
+    frames: tuple[int, int] | None = None,
+) -> RenderOrder:  # fmt: skip
     """The project's one shot as an order; its inputs are written to `scratch`. The quality is the document's.
+
+    Args:
+        frames: [first, end) of the shot's video, instead of the shot's range.
 
     Raises:
         BadProject: the document is not sound, or has problems.
@@ -44,19 +48,23 @@ def project_order(
         files = {asset_id: scratch / asset_id for asset_id in document.asset_ids & archive.manifest.assets.keys()}
         for asset_id, file in files.items():
             archive.extract(asset_id, file)
-        submission = _submission(document, archive, files, settings)
+        submission = _submission(document, archive, files, settings, Selection(frames=frames))
     inputs = {name: _input(name, material, files, scratch) for name, material in submission.inputs.items()}
     output = OutputSpec(where.format, submission.output.quality, tuple(sorted(artefacts)))
-    request = JobRequest(submission.method, {}, submission.params, submission.seed, output, name=submission.name)
+    request = JobRequest(
+        submission.method, {}, submission.params, submission.seed, output, name=submission.name,
+        frames=submission.frames,
+    )  # fmt: skip
     return RenderOrder(request, inputs, where, artefacts, overwrite)
 
 
 def _submission(
-    document: Document, archive: ProjectArchive, files: Mapping[str, Path], settings: FarmSettings
-) -> Submission:
+    document: Document, archive: ProjectArchive, files: Mapping[str, Path], settings: FarmSettings,
+    selection: Selection,
+) -> Submission:  # fmt: skip
     assets = {key: _asset(key, file, archive.manifest.assets[key].filename, settings) for key, file in files.items()}
-    refuse_if_any(problems(document, assets))
-    found = submissions(document)
+    refuse_if_any(problems(document, assets, selection))
+    found = submissions(document, selection)
     if len(found) != 1:
         raise BadInput(
             f"The project has {len(found)} shots, and one film is rendered at a time.", field="IN",

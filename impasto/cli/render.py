@@ -42,6 +42,8 @@ impasto render - -o - --raw 640x360@25 < frames.rgb > painted.rgb
 
 impasto render clip.mp4 -o cartoon.mp4 --artefact svg --json
 
+impasto render clip.mp4 -o start.mp4 --frames 0:50
+
 impasto render project.zip -o film.mp4     (a project that a service exported)
 
 Ctrl-C keeps finished tasks: run the same command again to resume. `impasto methods abstraction` lists the parameters.
@@ -67,6 +69,9 @@ def render(
     ] = None,
     quality: QualityOption = 20,
     seed: SeedOption = 0,
+    frames: Annotated[
+        str, typer.Option(metavar="FIRST:END", help="Only this piece of IN, counted from 0, END not included.")
+    ] = "",
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False,
     workers: Annotated[int, typer.Option(min=1, max=256, help="Tasks at once. Never changes a byte.")] = 1,
     raw: Annotated[
@@ -83,11 +88,13 @@ def render(
     if "-" in (str(source), output):
         from impasto.cli.piping import PipeOrder
 
-        _check_pipe_options({"--artefact": bool(artefact), "--json": as_json, "--workers": workers != 1})
+        _check_pipe_options(
+            {"--artefact": bool(artefact), "--json": as_json, "--workers": workers != 1, "--frames": bool(frames)}
+        )
         inputs = values.inputs(extra or [])
         pipe = PipeOrder(str(source), output, method, values.params(param or []), inputs, seed, quality, overwrite, raw)
-        frames = pipe.run()
-        say(f"{frames} frames" if output == "-" else output)
+        count = pipe.run()
+        say(f"{count} frames" if output == "-" else output)
         return
     from impasto.cli.input_files import plain
     from impasto.cli.progress import progress
@@ -98,11 +105,12 @@ def render(
 
     where, artefacts = target(output), values.artefacts(artefact or [])
     spec = OutputSpec(format=where.format, quality=quality, artefacts=tuple(sorted(artefacts)))
-    request = JobRequest(method, {}, values.params(param or []), seed, spec, name=plain(source.name))
+    piece = values.frames(frames)
+    request = JobRequest(method, {}, values.params(param or []), seed, spec, name=plain(source.name), frames=piece)
     files = RenderOrder(request, {"video": source, **values.inputs(extra or [])}, where, artefacts, overwrite)
     with TemporaryDirectory(prefix="impasto-") as scratch:
         if is_project(source):
-            files = project_order(source, Path(scratch), where, artefacts, overwrite)
+            files = project_order(source, Path(scratch), where, artefacts, overwrite, piece)
         files.check()
         with progress(quiet) as show:
             summary = run(files, workers, home_of(home), show)

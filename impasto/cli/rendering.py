@@ -127,8 +127,9 @@ def run(order: RenderOrder, workers: int, home: Path, show: Show) -> Json:
 def _check_result_fits(order: RenderOrder, video: InputFile) -> None:
     """Probe the video, and refuse an output that cannot hold its frames."""
     info = probe_guarded(video.path)
-    check_still(order.where, info.frames)
-    check_space(order.where, info)
+    first, end = order.request.frames or (0, info.frames)
+    check_still(order.where, end - first)
+    check_space(order.where, dataclasses.replace(info, frames=end - first))
 
 
 def _check_consent(order: RenderOrder, place: Workspace) -> None:

@@ -45,6 +45,16 @@ def artefacts(options: Sequence[str]) -> dict[str, Path | None]:
     return _pairs(named, "--artefact", "svg=frames.zip", lambda text: Path(text).expanduser() if text else None)
 
 
+def frames(text: str) -> tuple[int, int] | None:
+    """`"10:60"` -> `(10, 60)`, first frame and one past the last; empty: None."""
+    if not text:
+        return None
+    first, _, end = text.partition(":")
+    if not (first.isdecimal() and end.isdecimal()):
+        raise BadParameter("FIRST:END is expected.", field="--frames", value=text, remedy="Write --frames 10:60.")
+    return int(first), int(end)
+
+
 def _pairs(options: Sequence[str], flag: str, example: str, read: Callable[[str], T]) -> dict[str, T]:
     found: dict[str, T] = {}
     for option in options:

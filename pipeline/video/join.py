@@ -10,6 +10,7 @@ import zipfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from fractions import Fraction
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,7 @@ def join(
     container: Format,
     sound: Path | None = None,
     progress: Callable[[float], None] = lambda done: None,
+    end_s: Fraction | None = None,
 ) -> None:
     """Write the finished file at `out`.
 
@@ -42,6 +44,7 @@ def join(
             one becomes time 0 of the output.
         container: "mp4" (streamable from its first bytes), "webm", or "png" (one zip of numbered frames).
         sound: a media file whose audio, if any, is added in sync. Ignored for "png".
+        end_s: time in the source at which the audio ends, seconds; None: where the source's audio ends.
         progress: called with the fraction done, 0..1, after each segment; may raise an exception to abort.
     """
     if container == "png":
@@ -54,7 +57,11 @@ def join(
         template = stack.enter_context(open_container(first, Limits()))
         stream = target.add_stream_from_template(template.streams.video[0])
         pictures = _pictures(segments, stream, progress)
-        _interleave(target, pictures, _sound(stack, sound, target, container, origin_s))
+        audio = _sound(stack, sound, target, container, origin_s)
+        if end_s is not None:
+            length_s = end_s - origin_s
+            audio = takewhile(lambda timed: timed[0] < length_s, audio)
+        _interleave(target, pictures, audio)
 
 
 def _sound(

@@ -8,7 +8,7 @@ from pathlib import Path, PurePosixPath
 from zipfile import ZipFile, ZipInfo
 
 from pipeline.errors import UnreadableMedia
-from pipeline.video.archive import MANIFEST, natural_key, open_archive, read_entry
+from pipeline.video.archive import MANIFEST, natural_key, number_of, open_archive, read_entry
 from pipeline.video.media import Limits
 
 FRAMES, LAYERS = "frames", "layers"
@@ -52,6 +52,40 @@ def pictures_of(names: Iterable[str]) -> list[str]:
             remedy="Put the rendered frames of the whole picture, numbered, in a folder named frames.",
         )  # fmt: skip
     return found
+
+
+class _SomeFiles(Mapping[str, bytes]):
+    """Some of the files of an archive, read on access."""
+
+    def __init__(self, files: Files, names: Iterable[str]) -> None:
+        self._files, self._names = files, dict.fromkeys(names)
+
+    def __getitem__(self, name: str) -> bytes:
+        if name not in self._names:
+            raise KeyError(name)
+        return self._files[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+
+def files_of_frames(files: Files, start: int, stop: int) -> Files:
+    """The files of frames [start, stop) of a shot or of a sequence of numbered images, and those of no frame (styles,
+    shot.json). Frames are counted from 0 in the order of their numbers."""
+    folder = f"{FRAMES}/" if is_shot(files) else ""
+    numbers = {number_of(name) for name in files if name.startswith(folder)} - {None}
+    wanted = set(sorted(numbers)[start:stop])  # type: ignore[type-var]
+    return _SomeFiles(files, (name for name in files if not _of_frame(name) or number_of(name) in wanted))
+
+
+def _of_frame(name: str) -> bool:
+    """Whether a path names a file of one frame."""
+    parts = PurePosixPath(name).parts
+    inner = parts[2:] if parts[0] == LAYERS else parts
+    return name != MANIFEST and (len(inner) == 1 or inner[0] != "style")
 
 
 class ShotFiles(Mapping[str, bytes]):

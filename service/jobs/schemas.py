@@ -13,6 +13,7 @@ MAX_SEED = 2**53 - 1
 """The largest integer that every JSON parser represents exactly."""
 
 Name = Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z0-9._-]+$")]
+Frame = Annotated[int, Field(ge=0, le=10_000_000)]
 AssetRef = Annotated[str, Field(min_length=1, max_length=100)]
 
 
@@ -39,6 +40,7 @@ class Work(_Body):
 
 
 class JobIn(Work):
+    frames: tuple[Frame, Frame] | None = Field(default=None, description="[first, end) of the video; null: all.")
     output: OutputIn = OutputIn()
     priority: int = Field(default=0, ge=-100, le=100, description="Higher first.")
     name: str = Field(default="", max_length=200)

@@ -13,7 +13,7 @@ from service.jobs.lookup import check_inputs
 from service.jobs.schemas import JobIn
 from service.projects.lookup import find_project
 from workers.model import JobRequest
-from workers.projects.document import Id
+from workers.projects.document import FrameRange, Id
 from workers.projects.estimates import SAMPLES, Estimate, estimate
 from workers.projects.faults import refuse_if_any
 from workers.projects.materials import Uploaded
@@ -31,6 +31,7 @@ class EstimateIn(BaseModel):
     request: JobIn | None = None
     project: str | None = Field(default=None, max_length=100)
     shots: tuple[Id, ...] | None = Field(default=None, max_length=500, description="None: all.")
+    range: FrameRange | None = Field(default=None, description="This piece of each shot's video.")
 
 
 @dataclass(frozen=True)
@@ -64,12 +65,12 @@ def _requests(context: ServiceContext, caller: Principal, body: EstimateIn) -> l
     if body.project is not None:
         project = find_project(context, caller, body.project)
         document = parse_document(context.farm.projects.document(project.id)[1])
-        selection = Selection(body.shots)
+        selection = Selection(body.shots, frames=body.range)
         refuse_if_any(context.farm.projects.problems(document, project.owner, selection))
         for job in submissions(document, selection):
             video = job.inputs["video"]
             assert isinstance(video, Uploaded)
-            found.append((job.shot, JobRequest(job.method, {"video": video.asset_id}, job.params)))
+            found.append((job.shot, JobRequest(job.method, {"video": video.asset_id}, job.params, frames=job.frames)))
     return found
 
 

@@ -21,6 +21,7 @@ from pipeline.video.writer import Format, zip_entry
 from workers.blobs.base import Blobs
 from workers.execution.context import PART
 from workers.execution.decoders import Decoders
+from workers.frame_window import window_index
 from workers.model import TaskOrder
 
 Files = dict[str, tuple[str, str]]
@@ -59,16 +60,18 @@ class Assembly:
             raise UnreadableMedia("The video has no frames.", field="inputs.video", remedy="Use another video.")
         out = self._scratch / f"result.{_suffix(self._format)}"
         with ExitStack() as stack:
-            starts = self._starts_s([start for start, _stop, _key in segments])
+            starts, end = self._times_s([start for start, _stop, _key in segments])
             paths = [stack.enter_context(self._blobs.local(key)) for _start, _stop, key in segments]
             sound = stack.enter_context(self._blobs.local(self._order.inputs["video"]))
-            guarded_join(list(zip(starts, paths, strict=True)), out, self._format, sound, progress)
+            guarded_join(list(zip(starts, paths, strict=True)), out, self._format, sound, progress, end)
         return out
 
-    def _starts_s(self, frames: list[int]) -> list[Fraction]:
-        """When the source shows each of these frames, seconds."""
+    def _times_s(self, frames: list[int]) -> tuple[list[Fraction], Fraction | None]:
+        """When the source shows each of these frames, seconds, and when the job's piece of it ends, if it is one."""
         with self._decoders.reader(self._order.inputs["video"]) as reader:
-            return [reader.index.time(frame) * reader.time_base for frame in frames]
+            index = window_index(reader.index, self._order.frames)
+            end = None if self._order.frames is None else index.end * index.time_base
+            return [index.time(frame) * index.time_base for frame in frames], end
 
     def _describe(self, result: Path) -> TaskResult:
         with VideoReader(result) as reader:

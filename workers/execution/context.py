@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack
 from functools import partial
 from pathlib import Path
@@ -19,7 +19,7 @@ from pipeline.methods.base import Arrays
 from pipeline.video.guard.files import GuardedImages
 from pipeline.video.headers import sniff
 from pipeline.video.index import Index
-from pipeline.video.shot_files import ShotFiles
+from pipeline.video.shot_files import ShotFiles, files_of_frames
 from pipeline.video.writer import SegmentSpec
 from workers.blobs.base import Blobs
 from workers.execution.arrays import read_arrays, write_arrays
@@ -27,6 +27,7 @@ from workers.execution.decoders import Decoders
 from workers.execution.emission import Emission, EmitError
 from workers.execution.preview_publisher import PreviewPublisher
 from workers.execution.stage_timer import StageTimer
+from workers.frame_window import WindowImages, window_document, window_index
 from workers.log_context import belong
 from workers.logs import attempt_facts
 from workers.model import TaskOrder
@@ -46,6 +47,7 @@ class AttemptContext:
 
     Args:
         params: the method's validated Params.
+        aligned: inputs whose frames belong to those of the video one by one.
         scratch: a folder of this attempt's own.
     """
 
@@ -58,6 +60,7 @@ class AttemptContext:
         scratch: Path,
         report: Tell,
         cancelled: Callable[[], bool],
+        aligned: Collection[str] = ("video",),
     ) -> None:
         self.params = params
         self.seed = order.seed
@@ -67,7 +70,7 @@ class AttemptContext:
         self.artefacts: dict[str, str] = {}
         self.files: dict[str, tuple[str, str]] = {}
         self.warnings: list[str] = []
-        self._order = order
+        self._order, self._aligned = order, aligned
         self._facts = attempt_facts(order.job_id, order.task_id, order.attempt_id)
         self._blobs = blobs
         self._decoders = decoders
@@ -85,17 +88,27 @@ class AttemptContext:
     # -- inputs
 
     def frames(self, name: str = "video", start: int = 0, stop: int | None = None) -> Iterator[Frame]:
-        with self._decoders.reader(self._input(name), start) as reader:
+        first, last = self._source_span(name, start, stop)
+        with self._decoders.reader(self._input(name), first) as reader:
             noted, at = len(reader.errors), start
             if name == "video":
-                self._index = reader.index
-            source = reader.read(start, stop)
+                self._index = window_index(reader.index, self._order.frames)
+            source = reader.read(first, last)
             while (frame := self._next(source)) is not None:
                 at += 1
                 yield frame
             self.warnings += [f"{name}: {error}" for error in reader.errors[noted:]]
         if name == "video" and (stop is None or at < stop):
             self._ended_at = at
+
+    def _source_span(self, name: str, start: int, stop: int | None) -> tuple[int, int | None]:
+        """Frames [start, stop) of an input as its file counts them."""
+        window = self._order.frames
+        moving = int(self._order.input_info[name].get("frames", 0)) > 1
+        if window is None or name not in self._aligned or not (moving or name == "video"):
+            return start, stop
+        end = window[1] if stop is None else min(window[0] + stop, window[1])
+        return min(window[0] + start, end), end
 
     def _next(self, source: Iterator[Frame]) -> Frame | None:
         self._check_cancelled()
@@ -110,7 +123,7 @@ class AttemptContext:
 
     def json(self, name: str) -> Any:
         try:
-            return json.loads(self._blobs.get(self._input(name)))
+            return window_document(json.loads(self._blobs.get(self._input(name))), self._order.frames)
         except ValueError as error:
             raise BadParameter(f"The input is not JSON: {error}.", field=f"inputs.{name}") from None
 
@@ -118,7 +131,7 @@ class AttemptContext:
         path = self._exit_stack.enter_context(self._blobs.local(self._input(name)))
         found = GuardedImages(path, f"inputs.{name}")
         self._exit_stack.callback(found.close)
-        return found
+        return found if self._order.frames is None else WindowImages(found, self._order.frames)
 
     def entries(self, name: str) -> Mapping[str, bytes]:
         path = self._exit_stack.enter_context(self._blobs.local(self._input(name)))
@@ -127,7 +140,7 @@ class AttemptContext:
                 return {}
         found = ShotFiles(path)
         self._exit_stack.callback(found.close)
-        return found
+        return found if self._order.frames is None else files_of_frames(found, *self._order.frames)
 
     def _input(self, name: str) -> str:
         if name not in self._order.inputs:
@@ -201,7 +214,7 @@ class AttemptContext:
         """When frames are shown; known already if the step has read the video."""
         if self._index is None:
             with self._decoders.reader(self._input("video")) as reader:
-                self._index = reader.index
+                self._index = window_index(reader.index, self._order.frames)
         return self._index
 
     def finish(self) -> str | None:

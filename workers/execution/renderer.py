@@ -108,8 +108,10 @@ class Renderer:
 
     def _run(self, order: TaskOrder, report: Tell, cancelled: Callable[[], bool]) -> TaskOutcome:
         with self._folder() as folder:
-            params = None if order.step == ASSEMBLE else parse_params(self._find(order.method), order.params)
-            context = AttemptContext(order, params, self._blobs, self._decoders, folder, report, cancelled)
+            chosen = self._find(order.method)
+            params = None if order.step == ASSEMBLE else parse_params(chosen, order.params)
+            aligned = {spec.name for spec in chosen.inputs if spec.kind == "video"}
+            context = AttemptContext(order, params, self._blobs, self._decoders, folder, report, cancelled, aligned)
             try:
                 context.progress(0.0)
                 return self._assemble(order, context, folder) if order.step == ASSEMBLE else self._step(order, context)

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from pipeline.frames import Frame
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import Method, PreviewRequest
+from workers.frame_window import window_document
 from workers.previews.memory import Check, painted
 from workers.previews.model import LayerSources
 from workers.previews.warm import WarmFrames
-from workers.projects.frames import within
 
 LEAD_FRAMES = 2
 """Frames before the wanted one that a causal method sees first, so that motion and memory count."""
@@ -82,7 +82,7 @@ class LayerPainter:
             if drawn:
                 inputs[name] = {frame - start: resized(image, size) for frame, image in sorted(drawn.items())}
         for name, value in self._documents().items():
-            inputs[name] = within(value, (start, stop))
+            inputs[name] = window_document(value, (start, stop))
         for index, picture in painted(self._method, self._params, self._layer.seed, video, inputs, self._check):
             yield start + index, picture
 

@@ -67,14 +67,14 @@ class _Check:
                         remedy="Name a video, an image or a zip of numbered images.")  # fmt: skip
         count = self._count(video)
         span = self._frames or shot.range
+        if span is not None and span[0] >= span[1]:
+            yield fault((*path, "range"), "The range has no frame.", value=span, remedy="End after its first frame.")
         if span is not None and count is not None and span[1] > count:
             yield fault((*path, "range"), f"The video has {count} frames.", value=span, remedy=f"End at {count}.")
         if not any(layer.visible for layer in shot.layers):
             yield fault((*path, "layers"), "The shot has no visible layer.", remedy="Add a layer, or show one.")
         if self._jobs and sum(layer.visible for layer in shot.layers) > 1:
             yield fault((*path, "layers"), "Several visible layers cannot be rendered yet.", remedy="Show one of them.")
-        if self._jobs and span is not None:
-            yield fault((*path, "range"), "A piece of a video cannot be rendered yet.", remedy="Leave the range out.")
         for layer, at in zip(shot.layers, self._pick.layer_paths, strict=True):
             if layer.visible:
                 yield from self._layer(layer, at, video, count)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from statistics import median
 
 from workers.errors import NotFound
+from workers.frame_window import window_info
 from workers.model import Asset, Job, JobRequest
 
 SAMPLES = 20
@@ -51,7 +52,7 @@ def estimate(request: JobRequest, finished: Iterable[Job], find: Callable[[str],
 def _size(request: JobRequest, find: Callable[[str], Asset]) -> tuple[int | None, int]:
     """Frames, and pixels of a frame, of a job's video."""
     try:
-        info = find(request.inputs["video"]).info
+        info = window_info(find(request.inputs["video"]).info, request.frames)
     except (KeyError, NotFound):
         return None, 0
     return int(info.get("frames", 0)) or None, int(info.get("width", 0)) * int(info.get("height", 0))

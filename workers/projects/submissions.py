@@ -14,7 +14,6 @@ from pipeline.methods.base import InputSpec, Method
 from workers.model import JobRequest, Json, OutputSpec
 from workers.projects.document import Document, Layer, Output, Shot, Variant
 from workers.projects.faults import BadProject, Path, fault
-from workers.projects.frames import within
 from workers.projects.materials import ImagesByFrame, JsonValue, Material, Uploaded
 from workers.projects.patching import merged
 
@@ -56,8 +55,9 @@ class Submission:
     def request(self, ids: Mapping[str, str], labels: Mapping[str, str]) -> JobRequest:
         """The job. `ids`: asset id of every input."""
         return JobRequest(
-            self.method, dict(ids), self.params, self.seed, self.output, self.priority, self.name, dict(labels)
-        )
+            self.method, dict(ids), self.params, self.seed, self.output, self.priority, self.name, dict(labels),
+            frames=self.frames,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,11 @@ def _submission(document: Document, pick: Pick, selection: Selection) -> Submiss
 
 
 def layer_inputs(document: Document, shot: Shot, layer: Layer, frames: tuple[int, int] | None) -> dict[str, Material]:
-    """What the layer's method takes of the document, by the names of its inputs. Frame numbers begin at `frames`."""
+    """What the layer's method takes of the document, by the names of its inputs. Frame numbers are the video's.
+
+    Args:
+        frames: drawings of other frames are left out; None: none.
+    """
     chosen = methods()[layer.method]
     found: dict[str, Material] = {"video": Uploaded(document.assets[layer.source or shot.video].id)}
     for spec in chosen.inputs:
@@ -135,10 +139,10 @@ def _material(document: Document, layer: Layer, spec: InputSpec, frames: tuple[i
         return None
     if spec.kind != "images":
         value = getattr(layer, spec.part)
-        return JsonValue.of(within(value, frames)) if value else None
+        return JsonValue.of(value) if value else None
     start, stop = frames or (0, 1 << 62)
     images = tuple(
-        (frame - start, document.assets[name].id)
+        (frame, document.assets[name].id)
         for frame, name in sorted(images_of(layer, spec.part).items())
         if start <= frame < stop
     )

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pipeline.errors import ImpastoError, StorageError
 from workers import state_machine as machine
 from workers.faults import failed_outcome, fault_from, is_final, is_resource_away
+from workers.frame_window import window_inputs
 from workers.log_context import About, about
 from workers.model import Fault, TaskOutcome
 from workers.operations import DrainScope, Slot, WorkerInfo
@@ -363,7 +364,7 @@ class Dispatcher:
     def _plan_and_store(self, todo: StepToPlan) -> None:
         plans, inputs = self._store.plans, self._store.task_inputs
         results, _ = inputs.before(todo.job_id, todo.step)
-        info = inputs.input_info(todo.request.inputs)
+        info = window_inputs(inputs.input_info(todo.request.inputs), todo.request.frames)
         plans.planned(todo.job_id, todo.step, plan_step(todo.step, todo.request, todo.params, info, results))
 
     def _fill(self) -> None:

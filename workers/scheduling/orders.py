@@ -6,7 +6,8 @@ from collections import OrderedDict
 from dataclasses import dataclass
 
 from pipeline.methods.base import Resources
-from workers.model import Json, TaskOrder, asset_key
+from workers.frame_window import window_inputs
+from workers.model import JobRequest, Json, TaskOrder, asset_key
 from workers.state_machine import ASSEMBLE
 from workers.store import Claim, Store
 from workers.store.records import request_of
@@ -41,7 +42,7 @@ class Orders:
         """Raises NotFound (an input is gone), StorageError."""
         task, request = claim.task, request_of(claim.job["request"])
         step = claim.step_name
-        before = self._before(claim.job_id, task["step"], request.inputs, step)
+        before = self._before(claim.job_id, task["step"], request, step)
         after, chained = self._store.task_inputs.chain(task["id"]) if task["chained"] else ((), {})
         return TaskOrder(
             attempt_id=claim.attempt_id,
@@ -61,23 +62,25 @@ class Orders:
             artefacts={**before.artefacts, **chained},
             after=after,
             segments=before.segments,
+            frames=request.frames,
             stages=before.stages,
             resources=None if task["needs"] is None else Resources(**task["needs"]),
             leads=self._shares_memory and self._store.task_inputs.leads(task["id"]),
         )
 
-    def _before(self, job_id: str, step: int, inputs: dict[str, str], name: str) -> _Before:
+    def _before(self, job_id: str, step: int, request: JobRequest, name: str) -> _Before:
         key = (job_id, step)
         if key not in self._known:
-            self._known[key] = self._read(job_id, step, inputs, name)
+            self._known[key] = self._read(job_id, step, request, name)
         self._known.move_to_end(key)
         while len(self._known) > _REMEMBERED:
             self._known.popitem(last=False)
         return self._known[key]
 
-    def _read(self, job_id: str, step: int, inputs: dict[str, str], name: str) -> _Before:
+    def _read(self, job_id: str, step: int, request: JobRequest, name: str) -> _Before:
         context = self._store.task_inputs
         results, artefacts = context.before(job_id, step)
         last = name == ASSEMBLE
         segments, stages = (context.segments(job_id), context.stages(job_id, step)) if last else ((), {})
-        return _Before(results, artefacts, context.input_info(inputs), segments, stages)
+        info = window_inputs(context.input_info(request.inputs), request.frames)
+        return _Before(results, artefacts, info, segments, stages)

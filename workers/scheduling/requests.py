@@ -9,6 +9,7 @@ from urllib.parse import urlsplit
 from pipeline.errors import BadParameter, did_you_mean, together
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import InputKind, InputSpec, Method
+from workers.frame_window import window_info
 from workers.model import Asset, JobRequest, OutputSpec
 from workers.scheduling.planning import expected_weights, steps_of
 from workers.store import Accepted
@@ -48,10 +49,12 @@ def check_request(request: JobRequest, assets: Mapping[str, Asset]) -> Accepted:
     with _collected(faults):
         check_output(chosen, request.output)
     with _collected(faults):
+        check_frames(request.frames, assets.get("video"))
+    with _collected(faults):
         _check_envelope(request)
     if faults:
         raise together(faults)
-    info = assets["video"].info if "video" in assets else {}
+    info = window_info(assets["video"].info if "video" in assets else {}, request.frames)
     weights = expected_weights(chosen, info)
     return Accepted(request, params.model_dump(mode="json"), steps_of(chosen), weights)
 
@@ -92,6 +95,16 @@ def _check_input(spec: InputSpec, asset: Asset | None) -> None:
             value=asset.id,
             remedy=f"Use an asset of kind: {', '.join(FITS[spec.kind])}.",
         )
+
+
+def check_frames(frames: tuple[int, int] | None, video: Asset | None) -> None:
+    """The piece of the video has a frame, and none beyond the video's end."""
+    if frames is None:
+        return
+    count = 0 if video is None else int(video.info.get("frames", 0))
+    if not 0 <= frames[0] < frames[1] or (count and frames[1] > count):
+        end = f"The video has {count} frames." if count else "Frames are counted from 0."
+        _refuse("frames", list(frames), f"Use [first, end) with first < end. {end}")
 
 
 def check_output(chosen: Method, output: OutputSpec) -> None:

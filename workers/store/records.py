@@ -21,12 +21,15 @@ def asset_of(row: Row) -> Asset:
 
 
 def request_to_json(request: JobRequest) -> Json:
-    return asdict(request)
+    """The request without `frames` where it has none: requests of earlier versions keep their digests."""
+    value = asdict(request)
+    return value if request.frames is not None else {name: value[name] for name in value if name != "frames"}
 
 
 def request_of(value: Json) -> JobRequest:
-    output = value["output"]
-    return JobRequest(**{**value, "output": OutputSpec(**{**output, "artefacts": tuple(output["artefacts"])})})
+    output = OutputSpec(**{**value["output"], "artefacts": tuple(value["output"]["artefacts"])})
+    frames = None if value.get("frames") is None else tuple(value["frames"])
+    return JobRequest(**{**value, "output": output, "frames": frames})
 
 
 def fault_to_json(fault: Fault | None) -> Json | None:

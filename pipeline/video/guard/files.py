@@ -9,6 +9,7 @@ from pathlib import Path
 
 from pipeline.arrays import AnyArray
 from pipeline.video.guard.decoder_server import DecoderDied, DecoderProcess, start_decoder
+from pipeline.video.guard.wire import Message
 from pipeline.video.media import Limits
 from pipeline.video.writer import Format
 
@@ -55,10 +56,12 @@ def guarded_join(
     container: Format,
     sound: Path | None = None,
     progress: Callable[[float], None] = lambda done: None,
+    end_s: Fraction | None = None,
 ) -> None:
     """`join.join` in a decoder process, because `sound` is a user's file."""
     rows = [(start.numerator, start.denominator, str(path.absolute())) for start, path in segments]
-    task = {"segments": rows, "out": str(out.absolute()), "format": container}
+    task: Message = {"segments": rows, "out": str(out.absolute()), "format": container}
     task["sound"] = "" if sound is None else str(sound.absolute())
+    task["end"] = None if end_s is None else (end_s.numerator, end_s.denominator)
     child = start_decoder("join", task, 1, on_news=lambda news: progress(float(news["news"])))
     child.close()

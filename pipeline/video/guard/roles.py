@@ -121,7 +121,8 @@ def _join(connection: ChildConnection) -> None:
     task = connection.next()
     segments = [(Fraction(above, below), Path(path)) for above, below, path in task["segments"]]
     sound = Path(task["sound"]) if task["sound"] else None
-    join(segments, Path(task["out"]), task["format"], sound, lambda done: connection.answer({"news": done}))
+    end_s = Fraction(*task["end"]) if task["end"] else None
+    join(segments, Path(task["out"]), task["format"], sound, lambda done: connection.answer({"news": done}), end_s)
     connection.answer({})
 
 

@@ -10,8 +10,8 @@ import pytest
 
 from pipeline.errors import BadParameter
 from tests.workers.projects.documents import DESIGNED, asset_id, document, layer
+from workers.frame_window import window_document
 from workers.projects.faults import BadProject
-from workers.projects.frames import within
 from workers.projects.materials import ImagesByFrame, JsonValue, Uploaded, write_material
 from workers.projects.parsing import parse_document
 from workers.projects.submissions import Selection, layer_inputs, submissions
@@ -53,12 +53,13 @@ def test_parts_that_a_method_does_not_take_are_not_submitted() -> None:
 
 def test_frame_numbers_of_a_piece_begin_at_its_start() -> None:
     keys = [{"region": "a", "frame": f} for f in (0, 10, 20, 30)] + [{"region": "b", "frame": 0}]
-    moved = within({"keys": keys, "n": 3}, (12, 30))
+    moved = window_document({"keys": keys, "n": 3}, (12, 30))
     assert moved == {"keys": [{"region": "a", "frame": 0}, {"region": "a", "frame": 8}, {"region": "b", "frame": 0}],
                      "n": 3}  # fmt: skip
     parsed = parse_document(document(layer("analogy", keys=[{"frame": 12, "image": "key-12"}])))
     found = layer_inputs(parsed, parsed.shots[0], parsed.shots[0].layers[0], (10, 20))
-    assert found["keyframes"] == ImagesByFrame(((2, asset_id("c")),))
+    assert found["keyframes"] == ImagesByFrame(((12, asset_id("c")),))
+    assert "keyframes" not in layer_inputs(parsed, parsed.shots[0], parsed.shots[0].layers[0], (13, 20))
 
 
 def test_a_variant_is_a_job_with_its_changes() -> None:

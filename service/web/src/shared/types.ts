@@ -57,6 +57,8 @@ export interface JobRequest {
   output?: Output;
   name?: string;
   priority?: number;
+  /** [first, end) of the video; null: all. */
+  frames?: [first: number, end: number] | null;
 }
 
 export interface Job {

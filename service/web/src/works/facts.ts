@@ -36,6 +36,7 @@ function settings({ id, request, created_at: created, finished_at: finished }: J
   return [
     pair("Method", humanise(request.method)),
     ...(params.length ? params : [pair("Parameters", "defaults")]),
+    request.frames ? pair("Frames", `${request.frames[0] + 1} to ${request.frames[1]}`) : null,
     pair("Seed", String(request.seed ?? 0)),
     output.format ? pair("Format", output.format.toUpperCase()) : null,
     finished ? pair("Took", duration(finished - created)) : null,

@@ -19,9 +19,11 @@ export interface Films {
   /** Address of the painted film. */
   after: string;
   poster: string | null;
+  /** The original's frame that the painted film begins with. */
+  first: number;
 }
 
-export function createPlayer({ asset, before, after, poster }: Films): View {
+export function createPlayer({ asset, before, after, poster, first }: Films): View {
   const follower = film(before, { muted: true, tabindex: "-1", "aria-hidden": "true" });
   const leader = film(after, { poster, muted: true, "aria-label": "The painted film" });
   const wipe = createWipe({ before: follower, after: leader });
@@ -32,7 +34,8 @@ export function createPlayer({ asset, before, after, poster }: Films): View {
     frame,
     controls(leader, wipe, () => element),
   );
-  const closers = [keepInStep(leader, follower)];
+  const fps = asset.info.fps || 25;
+  const closers = [keepInStep(leader, follower, first / fps)];
   frame.style.setProperty("--ratio", String((asset.info.width ?? 16) / (asset.info.height ?? 9)));
 
   function useStills(): void {
@@ -43,7 +46,7 @@ export function createPlayer({ asset, before, after, poster }: Films): View {
       element.classList.add("no-original");
       wipe.alone("after");
     });
-    closers.push(followByFrame(leader, stills, asset.info.fps || 25));
+    closers.push(followByFrame(leader, stills, fps, first));
   }
 
   follower.addEventListener("error", useStills);
@@ -71,14 +74,17 @@ function toggle(video: HTMLVideoElement): void {
   else video.pause();
 }
 
-/** Let the follower do what the leader does; small drift is corrected by rate, large drift by a seek. */
-function keepInStep(leader: HTMLVideoElement, follower: HTMLVideoElement): () => void {
+/**
+ * Let the follower do what the leader does, `startS` seconds further into its film; small drift is corrected by rate,
+ * large drift by a seek.
+ */
+function keepInStep(leader: HTMLVideoElement, follower: HTMLVideoElement, startS: number): () => void {
   let pending = 0;
   const align = () => {
-    follower.currentTime = Math.min(leader.currentTime, follower.duration || Infinity);
+    follower.currentTime = Math.min(startS + leader.currentTime, follower.duration || Infinity);
   };
   const tick = () => {
-    const drift = follower.currentTime - leader.currentTime;
+    const drift = follower.currentTime - leader.currentTime - startS;
     if (Math.abs(drift) > SEEK_BEYOND_S && !follower.seeking) align();
     follower.playbackRate = leader.playbackRate * (Math.abs(drift) > NUDGE_BEYOND_S ? 1 - Math.sign(drift) * 0.1 : 1);
     pending = requestAnimationFrame(tick);
@@ -105,9 +111,9 @@ function keepInStep(leader: HTMLVideoElement, follower: HTMLVideoElement): () =>
 }
 
 /** Show the original's frame at the leader's time; while the film plays, as many as the service can decode. */
-function followByFrame(leader: HTMLVideoElement, stills: Stills, fps: number): () => void {
+function followByFrame(leader: HTMLVideoElement, stills: Stills, fps: number, first: number): () => void {
   let pending = 0;
-  const show = () => stills.show(leader.currentTime * fps + 0.01);
+  const show = () => stills.show(first + leader.currentTime * fps + 0.01);
   const tick = () => {
     show();
     pending = requestAnimationFrame(tick);

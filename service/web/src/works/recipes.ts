@@ -4,8 +4,8 @@ import type { Job } from "../shared/types";
 
 /** The body of POST /v1/jobs. */
 function body(job: Job): Record<string, unknown> {
-  const { method, inputs, params, seed = 0, output, name = "" } = job.request;
-  return { method, inputs, params, seed, ...(output && { output }), ...(name && { name }) };
+  const { method, inputs, params, seed = 0, frames, output, name = "" } = job.request;
+  return { method, inputs, params, seed, ...(frames && { frames }), ...(output && { output }), ...(name && { name }) };
 }
 
 /** Text as one word of a POSIX shell. */
@@ -15,14 +15,15 @@ export const curlLine = (job: Job, origin: string): string =>
   `curl -sS -H 'Content-Type: application/json' -d ${quoted(JSON.stringify(body(job)))} ${quoted(`${origin}/v1/jobs`)}`;
 
 export function pythonLine(job: Job, origin: string): string {
-  const { method, inputs, params, seed = 0 } = job.request;
+  const { method, inputs, params, seed = 0, frames } = job.request;
+  const piece = frames ? `, frames=(${frames.join(", ")})` : "";
   const literal = (value: unknown) => `json.loads(${JSON.stringify(JSON.stringify(value))})`;
   return [
     "import json",
     "from impasto import Client",
     "",
     `with Client(${JSON.stringify(origin)}) as impasto:`,
-    `    job = impasto.submit(${JSON.stringify(method)}, ${literal(inputs)}, ${literal(params)}, seed=${seed})`,
+    `    job = impasto.submit(${JSON.stringify(method)}, ${literal(inputs)}, ${literal(params)}, seed=${seed}${piece})`,
     '    impasto.wait(job["id"])',
     '    impasto.download(job["id"], "film.mp4")',
   ].join("\n");
@@ -30,7 +31,7 @@ export function pythonLine(job: Job, origin: string): string {
 
 /** `impasto render` with placeholders for the files, which the command reads from the user's disk. */
 export function commandLine(job: Job): string {
-  const { method, inputs, params, seed = 0, output } = job.request;
+  const { method, inputs, params, seed = 0, frames, output } = job.request;
   const files = Object.keys(inputs).filter((name) => name !== "video");
   return [
     "impasto render VIDEO",
@@ -41,5 +42,6 @@ export function commandLine(job: Job): string {
       ([name, value]) => `--param ${quoted(`${name}=${typeof value === "string" ? value : JSON.stringify(value)}`)}`,
     ),
     ...(seed ? [`--seed ${seed}`] : []),
+    ...(frames ? [`--frames ${frames.join(":")}`] : []),
   ].join(" ");
 }

@@ -38,7 +38,7 @@ async function play(job: Job, element: HTMLElement, life: { closed: boolean; clo
     job.results.includes("poster") ? api.mediaUrl(api.paths.file(job.id, "poster")) : null,
   ]);
   if (life.closed) return;
-  const player = createPlayer({ asset, before, after, poster });
+  const player = createPlayer({ asset, before, after, poster, first: job.request.frames?.[0] ?? 0 });
   life.close = player.close;
   element.append(player.element);
 }

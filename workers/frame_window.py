@@ -1,0 +1,93 @@
+"""A piece [start, stop) of a video's frames, as the whole video of a job: every frame number is counted from `start`.
+
+Images by frame and frame numbers in JSON documents are moved, and those outside the piece left out. In a document,
+objects with a member `frame` in lists are keys: of those before the start only the latest of each region is kept, at
+the piece's first frame.
+
+Departure: a value that changes between a key before the start and one after it begins at the earlier key's value,
+where the whole video would already have moved on. It matters only for the first frames of a piece.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from pipeline.video.index import Index
+
+T = TypeVar("T")
+Span = tuple[int, int]
+"""[first frame, one past the last)"""
+
+
+def window_info(info: Mapping[str, Any], frames: Span | None) -> dict[str, Any]:
+    """Facts of a video's asset for the piece: `frames` and `duration_s` changed. None: unchanged."""
+    if frames is None:
+        return dict(info)
+    count = max(0, min(frames[1], int(info.get("frames", 0)) or frames[1]) - frames[0])
+    whole, seconds = int(info.get("frames", 0)), float(info.get("duration_s", 0.0))
+    return {**info, "frames": count, "duration_s": seconds * count / whole if whole else 0.0}
+
+
+def window_inputs(info: Mapping[str, Mapping[str, Any]], frames: Span | None) -> dict[str, dict[str, Any]]:
+    """Facts of a job's inputs by name; those of `video` are the piece's."""
+    return {name: window_info(facts, frames if name == "video" else None) for name, facts in info.items()}
+
+
+def window_index(index: Index, frames: Span | None) -> Index:
+    """The frame index of the piece, in the video's own times."""
+    if frames is None:
+        return index
+    start, stop = frames[0], min(frames[1], len(index.pts))
+    keys = index.keys[(index.keys >= start) & (index.keys < stop)] - start
+    return replace(index, pts=index.pts[start:stop], keys=np.union1d([0], keys), end=index.time(stop))
+
+
+@dataclass(frozen=True)
+class WindowImages(Mapping[int, T]):
+    """Images by frame number, of the piece only. Each is read on access."""
+
+    images: Mapping[int, T]
+    frames: Span
+
+    def __getitem__(self, frame: int) -> T:
+        if not 0 <= frame < self.frames[1] - self.frames[0]:
+            raise KeyError(frame)
+        return self.images[frame + self.frames[0]]
+
+    def __iter__(self) -> Iterator[int]:
+        start, stop = self.frames
+        return (frame - start for frame in self.images if start <= frame < stop)
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+
+def window_document(value: Any, frames: Span | None) -> Any:
+    """The JSON document of the piece. None: unchanged."""
+    if frames is None:
+        return value
+    if isinstance(value, dict):
+        return {name: window_document(member, frames) for name, member in value.items()}
+    if isinstance(value, list | tuple):
+        return _list_within(list(value), frames)
+    return value
+
+
+def _list_within(items: list[Any], frames: Span) -> list[Any]:
+    start, stop = frames
+    if not items or not all(isinstance(item, dict) and type(item.get("frame")) is int for item in items):
+        return [window_document(item, frames) for item in items]
+    latest: dict[Any, int] = {}
+    for item in items:
+        if item["frame"] <= start:
+            group = item.get("region")
+            latest[group] = max(latest.get(group, 0), item["frame"])
+    kept = [
+        item for item in items
+        if start < item["frame"] < stop or (item["frame"] <= start and item["frame"] == latest[item.get("region")])
+    ]  # fmt: skip
+    return [{**window_document(item, frames), "frame": max(0, item["frame"] - start)} for item in kept]
