@@ -200,6 +200,7 @@ class StreamSource:
             with suppress(queue.Empty):
                 timed = self._newest.get(timeout=0.1)
                 if timed is None:
+                    self._newest.put(None)  # whoever iterates again also finds the end
                     break
                 yield timed
         if self._lost and not self._stop.is_set():

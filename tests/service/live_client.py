@@ -100,5 +100,5 @@ class LiveClient:
 @asynccontextmanager
 async def live(url: str, query: str = "", **more: Any) -> AsyncIterator[LiveClient]:
     address = url.replace("http", "ws") + "/v1/live" + query
-    async with connect(address, compression=None, max_size=1 << 26, **more) as socket:
+    async with connect(address, compression=None, max_size=1 << 26, open_timeout=60, **more) as socket:
         yield LiveClient(socket)

@@ -20,6 +20,9 @@ from service.app import create_app
 from service.settings import Settings
 from tests.service.records import picture, records, types
 from workers.farm import Farm, open_farm
+from workers.previews.model import PreviewQuery
+from workers.previews.painting import LayerPainter
+from workers.previews.service import PreviewRun, PreviewService
 
 Json = dict[str, Any]
 
@@ -265,15 +268,22 @@ def test_problems_of_the_layer_are_refused_by_path(client: TestClient, at: str, 
 def test_a_later_request_overtakes_the_earlier_one(
     client: TestClient, at: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    begun, go_on = threading.Event(), threading.Event()
-    plain = __import__("workers.previews.painting", fromlist=["LayerPainter"]).LayerPainter.frame
+    painting, second_arrived = threading.Event(), threading.Event()
+    paint, start = LayerPainter.frame, PreviewService.start
 
-    def slow(self: Any, number: int, side_px: int) -> Any:
-        begun.set()
-        assert go_on.wait(10)
-        return plain(self, number, side_px)
+    def paint_slowly(self: LayerPainter, number: int, side_px: int) -> Any:
+        painting.set()
+        assert second_arrived.wait(60)
+        return paint(self, number, side_px)
 
-    monkeypatch.setattr("workers.previews.painting.LayerPainter.frame", slow)
+    def start_and_tell(self: PreviewService, query: PreviewQuery) -> PreviewRun:
+        run = start(self, query)
+        if query.seq == 2:
+            second_arrived.set()
+        return run
+
+    monkeypatch.setattr(LayerPainter, "frame", paint_slowly)
+    monkeypatch.setattr(PreviewService, "start", start_and_tell)
     answers: dict[int, list[str]] = {}
 
     def ask(seq: int) -> None:
@@ -281,12 +291,11 @@ def test_a_later_request_overtakes_the_earlier_one(
 
     first = threading.Thread(target=ask, args=(1,))
     first.start()
-    assert begun.wait(10)
+    assert painting.wait(60)
     second = threading.Thread(target=ask, args=(2,))
     second.start()
-    go_on.set()
-    first.join(20)
-    second.join(20)
+    first.join(60)
+    second.join(60)
     assert answers[1][-1] == "overtaken" and answers[2] == ["begin", "frame", "end"]
     assert types(_ask(client, f"{at}/paint", frame=8, client="tab", seq=1)) == ["begin", "overtaken"], "it is late"
 
