@@ -83,13 +83,13 @@ def measure(size: tuple[int, int], blocks: int = 3) -> dict[str, object]:
 
 def cpu_ms(frames: list[Frame], size: tuple[int, int]) -> dict[str, float]:
     """CPU milliseconds a frame of each stage, in a run of its own: clocks cost time."""
-    watch = Stopwatch()
-    session = AbstractionSession(AbstractionParams(), size, clock=watch)
+    stopwatch = Stopwatch()
+    session = AbstractionSession(AbstractionParams(), size, clock=stopwatch)
     ours(session, frames[: BLOCK // 4])
-    watch.stages.clear()
+    stopwatch.stages.clear()
     timed = frames[BLOCK // 4 :]
     ours(session, timed)
-    return {stage: seconds / len(timed) * 1e3 for stage, seconds in watch.stages.items()}
+    return {stage: seconds / len(timed) * 1e3 for stage, seconds in stopwatch.stages.items()}
 
 
 def main() -> None:

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from benchmarks import analogy_stills
-from benchmarks.analogy_bench import Memory, render
+from benchmarks.analogy_renders import Memory, render
 from benchmarks.clips import clip
 from pipeline.frames import Frame
 from pipeline.methods.analogy import AnalogyParams

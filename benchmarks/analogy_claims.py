@@ -21,7 +21,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from benchmarks.analogy_bench import Memory, render, some
+from benchmarks.analogy_renders import Memory, render, some
 from benchmarks.clips import MEDIA
 from pipeline.frames import Frame
 from pipeline.methods.analogy import AnalogyParams
@@ -192,8 +192,8 @@ def workers() -> None:
         list(pool.map(_interval, ((0,), (1,))))  # both have compiled now
         one, whole = pool.submit(_interval, (0, 1)).result()
         parts = list(pool.map(_interval, ((0,), (1,))))
-    busiest, halves = max(seconds for seconds, _ in parts), parts[0][1] | parts[1][1]
-    same = all((halves[index] == frame).all() for index, frame in whole.items()) and halves.keys() == whole.keys()
+    busiest, joined = max(seconds for seconds, _ in parts), parts[0][1] | parts[1][1]
+    same = all((joined[index] == frame).all() for index, frame in whole.items()) and joined.keys() == whole.keys()
     print(f"  one {one:.1f} s, the busier of two {busiest:.1f} s: {one / busiest:.2f} times; same bytes: {same}")
 
 

@@ -23,7 +23,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from benchmarks.analogy_bench import Memory, render
+from benchmarks.analogy_renders import Memory, render
 from pipeline.frames import Frame
 from pipeline.methods.analogy import AnalogyParams
 
@@ -105,7 +105,7 @@ def _likeness(style: Path, outputs: list[Path]) -> list[Mapping[str, float]]:
     return found
 
 
-def _told(seconds: float, likeness: Mapping[str, float]) -> str:
+def _row_text(seconds: float, likeness: Mapping[str, float]) -> str:
     figures = "  ".join(f"{name} {likeness[name]:.3g}" for name in ("fidelity", "variety", "palette_mean") if likeness)
     return f"{seconds:6.1f} CPU s  {figures}"
 
@@ -124,7 +124,7 @@ def main(names: tuple[str, ...] = ()) -> None:
             mine, other = Path(folder) / "ours.png", Path(folder) / "theirs.png"
             seconds = ours(still, examples, mine), theirs(still, program, examples, other)
             style = examples / still.folder / f"source_{still.style}.png"
-            rows = [_told(s, row) for s, row in zip(seconds, _likeness(style, [mine, other]), strict=True)]
+            rows = [_row_text(s, row) for s, row in zip(seconds, _likeness(style, [mine, other]), strict=True)]
         print(f"{still.folder:>10}  ours    {rows[0]}")
         print(f"{'':>10}  EbSynth {rows[1]}   {seconds[1] / seconds[0]:.1f} times ours")
 

@@ -40,10 +40,10 @@ def main() -> None:
 def measure(first: SceneFrame, second: Frame) -> Iterator[tuple[str, float, float]]:
     """(solver, best ms of a few, mean error px) for each."""
     gray = [cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) for image in (first.image, second)]
-    seen = ~first.occluded_next
+    visible = ~first.occluded_next
     for name, solve in solvers().items():
         flow = solve(*gray)
-        error = np.linalg.norm(flow - first.velocity_next, axis=-1)[seen].mean()
+        error = np.linalg.norm(flow - first.velocity_next, axis=-1)[visible].mean()
         yield name, min(_ms(solve, *gray) for _ in range(TURNS)), float(error)
 
 

@@ -169,20 +169,22 @@ def memory(parent: psutil.Process) -> str:
     return f"service {parent.memory_info().rss / MIB:.0f} MiB, live worker {painter} MiB"
 
 
-def hold(address: str, parent: psutil.Process | None, rate: Rate, seconds: float, overload: bool, kill: bool) -> None:
+def measure(
+    address: str, parent: psutil.Process | None, rate: Rate, seconds: float, overload: bool, kill: bool
+) -> None:
     """One client for a while, and memory a tenth of the way and at the end."""
-    payloads, notes = pictures(rate[0]), []
+    payloads, memory_samples = pictures(rate[0]), []
     per_s = too_much(address, rate, payloads) if overload else 0.0
     if parent is not None:
-        _later(SETTLE_S + seconds / 10, lambda: notes.append(memory(parent)))
-        _later(SETTLE_S + seconds - 1, lambda: notes.append(memory(parent)))
+        _later(SETTLE_S + seconds / 10, lambda: memory_samples.append(memory(parent)))
+        _later(SETTLE_S + seconds - 1, lambda: memory_samples.append(memory(parent)))
         if kill:
             _later(SETTLE_S + seconds / 2, lambda: live_workers(parent)[0].kill())
     run = stream(address, rate, payloads, seconds, per_s)
     print(run.row(seconds), flush=True)
     print(f"    stages, mean ms: {run.stats.get('stages_ms')}")
-    if notes:
-        print(f"    memory: {' -> '.join(notes)}", flush=True)
+    if memory_samples:
+        print(f"    memory: {' -> '.join(memory_samples)}", flush=True)
 
 
 def _later(seconds: float, act: Callable[[], object]) -> None:
@@ -297,7 +299,7 @@ def _all(options: argparse.Namespace, address: str, parent: psutil.Process | Non
         elif options.sessions > 1:
             together(address, rate, options.seconds, options.sessions)
         else:
-            hold(address, parent, rate, options.seconds, options.overload, options.kill)
+            measure(address, parent, rate, options.seconds, options.overload, options.kill)
 
 
 def _rates(text: str | None) -> tuple[Rate, ...]:

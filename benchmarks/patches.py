@@ -40,7 +40,7 @@ class Table:
     spent: dict[str, list[tuple[Task, float]]] = field(default_factory=dict)
     emitted: dict[int, Frame] = field(default_factory=dict)
     step: str = ""
-    held_mb: float = 0.0
+    artefact_mb: float = 0.0
 
     @property
     def size(self) -> tuple[int, int]:
@@ -61,7 +61,7 @@ class Table:
 
     def save(self, name: str, arrays: Arrays) -> None:
         self.kept[self.step, name] = dict(arrays)
-        self.held_mb += sum(np.asarray(array).nbytes for array in arrays.values()) / 1e6
+        self.artefact_mb += sum(np.asarray(array).nbytes for array in arrays.values()) / 1e6
 
     def load(self, step: str, name: str) -> dict[str, Any]:
         return dict(self.kept[step, name])
@@ -90,7 +90,8 @@ def measure(size: tuple[int, int], frames: int = FRAMES) -> dict[str, Any]:
     return {
         "size": f"{size[0]}x{size[1]}", "one_s": one / frames, "two_s": two / frames, "ratio": one / two,
         "steps": {name: sum(cost for _, cost in tasks) / frames for name, tasks in table.spent.items()},
-        "stages": {name: cost / frames for name, cost in table.stages.items()}, "held_mb": table.held_mb / frames,
+        "stages": {name: cost / frames for name, cost in table.stages.items()},
+        "artefact_mb": table.artefact_mb / frames,
         **relaxation(table),
     }  # fmt: skip
 
@@ -143,7 +144,7 @@ def main() -> None:
     for size in SIZES:
         row = measure(size, FRAMES if size[0] <= 640 else FRAMES // 2)
         steps = "  ".join(f"{name} {cost * 1e3:.0f}" for name, cost in row["steps"].items() if cost)
-        figures = f"{row['one_s']:14.3f} {row['two_s']:10.3f} {row['ratio']:6.2f} {row['held_mb']:8.2f}"
+        figures = f"{row['one_s']:14.3f} {row['two_s']:10.3f} {row['ratio']:6.2f} {row['artefact_mb']:8.2f}"
         print(f"{row['size']:>10} {figures}   {steps}")
         print(f"{'':>10} " + "  ".join(f"{name} {cost * 1e3:.1f}" for name, cost in row["stages"].items()))
         print(

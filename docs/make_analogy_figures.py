@@ -15,7 +15,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from benchmarks.analogy_bench import Memory, render
+from benchmarks.analogy_renders import Memory, render
 from docs import parameters
 from docs.pictures import CLIPS, DOCS, MEDIA, frames, grid, painting, save
 from pipeline.frames import Frame

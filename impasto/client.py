@@ -173,10 +173,10 @@ class Client:
 
     def watch(self, job_id: str, poll_s: float = 1.0) -> Iterator[Json]:
         """The job now and after each change, until it ends. Survives restarts of the service."""
-        seen: Json = {}
+        previous: Json = {}
         for job in self._looks(job_id, poll_s):
-            if job != seen:
-                seen = job
+            if job != previous:
+                previous = job
                 yield job
 
     def wait(self, job_id: str, timeout_s: float = float("inf")) -> Json:

@@ -87,8 +87,8 @@ def error_of(response: httpx.Response) -> ImpastoError:
 
 def _other(fault: Json) -> ImpastoError:
     kind = BY_CODE.get(str(fault.get("code")), ImpastoError)
-    said, remedy = str(fault.get("message", "")), str(fault.get("remedy", ""))
-    error = kind(said, field=str(fault.get("field", "")), value=fault.get("value"), remedy=remedy)
+    message, remedy = str(fault.get("message", "")), str(fault.get("remedy", ""))
+    error = kind(message, field=str(fault.get("field", "")), value=fault.get("value"), remedy=remedy)
     error.code = str(fault.get("code") or error.code)
     return error
 
@@ -96,8 +96,8 @@ def _other(fault: Json) -> ImpastoError:
 def job_failed(job: Json) -> JobFailed:
     """The exception for a job that ended without a result."""
     fault = job.get("error") or {}
-    said = fault.get("message") or f"The job was {job['state']}."
-    error = JobFailed(said, field=fault.get("field", ""), value=fault.get("value"), remedy=fault.get("remedy", ""))
+    message = fault.get("message") or f"The job was {job['state']}."
+    error = JobFailed(message, field=fault.get("field", ""), value=fault.get("value"), remedy=fault.get("remedy", ""))
     error.code = fault.get("code") or ("cancelled" if job["state"] == "cancelled" else error.code)
     error.job = job
     return error

@@ -83,7 +83,7 @@ def create_app(settings: Settings, farm: Farm) -> FastAPI:
         docs_url=None,
         redoc_url=None,
         generate_unique_id_function=lambda route: route.name,
-        lifespan=_life,
+        lifespan=_lifespan,
     )
     app.state.service = service
     app.state.live = _sessions(service)
@@ -97,7 +97,7 @@ def create_app(settings: Settings, farm: Farm) -> FastAPI:
 
 
 @asynccontextmanager
-async def _life(app: FastAPI) -> AsyncIterator[None]:
+async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     async with background(app.state.service, app.state.live):
         try:
             yield

@@ -61,7 +61,7 @@ class Edge:
         try:
             await self._app(scope, receive, send_with_headers)
         finally:
-            self._metrics.note(verb, _route(scope), status, answered - began)
+            self._metrics.record(verb, _route(scope), status, answered - began)
             _log(scope, verb, status, answered - began)
 
 

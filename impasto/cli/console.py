@@ -52,7 +52,7 @@ def print_table(rows: Table) -> None:
         out.print(rows, width=PIPE_WIDTH, crop=False)
 
 
-def say(text: str) -> None:
+def print_status(text: str) -> None:
     """Print a message on stderr: stdout is for results."""
     err.print(text, markup=False)
 

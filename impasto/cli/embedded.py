@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-from impasto.cli.console import Interrupted, say
+from impasto.cli.console import Interrupted, print_status
 from impasto.cli.input_files import InputFile
 from impasto.cli.progress import Show
 from impasto.problems import JobFailed
@@ -40,20 +40,20 @@ def submit(farm: Farm, request: JobRequest, files: Mapping[str, InputFile], key:
     ids = {name: farm.assets.add(file.path, file.filename).id for name, file in files.items()}
     job = farm.jobs.submit(dataclasses.replace(request, inputs=ids), idempotency_key=key)
     if job.progress > 0:
-        say(f"Resuming at {job.progress:.0%}.")
+        print_status(f"Resuming at {job.progress:.0%}.")
     return farm.jobs.retry(job.id) if job.state in ("failed", "cancelled") else job
 
 
 def follow(farm: Farm, job_id: str, show: Show) -> Job:
     """Show the job's progress until it ends. Raises: Interrupted (Ctrl-C), JobFailed."""
-    seen = 0
+    last_seq = 0
     try:
         while not (job := farm.jobs.get(job_id)).state.final:
             show(_shown(job))
             beat = time.monotonic() + _BEAT_S
-            farm.jobs.wait_for_event(job_id, seen, timeout_s=_LOOK_S)
-            events, _ = farm.jobs.events(job_id, after=seen)
-            seen = events[-1].seq if events else seen
+            farm.jobs.wait_for_event(job_id, last_seq, timeout_s=_LOOK_S)
+            events, _ = farm.jobs.events(job_id, after=last_seq)
+            last_seq = events[-1].seq if events else last_seq
             if all(event.type != "job.state" for event in events):
                 time.sleep(max(0.0, beat - time.monotonic()))
     except KeyboardInterrupt:

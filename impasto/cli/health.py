@@ -50,9 +50,9 @@ def checks(home: Path, device: str = "") -> list[Check]:
 
 
 def _python() -> Check:
-    said = f"{sys.version.split()[0]} at {sys.executable}"
+    facts = f"{sys.version.split()[0]} at {sys.executable}"
     fits = sys.version_info >= (3, 11)
-    return Check("python", "ok" if fits else "broken", said, "Impasto needs Python 3.11 or newer.")
+    return Check("python", "ok" if fits else "broken", facts, "Impasto needs Python 3.11 or newer.")
 
 
 def _packages() -> Iterator[Check]:
@@ -134,5 +134,5 @@ def _memory() -> Check:
 
     memory = psutil.virtual_memory()
     state: State = "warning" if memory.available < GIB else "ok"
-    said = f"{memory.available / GIB:.1f} of {memory.total / GIB:.1f} GiB available, {psutil.cpu_count()} cores"
-    return Check("memory", state, said, "Close something, or render with --workers 1.")
+    facts = f"{memory.available / GIB:.1f} of {memory.total / GIB:.1f} GiB available, {psutil.cpu_count()} cores"
+    return Check("memory", state, facts, "Close something, or render with --workers 1.")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from impasto.cli.console import emit, out, print_table, say, table
+from impasto.cli.console import emit, out, print_status, print_table, table
 from impasto.cli.options import JsonFlag, KeyOption, QuietFlag, ServerOption, client_of
 from pipeline.errors import BadInput
 from workers.errors import NotFound
@@ -78,7 +78,7 @@ def watch(
     if as_json:
         emit(latest)
     else:
-        say(f"succeeded; fetch it with: impasto get {latest['id']} -o cartoon.mp4")
+        print_status(f"succeeded; fetch it with: impasto get {latest['id']} -o cartoon.mp4")
 
 
 def get(
@@ -134,7 +134,7 @@ def _print(job: Json, as_json: bool, hint: str) -> None:
     if as_json:
         emit(job)
     else:
-        say(f"{job['id']}: {job['state']}{hint}")
+        print_status(f"{job['id']}: {job['state']}{hint}")
 
 
 def find_id(client: Client, text: str) -> str:

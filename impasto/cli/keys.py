@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from impasto.cli.console import emit, out, print_table, say, table
+from impasto.cli.console import emit, out, print_status, print_table, table
 from impasto.cli.options import DatabaseOption, HomeOption, JsonFlag, home_of
 from workers.model import Json
 
@@ -36,7 +36,7 @@ def create(
         emit(_row(key) | {"secret": secret})
     else:
         out.print(secret, markup=False)
-        say(f"{key.id} for {name}: {', '.join(sorted(key.scopes))}. The secret is not kept: note it now.")
+        print_status(f"{key.id} for {name}: {', '.join(sorted(key.scopes))}. The secret is not kept: note it now.")
 
 
 @app.command("list")
@@ -65,7 +65,7 @@ def revoke(
     """Refuse a key from now on."""
     with _keys(home, database) as keys:
         key = keys.revoke(key_id)
-    emit(_row(key)) if as_json else say(f"{key.id} ({key.name}) is revoked.")
+    emit(_row(key)) if as_json else print_status(f"{key.id} ({key.name}) is revoked.")
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from impasto.cli import values
-from impasto.cli.console import emit, err, out, say
+from impasto.cli.console import emit, err, out, print_status
 from impasto.cli.options import (
     WHAT,
     WHERE,
@@ -99,7 +99,7 @@ def live(
     key = settings.api_key.get_secret_value()
     with _closing(open_source(source_name, loops, given, fps)) as source:
         sink = open_sink(output, source, quality)
-        with service(settings.server, say) as address:
+        with service(settings.server, print_status) as address:
             with Client(address, key) as client:
                 assets = _upload(client, named)
             options = {
@@ -118,13 +118,13 @@ def _stream(
 
     with _status(quiet) as show, LiveClient(address, key, show, **options) as client:
         stream = Stream(client, source, sink, duration_s)
-        with _until_told(stream):
+        with _stop_on_signal(stream):
             where = stream.run()
         return _summary(stream, client, where)
 
 
 @contextmanager
-def _until_told(stream: Stream) -> Iterator[None]:
+def _stop_on_signal(stream: Stream) -> Iterator[None]:
     """Ctrl-C (or SIGTERM) ends the stream in order; a second one, at once."""
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
 
@@ -160,7 +160,7 @@ def _tell(summary: Json, as_json: bool) -> None:
     if summary["output"] not in ("none", "window", ""):
         out.print(summary["output"], markup=False)
     latency = summary["server_latency_ms"]
-    say(
+    print_status(
         f"{summary['painted']} of {summary['frames']} frames, {summary['fps']:.1f} frames/s, "
         f"server {latency['p50']:.0f} ms (p99 {latency['p99']:.0f} ms)"
     )
@@ -180,10 +180,10 @@ def _status(quiet: bool) -> Iterator[Any]:
     if quiet:
         yield lambda message: None
     elif not err.is_terminal:
-        yield _say_changes
+        yield _print_change
     else:
         with err.status("Connecting...") as line:
-            yield lambda message: line.update(_line(message)) if message["type"] == "stats" else _say_changes(message)
+            yield lambda message: line.update(_line(message)) if message["type"] == "stats" else _print_change(message)
 
 
 def _line(stats: Mapping[str, Any]) -> str:
@@ -194,13 +194,13 @@ def _line(stats: Mapping[str, Any]) -> str:
     )
 
 
-def _say_changes(message: Mapping[str, Any]) -> None:
+def _print_change(message: Mapping[str, Any]) -> None:
     if message["type"] == "resolution":
-        say(f"Works at {message['width']}x{message['height']} now ({message['reason']}).")
+        print_status(f"Works at {message['width']}x{message['height']} now ({message['reason']}).")
     elif message["type"] == "replaced":
-        say("The worker died and another goes on.")
+        print_status("The worker died and another goes on.")
     elif message["type"] == "error":
-        say(f"error: {message['problem'].get('detail')}")
+        print_status(f"error: {message['problem'].get('detail')}")
 
 
 def _split(options: list[str]) -> tuple[str, dict[str, Path]]:

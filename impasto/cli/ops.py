@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from impasto.cli.console import emit, out, print_table, say, table
+from impasto.cli.console import emit, out, print_status, print_table, table
 from impasto.cli.options import JsonFlag, KeyOption, ServerOption, client_of
 from workers.model import Json
 
@@ -82,7 +82,7 @@ def drain(
     """Start nothing new there; what runs is finished. With `queue`: hand out no task at all."""
     with client_of(server, api_key) as client:
         client.ops.drain(place, reason)
-    say(f"{place}: nothing new starts. `impasto ops resume {place}` ends that.")
+    print_status(f"{place}: nothing new starts. `impasto ops resume {place}` ends that.")
 
 
 @app.command()
@@ -90,7 +90,7 @@ def resume(place: PlaceArgument, server: ServerOption = None, api_key: KeyOption
     """Start work there again."""
     with client_of(server, api_key) as client:
         client.ops.resume(place)
-    say(f"{place}: work may start again.")
+    print_status(f"{place}: work may start again.")
 
 
 @app.command()
@@ -103,7 +103,7 @@ def requeue(
     """Run a failed or cancelled task again."""
     with client_of(server, api_key) as client:
         found = client.requeue(task)
-    emit(found) if as_json else say(f"{task} is {found['state']}.")
+    emit(found) if as_json else print_status(f"{task} is {found['state']}.")
 
 
 def _queue_line(found: Json) -> str:

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
-from impasto.cli.console import err, say
+from impasto.cli.console import err, print_status
 from workers.model import Json
 
 Show = Callable[[Json], None]
@@ -42,35 +42,35 @@ class _Bars:
 
     def __init__(self, bars: Progress) -> None:
         self._bars = bars
-        self._whole = bars.add_task("[bold]job", total=1.0, note="")
+        self._whole = bars.add_task("[bold]job", total=1.0, detail="")
         self._steps: dict[str, TaskID] = {}
 
     def show(self, job: Json) -> None:
         for step in job["steps"]:
             self._step(step)
-        self._bars.update(self._whole, completed=job["progress"], note=_left(job))
+        self._bars.update(self._whole, completed=job["progress"], detail=_left(job))
 
     def _step(self, step: Json) -> None:
         bar = self._steps.get(step["name"])
         if bar is None:
-            bar = self._steps[step["name"]] = self._bars.add_task(_title(step), total=1.0, start=False, note="")
+            bar = self._steps[step["name"]] = self._bars.add_task(_title(step), total=1.0, start=False, detail="")
         if step["state"] != "waiting":
             self._bars.start_task(bar)
-        self._bars.update(bar, completed=step["progress"], note=_tasks(step))
+        self._bars.update(bar, completed=step["progress"], detail=_tasks(step))
 
 
 class _Lines:
     """For logs and pipes: one line when a step starts and one when it ends."""
 
     def __init__(self) -> None:
-        self._seen: dict[str, str] = {}
+        self._states: dict[str, str] = {}
 
     def show(self, job: Json) -> None:
         for step in job["steps"]:
-            before, now = self._seen.get(step["name"], "waiting"), step["state"]
-            self._seen[step["name"]] = now
+            before, now = self._states.get(step["name"], "waiting"), step["state"]
+            self._states[step["name"]] = now
             if now != before:
-                say(f"{_title(step)}: {now}" + (f", {_tasks(step)}" if _tasks(step) else ""))
+                print_status(f"{_title(step)}: {now}" + (f", {_tasks(step)}" if _tasks(step) else ""))
 
 
 def _title(step: Json) -> str:

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from impasto.cli import values
-from impasto.cli.console import emit, out, say
+from impasto.cli.console import emit, out, print_status
 from impasto.cli.options import (
     HomeOption,
     InputOption,
@@ -94,7 +94,7 @@ def render(
         inputs = values.inputs(extra or [])
         pipe = PipeOrder(str(source), output, method, values.params(param or []), inputs, seed, quality, overwrite, raw)
         count = pipe.run()
-        say(f"{count} frames" if output == "-" else output)
+        print_status(f"{count} frames" if output == "-" else output)
         return
     from impasto.cli.input_files import plain
     from impasto.cli.progress import progress
@@ -118,7 +118,7 @@ def render(
         emit(summary)
         return
     out.print(summary["output"], markup=False)
-    say(f"{summary['frames']} frames in {summary['seconds']:.2f} s: {summary['fps']:.1f} frames/s")
+    print_status(f"{summary['frames']} frames in {summary['seconds']:.2f} s: {summary['fps']:.1f} frames/s")
 
 
 def _check_pipe_options(given: Mapping[str, bool]) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from impasto.cli.console import emit, out, print_table, say, table
+from impasto.cli.console import emit, out, print_status, print_table, table
 from impasto.cli.options import JsonFlag, QuietFlag
 from pipeline.errors import BadInput, BadParameter
 
@@ -71,4 +71,4 @@ def _list(as_json: bool) -> None:
     for name, about in scenes().items():
         rows.add_row(name, about)
     print_table(rows)
-    say("Draw one with: impasto scene NAME -o NAME.mp4")
+    print_status("Draw one with: impasto scene NAME -o NAME.mp4")

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from impasto.cli.console import say
+from impasto.cli.console import print_status
 from impasto.cli.options import DatabaseOption, HomeOption, home_of
 
 EPILOG = """[bold]Examples[/bold]
@@ -78,5 +78,5 @@ def serve(
         s3_endpoint_url=s3_endpoint,
         auth=auth and auth.value,
     )
-    say(f"Impasto keeps everything in {settings.home}. Ctrl-C stops it.")
+    print_status(f"Impasto keeps everything in {settings.home}. Ctrl-C stops it.")
     run(settings, typer.echo)

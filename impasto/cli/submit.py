@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from impasto.cli import values
-from impasto.cli.console import emit, out, say
+from impasto.cli.console import emit, out, print_status
 from impasto.cli.options import (
     InputOption,
     JsonFlag,
@@ -95,4 +95,4 @@ def _tell(job: Json, as_json: bool) -> None:
         emit(job)
         return
     out.print(job["id"], markup=False)
-    say(f"{job['state']}; follow it with: impasto watch {job['id']}")
+    print_status(f"{job['state']}; follow it with: impasto watch {job['id']}")

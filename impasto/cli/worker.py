@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from impasto.cli.console import say
+from impasto.cli.console import print_status
 from impasto.cli.options import DatabaseOption, HomeOption, home_of
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def _join_farm(settings: Settings, grace_s: float, metrics_port: int | None) -> 
             farm.start()
             typer.echo(farm.worker_id)
             signals.first.wait()
-            say("Waiting for running tasks; no new ones start. A second signal returns them to the queue at once.")
+            print_status("Waiting for running tasks to finish. A second signal returns them to the queue at once.")
             signals.until_second(lambda: farm.drain(1.0), grace_s)
         finally:
             farm.stop()

@@ -97,7 +97,7 @@ class LiveClient:
     """
 
     def __init__(
-        self, server: str = DEFAULT_SERVER, api_key: str = "", on_message: Callable[[Json], None] = lambda said: None,
+        self, server: str = DEFAULT_SERVER, api_key: str = "", on_message: Callable[[Json], None] = lambda _: None,
         timeout_s: float = 60.0, **options: Any,
     ) -> None:  # fmt: skip
         self.options = LiveOptions(**options)
@@ -136,7 +136,7 @@ class LiveClient:
         """End the session and return its statistics. Remaining answers are kept."""
         self._leaving = True
         if self._socket is not None and not self._over.is_set():
-            self._say({"type": "bye"})
+            self._send_message({"type": "bye"})
             self._over.wait(patience_s)
             self._socket.close()
         return self.stats
@@ -249,9 +249,9 @@ class LiveClient:
             self.options, params={**self.options.params, **(params or {})},
             inputs={k: v for k, v in {**self.options.inputs, **(inputs or {})}.items() if v is not None},
         )  # fmt: skip
-        self._say({"type": "params", "params": dict(params or {}), "inputs": dict(inputs or {})})
+        self._send_message({"type": "params", "params": dict(params or {}), "inputs": dict(inputs or {})})
 
-    def _say(self, message: Json) -> None:
+    def _send_message(self, message: Json) -> None:
         try:
             if self._socket is not None:
                 self._socket.send(json.dumps(message))
@@ -349,10 +349,10 @@ def _refusal(refused: InvalidStatus) -> ImpastoError:
     return error
 
 
-def _busy(said: str | None, retry_after_s: str | float | None) -> NoLiveWorker:
+def _busy(message: str | None, retry_after_s: str | float | None) -> NoLiveWorker:
     wait_s = float(retry_after_s or 5.0)
     remedy = f"Try again in {wait_s:g} s, end another session, or raise IMPASTO_LIVE_SESSIONS."
-    return NoLiveWorker(said or "The service is busy.", retry_after_s=wait_s, field="server", remedy=remedy)
+    return NoLiveWorker(message or "The service is busy.", retry_after_s=wait_s, field="server", remedy=remedy)
 
 
 def _ended(socket: ClientConnection) -> LiveEnded:

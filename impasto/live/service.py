@@ -17,7 +17,7 @@ START_S = 60.0
 
 
 @contextmanager
-def service(named: str, say: Callable[[str], None]) -> Iterator[str]:
+def service(named: str, print_status: Callable[[str], None]) -> Iterator[str]:
     """The address of a service.
 
     Args:
@@ -30,7 +30,9 @@ def service(named: str, say: Callable[[str], None]) -> Iterator[str]:
     if named != DEFAULT_SERVER or _answers(named):
         yield named
         return
-    say("No service answers on this machine; one is started for as long as this runs (`impasto serve` keeps one).")
+    print_status(
+        "No service runs on this machine: starting one until this command ends. `impasto serve` keeps one running."
+    )
     with tempfile.TemporaryDirectory(prefix="impasto-") as home, _started(home) as address:
         yield address
 

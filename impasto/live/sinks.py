@@ -39,7 +39,7 @@ def open_sink(text: str, source: Source, quality: int) -> Sink:
     Raises: BadInput.
     """
     if text == "none":
-        return Nothing()
+        return NullSink()
     if text == "window":
         from impasto.live.window import Window
 
@@ -59,7 +59,7 @@ def open_sink(text: str, source: Source, quality: int) -> Sink:
     return VideoFileSink(where, source, quality)
 
 
-class Nothing(Sink):
+class NullSink(Sink):
     """Discards frames, for measurements."""
 
     def put(self, when_s: float, frame: Frame, original: Frame | None) -> None:

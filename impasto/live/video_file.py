@@ -32,18 +32,18 @@ class VideoFileSink(Sink):
         self._spec = SegmentSpec(cast(Format, where.format), source.size, Fraction(1, TICKS), source.fps, quality)
         self._scratch: Path | None = None
         self._writer: SegmentWriter | None = None
-        self._held: tuple[int, Frame] | None = None
+        self._pending: tuple[int, Frame] | None = None
         self._first = 0
 
     def put(self, when_s: float, frame: Frame, original: Frame | None) -> None:
         start = round(when_s * TICKS)
-        if self._held is None:
+        if self._pending is None:
             self._begin(start)
-        elif start > self._held[0]:
+        elif start > self._pending[0]:
             self._write(start)
         else:
             return  # two frames of one moment: the first is shown
-        self._held = (start, at_size(frame, self._spec.size))
+        self._pending = (start, at_size(frame, self._spec.size))
 
     def _begin(self, start: int) -> None:
         """Write beside the output, on the same disk, so that a rename finishes it."""
@@ -54,14 +54,14 @@ class VideoFileSink(Sink):
         self._first = start
 
     def _write(self, stop: int) -> None:
-        assert self._held is not None and self._writer is not None
-        self._writer.write(self._writer.frames, self._held[1], self._held[0], stop)
+        assert self._pending is not None and self._writer is not None
+        self._writer.write(self._writer.frames, self._pending[1], self._pending[0], stop)
 
     def finish(self, end_s: float) -> str:
-        if self._held is None or self._writer is None or self._scratch is None:
+        if self._pending is None or self._writer is None or self._scratch is None:
             return ""
         try:
-            end = max(round(end_s * TICKS), self._held[0] + 1)
+            end = max(round(end_s * TICKS), self._pending[0] + 1)
             self._write(end)
             self._writer.__exit__(None, None, None)
             self._bind(self._scratch, Fraction(end, TICKS))

@@ -70,7 +70,7 @@ async def _context(request: Request) -> ServiceContext:  # async: no thread is n
 bearer = HTTPBearer(auto_error=False, description="An API key. On loopback none is needed by default.")
 
 
-def _needs(scope: Scope) -> Callable[..., Awaitable[Principal]]:
+def _requires(scope: Scope) -> Callable[..., Awaitable[Principal]]:
     async def caller(
         request: Request, _documented: Annotated[HTTPAuthorizationCredentials | None, Security(bearer)] = None
     ) -> Principal:
@@ -88,6 +88,6 @@ def _needs(scope: Scope) -> Callable[..., Awaitable[Principal]]:
 
 
 Context = Annotated[ServiceContext, Depends(_context)]
-Reader = Annotated[Principal, Depends(_needs(Scope.READ))]
-Submitter = Annotated[Principal, Depends(_needs(Scope.SUBMIT))]
-Admin = Annotated[Principal, Depends(_needs(Scope.ADMIN))]
+Reader = Annotated[Principal, Depends(_requires(Scope.READ))]
+Submitter = Annotated[Principal, Depends(_requires(Scope.SUBMIT))]
+Admin = Annotated[Principal, Depends(_requires(Scope.ADMIN))]

@@ -47,7 +47,7 @@ FORM = {
 @router.post("", status_code=201, openapi_extra=FORM, responses={200: {"model": Asset, "description": "Known"}})
 async def upload(request: Request, response: Response, context: Context, caller: Submitter) -> Asset:
     """Upload one file (field `file`). 201 with Location, or 200 when you have uploaded these bytes before."""
-    with tempfile.TemporaryDirectory(dir=await run_in_threadpool(_room, context)) as folder:
+    with tempfile.TemporaryDirectory(dir=await run_in_threadpool(_upload_folder, context)) as folder:
         received = await _receive(request, context, Path(folder) / "file")
         asset, new = await run_in_threadpool(adopt, context, caller, received.path, received.filename, received.sha256)
     response.headers["Location"] = f"/v1/assets/{asset.id}"
@@ -55,7 +55,7 @@ async def upload(request: Request, response: Response, context: Context, caller:
     return asset
 
 
-def _room(context: ServiceContext) -> Path:
+def _upload_folder(context: ServiceContext) -> Path:
     with disk_faults():
         context.settings.uploads_dir.mkdir(parents=True, exist_ok=True)
     check_free_space(context, 0)

@@ -154,10 +154,10 @@ class Connection:
             raise Ending(
                 "hello-timeout", f"No hello within {self._settings.live_hello_s:g} s.", remedy="Send it first."
             ) from None
-        said = parse(message) if isinstance(message, str) else None
-        if not isinstance(said, Hello):
+        parsed = parse(message) if isinstance(message, str) else None
+        if not isinstance(parsed, Hello):
             raise BadMessage("The first message must be hello.", field="type", remedy="Send hello, then frames.")
-        return said
+        return parsed
 
     async def _begin(self, session: LiveSession, hello: Hello) -> None:
         """Open the session's stream, or resume it, and send `ready`."""
@@ -285,19 +285,19 @@ class Connection:
     async def _handle_control(self, text: str, stream: Stream) -> bool:
         """Handle a JSON message of a running session. Returns True for bye."""
         try:
-            said = parse(text)
+            parsed = parse(text)
         except BadParameter as error:
             await self._sender.send_error(error)
             return False
-        if isinstance(said, Hello):
+        if isinstance(parsed, Hello):
             raise BadMessage(
                 "hello may be sent only once.", field="type", value="hello", remedy="Send params to change them."
             )
-        if isinstance(said, KeyframeIn):
+        if isinstance(parsed, KeyframeIn):
             stream.want_key()
-        elif isinstance(said, ParamsIn):
-            self._changes.ask(said)
-        return isinstance(said, ByeIn)
+        elif isinstance(parsed, ParamsIn):
+            self._changes.ask(parsed)
+        return isinstance(parsed, ByeIn)
 
     async def _refuse_messages(self) -> None:
         """Before `ready`, the client must wait. Raises BadMessage at any message; Lost, Left."""

@@ -40,7 +40,7 @@ class HttpMetrics:
         )
         Gauge("impasto_event_streams", "Event streams open now.", registry=registry).set_function(streams)
 
-    def note(self, verb: str, route: str, status: int, seconds: float) -> None:
+    def record(self, verb: str, route: str, status: int, seconds: float) -> None:
         verb = verb if verb in VERBS else "other"
         self.requests.labels(verb, route, str(status)).inc()
         self.seconds.labels(verb, route).observe(seconds)

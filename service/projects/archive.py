@@ -32,7 +32,7 @@ _MOST_TIMES = 4
 def export_project(project_id: ProjectId, context: Context, caller: Reader) -> Response:
     """The newest version and its assets in one zip file."""
     project = find_project(context, caller, project_id)
-    folder = tempfile.TemporaryDirectory(dir=_room(context))
+    folder = tempfile.TemporaryDirectory(dir=_upload_folder(context))
     path = Path(folder.name) / "project.zip"
     try:
         with disk_faults():
@@ -52,7 +52,7 @@ async def import_project(request: Request, response: Response, context: Context,
         raise UnsupportedMediaType(
             "A project is imported from a zip file.", field="Content-Type", value=kind, remedy=f"Send it as {ZIP}."
         )
-    with tempfile.TemporaryDirectory(dir=await run_in_threadpool(_room, context)) as folder:
+    with tempfile.TemporaryDirectory(dir=await run_in_threadpool(_upload_folder, context)) as folder:
         path = Path(folder) / "project.zip"
         await _receive(request, context, path)
         found = await run_in_threadpool(_load, context, caller, path)
@@ -61,7 +61,7 @@ async def import_project(request: Request, response: Response, context: Context,
     return found
 
 
-def _room(context: ServiceContext) -> Path:
+def _upload_folder(context: ServiceContext) -> Path:
     with disk_faults():
         context.settings.uploads_dir.mkdir(parents=True, exist_ok=True)
     check_free_space(context, 0)

@@ -42,8 +42,8 @@ def verify(token: str, secret: bytes, now: float) -> Claims | None:
         return None
     if not hmac.compare_digest(mac, _mac(body, secret)):
         return None
-    said: dict[str, Any] = json.loads(body)
-    claims = Claims(**said)
+    payload: dict[str, Any] = json.loads(body)
+    claims = Claims(**payload)
     return claims if now < claims.expires_at else None
 
 

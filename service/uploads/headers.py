@@ -41,12 +41,12 @@ def check_version(headers: Headers) -> None:
 
 def check_body_type(headers: Headers) -> None:
     """Raise UnsupportedMediaType unless the body has the media type of tus."""
-    said = headers.get("content-type", "")
-    if said.partition(";")[0].strip().lower() != BODY_TYPE:
+    content_type = headers.get("content-type", "")
+    if content_type.partition(";")[0].strip().lower() != BODY_TYPE:
         raise UnsupportedMediaType(
             "The body of an upload must have the media type of tus.",
             field="Content-Type",
-            value=said,
+            value=content_type,
             remedy=f"Send the header 'Content-Type: {BODY_TYPE}'.",
         )
 

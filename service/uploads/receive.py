@@ -55,11 +55,11 @@ def _check_offset(stands: int, at: int) -> None:
 
 
 async def _copy(
-    request: Request, context: ServiceContext, file: BinaryIO, room: int, checksum: Checksum | None
+    request: Request, context: ServiceContext, file: BinaryIO, space: int, checksum: Checksum | None
 ) -> None:
     with disk_faults():
         try:
-            async for chunk in chunks(request, room, context.settings.idle_s):
+            async for chunk in chunks(request, space, context.settings.idle_s):
                 check_free_space(context, len(chunk))  # others fill the disk, too
                 await run_in_threadpool(file.write, chunk)
                 if checksum:

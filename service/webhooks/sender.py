@@ -63,7 +63,7 @@ class Sender:
 
     async def _try(self, pool: httpcore.AsyncConnectionPool, delivery: Delivery) -> None:
         try:
-            status, error = await self._post(pool, delivery)
+            status, error = await self._deliver(pool, delivery)
             await run_in_threadpool(self._outbox.record, delivery.id, status, error)
         except NotFound:
             log.info("The job of webhook %s has been deleted", delivery.id, extra=about(job=delivery.job_id))
@@ -72,7 +72,7 @@ class Sender:
         finally:
             self._free += 1
 
-    async def _post(self, pool: httpcore.AsyncConnectionPool, delivery: Delivery) -> tuple[int | None, str]:
+    async def _deliver(self, pool: httpcore.AsyncConnectionPool, delivery: Delivery) -> tuple[int | None, str]:
         """One attempt. Returns (HTTP status or None, error message or "")."""
         body = json.dumps(delivery.body, separators=(",", ":"), ensure_ascii=False)
         headers = [*sign(self._secrets.of(delivery.owner), delivery.id, datetime.now(UTC), body).items()]

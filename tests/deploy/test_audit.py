@@ -21,24 +21,26 @@ def audit() -> ModuleType:
     return module
 
 
-def said(*rows: dict[str, object]) -> str:
+def report(*rows: dict[str, object]) -> str:
     return json.dumps({"dependencies": rows, "fixes": []})
 
 
 def test_a_finding_fails(audit: ModuleType) -> None:
     hole = {"id": "PYSEC-2020-1", "fix_versions": ["2.0"], "aliases": []}
-    status, text = audit.judged(said({"name": "a", "version": "1.0", "vulns": [hole]}, {"name": "b", "vulns": []}), "")
+    status, text = audit.judged(
+        report({"name": "a", "version": "1.0", "vulns": [hole]}, {"name": "b", "vulns": []}), ""
+    )
     assert status == 1 and "a 1.0: PYSEC-2020-1, mended in 2.0" in text
 
 
 def test_nothing_known_passes(audit: ModuleType) -> None:
-    status, text = audit.judged(said({"name": "a", "vulns": []}, {"name": "b", "skip_reason": "not found"}), "")
+    status, text = audit.judged(report({"name": "a", "vulns": []}, {"name": "b", "skip_reason": "not found"}), "")
     assert (status, text) == (0, "1 of 2 packages audited: nothing known")
 
 
 @pytest.mark.parametrize(
     ("out", "complaint"),
-    [("", "Traceback\nConnectionError: no route"), ("[]", ""), (said({"name": "a", "skip_reason": "x"}), "")],
+    [("", "Traceback\nConnectionError: no route"), ("[]", ""), (report({"name": "a", "skip_reason": "x"}), "")],
 )
 def test_who_cannot_ask_says_so(audit: ModuleType, out: str, complaint: str) -> None:
     status, text = audit.judged(out, complaint)

@@ -135,9 +135,9 @@ def _check_installed(prefix: Path) -> None:
     for name in tracked("pipeline", "workers", "service", "impasto", ":!service/web"):
         assert (site / name).is_file(), f"{name} is not in the image"
     assert (site / "service/web/dist/index.html").is_file(), "the pages are not built into the image"
-    needs = metadata.distribution("numpy").locate_file("")
+    numpy_folder = metadata.distribution("numpy").locate_file("")
     command = [str(prefix / "bin" / "impasto"), "methods", "--json"]
-    env = {"PATH": "/usr/bin:/bin", "HOME": str(prefix), "PYTHONPATH": f"{site}:{needs}"}
+    env = {"PATH": "/usr/bin:/bin", "HOME": str(prefix), "PYTHONPATH": f"{site}:{numpy_folder}"}
     done = subprocess.run(command, cwd=prefix, env=env, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "abstraction" in done.stdout
@@ -179,10 +179,10 @@ def test_what_a_container_does(tmp_path: Path) -> None:
         ("service", "--workers=1"): ("local", "impasto serve --workers=1"),
         ("echo", "anything"): ("", "anything"),
     }
-    for words, (address, said) in cases.items():
+    for words, (address, message) in cases.items():
         env = {"PATH": f"{tmp_path}:{os.environ['PATH']}", "IMPASTO_RAY_ADDRESS": address}
         done = subprocess.run([DOCKER / "entrypoint.sh", *words], env=env, capture_output=True, text=True, check=True)
-        assert said in done.stdout, (words, done.stdout)
+        assert message in done.stdout, (words, done.stdout)
 
 
 @pytest.mark.real("s3")
@@ -197,8 +197,8 @@ def test_the_bucket_is_made_once(s3: Swift) -> None:
         "IMPASTO_S3_ACCESS_KEY": ACCESS_KEY,
         "IMPASTO_S3_SECRET_KEY": SECRET_KEY,
     }
-    said = [_make_bucket(env) for _ in range(2)]
-    assert said == ["made the bucket made-by-compose\n", "the bucket made-by-compose is there\n"]
+    message = [_make_bucket(env) for _ in range(2)]
+    assert message == ["made the bucket made-by-compose\n", "the bucket made-by-compose is there\n"]
 
 
 def _make_bucket(env: dict[str, Any]) -> str:

@@ -44,8 +44,8 @@ def templates() -> dict[str, dict[str, Any]]:
 
 def test_every_file_is_listed() -> None:
     for folder in ("base", "gpu"):
-        told = yaml.safe_load((HERE / folder / "kustomization.yaml").read_text())
-        named = {*told["resources"], *(patch["path"] for patch in told.get("patches", ()))}
+        listed = yaml.safe_load((HERE / folder / "kustomization.yaml").read_text())
+        named = {*listed["resources"], *(patch["path"] for patch in listed.get("patches", ()))}
         files = {path.name for path in (HERE / folder).glob("*.yaml")} - {"kustomization.yaml"}
         assert files <= named
         assert all((HERE / folder / name).exists() for name in named)
@@ -123,8 +123,8 @@ def test_secrets_are_referred_to_and_settings_are_ours() -> None:
 
 
 def test_with_gpus_tasks_are_lent_a_part_of_one() -> None:
-    told = yaml.safe_load((HERE / "gpu" / "kustomization.yaml").read_text())["patches"]
-    targets = {patch["path"]: patch["target"] for patch in told}
+    listed = yaml.safe_load((HERE / "gpu" / "kustomization.yaml").read_text())["patches"]
+    targets = {patch["path"]: patch["target"] for patch in listed}
     assert targets["settings.yaml"] == {
         "version": "v1",
         "kind": "ConfigMap",
@@ -159,6 +159,6 @@ def test_nothing_comes_in_unless_it_is_said() -> None:
 
 
 def test_images_are_named_in_one_place() -> None:
-    told = {row["name"] for row in yaml.safe_load((HERE / "base" / "kustomization.yaml").read_text())["images"]}
+    listed = {row["name"] for row in yaml.safe_load((HERE / "base" / "kustomization.yaml").read_text())["images"]}
     used = {c["image"].partition(":")[0] for template in templates().values() for c in template["spec"]["containers"]}
-    assert used == told
+    assert used == listed

@@ -48,14 +48,14 @@ class Run:
         self.service.start()
         self.service.wait_ready()
         self.http = httpx.Client(base_url=self.service.url, headers={"Authorization": f"Bearer {ADMIN}"}, timeout=30)
-        self._watch(folder)
+        self._await_ready(folder)
         self.job = self._paint(clip)
         self._stream()
         self.http.get("/v1/jobs/job_none")
         self.http.get("/v1/jobs", headers={"Authorization": "Bearer wrong"})
         self._settle()
 
-    def _watch(self, folder: Path) -> None:
+    def _await_ready(self, folder: Path) -> None:
         body = {"name": "prometheus", "scopes": ["read"]}
         key = self.http.post("/v1/keys", json=body).raise_for_status().json()["secret"]
         self.prometheus = Prometheus(folder, key, [self.service.url.removeprefix("http://")])
@@ -72,7 +72,7 @@ class Run:
         async def talk() -> None:
             key = {"additional_headers": {"Authorization": f"Bearer {ADMIN}"}}
             async with live(self.service.url, **key) as client:
-                await client.say({"type": "hello", "width": 96, "height": 64, "method": "abstraction"})
+                await client.send_message({"type": "hello", "width": 96, "height": 64, "method": "abstraction"})
                 await client.message("ready", 60)
                 for index in range(4):
                     await client.send(jpeg(tiny_frame(index)))
@@ -118,9 +118,11 @@ def run(tmp_path_factory: pytest.TempPathFactory, tiny_clip: Path) -> Iterator[R
 
 
 def test_every_metric_that_we_ask_for_is_exported(run: Run) -> None:
-    told = set(run.prometheus.ask("label/__name__/values")) | {"ALERTS"}
-    told |= _families(run.http.get("/metrics").text)
-    unknown = {where: sorted(names - told) for where, expr in shipped().items() if (names := metrics_in(expr)) - told}
+    exported = set(run.prometheus.ask("label/__name__/values")) | {"ALERTS"}
+    exported |= _families(run.http.get("/metrics").text)
+    unknown = {
+        where: sorted(names - exported) for where, expr in shipped().items() if (names := metrics_in(expr)) - exported
+    }
     assert not unknown
 
 

@@ -77,7 +77,7 @@ def test_live_frames_there_and_back(proxy: Nginx) -> None:
     async def talk() -> int:
         headers = {"Authorization": f"Bearer {KEY}"}
         async with live(proxy.url, additional_headers=headers, ssl=proxy.trust) as client:
-            await client.say({"type": "hello", "width": 96, "height": 64, "method": "abstraction"})
+            await client.send_message({"type": "hello", "width": 96, "height": 64, "method": "abstraction"})
             await client.message("ready", 60)
             for index in range(3):
                 await client.send(jpeg(tiny_frame(index)))

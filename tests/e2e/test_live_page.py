@@ -32,7 +32,7 @@ SIZE, FPS, FRAMES = (320, 240), 15, 30
 SLOW_MS = 30_000
 """The first frame may wait for other processes of a busy machine."""
 USE_THE_KEY = f"sessionStorage.setItem('impasto.key', '{KEY}')"
-HELD: dict[str, str] = {"Authorization": f"Bearer {KEY}"}
+AUTHORIZED: dict[str, str] = {"Authorization": f"Bearer {KEY}"}
 
 
 def make_camera(path: Path) -> Path:
@@ -109,16 +109,16 @@ def visit(browser: Browser, address: str, script: str = "", **options: Any) -> I
         yield watched, talk
     finally:
         watched.page.context.close()
-        wait_for_room(address)
+        wait_for_free_worker(address)
 
 
-def room(service: str) -> int:
-    return int(httpx.get(f"{service}/v1/live", headers=HELD).json()["free"])
+def free_workers(service: str) -> int:
+    return int(httpx.get(f"{service}/v1/live", headers=AUTHORIZED).json()["free"])
 
 
-def wait_for_room(service: str) -> None:
+def wait_for_free_worker(service: str) -> None:
     deadline = time.monotonic() + 15
-    while not room(service):
+    while not free_workers(service):
         assert time.monotonic() < deadline, "the place is never free again"
         time.sleep(0.05)
 
@@ -162,10 +162,10 @@ def decoded(png: bytes) -> NDArray[np.uint8]:
     return np.asarray(image, np.uint8)
 
 
-def until(page: Page, holds: Callable[[], bool], seconds: float = SLOW_MS / 1000) -> None:
-    """Wait until `holds()`; the page's events are heard meanwhile."""
+def until(page: Page, condition: Callable[[], bool], seconds: float = SLOW_MS / 1000) -> None:
+    """Wait until `condition()`; the page's events are heard meanwhile."""
     deadline = time.monotonic() + seconds
-    while not holds():
+    while not condition():
         assert time.monotonic() < deadline, "it never came true"
         page.wait_for_timeout(50)
 
@@ -268,7 +268,7 @@ def test_a_recording_is_a_film_and_stop_lets_the_camera_go(browser: Browser, ser
         expect(page.locator("video.live-source")).to_have_count(0)
         expect(page.locator(".submit-note")).to_contain_text("frames were painted")
         assert talk.last("bye")["stats"]["painted"] > 5
-        wait_for_room(service)
+        wait_for_free_worker(service)
         watched.check()
 
 
@@ -367,7 +367,7 @@ def test_a_session_that_goes_on_elsewhere(browser: Browser, service: str) -> Non
         page = watched.page
         start(page)
         address = f"{service.replace('http', 'ws')}/v1/live?session={talk.last('ready')['session']}"
-        with connect(address, additional_headers=HELD):
+        with connect(address, additional_headers=AUTHORIZED):
             expect(page.get_by_role("alert")).to_contain_text("It goes on elsewhere")
         expect(page.locator("video.live-source")).to_have_count(0)
 
@@ -384,7 +384,7 @@ def test_stills_where_the_video_encoder_fails(browser: Browser, service: str) ->
         watched.check()
 
 
-SEEN = "hidden => { Object.defineProperty(document, 'hidden', { get: () => hidden, configurable: true });"
+SET_HIDDEN = "hidden => { Object.defineProperty(document, 'hidden', { get: () => hidden, configurable: true });"
 TELL = "document.dispatchEvent(new Event('visibilitychange')); }"
 
 
@@ -392,13 +392,13 @@ def test_nothing_is_sent_while_nobody_looks(browser: Browser, service: str) -> N
     with visit(browser, service) as (watched, talk):
         page = watched.page
         start(page)
-        page.evaluate(SEEN + TELL, True)
+        page.evaluate(SET_HIDDEN + TELL, True)
         expect(page.get_by_role("status").filter(has_text="Paused")).to_be_visible()
         page.wait_for_timeout(100)
         before = talk.frames
         page.wait_for_timeout(400)
         assert talk.frames == before
-        page.evaluate(SEEN + TELL, False)
+        page.evaluate(SET_HIDDEN + TELL, False)
         wait_live(page)
         until(page, lambda: talk.frames > before)
         watched.check()

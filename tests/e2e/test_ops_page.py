@@ -106,8 +106,8 @@ def test_a_job_and_its_timeline(browser: Browser, service: str, http: httpx.Clie
     tasks = http.get(f"/v1/jobs/{job}/tasks").json()["items"]
     expect(bars).to_have_count(sum(len(task["attempts"]) for task in tasks))
     expect(page.get_by_role("heading", name="Timeline of a disc, succeeded")).to_be_visible()
-    told = bars.first.locator("title").text_content() or ""
-    assert re.search(r"attempt 1 succeeded\n[\d.]+ s\nimpasto-worker-0 of dsp_", told), told
+    title = bars.first.locator("title").text_content() or ""
+    assert re.search(r"attempt 1 succeeded\n[\d.]+ s\nimpasto-worker-0 of dsp_", title), title
     assert len({bars.nth(i).get_attribute("class") for i in range(bars.count())}) == len({t["step"] for t in tasks})
     bars.last.click()
     expect(page.locator(".timeline-chosen .log")).to_be_visible()

@@ -166,10 +166,10 @@ def now(page: Page, which: str = "after") -> float:
     return float(page.evaluate(f"document.querySelector('.wipe-{which} video').currentTime"))
 
 
-def until(holds: Callable[[], bool], seconds: float = SLOW_MS / 1000) -> None:
-    """Wait until `holds()`. (Playwright's own wait_for_function needs `eval`, which the page's policy forbids.)"""
+def until(condition: Callable[[], bool], seconds: float = SLOW_MS / 1000) -> None:
+    """Wait until `condition()`. (Playwright's own wait_for_function needs `eval`, which the page's policy forbids.)"""
     deadline = time.monotonic() + seconds
-    while not holds():
+    while not condition():
         assert time.monotonic() < deadline, "it never came true"
         time.sleep(0.03)
 
@@ -253,8 +253,8 @@ def disc_at(page: Page) -> float:
 
 
 def test_a_running_job_shows_its_newest_frame(watched: Watched, service: str, tmp_path: Path) -> None:
-    page, seen = watched.page, []
-    page.on("response", lambda answer: seen.append(answer.status) if "/files/preview" in answer.url else None)
+    page, statuses = watched.page, []
+    page.on("response", lambda answer: statuses.append(answer.status) if "/files/preview" in answer.url else None)
     large = make_clip(tmp_path / "large.mp4", size=(1280, 720), frames=60)
     asset = httpx.post(f"{service}/v1/assets", files={"file": ("large.mp4", large.read_bytes())}).json()["id"]
     job = httpx.post(f"{service}/v1/jobs", json={"method": "abstraction", "inputs": {"video": asset}}).json()["id"]
@@ -263,7 +263,7 @@ def test_a_running_job_shows_its_newest_frame(watched: Watched, service: str, tm
     steps = httpx.get(f"{service}/v1/jobs/{job}").json()["steps"]
     assert steps[2]["counts"]["succeeded"] == 0, "the run that it comes from is not over"
     expect(page.locator(".player")).to_be_visible(timeout=SLOW_MS)
-    assert set(seen) == {200}
+    assert set(statuses) == {200}
     watched.check()
 
 

@@ -51,9 +51,9 @@ def open_project(page: Page, service: str, video: str, method: str, **layer: Any
     return project
 
 
-def until(page: Page, holds: Callable[[], bool], seconds: float = SOON_MS / 1000) -> None:
+def until(page: Page, condition: Callable[[], bool], seconds: float = SOON_MS / 1000) -> None:
     deadline = time.monotonic() + seconds
-    while not holds():
+    while not condition():
         assert time.monotonic() < deadline, "it never came true"
         page.wait_for_timeout(50)
 
@@ -178,14 +178,14 @@ def test_frames_are_stepped_exactly(watched: Watched, service: str, video: str) 
     canvas = page.locator(".stage-canvas")
     page.get_by_role("button", name="Original").click()
     page.keyboard.press("Home")
-    seen = []
+    positions = []
     for frame in range(FRAMES):
         until(page, lambda frame=frame: canvas.get_attribute("data-frame") == str(frame))
         expect(page.locator(".strip-time")).to_contain_text(f"Frame {frame + 1} of {FRAMES}")
         page.wait_for_timeout(60)
-        seen.append(disc_at(page))
+        positions.append(disc_at(page))
         page.keyboard.press("ArrowRight")
-    steps = np.diff(seen)
+    steps = np.diff(positions)
     assert (steps > 0).all(), "each step shows the next frame"
     assert steps == pytest.approx(np.full(FRAMES - 1, 1 / (FRAMES + 10)), abs=0.02)
     page.keyboard.press("l")

@@ -29,9 +29,9 @@ def test_every_command_explains_itself(command: str, capsys: pytest.CaptureFixtu
 @pytest.mark.parametrize("words", [["paint"], ["render"], ["render", "a", "-o", "b.mp4", "--seed", "-1"], ["--no"]])
 def test_usage_errors_are_one_line_and_status_2(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert app.run(words) == 2
-    said = capsys.readouterr().err
-    assert said.startswith("error: ")
-    assert len(said.splitlines()) == 1
+    output = capsys.readouterr().err
+    assert output.startswith("error: ")
+    assert len(output.splitlines()) == 1
 
 
 def test_json_errors_are_objects_as_well(capsys: pytest.CaptureFixture[str]) -> None:
@@ -99,11 +99,11 @@ def test_ctrl_c_anywhere_is_status_130(monkeypatch: pytest.MonkeyPatch, capsys: 
 
 def test_doctor_looks_at_everything(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code = app.run(["doctor", "--json", "--home", str(home)])
-    said = json.loads(capsys.readouterr().out)
-    names = {check["name"] for check in said["checks"]}
+    output = json.loads(capsys.readouterr().out)
+    names = {check["name"] for check in output["checks"]}
     assert {"python", "numba", "opencl", "codec libx264", "face cascade", "methods", "disk", "memory"} <= names
-    assert said["ok"] == (code == 0)
-    assert code == 0, [check for check in said["checks"] if check["state"] == "broken"]
+    assert output["ok"] == (code == 0)
+    assert code == 0, [check for check in output["checks"] if check["state"] == "broken"]
 
 
 def test_a_broken_part_gives_status_1(

@@ -89,17 +89,17 @@ def test_nothing_at_the_address() -> None:
 
 
 def test_the_key_goes_along_and_a_submit_may_be_repeated_safely() -> None:
-    seen: list[httpx.Request] = []
+    requests: list[httpx.Request] = []
 
     def accept(request: httpx.Request) -> httpx.Response:
-        seen.append(request)
+        requests.append(request)
         return httpx.Response(201, json={"id": "job_1"})
 
     with client(accept) as impasto:
         impasto.submit("abstraction", {"video": "ast_1"}, {"lines": "off"}, seed=3)
-    assert seen[0].headers["Authorization"] == "Bearer secret"
-    assert len(seen[0].headers["Idempotency-Key"]) == 32
-    body = json.loads(seen[0].content)
+    assert requests[0].headers["Authorization"] == "Bearer secret"
+    assert len(requests[0].headers["Idempotency-Key"]) == 32
+    body = json.loads(requests[0].content)
     assert body == {"method": "abstraction", "inputs": {"video": "ast_1"}, "params": {"lines": "off"}, "seed": 3}
 
 
@@ -183,7 +183,7 @@ class Tus:
             return httpx.Response(200, json={"id": request.url.path[11:]}) if known else problem(404, code="not-found")
         return getattr(self, f"_{request.method.lower()}")(request)
 
-    def _post(self, request: httpx.Request) -> httpx.Response:
+    def _create(self, request: httpx.Request) -> httpx.Response:
         self.name = request.headers["Upload-Metadata"]
         assert request.url.path == "/v1/uploads"
         return httpx.Response(201, headers={"Location": "/v1/uploads/u1"})
@@ -211,14 +211,14 @@ def large(tmp_path: Path) -> Path:
 
 
 def test_a_large_file_arrives_whole_over_a_bad_line_and_only_once(large: Path) -> None:
-    service, told = Tus(cuts=3), list[tuple[int, int]]()
+    service, reports = Tus(cuts=3), list[tuple[int, int]]()
     with client(service) as impasto:
-        asset = impasto.upload(large, lambda done, total: told.append((done, total)))
+        asset = impasto.upload(large, lambda done, total: reports.append((done, total)))
         service.cuts = 99
         assert impasto.upload(large) == asset
     assert service.data == large.read_bytes()
     assert service.name == "filename Y2xpcC5tcDQ="
-    assert told[-1] == (9 << 20, 9 << 20)
+    assert reports[-1] == (9 << 20, 9 << 20)
 
 
 def test_an_upload_gives_up_after_many_breaks(large: Path) -> None:

@@ -33,7 +33,7 @@ def _plain(path: str) -> str:
     return re.sub(r"\{\w+_id\}", "{id}", path)
 
 
-def _told() -> set[str]:
+def _documented() -> set[str]:
     """Paths in the tables and the text: `GET /v1/a/{id}/b`, `/c` beside it meaning the last part anew."""
     found: set[str] = set()
     for cell in re.findall(r"^\|([^|]*`[A-Z]+ /[^|]*)\||`[A-Z]* ?(/v1/[^`?]*)`", API, re.M):
@@ -49,12 +49,12 @@ def _beside(before: str, part: str) -> str:
 
 
 def test_every_endpoint_is_documented(paths: set[str]) -> None:
-    assert sorted(path for path in paths if path not in _told()) == []
+    assert sorted(path for path in paths if path not in _documented()) == []
 
 
 def test_no_endpoint_is_made_up(paths: set[str]) -> None:
-    told = {path.rstrip("/") for path in _told()} - {"/v1"}
-    assert sorted(told - paths - OUTSIDE) == []
+    documented = {path.rstrip("/") for path in _documented()} - {"/v1"}
+    assert sorted(documented - paths - OUTSIDE) == []
 
 
 def test_every_error_code_is_explained() -> None:

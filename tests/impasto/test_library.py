@@ -24,10 +24,10 @@ def frames_of(path: Path) -> list[Frame]:
         return [np.asarray(frame.to_ndarray(format="rgb24"), np.uint8) for frame in clip.decode(video=0)]
 
 
-def arriving(count: int, seen: list[int]) -> Iterator[Frame]:
+def arriving(count: int, consumed: list[int]) -> Iterator[Frame]:
     """Frames that note when they are taken."""
     for index in range(count):
-        seen.append(index)
+        consumed.append(index)
         yield tiny_frame(index)
 
 
@@ -39,12 +39,12 @@ def test_the_examples_of_the_docstring(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 def test_a_causal_method_gives_each_frame_before_it_reads_the_next() -> None:
-    seen: list[int] = []
-    painted = impasto.render("abstraction", arriving(5, seen), lines="off")
-    assert seen == []
+    consumed: list[int] = []
+    painted = impasto.render("abstraction", arriving(5, consumed), lines="off")
+    assert consumed == []
     for index in range(5):
         assert next(painted).shape == (TINY_HEIGHT, TINY_WIDTH, 3)
-        assert seen[-1] == index
+        assert consumed[-1] == index
     assert list(painted) == []
 
 

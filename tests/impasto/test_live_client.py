@@ -123,12 +123,12 @@ def test_parameters_change_while_it_runs(url: str) -> None:
     with LiveClient(url, on_message=heard.append, size=SIZE, method="echo", send=("raw",), receive=("raw",)) as live:
         assert one(live)[8, 8, 0] == 90
         live.change({"add": 50})
-        until(lambda: "params" in [said["type"] for said in heard])
+        until(lambda: "params" in [message["type"] for message in heard])
         assert one(live)[8, 8, 0] == 140
         live.change({"add": 9000})  # refused, and the stream goes on
         assert one(live)[8, 8, 0] == 140
     assert live.options.params == {"add": 9000}
-    assert "error" in [said["type"] for said in heard]
+    assert "error" in [message["type"] for message in heard]
 
 
 def test_a_frame_of_another_size_goes_on_at_that_size(url: str) -> None:

@@ -92,7 +92,7 @@ class Mirror:
         self.closed = True
 
 
-class Shelf(Sink):
+class FrameList(Sink):
     """Keeps what it gets."""
 
     def __init__(self, enough: int = 1000, beside: bool = False) -> None:
@@ -120,13 +120,13 @@ def stream(client: Mirror, source: Any, sink: Sink, **more: Any) -> Stream:
 
 
 def test_frames_are_sent_at_their_times() -> None:
-    client, shelf = Mirror(), Shelf()
-    made = stream(client, Reel([0.0, 0.1, 0.15, 0.4]), shelf)
+    client, frame_list = Mirror(), FrameList()
+    made = stream(client, Reel([0.0, 0.1, 0.15, 0.4]), frame_list)
     assert made.run() == "shelf"
     sent = [when for when, _ in client.sent]
     assert np.allclose(np.diff(sent), [0.1, 0.05, 0.25], atol=0.04)
-    assert shelf.frames == [(0.0, 0), (0.1, 10), (0.15, 20), (0.4, 30)]
-    assert shelf.end_s == pytest.approx(0.5)
+    assert frame_list.frames == [(0.0, 0), (0.1, 10), (0.15, 20), (0.4, 30)]
+    assert frame_list.end_s == pytest.approx(0.5)
     figures = made.tally.as_json()
     assert figures["server_latency_ms"] == pytest.approx({"p50": 2, "p95": 2, "p99": 2}, rel=0.03)
     assert set(figures["round_trip_ms"]) == {"p50", "p95", "p99"}
@@ -137,7 +137,7 @@ def test_frames_are_sent_at_their_times() -> None:
 def test_a_reader_that_is_late_drops_as_a_camera_would() -> None:
     ticks = iter([0.0, 0.0, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5])
     client = Mirror()
-    made = stream(client, Reel([0.0, 0.1, 0.2, 0.45, 0.5]), Shelf(), clock=lambda: next(ticks))
+    made = stream(client, Reel([0.0, 0.1, 0.2, 0.45, 0.5]), FrameList(), clock=lambda: next(ticks))
     made.run()
     assert [int(frame[0, 0, 0]) for _, frame in client.sent] == [0, 30, 40]
     assert made.tally.late == 2
@@ -145,15 +145,15 @@ def test_a_reader_that_is_late_drops_as_a_camera_would() -> None:
 
 def test_it_ends_with_the_duration_and_when_the_sink_has_enough() -> None:
     client = Mirror()
-    stream(client, Reel([0.0, 0.01, 0.02, 0.03]), Shelf(), duration_s=0.02).run()
+    stream(client, Reel([0.0, 0.01, 0.02, 0.03]), FrameList(), duration_s=0.02).run()
     assert len(client.sent) == 2
     client = Mirror()
-    stream(client, Reel([n / 50 for n in range(100)], fps=50), Shelf(enough=2)).run()
+    stream(client, Reel([n / 50 for n in range(100)], fps=50), FrameList(enough=2)).run()
     assert 2 <= len(client.sent) < 50
 
 
 def test_it_can_be_stopped_while_it_waits_for_a_frame() -> None:
-    made = stream(Mirror(), Reel([0.0, 60.0]), Shelf())
+    made = stream(Mirror(), Reel([0.0, 60.0]), FrameList())
     threading.Timer(0.2, made.stop).start()
     began = time.monotonic()
     assert made.run() == "shelf"
@@ -166,14 +166,14 @@ def test_a_source_that_breaks_is_told_after_the_sink_is_finished() -> None:
             yield from super().__iter__()
             raise OSError("unplugged")
 
-    shelf = Shelf()
+    frame_list = FrameList()
     with pytest.raises(OSError, match="unplugged"):
-        stream(Mirror(), Broken([0.0, 0.01]), shelf).run()
-    assert len(shelf.frames) == 2 and shelf.end_s > 0
+        stream(Mirror(), Broken([0.0, 0.01]), frame_list).run()
+    assert len(frame_list.frames) == 2 and frame_list.end_s > 0
 
 
 def test_originals_are_kept_for_a_sink_that_shows_them_only() -> None:
-    kept, shown = Shelf(), Shelf(beside=True)
+    kept, shown = FrameList(), FrameList(beside=True)
     stream(Mirror(), Reel([0.0, 0.01]), kept).run()
     stream(Mirror(drops=(1,)), Reel([0.0, 0.01, 0.02]), shown).run()
     assert kept.originals == [None, None]
@@ -312,9 +312,9 @@ def test_a_file_keeps_its_times_and_goes_round(tiny_clip: Path) -> None:
         times = [float((t - reader.timestamps[0]) * reader.time_base) for t in reader.timestamps]
         length = float((reader.index.end - reader.timestamps[0]) * reader.time_base)
     source = FileSource(tiny_clip, 2, None)
-    seen = [when for when, _ in source]
+    received = [when for when, _ in source]
     source.close()
-    assert seen == pytest.approx([*times, *(length + t for t in times)])
+    assert received == pytest.approx([*times, *(length + t for t in times)])
     assert source.sound is None
 
 
@@ -367,13 +367,13 @@ def test_a_network_stream_gives_the_newest_and_counts_the_others(transport_strea
     with sending(transport_stream) as address:
         source = open_source(address, 1, None, None)
         assert (source.size, source.paced, source.sound) == (SIZE, True, None)
-        seen = 0
+        received = 0
         for when, frame in source:
             assert frame.shape == (TINY_HEIGHT, TINY_WIDTH, 3) and when >= 0
-            seen += 1
+            received += 1
         source.close()
-    assert seen >= 1
-    assert seen + source.skipped == TINY_FRAMES
+    assert received >= 1
+    assert received + source.skipped == TINY_FRAMES
 
 
 def test_a_network_stream_can_be_left_at_any_time(transport_stream: Path) -> None:
@@ -419,10 +419,10 @@ def test_bad_words_are_refused_before_anything_starts(
     words: list[str], field: str, tiny_clip: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     status = command(["live", *(str(tiny_clip) if word == "CLIP" else word for word in words), "--json"])
-    said = capsys.readouterr()
-    assert status == 2, said
+    output = capsys.readouterr()
+    assert status == 2, output
     if words:
-        error = json.loads(said.out.splitlines()[-1])["error"]
+        error = json.loads(output.out.splitlines()[-1])["error"]
         assert error["field"] == field and error["remedy"]
 
 
@@ -437,16 +437,16 @@ def test_a_window_shows_and_quits(monkeypatch: pytest.MonkeyPatch) -> None:
         pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=key))
         return window.attend()
 
-    def shows(frame: Frame) -> list[int]:
+    def pixels(frame: Frame) -> list[int]:
         window.put(0.0, frame, dark)
         return [pygame.display.get_surface().get_at((x, 8))[0] for x in (8, 24)]
 
     assert window.beside and window.attend()
-    assert shows(light) == [200, 200]
+    assert pixels(light) == [200, 200]
     assert press(pygame.K_s)
-    assert shows(light) == [20, 200]
+    assert pixels(light) == [20, 200]
     assert press(pygame.K_SPACE)
-    assert shows(dark) == [20, 200]
+    assert pixels(dark) == [20, 200]
     assert not press(pygame.K_q)
     assert window.finish(1.0) == "window"
 
@@ -534,9 +534,9 @@ def rtmp_server() -> Iterator[tuple[str, Callable[[], str]]]:
 def test_rtmp_reaches_a_player(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("impasto.live.broadcast._knock", lambda address: None)  # FFmpeg's server takes one guest only
     source = Reel([n / 25 for n in range(25)], fps=25)
-    with rtmp_server() as (address, seen):
+    with rtmp_server() as (address, received):
         assert stream(Mirror(drops=(3,)), source, open_sink(address, source, 20)).run() == address
-        frames = [line.split() for line in seen().splitlines()]
+        frames = [line.split() for line in received().splitlines()]
     assert {(width, height) for width, height, _ in frames} == {("32", "16")}
     assert [float(when) for *_, when in frames] == pytest.approx([n / 25 for n in range(25) if n != 3], abs=0.002)
 
@@ -560,12 +560,12 @@ def test_a_clip_goes_through_a_service_started_for_it_and_keeps_its_sound(
     out = tmp_path / "out.mp4"
     words = ["live", "--input", str(tiny_clip), "--output", str(out), "--param", "lines=off", "--json"]
     assert command(words) == 0
-    said = capsys.readouterr()
-    summary = json.loads(said.out.splitlines()[-1])
+    output = capsys.readouterr()
+    summary = json.loads(output.out.splitlines()[-1])
     assert (summary["frames"], summary["width"], summary["height"]) == (TINY_FRAMES, *SIZE)
     assert 0 < summary["painted"] == summary["frames"] - summary["dropped"]
     assert set(summary["server_latency_ms"]) == set(summary["round_trip_ms"]) == {"p50", "p95", "p99"}
-    assert summary["output"] == str(out) and "is started" in said.err
+    assert summary["output"] == str(out) and "starting one" in output.err
     with av.open(str(out)) as file:
         assert len(file.streams.audio) == 1
         assert len(list(file.decode(video=0))) == summary["painted"]
@@ -591,11 +591,11 @@ def test_ctrl_c_ends_in_order(
         try:
             until(lambda: painted(url), 60)
             child.send_signal(number)
-            said, _ = child.communicate(timeout=60)
+            output, _ = child.communicate(timeout=60)
         finally:
             child.kill()
-    summary = json.loads(said.splitlines()[-1])
-    assert child.returncode == 0, said
+    summary = json.loads(output.splitlines()[-1])
+    assert child.returncode == 0, output
     assert summary["painted"] > 0
     assert [path.name for path in tmp_path.iterdir() if "out" in path.name] == ["out.mp4"]
     with VideoReader(out) as reader:
@@ -618,9 +618,9 @@ def test_a_reference_is_named_as_for_render(
     words = ["--input", str(tiny_clip), "--input", f"reference={green}", "--param", "add=5", "--codec", "raw"]
     frames = tmp_path / "frames"
     status = command(["live", *words, "--method", "echo", "--server", url, "--output", f"{frames}/", "--json"])
-    said = capsys.readouterr()
-    assert status == 0, said
-    summary = json.loads(said.out.splitlines()[-1])
+    output = capsys.readouterr()
+    assert status == 0, output
+    summary = json.loads(output.out.splitlines()[-1])
     assert (summary["output"], summary["codec"]) == (str(frames), "raw")
     painted = cv2.imread(str(frames / "0000.png"))
     assert painted[0, 0, 1:].tolist() == [77, 5]  # "echo" writes there what it was given

@@ -29,9 +29,9 @@ def test_the_notebook_shows_pictures(tmp_path: Path) -> None:
         left, right = np.hsplit(picture, 2)
         assert picture.shape == (180, 640, 3)
         assert float(np.abs(left.astype(int) - right.astype(int)).mean()) > 1
-    said = "".join(output.get("text", "") for output in outputs)
-    assert "harbour.mp4 True" in said
-    assert "Did you mean 'lines'?" in said
+    printed = "".join(output.get("text", "") for output in outputs)
+    assert "harbour.mp4 True" in printed
+    assert "Did you mean 'lines'?" in printed
 
 
 def test_the_notebook_is_stored_without_outputs() -> None:

@@ -52,10 +52,10 @@ class Here:
 
     def __call__(self, *words: str | Path, code: int = 0) -> dict[str, Any]:
         status = run(["render", *map(str, words), "--home", str(self.home), "--json"])
-        said = self.capsys.readouterr()
-        self.err = said.err
-        assert status == code, said
-        return summary(said.out)
+        output = self.capsys.readouterr()
+        self.err = output.err
+        assert status == code, output
+        return summary(output.out)
 
 
 @pytest.fixture
@@ -77,14 +77,14 @@ def cartoon(tiny_clip: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[
 
 
 def test_json_says_what_was_made_and_what_it_cost(cartoon: tuple[Path, dict[str, Any]]) -> None:
-    folder, said = cartoon
-    assert (said["frames"], said["width"], said["height"]) == (TINY_FRAMES, TINY_WIDTH, TINY_HEIGHT)
-    assert said["output"] == str(folder / "out.mp4")
-    assert said["seconds"] == pytest.approx(sum(said["steps"].values()), abs=0.01)
-    assert said["fps"] == pytest.approx(said["frames"] / said["seconds"], rel=0.01)
-    assert 0 < said["seconds"] < said["wall_seconds"]
-    assert {"decode", "encode"} <= set(said["stages"])
-    assert "assemble" not in said["steps"]
+    folder, output = cartoon
+    assert (output["frames"], output["width"], output["height"]) == (TINY_FRAMES, TINY_WIDTH, TINY_HEIGHT)
+    assert output["output"] == str(folder / "out.mp4")
+    assert output["seconds"] == pytest.approx(sum(output["steps"].values()), abs=0.01)
+    assert output["fps"] == pytest.approx(output["frames"] / output["seconds"], rel=0.01)
+    assert 0 < output["seconds"] < output["wall_seconds"]
+    assert {"decode", "encode"} <= set(output["stages"])
+    assert "assemble" not in output["steps"]
 
 
 def test_the_video_has_every_frame_and_the_sound(cartoon: tuple[Path, dict[str, Any]]) -> None:
@@ -132,10 +132,10 @@ def test_references_parameters_and_artefacts_arrive(render: Here, tiny_clip: Pat
     cv2.imwrite(str(reference), np.full((64, 64, 3), (30, 30, 220), np.uint8))
     render(tiny_clip, "-o", f"{tmp_path}/plain/", "--param", "lines=off")
     words = ("--param", "lines=off", "--input", f"reference={reference}", "--artefact", "svg")
-    said = render(tiny_clip, "-o", f"{tmp_path}/red/", *words)
+    output = render(tiny_clip, "-o", f"{tmp_path}/red/", *words)
     before, after = (cv2.imread(str(tmp_path / name / "0005.png")).astype(float) for name in ("plain", "red"))
     assert np.abs(before - after).mean() > 1
-    with zipfile.ZipFile(said["artefacts"]["svg"]) as svg:
+    with zipfile.ZipFile(output["artefacts"]["svg"]) as svg:
         assert len(svg.namelist()) == TINY_FRAMES
 
 
@@ -301,12 +301,12 @@ def test_the_same_command_goes_on_to_the_same_bytes(
     render: Here, long_clip: Path, tmp_path: Path, how: signal.Signals
 ) -> None:
     out, whole = tmp_path / "out.mp4", tmp_path / "whole.mp4"
-    status, said = stop_while_painting(impasto(long_clip, "-o", out, "--json", home=render.home), how)
+    status, output = stop_while_painting(impasto(long_clip, "-o", out, "--json", home=render.home), how)
     assert not out.exists()
     assert status == (130 if how == signal.SIGINT else -signal.SIGKILL)
     if how == signal.SIGINT:
-        assert "error: Interrupted at" in said
-        assert "Run the same command again" in said
+        assert "error: Interrupted at" in output
+        assert "Run the same command again" in output
     assert render(long_clip, "-o", out)["frames"] == LONG_FRAMES
     assert "Resuming at" in render.err
     render(long_clip, "-o", whole, "--workers", "2")

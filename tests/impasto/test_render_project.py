@@ -35,10 +35,10 @@ def exported(tmp_path_factory: pytest.TempPathFactory, tiny_clip: Path) -> tuple
     try:
         project = farm.projects.create(_document(farm.assets.add(tiny_clip, "tiny.mp4").id), "")
         (made,) = farm.projects.submit(project.id)
-        seen = 0
+        last_seq = 0
         while not farm.jobs.get(made.job.id).state.final:
-            farm.jobs.wait_for_event(made.job.id, seen, 5.0)
-            seen = max((event.seq for event in farm.jobs.events(made.job.id, seen)[0]), default=seen)
+            farm.jobs.wait_for_event(made.job.id, last_seq, 5.0)
+            last_seq = max((event.seq for event in farm.jobs.events(made.job.id, last_seq)[0]), default=last_seq)
         assert farm.jobs.get(made.job.id).state == "succeeded", farm.jobs.get(made.job.id).error
         film = b"".join(farm.files.read(farm.files.get(made.job.id, "result")))
         farm.projects.export(project.id, home / "project.zip")

@@ -44,8 +44,8 @@ def test_a_folder_gets_every_pass_exactly(tmp_path: Path) -> None:
     assert np.array_equal(np.load(folder / "normals" / "0001.npy"), drawn.normals)
     hidden = cv2.imread(str(folder / "occluded_previous" / "0001.png"), cv2.IMREAD_UNCHANGED)
     assert np.array_equal(hidden == 255, drawn.occluded_previous)
-    told = json.loads((folder / "scene.json").read_text())
-    assert (told["width"], told["height"], told["frames"]) == (64, 48, 3)
+    written = json.loads((folder / "scene.json").read_text())
+    assert (written["width"], written["height"], written["frames"]) == (64, 48, 3)
     assert [p.name for p in tmp_path.iterdir()] == ["harbour"]
 
 

@@ -76,10 +76,10 @@ def test_a_large_file_goes_by_tus(impasto: Client, tiny_clip: Path, tmp_path: Pa
     large = tmp_path / "large.mp4"
     free_box = (9 << 20).to_bytes(4) + b"free" + bytes((9 << 20) - 8)  # MP4 allows padding at the end
     large.write_bytes(tiny_clip.read_bytes() + free_box)
-    told: list[int] = []
-    asset = impasto.upload(large, lambda done, total: told.append(done))
+    reports: list[int] = []
+    asset = impasto.upload(large, lambda done, total: reports.append(done))
     assert asset["size_bytes"] == large.stat().st_size
-    assert told == [8 << 20, large.stat().st_size]
+    assert reports == [8 << 20, large.stat().st_size]
     assert impasto.upload(large) == asset
 
 

@@ -35,7 +35,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": f"{ROOT}:{site}"}
 
 
-def said(environment: dict[str, str], *words: str) -> str:
+def run(environment: dict[str, str], *words: str) -> str:
     """What `python WORDS...` prints."""
     done = subprocess.run([sys.executable, *words], cwd=ROOT, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -77,23 +77,23 @@ def test_a_job_of_it_over_http_gives_its_frames(impasto: Client, tiny_clip: Path
 
 
 def test_the_command_explains_it(installed: dict[str, str]) -> None:
-    found = json.loads(said(installed, "-m", "impasto", "methods", "posterize", "--json"))
+    found = json.loads(run(installed, "-m", "impasto", "methods", "posterize", "--json"))
     assert (found["title"], [each["name"] for each in found["params"]]) == ("Posterize", ["tones"])
 
 
 def test_the_tests_of_every_method_cover_it(installed: dict[str, str]) -> None:
     """Among them: equal bytes in any order of tasks, and whatever frame count the container claims."""
     suite = "tests/pipeline/methods/test_registry.py"
-    printed = said(installed, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-k", "posterize", "-rp", suite)
+    printed = run(installed, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-k", "posterize", "-rp", suite)
     assert "test_the_same_request_gives_the_same_bytes_in_any_order[posterize]" in printed
 
 
 def test_it_has_a_row_in_the_benchmark(installed: dict[str, str]) -> None:
-    printed = said(installed, "-m", "benchmarks.methods", "--size", "64x48", "--frames", "2", "--turns", "1")
+    printed = run(installed, "-m", "benchmarks.methods", "--size", "64x48", "--frames", "2", "--turns", "1")
     assert [line.split(" | ")[0] for line in printed.splitlines()][-1] == "| posterize"
 
 
 def test_it_has_a_row_in_the_documentation(installed: dict[str, str]) -> None:
-    printed = said(installed, "-m", "docs.parameters", "--print")
+    printed = run(installed, "-m", "docs.parameters", "--print")
     assert "| `posterize` | The video with fewer tones. |" in printed
     assert "## Posterize: `posterize`" in printed

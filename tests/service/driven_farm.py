@@ -59,7 +59,7 @@ class DrivenFarm(Farm):
         self.preview_gate.set()
         self.outcomes: list[tuple[str, int | None, str]] = []
         self.assets.frame, self.jobs.preview = self._frame, self._preview  # type: ignore[method-assign]
-        self._record, self.webhooks.record = self.webhooks.record, self._note  # type: ignore[method-assign]
+        self._record, self.webhooks.record = self.webhooks.record, self._record_and_signal  # type: ignore[method-assign]
 
     def ready(self) -> dict[str, str]:
         return self.parts
@@ -73,7 +73,7 @@ class DrivenFarm(Farm):
         self.preview_gate.wait(10)
         return cv2.imencode(".png", np.zeros((18, 32, 3), np.uint8))[1].tobytes()
 
-    def _note(self, delivery_id: str, status: int | None, error: str = "") -> Delivery:
+    def _record_and_signal(self, delivery_id: str, status: int | None, error: str = "") -> Delivery:
         made = self._record(delivery_id, status, error)
         self.outcomes.append((delivery_id, status, error))
         return made
@@ -132,7 +132,7 @@ class DrivenFarm(Farm):
     def tell(self, job_id: str, kind: str, data: dict[str, Any]) -> None:
         """Append an event to the job's history."""
         with self._store.jobs._transaction(job_id) as transaction:
-            transaction.say(kind, data)
+            transaction.add_event(kind, data)
 
     def send(self, url: str) -> Delivery:
         """The webhook message of a job that has succeeded."""

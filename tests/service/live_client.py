@@ -52,11 +52,11 @@ class LiveClient:
     sequence: int = 0
 
     async def hello(self, **fields: Any) -> dict[str, Any]:
-        await self.say({"type": "hello", "width": 96, "height": 64, "method": "toy", **fields})
+        await self.send_message({"type": "hello", "width": 96, "height": 64, "method": "toy", **fields})
         self.ready = await self.message("ready")
         return self.ready
 
-    async def say(self, message: Any) -> None:
+    async def send_message(self, message: Any) -> None:
         await self.socket.send(json.dumps(message))
 
     async def send(self, payload: bytes, size: tuple[int, int] = (96, 64), key: bool = True, timestamp: int = 0) -> int:

@@ -57,9 +57,9 @@ def test_bytes_that_two_have_keep_the_name_that_each_gave(login: Login) -> None:
     asset = first.post("/v1/assets", files={"file": ("secret-film.mp4", CLIP)}).json()["id"]
     second.post("/v1/assets", files={"file": ("my-cat.mp4", CLIP)})
     for query in ("", "?download=true"):
-        said = second.get(f"/v1/assets/{asset}/content{query}").headers["content-disposition"]
-        assert "my-cat.mp4" in said
-        assert "secret" not in said
+        disposition = second.get(f"/v1/assets/{asset}/content{query}").headers["content-disposition"]
+        assert "my-cat.mp4" in disposition
+        assert "secret" not in disposition
 
 
 def test_a_revoked_key_opens_nothing(login: Login, farm: DrivenFarm) -> None:
@@ -164,13 +164,13 @@ def test_quotas(login: Login) -> None:
     once = {"Idempotency-Key": "once"}
     assert [submit(jobs, headers=once).status_code for _ in range(2)] == [201, 200]  # the same job costs nothing
     assert submit(jobs).status_code == 429
-    room = login("submit", asset_bytes=len(CLIP))
-    assert room.post("/v1/assets", files={"file": ("a.mp4", CLIP)}).status_code == 201
-    assert room.post("/v1/assets", files={"file": ("a.mp4", CLIP)}).status_code == 200  # held already: costs nothing
-    full = room.post("/v1/assets", files={"file": ("a.mp4", CLIP + b"!")})
+    client = login("submit", asset_bytes=len(CLIP))
+    assert client.post("/v1/assets", files={"file": ("a.mp4", CLIP)}).status_code == 201
+    assert client.post("/v1/assets", files={"file": ("a.mp4", CLIP)}).status_code == 200  # held already: costs nothing
+    full = client.post("/v1/assets", files={"file": ("a.mp4", CLIP + b"!")})
     assert (full.status_code, full.json()["code"]) == (429, "quota-exceeded")
     tus = {"Tus-Resumable": "1.0.0", "Upload-Length": "1"}
-    assert room.post("/v1/uploads", headers=tus).status_code == 429
+    assert client.post("/v1/uploads", headers=tus).status_code == 429
 
 
 def test_an_admin_makes_and_revokes_keys(settings: Settings, farm: DrivenFarm) -> None:

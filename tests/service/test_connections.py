@@ -34,7 +34,7 @@ settings = Settings(home=Path(sys.argv[1]), port=0, pool="local", workers=1, hea
     requests_per_minute=1_000_000)
 serve(settings, lambda url: print(url, flush=True))
 """
-HALVES = {
+UNFINISHED = {
     "headers": b"GET /v1/methods HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: ",
     "body": (
         b"POST /v1/jobs HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\nContent-Length: 900\r\n\r\n{"
@@ -163,7 +163,7 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Path
     resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
 
 
-@pytest.mark.parametrize("missing", HALVES)
+@pytest.mark.parametrize("missing", UNFINISHED)
 def test_half_sent_requests_do_not_stop_the_service(
     served: tuple[str, Path, int], tiny_clip: Path, missing: str
 ) -> None:
@@ -177,7 +177,7 @@ def test_half_sent_requests_do_not_stop_the_service(
         for _ in range(HALF_SENT):
             line = stack.enter_context(socket.create_connection((where.hostname, where.port), timeout=10))
             with contextlib.suppress(OSError):
-                line.sendall(HALVES[missing])
+                line.sendall(UNFINISHED[missing])
         assert descriptors(pid) < DESCRIPTORS * 0.95
         began = time.monotonic()
         assert http.get("/v1/methods").status_code == 200

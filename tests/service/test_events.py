@@ -16,10 +16,10 @@ from tests.service.conftest import open_client
 from tests.service.driven_farm import DrivenFarm
 from workers.model import RunState
 
-Told = dict[str, Any]
+ServerEvent = dict[str, Any]
 
 
-def listen(client: TestClient, job: str, last: int | None = None) -> list[Told]:
+def listen(client: TestClient, job: str, last: int | None = None) -> list[ServerEvent]:
     """Every event until the stream ends; comments are events of type ":"."""
     headers = {} if last is None else {"Last-Event-ID": str(last)}
     answer = client.get(f"/v1/jobs/{job}/events", headers=headers)
@@ -27,7 +27,7 @@ def listen(client: TestClient, job: str, last: int | None = None) -> list[Told]:
     return [found for block in answer.text.split("\n\n") if (found := _event(block))]
 
 
-def _event(block: str) -> Told | None:
+def _event(block: str) -> ServerEvent | None:
     rows = dict(line.split(": ", 1) if not line.startswith(":") else (":", line) for line in block.split("\n") if line)
     if ":" in rows:
         return {"event": ":"}
@@ -37,12 +37,12 @@ def _event(block: str) -> Told | None:
 def test_a_finished_job_tells_its_history_and_ends(client: TestClient, farm: DrivenFarm, job: str) -> None:
     farm.tell(job, "job.progress", {"progress": 0.5})
     farm.finish(job)
-    told = listen(client, job)
-    assert [int(event["id"]) for event in told] == list(range(1, len(told) + 1))
-    assert [event["event"] for event in told[:2]] == ["job.state", "job.progress"]
-    assert told[-1]["data"]["data"]["state"] == "succeeded"
-    assert told[1]["data"]["data"] == {"progress": 0.5}
-    assert told[1]["data"]["seq"] == 2
+    events = listen(client, job)
+    assert [int(event["id"]) for event in events] == list(range(1, len(events) + 1))
+    assert [event["event"] for event in events[:2]] == ["job.state", "job.progress"]
+    assert events[-1]["data"]["data"]["state"] == "succeeded"
+    assert events[1]["data"]["data"] == {"progress": 0.5}
+    assert events[1]["data"]["seq"] == 2
 
 
 def test_it_resumes_after_the_last_event(client: TestClient, farm: DrivenFarm, job: str) -> None:
@@ -67,14 +67,14 @@ def test_what_happens_meanwhile_is_told_and_silence_is_filled(client: TestClient
 
     worker = threading.Thread(target=work)
     worker.start()
-    told = listen(client, job)
+    events = listen(client, job)
     worker.join()
-    assert [event["data"]["data"]["state"] for event in told if event["event"] == "job.state"] == [
+    assert [event["data"]["data"]["state"] for event in events if event["event"] == "job.state"] == [
         "queued",
         "running",
         "succeeded",
     ]
-    assert {"event": ":"} in told
+    assert {"event": ":"} in events
 
 
 def test_lost_history_is_said(settings: Settings, only_toy: None, home: Path) -> None:
@@ -85,10 +85,10 @@ def test_lost_history_is_said(settings: Settings, only_toy: None, home: Path) ->
         for _ in range(120):  # history is pruned every hundred events
             farm.tell(job, "log", {})
         farm.finish(job)
-        told = listen(client, job, last=1)
-        assert [event["event"] for event in told[:2]] == ["history-gone", "log"]
-        assert told[0]["data"] == {"job_id": job, "after": 1, "goes_on_with": int(told[1]["id"])}
-        assert told[-1]["data"]["data"]["state"] == "succeeded"
+        events = listen(client, job, last=1)
+        assert [event["event"] for event in events[:2]] == ["history-gone", "log"]
+        assert events[0]["data"] == {"job_id": job, "after": 1, "goes_on_with": int(events[1]["id"])}
+        assert events[-1]["data"]["data"]["state"] == "succeeded"
 
 
 def test_deleting_a_job_ends_its_stream(client: TestClient, farm: DrivenFarm, job: str) -> None:

@@ -55,9 +55,9 @@ def test_only_admins_look_and_steer(ops: TestClient, farm: DrivenFarm) -> None:
 
 
 def test_the_queue_is_paused_and_resumed(ops: TestClient) -> None:
-    told = ops.post("/v1/ops/queue/pause", json={"reason": "a leak"}).json()
-    assert (told["paused"], told["drain"]["by"], told["drain"]["reason"]) == (True, "admin", "a leak")
-    assert ops.get("/v1/ops/queue").json() == told == ops.post("/v1/ops/queue/pause").json()
+    paused = ops.post("/v1/ops/queue/pause", json={"reason": "a leak"}).json()
+    assert (paused["paused"], paused["drain"]["by"], paused["drain"]["reason"]) == (True, "admin", "a leak")
+    assert ops.get("/v1/ops/queue").json() == paused == ops.post("/v1/ops/queue/pause").json()
     assert ops.post("/v1/ops/queue/resume").json() == {"paused": False, "drain": None}
 
 

@@ -44,12 +44,12 @@ def test_an_idempotency_key_is_one_job(client: TestClient, body: dict[str, Any])
 
 def test_paging_visits_every_job_once_newest_first(client: TestClient, body: dict[str, Any]) -> None:
     made = [client.post("/v1/jobs", json=body).json()["id"] for _ in range(5)]
-    seen, cursor = [], None
+    listed, cursor = [], None
     for _ in range(3):
         page = client.get("/v1/jobs", params={"limit": 2} | ({"cursor": cursor} if cursor else {})).json()
-        seen += [job["id"] for job in page["items"]]
+        listed += [job["id"] for job in page["items"]]
         cursor = page["cursor"]
-    assert seen == made[::-1]
+    assert listed == made[::-1]
     assert cursor is None
 
 

@@ -88,7 +88,7 @@ async def test_a_session_from_hello_to_bye(url: str) -> None:
             assert (answer.sequence, answer.timestamp, answer.size, answer.key) == (number, 10**15 + number, SIZE, True)
             assert 0 < answer.latency_us < 10**6
             assert abs(shown(answer.payload)[32, 48].astype(int) - (110, 140, 80)).max() < 8
-        await client.say({"type": "bye"})
+        await client.send_message({"type": "bye"})
         stats = (await client.message("bye"))["stats"]
         assert (stats["received"], stats["painted"], stats["dropped"]) == (3, 3, 0)
         assert await client.closed() == (1000, "bye")
@@ -104,11 +104,11 @@ def free(url: str, timeout_s: float = 5.0, want: int = 2) -> int:
 
 
 def test_what_there_is(url: str) -> None:
-    said = httpx.get(f"{url}/v1/live").json()
-    assert said["methods"] == ["echo"], "the toy is not causal"
-    assert (said["version"], said["capacity"], said["sessions"], said["free"]) == (1, 2, 0, 2)
-    assert {"h264", "vp8", "jpeg", "webp", "raw"} == set(said["receives"]) == set(said["sends"])
-    assert said["limits"] == {"width": 1920, "height": 1920, "fps": 120.0, "frame_bytes": 12 << 20}
+    info = httpx.get(f"{url}/v1/live").json()
+    assert info["methods"] == ["echo"], "the toy is not causal"
+    assert (info["version"], info["capacity"], info["sessions"], info["free"]) == (1, 2, 0, 2)
+    assert {"h264", "vp8", "jpeg", "webp", "raw"} == set(info["receives"]) == set(info["sends"])
+    assert info["limits"] == {"width": 1920, "height": 1920, "fps": 120.0, "frame_bytes": 12 << 20}
 
 
 @pytest.mark.parametrize(("send", "receive"), [("h264", "vp8"), ("vp8", "h264"), ("raw", "webp"), ("webp", "raw")])
@@ -128,7 +128,7 @@ def test_codecs(url: str, send: str, receive: str) -> None:
                 await client.send(payload, key=key)
                 answer = await client.answer()
                 assert np.abs(back.decode(answer.payload, SIZE)[32, 48].astype(int) - PICTURE[0, 0]).max() < 10
-            await client.say({"type": "keyframe"})
+            await client.send_message({"type": "keyframe"})
             await asyncio.sleep(0.05)
             await client.send(there.encode(PICTURE, False)[0], key=False)
             assert (await client.answer()).key
@@ -155,7 +155,7 @@ async def test_the_newest_wins(url: str) -> None:
         for _ in range(30):
             await client.send(FRAME)
             await asyncio.sleep(0.005)
-        await client.say({"type": "bye"})
+        await client.send_message({"type": "bye"})
         stats = (await client.message("bye"))["stats"]
         assert (stats["received"], stats["received"] - stats["painted"]) == (30, stats["dropped"])
         numbers = [answer.sequence for answer in client.answers]
@@ -173,7 +173,7 @@ async def test_the_resolution_falls_rather_than_the_delay_growing(url: str) -> N
         for _ in range(100):
             await client.send(frame, size)
             await asyncio.sleep(1 / 40)
-        await client.say({"type": "bye"})
+        await client.send_message({"type": "bye"})
         await client.message("bye")
         late = [answer for answer in client.answers if answer.sequence > 60]
         assert late[-1].size[0] <= 160
@@ -189,9 +189,9 @@ async def test_parameters_change_in_the_stream(url: str) -> None:
         await hello(client, params={"paint_s": 0.001}, receive=["raw"], send=["raw"])
         await client.send(PICTURE.tobytes())
         assert (await client.answer()).payload[:3] == bytes((0, 0, 1))
-        await client.say({"type": "params", "params": {"add": 7}})
-        told = await client.message("params")
-        assert (told["params"]["add"], told["params"]["paint_s"], told["inputs"]) == (7, 0.001, {})
+        await client.send_message({"type": "params", "params": {"add": 7}})
+        answer = await client.message("params")
+        assert (answer["params"]["add"], answer["params"]["paint_s"], answer["inputs"]) == (7, 0.001, {})
         await client.send(PICTURE.tobytes())
         assert (await client.answer()).payload[:3] == bytes((7, 0, 2)), "the stream went on"
 
@@ -207,11 +207,11 @@ async def test_a_bad_change_changes_nothing(url: str) -> None:
             ({"inputs": {"reference": "ast_gone"}}, "not-found", "inputs.reference"),
             ({"inputs": {"video": "ast_gone"}}, "not-found", "inputs.video"),
         ):
-            await client.say({"type": "params", **bad})
-            told = await client.message("error")
-            assert not told["fatal"]
-            assert (told["problem"]["code"], told["problem"]["field"]) == (code, field)
-            assert told["problem"]["remedy"]
+            await client.send_message({"type": "params", **bad})
+            answer = await client.message("error")
+            assert not answer["fatal"]
+            assert (answer["problem"]["code"], answer["problem"]["field"]) == (code, field)
+            assert answer["problem"]["remedy"]
         await client.send(PICTURE.tobytes())
         assert (await client.answer()).payload[0] == 3
 
@@ -221,7 +221,7 @@ async def test_a_slider_on_the_move_is_answered_and_ends_where_it_stands(url: st
     async with live(url) as client:
         await hello(client, send=["raw"], receive=["raw"])
         for add in range(1, 41):
-            await client.say({"type": "params", "params": {"add": add}})
+            await client.send_message({"type": "params", "params": {"add": add}})
         while (await client.message("params"))["params"]["add"] != 40:
             pass
         await client.send(PICTURE.tobytes())
@@ -244,9 +244,9 @@ async def test_a_reference_comes_and_goes(url: str) -> None:
         await client.send(PICTURE.tobytes())
         assert (await client.answer()).payload[1] == 99
         for bad in ({"reference": red}, {"reference": numbers}, {"numbers": numbers}):
-            await client.say({"type": "params", "inputs": bad})
+            await client.send_message({"type": "params", "inputs": bad})
             assert (await client.message("error"))["problem"]["status"] == 422
-        await client.say({"type": "params", "inputs": {"reference": None}})
+        await client.send_message({"type": "params", "inputs": {"reference": None}})
         assert (await client.message("params"))["inputs"] == {}
         await client.send(PICTURE.tobytes())
         assert (await client.answer()).payload[1:3] == bytes((0, 2))
@@ -261,8 +261,8 @@ async def test_frames_of_another_size_go_on(url: str) -> None:
         await client.send(bytes(64 * 48 * 3), (64, 48))
         answer = await client.answer()
         assert (answer.size, answer.payload[2]) == ((64, 48), 2)
-        told = next(m for m in client.messages if m["type"] == "resolution")
-        assert (told["width"], told["height"], told["reason"]) == (64, 48, "input")
+        answer = next(m for m in client.messages if m["type"] == "resolution")
+        assert (answer["width"], answer["height"], answer["reason"]) == (64, 48, "input")
 
 
 # -- coming back
@@ -325,11 +325,11 @@ async def test_one_more_than_there_is_room_for_is_refused_at_once(url: str) -> N
         await hello(one)
         await hello(two)
         began = time.monotonic()
-        with pytest.raises(InvalidStatus) as told:
+        with pytest.raises(InvalidStatus) as answer:
             async with live(url):
                 pass
         assert time.monotonic() - began < 1
-        answer = told.value.response
+        answer = answer.value.response
         assert answer.status_code == 503
         assert int(answer.headers["Retry-After"]) >= 1
         assert answer.headers["Content-Type"] == "application/problem+json"
@@ -351,10 +351,10 @@ async def test_keys_and_protocols(home: Path) -> None:
             ({"additional_headers": {"Authorization": f"Bearer {reader}"}}, 403),
             ({"subprotocols": ["impasto.live.9", f"impasto.key.{secret}"]}, 400),
         ):
-            with pytest.raises(InvalidStatus) as told:
+            with pytest.raises(InvalidStatus) as answer:
                 async with live(url, **more):
                     pass
-            assert told.value.response.status_code == status
+            assert answer.value.response.status_code == status
         async with live(url, additional_headers={"Authorization": f"Bearer {secret}"}) as client:
             await hello(client)
         async with live(url, subprotocols=["impasto.live.1", f"impasto.key.{secret}"]) as client:
@@ -373,10 +373,10 @@ async def test_pages_of_other_origins_are_kept_out(url: str) -> None:
     port = url.rsplit(":", 1)[1]
     rebound = {"host": "127.0.0.1", "port": int(port)}
     for address, more in ((url, {"origin": "http://evil.example"}), ("http://evil.example", rebound)):
-        with pytest.raises(InvalidStatus) as told:
+        with pytest.raises(InvalidStatus) as answer:
             async with live(address, **more):
                 pass
-        assert told.value.response.status_code == 403
+        assert answer.value.response.status_code == 403
     async with live(url, origin=f"http://127.0.0.1:{port}") as client:
         await hello(client)
 

@@ -120,7 +120,7 @@ async def test_no_hello(home: Path) -> None:
 @looped
 async def test_a_client_that_does_not_wait_for_ready(url: str) -> None:
     async with live(url) as client:
-        await client.say(FIRST | {"params": {"open_s": 0.3}})
+        await client.send_message(FIRST | {"params": {"open_s": 0.3}})
         await client.socket.send(pack(1, SIZE, FRAME))
         assert (await ended(client))[:2] == (4400, "bad-message")
     assert await asyncio.to_thread(free, url) == 2
@@ -129,7 +129,7 @@ async def test_a_client_that_does_not_wait_for_ready(url: str) -> None:
 @looped
 async def test_a_client_that_leaves_before_ready(url: str) -> None:
     async with live(url) as client:
-        await client.say(FIRST | {"params": {"open_s": 0.3}})
+        await client.send_message(FIRST | {"params": {"open_s": 0.3}})
         await asyncio.sleep(0.05)
     assert await asyncio.to_thread(free, url) == 2
 
@@ -142,7 +142,7 @@ async def test_no_frames(home: Path) -> None:
             for _ in range(3):
                 await asyncio.sleep(0.15)
                 await client.send(FRAME)
-            await client.say({"type": "keyframe"})
+            await client.send_message({"type": "keyframe"})
             assert (await ended(client))[:2] == (4410, "idle")
 
 
@@ -267,8 +267,8 @@ def test_an_operator_sees_a_session_and_ends_it(url: str) -> None:
             (session,) = found
             assert (session["id"], session["method"], session["connected"]) == (ready["session"], "echo", True)
             assert (session["width"], session["height"]) == SIZE
-            told = await asyncio.to_thread(httpx.post, f"{url}/v1/ops/live/{session['id']}/end")
-            assert told.status_code == 202
+            answer = await asyncio.to_thread(httpx.post, f"{url}/v1/ops/live/{session['id']}/end")
+            assert answer.status_code == 202
             assert (await ended(client))[:2] == (4403, "dismissed")
 
     run()

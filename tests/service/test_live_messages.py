@@ -14,14 +14,14 @@ from service.errors import TABLE, BadMessage
 from service.live.closing import _CODES, close_code, shown
 from service.live.frames import Header, pack, unpack
 from service.live.messages import ByeIn, Hello, KeyframeIn, ParamsIn, parse
-from tests.service.live_client import pack as pack_by_hand
+from tests.service.live_client import pack as pack_bytes
 
 U16, U32, U64 = st.integers(0, 2**16 - 1), st.integers(0, 2**32 - 1), st.integers(0, 2**64 - 1)
 
 
 @given(st.booleans(), U16, U16, U32, U64, st.binary(min_size=1, max_size=99))
 def test_a_frame_there(key: bool, width: int, height: int, sequence: int, timestamp: int, payload: bytes) -> None:
-    header, data = unpack(pack_by_hand(sequence, (width, height), payload, key, timestamp))
+    header, data = unpack(pack_bytes(sequence, (width, height), payload, key, timestamp))
     assert header == Header(key, width, height, sequence, timestamp)
     assert data == payload
 
@@ -57,10 +57,10 @@ def test_messages(text: str, kind: type) -> None:
     "text", ["", "no json", "[]", "3", "{}", '{"type": "cat"}', '{"type": 3}', '{"type": "bye", "a": NaN}', "[" * 99999]
 )
 def test_what_is_no_message(text: str) -> None:
-    with pytest.raises(BadMessage) as told:
+    with pytest.raises(BadMessage) as raised:
         parse(text)
-    assert told.value.remedy
-    assert close_code(told.value) == 4400
+    assert raised.value.remedy
+    assert close_code(raised.value) == 4400
 
 
 @pytest.mark.parametrize(
@@ -73,11 +73,11 @@ def test_what_is_no_message(text: str) -> None:
 )  # fmt: skip
 def test_a_bad_field_is_named(field: str, value: Any) -> None:
     hello = {"type": "hello", "width": 64, "height": 64, field: value}
-    with pytest.raises(BadInput) as told:
+    with pytest.raises(BadInput) as raised:
         parse(json.dumps(hello))
-    assert told.value.field.startswith(field)
-    assert told.value.remedy
-    assert close_code(told.value) == 4400
+    assert raised.value.field.startswith(field)
+    assert raised.value.remedy
+    assert close_code(raised.value) == 4400
 
 
 @given(st.text(max_size=40) | st.from_regex(r'\{"type": "(hello|params|bye)", "[a-z]+": [0-9\[\]{}"]+\}'))
@@ -94,6 +94,6 @@ def test_every_reason_to_close_has_a_title() -> None:
 
 def test_our_own_faults_are_told_without_their_words() -> None:
     for fault in (RuntimeError("secret"), ImpastoError("secret")):
-        told = shown(fault)
-        assert "secret" not in str(told)
-        assert close_code(told) == 1011
+        raised = shown(fault)
+        assert "secret" not in str(raised)
+        assert close_code(raised) == 1011

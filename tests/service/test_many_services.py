@@ -51,14 +51,14 @@ def test_one_is_asked_and_another_works(opened: Open, shared: dict[str, Any], tm
     working = opened(home=tmp_path / "working", **shared)
     alone = opened(home=tmp_path / "alone")
     results = []
-    for submit, watch, fetch in ((asked, asked, working), (alone, alone, alone)):
+    for submit, follow, fetch in ((asked, asked, working), (alone, alone, alone)):
         clip = submit.post("/v1/assets", files={"file": ("tiny.mp4", tiny_clip.read_bytes())}).json()["id"]
         made = submit.post("/v1/jobs", json={"method": "abstraction", "inputs": {"video": clip}})
         assert made.status_code == 201, made.text
         job = made.json()["id"]
-        told = events(watch, job, 0)
-        assert [e["data"]["state"] for e in told if e["type"] == "job.state"] == ["queued", "running", "succeeded"]
-        assert [event["seq"] for event in told] == list(range(1, len(told) + 1))
+        received = events(follow, job, 0)
+        assert [e["data"]["state"] for e in received if e["type"] == "job.state"] == ["queued", "running", "succeeded"]
+        assert [event["seq"] for event in received] == list(range(1, len(received) + 1))
         results.append(fetch.get(f"/v1/jobs/{job}/result").content)
         if fetch is working:
             _check_download(fetch, f"/v1/jobs/{job}/result", results[0])

@@ -183,7 +183,7 @@ def test_a_painted_key_reaches_the_frames_around_it(
     assert list(shown) == [6, 7, 5, 8, 4] and searched, "the propagator made them"
     assert np.array_equal(shown[6], red_key), "the key is matched exactly"
     palette = {tuple(pixel) for pixel in red_key.reshape(-1, 3).tolist()}
-    assert all({tuple(pixel) for pixel in seen.reshape(-1, 3).tolist()} <= palette for seen in shown.values())
+    assert all({tuple(pixel) for pixel in colours.reshape(-1, 3).tolist()} <= palette for colours in shown.values())
 
 
 def test_a_second_edit_searches_only_what_it_changed(

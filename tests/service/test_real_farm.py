@@ -47,12 +47,12 @@ def test_a_job_from_end_to_end(http: httpx.Client, clip: str) -> None:
     made = http.post("/v1/jobs", json={"method": "abstraction", "inputs": {"video": clip}, "webhook": receiver.url})
     assert made.status_code == 201, made.text
     links = made.json()["links"]
-    told = events(http, made.json()["id"], 0)
+    received = events(http, made.json()["id"], 0)
     job = http.get(links["self"]).json()
     assert (job["state"], job["progress"], job["error"]) == ("succeeded", 1.0, None)
-    assert [event["seq"] for event in told] == list(range(1, len(told) + 1))
-    assert [e["data"]["state"] for e in told if e["type"] == "job.state"] == ["queued", "running", "succeeded"]
-    assert events(http, job["id"], told[2]["seq"]) == told[3:]
+    assert [event["seq"] for event in received] == list(range(1, len(received) + 1))
+    assert [e["data"]["state"] for e in received if e["type"] == "job.state"] == ["queued", "running", "succeeded"]
+    assert events(http, job["id"], received[2]["seq"]) == received[3:]
     _check_result(http, links["result"])
     receiver.wait(1)
     headers, body = receiver.got[0]

@@ -30,8 +30,8 @@ def lines(capsys: pytest.CaptureFixture[str]) -> Iterator[Callable[..., list[str
         logging.getLogger(name).setLevel(level)
 
 
-def rows(said: list[str]) -> list[dict[str, Any]]:
-    return [json.loads(line) for line in said]
+def rows(logged: list[str]) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in logged]
 
 
 def test_a_line_of_an_attempt_names_job_task_and_attempt(lines: Callable[[], list[str]]) -> None:
@@ -63,9 +63,9 @@ def test_what_is_said_with_a_line_goes_before_what_its_context_works_for(lines: 
 def test_nobody_forges_a_line(lines: Callable[[], list[str]], kind: str) -> None:
     set_up_logs(FarmSettings.model_validate({"log_format": kind, "log_level": "info"}))
     LOG.info("the name is %s", 'a"}\n{"level": "error", "message": "forged"}')
-    said = lines()
-    assert len(said) == 1
-    assert kind == "text" or json.loads(said[0])["level"] == "info"
+    logged = lines()
+    assert len(logged) == 1
+    assert kind == "text" or json.loads(logged[0])["level"] == "info"
 
 
 def test_a_failure_keeps_its_trace_in_one_line(lines: Callable[[], list[str]]) -> None:
@@ -97,5 +97,5 @@ def test_levels_and_settings_again(lines: Callable[[], list[str]]) -> None:
 
 def test_workers_are_told_no_secret() -> None:
     settings = FarmSettings(database_url="postgresql://a:secret@b/c", log_format="json")
-    told = settings.for_workers
-    assert (told.database_url, told.log_format) == ("", "json")
+    for_workers = settings.for_workers
+    assert (for_workers.database_url, for_workers.log_format) == ("", "json")

@@ -40,14 +40,14 @@ class Last(Method):
     def stream(
         self, params: Any, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]
     ) -> Last | None:
-        self.seen, self.size = 0, size
+        self.calls, self.size = 0, size
         self.green = int(next(references["style"])[0, 0, 1]) if "style" in references else 0
         return self if seed == 0 else None
 
     def step(self, frame: Frame) -> Frame:
         assert (frame.shape[1], frame.shape[0]) == self.size
-        self.seen += 1
-        return np.full_like(frame, (self.seen, self.green, frame[frame.shape[0] * 40 // 64, frame.shape[1] // 6, 0]))
+        self.calls += 1
+        return np.full_like(frame, (self.calls, self.green, frame[frame.shape[0] * 40 // 64, frame.shape[1] // 6, 0]))
 
 
 def asset(name: str) -> Asset:
@@ -101,13 +101,13 @@ def test_a_method_that_needs_the_whole_film_shows_the_frame_on_its_own(
 
 
 def test_paintings_shrink_with_the_frame(previews: Previews, monkeypatch: pytest.MonkeyPatch) -> None:
-    seen: dict[str, Any] = {}
+    calls: dict[str, Any] = {}
     monkeypatch.setattr(
         "workers.execution.preview._alone_in_memory",
-        lambda chosen, params, seed, frame, pictures: seen.update(pictures, video=frame) or frame,
+        lambda chosen, params, seed, frame, pictures: calls.update(pictures, video=frame) or frame,
     )
     shown(previews, 3, side=48, seed=1, names=("video", "style"))
-    assert {name: picture.shape for name, picture in seen.items()} == {"video": (32, 48, 3), "style": (16, 16, 3)}
+    assert {name: picture.shape for name, picture in calls.items()} == {"video": (32, 48, 3), "style": (16, 16, 3)}
 
 
 def test_keyframes_are_not_for_one_frame(previews: Previews) -> None:

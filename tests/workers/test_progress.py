@@ -46,8 +46,8 @@ def test_recorded_jobs_never_go_back(timeline: Timeline) -> None:
 
 def test_the_time_left_of_recorded_jobs_converges(timeline: Timeline) -> None:
     end = timeline[-1][0]
-    said = [(at, job_progress(steps), job_eta_s(steps)) for at, steps in timeline]
-    wrong = [(at, done, abs(eta - (end - at))) for at, done, eta in said if eta is not None]
+    estimates = [(at, job_progress(steps), job_eta_s(steps)) for at, steps in timeline]
+    wrong = [(at, done, abs(eta - (end - at))) for at, done, eta in estimates if eta is not None]
     assert max(error for _, _, error in wrong) < max(20.0, 2 * end), "a cold start is no reason for minutes"
     assert max(error for _, done, error in wrong if done > 0.5) < 0.4 * end + 1
     assert max(error for _, done, error in wrong if done > 0.9) < 0.1 * end + 0.5

@@ -51,11 +51,11 @@ def farm(cluster: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Far
         task_memory_bytes=64 << 20, capacity_wait_s=8,
     )  # fmt: skip
     blobs = DiskBlobs(settings.blobs_at)
-    studio = Farm(settings, RayPool(blobs, settings, ToyRunner))
-    studio.start()
-    until(lambda: len(_slots(studio)) == 3, 60)
-    yield studio
-    studio.stop()
+    farm = Farm(settings, RayPool(blobs, settings, ToyRunner))
+    farm.start()
+    until(lambda: len(_slots(farm)) == 3, 60)
+    yield farm
+    farm.stop()
 
 
 def _slots(farm: Farm) -> list[Any]:

@@ -55,7 +55,7 @@ def invert(task: Task, context: TaskContext) -> TaskResult:
     for index, frame in enumerate(context.frames("video", start, stop), start=start):
         with context.clock("invert"):
             painted = 255 - frame
-        FAULTS.get(context.params.fault, _nothing)(context, index, painted)
+        FAULTS.get(context.params.fault, _no_fault)(context, index, painted)
         count += 1
         context.progress(count / context.video.frames)
     context.save(task.key, {"count": np.int64(count), "labels": np.zeros((64, 96), np.int32)})
@@ -77,7 +77,7 @@ def _helped(context: TaskContext, index: int, painted: Any) -> None:
     context.emit(index, painted)
 
 
-def _nothing(context: TaskContext, index: int, painted: Any) -> None:
+def _no_fault(context: TaskContext, index: int, painted: Any) -> None:
     context.emit(index, painted)
 
 
@@ -286,8 +286,8 @@ def test_what_the_user_is_to_mend_is_a_warning_of_one_line(
 ) -> None:
     outcome = renderer.run(order_of(info, tasks_of(info)[0], params={"fault": "unwilling"}))
     assert outcome.fault and outcome.fault.code == "bad-media"
-    said = [record for record in caplog.records if "failed" in record.getMessage()]
-    assert [(record.levelname, record.exc_info) for record in said] == [("WARNING", None)]
+    logged = [record for record in caplog.records if "failed" in record.getMessage()]
+    assert [(record.levelname, record.exc_info) for record in logged] == [("WARNING", None)]
     assert "There is no cat in it." in outcome.log and "Add a cat." in outcome.log
     assert "Traceback" not in outcome.log
 
@@ -296,8 +296,8 @@ def test_what_nobody_expected_is_an_error_with_its_trace(
     renderer: Renderer, info: MediaInfo, caplog: pytest.LogCaptureFixture
 ) -> None:
     outcome = renderer.run(order_of(info, tasks_of(info)[0], params={"fault": "raise"}))
-    (said,) = [record for record in caplog.records if "failed" in record.getMessage()]
-    assert said.levelname == "ERROR" and said.exc_info
+    (logged,) = [record for record in caplog.records if "failed" in record.getMessage()]
+    assert logged.levelname == "ERROR" and logged.exc_info
     assert "in _raise" in outcome.log
 
 
@@ -320,9 +320,9 @@ def test_cancelling_takes_less_than_a_second(renderer: Renderer, info: MediaInfo
 
 
 def test_progress_rises_to_at_most_one(renderer: Renderer, info: MediaInfo) -> None:
-    told: list[float] = []
-    renderer.run(order_of(info, tasks_of(info)[0]), report=lambda done, preview="": told.append(done))
-    assert told and all(0 <= done <= 1 for done in told)
+    reports: list[float] = []
+    renderer.run(order_of(info, tasks_of(info)[0]), report=lambda done, preview="": reports.append(done))
+    assert reports and all(0 <= done <= 1 for done in reports)
 
 
 def test_a_running_task_shows_its_newest_frames(
@@ -370,12 +370,12 @@ def test_inputs_as_images_and_json(info: MediaInfo, blobs: DiskBlobs) -> None:
         archive.writestr("mask_0002.png", encode_png(np.full((64, 96, 3), (1, 2, 3), np.uint8)))
     blobs.put("assets/masks", masks.getvalue())
     blobs.put("assets/json", b'{"a": 1}')
-    seen: dict[str, Any] = {}
+    inputs: dict[str, Any] = {}
 
     def look(task: Task, context: TaskContext) -> TaskResult:
         found = context.images("masks")
-        seen.update(numbers=list(found), deep=found[7], colour=found[2], json=context.json("json"))
-        seen.update(first=context.image("video"), has=context.has("style"), wants=context.wants("svg"))
+        inputs.update(numbers=list(found), deep=found[7], colour=found[2], json=context.json("json"))
+        inputs.update(first=context.image("video"), has=context.has("style"), wants=context.wants("svg"))
         return {}
 
     def one(context: PlanContext) -> Sequence[Task]:
@@ -388,12 +388,12 @@ def test_inputs_as_images_and_json(info: MediaInfo, blobs: DiskBlobs) -> None:
     with Renderer(blobs, None, lambda name: Looker()) as renderer:
         outcome = renderer.run(order_of(info, Task("look"), inputs=inputs))
     assert outcome.fault is None, outcome
-    assert seen["numbers"] == [2, 7]
-    assert seen["deep"].dtype == np.uint16
-    assert int(seen["deep"][0, 0]) == 900
-    assert tuple(seen["colour"][0, 0]) == (1, 2, 3)
-    assert (seen["json"], seen["has"], seen["wants"]) == ({"a": 1}, False, True)
-    assert seen["first"].shape == (64, 96, 3)
+    assert inputs["numbers"] == [2, 7]
+    assert inputs["deep"].dtype == np.uint16
+    assert int(inputs["deep"][0, 0]) == 900
+    assert tuple(inputs["colour"][0, 0]) == (1, 2, 3)
+    assert (inputs["json"], inputs["has"], inputs["wants"]) == ({"a": 1}, False, True)
+    assert inputs["first"].shape == (64, 96, 3)
 
 
 def test_a_result_without_frames_is_a_fault(renderer: Renderer, info: MediaInfo) -> None:

@@ -22,8 +22,8 @@ GOOD = JobRequest("toy", {"data": "ast_1"})
 
 def test_a_good_request_gets_every_default_filled_in() -> None:
     accepted = check_request(replace(GOOD, params={"tasks": 2}), {"data": DATA})
-    nothing = {"gpus": 0.0, "memory_mib": 0}
-    assert accepted.params == {"tasks": 2, "chain": False, "sleep_s": 0.0, "trouble": "", "mark": ""} | nothing
+    defaults = {"gpus": 0.0, "memory_mib": 0}
+    assert accepted.params == {"tasks": 2, "chain": False, "sleep_s": 0.0, "trouble": "", "mark": ""} | defaults
     assert [name for name, _ in accepted.steps] == ["look", "draw", "assemble"]
 
 

@@ -64,8 +64,8 @@ def _plan_draw(context: PlanContext) -> list[Task]:
         after[0] = (f"run-{n - 1}",)
     params = context.params
     asked = params.gpus or params.memory_mib
-    needs = Resources(1.0, params.gpus, params.memory_mib << 20) if asked else None
-    return [Task(f"run-{i}", {"i": i}, after.get(i, ()), (i, i + 1), 1.0 + i % 2, needs) for i in range(n)]
+    resources = Resources(1.0, params.gpus, params.memory_mib << 20) if asked else None
+    return [Task(f"run-{i}", {"i": i}, after.get(i, ()), (i, i + 1), 1.0 + i % 2, resources) for i in range(n)]
 
 
 def _draw(task: Task, context: Any) -> TaskResult:

@@ -94,14 +94,14 @@ class Previews:
     ) -> Frame | None:
         """By the method's own way of drawing one frame, if it has one."""
         kinds = {spec.name: spec.kind for spec in chosen.inputs}
-        with ExitStack() as life:
+        with ExitStack() as exit_stack:
             images: dict[str, Mapping[int, NDArray[Any]]] = {}
             for name in (name for name in keys if kinds.get(name) == "images"):
-                guarded = GuardedImages(life.enter_context(self._blobs.local(keys[name])), f"inputs.{name}")
-                life.callback(guarded.close)
+                guarded = GuardedImages(exit_stack.enter_context(self._blobs.local(keys[name])), f"inputs.{name}")
+                exit_stack.callback(guarded.close)
                 images[name] = guarded
             given = {name: _json(self._blobs.get(keys[name]), name) for name in keys if kinds.get(name) == "json"}
-            archives = {name: _archive(life, self._blobs, key) for name, key in ask.artefacts.items()}
+            archives = {name: _archive(exit_stack, self._blobs, key) for name, key in ask.artefacts.items()}
             request = PreviewRequest(params, seed, *lead, given | dict(ask.documents), images, archives)
             return chosen.preview(request)
 
@@ -159,8 +159,8 @@ def _json(data: bytes, name: str) -> Any:
         raise BadParameter(f"The input is not JSON: {error}.", field=f"inputs.{name}") from None
 
 
-def _archive(life: ExitStack, blobs: Blobs, key: str) -> Mapping[str, bytes]:
-    return ZipEntries(life.enter_context(zipfile.ZipFile(life.enter_context(blobs.local(key)))))
+def _archive(exit_stack: ExitStack, blobs: Blobs, key: str) -> Mapping[str, bytes]:
+    return ZipEntries(exit_stack.enter_context(zipfile.ZipFile(exit_stack.enter_context(blobs.local(key)))))
 
 
 class ZipEntries(Mapping[str, bytes]):

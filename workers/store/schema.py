@@ -186,7 +186,7 @@ tasks = Table(
     Column("ready_at", Double, nullable=False, default=0.0),
     Column("progress", Double, nullable=False, default=0.0),
     Column("attempt_id", String(40)),
-    Column("note", JSON),
+    Column("note", JSON, key="result"),
     Column("artefacts", JSON),
     Column("segment", Text),
     UniqueConstraint("job_id", "position"),

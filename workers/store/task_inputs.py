@@ -22,7 +22,7 @@ class TaskInputs(StorePart):
         them, also of one that had no tasks."""
         tasks, steps = schema.tasks, schema.steps
         query = (
-            select(steps.c.name, tasks.c.key, tasks.c.note, tasks.c.artefacts)
+            select(steps.c.name, tasks.c.key, tasks.c.result, tasks.c.artefacts)
             .join(steps, and_(steps.c.job_id == tasks.c.job_id, steps.c.step == tasks.c.step))
             .where(tasks.c.job_id == job_id, tasks.c.step < step)
             .order_by(tasks.c.position)

@@ -331,7 +331,7 @@ def _record_heartbeat(current: _CurrentAttempt, heartbeat: Heartbeat) -> None:
 def _keep_result(current: _CurrentAttempt, outcome: TaskOutcome) -> None:
     """Write what a successful attempt made: result, artefacts, segment, files, and its seconds."""
     job, task = current.job, current.task
-    made = {"note": outcome.result, "artefacts": outcome.artefacts, "segment": outcome.segment}
+    made = {"result": outcome.result, "artefacts": outcome.artefacts, "segment": outcome.segment}
     job.connection.execute(update(schema.tasks).where(schema.tasks.c.id == task["id"]).values(made))
     for name, (key, media_type) in outcome.files.items():
         _keep_file(job, name, key, media_type)

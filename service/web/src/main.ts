@@ -105,13 +105,13 @@ function welcome(): View {
     show(await quickPage(asset, draft, localUrl).catch(failure));
   };
   const start = createWelcome(arrived);
-  const recent = createJobList({ limit: 5, empty: h("p", {}, "Your finished films appear here.") });
-  const head = h("div", { class: "recent-head" }, h("h2", {}, "Recent works"), h("a", { href: "#/jobs" }, "All works"));
+  const latest = createJobList({ limit: 5, empty: h("p", {}, "Your finished films appear here.") });
+  const head = h("div", { class: "latest-head" }, h("h2", {}, "Recent works"), h("a", { href: "#/jobs" }, "All works"));
   const close = () => {
     start.close();
-    recent.close();
+    latest.close();
   };
-  const works = h("section", { class: "recent" }, head, recent.element);
+  const works = h("section", { class: "latest" }, head, latest.element);
   return { element: h("div", { class: "home" }, start.element, createProjectList(), works), close };
 }
 

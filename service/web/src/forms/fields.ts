@@ -118,8 +118,8 @@ const onOff: MakeControl = (_field, ids, changed) => {
 };
 
 const choice: MakeControl = (field, ids, changed) => {
-  const letters = field.options.reduce((sum, option) => sum + option.title.length, 0);
-  const short = field.options.length <= 3 && letters <= 28;
+  const characters = field.options.reduce((sum, option) => sum + option.title.length, 0);
+  const short = field.options.length <= 3 && characters <= 28;
   return short && !field.nullable ? segments(field, ids, changed) : select(field, ids, changed);
 };
 

@@ -19,7 +19,7 @@ const EARLY = 0.4;
  * Call `onframe(timeMs)` when the video shows a new frame, at most `fps()` times a second, and never while the tab is
  * hidden. `timeMs`: time of capture, on the clock of `performance.now()`.
  */
-export function watchFrames(
+export function followFrames(
   video: HTMLVideoElement,
   fps: () => number,
   onframe: (timeMs: number) => void,

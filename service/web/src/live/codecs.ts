@@ -1,6 +1,6 @@
 /** Codecs that this browser can encode and decode, in the protocol's words, best first. */
 
-import type { Room, Shape } from "./types";
+import type { LiveInfo, Shape } from "./types";
 
 /** H.264 levels times ten: macroblocks a frame and a second (ITU-T H.264, table A-1). */
 const LEVELS: [level: number, frame: number, second: number][] = [
@@ -48,7 +48,11 @@ export interface Offer {
 }
 
 /** What to offer in `hello`: never empty, since JPEG always works. `wanted`: a codec to prefer both ways, or "auto". */
-export async function offer(shape: Shape, service: Pick<Room, "receives" | "sends">, wanted: string): Promise<Offer> {
+export async function offer(
+  shape: Shape,
+  service: Pick<LiveInfo, "receives" | "sends">,
+  wanted: string,
+): Promise<Offer> {
   const [encodes, decodes] = await Promise.all([supported(canEncode, shape), supported(canDecode, shape)]);
   return {
     send: chosen([...encodes, "jpeg"], service.receives, wanted),

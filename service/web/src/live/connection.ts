@@ -3,11 +3,11 @@
  *
  *     connecting --> live --> closed          by `close()`
  *         ^            |
- *         +- waiting <-+--> failed             busy: until there is room; lost: after a pause, longer each time
+ *         +- waiting <-+--> failed             busy: until a place is free; lost: after a pause, longer each time
  */
 
 import { asProblem, Problem, request } from "../shared/api";
-import type { ConnectionState, Hello, Incoming, Ready, Room, Stats } from "./types";
+import type { ConnectionState, Hello, Incoming, LiveInfo, Ready, Stats } from "./types";
 import { dial } from "./wire";
 
 const MOST_WAIT_MS = 5000;
@@ -23,14 +23,14 @@ const BUSY = 1013;
 const BAD_FRAME = 4415;
 
 /** The service's abilities and free places at this moment. Throws a Problem. */
-export async function readRoom(): Promise<Room> {
+export async function readLiveInfo(): Promise<LiveInfo> {
   const answer = await request("/v1/live");
   return { ...(await answer.json()), retryAfterS: Number(answer.headers.get("Retry-After") ?? 5) };
 }
 
 export interface ConnectionEvents {
   /** The first message, made anew for each connection from the service's abilities where they have just been read. */
-  hello(room: Room | null): Promise<Hello>;
+  hello(info: LiveInfo | null): Promise<Hello>;
   onready(message: Ready): void;
   onmessage(message: Incoming): void;
   onframe(data: ArrayBuffer): void;
@@ -45,7 +45,7 @@ export interface Connection {
   close(): Promise<Stats | null>;
   /** Continue with another `hello`: a new connection takes the session over. */
   renew(): void;
-  say(message: object): void;
+  sendMessage(message: object): void;
   send(bytes: Uint8Array<ArrayBuffer>): void;
   readonly live: boolean;
   /** Bytes that wait for the network. */
@@ -65,7 +65,7 @@ export function createConnection({
   let socket: WebSocket | null = null;
   let session = "";
   let tries = 0;
-  let seen = 0;
+  let lastLiveAt = 0;
   let turn = 0;
   let timer = 0;
   let fatal: FatalError | null = null;
@@ -77,10 +77,10 @@ export function createConnection({
     live = false;
     if (!session || tries === 0) onstate({ name: "connecting" });
     try {
-      const room = !session || tries > 1 ? await readRoom() : null;
+      const info = !session || tries > 1 ? await readLiveInfo() : null;
       if (mine !== turn) return;
-      if (room?.free === 0 && !placeIsKept()) return wait("busy", room.retryAfterS * 1000);
-      const first = await hello(room);
+      if (info?.free === 0 && !placeIsKept()) return wait("busy", info.retryAfterS * 1000);
+      const first = await hello(info);
       if (mine === turn) connect(first);
     } catch (error) {
       if (mine !== turn) return;
@@ -90,7 +90,7 @@ export function createConnection({
     }
   }
 
-  const placeIsKept = () => session && performance.now() - seen < RESUME_MS;
+  const placeIsKept = () => session && performance.now() - lastLiveAt < RESUME_MS;
 
   function connect(first: Hello): void {
     const mine = dial(session);
@@ -125,7 +125,7 @@ export function createConnection({
   }
 
   function ended(code: number): void {
-    if (live) seen = performance.now();
+    if (live) lastLiveAt = performance.now();
     live = false;
     socket = null;
     if (code === BUSY) wait("busy", (fatal?.retry_after_s ?? 5) * 1000);
@@ -176,7 +176,7 @@ export function createConnection({
     renew() {
       if (socket || live) open();
     },
-    say(message) {
+    sendMessage(message) {
       if (live) socket?.send(JSON.stringify(message));
     },
     send: (bytes) => socket?.send(bytes),

@@ -23,7 +23,7 @@ export const createDecoder = (chosen: Ready["receive"], events: DecoderEvents): 
 
 function videoDecoder(codec: string, { onpicture, onlost, onfault }: DecoderEvents): Decoder {
   const frames = new Map<number, IncomingFrame>();
-  let needsKey = true;
+  let keyframeNeeded = true;
   let asked = false;
   const decoder = new VideoDecoder({ output, error: onfault });
   decoder.configure({ codec, optimizeForLatency: true });
@@ -36,12 +36,12 @@ function videoDecoder(codec: string, { onpicture, onlost, onfault }: DecoderEven
   }
 
   function decode(frame: IncomingFrame): void {
-    if (needsKey && !frame.key) {
+    if (keyframeNeeded && !frame.key) {
       if (!asked) onlost();
       asked = true;
       return;
     }
-    needsKey = false;
+    keyframeNeeded = false;
     frames.set(frame.sequence, frame);
     const type = frame.key ? "key" : "delta";
     decoder.decode(new EncodedVideoChunk({ type, timestamp: frame.sequence, data: frame.payload }));

@@ -67,9 +67,9 @@ export function createFigures(): Figures {
       return closed;
     },
     dropShare(seconds = 10) {
-      const recent = history.slice(-seconds);
-      const offered = total(recent, "offered");
-      return offered ? Math.min(1, total(recent, "dropped") / offered) : 0;
+      const latest = history.slice(-seconds);
+      const offered = total(latest, "offered");
+      return offered ? Math.min(1, total(latest, "dropped") / offered) : 0;
     },
   };
 }

@@ -26,9 +26,9 @@ export function createInvitation(kinds: SourceKind[], onchoose: (kind: SourceKin
   const element = h("div", { class: "live-invitation" }, content);
 
   function way(kind: SourceKind, i: number): HTMLElement {
-    const [sign, text] = WAYS[kind];
+    const [symbol, text] = WAYS[kind];
     const style = `button ${i === 0 ? "primary" : ""}`;
-    return h("button", { type: "button", class: style, onclick: () => onchoose(kind) }, icon(sign), text);
+    return h("button", { type: "button", class: style, onclick: () => onchoose(kind) }, icon(symbol), text);
   }
 
   function invite(): void {

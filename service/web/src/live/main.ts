@@ -11,14 +11,14 @@ import { fill, h } from "../shared/dom";
 import { readDraft } from "../shared/draft";
 import { problemBlock } from "../shared/notices";
 import { preparePage } from "../shared/page";
-import { readRoom } from "./connection";
+import { readLiveInfo } from "./connection";
 import { createLivePage } from "./page";
 
 const main = preparePage();
 
 async function begin(): Promise<void> {
   const draft = readDraft(location.hash.split("?")[1] ?? "");
-  const [live, methods] = await Promise.all([readRoom(), api.methods()]);
+  const [live, methods] = await Promise.all([readLiveInfo(), api.methods()]);
   const able = methods.filter((method) => live.methods.includes(method.name));
   const method = able.find(({ name }) => name === draft.method) ?? able[0];
   if (!method || !live.capacity) throw closed();

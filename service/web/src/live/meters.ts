@@ -56,10 +56,10 @@ export function createMeters(): Meters {
     Object.values(tiles).map((each) => each.element),
   );
   const element = h("div", { class: "live-meters" }, row, graph.element, more);
-  const seen: { codecs?: string; stages?: Record<string, number>; up?: number; down?: number; scale?: number } = {};
+  const latest: { codecs?: string; stages?: Record<string, number>; up?: number; down?: number; scale?: number } = {};
 
   function pairs(): void {
-    const { codecs, stages = {}, up, down = 0, scale } = seen;
+    const { codecs, stages = {}, up, down = 0, scale } = latest;
     const rows: [string, string | undefined][] = [
       ["Codecs", codecs],
       ["Network", up === undefined ? "" : `${megabits(up)} Mbit/s up, ${megabits(down)} Mbit/s down`],
@@ -81,16 +81,16 @@ export function createMeters(): Meters {
       tiles.glass.set(ms(second.glassMs));
       tiles.server.set(ms(second.serverMs));
       tiles.drops.set((100 * share).toFixed(share > 0 && share < 0.1 ? 1 : 0));
-      Object.assign(seen, { up: second.upBytes, down: second.downBytes });
+      Object.assign(latest, { up: second.upBytes, down: second.downBytes });
       pairs();
       graph.draw(figures.history, targetFps);
     },
     heard({ width, height, scale, stages_ms: stages }) {
       tiles.size.set(`${width} × ${height}`);
-      Object.assign(seen, { scale, ...(stages && { stages }) });
+      Object.assign(latest, { scale, ...(stages && { stages }) });
     },
     codecs(text) {
-      seen.codecs = text;
+      latest.codecs = text;
     },
     clear() {
       for (const each of Object.values(tiles)) each.set(NONE);

@@ -1,9 +1,9 @@
 /** The path of a frame: captured, encoded, sent, painted by the service, received, decoded, shown beside its original. */
 
 import type { Inputs } from "../shared/types";
-import { createGrabber, fitSize, type Grab, watchFrames } from "./capture";
+import { createGrabber, fitSize, followFrames, type Grab } from "./capture";
 import { type Offer, offer } from "./codecs";
-import { createConnection, readRoom } from "./connection";
+import { createConnection, readLiveInfo } from "./connection";
 import { createDecoder, type Decoder } from "./decode";
 import { createEncoder, type Encoder } from "./encode";
 import type { Figures } from "./figures";
@@ -14,10 +14,10 @@ import type {
   Hello,
   Incoming,
   IncomingFrame,
+  LiveInfo,
   LiveSettings,
   OutgoingFrame,
   Ready,
-  Room,
   Size,
   Stats,
 } from "./types";
@@ -69,7 +69,7 @@ export function createStream({ screen, figures, settings, events }: StreamOption
   let grab: Grab | null = null;
   let encoder: Encoder | null = null;
   let decoder: Decoder | null = null;
-  let service: Room | null = null;
+  let service: LiveInfo | null = null;
   let ready: Ready | null = null;
   let size: Size | null = null;
   let sequence = 0;
@@ -84,8 +84,8 @@ export function createStream({ screen, figures, settings, events }: StreamOption
 
   // -- opening
 
-  async function hello(room: Room | null): Promise<Hello> {
-    const known = room ?? service ?? (await readRoom());
+  async function hello(info: LiveInfo | null): Promise<Hello> {
+    const known = info ?? service ?? (await readLiveInfo());
     service = known;
     const { method, params, fps, quality, adaptive } = settings();
     const rate = Math.min(fps, known.limits.fps);
@@ -97,7 +97,7 @@ export function createStream({ screen, figures, settings, events }: StreamOption
     return { type: "hello", method, params, inputs: givenInputs(), ...shape, ...codecs, quality, adaptive };
   }
 
-  async function codecsFor(shape: Size & { fps: number }, known: Room): Promise<Offer> {
+  async function codecsFor(shape: Size & { fps: number }, known: LiveInfo): Promise<Offer> {
     if (imagesOnly) return { send: ["jpeg"], receive: ["jpeg"] };
     return offer(shape, known, settings().codec);
   }
@@ -126,7 +126,7 @@ export function createStream({ screen, figures, settings, events }: StreamOption
   function sendParams(): void {
     const { params, inputs } = settings();
     sentWishes = wishes();
-    connection.say({ type: "params", params, inputs });
+    connection.sendMessage({ type: "params", params, inputs });
   }
 
   // -- frames out
@@ -219,7 +219,7 @@ export function createStream({ screen, figures, settings, events }: StreamOption
 
   // -- faults of a codec: one more try with a key frame (and plain RGB: some cameras have odd formats), then images
 
-  const askKeyFrame = () => connection.say({ type: "keyframe" });
+  const askKeyFrame = () => connection.sendMessage({ type: "keyframe" });
 
   function encoderFault(error: unknown): void {
     encoder?.close();
@@ -270,7 +270,7 @@ export function createStream({ screen, figures, settings, events }: StreamOption
       watcher?.close();
       source = next;
       grab = createGrabber(next.video);
-      watcher = watchFrames(next.video, () => settings().fps, capture);
+      watcher = followFrames(next.video, () => settings().fps, capture);
     },
     close() {
       watcher?.close();

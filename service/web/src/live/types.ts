@@ -13,7 +13,7 @@ export interface Shape extends Size {
 }
 
 /** GET /v1/live. */
-export interface Room {
+export interface LiveInfo {
   methods: string[];
   receives: string[];
   sends: string[];

@@ -17,7 +17,7 @@ const STATES = ["", "queued", "running", "paused", "failed", "cancelled", "succe
 
 /** `first`: the overview read at the start; `ondenied` is called when the key is no admin's (any more). */
 export function createBoard(first: Overview, ondenied: (problem: api.Problem) => void): View {
-  const life = new AbortController();
+  const controller = new AbortController();
   const chosen = { job: new URLSearchParams(location.hash.slice(1)).get("job"), state: "" };
   const parts = createParts({ again: () => refresh(), onjob: choose });
   const options = STATES.map((state) => h("option", { value: state }, state || "all states"));
@@ -62,11 +62,11 @@ export function createBoard(first: Overview, ondenied: (problem: api.Problem) =>
     const mine = ++turn;
     clearTimeout(timer);
     try {
-      const overview = await ops.readOverview(chosen.state, life.signal);
+      const overview = await ops.readOverview(chosen.state, controller.signal);
       if (mine === turn) show(overview);
       if (mine === turn && chosen.job) await showTimeline(chosen.job, overview.snapshot.at);
     } catch (error) {
-      if (life.signal.aborted) return;
+      if (controller.signal.aborted) return;
       const problem = api.asProblem(error);
       if (problem.status === 403) return ondenied(problem);
       complain(problem);
@@ -82,7 +82,7 @@ export function createBoard(first: Overview, ondenied: (problem: api.Problem) =>
 
   async function showTimeline(id: string, now: number): Promise<void> {
     try {
-      const [job, bars] = await Promise.all([api.job(id, life.signal), ops.timeline(id, life.signal)]);
+      const [job, bars] = await Promise.all([api.job(id, controller.signal), ops.timeline(id, controller.signal)]);
       if (id !== chosen.job) return;
       timeline.hidden = false;
       timelineTitle.textContent = `Timeline of ${job.request.name || job.request.method}, ${job.state}`;
@@ -101,7 +101,7 @@ export function createBoard(first: Overview, ondenied: (problem: api.Problem) =>
   }
 
   const onvisible = () => (document.hidden ? clearTimeout(timer) : refresh());
-  document.addEventListener("visibilitychange", onvisible, { signal: life.signal });
+  document.addEventListener("visibilitychange", onvisible, { signal: controller.signal });
   filter.addEventListener("change", () => {
     chosen.state = filter.value;
     refresh();
@@ -111,7 +111,7 @@ export function createBoard(first: Overview, ondenied: (problem: api.Problem) =>
   return {
     element,
     close() {
-      life.abort();
+      controller.abort();
       clearTimeout(timer);
     },
   };

@@ -12,12 +12,12 @@ const RETRIED = ["failed", "cancelled"];
 
 export function createFailures(calls: BoardCalls): Updated<Failure> {
   const list = h("ul", { class: "failures" });
-  const nothing = h("p", { class: "nothing" }, "Nothing has failed.");
+  const placeholder = h("p", { class: "placeholder" }, "Nothing has failed.");
   const rows = new Map<string, FailureRow>();
   return {
-    element: h("div", {}, list, nothing),
+    element: h("div", {}, list, placeholder),
     update(failures) {
-      nothing.hidden = failures.length > 0;
+      placeholder.hidden = failures.length > 0;
       place(
         list,
         rows,

@@ -40,13 +40,13 @@ export function createTable<Item>(options: TableOptions<Item>): Updated<Item> {
   );
   const caption = h("caption", { class: "visually-hidden" }, name);
   const table = h("table", { class: `grid grid-${name}` }, caption, head, body);
-  const nothing = h("p", { class: "nothing" }, empty);
+  const placeholder = h("p", { class: "placeholder" }, empty);
   const rows = new Map<string, Row<Item>>();
   return {
-    element: h("div", { class: "grid-box" }, table, nothing),
+    element: h("div", { class: "grid-box" }, table, placeholder),
     update(items) {
       table.hidden = !items.length;
-      nothing.hidden = items.length > 0;
+      placeholder.hidden = items.length > 0;
       place(body, rows, items, key, (item) => createRow(options, item));
     },
   };

@@ -65,7 +65,7 @@ export function createTimeline(): Timeline {
       box,
       lanes.length
         ? picture(lanes, steps, span, box.clientWidth || 600, choose)
-        : h("p", { class: "nothing" }, "Nothing has run yet."),
+        : h("p", { class: "placeholder" }, "Nothing has run yet."),
     );
   }
 

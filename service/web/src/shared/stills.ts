@@ -20,17 +20,17 @@ export interface Stills extends View {
 /** `props` are those of the image. */
 export function createStills(assetId: string, props: Props = {}): Stills {
   const image = h("img", { class: "picture", decoding: "async", alt: "The frame, original", ...props });
-  const life = new AbortController();
+  const controller = new AbortController();
   let wanted = 0;
   let shown = -1;
   let busy = false;
   let fail: (problem: unknown) => void = () => {};
 
   async function next(): Promise<void> {
-    if (busy || life.signal.aborted || wanted === shown) return;
+    if (busy || controller.signal.aborted || wanted === shown) return;
     busy = true;
     shown = wanted;
-    await api.objectUrl(api.paths.frame(assetId, wanted, SIDE_PX), life.signal).then(swap, failed);
+    await api.objectUrl(api.paths.frame(assetId, wanted, SIDE_PX), controller.signal).then(swap, failed);
     busy = false;
     next();
   }
@@ -44,7 +44,7 @@ export function createStills(assetId: string, props: Props = {}): Stills {
 
   function failed(problem: unknown): void {
     const busyNow = problem instanceof api.Problem && problem.code === "busy";
-    if (!busyNow && !life.signal.aborted) fail(problem);
+    if (!busyNow && !controller.signal.aborted) fail(problem);
   }
 
   return {
@@ -57,7 +57,7 @@ export function createStills(assetId: string, props: Props = {}): Stills {
       fail = listener;
     },
     close() {
-      life.abort();
+      controller.abort();
       if (image.src) URL.revokeObjectURL(image.src);
     },
   };

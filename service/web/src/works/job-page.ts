@@ -18,7 +18,7 @@ const REFRESH_MS = 600;
 
 export function createJobPage(id: string): View {
   const element = h("div", { class: "job", "aria-busy": "true" }, h("div", { class: "loading" }, "Loading the job…"));
-  const life = new AbortController();
+  const controller = new AbortController();
   const progress = createProgress();
   const preview = createJobPreview(id);
   let result: Result | null = null;
@@ -27,14 +27,14 @@ export function createJobPage(id: string): View {
 
   async function refresh(): Promise<void> {
     try {
-      draw(await api.job(id, life.signal));
+      draw(await api.job(id, controller.signal));
     } catch (error) {
-      if (!life.signal.aborted && !job) missing(api.asProblem(error));
+      if (!controller.signal.aborted && !job) missing(api.asProblem(error));
     }
   }
 
   function missing(problem: api.Problem): void {
-    life.abort();
+    controller.abort();
     element.setAttribute("aria-busy", "false");
     const links = [
       h("a", { class: "button", href: "#/jobs" }, "All works"),
@@ -96,13 +96,13 @@ export function createJobPage(id: string): View {
     disable(true);
     await api.act(id, verb).then(draw, notify);
     disable(false);
-    if (verb === "retry") watch();
+    if (verb === "retry") followJob();
   }
 
   /** Read the job anew after each event, but not more often than the eye can follow. */
-  async function watch(): Promise<void> {
+  async function followJob(): Promise<void> {
     const stop = new AbortController();
-    life.signal.addEventListener("abort", () => stop.abort(), { once: true });
+    controller.signal.addEventListener("abort", () => stop.abort(), { once: true });
     const soon = throttle(async () => {
       await refresh();
       if (job && isFinal(job)) stop.abort();
@@ -111,12 +111,12 @@ export function createJobPage(id: string): View {
   }
 
   refresh().then(() => {
-    if (job && !isFinal(job)) watch();
+    if (job && !isFinal(job)) followJob();
   });
   return {
     element,
     close() {
-      life.abort();
+      controller.abort();
       preview.close();
       result?.close();
     },

@@ -64,8 +64,8 @@ function stepRow(step: Step): HTMLElement {
   const seconds = step.state === "succeeded" && step.seconds > 0 && duration(step.seconds);
   const bar = h("span", { class: "step-bar" });
   bar.style.setProperty("--done", String(step.progress));
-  const sign = step.state === "succeeded" ? icon("check") : step.state === "failed" ? icon("alert") : "";
-  const mark = h("span", { class: "step-mark" }, sign);
+  const symbol = step.state === "succeeded" ? icon("check") : step.state === "failed" ? icon("alert") : "";
+  const mark = h("span", { class: "step-mark" }, symbol);
   const title = h("span", { class: "step-title" }, step.title);
   const row = h("li", { class: "step" }, mark, title, h("span", { class: "step-note" }, seconds || tasks || ""), bar);
   row.dataset.state = step.state;

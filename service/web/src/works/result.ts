@@ -17,29 +17,29 @@ export interface Result extends View {
 
 export function createResult(job: Job): Result {
   const element = h("div", { class: "result" });
-  const life = { closed: false, close: () => {} };
+  const playback = { closed: false, close: () => {} };
   const playable = job.request.output?.format !== "png";
-  (playable ? play(job, element, life) : showSheet(job, element)).catch(notify);
+  (playable ? play(job, element, playback) : showSheet(job, element)).catch(notify);
   return {
     element,
     downloads: downloads(job),
     close() {
-      life.closed = true;
-      life.close();
+      playback.closed = true;
+      playback.close();
     },
   };
 }
 
-async function play(job: Job, element: HTMLElement, life: { closed: boolean; close: () => void }): Promise<void> {
+async function play(job: Job, element: HTMLElement, playback: { closed: boolean; close: () => void }): Promise<void> {
   const asset = await api.asset(job.request.inputs.video ?? "");
   const [before, after, poster] = await Promise.all([
     mayPlay(asset) ? api.mediaUrl(api.paths.content(asset.id)) : "",
     api.mediaUrl(api.paths.result(job.id)),
     job.results.includes("poster") ? api.mediaUrl(api.paths.file(job.id, "poster")) : null,
   ]);
-  if (life.closed) return;
+  if (playback.closed) return;
   const player = createPlayer({ asset, before, after, poster, first: job.request.frames?.[0] ?? 0 });
-  life.close = player.close;
+  playback.close = player.close;
   element.append(player.element);
 }
 
