@@ -200,11 +200,11 @@ class TaskOrder:
     """Input name -> the asset's info."""
     output: OutputSpec
     results: dict[str, dict[str, Json]]
-    """Notes of finished steps."""
+    """Results of the tasks of finished steps: step -> key -> result."""
     artefacts: dict[str, str]
-    """"step/name" -> blob key of every artefact that earlier steps, and the tasks of `after`, have saved."""
+    """"step/name" -> blob key of every artefact that the task may load: see `pipeline.methods.tasks.Task.after`."""
     after: tuple[str, ...] = ()
-    """Keys of the tasks of this step that had to be done first, in plan order."""
+    """Tasks that had to be done first, in plan order: "key" in this step, "step/key" in an earlier one."""
     segments: tuple[tuple[int, int, str], ...] = ()
     """For "assemble": (start, stop, blob key) of every emitted run, in order."""
     stages: dict[str, dict[str, float]] = field(default_factory=dict)

@@ -18,6 +18,7 @@ from pipeline.arrays import AnyArray, Arrays, State
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame
 from pipeline.methods.base import AnyParams, Method, P, PlanContext, Task, TaskResult, VideoInfo, no_clock
+from pipeline.methods.plan_check import check_plan, dependencies
 
 DEFAULT_FPS = 25.0
 
@@ -40,8 +41,8 @@ Input: TypeAlias = Sequence[Frame] | FrameSource | Mapping[int, AnyArray] | Mapp
 class LocalContext(Generic[P]):
     """`pipeline.methods.base.TaskContext` in memory.
 
-    It applies the farm's rules: a task loads only artefacts of earlier steps and of the tasks in its `after`, saves a
-    name once, and emits a frame once.
+    It applies the farm's rules: a task loads only the artefacts that its `after` allows, saves a name once, and emits
+    a frame once.
 
     Args:
         params: the method's Params.
@@ -105,9 +106,10 @@ class LocalContext(Generic[P]):
         self.kept[self.step, name] = {key: np.array(array) for key, array in arrays.items()}
 
     def load(self, step: str, name: str) -> State:
-        own = step == self.step and self.task is not None
-        if own and self.task is not None and self._makers.get((step, name)) not in self.task.after:
-            raise KeyError(f"{step}/{name}: task {self.task.key!r} does not name its maker in `after`")
+        if self.task is not None:
+            named = {self.step: set[str](), **dependencies(self.task.after, self.step)}
+            if step in named and self._makers.get((step, name)) not in named[step]:
+                raise KeyError(f"{step}/{name}: task {self.task.key!r} does not name its maker in `after`")
         return {key: array.copy() for key, array in self.kept[step, name].items()}
 
     def save_file(self, name: str, data: bytes, media_type: str) -> None:
@@ -156,21 +158,34 @@ def iterate_plan(
     Args:
         shuffle: as for `run_plan`.
         steps: how many steps to run; None: all.
+
+    Raises: PlanError, if the method plans tasks that cannot be run.
     """
     results: dict[str, dict[str, TaskResult]] = {}
+    order: dict[str, int] = {}
     for step in method.steps[:steps]:
         plan_context = PlanContext(context.params, context.seed, context.video, frozenset(context.inputs), results)
-        for task in _in_order(step.plan(plan_context), shuffle):
-            context.step, context.task = step.name, replace(task, after=tuple(sorted(task.after)))
-            results.setdefault(step.name, {})[task.key] = step.run(context.task, context)
+        tasks = step.plan(plan_context)
+        check_plan(tasks, step.name, results, [one.name for one in method.steps])
+        results[step.name] = {}
+        for task in tasks:
+            order[f"{step.name}/{task.key}"] = len(order)
+        for task in _in_order(tasks, step.name, shuffle):
+            context.step, context.task = step.name, replace(task, after=_in_plan_order(task.after, step.name, order))
+            results[step.name][task.key] = step.run(context.task, context)
             yield step.name, task
 
 
-def _in_order(tasks: Sequence[Task], shuffle: int | None) -> Iterator[Task]:
+def _in_plan_order(after: Sequence[str], step: str, order: Mapping[str, int]) -> tuple[str, ...]:
+    """`order`: place in the plan by "step/key"."""
+    return tuple(sorted(set(after), key=lambda name: order[name if "/" in name else f"{step}/{name}"]))
+
+
+def _in_order(tasks: Sequence[Task], step: str, shuffle: int | None) -> Iterator[Task]:
     waiting, done = list(tasks), set[str]()
     draw = random.Random(shuffle)  # noqa: S311 (an order of tasks, no secret)
     while waiting:
-        ready = [task for task in waiting if set(task.after) <= done]
+        ready = [task for task in waiting if dependencies(task.after, step).get(step, set()) <= done]
         task = ready[0] if shuffle is None else draw.choice(ready)
         waiting.remove(task)
         done.add(task.key)

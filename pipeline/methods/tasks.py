@@ -93,9 +93,9 @@ class Task:
 
     Attributes:
         key: unique in its step, stable, made of [a-z0-9-].
-        after: keys of tasks of the SAME step that must be done first, in plan order. Earlier steps are always done. A
-            task may load artefacts of earlier steps and, within its own step, artefacts of these tasks only, so that
-            its input does not depend on the order in which tasks happen to run.
+        after: tasks that must be done first: "key" names a task of the same step, "step/key" one of any earlier step.
+            A task may load artefacts of these tasks, and of every earlier step of which `after` names no task. So its
+            input does not depend on the order in which tasks run. The running task sees `after` in plan order.
         emits: frames [start, stop) that this task emits, each exactly once and in order; None: none.
         weight: expected cost, for progress and ETA, where painting one frame costs 1. Decoding and scanning a frame
             costs about 0.05.
@@ -157,7 +157,7 @@ class TaskContext(Protocol[P_co]):
         ...
 
     def load(self, step: str, name: str) -> State:
-        """Load the artefact `name` of an earlier step, or of a task of this step that `Task.after` names.
+        """Load the artefact `name` of a step. Which artefacts a task may load: see `Task.after`.
 
         Raises: KeyError, if there is no such artefact.
         """

@@ -138,6 +138,24 @@ def test_a_task_sees_what_its_chain_has_saved_and_nothing_else(store: Store) -> 
     assert store.task_inputs.chain(_claim(store).task["id"]) == (("a", "b"), {"draw/a": "k-a", "draw/b": "k-b"})
 
 
+def test_a_task_depends_on_tasks_of_any_earlier_step(store: Store) -> None:
+    job_id = _job(store)
+    _plan(store, Task("a"), Task("b"))
+    for _ in range(2):
+        claim = _claim(store)
+        assert store.queue.finish(_answer(claim, artefacts={f"look/{claim.task['key']}": f"k-{claim.task['key']}"}))
+    _plan(store, Task("one", after=("look/b",)), Task("two", after=("one", "look/a", "look/b")))
+    assert [(task.key, task.state) for task in store.tasks.page(job_id).items[2:]] == [
+        ("one", "ready"),
+        ("two", "waiting"),
+    ]
+    claim = _claim(store)
+    assert store.task_inputs.chain(claim.task["id"]) == (("look/b",), {"look/b": "k-b"})
+    assert store.queue.finish(_answer(claim, artefacts={"draw/one": "k-one"}))
+    chain = store.task_inputs.chain(_claim(store).task["id"])
+    assert chain == (("look/a", "look/b", "one"), {"look/a": "k-a", "look/b": "k-b", "draw/one": "k-one"})
+
+
 def test_what_a_running_task_shows_is_a_file_of_the_job_until_there_is_better(store: Store) -> None:
     job_id = _job(store)
     _plan(store)

@@ -183,7 +183,7 @@ class Tus:
             return httpx.Response(200, json={"id": request.url.path[11:]}) if known else problem(404, code="not-found")
         return getattr(self, f"_{request.method.lower()}")(request)
 
-    def _create(self, request: httpx.Request) -> httpx.Response:
+    def _post(self, request: httpx.Request) -> httpx.Response:
         self.name = request.headers["Upload-Metadata"]
         assert request.url.path == "/v1/uploads"
         return httpx.Response(201, headers={"Location": "/v1/uploads/u1"})

@@ -17,6 +17,7 @@ from typing import Any, ClassVar
 from pydantic import Field
 
 from pipeline.errors import BadInput, Cancelled, StorageError, StorageFull
+from pipeline.methods import method, parse_params
 from pipeline.methods.base import (
     InputSpec,
     Method,
@@ -121,7 +122,7 @@ class Toy(Method):
 
 class _Context:
     def __init__(self, blobs: Blobs, order: TaskOrder, report: Tell, cancelled: Callable[[], bool]):
-        self.params = ToyParams(**order.params)
+        self.params = parse_params(method(order.method), order.params)
         self.seed = order.seed
         self.artefacts: dict[str, str] = {}
         self.segment: bytes | None = None
@@ -160,7 +161,7 @@ class ToyRunner:
     def _step(self, order: TaskOrder, report: Tell, cancelled: Callable[[], bool]) -> TaskOutcome:
         began = time.monotonic()
         context = _Context(self._blobs, order, report, cancelled)
-        step = next(step for step in Toy.steps if step.name == order.step)
+        step = next(step for step in method(order.method).steps if step.name == order.step)
         task = Task(order.key, order.args, order.after, order.emits)
         result = step.run(task, context)
         key = f"jobs/{order.job_id}/{order.attempt_id}/segment" if context.segment is not None else None

@@ -1,4 +1,4 @@
-"""From a claimed task to the order that a worker gets. What finished steps have left is read once a step."""
+"""Builds the order that a worker gets for a claimed task. Results of finished steps are read once per step."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Orders:
             input_info=before.info,
             output=request.output,
             results=before.results,
-            artefacts={**before.artefacts, **chained},
+            artefacts=_visible(before.artefacts, after) | chained,
             after=after,
             segments=before.segments,
             frames=request.frames,
@@ -84,3 +84,9 @@ class Orders:
         segments, stages = (context.segments(job_id), context.stages(job_id, step)) if last else ((), {})
         info = window_inputs(context.input_info(request.inputs), request.frames)
         return _Before(results, artefacts, info, segments, stages)
+
+
+def _visible(artefacts: dict[str, str], after: tuple[str, ...]) -> dict[str, str]:
+    """Artefacts of the earlier steps of which `after` names no task: see `pipeline.methods.tasks.Task.after`."""
+    named = {name.partition("/")[0] for name in after if "/" in name}
+    return {name: key for name, key in artefacts.items() if name.partition("/")[0] not in named}

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from sqlalchemy import Connection, bindparam, func, insert, select, text, update
+from sqlalchemy import and_, bindparam, func, insert, select, text, update
 
 from pipeline.methods.base import Task
 from workers import state_machine as machine
@@ -54,7 +54,7 @@ class Plans(StorePart):
                 return False
             rows = _task_rows(job, step, tasks)
             waiting = sum(1 for row in rows if row["blockers"])
-            _insert_tasks(job.connection, tasks, rows)
+            _insert_tasks(job, step, tasks, rows)
             _weigh(job, step, sum(task.weight for task in tasks))
             job.apply(machine.Planned(len(rows) - waiting, waiting))
             job.add_event("step.planned", {"step": job.step_row(step)["name"], "tasks": len(rows)})
@@ -91,6 +91,7 @@ def _task_rows(job: JobTransaction, step: int, tasks: Sequence[Task]) -> list[di
 
 def _task_row(job_id: str, step: int, position: int, task: Task) -> dict[str, Any]:
     start, stop = task.emits or (None, None)
+    blockers = sum(1 for name in set(task.after) if "/" not in name)  # tasks of earlier steps are done
     return {
         "id": new_id("tsk_"),
         "job_id": job_id,
@@ -103,18 +104,35 @@ def _task_row(job_id: str, step: int, position: int, task: Task) -> dict[str, An
         "weight": task.weight,
         "chained": bool(task.after),
         "needs": None if task.resources is None else asdict(task.resources),
-        "state": (TaskState.WAITING if task.after else TaskState.READY).value,
-        "blockers": len(set(task.after)),
+        "state": (TaskState.WAITING if blockers else TaskState.READY).value,
+        "blockers": blockers,
     }
 
 
-def _insert_tasks(connection: Connection, tasks: Sequence[Task], rows: list[dict[str, Any]]) -> None:
-    ids = {row["key"]: row["id"] for row in rows}
-    edges = [{"before_id": ids[key], "task_id": ids[task.key]} for task in tasks for key in sorted(set(task.after))]
+def _insert_tasks(job: JobTransaction, step: int, tasks: Sequence[Task], rows: list[dict[str, Any]]) -> None:
+    names = sorted({name for task in tasks for name in task.after})
+    ids = {row["key"]: row["id"] for row in rows} | _ids_of_earlier(job, step, [name for name in names if "/" in name])
+    edges = [{"before_id": ids[name], "task_id": ids[task.key]} for task in tasks for name in sorted(set(task.after))]
     if rows:
-        connection.execute(insert(schema.tasks), rows)
+        job.connection.execute(insert(schema.tasks), rows)
     if edges:
-        connection.execute(insert(schema.task_edges), edges)
+        job.connection.execute(insert(schema.task_edges), edges)
+
+
+def _ids_of_earlier(job: JobTransaction, step: int, names: Sequence[str]) -> dict[str, str]:
+    """Ids of tasks of earlier steps by their name, "step/key"."""
+    if not names:
+        return {}
+    tasks, steps = schema.tasks, schema.steps
+    query = (
+        select(steps.c.name, tasks.c.key, tasks.c.id)
+        .join(steps, and_(steps.c.job_id == tasks.c.job_id, steps.c.step == tasks.c.step))
+        .where(tasks.c.job_id == job.job_id, tasks.c.step < step)
+        .where(steps.c.name.in_({name.partition("/")[0] for name in names}))
+    )
+    wanted = set(names)
+    found = {f"{name}/{key}": task_id for name, key, task_id in job.connection.execute(query)}
+    return {name: task_id for name, task_id in found.items() if name in wanted}
 
 
 def _weigh(job: JobTransaction, step: int, weight: float) -> None:

@@ -37,18 +37,20 @@ class TaskInputs(StorePart):
         return results, artefacts
 
     def chain(self, task_id: str) -> tuple[tuple[str, ...], dict[str, str]]:
-        """Keys of the tasks that had to be done before this one, in plan order, and the artefacts they have saved."""
-        tasks, edges = schema.tasks, schema.task_edges
+        """The task's `after` in plan order, and the artefacts ("step/name" -> blob key) that those tasks have saved."""
+        tasks, steps, edges, own = schema.tasks, schema.steps, schema.task_edges, schema.tasks.alias("own")
         query = (
-            select(tasks.c.key, tasks.c.artefacts)
+            select(tasks.c.key, tasks.c.artefacts, steps.c.name, (tasks.c.step == own.c.step).label("same_step"))
             .join(edges, edges.c.before_id == tasks.c.id)
+            .join(own, own.c.id == edges.c.task_id)
+            .join(steps, and_(steps.c.job_id == tasks.c.job_id, steps.c.step == tasks.c.step))
             .where(edges.c.task_id == task_id)
             .order_by(tasks.c.position)
         )
         with self._db.read() as connection:
             found = connection.execute(query).all()
         artefacts = {name: key for row in found for name, key in (row.artefacts or {}).items()}
-        return tuple(row.key for row in found), artefacts
+        return tuple(row.key if row.same_step else f"{row.name}/{row.key}" for row in found), artefacts
 
     def leads(self, task_id: str) -> bool:
         """Whether others wait for this task."""
