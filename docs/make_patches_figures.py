@@ -20,18 +20,27 @@ from docs.pictures import CLIPS, DOCS, MEDIA, PAPER, frames, grid, save
 from pipeline.frames import Frame, Labels
 from pipeline.methods import parse_params
 from pipeline.methods.patches import Patches, PatchesParams
-from pipeline.methods.patches.ages import Room, ages, picture, spans, sum_up
-from pipeline.methods.patches.artefacts import heat
-from pipeline.methods.patches.build import painter_of
-from pipeline.methods.patches.clusters import LabelMaps
-from pipeline.methods.patches.grid import Grid
-from pipeline.methods.patches.join import Hops, joined, settle
-from pipeline.methods.patches.links import Links
-from pipeline.methods.patches.lives import Life
-from pipeline.methods.patches.register import Views
-from pipeline.methods.patches.scan import RUN
-from pipeline.methods.patches.styles import STYLES
-from pipeline.warp.panorama import Lay
+from pipeline.methods.patches.appearance import (
+    PanoramaRect,
+    appearance_periods,
+    colour_spans,
+    colour_sum,
+    period_picture,
+)
+from pipeline.methods.patches.artefacts import heat_map
+from pipeline.methods.patches.clustering import LabelMaps
+from pipeline.methods.patches.params import STROKE_STYLES
+from pipeline.methods.patches.patch_construction import (
+    WarpReader,
+    concatenated_placements,
+    patch_painter,
+    relax_placements,
+)
+from pipeline.methods.patches.patch_track import PatchTrack
+from pipeline.methods.patches.registration import Registration
+from pipeline.methods.patches.scan import WorkingGrid
+from pipeline.methods.patches.window_flow import WindowFlow
+from pipeline.warp.panorama import Placement
 from pipeline.warp.springs import distortion, relax
 
 PAGE, FOLDER = DOCS / "patches.md", DOCS / "patches"
@@ -40,14 +49,14 @@ SHOWN: Mapping[str, tuple[int, int, int]] = {
     "blackswan": (0, 20, 12), "coffee": (20, 32, 6), "bunny": (436, 460, 12),
 }  # fmt: skip
 """Clip -> frames [start, stop) that are painted, and which of them is shown."""
-TOLD = {"video": "video", "on": "patches", "strokes": "strokes carried by flow", "off": "frame by frame"}
+TITLES = {"video": "video", "on": "patches", "strokes": "strokes advected by flow", "off": "frame by frame"}
 MARKS = ("<!-- parameters: written by docs/make_patches_figures.py -->", "<!-- end of parameters -->")
 HUES = 0.618034
 """Part of a turn between the hues of two labels in a row: far apart for any few."""
 
 
 def painted(clip: str, **params: Any) -> tuple[Table, list[Frame]]:
-    """The shown part of a clip, painted: the context with all that was kept, and the frames."""
+    """Paint the shown part of a clip: the context with all artefacts, and the frames."""
     start, stop, _ = SHOWN[clip]
     source = list(frames(CLIPS[clip], MEDIA, start, stop, HEIGHT))
     context = Table(parse_params(Patches(), params), source)
@@ -56,7 +65,7 @@ def painted(clip: str, **params: Any) -> tuple[Table, list[Frame]]:
 
 
 def coloured(labels: Labels, frame: Frame) -> Frame:
-    """A label map over its frame: a hue a label, white the background, black what is unclustered."""
+    """A label map over its frame: one hue per label, white = background, black = unclustered."""
     count = int(labels.max()) + 1
     hues = np.arange(count) * HUES % 1 * 180
     shades = np.stack([hues, np.full(count, 190.0), np.full(count, 235.0)], axis=1).round().astype(np.uint8)
@@ -67,7 +76,7 @@ def coloured(labels: Labels, frame: Frame) -> Frame:
 
 
 def boxed(picture_: Frame, shape: tuple[int, ...]) -> Frame:
-    """A picture of any shape, whole, on paper of one."""
+    """A picture scaled to fit into a shape, centred on paper."""
     height, width = shape[:2]
     scale = min(height / picture_.shape[0], width / picture_.shape[1])
     size = max(1, round(picture_.shape[1] * scale)), max(1, round(picture_.shape[0] * scale))
@@ -77,45 +86,46 @@ def boxed(picture_: Frame, shape: tuple[int, ...]) -> Frame:
     return out
 
 
-def patch_life(context: Table) -> Life:
+def largest_object(context: Table) -> PatchTrack:
     """The largest patch that is not the background."""
-    rows = [Life(**task.args["life"]) for task, _ in context.spent["patch"]]
-    return max((life for life in rows if life.label > 1), key=lambda life: (life.area, life.key))
+    tracks = [PatchTrack(**task.args["track"]) for task, _ in context.spent["patch"]]
+    return max((track for track in tracks if track.label > 1), key=lambda track: (track.area, track.key))
 
 
-def panorama(lays: dict[int, Lay], life: Life, maps: LabelMaps, context: Table) -> Frame:
-    """The mean of a patch's frames as they are laid."""
-    room, grid_ = Room.around(lays, Grid.of(context.size)), Grid.of(context.size)
-    sums = [sum_up(span, life, lays, maps, room, context) for span in spans(life)]
-    return picture(sums, ages(sums, life, room, grid_, context.params).every, room, grid_, context.params.misfit)
+def panorama(placements: dict[int, Placement], track: PatchTrack, maps: LabelMaps, context: Table) -> Frame:
+    """The mean of a patch's frames at these placements."""
+    working_grid, params = WorkingGrid.of(context.size), context.params
+    rect = PanoramaRect.around(placements, working_grid)
+    sums = [colour_sum(span, track, placements, maps, rect, context) for span in colour_spans(track)]
+    overall = appearance_periods(sums, track, rect, working_grid, params).overall
+    return period_picture(sums, overall, rect, working_grid, params.misfit)
 
 
-def strains(views: Views, life: Life) -> list[Frame]:
-    """Where the warp between two frames of a patch is distorted, before and after relaxation."""
-    index = life.master + 1 if life.master + 1 < life.stop else life.master - 1
-    here = views.here(life, index)
-    assert here is not None
-    sheet = views.sheet(here, index)[2]
-    planes = [distortion(sheet, laid) for laid in (sheet.targets, relax([sheet]).moved(sheet.targets))]
-    top = np.float32(max(float(np.percentile(planes[0][here.mask], 99)), 1e-6))
-    return [heat(plane / top) for plane in planes]
+def distortion_maps(registration: Registration, track: PatchTrack) -> list[Frame]:
+    """Distortion of the warp between two frames of a patch, before and after relaxation."""
+    index = track.master + 1 if track.master + 1 < track.stop else track.master - 1
+    region = registration.region(track, index)
+    assert region is not None
+    sheet = registration.spring_system(region, index)[2]
+    planes = [distortion(sheet, positions) for positions in (sheet.targets, relax([sheet]).moved(sheet.targets))]
+    top = np.float32(max(float(np.percentile(planes[0][region.mask], 99)), 1e-6))
+    return [heat_map(plane / top) for plane in planes]
 
 
 def pipeline() -> None:
-    """From labels to the painting: a swan is laid over itself, relaxed, painted, and carried back."""
+    """From labels to the painting: the frames of a swan are placed in a panorama, relaxed, painted, and warped back."""
     context, made = painted("blackswan")
-    shown, life = SHOWN["blackswan"][2], patch_life(context)
-    maps, source = LabelMaps(context, life.begin), context.clip[shown]
-    size = Grid.of(context.size).size
-    views = Views(Links(context, life.begin, RUN), maps, context.params)
-    before = joined(life, lambda index: views.hop(life, index, most=0), size)
-    after = joined(life, Hops(life, context), size)
-    settle(after, life, maps, context.params)
-    laid = [panorama(lays, life, maps, context) for lays in (before, after)]
-    strain = strains(views, life)
+    shown, track = SHOWN["blackswan"][2], largest_object(context)
+    maps, source = LabelMaps(context, track.begin), context.clip[shown]
+    size = WorkingGrid.of(context.size).size
+    registration = Registration(WindowFlow(context, track.begin), maps, context.params)
+    before = concatenated_placements(track, lambda index: registration.warp(track, index, max_iterations=0), size)
+    concatenated = concatenated_placements(track, WarpReader(track, context), size)
+    after, _ = relax_placements(concatenated, track, maps, context.params)
+    panoramas = [panorama(placements, track, maps, context) for placements in (before, after)]
     tiles = [
-        source, coloured(maps.sure(shown), source), painter_of(life, context).picture(laid[1]), made[shown],
-        *laid, *strain,
+        source, coloured(maps.require(shown), source), patch_painter(track, context).paint_picture(panoramas[1]),
+        made[shown], *panoramas, *distortion_maps(registration, track),
     ]  # fmt: skip
     names = [
         "a frame", "labels", "painted patch", "painted frame", "panorama, not relaxed", "relaxed",
@@ -125,20 +135,20 @@ def pipeline() -> None:
 
 
 def styles() -> None:
-    tiles = [painted("coffee", style=name)[1][SHOWN["coffee"][2]] for name in STYLES]
+    tiles = [painted("coffee", style=name)[1][SHOWN["coffee"][2]] for name in STROKE_STYLES]
     tiles.append(painted("coffee", style="impressionist", background_style="wash")[1][SHOWN["coffee"][2]])
-    save(grid(tiles, 2, [*STYLES, "impressionist on a background of wash"]), FOLDER / "styles.jpg", LIMIT)
+    save(grid(tiles, 2, [*STROKE_STYLES, "impressionist on a background of wash"]), FOLDER / "styles.jpg", LIMIT)
 
 
 def time() -> None:
-    """A row of pixels over time, of the video, of patches and of both baselines; and a corner in three frames."""
+    """A row of pixels over time, of the video, of patches and of both baselines."""
     start, stop, _ = SHOWN["bunny"]
     source = list(frames(CLIPS["bunny"], MEDIA, start, stop, HEIGHT))
     made = {mode: painted("bunny", temporal=mode)[1] for mode in ("on", "strokes", "off")}
     tiles, names = [], []
     for name, video in (("video", source), *made.items()):
         tiles.append(slit(video))
-        names.append(TOLD[name])
+        names.append(TITLES[name])
     save(grid(tiles, 2, names), FOLDER / "slits.jpg", LIMIT)
 
 
@@ -158,7 +168,7 @@ def parameters_table() -> Iterator[str]:
 
 
 def table() -> None:
-    """Put the table between its marks."""
+    """Write the table of parameters between its marks."""
     begin, end = MARKS
     before, _, rest = PAGE.read_text().partition(begin)
     PAGE.write_text(f"{before}{begin}\n\n" + "\n".join(parameters_table()) + f"{end}{rest.partition(end)[2]}")

@@ -1,6 +1,6 @@
 """Panoramas: the mean of many frames in common coordinates, and the mapping from frames to the panorama.
 
-A *lay* is the placement of a rectangle of a frame in the panorama: a homography plus a residual displacement.
+A placement maps a rectangle of a frame to the panorama: a homography plus a residual displacement.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ Rect = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True)
-class Lay:
-    """Placement of a rectangle of a frame in the panorama: G(p) = matrix p + rest(p).
+class Placement:
+    """Placement of a rectangle of a frame in the panorama: G(p) = matrix p + residual(p).
 
     Attributes:
         rect: the rectangle in the frame, working px.
         matrix: homography from frame to panorama coordinates, working px.
-        rest: float16 or float32 (h, w, 2), residual displacement, working px.
+        residual: float16 or float32 (h, w, 2), residual displacement, working px.
     """
 
     rect: Rect
     matrix: Homography
-    rest: AnyArray
+    residual: AnyArray
 
     def positions(self) -> NDArray[np.float32]:
         """Panorama positions G of the rectangle's pixels: float32 (h, w, 2), working px."""
         left, top, right, bottom = self.rect
         here = lattice((bottom - top, right - left), (left, top))
-        return np.asarray(apply(self.matrix, here) + self.rest, np.float32)
+        return np.asarray(apply(self.matrix, here) + self.residual, np.float32)
 
     def at(self, points: NDArray[np.float32]) -> NDArray[np.float32]:
         """Panorama positions G of arbitrary points (h, w, 2) of the frame.
@@ -47,11 +47,11 @@ class Lay:
         """
         x = np.ascontiguousarray(points[..., 0] - np.float32(self.rect[0]))
         y = np.ascontiguousarray(points[..., 1] - np.float32(self.rect[1]))
-        rest = cv2.remap(self.rest.astype(np.float32), x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        return (apply(self.matrix, points) + rest).astype(np.float32)
+        residual = cv2.remap(self.residual.astype(np.float32), x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        return (apply(self.matrix, points) + residual).astype(np.float32)
 
 
-def full_map(lay: Lay, ratio: tuple[float, float], size: tuple[int, int], origin: tuple[int, int]) -> tuple[
+def full_map(placement: Placement, ratio: tuple[float, float], size: tuple[int, int], origin: tuple[int, int]) -> tuple[
     Rect, Plane, Plane
 ]:  # fmt: skip
     """Panorama positions of full-size pixels: a rectangle of the frame, px, and x and y, float32 (h, w) each, px.
@@ -61,7 +61,7 @@ def full_map(lay: Lay, ratio: tuple[float, float], size: tuple[int, int], origin
         size: (width, height) of the frame, px.
         origin: (x, y) of the panorama's first pixel, px.
     """
-    left, top, right, bottom = lay.rect
+    left, top, right, bottom = placement.rect
     rect = (
         max(int(np.floor(left * ratio[0])), 0), max(int(np.floor(top * ratio[1])), 0),
         min(int(np.ceil(right * ratio[0])), size[0]), min(int(np.ceil(bottom * ratio[1])), size[1]),
@@ -69,18 +69,18 @@ def full_map(lay: Lay, ratio: tuple[float, float], size: tuple[int, int], origin
     shape = rect[3] - rect[1], rect[2] - rect[0]
     x, y = np.empty(shape, np.float32), np.empty(shape, np.float32)
     _full_map(
-        lay.rest.astype(np.float32), lay.matrix, left, top, rect[0], rect[1], ratio[0], ratio[1], origin[0], origin[1],
-        x, y,
+        placement.residual.astype(np.float32), placement.matrix, left, top, rect[0], rect[1], ratio[0], ratio[1],
+        origin[0], origin[1], x, y,
     )  # fmt: skip
     return rect, x, y
 
 
 @kernel
 def _full_map(
-    rest: NDArray[np.float32], m: Homography, left: int, top: int, x0: int, y0: int, rx: float, ry: float, ox: int,
+    residual: NDArray[np.float32], m: Homography, left: int, top: int, x0: int, y0: int, rx: float, ry: float, ox: int,
     oy: int, out_x: Plane, out_y: Plane,
 ) -> None:  # fmt: skip
-    rows, columns = rest.shape[:2]
+    rows, columns = residual.shape[:2]
     for i in range(out_x.shape[0]):
         y = (y0 + i + 0.5) / ry - 0.5
         v = min(max(y - top, 0.0), rows - 1.0)
@@ -95,14 +95,14 @@ def _full_map(
             d = np.float32(u - c)
             scale = 1.0 / (m[2, 0] * x + m[2, 1] * y + m[2, 2])
             for k in range(2):
-                upper = rest[a, c, k] + d * (rest[a, beside, k] - rest[a, c, k])
-                lower = rest[below, c, k] + d * (rest[below, beside, k] - rest[below, c, k])
+                upper = residual[a, c, k] + d * (residual[a, beside, k] - residual[a, c, k])
+                lower = residual[below, c, k] + d * (residual[below, beside, k] - residual[below, c, k])
                 off = upper + b * (lower - upper)
-                place = (m[k, 0] * x + m[k, 1] * y + m[k, 2]) * scale + off
+                position = (m[k, 0] * x + m[k, 1] * y + m[k, 2]) * scale + off
                 if k == 0:
-                    out_x[i, j] = np.float32((place + 0.5) * rx - 0.5 - ox)
+                    out_x[i, j] = np.float32((position + 0.5) * rx - 0.5 - ox)
                 else:
-                    out_y[i, j] = np.float32((place + 0.5) * ry - 0.5 - oy)
+                    out_y[i, j] = np.float32((position + 0.5) * ry - 0.5 - oy)
 
 
 def gather(total: NDArray[np.float32], picture: Frame, weights: Plane, x: Plane, y: Plane) -> None:
@@ -111,7 +111,7 @@ def gather(total: NDArray[np.float32], picture: Frame, weights: Plane, x: Plane,
     Args:
         total: float32 (H, W, 4): sums of red, green, blue times weight, and of the weights.
         picture: uint8 (h, w, 3); weights: float32 (h, w), pixels of weight 0 do not count.
-        x, y: float32 (h, w), places in the panorama, px.
+        x, y: float32 (h, w), positions in the panorama, px.
     """
     _gather(total, picture, weights, x, y)
 

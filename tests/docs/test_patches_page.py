@@ -7,13 +7,13 @@ import re
 
 import pytest
 
-from docs.make_patches_figures import ALL, FOLDER, MARKS, PAGE, SHOWN, TOLD, parameters_table
+from docs.make_patches_figures import ALL, FOLDER, MARKS, PAGE, SHOWN, TITLES, parameters_table
 from docs.pictures import CLIPS
 from pipeline.methods import parse_params
 from pipeline.methods.base import PlanContext, VideoInfo
 from pipeline.methods.local import LocalContext
 from pipeline.methods.patches import Patches, PatchesParams
-from pipeline.methods.patches.guidance import styles_of
+from pipeline.methods.patches.scan import label_styles
 from pipeline.scenes import scene
 
 TEXT = PAGE.read_text()
@@ -54,7 +54,7 @@ def test_the_styles_by_example_are_sound() -> None:
     context = LocalContext(
         PatchesParams(), [scene("shapes", size=(64, 48)).image(0)], {"styles": json.loads(example[1])}
     )
-    assert set(styles_of(context)) == {1, 3}
+    assert set(label_styles(context)) == {1, 3}
 
 
 def test_every_parameter_of_a_command_is_one() -> None:
@@ -65,5 +65,5 @@ def test_every_parameter_of_a_command_is_one() -> None:
 
 def test_every_mode_of_time_is_shown() -> None:
     modes = set(PatchesParams.model_json_schema()["properties"]["temporal"]["enum"])
-    assert modes == set(TOLD) - {"video"} and all(f"temporal={mode}" in TEXT for mode in modes - {"on"})
+    assert modes == set(TITLES) - {"video"} and all(f"temporal={mode}" in TEXT for mode in modes - {"on"})
     assert "pipeline" in ALL

@@ -3,7 +3,7 @@
 labels    16-bit gray PNGs by frame, at the frame's size; they can be edited and sent back as the input `labels`
 overlay   the same label maps as colours over the frames, for viewing
 patches   panorama and painting of each patch
-energy    a JSON a patch, and maps of its distortion before and after relaxation
+energy    a JSON file for each patch, and maps of its distortion before and after relaxation
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from pipeline.frames import Frame, Labels, Plane
 from pipeline.methods.base import TaskContext
 from pipeline.methods.patches.params import PatchesParams
-from pipeline.methods.patches.soft_labels import SoftLabels
+from pipeline.segmentation.mattes import LabelMattes
 from pipeline.video.writer import zip_entry
 
 LABELS, OVERLAY = "labels", "overlay"
@@ -29,15 +29,15 @@ ARTEFACTS = (LABELS, OVERLAY, "patches", "energy")
 
 
 def png(image: NDArray[Any]) -> bytes:
-    """A gray (8 or 16 bit) or RGB picture as PNG."""
-    shown = cv2.cvtColor(image, cv2.COLOR_RGB2BGR) if image.ndim == 3 else image
-    done, data = cv2.imencode(".png", shown)
-    assert done
+    """Encode a gray (8 or 16 bit) or RGB picture as PNG."""
+    channels = cv2.cvtColor(image, cv2.COLOR_RGB2BGR) if image.ndim == 3 else image
+    encoded, data = cv2.imencode(".png", channels)
+    assert encoded
     return data.tobytes()
 
 
-def pack(files: Mapping[str, bytes]) -> bytes:
-    """A zip of files by name, the same bytes for the same files."""
+def zip_files(files: Mapping[str, bytes]) -> bytes:
+    """A zip of files by name; the same files give the same bytes."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as target:
         for name in sorted(files):
@@ -46,27 +46,29 @@ def pack(files: Mapping[str, bytes]) -> bytes:
 
 
 class LabelPictures:
-    """Collects the artefacts "labels" and "overlay" of a run of frames, as far as the job asked for them."""
+    """Collects the artefacts "labels" and "overlay" of a run of frames, as far as the job requests them."""
 
     def __init__(self, context: TaskContext[Any]) -> None:
         self._context = context
         self._files: dict[str, dict[str, bytes]] = {name: {} for name in (LABELS, OVERLAY) if context.wants(name)}
 
     @property
-    def wanted(self) -> bool:
+    def requested(self) -> bool:
+        """Whether the job requests at least one of the two."""
         return bool(self._files)
 
-    def add(self, index: int, soft: SoftLabels) -> None:
+    def add(self, index: int, mattes: LabelMattes) -> None:
         """Add frame `index`."""
-        full = soft.full()
+        labels = mattes.full()
         if LABELS in self._files:
-            self._files[LABELS][f"{index:06d}.png"] = png(full.astype(np.uint16))
+            self._files[LABELS][f"{index:06d}.png"] = png(labels.astype(np.uint16))
         if OVERLAY in self._files:
-            self._files[OVERLAY][f"{index:06d}.png"] = png(overlay(full, soft.frame))
+            self._files[OVERLAY][f"{index:06d}.png"] = png(overlay(labels, mattes.frame))
 
     def save(self, key: str) -> None:
+        """Save the run's files; `key` is the key of its task."""
         for name, files in self._files.items():
-            self._context.save_file(f"{name}-{key}", pack(files), _ZIP)
+            self._context.save_file(f"{name}-{key}", zip_files(files), _ZIP)
 
 
 def overlay(labels: Labels, frame: Frame) -> Frame:
@@ -80,36 +82,47 @@ def overlay(labels: Labels, frame: Frame) -> Frame:
     colours = cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB)[0]
     colours[0] = 128
     out = cv2.addWeighted(frame, 0.5, np.ascontiguousarray(colours[labels], np.uint8), 0.5, 0)
-    around = np.ones((3, 3), np.uint8)
+    square = np.ones((3, 3), np.uint8)
     plane = labels.astype(np.float32)
-    out[cv2.dilate(plane, around) != cv2.erode(plane, around)] = 255
+    out[cv2.dilate(plane, square) != cv2.erode(plane, square)] = 255
     return np.asarray(out, np.uint8)
 
 
-def keep_patch(context: TaskContext[PatchesParams], key: str, panorama: Frame, painting: Frame) -> None:
-    """Keep a patch's pictures, if the job asked for them."""
+def save_patch_artefact(
+    context: TaskContext[PatchesParams], key: str, number: int, panorama: Frame, painting: Frame
+) -> None:
+    """Save panorama and painting of period `number` of a patch, if the job requests the artefact "patches"."""
     if context.wants("patches"):
-        files = {f"{key}-panorama.png": png(panorama), f"{key}-painting.png": png(painting)}
-        context.save_file(f"patches-{key}", pack(files), _ZIP)
+        name = f"{key}-age{number}"
+        files = {f"{name}-panorama.png": png(panorama), f"{name}-painting.png": png(painting)}
+        context.save_file(f"patches-{name}", zip_files(files), _ZIP)
 
 
-def keep_energy(
+def save_energy_artefact(
     context: TaskContext[PatchesParams], key: str, report: Mapping[str, Any], before: Plane, after: Plane
 ) -> None:
-    """Keep a patch's energies and where they are, if the job asked for them; both maps in one scale."""
+    """Save the energies of a patch and maps of its distortion, if the job requests the artefact "energy".
+
+    Args:
+        report: energies, as JSON values.
+        before, after: float32 (h, w), distortion before and after relaxation; both maps have the same scale.
+    """
     if context.wants("energy"):
         top = max(float(before.max(initial=0)), 1e-6)
         files = {f"{key}.json": json.dumps(report, indent=1, sort_keys=True).encode()}
         for name, plane in (("before", before), ("after", after)):
-            files[f"{key}-{name}.png"] = png(heat(plane / np.float32(top)))
-        context.save_file(f"energy-{key}", pack(files), _ZIP)
+            files[f"{key}-{name}.png"] = png(heat_map(plane / np.float32(top)))
+        context.save_file(f"energy-{key}", zip_files(files), _ZIP)
 
 
-def heat(plane: Plane) -> Frame:
-    """0..1 as black over red and yellow to white, uint8 (h, w, 3); by the square root, so that little is seen too."""
+def heat_map(plane: Plane) -> Frame:
+    """Colours of values 0..1, from black over red and yellow to white: uint8 (h, w, 3).
+
+    The scale is the square root of the value, so that small values are visible.
+    """
     level = np.sqrt(np.clip(plane, 0, 1)) * 3
-    shown = np.dstack([np.clip(level - part, 0, 1) for part in range(3)])
-    return np.asarray(np.rint(shown * 255), np.uint8)
+    colours = np.dstack([np.clip(level - channel, 0, 1) for channel in range(3)])
+    return np.asarray(np.rint(colours * 255), np.uint8)
 
 
 _ZIP = "application/zip"

@@ -1,7 +1,8 @@
-"""Every parameter of painting patches, with unit, range and the paper's symbol."""
+"""Parameters of painting patches, with unit, range and the paper's symbol, and the library of stroke styles."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
 
 from pipeline.methods.base import Params
@@ -12,103 +13,163 @@ StyleName = Literal["hertzmann", "circles", "impressionist", "expressionist", "w
 BackgroundStyle = Literal["same", "hertzmann", "circles", "impressionist", "expressionist", "wash"]
 
 
+@dataclass(frozen=True)
+class StrokeStyle:
+    """Stroke style: modifications of the values in table 1 of zhang2011patches.
+
+    Attributes:
+        length: factor on the table's lengths; 0 paints circles.
+        radius: factor on the table's radii.
+        opacity: 0..1.
+        curvature: curvature filter f_c, 0..1: 1 = strokes follow the gradient's normal; lower values straighten them.
+        jitter: colour jitter, added to the parameter `jitter`.
+        saturation_shift: change of saturation, as a fraction of the full range.
+        overlap: mean number of strokes on a pixel, see `LayerScheme`.
+        threshold: factor on the approximation threshold T.
+    """
+
+    length: float = 1.0
+    radius: float = 1.0
+    opacity: float = 1.0
+    curvature: float = 1.0
+    jitter: float = 0.0
+    saturation_shift: float = 0.0
+    overlap: float = 3.0
+    threshold: float = 1.0
+
+
+STROKE_STYLES: dict[str, StrokeStyle] = {
+    "hertzmann": StrokeStyle(),
+    "circles": StrokeStyle(length=0.0, jitter=0.35, overlap=3.5, saturation_shift=0.05),
+    "impressionist": StrokeStyle(length=0.35, jitter=0.12, threshold=1.6, saturation_shift=0.08, overlap=3.5),
+    "expressionist": StrokeStyle(
+        length=1.2, curvature=0.35, opacity=0.85, jitter=0.2, threshold=0.8, saturation_shift=0.12
+    ),
+    "wash": StrokeStyle(opacity=0.5, length=0.8, threshold=2.4, radius=1.3, jitter=0.04, overlap=5.0),
+}
+
+
 class PatchesParams(Params):
     """Parameters of painterly video with painting patches (zhang2011patches)."""
 
     # -- painting
     style: StyleName = choice(
         "hertzmann", "Style",
-        "How patches are painted: Hertzmann's curved strokes, the paper's circles, or another style of the library.",
+        "Stroke style of the patches: hertzmann = curved strokes, circles = dabs of colour, impressionist = short "
+        "strokes, expressionist = long straight strokes of vivid colour, wash = broad transparent strokes.",
         "Painting",
     )  # fmt: skip
     background_style: BackgroundStyle = choice(
-        "same", "Style of the background", "A style of its own for the background.", "Painting"
-    )
+        "same", "Style of the background",
+        "Stroke style of the background patches; same = the style of all other patches.", "Painting",
+    )  # fmt: skip
     stroke_size: float = number(
         1.0, 0.25, 4, "Stroke size",
-        "Factor on all strokes. At 1, radii and lengths are the paper's table 1 in a picture 344 px high; they grow "
-        "with the height, so that a painting looks alike at any size.", "ratio", "Painting", "r_max, l_min, l_max",
+        "Factor on width and length of all strokes: larger values give a broader, less detailed painting. At 1 a frame "
+        "344 px high has the strokes of the paper's table 1; strokes grow with the height of the frame.",
+        "ratio", "Painting", "r_max, l_min, l_max",
     )  # fmt: skip
     threshold: float = number(
         25, 0, 200, "Approximation threshold",
-        "Finer strokes are painted where the painting is further than this from the picture, on calm ground from a "
-        "third of it.",
+        "Colour error above which finer strokes are added. Larger values leave out more detail. In smooth areas, where "
+        "errors are more visible, a third of it applies.",
         "RGB distance", "Painting", "T",
     )  # fmt: skip
     jitter: float = number(
-        0.06, 0, 1, "Colour jitter", "How far a stroke's colour strays from the picture's.", "ratio", "Painting"
-    )
+        0.06, 0, 1, "Colour jitter",
+        "Random deviation of a stroke's colour from the picture. Larger values make neighbouring strokes differ more.",
+        "ratio", "Painting",
+    )  # fmt: skip
     relief: float = number(
-        0.6, 0, 3, "Relief", "Height of the paint in the light; 0 = flat.", "ratio", "Painting"
+        0.6, 0, 3, "Relief",
+        "Height of the paint under the simulated light. Larger values show thicker strokes; 0 = flat.",
+        "ratio", "Painting",
     )  # fmt: skip
     hold: int = number(
-        1, 1, 6, "Frames a painting is held",
-        "3 = on threes, about 10 paintings a second: the paper's advice, more like an animation by hand.",
+        1, 1, 6, "Frames per painting",
+        "Number of frames that show the same painting. 3 = on threes, about 10 paintings per second, as the paper "
+        "recommends. Larger values look more like hand-made animation, and motion is less smooth.",
         "frames", "Painting",
     )  # fmt: skip
 
     # -- time
     temporal: Temporal = choice(
         "on", "Temporal coherence",
-        "on = painting patches; strokes = strokes carried from frame to frame by flow, as others do; "
-        "off = every frame painted on its own (Hertzmann 1998).", "Time",
+        "on = painting patches; strokes = strokes advected from frame to frame by optical flow, without patches; "
+        "off = every frame is painted independently (Hertzmann 1998).", "Time",
     )  # fmt: skip
     window: int = number(
-        5, 2, 9, "Window",
-        "Frames that are looked at together, up to the current one. Something hidden for up to window - 1 frames comes "
-        "back with its old label and strokes. Shorter for fast motion.", "frames", "Time",
+        5, 2, 9, "Temporal window",
+        "Number of frames, up to the current one, between which optical flow is computed. An object that is hidden for "
+        "at most window - 1 frames returns with its label and its strokes. Use smaller values for fast motion; larger "
+        "values take longer.", "frames", "Time",
     )  # fmt: skip
     flow: FlowName = choice(
-        "dis-medium", "Optical flow", "Dense inverse search (fast) or TV-L1 (the paper's, OpenCL).", "Time"
-    )
+        "dis-medium", "Optical flow",
+        "Method that estimates motion: dense inverse search (dis, fast) or TV-L1 (the paper's, slower, on OpenCL).",
+        "Time",
+    )  # fmt: skip
     longest_patch: int = number(
         120, 8, 480, "Longest patch",
-        "A painting lasts at most this long; then it fades over into the next.", "frames", "Time",
+        "Longest duration of one painting of an object; then it cross-fades to a new one. Larger values keep the same "
+        "strokes for longer, but fit changing light less well.", "frames", "Time",
     )  # fmt: skip
     cut_sensitivity: float = number(
-        1, 0, 3, "Cut sensitivity", "How readily a hard cut is called; 0 = never.", "ratio", "Time"
-    )
+        1, 0, 3, "Cut sensitivity",
+        "Sensitivity of the detection of hard cuts, at which painting starts anew. Larger values detect more cuts; "
+        "0 = no cuts.", "ratio", "Time",
+    )  # fmt: skip
 
     # -- clusters
     colour_scale: float = number(
         12, 1, 100, "Colour scale of reliability",
-        "R = exp(-|c_x - c_y|) with colours in units of this many gray levels: sensor noise is about 5.",
+        "Colour difference at which the reliability R of a motion vector falls to 1/e. Larger values trust motion "
+        "vectors between less similar colours. Sensor noise is about 5.",
         "gray levels", "Clusters",
     )  # fmt: skip
     reliable: float = number(
-        0.3, 0.01, 0.95, "Reliable link",
-        "Flow that links pixels with at least this R carries a label.", "R", "Clusters", "R",
+        0.3, 0.01, 0.95, "Minimum reliability",
+        "Reliability from which a motion vector propagates labels. Larger values leave more pixels unclustered.",
+        "R", "Clusters", "R",
     )  # fmt: skip
     interframe: float = number(
-        1.0, 0, 1, "Weight of other frames", "Of links between frames, beside neighbours in a frame.", "ratio",
-        "Clusters", "lambda",
+        1.0, 0, 1, "Weight of other frames",
+        "Weight of the labels of earlier frames relative to those of neighbouring pixels. Smaller values let cluster "
+        "borders move more freely.", "ratio", "Clusters", "lambda",
     )  # fmt: skip
     colour_edges: float = number(
         1, 0, 4, "Colour edges",
-        "How much a difference of colour, beside one of motion, keeps labels apart; 0 = motion alone, as printed.",
-        "ratio", "Clusters",
+        "Weight of colour differences relative to motion differences where clusters are separated. Larger values bind "
+        "cluster borders to colour edges; 0 = motion only, as in the paper.", "ratio", "Clusters",
     )  # fmt: skip
     motion_tolerance: float = number(
         0.5, 0.1, 5, "Motion tolerance",
-        "What moves otherwise than the background by more than this is an object.",
+        "Difference from the background's motion above which a pixel belongs to an object. Larger values assign slow "
+        "objects to the background.",
         "px at the working size", "Clusters",
     )  # fmt: skip
     smallest_cluster: float = number(
-        3, 0.1, 50, "Smallest cluster", "Smaller ones stay unclustered.", "per mille of the frame", "Clusters"
-    )
+        3, 0.1, 50, "Smallest cluster",
+        "Area below which a cluster stays unclustered. Larger values give fewer patches.", "per mille of the frame",
+        "Clusters",
+    )  # fmt: skip
 
     # -- patches
     stiffness: float = number(
-        10, 0, 100, "Stiffness", "Of the springs to the flow's positions, beside 1 among neighbours.", "ratio",
-        "Patches", "k",
+        10, 0, 100, "Stiffness",
+        "Stiffness of the springs that attach a pixel to the position given by optical flow; the springs between "
+        "neighbouring pixels have stiffness 1. Larger values follow the motion more exactly and distort strokes more.",
+        "ratio", "Patches", "k",
     )  # fmt: skip
     rigidity: float = number(
         0.15, 0, 3, "Rigidity",
-        "Flow that differs by less from its cluster's homography is taken for noise; 0 = never, as printed.",
+        "Deviation from the rigid motion of a cluster below which motion is treated as noise. Larger values keep "
+        "strokes on rigid objects steadier; 0 = never, as in the paper.",
         "px at the working size", "Patches",
     )  # fmt: skip
     misfit: float = number(
         28, 5, 400, "Misfit",
-        "Where a frame differs by more from its patch, it is painted on its own; on calm ground, from a third of it.",
+        "Colour difference between a patch and the frame above which the frame is painted instead. Larger values keep "
+        "the patch's strokes, and changes such as an opening mouth appear less. In smooth areas a third of it applies.",
         "RGB distance", "Patches",
     )  # fmt: skip

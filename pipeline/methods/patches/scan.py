@@ -1,26 +1,39 @@
-"""Step "scan" (frame count and cuts), and the tasks "flow-..." (optical flow between the frames of a window).
+"""Step "scan": shots and runs of frames, the working grid, and the user's masks, label maps and styles.
 
-Flow is computed once for each pair of frames in a window, by the run that contains the earlier frame.
+The step decodes the video once and validates all user inputs, so that a mistake is reported before any expensive work.
+
+Working grid: motion, clusters and warps are computed at reduced resolution, with cells of one to a few pixels.
+
+    a frame of W x H px   ->   w x h working pixels, w = round(W / s), h = round(H / s)
+
+The centre of the top left working pixel is (0, 0), as in a frame. Strokes and colours always have the frame's size.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from pipeline.flow import estimate
-from pipeline.frames import Flow, Frame
+from pipeline.errors import BadParameter
+from pipeline.frames import Frame, Labels, Plane
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
-from pipeline.methods.patches.grid import Grid
-from pipeline.methods.patches.guidance import check, keyframes
-from pipeline.methods.patches.links import Pair, artefact_of, pack, reliability
-from pipeline.methods.patches.params import PatchesParams
+from pipeline.methods.patches.params import STROKE_STYLES, PatchesParams
 from pipeline.methods.scan import scan_video
 
 RUN = 12
 """Frames per task. It is small, so that short clips can use many workers."""
+REFERENCE_AREA = 45_000
+"""Reference frame area, px, from which the scale is derived; a frame of 640 x 344 px is reduced to 320 x 172."""
+PAPER_HEIGHT = 344
+"""Height of the paper's frames, px. Stroke sizes refer to it, so that a painting looks alike at any size."""
+MAX_LABEL = 65535
+"""Largest label: label maps are 16-bit images."""
 
 
 def plan_scan(context: PlanContext[PatchesParams]) -> list[Task]:
@@ -28,14 +41,21 @@ def plan_scan(context: PlanContext[PatchesParams]) -> list[Task]:
 
 
 def run_scan(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
-    """Result: number of frames, cuts, and the frames with corrected labels. Checks the user's inputs."""
+    """Count the frames, detect cuts, and validate the user's inputs.
+
+    The result holds the number of frames, the first frame of each shot but the first, and the frames with corrected
+    label maps.
+    """
     count, cuts = scan_video(context, context.params.cut_sensitivity)
-    check(context, count)
+    validate_inputs(context, count)
     return {"frames": count, "cuts": cuts, "keys": keyframes(context, "labels", count)}
 
 
+# -- runs of frames
+
+
 def runs(context: PlanContext[PatchesParams], length: int = RUN) -> Iterator[tuple[int, int, int, int]]:
-    """(start, stop, shot's begin, shot's end) of every run of frames, in order; none crosses a cut."""
+    """(start, stop, shot's begin, shot's end) of every run of frames, in order. A run does not cross a cut."""
     scan = context.results["scan"]["video"]
     for begin, end in pairwise([0, *scan["cuts"], scan["frames"]]):
         for start in range(begin, end, length):
@@ -43,60 +63,193 @@ def runs(context: PlanContext[PatchesParams], length: int = RUN) -> Iterator[tup
 
 
 def run_key(start: int) -> str:
+    """Key of the task that processes the run that starts at frame `start`."""
     return f"run-{start:07d}"
 
 
-def flow_key(start: int) -> str:
-    return f"flow-{start:07d}"
-
-
-def run_of(frame: int, begin: int) -> int:
+def run_start(frame: int, begin: int) -> int:
     """First frame of the run that contains `frame`; `begin` is the first frame of the shot."""
     return begin + (frame - begin) // RUN * RUN
 
 
-def run_flow(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
-    """Compute flow and reliability of all pairs (i, i + k) in the shot, for i in [start, stop) and 1 <= k < window."""
-    params = context.params
-    reach = (params.window if params.temporal == "on" else 2) - 1
-    start, stop, begin, end = (task.args[name] for name in ("start", "stop", "begin", "end"))
-    artefacts: dict[str, dict[str, np.ndarray]] = {artefact_of(stop - 1, 1, begin, RUN): {}}
-    grid, queue = Grid.of(context.size), list[tuple[Frame, Frame]]()
-    source = context.frames("video", start, min(stop + reach, end))
-    for index in range(start, stop):
-        while len(queue) <= reach and (more := next(source, None)) is not None:
-            queue.append((more, grid.small(more)))
-        artefacts.setdefault(artefact_of(index, 0, begin, RUN), {})[f"small-{index}"] = queue[0][1]
-        for gap in range(1, len(queue)):
-            with context.clock("flow"):
-                pair = link(queue[0], queue[gap], gap, grid, params)
-            for name, array in pack(pair, index, gap).items():
-                where = artefact_of(index, 0 if name[0] in "ft" else gap, begin, RUN)
-                artefacts.setdefault(where, {})[name] = array
-        queue.pop(0)
-        context.progress((index + 1 - start) / (stop - start))
-    for name, kept in artefacts.items():
-        context.save(name, kept)
-    return {}
+# -- the working grid
 
 
-def link(first: tuple[Frame, Frame], second: tuple[Frame, Frame], gap: int, grid: Grid, params: PatchesParams) -> Pair:
-    """Forward and backward flow between two frames, and the reliability of each.
+@dataclass(frozen=True)
+class WorkingGrid:
+    """The reduced resolution at which motion, clusters and warps are computed.
 
-    Flow between consecutive frames is computed at full size, since it moves the strokes; over larger gaps, at the
-    working size.
+    Attributes:
+        width, height: size of the frame, px.
+        scale: approximate width of a working pixel, px: 1, 1.5, 2, 2.5 ...
+    """
+
+    width: int
+    height: int
+    scale: float
+
+    @classmethod
+    def of(cls, size: tuple[int, int]) -> WorkingGrid:
+        """The grid for frames of (width, height) px.
+
+        The scale grows more slowly than the frame, so that larger frames keep more detail of the motion.
+        """
+        width, height = size
+        return cls(width, height, max(1.0, round(2 * (width * height / REFERENCE_AREA) ** 0.4) / 2))
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) in working px, at least 16 each."""
+        return max(round(self.width / self.scale), 16), max(round(self.height / self.scale), 16)
+
+    @property
+    def ratio(self) -> tuple[float, float]:
+        """Exact width and height of a working pixel, px."""
+        return self.width / self.size[0], self.height / self.size[1]
+
+    @property
+    def unit(self) -> float:
+        """Pixels of the frame per pixel of a frame `PAPER_HEIGHT` px high."""
+        return self.height / PAPER_HEIGHT
+
+    def small(self, frame: Frame) -> Frame:
+        """Reduce a frame to the working size: uint8 (h, w, 3)."""
+        if self.size == (self.width, self.height):
+            return frame
+        return np.asarray(cv2.resize(frame, self.size, interpolation=cv2.INTER_AREA), np.uint8)
+
+    def shrink_flow(self, flow: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Reduce the flow of a frame, px, to the working size, working px."""
+        if self.size == (self.width, self.height):
+            return flow
+        small = cv2.resize(flow, self.size, interpolation=cv2.INTER_AREA)
+        return np.asarray(small / np.array(self.ratio, np.float32), np.float32)
+
+    def enlarge(self, plane: NDArray[Any]) -> NDArray[Any]:
+        """Enlarge a smooth plane of the working size to the frame's size, bilinearly."""
+        if self.size == (self.width, self.height):
+            return plane
+        return np.asarray(cv2.resize(plane, (self.width, self.height), interpolation=cv2.INTER_LINEAR))
+
+
+# -- the user's inputs
+
+
+def keyframes(context: TaskContext[PatchesParams], name: str, frames: int) -> list[int]:
+    """Frame numbers of the images in input `name`, ascending.
+
+    Raises:
+        BadParameter: a frame number is outside the video.
+    """
+    found = sorted(context.images(name)) if context.has(name) else []
+    if found and found[-1] >= frames:
+        raise BadParameter(
+            f"The video has no frame {found[-1]}.", field=f"inputs.{name}[{found[-1]}]", value=found[-1],
+            remedy=f"Name the image by a frame number from 0 to {frames - 1}: the last number in its file name.",
+        )  # fmt: skip
+    return found
+
+
+def validate_inputs(context: TaskContext[PatchesParams], frames: int) -> None:
+    """Validate masks, label maps and styles.
+
+    Raises:
+        BadParameter: an image belongs to no frame of the video, has another aspect ratio, or is not gray; or a style
+            is unknown.
+    """
+    grid = WorkingGrid.of(context.size)
+    for name, read in (("labels", label_map), ("masks", mask_map)):
+        images = context.images(name) if context.has(name) else {}
+        for number in keyframes(context, name, frames):
+            read(images[number], grid, number)
+    label_styles(context)
+
+
+def label_map(image: NDArray[Any], grid: WorkingGrid, number: int) -> Labels:
+    """Convert a corrected label map: int32 (h, w) at the working size. Gray values are labels, 0 = unclustered.
 
     Args:
-        first, second: each frame at full size and at the working size.
+        image: uint8 or uint16, (H, W) or (H, W, 3) with equal channels, any size with the aspect ratio of the video.
+        number: frame number, for error texts.
+
+    Raises:
+        BadParameter: the image is not gray, or has a different aspect ratio than the video.
     """
-    size = 0 if gap == 1 else 1
-    ahead: Flow = estimate(first[size], second[size], params.flow)
-    back: Flow = estimate(second[size], first[size], params.flow)
-    if gap == 1:
-        ahead, back = grid.shrink_flow(ahead), grid.shrink_flow(back)
-    there = reliability(first[1], second[1], ahead, back, params.colour_scale)
-    home = reliability(second[1], first[1], back, ahead, params.colour_scale)
-    return Pair(ahead, back, there, home)
+    field = f"inputs.labels[{number}]"
+    if image.ndim == 3 and image.shape[2] >= 3 and (image[..., :3] == image[..., :1]).all():
+        image = image[..., 0]
+    if image.ndim != 2:
+        raise BadParameter(
+            "A label map must have one number per pixel.", field=field, value=image.shape,
+            remedy="Use a gray image of 8 or 16 bit, such as those of the artefact `labels`.",
+        )  # fmt: skip
+    _check_aspect(image, grid, field)
+    small = cv2.resize(image.astype(np.float32), grid.size, interpolation=cv2.INTER_NEAREST)
+    return np.rint(small).astype(np.int32)
 
 
-__all__ = ["RUN", "flow_key", "link", "plan_scan", "run_flow", "run_key", "run_of", "run_scan", "runs"]
+def mask_map(image: NDArray[Any], grid: WorkingGrid, number: int) -> Plane:
+    """Convert a foreground mask: float32 (h, w) at the working size, 1 = foreground, 0 = background, NaN = unknown.
+
+    Gray (between 0.25 and 0.75) and transparent pixels are unknown, so that scribbles can be used as masks.
+
+    Args:
+        image: uint8 or uint16, (H, W), (H, W, 3) or (H, W, 4), any size with the aspect ratio of the video.
+        number: frame number, for error texts.
+
+    Raises:
+        BadParameter: the image has a different aspect ratio than the video.
+    """
+    field = f"inputs.masks[{number}]"
+    top = np.float32(np.iinfo(image.dtype).max)
+    gray = (image if image.ndim == 2 else image[..., :3].mean(axis=-1)) / top
+    _check_aspect(gray, grid, field)
+    unknown = (gray > 0.25) & (gray < 0.75)
+    if image.ndim == 3 and image.shape[2] == 4:
+        unknown |= image[..., 3] < top / 2
+    mask = np.where(unknown, np.nan, gray > 0.5).astype(np.float32)
+    return np.asarray(cv2.resize(mask, grid.size, interpolation=cv2.INTER_NEAREST), np.float32)
+
+
+def _check_aspect(image: NDArray[Any], grid: WorkingGrid, field: str) -> None:
+    height, width = image.shape[:2]
+    if abs(width * grid.height - height * grid.width) > max(grid.width, grid.height):
+        raise BadParameter(
+            "The image has a different aspect ratio than the video.", field=field, value=f"{width}x{height}",
+            remedy=f"Use {grid.width}x{grid.height} px, or the same aspect ratio.",
+        )  # fmt: skip
+
+
+def label_styles(context: TaskContext[PatchesParams]) -> Mapping[int, str]:
+    """Styles of single labels from the input "styles": label -> style. The key "background" stands for label 1.
+
+    Raises:
+        BadParameter: a key is not a label, or a style is unknown; `field` is the JSON path.
+    """
+    if not context.has("styles"):
+        return {}
+    given = context.json("styles")
+    if not isinstance(given, dict):
+        raise BadParameter("Styles must be an object: label -> style.", field="inputs.styles",
+                           value=type(given).__name__,
+                           remedy='For example {"background": "wash", "3": "circles"}.')  # fmt: skip
+    found = {}
+    for key, style in given.items():
+        if not isinstance(style, str) or style not in STROKE_STYLES:
+            raise BadParameter("There is no such style.", field=f"inputs.styles.{key}", value=style,
+                               remedy=f"Use one of: {', '.join(STROKE_STYLES)}.")  # fmt: skip
+        number = 1 if key == "background" else int(key) if key.isdecimal() else 0
+        if not 0 < number <= MAX_LABEL:
+            raise BadParameter('A key must be a label, or "background".', field=f"inputs.styles.{key}", value=key,
+                               remedy="Labels are the gray values of the artefact `labels`, from 1.")  # fmt: skip
+        found[number] = style
+    return found
+
+
+def style_of(label: int, params: PatchesParams, own: Mapping[int, str]) -> str:
+    """Style of a patch: its own in `own`, else `background_style` for the background, else `style`."""
+    if label in own:
+        return own[label]
+    if label == 1 and params.background_style != "same":
+        return params.background_style
+    return params.style

@@ -1,4 +1,4 @@
-"""Scenes with exact truth for painting patches: a pan, things that move, and one that is hidden for three frames."""
+"""Scenes with ground truth for painting patches: a pan, moving objects, and one that is hidden for three frames."""
 
 from __future__ import annotations
 
@@ -22,30 +22,30 @@ from pipeline.scenes.stage import Stage
 SIZE = (240, 144)
 FPS = 24.0
 HIDDEN = range(6, 9)
-"""Frames in which the blob cannot be seen."""
+"""Frames in which the blob is hidden."""
 PAN_PX = 2
 """Motion of the background, px a frame, to the left."""
 
 
 def px(value: float) -> float:
-    """Pixels in the scene's units, heights."""
+    """Pixels in the units of the scene, frame heights."""
     return value / SIZE[1]
 
 
 def stage(frames: int = 14) -> Stage:
-    """A wall that pans by whole pixels, a disc and a slab that go their own ways, a blob that hides and returns."""
+    """A wall that pans by whole pixels, a disc and a slab that move, too, and a blob that is hidden for a while."""
     wall = p.grainy(p.vertical("#7f8f6a", "#3f545f", 0.0, 1.0), 0.45, 0.25, 1)
     parts = [
         CutOut("wall", everywhere, wall, lambda t: Pose.shift(px(-PAN_PX * t * FPS), 0), line_px=0),
-        _thing("disc", disc(0, 0, px(22)), "#d95f4b", 2, lambda n: (-60 + 1.5 * n, 40 + 1.0 * n), 24),
-        _thing("slab", box(0, 0, px(26), px(18), px(3)), "#4f7cac", 3, lambda n: (40 - 4.0 * n, 106), 28),
-        _thing("blob", disc(0, 0, px(17)), "#e0a458", 4, lambda n: (58 + 1.0 * n, 40 - 0.5 * n), 20, HIDDEN),
+        _object("disc", disc(0, 0, px(22)), "#d95f4b", 2, lambda n: (-60 + 1.5 * n, 40 + 1.0 * n), 24),
+        _object("slab", box(0, 0, px(26), px(18), px(3)), "#4f7cac", 3, lambda n: (40 - 4.0 * n, 106), 28),
+        _object("blob", disc(0, 0, px(17)), "#e0a458", 4, lambda n: (58 + 1.0 * n, 40 - 0.5 * n), 20, HIDDEN),
     ]
     return Stage("patches", parts, SIZE, frames, FPS)
 
 
-def _thing(name: str, outline: Any, code: str, seed: int, at: Any, half: float, hidden: range = range(0)) -> CutOut:
-    """A part that is at `at(frame)`, px from the middle of the top, and not there in `hidden` frames."""
+def _object(name: str, outline: Any, code: str, seed: int, at: Any, half: float, hidden: range = range(0)) -> CutOut:
+    """A part at position `at(frame)`, px from the middle of the top edge; absent in the `hidden` frames."""
 
     def motion(t: float) -> Pose:
         number = t * FPS
@@ -81,15 +81,15 @@ def label_maps(context: LocalContext) -> dict[int, Labels]:
     step = "correct" if context.has("labels") else "cluster"
     return {
         int(name.removeprefix("labels-")): array.astype(np.int32)
-        for (own, key), kept in context.kept.items()
-        if own == step and key.startswith("run")
-        for name, array in kept.items()
+        for (of_step, key), arrays in context.kept.items()
+        if of_step == step and key.startswith("run")
+        for name, array in arrays.items()
         if name.startswith("labels-")
     }
 
 
 def rand_index(a: NDArray[Any], b: NDArray[Any]) -> float:
-    """Adjusted Rand index of two labellings: 1 = the same partition, 0 = as good as chance (hubert1985comparing)."""
+    """Adjusted Rand index of two labellings: 1 = equal partitions, 0 = no better than chance (hubert1985comparing)."""
     _, first = np.unique(a, return_inverse=True)
     _, second = np.unique(b, return_inverse=True)
     table = np.zeros((first.max() + 1, second.max() + 1))

@@ -1,4 +1,4 @@
-"""Painting patches against exact truth: clusters, hidden things that return, a pan, user guidance, baselines, bytes."""
+"""Painting patches on scenes with ground truth: clusters, occlusion, a pan, user inputs, baselines, plans."""
 
 from __future__ import annotations
 
@@ -15,14 +15,13 @@ from pipeline.errors import BadParameter
 from pipeline.frames import Frame
 from pipeline.methods.base import PlanContext, Task, VideoInfo
 from pipeline.methods.local import LocalContext
-from pipeline.methods.patches import build
-from pipeline.methods.patches.clusters import plan_cluster
-from pipeline.methods.patches.grid import Grid
-from pipeline.methods.patches.guidance import label_map, mask_map, style_of, styles_of
-from pipeline.methods.patches.hertzmann import Painter
-from pipeline.methods.patches.lives import FADE, Life, lives
+from pipeline.methods.patches import patch_construction
+from pipeline.methods.patches.clustering import plan_cluster
+from pipeline.methods.patches.motion_clustering import uncertainty_of
+from pipeline.methods.patches.painter import HertzmannPainter
 from pipeline.methods.patches.params import PatchesParams
-from pipeline.methods.patches.scan import run_scan
+from pipeline.methods.patches.patch_track import FADE_FRAMES, PatchTrack, patch_tracks
+from pipeline.methods.patches.scan import WorkingGrid, label_map, label_styles, mask_map, run_scan, style_of
 from tests.pipeline.methods.frames import painted
 from tests.pipeline.methods.patch_scenes import (
     HIDDEN,
@@ -43,9 +42,9 @@ def output() -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
     return painted(painted_scene())
 
 
-def label_of(thing: int, index: int) -> int:
-    """The label that most of a thing's pixels have in a frame."""
-    return int(np.bincount(label_maps(painted_scene())[index][truth()[index].ids == thing]).argmax())
+def label_of(object_id: int, index: int) -> int:
+    """The most frequent label of an object's pixels in a frame."""
+    return int(np.bincount(label_maps(painted_scene())[index][truth()[index].ids == object_id]).argmax())
 
 
 # -- clusters
@@ -58,35 +57,36 @@ def test_clusters_agree_with_the_true_objects() -> None:
     assert np.mean(scores) >= 0.97
 
 
-def test_a_label_means_the_same_in_all_windows_and_tasks() -> None:
+def test_a_label_denotes_the_same_object_in_all_windows_and_tasks() -> None:
     assert len(truth()) > 12, "more than one run of frames"
-    for thing in (WALL, SLAB):
-        assert {label_of(thing, index) for index in range(len(truth()))} == {label_of(thing, 0)}
+    for object_id in (WALL, SLAB):
+        labels = {label_of(object_id, index) for index in range(len(truth()))}
+        assert labels == {label_of(object_id, 0)}
 
 
-def test_a_thing_hidden_for_three_frames_comes_back_with_its_label() -> None:
+def test_an_object_hidden_for_three_frames_returns_with_its_label() -> None:
     before, after = HIDDEN.start - 1, HIDDEN.stop
     assert label_of(BLOB, after) == label_of(BLOB, before) > 1
 
 
-def test_and_with_its_strokes() -> None:
-    """Its paint before and after, laid over each other by its true motion."""
+def test_an_object_hidden_for_three_frames_returns_with_its_strokes() -> None:
+    """Paintings before and after the occlusion are compared along the true motion."""
     before, after = HIDDEN.start - 1, HIDDEN.stop
     y, x = np.nonzero(cv2.erode((truth()[after].ids == BLOB).astype(np.uint8), np.ones((7, 7), np.uint8)))
     gap = after - before
-    there = cv2.remap(
+    before_at_after = cv2.remap(
         output()[before], np.float32(x - 1.0 * gap)[None], np.float32(y + 0.5 * gap)[None], cv2.INTER_LINEAR
     )
-    alike = np.abs(output()[after][y, x].astype(float) - there[0]).mean()
-    baseline = painted(alone())
-    there = cv2.remap(
+    difference = np.abs(output()[after][y, x].astype(float) - before_at_after[0]).mean()
+    baseline = painted(independent_frames())
+    before_at_after = cv2.remap(
         baseline[before], np.float32(x - 1.0 * gap)[None], np.float32(y + 0.5 * gap)[None], cv2.INTER_LINEAR
     )
-    per_frame = np.abs(baseline[after][y, x].astype(float) - there[0]).mean()
-    assert alike < 4 and alike < 0.6 * per_frame
+    per_frame = np.abs(baseline[after][y, x].astype(float) - before_at_after[0]).mean()
+    assert difference < 4 and difference < 0.6 * per_frame
 
 
-def test_a_window_too_short_forgets_what_was_hidden() -> None:
+def test_a_window_shorter_than_the_occlusion_gives_a_new_label() -> None:
     context = paint([shot.image for shot in truth()[: HIDDEN.stop + 2]], window=3)
     maps, ids = label_maps(context), truth()
     before, after = (
@@ -95,15 +95,21 @@ def test_a_window_too_short_forgets_what_was_hidden() -> None:
     assert before > 1 and after != before
 
 
+def test_uncertainty_is_derived_from_the_probability_of_the_random_walk() -> None:
+    labels = np.array([[1, 1, 2, 2], [1, 1, 2, 0]], np.int32)
+    probability = np.array([[1, 1, 0.75, 0.5], [1, 0.5, 0.75, 0]], np.float32)
+    assert uncertainty_of(labels, probability) == {1: 0.25, 2: 0.667}
+
+
 # -- painting
 
 
 @cache
-def alone() -> LocalContext:
+def independent_frames() -> LocalContext:
     return paint([shot.image for shot in truth()[: HIDDEN.stop + 1]], temporal="off")
 
 
-def test_background_strokes_follow_the_pan_and_enter_at_the_border_without_changing() -> None:
+def test_background_strokes_follow_the_pan_and_do_not_change_at_the_border() -> None:
     for index in range(len(truth()) - 1):
         now, then = output()[index].astype(float), output()[index + 1].astype(float)
         change = np.abs(then[:, :-PAN_PX] - now[:, PAN_PX:]).mean(axis=-1)
@@ -113,7 +119,7 @@ def test_background_strokes_follow_the_pan_and_enter_at_the_border_without_chang
         assert change[wall].mean() < 1 and change[border].mean() < 1
 
 
-def test_no_hole_and_no_black_seam() -> None:
+def test_frames_have_no_holes_and_no_black_seams() -> None:
     for shot, frame in zip(truth(), output(), strict=True):
         darkest = cv2.erode(shot.image.min(axis=-1), np.ones((25, 25), np.uint8)).astype(int)
         assert (frame.min(axis=-1) >= darkest - 60).all()
@@ -121,7 +127,7 @@ def test_no_hole_and_no_black_seam() -> None:
         assert np.abs(near).max() < 90
 
 
-def test_relaxation_lowers_the_energy_of_every_patch() -> None:
+def test_relaxation_reduces_the_energy_of_every_patch() -> None:
     context = paint([shot.image for shot in truth()[:8]], artefacts=frozenset({"energy"}))
     reports = [
         json.loads(archive.read(name))
@@ -139,30 +145,30 @@ def test_relaxation_lowers_the_energy_of_every_patch() -> None:
     assert sum(r["pairs"]["after"] for r in reports) < 0.9 * sum(r["pairs"]["before"] for r in reports)
 
 
-def test_strokes_carried_by_flow_are_steadier_than_none_and_patches_than_those() -> None:
+def test_patches_change_less_than_advected_strokes_and_those_less_than_independent_frames() -> None:
     frames = [shot.image for shot in truth()[:6]]
 
     def change(video: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]) -> float:
         return float(np.abs(video[1:, :, :-PAN_PX].astype(float) - video[:-1, :, PAN_PX:]).mean())
 
-    carried, single = painted(paint(frames, temporal="strokes")), painted(alone())[:6]
-    assert change(output()[:6]) < 0.7 * change(carried) < 0.7 * change(single)
+    advected, independent = painted(paint(frames, temporal="strokes")), painted(independent_frames())[:6]
+    assert change(output()[:6]) < 0.7 * change(advected) < 0.7 * change(independent)
 
 
-def test_a_painting_is_held_on_threes() -> None:
+def test_on_threes_each_painting_is_shown_for_three_frames() -> None:
     frames = [shot.image for shot in truth()[:7]]
-    held, each = painted(paint(frames, hold=3, temporal="off")), painted(alone())
-    for index, frame in enumerate(held):
+    on_threes, each = painted(paint(frames, hold=3, temporal="off")), painted(independent_frames())
+    for index, frame in enumerate(on_threes):
         np.testing.assert_array_equal(frame, each[index // 3 * 3])
 
 
-def test_a_hold_that_divides_no_run_is_the_same_across_runs() -> None:
+def test_a_painting_may_span_two_runs() -> None:
     frames = [shot.image for shot in truth()]
-    held = painted(paint(frames, hold=5, temporal="off"))
-    np.testing.assert_array_equal(held[12], held[10])
+    output = painted(paint(frames, hold=5, temporal="off"))
+    np.testing.assert_array_equal(output[12], output[10])
 
 
-# -- what the user says
+# -- user inputs
 
 
 def test_a_corrected_label_map_changes_the_frames_before_and_after() -> None:
@@ -177,8 +183,8 @@ def test_a_corrected_label_map_changes_the_frames_before_and_after() -> None:
         assert np.bincount(maps[index][shot.ids == SLAB]).argmax() == 77
 
 
-def test_between_keyframes_labels_come_from_both() -> None:
-    """At frame 0 all is one thing; at frame 5 the slab is another: where both agree is fixed, the rest is blended."""
+def test_labels_between_keyframes_are_blended_from_both() -> None:
+    """The map of frame 0 has one label; in the map of frame 5 the slab has its own, and its share grows in between."""
     frames = [shot.image for shot in truth()[:6]]
     whole = np.ones(SIZE[::-1], np.uint16)
     drawn = np.where(truth()[5].ids == SLAB, 5, 1).astype(np.uint16)
@@ -188,7 +194,7 @@ def test_between_keyframes_labels_come_from_both() -> None:
     assert share[4] > 0.8 and share == sorted(share)
 
 
-def test_a_mask_says_what_is_background() -> None:
+def test_a_mask_determines_the_foreground() -> None:
     frames = [shot.image for shot in truth()[:6]]
     mask = np.where(truth()[0].ids == SLAB, 255, 0).astype(np.uint8)
     maps = label_maps(paint(frames, {"masks": {0: mask}}))
@@ -198,7 +204,7 @@ def test_a_mask_says_what_is_background() -> None:
         assert overlap > 0.85
 
 
-def test_scribbles_are_masks_too() -> None:
+def test_scribbles_can_be_used_as_masks() -> None:
     frames = [shot.image for shot in truth()[:2]]
     drawn = np.full(SIZE[::-1], 128, np.uint8)
     ids = truth()[0].ids
@@ -208,10 +214,10 @@ def test_scribbles_are_masks_too() -> None:
     assert (fore & (ids == SLAB)).sum() / (fore | (ids == SLAB)).sum() > 0.85
 
 
-def test_a_patch_may_have_a_style_of_its_own() -> None:
+def test_a_patch_can_have_its_own_style() -> None:
     params = PatchesParams(background_style="wash")
     context = LocalContext(params, [truth()[0].image], {"styles": {"3": "circles"}})
-    own = styles_of(context)
+    own = label_styles(context)
     assert [style_of(label, params, own) for label in (1, 2, 3)] == ["wash", "hertzmann", "circles"]
     frames = [shot.image for shot in truth()[:3]]
     plain, styled = paint(frames), paint(frames, {"styles": {"background": "circles"}})
@@ -230,14 +236,14 @@ def test_a_patch_may_have_a_style_of_its_own() -> None:
         ({"0": "wash"}, "inputs.styles.0"),
     ],
 )
-def test_a_bad_style_is_refused_by_its_path(styles: object, field: str) -> None:
+def test_an_invalid_style_is_reported_with_its_path(styles: object, field: str) -> None:
     with pytest.raises(BadParameter) as caught:
-        styles_of(LocalContext(PatchesParams(), [truth()[0].image], {"styles": styles}))
+        label_styles(LocalContext(PatchesParams(), [truth()[0].image], {"styles": styles}))
     assert caught.value.field == field and caught.value.remedy
 
 
-def test_a_map_of_another_shape_or_with_colours_is_refused() -> None:
-    grid = Grid.of(SIZE)
+def test_a_map_with_another_aspect_ratio_or_with_colours_is_refused() -> None:
+    grid = WorkingGrid.of(SIZE)
     for image in (
         np.zeros((100, 100), np.uint8),
         np.dstack([np.eye(144, 240, dtype=np.uint8)] * 2 + [np.ones(SIZE[::-1], np.uint8)]),
@@ -258,7 +264,7 @@ def test_a_map_of_another_shape_or_with_colours_is_refused() -> None:
         ({"styles": {"background": "cubist"}}, "inputs.styles.background"),
     ],
 )
-def test_what_the_user_says_is_looked_at_before_anything_is_done(inputs: dict[str, object], field: str) -> None:
+def test_user_inputs_are_validated_in_the_first_step(inputs: dict[str, object], field: str) -> None:
     context = LocalContext(PatchesParams(), [truth()[0].image] * 2, inputs)
     with pytest.raises(BadParameter) as caught:
         run_scan(Task("video"), context)
@@ -268,16 +274,19 @@ def test_what_the_user_says_is_looked_at_before_anything_is_done(inputs: dict[st
 # -- artefacts
 
 
-def test_label_maps_come_out_as_they_may_come_in() -> None:
+def test_label_map_artefacts_can_be_used_as_inputs() -> None:
     context = paint([shot.image for shot in truth()[:3]], artefacts=frozenset({"labels", "overlay", "patches"}))
     archive = zipfile.ZipFile(io.BytesIO(context.files["labels-run-0000000"]))
     assert archive.namelist() == ["000000.png", "000001.png", "000002.png"]
     image = cv2.imdecode(np.frombuffer(archive.read("000001.png"), np.uint8), cv2.IMREAD_UNCHANGED)
     assert image.dtype == np.uint16
-    assert image.shape == SIZE[::-1] and (label_map(image, Grid.of(SIZE), 1) == label_maps(context)[1]).mean() > 0.97
-    shown = zipfile.ZipFile(io.BytesIO(context.files["overlay-run-0000000"]))
-    seen = cv2.imdecode(np.frombuffer(shown.read("000001.png"), np.uint8), cv2.IMREAD_COLOR)
-    assert seen.shape == (*SIZE[::-1], 3) and np.ptp(seen.astype(int), axis=2).max() > 60
+    assert (
+        image.shape == SIZE[::-1]
+        and (label_map(image, WorkingGrid.of(SIZE), 1) == label_maps(context)[1]).mean() > 0.97
+    )
+    overlays = zipfile.ZipFile(io.BytesIO(context.files["overlay-run-0000000"]))
+    overlay = cv2.imdecode(np.frombuffer(overlays.read("000001.png"), np.uint8), cv2.IMREAD_COLOR)
+    assert overlay.shape == (*SIZE[::-1], 3) and np.ptp(overlay.astype(int), axis=2).max() > 60
     pictures = [name for name in context.files if name.startswith("patches-")]
     names = [name for key in pictures for name in zipfile.ZipFile(io.BytesIO(context.files[key])).namelist()]
     assert len(names) >= 6 and all(name.endswith(("-panorama.png", "-painting.png")) for name in names)
@@ -287,7 +296,7 @@ def test_label_maps_come_out_as_they_may_come_in() -> None:
 
 
 def context(frames: int, travel: float = 0.0, longest: int = 120) -> PlanContext:
-    """Notes of a background that is everywhere, in one run."""
+    """Plan context with the results of a background that covers every frame, in one run."""
     row = [0, frames - 1, 1000 * frames, frames // 3, 1000, travel]
     results = {
         "scan": {"video": {"frames": frames, "cuts": [], "keys": []}}, "correct": {},
@@ -296,26 +305,27 @@ def context(frames: int, travel: float = 0.0, longest: int = 120) -> PlanContext
     return PlanContext(PatchesParams(longest_patch=longest), 0, VideoInfo(320, 180, frames, 25.0, 1.0), results=results)
 
 
-def test_lives_are_short_enough_and_fade_into_each_other() -> None:
-    found = lives(context(100, longest=40))
-    assert len(found) == 3 and (found[0].start, found[-1].stop) == (0, 100)
-    assert all(life.stop - life.start <= 40 + FADE for life in found)
+def test_patch_tracks_are_limited_in_length_and_cross_fade() -> None:
+    tracks = patch_tracks(context(100, longest=40))
+    assert len(tracks) == 3 and (tracks[0].start, tracks[-1].stop) == (0, 100)
+    assert all(track.stop - track.start <= 40 + FADE_FRAMES for track in tracks)
     for index in range(100):
-        assert sum(life.weight(index) for life in found if life.start <= index < life.stop) == pytest.approx(1)
+        weights = [track.fade_weight(index) for track in tracks if track.start <= index < track.stop]
+        assert sum(weights) == pytest.approx(1)
 
 
-def test_a_patch_is_the_same_in_one_task_and_in_many(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_patch_has_the_same_bytes_in_one_task_and_in_many(monkeypatch: pytest.MonkeyPatch) -> None:
     frames = [shot.image for shot in truth()[:10]]
     made = []
-    for small in (0.0, 1e9):
-        monkeypatch.setattr(build, "SMALL", small)
+    for area in (0.0, 1e9):
+        monkeypatch.setattr(patch_construction, "SINGLE_TASK_AREA", area)
         made.append(paint(frames))
     (many, one), names = made, [{key for step, key in context.kept if step == "patch"} for context in made]
     assert any("-sum-" in key for key in names[0]) and not any("-sum-" in key for key in names[1])
     np.testing.assert_array_equal(painted(many), painted(one))
 
 
-def test_flow_waits_for_nothing_and_label_maps_for_what_they_read_only() -> None:
+def test_flow_tasks_have_no_dependencies_and_label_tasks_depend_only_on_their_inputs() -> None:
     tasks = {task.key: task for task in plan_cluster(context(30))}
     assert [task.after for key, task in tasks.items() if key.startswith("flow")] == [(), (), ()]
     assert tasks["run-0000000"].after == ("flow-0000000",)
@@ -324,24 +334,24 @@ def test_flow_waits_for_nothing_and_label_maps_for_what_they_read_only() -> None
     assert all(places.index(need) < places.index(key) for key, task in tasks.items() for need in task.after)
 
 
-def test_what_travels_far_has_more_lives() -> None:
-    assert len(lives(context(100))) == 1
-    assert len(lives(context(100, travel=5 * 320.0))) >= 2
+def test_a_cluster_that_travels_far_has_more_tracks() -> None:
+    assert len(patch_tracks(context(100))) == 1
+    assert len(patch_tracks(context(100, travel=5 * 320.0))) >= 2
 
 
-def test_a_life_travels_as_json() -> None:
-    life = lives(context(50))[0]
-    assert Life(**json.loads(json.dumps(life.args()))) == life
+def test_a_patch_track_survives_json() -> None:
+    track = patch_tracks(context(50))[0]
+    assert PatchTrack(**json.loads(json.dumps(track.args()))) == track
 
 
 @pytest.mark.parametrize(("area", "radius", "length"), [(64, 2, 16), (65, 4, 32), (512, 4, 32), (513, 8, 128)])
-def test_table_1_by_area(area: int, radius: int, length: int) -> None:
-    painter = Painter.of("hertzmann", area, 344, PatchesParams(), 0)
+def test_brush_sizes_follow_table_1(area: int, radius: int, length: int) -> None:
+    painter = HertzmannPainter.of("hertzmann", area, 344, PatchesParams(), 0)
     assert (painter.brush.size_px, painter.brush.length_px) == (2 * radius, length)
-    twice = Painter.of("hertzmann", 4 * area, 688, PatchesParams(), 0)
+    twice = HertzmannPainter.of("hertzmann", 4 * area, 688, PatchesParams(), 0)
     assert (twice.brush.size_px, twice.brush.length_px) == (4 * radius, 2 * length)
 
 
-def test_one_frame_is_painted() -> None:
+def test_a_single_frame_is_painted_like_an_independent_frame() -> None:
     frame: Frame = truth()[0].image
     np.testing.assert_array_equal(painted(paint([frame]))[0], painted(paint([frame], temporal="off"))[0])

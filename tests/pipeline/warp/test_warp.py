@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.warp.homography import IDENTITY, apply, deviation, dominant, fit, lattice, shift
-from pipeline.warp.panorama import Lay, full_map, gather, mean
+from pipeline.warp.panorama import Placement, full_map, gather, mean
 from pipeline.warp.springs import Sheet, distortion, relax
 
 TRUE = np.array([[1.02, -0.03, 4.0], [0.02, 0.99, -2.0], [1e-4, -5e-5, 1.0]])
@@ -99,8 +99,8 @@ def test_a_panorama_gives_frames_back() -> None:
     total = np.zeros((*scene.shape[:2], 4), np.float32)
     for left in (0, 40):
         view = np.ascontiguousarray(scene[:, left : left + 80])
-        lay = Lay((0, 0, 40, 40), shift((left / 2, 0)), np.zeros((40, 40, 2), np.float16))
-        rect, x, y = full_map(lay, (2.0, 2.0), (80, 80), (0, 0))
+        placement = Placement((0, 0, 40, 40), shift((left / 2, 0)), np.zeros((40, 40, 2), np.float16))
+        rect, x, y = full_map(placement, (2.0, 2.0), (80, 80), (0, 0))
         assert rect == (0, 0, 80, 80)
         np.testing.assert_allclose(x[0], np.arange(80) + left, atol=1e-3)
         gather(total, view, np.ones(view.shape[:2], np.float32), x, y)
@@ -117,8 +117,8 @@ def test_holes_are_filled_from_around() -> None:
     assert np.abs(picture.astype(int) - (200, 100, 50)).max() <= 2
 
 
-def test_a_lay_goes_on_beyond_its_rectangle() -> None:
-    lay = Lay((2, 3, 12, 10), shift((1.0, 0.0)), np.full((7, 10, 2), 0.5, np.float16))
-    np.testing.assert_allclose(lay.positions()[0, 0], (3.5, 3.5))
-    far = lay.at(np.array([[[40.0, 2.0]]], np.float32))
+def test_a_placement_extends_beyond_its_rectangle() -> None:
+    placement = Placement((2, 3, 12, 10), shift((1.0, 0.0)), np.full((7, 10, 2), 0.5, np.float16))
+    np.testing.assert_allclose(placement.positions()[0, 0], (3.5, 3.5))
+    far = placement.at(np.array([[[40.0, 2.0]]], np.float32))
     np.testing.assert_allclose(far[0, 0], (41.5, 2.5))

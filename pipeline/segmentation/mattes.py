@@ -1,7 +1,7 @@
-"""Alpha mattes of labels at the frame's full size.
+"""Alpha mattes of label maps at the frame's full size.
 
-Label maps are computed at the working size. A guided filter with the frame as guide moves their borders to the colour
-edges of the frame. Its coefficients are computed at the working size and applied to the full-size frame, so a matte
+Label maps are computed at a reduced size. A guided filter with the frame as guide moves their borders to the colour
+edges of the frame. Its coefficients are computed at the reduced size and applied to the full-size frame, so a matte
 has full-size detail at little cost.
 
 Source: he2013guided, equations 14 to 16; he2015fast (coefficients at reduced size).
@@ -18,35 +18,41 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Labels, Plane
 from pipeline.jit import kernel
-from pipeline.methods.patches.grid import Grid
 
 RADIUS = 4
-"""Radius of the filter's window, working px: borders of label maps are at most this far from the colour edge."""
+"""Radius of the filter's window, px of the label map: its borders are at most this far from the colour edge."""
 EPSILON = 120.0
 """Variance of colour, squared gray levels, below which a place has no edge that a border could move to."""
 BAND = 6
-"""Distance from a label's border, working px, beyond which its matte is exactly 0 or 1."""
+"""Distance from a label's border, px of the label map, beyond which its matte is exactly 0 or 1."""
 
 Box = tuple[slice, slice]
 """Rows and columns."""
 
 
 @dataclass(frozen=True)
-class SoftLabels:
-    """Mattes of one frame.
+class LabelMattes:
+    """Mattes of the labels of one frame.
 
     Attributes:
-        labels: int32 (h', w'), at the working size.
+        labels: int32 (h', w'), at a reduced size.
         frame: uint8 (h, w, 3), at full size.
     """
 
     labels: Labels
     frame: Frame
-    grid: Grid
+
+    @property
+    def _size(self) -> tuple[int, int]:
+        """(width, height) of the frame, px."""
+        return self.frame.shape[1], self.frame.shape[0]
 
     @cached_property
     def _guide(self) -> NDArray[np.float32]:
-        return self.grid.small(self.frame).astype(np.float32)
+        """The frame at the size of the labels: float32 (h', w', 3)."""
+        size = self.labels.shape[1], self.labels.shape[0]
+        small = self.frame if size == self._size else cv2.resize(self.frame, size, interpolation=cv2.INTER_AREA)
+        return np.asarray(small).astype(np.float32)
 
     @cached_property
     def _mean(self) -> NDArray[np.float32]:
@@ -71,9 +77,9 @@ class SoftLabels:
         rows, columns = (np.flatnonzero((self.labels == label).any(axis=axis)) for axis in (1, 0))
         if not len(rows):
             return slice(0, 0), slice(0, 0)
+        (width, height), (label_height, label_width) = self._size, self.labels.shape
         sides = []
-        for found, ratio, most in ((rows, self.grid.ratio[1], self.grid.height),
-                                   (columns, self.grid.ratio[0], self.grid.width)):  # fmt: skip
+        for found, ratio, most in ((rows, height / label_height, height), (columns, width / label_width, width)):
             low, high = (int(found[0]) - BAND) * ratio, (int(found[-1]) + 1 + BAND) * ratio
             sides.append(slice(max(int(low), 0), min(int(np.ceil(high)), most)))
         return sides[0], sides[1]
@@ -90,8 +96,7 @@ class SoftLabels:
         coefficients = self._coefficients(mask)
         coefficients[~near] = 0
         coefficients[..., 3][~near] = mask[~near]
-        size = (self.grid.width, self.grid.height)
-        wide = np.asarray(cv2.resize(coefficients, size, interpolation=cv2.INTER_LINEAR)[box], np.float32)
+        wide = np.asarray(cv2.resize(coefficients, self._size, interpolation=cv2.INTER_LINEAR)[box], np.float32)
         out = np.empty(wide.shape[:2], np.float32)
         _apply(np.ascontiguousarray(wide), np.ascontiguousarray(self.frame[box]), out)
         return out
@@ -104,9 +109,32 @@ class SoftLabels:
         constant = mean - (factors * self._mean).sum(axis=-1)
         return _box_mean(np.dstack([factors, constant]).astype(np.float32))
 
+    @cached_property
+    def _planes(self) -> tuple[dict[int, Plane], Plane]:
+        """Matte of each label at full size, and their sum."""
+        alphas: dict[int, Plane] = {}
+        total = np.zeros(self.frame.shape[:2], np.float32)
+        for label in np.unique(self.labels).tolist():
+            box, plane = self.box(label), np.zeros(total.shape, np.float32)
+            plane[box] = self.alpha(label, box)
+            alphas[label] = plane
+            total += plane
+        return alphas, total
+
+    def normalized(self, label: int) -> Plane:
+        """Matte of a label, float32 (h, w), 0..1, scaled so that the mattes of all labels sum to 1 at every pixel.
+
+        0 everywhere if the frame does not have the label.
+        """
+        alphas, total = self._planes
+        found = alphas.get(label)
+        if found is None:
+            return np.zeros_like(total)
+        return np.asarray(found / np.maximum(total, np.float32(1e-3)), np.float32)
+
     def full(self) -> Labels:
         """Label map at the frame's size, int32: the label with the largest matte at each pixel, without specks."""
-        best = np.zeros((self.grid.height, self.grid.width), np.float32)
+        best = np.zeros(self.frame.shape[:2], np.float32)
         out = np.zeros(best.shape, np.int32)
         for label in np.unique(self.labels).tolist():
             box = self.box(label)
@@ -157,6 +185,6 @@ def _apply(coefficients: NDArray[np.float32], frame: Frame, out: Plane) -> None:
             for c in range(3):
                 value += coefficients[y, x, c] * np.float32(frame[y, x, c])
             value = min(max(value, zero), one)
-            rest = one - value
-            cube, other = value * value * value, rest * rest * rest
+            complement = one - value
+            cube, other = value * value * value, complement * complement * complement
             out[y, x] = cube / (cube + other)

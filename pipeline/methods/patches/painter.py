@@ -1,4 +1,4 @@
-"""Hertzmann's painter (hertzmann1998painterly), with the paper's table 1, and other styles of the stroke library."""
+"""Hertzmann's curved-stroke painter (hertzmann1998painterly) with the brush sizes of zhang2011patches, table 1."""
 
 from __future__ import annotations
 
@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Mask, Plane
-from pipeline.methods.patches.grid import PAPER_HEIGHT
-from pipeline.methods.patches.masking import leniency
-from pipeline.methods.patches.params import PatchesParams
-from pipeline.methods.patches.styles import STYLES, Style
+from pipeline.methods.patches.paint_error import error_tolerance
+from pipeline.methods.patches.params import STROKE_STYLES, PatchesParams, StrokeStyle
+from pipeline.methods.patches.scan import PAPER_HEIGHT
 from pipeline.strokes.brush import Brush, Canvas, Direction, blank, colours_at
 from pipeline.strokes.emboss import emboss
 from pipeline.strokes.layers import (
@@ -34,9 +33,9 @@ TABLE_1 = ((64, 2.0, 1.0, 16.0), (512, 4.0, 2.0, 32.0), (float("inf"), 8.0, 4.0,
 """Rows of (largest region area, r_max, l_min, l_max), in px of a frame 344 px high."""
 FINEST_RADIUS = 1.0
 """Radius of the finest layer, px of a frame 344 px high."""
-RARE = 1.5
+FINEST_THRESHOLD = 1.5
 """Factor on the threshold of the finest layer, which is meant for small, salient details."""
-SMALLEST_RADIUS = 0.8
+MIN_RADIUS = 0.8
 """Smallest stroke radius, px."""
 
 Box = tuple[slice, slice]
@@ -44,45 +43,45 @@ Box = tuple[slice, slice]
 
 
 @dataclass(frozen=True)
-class Painter:
-    """Painter with one style, and brush sizes chosen for the size of a region.
+class HertzmannPainter:
+    """Painter of one style, with brush sizes that depend on the size of a region.
 
     Attributes:
         style: the stroke style.
         brush: brush of the coarsest layer; lengths in px.
-        least: l_min / l_max.
+        min_length: l_min / l_max, ratio.
         layers: number of layers; each layer halves the radius.
         threshold: approximation threshold T, RGB distance.
         seed: random seed.
         unit: pixels of the frame per pixel of a frame 344 px high.
     """
 
-    style: Style
+    style: StrokeStyle
     brush: Brush
-    least: float
+    min_length: float
     layers: int
     threshold: float
     seed: int
     unit: float
 
     @classmethod
-    def of(cls, name: str, area_px: float, height: int, params: PatchesParams, seed: int) -> Painter:
+    def of(cls, name: str, area_px: float, height: int, params: PatchesParams, seed: int) -> HertzmannPainter:
         """Make the painter for a region.
 
         Args:
-            name: name of the style, a key of `STYLES`.
+            name: name of the style, a key of `STROKE_STYLES`.
             area_px: area of the region summed over all its frames, px.
             height: height of the frames, px.
 
         Source: zhang2011patches, table 1. Departure: the table's sizes are scaled from a frame height of 344 px, so
         that a painting looks the same at any resolution.
         """
-        style, unit = STYLES[name], height / PAPER_HEIGHT
+        style, unit = STROKE_STYLES[name], height / PAPER_HEIGHT
         _, radius, low, high = next(row for row in TABLE_1 if area_px / unit**2 <= row[0])
         scale = unit * params.stroke_size
-        radius = max(radius * scale * style.radius, SMALLEST_RADIUS)
+        radius = max(radius * scale * style.radius, MIN_RADIUS)
         layers = 1
-        while radius / 2**layers >= max(FINEST_RADIUS * scale * style.radius, SMALLEST_RADIUS) - 1e-6:
+        while radius / 2**layers >= max(FINEST_RADIUS * scale * style.radius, MIN_RADIUS) - 1e-6:
             layers += 1
         brush = Brush(
             2 * radius, high * scale * style.length, style.opacity, 0.0, style.saturation_shift, 0.0,
@@ -92,6 +91,7 @@ class Painter:
 
     @property
     def scheme(self) -> LayerScheme:
+        """Number, brush ratio and stroke density of the layers."""
         return LayerScheme(most=self.layers, ratio=0.5, overlap=self.style.overlap, blur=0.5, edge=90.0)
 
     @property
@@ -99,28 +99,31 @@ class Painter:
         """Largest distance of a stroke's pixels from its seed, px."""
         return float(self.brush.length_px) / 2 + float(self.brush.size_px)
 
-    def picture(self, picture: Frame) -> Frame:
+    def paint_picture(self, picture: Frame) -> Frame:
         """Paint a picture, with lighting: uint8 (h, w, 3)."""
         every = np.ones(picture.shape[:2], np.bool_)
         return self._painting(picture, every, (slice(None), slice(None)))
 
-    def part(self, picture: Frame, where: Mask) -> Frame:
+    def paint_part(self, picture: Frame, where: Mask) -> Frame:
         """Paint only the strokes that start in `where`, bool (h, w); pixels beyond their reach are black."""
-        box = _around(where, int(self.reach_px))
+        box = _bounding_box(where, int(self.reach_px))
         out = np.zeros_like(picture)
         out[box] = self._painting(np.ascontiguousarray(picture[box]), where, box)
         return out
 
     def _painting(self, picture: Frame, where: Mask, box: Box) -> Frame:
         """Paint a crop. Seeds are placed on the full frame `where`, so they do not depend on the crop `box`."""
-        canvas, lenient = blank(layer_reference(picture, self.brush, self.scheme)), leniency(picture, self.unit)
+        canvas, tolerance = (
+            blank(layer_reference(picture, self.brush, self.scheme)),
+            error_tolerance(picture, self.unit),
+        )
         for index in range(self.layers):
-            fine = layer_brush(self.brush, self.scheme.ratio, index)
-            reference = layer_reference(picture, fine, self.scheme)
-            seeds = self._seeds(fine, index, where, box)
+            brush = layer_brush(self.brush, self.scheme.ratio, index)
+            reference = layer_reference(picture, brush, self.scheme)
+            seeds = self._seeds(brush, index, where, box)
             if index:
-                seeds = seeds[wanted(seeds, reference, canvas, fine.size_px, self.limit(index, lenient))]
-            self.layer(canvas, seeds, reference, fine, index)
+                seeds = seeds[wanted(seeds, reference, canvas, brush.size_px, self.error_limit(index, tolerance))]
+            self.paint_layer(canvas, seeds, reference, brush, index)
         return emboss(canvas)
 
     def _seeds(self, brush: Brush, index: int, where: Mask, box: Box) -> Seeds:
@@ -130,24 +133,30 @@ class Painter:
         corner = np.array([box[1].start or 0, box[0].start or 0], np.float32)
         return Seeds(seeds.xy - corner, seeds.ids)
 
-    def limit(self, index: int, lenient: Plane) -> Plane:
-        """Error above which layer `index` is painted: float32 (h, w), RGB distance."""
-        fine = self.layers > 1 and index == self.layers - 1
-        threshold = np.float32(self.threshold * (RARE if fine else 1)) * lenient
-        return layer_threshold(self.layers, np.minimum(threshold, np.float32(FARTHEST)), index, lenient.shape)
+    def error_limit(self, index: int, tolerance: Plane) -> Plane:
+        """Error above which layer `index` is painted: float32 (h, w), RGB distance.
 
-    def layer(
+        Args:
+            tolerance: float32 (h, w), factor on the threshold, see `error_tolerance`.
+        """
+        finest = self.layers > 1 and index == self.layers - 1
+        threshold = np.float32(self.threshold * (FINEST_THRESHOLD if finest else 1)) * tolerance
+        return layer_threshold(self.layers, np.minimum(threshold, np.float32(FARTHEST)), index, tolerance.shape)
+
+    def paint_layer(
         self, canvas: Canvas, seeds: Seeds, reference: Frame, brush: Brush, index: int,
         targets: NDArray[np.float32] | None = None, presence: NDArray[np.float32] | None = None,
     ) -> None:  # fmt: skip
         """Paint the strokes of one layer, in place.
 
         Args:
+            canvas: the painting of the layers before.
+            reference: uint8 (h, w, 3), the blurred picture of this layer.
             targets, presence: colours float32 (n, 3) and fading state float32 (n,) of tracked strokes; None for new
                 strokes.
         """
         edge = self.scheme.edge * 0.8**index
-        rules = TraceRules(reference, canvas if index else None, edge, self.least, self.style.curvature)
+        rules = TraceRules(reference, canvas if index else None, edge, self.min_length, self.style.curvature)
         targets = colours_at(seeds, reference) if targets is None else targets
         strokes = trace(seeds, directions(reference, brush), brush, targets, rules, self.seed)
         if presence is not None:
@@ -155,7 +164,7 @@ class Painter:
         paint(canvas, strokes, seed=self.seed, guide=reference, tolerance=edge, slopes=slopes_of(reference))
 
 
-def _around(where: Mask, pad_px: int) -> Box:
+def _bounding_box(where: Mask, pad_px: int) -> Box:
     """Bounding box of a mask, extended by `pad_px` on each side."""
     spans = []
     for axis in (1, 0):

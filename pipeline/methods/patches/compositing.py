@@ -1,0 +1,228 @@
+"""Step "paint": each frame is composited from warped patches, over a painting of the pixels that no patch covers."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import cv2
+import numpy as np
+
+from pipeline.frames import Frame, Plane
+from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
+from pipeline.methods.patches.artefacts import LabelPictures
+from pipeline.methods.patches.baselines import AdvectedFrames, IndependentFrames, frame_painter
+from pipeline.methods.patches.clustering import LabelMaps
+from pipeline.methods.patches.paint_error import Rendering, error_tolerance, patch_weight
+from pipeline.methods.patches.params import PatchesParams
+from pipeline.methods.patches.patch_construction import load_placements, period_artefact
+from pipeline.methods.patches.patch_track import PatchTrack, patch_tracks
+from pipeline.methods.patches.residual_layer import FADE_PAINTINGS, VISIBLE_SHARE, ResidualLayer
+from pipeline.methods.patches.scan import RUN, WorkingGrid, run_key, runs
+from pipeline.methods.patches.window_flow import WindowFlow
+from pipeline.segmentation.mattes import LabelMattes
+from pipeline.warp.panorama import Placement, full_map
+
+PERIOD_FADE_FRAMES = 3.0
+"""Half length of the cross-fade between two periods of a patch, frames."""
+
+
+def plan_paint(context: PlanContext[PatchesParams]) -> list[Task]:
+    every = patch_tracks(context) if context.params.temporal == "on" else []
+    chained = context.params.temporal == "strokes"
+    tasks: list[Task] = []
+    previous = ""
+    for start, stop, begin, end in runs(context, RUN // context.params.hold * context.params.hold):
+        tracks = [
+            track.args() for track in every if track.begin == begin and track.start < stop and track.stop > start
+        ]  # fmt: skip
+        results = [context.results["patch"][track["key"]] for track in tracks]
+        args = {"start": start, "stop": stop, "begin": begin, "end": end, "tracks": tracks, "results": results}
+        after = (previous,) if chained and start > begin else ()
+        tasks.append(Task(run_key(start), args, after, (start, stop), weight=stop - start))
+        previous = run_key(start)
+    return tasks
+
+
+def run_paint(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
+    """Paint and emit frames [start, stop), and save the artefacts of label maps."""
+    params = context.params
+    start, stop, begin = task.args["start"], task.args["stop"], task.args["begin"]
+    paint = _frame_painter(task, context)
+    painting: Frame | None = None
+    for index, frame in _delayed(frames_to_paint(context, task, params.hold), task, paint, params.hold):
+        if frame is not None:
+            with context.clock("composite"):
+                painting = paint(index, frame)
+        assert painting is not None
+        context.emit(index, painting)
+        context.progress((index + 1 - start) / (stop - start))
+    if isinstance(paint, AdvectedFrames):
+        paint.save(task.key)
+    pictures = LabelPictures(context)
+    if params.temporal == "on" and pictures.requested:
+        maps = LabelMaps(context, begin)
+        for index, frame in enumerate(context.frames("video", start, stop), start=start):
+            pictures.add(index, LabelMattes(maps.require(index), frame))
+        pictures.save(task.key)
+    return {}
+
+
+def frames_to_paint(
+    context: TaskContext[PatchesParams], task: Task, frames_per_painting: int
+) -> Iterator[tuple[int, Frame | None]]:
+    """Frames of a run and the next frame of the shot; None where the previous painting is repeated."""
+    start, stop, end = (task.args[name] for name in ("start", "stop", "end"))
+    for index, frame in enumerate(context.frames("video", start, min(stop + 1, end)), start=start):
+        yield index, frame if (index - start) % frames_per_painting == 0 else None
+
+
+def _delayed(
+    source: Iterator[tuple[int, Frame | None]], task: Task, paint: FramePainter, frames_per_painting: int
+) -> Iterator[tuple[int, Frame | None]]:
+    """Yield the run's frames with a delay, so that the next run's first frame is known before the cross-fade begins."""
+    waiting = deque[tuple[int, Frame | None]]()
+    delay = FADE_PAINTINGS * frames_per_painting if isinstance(paint, PatchCompositor) else 1
+    for index, frame in source:
+        if index < task.args["stop"]:
+            waiting.append((index, frame))
+        elif isinstance(paint, PatchCompositor) and frame is not None:
+            paint.prepare_cross_fade(index, frame)
+        if len(waiting) >= delay:
+            yield waiting.popleft()
+    yield from waiting
+
+
+def _frame_painter(task: Task, context: TaskContext[PatchesParams]) -> FramePainter:
+    if context.params.temporal == "off":
+        return IndependentFrames(frame_painter(context.params, context.size, context.seed))
+    return AdvectedFrames(task, context) if context.params.temporal == "strokes" else PatchCompositor(task, context)
+
+
+@dataclass(frozen=True)
+class PaintedPatch:
+    """A painted patch, loaded for the frames of one run.
+
+    Attributes:
+        track: frames and label of the patch.
+        periods: frames [start, stop) of each period of similar appearance.
+        renderings: panorama and painting, uint8 (h, w, 3), of the loaded periods, by number.
+        origin: (x, y) of the panorama's top left pixel, px; the same for all periods.
+        placements: placement in the panorama, by frame.
+    """
+
+    track: PatchTrack
+    periods: list[list[int]]
+    renderings: dict[int, tuple[Frame, Frame]]
+    origin: tuple[int, int]
+    placements: dict[int, Placement]
+
+    @classmethod
+    def load(
+        cls, track: PatchTrack, result: TaskResult, start: int, stop: int, context: TaskContext[PatchesParams]
+    ) -> PaintedPatch:
+        """Load the parts of a patch that are needed for frames start..stop, both included.
+
+        Args:
+            result: result of the patch's task in the step "patch".
+        """
+        placements, renderings = load_placements(context, track, start, stop), {}
+        for number, (first, last) in enumerate(result["periods"]):
+            if first - PERIOD_FADE_FRAMES <= stop and last + PERIOD_FADE_FRAMES > start:
+                arrays = context.load("patch", period_artefact(track, number))
+                renderings[number] = arrays["panorama"], arrays["painting"]
+        x, y = result["origin"]
+        return cls(track, result["periods"], renderings, (x, y), placements)
+
+    def sample(self, index: int, x: Plane, y: Plane) -> Rendering:
+        """Sample panorama and painting for frame `index`: float32 (2, h, w, 3). Successive periods are cross-faded.
+
+        Args:
+            x, y: float32 (h, w), positions in the panorama, px.
+        """
+        rendering = np.zeros((2, *x.shape, 3), np.float32)
+        for number, weight in self._period_weights(index):
+            for which, (picture, interpolation) in enumerate(
+                zip(self.renderings[number], (cv2.INTER_LINEAR, cv2.INTER_CUBIC), strict=True)
+            ):
+                sampled = cv2.remap(picture, x, y, interpolation, borderMode=cv2.BORDER_REPLICATE)
+                rendering[which] += np.float32(weight) * sampled
+        return rendering
+
+    def _period_weights(self, index: int) -> list[tuple[int, float]]:
+        """Numbers of the periods shown at frame `index`, and their cross-fade weights."""
+        number = next(n for n, (first, last) in enumerate(self.periods) if first <= index < last)
+        first, last = self.periods[number]
+        since, until = index - first + 0.5, last - index - 0.5
+        if number > 0 and since < PERIOD_FADE_FRAMES and since <= until:
+            weight = 0.5 + since / (2 * PERIOD_FADE_FRAMES)
+            return [(number, weight), (number - 1, 1 - weight)]
+        if number + 1 < len(self.periods) and until < PERIOD_FADE_FRAMES:
+            weight = 0.5 + until / (2 * PERIOD_FADE_FRAMES)
+            return [(number, weight), (number + 1, 1 - weight)]
+        return [(number, 1.0)]
+
+
+class PatchCompositor:
+    """Composites the frames of a run from patches and the residual layer."""
+
+    def __init__(self, task: Task, context: TaskContext[PatchesParams]) -> None:
+        begin = task.args["begin"]
+        self._params: PatchesParams = context.params
+        self._grid, self._size = WorkingGrid.of(context.size), context.size
+        self._maps = LabelMaps(context, begin)
+        start, stop = task.args["start"], task.args["stop"]
+        self._patches = [
+            PaintedPatch.load(PatchTrack(**args), result, start, stop, context)
+            for args, result in zip(task.args["tracks"], task.args["results"], strict=True)
+        ]
+        painter = frame_painter(context.params, context.size, context.seed)
+        self._residual = ResidualLayer(painter, WindowFlow(context, begin), self._grid)
+
+    def __call__(self, index: int, frame: Frame) -> Frame:
+        """Paint frame `index`: uint8 (h, w, 3)."""
+        return self._composite(index, frame, self._residual)[1]
+
+    def prepare_cross_fade(self, index: int, frame: Frame) -> None:
+        """Prepare the residual layer's cross-fade to frame `index`, the first frame of the next run."""
+        if self._residual.used:
+            fresh = replace(self._residual, last=None, share=None, paintings={})
+            picture, painting = self._composite(index, frame, fresh)
+            self._residual.prepare_cross_fade(index, picture, painting, self._params.hold)
+
+    def _composite(self, index: int, frame: Frame, residual: ResidualLayer) -> tuple[Frame, Frame]:
+        """Source picture and painting, uint8 (h, w, 3) each: weighted means of patches and residual layer."""
+        limit = np.float32(self._params.misfit) * error_tolerance(frame, self._grid.unit)
+        total = np.zeros((2, *frame.shape), np.float32)
+        covered = np.zeros(frame.shape[:2], np.float32)
+        mattes = LabelMattes(self._maps.require(index), frame)
+        for patch in self._patches:
+            if (placement := patch.placements.get(index)) is not None:
+                self._add_patch(total, covered, patch, placement, mattes, index, limit)
+        share = residual.limited_share(index, 1 - covered)
+        total *= ((1 - share) / np.maximum(covered, np.float32(1e-6)))[..., None]
+        if (share > VISIBLE_SHARE).any():
+            total += residual.paint(index, frame, share, limit) * share[..., None]
+        else:
+            total /= covered[..., None]
+        picture, painting = np.rint(np.clip(total, 0, 255)).astype(np.uint8)
+        residual.store(index, picture, painting)
+        return picture, painting
+
+    def _add_patch(
+        self, total: Rendering, covered: Plane, patch: PaintedPatch, placement: Placement, mattes: LabelMattes,
+        index: int, limit: Plane,
+    ) -> None:  # fmt: skip
+        """Add a patch, weighted by its matte, its cross-fade and its fit, to `total`, and the weight to `covered`."""
+        (left, top, right, bottom), x, y = full_map(placement, self._grid.ratio, self._size, patch.origin)
+        box = slice(top, bottom), slice(left, right)
+        rendering = patch.sample(index, x, y)
+        weight = mattes.normalized(patch.track.label)[box] * np.float32(patch.track.fade_weight(index))
+        weight = weight * patch_weight(mattes.frame[box], rendering, limit[box], self._grid)
+        total[:, *box] += rendering * weight[..., None]
+        covered[box] += weight
+
+
+FramePainter: TypeAlias = PatchCompositor | AdvectedFrames | IndependentFrames

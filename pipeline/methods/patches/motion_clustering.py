@@ -1,0 +1,349 @@
+"""Motion clustering of a frame from the labels of the preceding frames (zhang2011patches, section 4).
+
+votes         optical flow links every pixel to the preceding frames of the window; reliable links vote for a label
+background    pixels that follow the dominant homography of the frame pair vote for the background
+random walk   spreads the votes between pixels of similar motion; uncertain pixels stay unclustered
+new clusters  trackable pixels without a label are grouped by motion, seeded at corners
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Flow, Frame, Labels, Mask, Plane
+from pipeline.jit import kernel
+from pipeline.methods.patches.params import PatchesParams
+from pipeline.methods.patches.window_flow import WindowFlow, textured
+from pipeline.segmentation.components import absorb_specks
+from pipeline.segmentation.foreground import CERTAIN, carry_foreground
+from pipeline.segmentation.motion_groups import motion_groups
+from pipeline.segmentation.random_walk import Edges, motion_edges, vote
+from pipeline.warp.homography import deviation, dominant, fit
+
+BACKGROUND = 1
+"""Label of the background; objects are 2, 3, ..."""
+UNCLUSTERED_WEIGHT = 0.25
+"""Weight of a link to an unclustered pixel, relative to a labelled one. It is low, so that labels can spread there."""
+COLOUR_UNIT = 12.0
+"""Colour difference, gray levels, that separates pixels as much as a motion difference of 1 px, at full weight."""
+MOTION_EDGE_WINDOW_PX = 7
+"""Window, working px, over which optical flow is blurred across silhouettes."""
+MOTION_EDGE_RANGE_PX = 0.3
+"""Range of the flow within that window, working px, above which a silhouette is likely and links are unreliable."""
+MOTION_EDGE_WEIGHT = 0.04
+"""Factor on the weight of links near silhouettes. It lets colour edges decide wherever they exist."""
+STRONG_DEVIATION = 2.0
+"""Deviation from the background motion, in tolerances, above which a pixel loses the background label (hysteresis)."""
+TOLERANCE_FACTOR = 3.0
+"""Tolerance, as a multiple of the background's median deviation from its homography."""
+FLAT_WEIGHT = 0.01
+"""Weight of the background vote where motion is not visible: above the random walk's leak, below any neighbour."""
+MIN_UNTRACKABLE_PX = 9
+"""Untrackable areas narrower than this, working px, are rims of moving objects and take the label around them."""
+
+Votes = tuple[NDArray[np.int32], NDArray[np.float32]]
+"""Labels int32 (k, h, w), 0 = unclustered, and their weights float32 (k, h, w); one plane per source of votes."""
+
+
+@dataclass
+class ClusterState:
+    """State that is passed from frame to frame.
+
+    Attributes:
+        maps: label maps of the window's frames, int32 (h, w), by frame number.
+        foregrounds: foreground maps by frame number, int32 (h, w), 2 = foreground, 1 = background; empty before the
+            first user mask of the shot.
+        next_label: the next unused label.
+        begin: first frame that is used: the shot's first frame, or the last keyframe with a corrected label map.
+        uncertainty: uncertainty of each label in the last frame, see `uncertainty_of`.
+    """
+
+    maps: dict[int, Labels] = field(default_factory=dict)
+    foregrounds: dict[int, Labels] = field(default_factory=dict)
+    next_label: int = BACKGROUND + 1
+    begin: int = 0
+    uncertainty: dict[int, float] = field(default_factory=dict)
+
+    def restart(self, index: int, labels: Labels) -> Labels:
+        """Restart from a label map of frame `index` that the user has corrected."""
+        self.maps, self.begin = {index: labels}, index
+        self.uncertainty = dict.fromkeys((int(label) for label in np.unique(labels) if label), 0.0)
+        self.next_label = max(self.next_label, int(labels.max(initial=0)) + 1)
+        return labels
+
+    def trim(self, index: int, window: int) -> None:
+        """Drop the maps of frames that have left the window of frame `index`."""
+        self.maps = {key: labels for key, labels in self.maps.items() if key > index - window + 1}
+        self.foregrounds = {key: labels for key, labels in self.foregrounds.items() if key > index - window + 1}
+
+
+@dataclass(frozen=True)
+class FrameMotion:
+    """Motion of one frame at the working size.
+
+    Attributes:
+        small: the frame, uint8 (h, w, 3).
+        textured: bool (h, w), pixels with enough texture for reliable motion.
+        forward, backward: flow to the next and to the previous frame, with its reliability; None at the ends of the
+            shot.
+    """
+
+    small: Frame
+    textured: Mask
+    forward: tuple[Flow, Plane] | None
+    backward: tuple[Flow, Plane] | None
+
+    @property
+    def available(self) -> list[tuple[Flow, Plane]]:
+        """The forward and the backward flow, as far as they exist."""
+        return [pair for pair in (self.forward, self.backward) if pair is not None]
+
+    def trackable(self, min_reliability: float) -> Mask:
+        """Pixels linked to a neighbouring frame with at least this reliability: bool (h, w)."""
+        found: Mask = np.zeros(self.small.shape[:2], np.bool_)
+        for _, reliable in self.available:
+            found |= reliable >= min_reliability
+        return found
+
+
+def frame_motion(flow: WindowFlow, index: int, begin: int) -> FrameMotion:
+    """Motion of frame `index`; frames before `begin` are ignored."""
+    small = flow.small(index)
+    return FrameMotion(
+        small, textured(small), flow.forward(index), flow.backward(index) if index > begin else None
+    )  # fmt: skip
+
+
+def edge_weights(motion: FrameMotion, params: PatchesParams) -> Edges:
+    """Edge weights of the random walk between neighbouring pixels of the frame."""
+    forward, backward = (None if pair is None else pair[0] for pair in (motion.forward, motion.backward))
+    unit = COLOUR_UNIT / params.colour_edges if params.colour_edges > 0 else 0.0
+    return motion_edges(forward, backward, motion.small, unit)
+
+
+def cluster_frame(
+    state: ClusterState, flow: WindowFlow, index: int, params: PatchesParams, user_mask: Plane | None = None
+) -> Labels:
+    """Compute the labels of frame `index`, int32 (h, w), 0 = unclustered, and store them in the state.
+
+    Args:
+        user_mask: float32 (h, w), foreground mask of this frame: 1, 0, or NaN = unknown; None = no mask.
+    """
+    motion = frame_motion(flow, index, state.begin)
+    edges = edge_weights(motion, params)
+    votes = link_votes(state.maps, flow, index, motion, params)
+    foreground = _foreground(state, flow, index, motion, edges, params, user_mask)
+    if foreground is None:
+        votes = _with_background_votes(votes, background_agreement(motion, votes, params))
+    choices, weights = votes
+    damped = np.where(choices > 0, weights * np.float32(MOTION_EDGE_WEIGHT), 0)
+    weights = np.where(near_motion_edges(motion), damped, weights)
+    if foreground is not None:
+        choices, weights = _with_mask_votes((choices, weights), foreground)
+    labels, probability = vote(choices, weights, edges)
+    labels[_untrackable(motion, params) & (foreground is None or foreground)] = 0
+    area = int(labels.size * params.smallest_cluster / 1000)
+    labels = absorb_specks(labels, max(area // 12, 4), max(area // 3, 8))
+    labels = _with_new_clusters(state, labels, motion, edges, params, area, foreground)
+    state.maps[index] = absorb_specks(labels, 4, max(area // 3, 8))
+    state.uncertainty = uncertainty_of(state.maps[index], probability)
+    state.trim(index, params.window)
+    return state.maps[index]
+
+
+def uncertainty_of(labels: Labels, probability: Plane) -> dict[int, float]:
+    """Mean uncertainty of each label in a frame: 0 = certain, 1 = the label has a probability of 0.5 or less.
+
+    Args:
+        probability: float32 (h, w), probability of the label chosen by the random walk, at least 0.5 where it chose
+            one. Pixels that were labelled otherwise (new clusters, absorbed specks) count as uncertain.
+    """
+    uncertain = 2 * (1 - np.clip(probability, 0.5, 1))
+    areas, sums = np.bincount(labels.ravel()), np.bincount(labels.ravel(), weights=uncertain.ravel())
+    return {int(k): round(float(sums[k] / areas[k]), 3) for k in np.flatnonzero(areas[1:]) + 1}
+
+
+def _with_new_clusters(
+    state: ClusterState,
+    labels: Labels,
+    motion: FrameMotion,
+    edges: Edges,
+    params: PatchesParams,
+    area: int,
+    foreground: Mask | None,
+) -> Labels:
+    """Add new clusters of at least `area` working px among the unlabelled pixels."""
+    reliable = np.all([plane >= params.reliable for _, plane in motion.available], axis=0)
+    free = (labels == 0) & (motion.textured & reliable if foreground is None else foreground)
+    flows = [flow for flow, _ in motion.available]
+    existing = labels if foreground is None else np.where(labels == BACKGROUND, 0, labels)
+    new = motion_groups(free, existing, flows, edges, motion.small, area, state.next_label)
+    labels = np.where(new > 0, new, labels).astype(np.int32)
+    state.next_label = max(state.next_label, int(labels.max(initial=0)) + 1)
+    return labels
+
+
+def _foreground(
+    state: ClusterState,
+    flow: WindowFlow,
+    index: int,
+    motion: FrameMotion,
+    edges: Edges,
+    params: PatchesParams,
+    user_mask: Plane | None,
+) -> Mask | None:
+    """Foreground of the frame, bool (h, w), stored in the state; None if the shot has had no user mask so far."""
+    if user_mask is None and not state.foregrounds:
+        return None
+    choices, weights = link_votes(state.foregrounds, flow, index, motion, params)
+    foreground = carry_foreground(choices, weights, motion.small, edges, user_mask)
+    state.foregrounds[index] = np.where(foreground, 2, 1).astype(np.int32)
+    return foreground
+
+
+def _with_mask_votes(votes: Votes, foreground: Mask) -> Votes:
+    """Restrict votes by the foreground mask: label `BACKGROUND` outside the foreground, all other labels inside."""
+    choices, weights = votes
+    contradicts = (choices == BACKGROUND) == foreground
+    weights = np.where(contradicts, 0, weights).astype(np.float32)
+    choices[0], weights[0] = np.where(foreground, 0, BACKGROUND), np.where(foreground, 0, CERTAIN)
+    return choices, weights
+
+
+def link_votes(
+    maps: Mapping[int, Labels], flow: WindowFlow, index: int, motion: FrameMotion, params: PatchesParams
+) -> Votes:
+    """Votes of the preceding frames for the labels of frame `index`.
+
+    Plane 0 is empty, for the background's vote; each further plane is one gap of the window. Links with reliability R
+    of at least `params.reliable` vote with weight lambda R; all others have weight 0.
+
+    Args:
+        maps: label maps of preceding frames, int32 (h, w), by frame number.
+    """
+    shape = motion.small.shape[:2]
+    choices, weights = [np.zeros(shape, np.int32)], [np.zeros(shape, np.float32)]
+    for gap in range(1, params.window):
+        before, pair = maps.get(index - gap), flow.backward(index, gap)
+        if before is None or pair is None:
+            continue
+        choice = warp_labels(before, pair[0])
+        weight = np.where(pair[1] >= params.reliable, params.interframe * pair[1], 0)
+        choices.append(choice)
+        weights.append(np.where(choice > 0, weight, weight * UNCLUSTERED_WEIGHT).astype(np.float32))
+    return np.stack(choices), np.stack(weights)
+
+
+def warp_labels(labels: Labels, flow: Flow, at: tuple[int, int] = (0, 0)) -> Labels:
+    """Sample labels at the flow's targets, nearest neighbour: int32 (h, w).
+
+    Args:
+        at: position (x, y) of the flow's top left pixel in the frame, px.
+    """
+    out = np.empty(flow.shape[:2], np.int32)
+    _warp_labels(labels, flow, *at, out)
+    return out
+
+
+@kernel
+def _warp_labels(labels: Labels, flow: Flow, left: int, top: int, out: Labels) -> None:
+    height, width = labels.shape
+    for y in range(out.shape[0]):
+        for x in range(out.shape[1]):
+            column = int(np.rint(left + x + flow[y, x, 0]))
+            row = int(np.rint(top + y + flow[y, x, 1]))
+            out[y, x] = labels[min(max(row, 0), height - 1), min(max(column, 0), width - 1)]
+
+
+@dataclass(frozen=True)
+class BackgroundAgreement:
+    """Agreement of each pixel's reliable flow with the background's motion, bool (h, w) each.
+
+    Attributes:
+        agrees: the flow agrees with the background's motion.
+        deviates: the flow deviates by more than the tolerance.
+        deviates_strongly: the flow deviates by more than `STRONG_DEVIATION` tolerances.
+    """
+
+    agrees: Mask
+    deviates: Mask
+    deviates_strongly: Mask
+
+
+def background_agreement(motion: FrameMotion, votes: Votes, params: PatchesParams) -> BackgroundAgreement:
+    """Compare the reliable flow with the background's motion.
+
+    The background's motion is the homography fitted to the pixels with a background vote, or in the first frame the
+    dominant homography. A homography is exact only for a planar scene, so the tolerance grows with the deviation of
+    the background's own pixels.
+    """
+    choices, weights = votes
+    background = ((choices == BACKGROUND) & (weights > 0)).any(axis=0)
+    agrees, deviates, strongly = (np.zeros(background.shape, np.bool_) for _ in range(3))
+    for flow, reliable in motion.available:
+        linked = reliable >= params.reliable
+        textured_links = linked & motion.textured
+        off, tolerance = _background_deviation(flow, textured_links, background, params.motion_tolerance)
+        smooth = cv2.GaussianBlur(off, (0, 0), 1.0)
+        agrees |= linked & (smooth <= tolerance)
+        deviates |= textured_links & (smooth > tolerance)
+        strongly |= textured_links & (smooth > STRONG_DEVIATION * tolerance)
+    return BackgroundAgreement(agrees & ~deviates, deviates, strongly)
+
+
+def _background_deviation(flow: Flow, reliable: Mask, background: Mask, least_px: float) -> tuple[Plane, float]:
+    """Deviation of the flow from the background's homography, float32 (h, w), and the tolerance; both working px."""
+    basis = reliable & background
+    known = int(basis.sum()) >= 0.05 * basis.size
+    sources, targets = _flow_samples(flow, basis if known else reliable)
+    off = deviation(flow, (fit if known else dominant)(sources, targets))
+    usual = float(np.median(off[basis][::7])) if known else 0.0
+    return off, min(max(least_px, TOLERANCE_FACTOR * usual), 4 * least_px)
+
+
+def _flow_samples(flow: Flow, where: Mask) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Evenly sampled pixels of the mask (about 3000) and their flow targets: float64 (n, 2) each."""
+    places = np.flatnonzero(where)
+    places = places[:: max(1, len(places) // 3000)]
+    sources = np.stack([places % where.shape[1], places // where.shape[1]], axis=1).astype(np.float64)
+    return sources, sources + flow.reshape(-1, 2)[places]
+
+
+def near_motion_edges(motion: FrameMotion) -> Mask:
+    """Pixels near motion discontinuities of the forward or backward flow, usually silhouettes: bool (h, w)."""
+    found = np.zeros(motion.small.shape[:2], np.bool_)
+    window = np.ones((MOTION_EDGE_WINDOW_PX, MOTION_EDGE_WINDOW_PX), np.uint8)
+    for flow, _ in motion.available:
+        span = cv2.dilate(flow, window) - cv2.erode(flow, window)
+        found |= np.maximum(span[..., 0], span[..., 1]) > MOTION_EDGE_RANGE_PX
+    return found
+
+
+def _untrackable(motion: FrameMotion, params: PatchesParams) -> Mask:
+    """Areas at least `MIN_UNTRACKABLE_PX` wide that are not reliably linked to a neighbouring frame: bool (h, w)."""
+    lost = (~motion.trackable(params.reliable)).astype(np.uint8)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (MIN_UNTRACKABLE_PX, MIN_UNTRACKABLE_PX))
+    return np.asarray(cv2.morphologyEx(lost, cv2.MORPH_OPEN, disc) > 0)
+
+
+def _with_background_votes(votes: Votes, agreement: BackgroundAgreement) -> Votes:
+    """Combine link votes with the evidence for the background.
+
+    Background votes are dropped where the motion deviates strongly. Pixels without any vote for a label vote by their
+    motion: for the background if it agrees, for "unclustered" if it deviates. Where motion is not visible, the
+    background gets a weak vote.
+    """
+    choices, weights = votes
+    dropped = agreement.deviates_strongly & (choices == BACKGROUND)
+    choices = np.where(dropped, 0, choices).astype(np.int32)
+    voted = ((choices > 0) & (weights > 0)).any(axis=0)
+    choices[0] = np.where(agreement.agrees, BACKGROUND, 0)
+    weights[0] = (agreement.agrees | agreement.deviates) & ~voted
+    flat = ~(agreement.agrees | agreement.deviates | voted)
+    choices[0][flat], weights[0][flat] = BACKGROUND, FLAT_WEIGHT
+    return choices, weights

@@ -1,0 +1,165 @@
+"""Patch tracks: division of clusters into painting patches, planned from the statistics of the step "cluster".
+
+A patch track is a cluster over a range of frames that is painted once. A single painting for minutes of changing light,
+or for a pan around a whole room, would need unbounded memory and match no frame well. A long cluster is therefore
+divided into several tracks of equal length, each with its own master frame; successive tracks are cross-faded.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from pipeline.frames import Labels
+from pipeline.methods.base import PlanContext
+from pipeline.methods.patches.params import PatchesParams
+from pipeline.methods.patches.scan import WorkingGrid
+from pipeline.methods.patches.window_flow import WindowFlow
+
+FADE_FRAMES = 6
+"""Length of the cross-fade between successive tracks of a cluster, frames."""
+MAX_TRAVEL = 2.5
+"""Largest distance that a track may travel, in lengths of the frame's longer side. It bounds the panorama."""
+
+
+@dataclass(frozen=True)
+class PatchTrack:
+    """A painting patch: one cluster over a range of frames.
+
+    Attributes:
+        key: prefix of its task and artefact names.
+        label: label of its cluster in the shot of frames [begin, end).
+        start, stop: frames [start, stop) that show the patch, including cross-fades.
+        master: frame whose coordinates the panorama uses.
+        fade_in, fade_out: whether the first or last `FADE_FRAMES` frames are shared with another track of the cluster.
+        area: sum of the cluster's areas over all frames, working px.
+    """
+
+    key: str
+    label: int
+    begin: int
+    end: int
+    start: int
+    stop: int
+    master: int
+    fade_in: bool
+    fade_out: bool
+    area: int
+
+    def fade_weight(self, index: int) -> float:
+        """Cross-fade weight of this track at a frame, 0..1; the tracks of a cluster sum to 1."""
+        weight = 1.0
+        if self.fade_in:
+            weight = min(weight, (index - self.start + 1) / (FADE_FRAMES + 1))
+        if self.fade_out:
+            weight = min(weight, (self.stop - index) / (FADE_FRAMES + 1))
+        return max(weight, 0.0)
+
+    def args(self) -> dict[str, Any]:
+        """The attributes as JSON values for the arguments of a task."""
+        return dict(self.__dict__)
+
+
+LabelRow = list[float]
+"""Statistics of a label in a run: first and last frame, total area, frame of the largest area, that area, and travelled
+distance. Areas and distance in working px."""
+
+
+def add_label_statistics(rows: dict[str, LabelRow], labels: Labels, flow: WindowFlow, index: int) -> None:
+    """Update the statistics of a run by frame `index`, in place.
+
+    Args:
+        rows: statistics of each label of the run so far, by the label's decimal digits.
+        labels: int32 (h, w), labels of the frame; 0 is not counted.
+        flow: its forward flow determines how far a label travels: |u| + |v|, working px.
+    """
+    pair = flow.forward(index)
+    speed = np.zeros(labels.shape) if pair is None else np.abs(pair[0][..., 0]) + np.abs(pair[0][..., 1])
+    areas, travel = np.bincount(labels.ravel()), np.bincount(labels.ravel(), weights=speed.ravel())
+    for label in np.flatnonzero(areas[1:]) + 1:
+        area, distance = int(areas[label]), round(float(travel[label] / areas[label]), 3)
+        row = rows.setdefault(str(label), [index, index, 0, index, 0, 0.0])
+        row[1], row[2], row[5] = index, row[2] + area, round(row[5] + distance, 3)
+        if area > row[4]:
+            row[3], row[4] = index, area
+
+
+@dataclass
+class _RunStatistics:
+    """Statistics of a label in one run: frames, areas in working px, and travelled distance in working px."""
+
+    first: int
+    last: int
+    area: int
+    largest_frame: int
+    largest_area: int
+    travel: float
+
+
+def patch_tracks(context: PlanContext[PatchesParams]) -> list[PatchTrack]:
+    """All painting patches of a video, in the order of their shots and labels."""
+    scan = context.results["scan"]["video"]
+    results = context.results.get("correct") or context.results["cluster"]
+    found = []
+    for begin, end in pairwise([0, *scan["cuts"], scan["frames"]]):
+        for label, rows in sorted(_shot_statistics(results, begin, end).items()):
+            found += list(_divide(label, rows, begin, end, context))
+    return found
+
+
+def _shot_statistics(results: Mapping[str, Mapping[str, Any]], begin: int, end: int) -> dict[int, list[_RunStatistics]]:
+    """Statistics of each label of a shot, one entry per run."""
+    table: dict[int, list[_RunStatistics]] = {}
+    for key in sorted(results):
+        for label, values in results[key].get("labels", {}).items():
+            first, last, area, largest_frame, largest_area, travel = values
+            if begin <= first < end:
+                row = _RunStatistics(
+                    int(first), int(last), int(area), int(largest_frame), int(largest_area), float(travel)
+                )
+                table.setdefault(int(label), []).append(row)
+    return table
+
+
+def _divide(
+    label: int, rows: list[_RunStatistics], begin: int, end: int, context: PlanContext[PatchesParams]
+) -> Iterator[PatchTrack]:
+    """Divide a cluster into tracks of equal length, within the limits on duration and travelled distance."""
+    first, last = rows[0].first, rows[-1].last + 1
+    if last - first < 2:
+        return
+    side = max(WorkingGrid.of((context.video.width, context.video.height)).size)
+    by_travel = math.ceil(sum(row.travel for row in rows) / (MAX_TRAVEL * side))
+    by_duration = math.ceil((last - first) / context.params.longest_patch)
+    count = max(1, by_duration, min(by_travel, (last - first) // (2 * FADE_FRAMES)))
+    bounds = [first + (last - first) * part // count for part in range(count + 1)]
+    for start, stop in pairwise(bounds):
+        faded_start = start - (FADE_FRAMES // 2 if start > first else 0)
+        faded_stop = stop + (FADE_FRAMES - FADE_FRAMES // 2 if stop < last else 0)
+        if (chosen := _master(rows, faded_start, faded_stop)) is None:
+            continue
+        master, area = chosen
+        key = f"s{begin:07d}-l{label:05d}-f{start:07d}"
+        yield PatchTrack(key, label, begin, end, faded_start, faded_stop, master, start > first, stop < last, area)
+
+
+def _master(rows: list[_RunStatistics], start: int, stop: int) -> tuple[int, int] | None:
+    """Choose the master frame in [start, stop); return it with the summed area of the runs, working px.
+
+    Candidates have at least 0.9 of the largest known area. The one nearest to the middle is chosen, since errors of
+    concatenated warps grow with the distance from the master. None if no frame is known to contain the cluster.
+    """
+    near = [row for row in rows if row.last >= start and row.first < stop]
+    known = {frame: 0 for row in near for frame in (row.first, row.last)}
+    known |= {row.largest_frame: row.largest_area for row in near}
+    inside = {frame: area for frame, area in known.items() if start <= frame < stop}
+    if not inside:
+        return None
+    large = [frame for frame, area in inside.items() if area >= 0.9 * max(inside.values())]
+    middle = (start + stop) / 2
+    return min(large, key=lambda frame: (abs(frame - middle), frame)), sum(row.area for row in near)

@@ -1,0 +1,241 @@
+"""Optical flow between the frames of a temporal window: computation, reliability, and storage for later steps.
+
+The tasks "flow-<run>" compute the flow once for each pair of frames in a window, in the run of the earlier frame.
+Section 4 of zhang2011patches: optical flow links the pixels of the current frame to every other frame of its window.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.flow import estimate
+from pipeline.flow.reliability import inside
+from pipeline.flow.warp import fetch
+from pipeline.frames import Flow, Frame, Plane
+from pipeline.methods.base import Task, TaskContext, TaskResult
+from pipeline.methods.patches.params import PatchesParams
+from pipeline.methods.patches.scan import WorkingGrid, run_start
+
+MIN_GRADIENT = 1.0
+"""Root mean square of the gradient, gray levels per working px, above which a pixel counts as textured."""
+MAX_CACHED_FLOWS = 10
+"""Number of decoded flow fields in memory: about those of one frame's window."""
+
+
+def flow_key(start: int) -> str:
+    """Key of the task that computes the flow of the run that starts at frame `start`."""
+    return f"flow-{start:07d}"
+
+
+def run_flow(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
+    """Compute flow and reliability of all pairs (i, i + k) in the shot, for i in [start, stop) and 1 <= k < window."""
+    params = context.params
+    reach = (params.window if params.temporal == "on" else 2) - 1
+    start, stop, begin, end = (task.args[name] for name in ("start", "stop", "begin", "end"))
+    artefacts: dict[str, dict[str, np.ndarray]] = {flow_artefact(stop - 1, 1, begin): {}}
+    grid, queue = WorkingGrid.of(context.size), list[tuple[Frame, Frame]]()
+    source = context.frames("video", start, min(stop + reach, end))
+    for index in range(start, stop):
+        while len(queue) <= reach and (frame := next(source, None)) is not None:
+            queue.append((frame, grid.small(frame)))
+        artefacts.setdefault(flow_artefact(index, 0, begin), {})[f"small-{index}"] = queue[0][1]
+        for gap in range(1, len(queue)):
+            with context.clock("flow"):
+                pair = flow_pair(queue[0], queue[gap], gap, grid, params)
+            for name, array in _stored_arrays(pair, index, gap).items():
+                where = flow_artefact(index, 0 if name.startswith(_FORWARD) else gap, begin)
+                artefacts.setdefault(where, {})[name] = array
+        queue.pop(0)
+        context.progress((index + 1 - start) / (stop - start))
+    for name, arrays in artefacts.items():
+        context.save(name, arrays)
+    return {}
+
+
+@dataclass(frozen=True)
+class FlowPair:
+    """Optical flow between frames i and j = i + gap, at the working size.
+
+    Attributes:
+        forward, backward: float32 (h, w, 2), flow from i to j and from j to i, working px.
+        forward_reliability, backward_reliability: float32 (h, w), 0..1.
+    """
+
+    forward: Flow
+    backward: Flow
+    forward_reliability: Plane
+    backward_reliability: Plane
+
+
+def flow_pair(
+    first: tuple[Frame, Frame], second: tuple[Frame, Frame], gap: int, grid: WorkingGrid, params: PatchesParams
+) -> FlowPair:
+    """Forward and backward flow between two frames, and the reliability of each.
+
+    Flow between consecutive frames is computed at full size, since it moves the strokes; over larger gaps, at the
+    working size.
+
+    Args:
+        first, second: each frame at full size and at the working size.
+        gap: distance of the frames, frames.
+    """
+    size = 0 if gap == 1 else 1
+    forward: Flow = estimate(first[size], second[size], params.flow)
+    backward: Flow = estimate(second[size], first[size], params.flow)
+    if gap == 1:
+        forward, backward = grid.shrink_flow(forward), grid.shrink_flow(backward)
+    return FlowPair(
+        forward, backward, reliability(first[1], second[1], forward, backward, params.colour_scale),
+        reliability(second[1], first[1], backward, forward, params.colour_scale),
+    )  # fmt: skip
+
+
+def reliability(first: Frame, second: Frame, flow: Flow, reverse: Flow, colour_scale: float) -> Plane:
+    """Reliability R_xy = exp(-|c_x - c_y|) of the links between pixels x and y: float32 (h, w), 0..1.
+
+    Args:
+        first, second: uint8 (h, w, 3).
+        flow: float32 (h, w, 2), flow from the first frame to the second, px.
+        reverse: float32 (h, w, 2), flow from the second frame to the first, px.
+        colour_scale: unit of the RGB distance, gray levels.
+
+    Source: zhang2011patches, section 4. Departures: the paper does not give the unit of colours; with 0..255 every R
+    is about 0, with 0..1 hardly any is below 0.2. Links that fail the forward-backward check get R = 0, since occluded
+    pixels have no partner, and links that pass it only approximately get half of R. Colours are blurred by about a
+    pixel to suppress noise.
+    """
+    a, b = (cv2.GaussianBlur(f, (0, 0), 0.8).astype(np.float32) for f in (first, second))
+    distance = vector_norm(a - fetch(b, flow))
+    return np.asarray(np.exp(-distance / np.float32(colour_scale)) * _round_trip(flow, reverse), np.float32)
+
+
+def vector_norm(vectors: NDArray[Any]) -> Plane:
+    """Euclidean norm over the last axis: float32 (h, w). Faster than `np.linalg.norm` for 2 or 3 components."""
+    square = vectors[..., 0] * vectors[..., 0]
+    for channel in range(1, vectors.shape[-1]):
+        square += vectors[..., channel] * vectors[..., channel]
+    return np.asarray(np.sqrt(square), np.float32)
+
+
+def _round_trip(flow: Flow, reverse: Flow) -> Plane:
+    """Forward-backward check: 1 = passed, 0.5 = passed approximately (usual in smooth areas), 0 = failed."""
+    returned = fetch(reverse, flow)
+    squares = np.square(flow) + np.square(returned)
+    trip, length = np.square(flow + returned), squares[..., 0] + squares[..., 1]
+    error = trip[..., 0] + trip[..., 1]
+    passed, nearly = error <= 0.01 * length + 0.5, error <= 0.04 * length + 2.5
+    return np.asarray((passed.astype(np.float32) + nearly) * np.float32(0.5) * inside(flow), np.float32)
+
+
+def textured(small: Frame) -> NDArray[np.bool_]:
+    """Pixels with enough texture for reliable motion: bool (h, w).
+
+    Flow in smooth areas is interpolated from elsewhere or follows noise, so it is no evidence for clustering.
+
+    Args:
+        small: uint8 (h, w, 3), a frame at the working size.
+    """
+    gray = cv2.GaussianBlur(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY).astype(np.float32), (0, 0), 1.0)
+    dx = cv2.Scharr(gray, cv2.CV_32F, 1, 0, scale=1 / 32)
+    dy = cv2.Scharr(gray, cv2.CV_32F, 0, 1, scale=1 / 32)
+    return np.asarray(cv2.blur(dx * dx + dy * dy, (7, 7)) > MIN_GRADIENT**2)
+
+
+# -- storage
+
+_FORWARD, _BACKWARD = "forward", "backward"
+
+
+def _stored_arrays(pair: FlowPair, index: int, gap: int) -> dict[str, NDArray[Any]]:
+    """Arrays of an artefact: flow in half precision (1/64 px at 32 px, finer below), reliability in 255 steps.
+
+    The forward flow is stored for consecutive frames only, since later steps do not read it over larger gaps.
+    """
+    stored = {_BACKWARD: (pair.backward, pair.backward_reliability)}
+    if gap == 1:
+        stored[_FORWARD] = (pair.forward, pair.forward_reliability)
+    arrays: dict[str, NDArray[Any]] = {}
+    for direction, (flow, reliable) in stored.items():
+        arrays[f"{direction}-flow-{index}-{gap}"] = np.clip(flow, -6e4, 6e4).astype(np.float16)
+        arrays[f"{direction}-reliability-{index}-{gap}"] = np.rint(reliable * 255).astype(np.uint8)
+    return arrays
+
+
+def flow_artefact(index: int, gap: int, begin: int) -> str:
+    """Name of the artefact with the flow from frame `index + gap` back to `index`, in the shot that starts at `begin`.
+
+    Gap 0 stands for the small frame and the forward flow. Arrays that are read together are stored together:
+
+    flow-<run>   small frames, forward flow, and backward flow between consecutive frames; read by every step
+    far-<run>    backward flow over larger gaps within the run; read mainly for clustering
+    over-<run>   backward flow from the next run into this run
+    """
+    start, last = (run_start(frame, begin) for frame in (index, index + gap))
+    return f"{'over' if last > start else 'far' if gap > 1 else 'flow'}-{start:07d}"
+
+
+class WindowFlow:
+    """Reads the flow of a shot that the tasks "flow-<run>" have stored.
+
+    Args:
+        begin: first frame of the shot.
+        max_artefacts: number of artefacts held in memory.
+    """
+
+    def __init__(self, context: TaskContext[PatchesParams], begin: int, max_artefacts: int = 6) -> None:
+        self._context, self._begin, self._max_artefacts = context, begin, max_artefacts
+        self._artefacts: OrderedDict[str, dict[str, NDArray[Any]]] = OrderedDict()
+        self._flows: OrderedDict[str, tuple[Flow, Plane] | None] = OrderedDict()
+
+    def small(self, index: int) -> Frame:
+        """Frame `index` at the working size: uint8 (h, w, 3)."""
+        found = self._array(f"small-{index}", index, 0)
+        assert found is not None
+        return found
+
+    def backward(self, index: int, gap: int = 1) -> tuple[Flow, Plane] | None:
+        """Flow from frame `index` to `index - gap` and its reliability; None if that is outside the shot.
+
+        Flow: float32 (h, w, 2), working px. Reliability: float32 (h, w), 0..1. Both are read-only.
+        """
+        return self._flow(_BACKWARD, index - gap, gap)
+
+    def forward(self, index: int) -> tuple[Flow, Plane] | None:
+        """Flow from frame `index` to the next and its reliability; None at the end of the shot."""
+        return self._flow(_FORWARD, index, 1)
+
+    def _flow(self, direction: str, index: int, gap: int) -> tuple[Flow, Plane] | None:
+        name = f"{direction}-{index}-{gap}"
+        if name not in self._flows:
+            self._flows[name] = self._decoded(direction, index, gap)
+            while len(self._flows) > MAX_CACHED_FLOWS:
+                self._flows.popitem(last=False)
+        return self._flows[name]
+
+    def _decoded(self, direction: str, index: int, gap: int) -> tuple[Flow, Plane] | None:
+        stored_gap = 0 if direction == _FORWARD else gap
+        flow = self._array(f"{direction}-flow-{index}-{gap}", index, stored_gap)
+        reliable = self._array(f"{direction}-reliability-{index}-{gap}", index, stored_gap)
+        if flow is None or reliable is None:
+            return None
+        pair = flow.astype(np.float32), reliable.astype(np.float32) / np.float32(255)
+        for array in pair:
+            array.setflags(write=False)
+        return pair
+
+    def _array(self, name: str, index: int, gap: int) -> NDArray[Any] | None:
+        if index < self._begin:
+            return None
+        where = flow_artefact(index, gap, self._begin)
+        if where not in self._artefacts:
+            self._artefacts[where] = self._context.load("cluster", where)
+            while len(self._artefacts) > self._max_artefacts:
+                self._artefacts.popitem(last=False)
+        self._artefacts.move_to_end(where)
+        return self._artefacts[where].get(name)
