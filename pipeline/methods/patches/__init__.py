@@ -14,7 +14,7 @@ paint     warps patches back to every frame, over a painting of the pixels that 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from pipeline.frames import Frame
 from pipeline.methods.base import (
@@ -66,7 +66,7 @@ class Patches(Method):
             'Styles of single patches, by label: {"background": "wash", "3": "circles"}.', "label_styles",
         ),
     )  # fmt: skip
-    steps: ClassVar[tuple[Step[Any], ...]] = (
+    steps: ClassVar[tuple[Step[PatchesParams], ...]] = (
         Step("scan", "Find the shots", plan_scan, run_scan, weight=0.02),
         Step("cluster", "Cluster by motion", plan_cluster, run_cluster, weight=0.45),
         Step("correct", "Apply corrections", plan_correct, run_correct, weight=0.0),
@@ -82,17 +82,16 @@ class Patches(Method):
         Example("wash", "A washed background", {"background_style": "wash"}),
     )
 
-    def single_frame_params(self, params: Any) -> PatchesParams:
+    def single_frame_params(self, params: PatchesParams) -> PatchesParams:
         """Parameters of a single frame: without temporal coherence."""
-        alone: PatchesParams = params.model_copy(update={"temporal": "off"})
-        return alone
+        return params.model_copy(update={"temporal": "off"})
 
     def resources(self, step: str, context: PlanContext[PatchesParams]) -> Resources:
         """Peak memory of a task: measured with `python -m benchmarks.task_memory`, plus 20 %."""
         return resources_per_pixel(context.video, 60 if step == "scan" else 500)
 
     def stream(
-        self, params: Any, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]
+        self, params: PatchesParams, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]
     ) -> Session | None:
         """None: the method has no live form, since a patch is the mean of past and future frames."""
         return None

@@ -12,14 +12,13 @@ import io
 import json
 import zipfile
 from collections.abc import Mapping
-from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.frames import Frame, Labels, Plane
-from pipeline.methods.base import TaskContext
+from pipeline.methods.base import TaskContext, TaskResult
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.segmentation.mattes import LabelMattes
 from pipeline.video.writer import zip_entry
@@ -28,7 +27,7 @@ LABELS, OVERLAY = "labels", "overlay"
 ARTEFACTS = (LABELS, OVERLAY, "patches", "energy")
 
 
-def png(image: NDArray[Any]) -> bytes:
+def png(image: AnyArray) -> bytes:
     """Encode a gray (8 or 16 bit) or RGB picture as PNG."""
     channels = cv2.cvtColor(image, cv2.COLOR_RGB2BGR) if image.ndim == 3 else image
     encoded, data = cv2.imencode(".png", channels)
@@ -48,7 +47,7 @@ def zip_files(files: Mapping[str, bytes]) -> bytes:
 class LabelPictures:
     """Collects the artefacts "labels" and "overlay" of a run of frames, as far as the job requests them."""
 
-    def __init__(self, context: TaskContext[Any]) -> None:
+    def __init__(self, context: TaskContext[PatchesParams]) -> None:
         self._context = context
         self._files: dict[str, dict[str, bytes]] = {name: {} for name in (LABELS, OVERLAY) if context.wants(name)}
 
@@ -99,7 +98,7 @@ def save_patch_artefact(
 
 
 def save_energy_artefact(
-    context: TaskContext[PatchesParams], key: str, report: Mapping[str, Any], before: Plane, after: Plane
+    context: TaskContext[PatchesParams], key: str, report: TaskResult, before: Plane, after: Plane
 ) -> None:
     """Save the energies of a patch and maps of its distortion, if the job requests the artefact "energy".
 

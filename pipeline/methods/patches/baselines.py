@@ -8,11 +8,10 @@ is missing. Only past frames are used. Sources: litwinowicz1997processing, hays2
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import Arrays, State
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.methods.base import Task, TaskContext
 from pipeline.methods.patches.paint_error import error_tolerance
@@ -112,12 +111,12 @@ class AdvectedStrokes:
         painter.paint_layer(canvas, tracks.seeds, reference, brush, index, tracks.targets, tracks.presence)
         return tracks
 
-    def state(self) -> dict[str, NDArray[Any]]:
+    def state(self) -> State:
         """The strokes of all layers as arrays, by name."""
         return {f"{index}-{name}": array for index, tracks in enumerate(self._layers)
                 for name, array in tracks.state().items()}  # fmt: skip
 
-    def restore(self, arrays: dict[str, NDArray[Any]]) -> None:
+    def restore(self, arrays: Arrays) -> None:
         """Restore the arrays that `state` returned."""
         self._layers = [
             StrokeTracks.from_state({

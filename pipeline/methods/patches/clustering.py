@@ -20,11 +20,10 @@ from __future__ import annotations
 
 import json
 from bisect import bisect_right
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray, State
 from pipeline.frames import Labels
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.patches.artefacts import LABELS
@@ -83,7 +82,7 @@ def run_labels(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
     state = _previous_state(context, task, params)
     corrected = context.images("labels") if context.has("labels") else {}
     masks = context.images("masks") if context.has("masks") else {}
-    arrays: dict[str, NDArray[Any]] = {}
+    arrays: State = {}
     statistics: dict[str, LabelRow] = {}
     uncertainty: dict[str, dict[str, float]] = {}
     for index in range(start, stop):
@@ -121,7 +120,7 @@ def _previous_state(context: TaskContext[PatchesParams], task: Task, params: Pat
     return state
 
 
-def stored_labels(labels: Labels) -> NDArray[Any]:
+def stored_labels(labels: Labels) -> AnyArray:
     """Convert labels for storage: uint8 if they fit, else uint16. All later tasks read these arrays."""
     return labels.astype(np.uint8 if labels.max(initial=0) < 256 else np.uint16)
 
@@ -136,7 +135,7 @@ class LabelMaps:
 
     def __init__(self, context: TaskContext[PatchesParams], begin: int, max_runs: int = 3) -> None:
         self._context, self._begin, self._max_runs = context, begin, max_runs
-        self._runs: dict[int, dict[str, NDArray[Any]]] = {}
+        self._runs: dict[int, State] = {}
         self._step = "correct" if context.has("labels") else "cluster"
 
     def __call__(self, index: int) -> Labels | None:
@@ -195,7 +194,7 @@ def _run_backward(task: Task, context: TaskContext[PatchesParams]) -> TaskResult
         WorkingGrid.of(context.size),
     )
     labels = context.load("correct", task.after[0]).get(f"labels-{stop}") if task.after else None
-    arrays: dict[str, NDArray[Any]] = {}
+    arrays: State = {}
     for index in range(stop - 1, start - 1, -1):
         if index in keys:
             labels = label_map(corrected[index], grid, index)
@@ -221,7 +220,7 @@ def propagate_backward(next_labels: Labels, flow: WindowFlow, index: int, params
 def _run_blend(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
     start, stop, begin, keys = (task.args[name] for name in ("start", "stop", "begin", "keys"))
     flow, passes = WindowFlow(context, begin), _LabelPasses(context, begin)
-    arrays: dict[str, NDArray[Any]] = {}
+    arrays: State = {}
     statistics: dict[str, LabelRow] = {}
     for index in range(start, stop):
         following = bisect_right(keys, index)
@@ -243,7 +242,7 @@ class _LabelPasses:
 
     def __init__(self, context: TaskContext[PatchesParams], begin: int) -> None:
         self._context, self._begin = context, begin
-        self._runs: dict[tuple[str, str], dict[str, NDArray[Any]]] = {}
+        self._runs: dict[tuple[str, str], State] = {}
 
     def forward(self, index: int) -> Labels:
         return self._labels("cluster", run_key(run_start(index, self._begin)), index)

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -69,7 +68,7 @@ def plan_patch(context: PlanContext[PatchesParams]) -> list[Task]:
     return sorted(tasks, key=lambda task: len(task.after))
 
 
-def _part_tasks(track: PatchTrack, args: Mapping[str, Any]) -> list[Task]:
+def _part_tasks(track: PatchTrack, args: TaskResult) -> list[Task]:
     """Tasks of a large patch. Each task has more dependencies than any task that it depends on."""
     key, count = track.key, len(colour_spans(track))
     placement = Task(f"{key}-placement", {**args, "part": "placement"}, weight=0.04 * (track.stop - track.start))

@@ -11,12 +11,11 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
 from pipeline.frames import Labels
-from pipeline.methods.base import PlanContext
+from pipeline.methods.base import PlanContext, TaskResult
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.scan import WorkingGrid
 from pipeline.methods.patches.window_flow import WindowFlow
@@ -60,7 +59,7 @@ class PatchTrack:
             weight = min(weight, (self.stop - index) / (FADE_FRAMES + 1))
         return max(weight, 0.0)
 
-    def args(self) -> dict[str, Any]:
+    def args(self) -> TaskResult:
         """The attributes as JSON values for the arguments of a task."""
         return dict(self.__dict__)
 
@@ -112,7 +111,7 @@ def patch_tracks(context: PlanContext[PatchesParams]) -> list[PatchTrack]:
     return found
 
 
-def _shot_statistics(results: Mapping[str, Mapping[str, Any]], begin: int, end: int) -> dict[int, list[_RunStatistics]]:
+def _shot_statistics(results: Mapping[str, TaskResult], begin: int, end: int) -> dict[int, list[_RunStatistics]]:
     """Statistics of each label of a shot, one entry per run."""
     table: dict[int, list[_RunStatistics]] = {}
     for key in sorted(results):

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.frames import Flow, Labels, Mask, Plane
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.patches.clustering import LabelMaps
@@ -222,7 +222,7 @@ class PatchRegion:
     mask: Mask
     track: PatchTrack
 
-    def crop(self, plane: NDArray[Any]) -> NDArray[Any]:
+    def crop(self, plane: AnyArray) -> AnyArray:
         """Crop a plane of the frame to the rectangle."""
         return plane[self.rect[1] : self.rect[3], self.rect[0] : self.rect[2]]
 

@@ -14,12 +14,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame, Labels, Plane
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
@@ -125,7 +125,7 @@ class WorkingGrid:
         small = cv2.resize(flow, self.size, interpolation=cv2.INTER_AREA)
         return np.asarray(small / np.array(self.ratio, np.float32), np.float32)
 
-    def enlarge(self, plane: NDArray[Any]) -> NDArray[Any]:
+    def enlarge(self, plane: AnyArray) -> AnyArray:
         """Enlarge a smooth plane of the working size to the frame's size, bilinearly."""
         if self.size == (self.width, self.height):
             return plane
@@ -165,7 +165,7 @@ def validate_inputs(context: TaskContext[PatchesParams], frames: int) -> None:
     label_styles(context)
 
 
-def label_map(image: NDArray[Any], grid: WorkingGrid, number: int) -> Labels:
+def label_map(image: AnyArray, grid: WorkingGrid, number: int) -> Labels:
     """Convert a corrected label map: int32 (h, w) at the working size. Gray values are labels, 0 = unclustered.
 
     Args:
@@ -188,7 +188,7 @@ def label_map(image: NDArray[Any], grid: WorkingGrid, number: int) -> Labels:
     return np.rint(small).astype(np.int32)
 
 
-def mask_map(image: NDArray[Any], grid: WorkingGrid, number: int) -> Plane:
+def mask_map(image: AnyArray, grid: WorkingGrid, number: int) -> Plane:
     """Convert a foreground mask: float32 (h, w) at the working size, 1 = foreground, 0 = background, NaN = unknown.
 
     Gray (between 0.25 and 0.75) and transparent pixels are unknown, so that scribbles can be used as masks.
@@ -211,7 +211,7 @@ def mask_map(image: NDArray[Any], grid: WorkingGrid, number: int) -> Plane:
     return np.asarray(cv2.resize(mask, grid.size, interpolation=cv2.INTER_NEAREST), np.float32)
 
 
-def _check_aspect(image: NDArray[Any], grid: WorkingGrid, field: str) -> None:
+def _check_aspect(image: AnyArray, grid: WorkingGrid, field: str) -> None:
     height, width = image.shape[:2]
     if abs(width * grid.height - height * grid.width) > max(grid.width, grid.height):
         raise BadParameter(

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray, State
 from pipeline.flow import estimate
 from pipeline.flow.reliability import inside
 from pipeline.flow.warp import fetch
@@ -115,7 +115,7 @@ def reliability(first: Frame, second: Frame, flow: Flow, reverse: Flow, colour_s
     return np.asarray(np.exp(-distance / np.float32(colour_scale)) * _round_trip(flow, reverse), np.float32)
 
 
-def vector_norm(vectors: NDArray[Any]) -> Plane:
+def vector_norm(vectors: AnyArray) -> Plane:
     """Euclidean norm over the last axis: float32 (h, w). Faster than `np.linalg.norm` for 2 or 3 components."""
     square = vectors[..., 0] * vectors[..., 0]
     for channel in range(1, vectors.shape[-1]):
@@ -152,7 +152,7 @@ def textured(small: Frame) -> NDArray[np.bool_]:
 _FORWARD, _BACKWARD = "forward", "backward"
 
 
-def _stored_arrays(pair: FlowPair, index: int, gap: int) -> dict[str, NDArray[Any]]:
+def _stored_arrays(pair: FlowPair, index: int, gap: int) -> State:
     """Arrays of an artefact: flow in half precision (1/64 px at 32 px, finer below), reliability in 255 steps.
 
     The forward flow is stored for consecutive frames only, since later steps do not read it over larger gaps.
@@ -160,7 +160,7 @@ def _stored_arrays(pair: FlowPair, index: int, gap: int) -> dict[str, NDArray[An
     stored = {_BACKWARD: (pair.backward, pair.backward_reliability)}
     if gap == 1:
         stored[_FORWARD] = (pair.forward, pair.forward_reliability)
-    arrays: dict[str, NDArray[Any]] = {}
+    arrays: State = {}
     for direction, (flow, reliable) in stored.items():
         arrays[f"{direction}-flow-{index}-{gap}"] = np.clip(flow, -6e4, 6e4).astype(np.float16)
         arrays[f"{direction}-reliability-{index}-{gap}"] = np.rint(reliable * 255).astype(np.uint8)
@@ -190,7 +190,7 @@ class WindowFlow:
 
     def __init__(self, context: TaskContext[PatchesParams], begin: int, max_artefacts: int = 6) -> None:
         self._context, self._begin, self._max_artefacts = context, begin, max_artefacts
-        self._artefacts: OrderedDict[str, dict[str, NDArray[Any]]] = OrderedDict()
+        self._artefacts: OrderedDict[str, State] = OrderedDict()
         self._flows: OrderedDict[str, tuple[Flow, Plane] | None] = OrderedDict()
 
     def small(self, index: int) -> Frame:
@@ -229,7 +229,7 @@ class WindowFlow:
             array.setflags(write=False)
         return pair
 
-    def _array(self, name: str, index: int, gap: int) -> NDArray[Any] | None:
+    def _array(self, name: str, index: int, gap: int) -> AnyArray | None:
         if index < self._begin:
             return None
         where = flow_artefact(index, gap, self._begin)
