@@ -122,7 +122,7 @@ class Client:
         **more: Any,
     ) -> Json:
         """Submit a job. `inputs`: input name -> asset id. `more`: seed, frames, output, priority, name, labels,
-        webhook.
+        webhook, on_damage.
 
         Without `idempotency_key` each call is a job of its own; with one, the same request is the same job.
         Raises: BadParameter, NotFound (an asset), IdempotencyMismatch, QuotaExceeded.

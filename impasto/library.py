@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import json
 import tempfile
+import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from fractions import Fraction
 from itertools import chain
 from pathlib import Path
-from typing import Any, cast, overload
+from typing import Any, Literal, cast, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,28 +34,36 @@ from pipeline.video.reader import VideoReader
 from pipeline.video.shot_files import ShotFiles
 from pipeline.video.writer import Format, SegmentSpec, segment_writer
 from workers.execution.arrays import read_arrays, write_arrays
+from workers.execution.input_damage import InputDamage
+from workers.model import FAIL, WARN
 
 Source = str | Path | Iterable[Frame]
+OnDamage = Literal["warn", "fail"]
 PICTURES = frozenset({"video", "image", "image-or-video"})
+
+
+class DamagedSource(UserWarning):
+    """Frames of a file are missing or unreadable."""
 
 
 @overload
 def render(
     method: str, source: Source, output: None = None, *, inputs: Mapping[str, Any] | None = None, seed: int = 0,
-    fps: float = DEFAULT_FPS, **params: Any,
+    fps: float = DEFAULT_FPS, on_damage: OnDamage = "warn", **params: Any,
 ) -> Iterator[Frame]: ...  # fmt: skip
 
 
 @overload
 def render(
     method: str, source: Source, output: str | Path, *, inputs: Mapping[str, Any] | None = None, seed: int = 0,
-    fps: float = DEFAULT_FPS, quality: int = 20, overwrite: bool = False, **params: Any,
+    fps: float = DEFAULT_FPS, quality: int = 20, overwrite: bool = False, on_damage: OnDamage = "warn", **params: Any,
 ) -> Path: ...  # fmt: skip
 
 
 def render(
     method: str, source: Source, output: str | Path | None = None, *, inputs: Mapping[str, Any] | None = None,
-    seed: int = 0, fps: float = DEFAULT_FPS, quality: int = 20, overwrite: bool = False, **params: Any,
+    seed: int = 0, fps: float = DEFAULT_FPS, quality: int = 20, overwrite: bool = False,
+    on_damage: OnDamage = "warn", **params: Any,
 ) -> Iterator[Frame] | Path:  # fmt: skip
     """Stylise a video.
 
@@ -69,6 +78,8 @@ def render(
         fps: frames per second of a source that is an iterable.
         quality: rate factor of a video file, 0 (lossless) to 51.
         overwrite: whether an existing output may be replaced. An input is never overwritten.
+        on_damage: what to do if frames of a file are missing or unreadable. "warn": use what can be read and issue a
+            `DamagedSource` warning at the end; "fail": raise DamagedMedia before such a frame is used.
         params: parameters of the method, as `impasto methods NAME` lists them.
 
     Returns:
@@ -76,7 +87,7 @@ def render(
 
     Raises:
         BadParameter: an unknown method or input, or a parameter that is out of range.
-        BadInput: a source or output that cannot be used (BadMedia, BadFrame).
+        BadInput: a source or output that cannot be used (BadMedia, BadFrame), or an `on_damage` that is neither.
 
     Examples:
         Frames in, frames out, one at a time:
@@ -104,9 +115,15 @@ def render(
     chosen = find_method(method)
     parsed = parse_params(chosen, params)
     _check_names(chosen, inputs or {})
+    if on_damage not in (WARN, FAIL):
+        remedy = f"Use {WARN!r} or {FAIL!r}."
+        raise BadParameter("on_damage is neither.", field="on_damage", value=on_damage, remedy=remedy)
     where = None if output is None else _checked_output(output, source, inputs or {}, overwrite)
     stack = ExitStack()
-    frames = _Rendering(chosen, parsed, seed, fps, stack).frames(source, inputs or {})
+    damage = InputDamage(on_damage == FAIL)
+    if on_damage == WARN:
+        stack.callback(_warn, damage)
+    frames = _Rendering(chosen, parsed, seed, fps, stack, damage).frames(source, inputs or {})
     if where is None:
         return frames
     with stack:
@@ -147,15 +164,18 @@ def _checked_output(output: str | Path, source: Source, inputs: Mapping[str, Any
 class _Rendering:
     """One call of `render`. `stack` closes what the frames are made from."""
 
-    def __init__(self, chosen: Method, params: Any, seed: int, fps: float, stack: ExitStack) -> None:
+    def __init__(
+        self, chosen: Method, params: Any, seed: int, fps: float, stack: ExitStack, damage: InputDamage
+    ) -> None:
         self._method, self._params, self._seed, self._fps, self._stack = chosen, params, seed, fps, stack
+        self._damage = damage
         self._specs = {spec.name: spec for spec in chosen.inputs}
 
     def frames(self, source: Source, inputs: Mapping[str, Any]) -> Iterator[Frame]:
         """The finished frames. Closing the iterator, or its end, frees everything."""
         with self._stack:
             if all(self._specs[name].kind in PICTURES for name in inputs):
-                arriving = _checked(_open_frames(source, self._stack))
+                arriving = _checked(self._open_frames("video", source))
                 first = next(arriving, None)
                 if first is None:
                     return
@@ -169,27 +189,33 @@ class _Rendering:
 
     def _stream(self, first: Frame, rest: Iterator[Frame], inputs: Mapping[str, Any]) -> Iterator[Frame] | None:
         size = (first.shape[1], first.shape[0])
-        references = {name: _checked(_open_frames(_many(given), self._stack)) for name, given in inputs.items()}
+        references = {name: _checked(self._open_frames(name, _many(given))) for name, given in inputs.items()}
         session = self._method.stream(self._params, size, self._seed, references)
         if session is None:
             return None
         return (session.step(frame) for frame in chain([first], rest))
+
+    def _open_frames(self, name: str, source: Source) -> Iterator[Frame]:
+        """The frames of the input `name`."""
+        if not isinstance(source, str | Path):
+            return iter(source)
+        return _read(self._stack.enter_context(VideoReader(Path(source))), name, self._damage)
 
     def _planned(self, source: Source, inputs: Mapping[str, Any]) -> Iterator[Frame]:
         folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory(prefix="impasto-")))
         given: dict[str, Any] = {}
         for name, value in inputs.items():
             given |= self._input(self._specs[name], value, folder)
-        context = _DiskContext(self._params, self._source(source, folder), given, self._seed, folder=folder)
+        context = _DiskContext(self._params, self._source("video", source, folder), given, self._seed, folder=folder)
         following = 0
         for _ in iterate_plan(self._method, context):
             while following in context.emitted:
                 yield context.emitted.pop(following)
                 following += 1
 
-    def _source(self, source: Source, folder: Path) -> FrameSource:
+    def _source(self, name: str, source: Source, folder: Path) -> FrameSource:
         if isinstance(source, str | Path):
-            return FileFrames(Path(source), self._stack)
+            return FileFrames(Path(source), self._stack, name, self._damage)
         number = sum(1 for _ in folder.iterdir())
         return SpooledFrames(_checked(iter(source)), self._fps, folder / f"frames-{number}")
 
@@ -197,7 +223,7 @@ class _Rendering:
         """An input as `LocalContext` takes it."""
         is_path = isinstance(value, str | Path)
         if spec.kind in PICTURES:
-            return {spec.name: self._source(_many(value), folder)}
+            return {spec.name: self._source(spec.name, _many(value), folder)}
         if spec.kind == "json":
             return {spec.name: json.loads(Path(value).read_text("utf-8-sig")) if is_path else value}
         if not is_path:
@@ -219,10 +245,22 @@ def _many(value: Any) -> Source:
     return [value] if isinstance(value, np.ndarray) and value.ndim == 3 else value
 
 
-def _open_frames(source: Source, stack: ExitStack) -> Iterator[Frame]:
-    if isinstance(source, str | Path):
-        return stack.enter_context(VideoReader(Path(source))).read()
-    return iter(source)
+def _read(
+    reader: VideoReader, name: str, damage: InputDamage, start: int = 0, stop: int | None = None
+) -> Iterator[Frame]:
+    """Frames [start, stop) of the input `name`; what is wrong with them is recorded. Raises DamagedMedia."""
+    damage.record(name, reader.index, ())
+    known = len(reader.unreadable)
+    for frame in reader.read(start, stop):
+        if len(reader.unreadable) > known:
+            damage.record(name, reader.index, reader.unreadable[known:])
+            known = len(reader.unreadable)
+        yield frame
+
+
+def _warn(damage: InputDamage) -> None:
+    for warning in damage.warnings():
+        warnings.warn(warning.message, DamagedSource, stacklevel=2)
 
 
 def _checked(frames: Iterator[Frame]) -> Iterator[Frame]:
@@ -237,8 +275,8 @@ def _checked(frames: Iterator[Frame]) -> Iterator[Frame]:
 class FileFrames:
     """A video file as a `FrameSource`. Iterators that are open at once have decoders of their own."""
 
-    def __init__(self, path: Path, stack: ExitStack) -> None:
-        self._path, self._stack = path, stack
+    def __init__(self, path: Path, stack: ExitStack, name: str, damage: InputDamage) -> None:
+        self._path, self._stack, self._name, self._damage = path, stack, name, damage
         self._idle = [self._open()]
         reader = self._idle[0]
         width, height = reader.size
@@ -250,7 +288,7 @@ class FileFrames:
     def read(self, start: int, stop: int | None) -> Iterator[Frame]:
         reader = self._idle.pop() if self._idle else self._open()
         try:
-            yield from reader.read(start, stop)
+            yield from _read(reader, self._name, self._damage, start, stop)
         finally:
             self._idle.append(reader)
 

@@ -18,6 +18,7 @@ from pipeline.errors import (
     BadMedia,
     BadParameter,
     Cancelled,
+    DamagedMedia,
     DeviceError,
     ImpastoError,
     MediaTooLarge,
@@ -53,7 +54,7 @@ class JobFailed(ImpastoError):
 
 
 SHARED = (
-    *(BadInput, BadParameter, BadMedia, UnreadableMedia, NoVideoStream, MediaTooLarge, BadFrame),
+    *(BadInput, BadParameter, BadMedia, UnreadableMedia, DamagedMedia, NoVideoStream, MediaTooLarge, BadFrame),
     *(Cancelled, DeviceError, StorageError, StorageFull),
     *(NotFound, Conflict, IdempotencyMismatch, QuotaExceeded),
 )

@@ -159,6 +159,7 @@ TABLE: dict[str, tuple[int, str]] = {
     "bad-patch": (422, "The patch does not fit"),
     "bad-media": (422, "The media are wrong"),
     "unreadable-media": (422, "The media cannot be read"),
+    "damaged-media": (422, "Frames of the file are missing or unreadable"),
     "no-video-stream": (422, "There is no video in it"),
     "bad-frame": (422, "A frame is wrong"),
     "idempotency-mismatch": (422, "The idempotency key was used for another request"),

@@ -76,6 +76,10 @@ class OutputSpec:
     """Optional artefacts of the method, for example "svg"."""
 
 
+WARN, FAIL = "warn", "fail"
+"""Values of `JobRequest.on_damage`."""
+
+
 @dataclass(frozen=True)
 class JobRequest:
     """What a user submits. `inputs` maps input names of the method to asset ids."""
@@ -93,6 +97,9 @@ class JobRequest:
     """URL that is told of the job's end, or empty."""
     frames: tuple[int, int] | None = None
     """[first, end) of the video; None: all. The job's inputs number frames as the whole video does."""
+    on_damage: str = WARN
+    """What to do if frames of an input are missing or unreadable: "warn" (use what can be read, and say so in the job's
+    warnings) or "fail" (the job fails with the code "damaged-media" before it paints them)."""
 
 
 @dataclass(frozen=True)
@@ -104,6 +111,20 @@ class Fault:
     remedy: str = ""
     field: str = ""
     value: str | None = None
+
+
+@dataclass(frozen=True)
+class JobWarning:
+    """Something that the user of a job should know although the job goes on."""
+
+    code: str
+    """"damaged-input"."""
+    message: str
+    """One sentence, for example "The source is damaged: frames 22-95 of 96 are missing."."""
+    input: str
+    """Name of the input."""
+    damage: Json
+    """"frames": how many the undamaged file has; "unreadable", "missing": runs [start, stop) of them."""
 
 
 @dataclass(frozen=True)
@@ -145,6 +166,7 @@ class Job:
     error: Fault | None
     results: tuple[str, ...]
     """Names of files that can be had: "result", "poster", "sheet", "preview", artefact names."""
+    warnings: tuple[JobWarning, ...]
 
 
 @dataclass(frozen=True)
@@ -175,7 +197,7 @@ class Event:
     job_id: str
     at: float
     type: str
-    """"job.state", "job.progress", "step.planned", "task.state", "log"."""
+    """"job.state", "job.progress", "job.warning", "step.planned", "task.state", "log"."""
     data: Json
 
 
@@ -215,6 +237,8 @@ class TaskOrder:
     """As in the request. All other frame numbers of the order are counted from its start."""
     leads: bool = False
     """Whether tasks of this step wait for it."""
+    on_damage: str = WARN
+    """As in `JobRequest`."""
 
 
 @dataclass(frozen=True)
@@ -234,6 +258,7 @@ class TaskOutcome:
     log: str
     fault: Fault | None = None
     cancelled: bool = False
+    warnings: tuple[JobWarning, ...] = ()
 
 
 @dataclass(frozen=True)

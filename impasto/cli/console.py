@@ -6,6 +6,7 @@ Exit status: 0 done, 1 failed, 2 bad input, 130 interrupted (Ctrl-C).
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from typing import Any
 
 import typer
@@ -55,6 +56,12 @@ def print_table(rows: Table) -> None:
 def print_status(text: str) -> None:
     """Print a message on stderr: stdout is for results."""
     err.print(text, markup=False)
+
+
+def print_warnings(warnings: Iterable[Json]) -> None:
+    """Print the warnings of a job on stderr, a line each."""
+    for warning in warnings:
+        print_status(f"warning: {warning['message']}")
 
 
 def fail(error: ImpastoError, as_json: bool) -> int:

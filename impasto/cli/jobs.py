@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from impasto.cli.console import emit, out, print_status, print_table, table
+from impasto.cli.console import emit, out, print_status, print_table, print_warnings, table
 from impasto.cli.options import JsonFlag, KeyOption, QuietFlag, ServerOption, client_of
 from pipeline.errors import BadInput
 from workers.errors import NotFound
@@ -73,6 +73,7 @@ def watch(
     with client_of(server, api_key) as client, progress(quiet) as show:
         for latest in client.watch(find_id(client, job)):
             show(latest)
+    print_warnings(latest.get("warnings", ()))
     if latest["state"] != "succeeded":
         raise job_failed(latest)
     if as_json:

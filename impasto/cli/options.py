@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,6 +10,12 @@ import typer
 
 if TYPE_CHECKING:
     from impasto.client import Client
+
+
+class Damage(StrEnum):
+    WARN = "warn"
+    FAIL = "fail"
+
 
 WHERE, WHAT = "Where", "What to paint"
 
@@ -26,6 +33,12 @@ InputOption = Annotated[
 SeedOption = Annotated[int, typer.Option(min=0, help="Seed of all random choices.", rich_help_panel=WHAT)]
 QualityOption = Annotated[
     int, typer.Option(min=0, max=51, help="Rate factor of the video codec: lower is better.", rich_help_panel=WHAT)
+]
+DamageOption = Annotated[
+    Damage,
+    typer.Option(
+        help="If frames of an input are missing or unreadable: use what can be read, or fail.", rich_help_panel=WHAT
+    ),
 ]
 HomeOption = Annotated[
     Path | None,

@@ -11,7 +11,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from impasto.library import render
+from impasto.library import OnDamage, render
 from impasto.y4m import StreamFormat, Y4mReader, Y4mWriter, raw_frames, write_raw
 from pipeline.errors import BadInput, BadParameter
 from pipeline.frames import Frame
@@ -42,11 +42,13 @@ class PipeOrder:
     quality: int
     overwrite: bool
     raw: str = ""
+    on_damage: OnDamage = "warn"
 
     def run(self) -> int:
         """Render; returns the number of frames written to stdout, 0 if the output is a file."""
         frames, form = self._source()
-        common: Json = {"inputs": self.inputs, "seed": self.seed, "fps": float(form.fps), **self.params}
+        common: Json = {"inputs": self.inputs, "seed": self.seed, "fps": float(form.fps), "on_damage": self.on_damage}
+        common |= self.params
         if self.output != PIPE:
             render(self.method, frames, self.output, quality=self.quality, overwrite=self.overwrite, **common)
             return 0

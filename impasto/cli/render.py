@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated
@@ -10,8 +11,10 @@ from typing import Annotated
 import typer
 
 from impasto.cli import values
-from impasto.cli.console import emit, out, print_status
+from impasto.cli.console import emit, out, print_status, print_warnings
 from impasto.cli.options import (
+    Damage,
+    DamageOption,
     HomeOption,
     InputOption,
     JsonFlag,
@@ -72,6 +75,7 @@ def render(
     frames: Annotated[
         str, typer.Option(metavar="FIRST:END", help="Only this piece of IN, counted from 0, END not included.")
     ] = "",
+    on_damage: DamageOption = Damage.WARN,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False,
     workers: Annotated[int, typer.Option(min=1, max=256, help="Tasks at once. Never changes a byte.")] = 1,
     raw: Annotated[
@@ -92,7 +96,8 @@ def render(
             {"--artefact": bool(artefact), "--json": as_json, "--workers": workers != 1, "--frames": bool(frames)}
         )
         inputs = values.inputs(extra or [])
-        pipe = PipeOrder(str(source), output, method, values.params(param or []), inputs, seed, quality, overwrite, raw)
+        params = values.params(param or [])
+        pipe = PipeOrder(str(source), output, method, params, inputs, seed, quality, overwrite, raw, on_damage.value)
         count = pipe.run()
         print_status(f"{count} frames" if output == "-" else output)
         return
@@ -111,9 +116,11 @@ def render(
     with TemporaryDirectory(prefix="impasto-") as scratch:
         if is_project(source):
             files = project_order(source, Path(scratch), where, artefacts, overwrite, piece)
+        files = replace(files, request=replace(files.request, on_damage=on_damage.value))
         files.check()
         with progress(quiet) as show:
             summary = run(files, workers, home_of(home), show)
+    print_warnings(summary["warnings"])
     if as_json:
         emit(summary)
         return

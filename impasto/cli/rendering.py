@@ -183,6 +183,7 @@ def _deliver(farm: Farm, job: Job, order: RenderOrder) -> Json:
         "output": str(order.where.path),
         "artefacts": artefacts,
         "job": job.id,
+        "warnings": [dataclasses.asdict(warning) for warning in job.warnings],
     }
 
 

@@ -12,6 +12,8 @@ import typer
 from impasto.cli import values
 from impasto.cli.console import emit, out, print_status
 from impasto.cli.options import (
+    Damage,
+    DamageOption,
     InputOption,
     JsonFlag,
     KeyOption,
@@ -50,6 +52,7 @@ def submit(
     label: Annotated[
         list[str] | None, typer.Option(metavar="NAME=VALUE", help="A label for searching; repeatable.")
     ] = None,
+    on_damage: DamageOption = Damage.WARN,
     priority: Annotated[int, typer.Option(min=-100, max=100, help="Higher goes first.")] = 0,
     webhook: Annotated[str, typer.Option(metavar="URL", help="URL that receives a message when the job ends.")] = "",
     idempotency_key: Annotated[
@@ -76,6 +79,7 @@ def submit(
             labels=labels,
             priority=priority,
             webhook=webhook,
+            on_damage=on_damage.value,
             idempotency_key=idempotency_key,
         )
     _tell(job, as_json)

@@ -49,6 +49,12 @@ class JobIn(Work):
         default="", max_length=2000, description="http(s) URL that receives a message when the job ends."
     )
 
+    on_damage: Literal["warn", "fail"] = Field(
+        default="warn",
+        description="If frames of an input are missing or unreadable: use what can be read and add a warning to the "
+        "job, or fail with the code `damaged-media`.",
+    )
+
     def request(self) -> JobRequest:
         values = {name: getattr(self, name) for name in type(self).model_fields}
         return JobRequest(**values | {"output": self.output.spec()})

@@ -56,6 +56,7 @@ def a_job(*steps: StepView, **changes: Any) -> Job:
         steps=steps,
         error=None,
         results=("result",),
+        warnings=(),
     )
     return dataclasses.replace(job, **changes)
 

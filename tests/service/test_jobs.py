@@ -27,6 +27,8 @@ def test_a_job_is_the_dataclass_and_links(client: TestClient, body: dict[str, An
         "name": "",
         "labels": {"shot": "12"},
         "webhook": "",
+        "frames": None,
+        "on_damage": "warn",
     }
     assert job["state"] == "queued"
     assert isinstance(job["created_at"], float)

@@ -25,12 +25,13 @@ from workers.blobs.base import Blobs
 from workers.execution.arrays import read_arrays, write_arrays
 from workers.execution.decoders import Decoders
 from workers.execution.emission import Emission, EmitError
+from workers.execution.input_damage import InputDamage, within
 from workers.execution.preview_publisher import PreviewPublisher
 from workers.execution.stage_timer import StageTimer
 from workers.frame_window import WindowImages, window_document, window_index
 from workers.log_context import belong
 from workers.logs import attempt_facts
-from workers.model import TaskOrder
+from workers.model import FAIL, TaskOrder
 from workers.pools.base import Tell
 from workers.scheduling.planning import video_info
 
@@ -70,6 +71,7 @@ class AttemptContext:
         self.artefacts: dict[str, str] = {}
         self.files: dict[str, tuple[str, str]] = {}
         self.warnings: list[str] = []
+        self.damage = InputDamage(order.on_damage == FAIL)
         self._order, self._aligned = order, aligned
         self._facts = attempt_facts(order.job_id, order.task_id, order.attempt_id)
         self._blobs = blobs
@@ -90,12 +92,17 @@ class AttemptContext:
     def frames(self, name: str = "video", start: int = 0, stop: int | None = None) -> Iterator[Frame]:
         first, last = self._source_span(name, start, stop)
         with self._decoders.reader(self._input(name), first) as reader:
-            noted, at = len(reader.errors), start
+            noted, unreadable, at = len(reader.errors), len(reader.unreadable), start
+            expected = within(reader.index, self._source_span(name, 0, None))
+            self.damage.record(name, expected, ())
             if name == "video":
                 self._index = window_index(reader.index, self._order.frames)
             source = reader.read(first, last)
             while (frame := self._next(source)) is not None:
                 at += 1
+                if len(reader.unreadable) > unreadable:
+                    self.damage.record(name, expected, reader.unreadable[unreadable:])
+                    unreadable = len(reader.unreadable)
                 yield frame
             self.warnings += [f"{name}: {error}" for error in reader.errors[noted:]]
         if name == "video" and (stop is None or at < stop):

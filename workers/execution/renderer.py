@@ -130,8 +130,9 @@ class Renderer:
         for warning in context.warnings:
             _LOG.warning("%s", warning)
         return TaskOutcome(
-            order.attempt_id, result, context.artefacts, context.files, segment, context.stages.seconds(), ""
-        )
+            order.attempt_id, result, context.artefacts, context.files, segment, context.stages.seconds(), "",
+            warnings=context.damage.warnings(),
+        )  # fmt: skip
 
     def _assemble(self, order: TaskOrder, context: AttemptContext, folder: Path) -> TaskOutcome:
         prefix = f"jobs/{order.job_id}/{order.step}/{order.key}/{order.attempt_id}"

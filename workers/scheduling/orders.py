@@ -64,6 +64,7 @@ class Orders:
             segments=before.segments,
             frames=request.frames,
             stages=before.stages,
+            on_damage=request.on_damage,
             resources=None if task["needs"] is None else Resources(**task["needs"]),
             leads=self._shares_memory and self._store.task_inputs.leads(task["id"]),
         )

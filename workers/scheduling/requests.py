@@ -6,11 +6,12 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from urllib.parse import urlsplit
 
-from pipeline.errors import BadParameter, did_you_mean, together
+from pipeline.errors import BadInput, BadParameter, DamagedMedia, did_you_mean, together
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import InputKind, InputSpec, Method
 from workers.frame_window import window_info
-from workers.model import Asset, JobRequest, OutputSpec
+from workers.job_warnings import DAMAGE_REMEDY
+from workers.model import FAIL, WARN, Asset, JobRequest, OutputSpec
 from workers.scheduling.planning import expected_weights, steps_of
 from workers.store import Accepted
 
@@ -39,9 +40,10 @@ def check_request(request: JobRequest, assets: Mapping[str, Asset]) -> Accepted:
 
     Raises:
         BadParameter: names the field, its value and the remedy.
+        DamagedMedia: an input is damaged, and the request wants to fail then.
     """
     chosen = method(request.method)
-    faults: list[BadParameter] = []
+    faults: list[BadInput] = []
     with _collected(faults):
         params = parse_params(chosen, request.params)
     with _collected(faults):
@@ -52,6 +54,8 @@ def check_request(request: JobRequest, assets: Mapping[str, Asset]) -> Accepted:
         check_frames(request.frames, assets.get("video"))
     with _collected(faults):
         _check_envelope(request)
+    with _collected(faults):
+        _check_damage(request, assets)
     if faults:
         raise together(faults)
     info = window_info(assets["video"].info if "video" in assets else {}, request.frames)
@@ -60,11 +64,11 @@ def check_request(request: JobRequest, assets: Mapping[str, Asset]) -> Accepted:
 
 
 @contextmanager
-def _collected(faults: list[BadParameter]) -> Iterator[None]:
+def _collected(faults: list[BadInput]) -> Iterator[None]:
     """Collect a refusal, so that the user hears of all of them at once."""
     try:
         yield
-    except BadParameter as fault:
+    except (BadParameter, DamagedMedia) as fault:
         faults.append(fault)
 
 
@@ -116,6 +120,17 @@ def check_output(chosen: Method, output: OutputSpec) -> None:
         if artefact not in chosen.artefacts:
             known = ", ".join(chosen.artefacts) or "none"
             _refuse("output.artefacts", artefact, f"The method {chosen.name!r} makes: {known}.")
+
+
+def _check_damage(request: JobRequest, assets: Mapping[str, Asset]) -> None:
+    """Refuse an input that is known to be damaged if the job is to fail then. Raises BadParameter, DamagedMedia."""
+    if request.on_damage not in (WARN, FAIL):
+        _refuse("on_damage", request.on_damage, f"Use {WARN!r} or {FAIL!r}.")
+    if request.on_damage == WARN or request.frames is not None:  # the piece of a damaged video may be whole
+        return
+    for name, asset in assets.items():
+        if damage := asset.info.get("damage"):
+            raise DamagedMedia(damage, field=f"inputs.{name}", value=asset.filename, remedy=DAMAGE_REMEDY)
 
 
 def _check_envelope(request: JobRequest) -> None:

@@ -5,6 +5,7 @@ Every change of a job goes through here, so that states, counts, history and web
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any
@@ -14,7 +15,8 @@ from sqlalchemy import Connection, RowMapping, and_, bindparam, delete, insert, 
 from workers import state_machine as machine
 from workers.errors import NotFound
 from workers.ids import new_id
-from workers.model import Json, RunState, TaskState
+from workers.job_warnings import merged_warnings
+from workers.model import JobWarning, Json, RunState, TaskState
 from workers.state_machine import Counts, JobSnapshot, Limits, State, StateEvent, TaskSnapshot
 from workers.store import schema, task_states
 from workers.store.records import counts_of, fault_to_json
@@ -100,6 +102,16 @@ class JobTransaction:
 
     def add_task_event(self, task: dict[str, Any], state: TaskState, **more: Any) -> None:
         self.add_event("task.state", {"task_id": task["id"], "key": task["key"], "state": state.value, **more})
+
+    def add_warnings(self, warnings: Sequence[JobWarning]) -> None:
+        """Merge warnings into the job's; an event tells of those that are new."""
+        known = self.row["warnings"] or []
+        merged = merged_warnings(known, warnings)
+        for warning in merged:
+            if warning not in known:
+                self.add_event("job.warning", warning)
+        if merged != known:
+            self._set(warnings=merged)
 
     def close(self) -> None:
         """Write the job's row and history."""

@@ -11,7 +11,7 @@ from sqlalchemy import BindParameter, Connection, bindparam, func, select
 from workers.model import Job, RunState, StepView, TaskState
 from workers.store import schema
 from workers.store.progress import StepMeter, job_eta_s, job_progress
-from workers.store.records import Row, fault_of, request_of
+from workers.store.records import Row, fault_of, request_of, warnings_of
 
 ByJob = dict[str, list[Row]]
 
@@ -98,6 +98,7 @@ def _job(row: Row, steps: Sequence[Row], running: Sequence[Row], ended: int, fil
         steps=tuple(_step(row, step, meter) for step, meter in zip(steps, meters, strict=True)),
         error=fault_of(row["error"]),
         results=tuple(sorted(file["name"] for file in files)),
+        warnings=warnings_of(row["warnings"]),
     )
 
 

@@ -10,7 +10,19 @@ from typing import Any
 from sqlalchemy import RowMapping
 
 from pipeline.errors import BadParameter
-from workers.model import ApiKey, Asset, Delivery, Event, Fault, JobRequest, Json, OutputSpec, TaskState
+from workers.model import (
+    WARN,
+    ApiKey,
+    Asset,
+    Delivery,
+    Event,
+    Fault,
+    JobRequest,
+    JobWarning,
+    Json,
+    OutputSpec,
+    TaskState,
+)
 from workers.state_machine import Counts
 
 Row = RowMapping | dict[str, Any]
@@ -21,9 +33,14 @@ def asset_of(row: Row) -> Asset:
 
 
 def request_to_json(request: JobRequest) -> Json:
-    """The request without `frames` where it has none: requests of earlier versions keep their digests."""
+    """JSON of a request. What an earlier version does not know is left out where it has its default, so that both
+    versions can share a database, and an idempotency key stays with its request."""
     value = asdict(request)
-    return value if request.frames is not None else {name: value[name] for name in value if name != "frames"}
+    if request.frames is None:
+        del value["frames"]
+    if request.on_damage == WARN:
+        del value["on_damage"]
+    return value
 
 
 def request_of(value: Json) -> JobRequest:
@@ -38,6 +55,10 @@ def fault_to_json(fault: Fault | None) -> Json | None:
 
 def fault_of(value: Json | None) -> Fault | None:
     return None if value is None else Fault(**value)
+
+
+def warnings_of(value: list[Json] | None) -> tuple[JobWarning, ...]:
+    return tuple(JobWarning(**each) for each in value or ())
 
 
 def event_of(row: Row) -> Event:

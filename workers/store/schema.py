@@ -105,6 +105,7 @@ jobs = Table(
     Column("doomed", Boolean, nullable=False),
     Column("ready", Integer, nullable=False, default=0, server_default="0"),
     Column("error", JSON(none_as_null=True)),
+    Column("warnings", JSON(none_as_null=True)),
     Column("last_seq", BigInteger, nullable=False),
     Column("idempotency_key", String(255)),
     Column("digest", String(64), nullable=False),

@@ -336,6 +336,7 @@ def _keep_result(current: _CurrentAttempt, outcome: TaskOutcome) -> None:
     for name, (key, media_type) in outcome.files.items():
         _keep_file(job, name, key, media_type)
     _add_measures(job, task, outcome.stages, job.now - current.attempt["started_at"])
+    job.add_warnings(outcome.warnings)
 
 
 def _keep_file(job: JobTransaction, name: str, key: str, media_type: str) -> None:

@@ -22,7 +22,7 @@ def _request(letter: str) -> JobRequest:
 def _job(letter: str, seconds: float) -> Job:
     given: dict[str, Any] = {"id": "job_1", "state": RunState.SUCCEEDED, "request": _request(letter), "owner": ""}
     times = {"created_at": 0.0, "updated_at": 0.0, "started_at": 10.0, "finished_at": 10.0 + seconds}
-    return Job(**given, **times, progress=1.0, eta_s=None, counts={}, steps=(), error=None, results=())
+    return Job(**given, **times, progress=1.0, eta_s=None, counts={}, steps=(), error=None, results=(), warnings=())
 
 
 def test_time_goes_by_frames_and_pixels() -> None:

@@ -68,6 +68,18 @@ export function problemBlock(error: Message, ...actions: Child[]): HTMLElement {
   return h("div", { class: "problem", role: "alert" }, icon("alert"), text);
 }
 
+/** What a user should know although the work goes on, as a block in the page; nothing if there is nothing. */
+export function warningBlock(title: string, messages: string[]): HTMLElement | null {
+  if (!messages.length) return null;
+  const text = h(
+    "div",
+    {},
+    h("strong", {}, title),
+    messages.map((message) => h("p", {}, message)),
+  );
+  return h("div", { class: "problem warning", role: "status" }, icon("alert"), text);
+}
+
 /** Speak to assistive technology only. */
 export function announce(text: string): void {
   const line = h("p", { class: "visually-hidden" }, text);

@@ -12,6 +12,8 @@ export interface AssetInfo {
   frames?: number;
   fps?: number;
   duration_s?: number;
+  /** What is wrong with the file, one sentence; empty: nothing. */
+  damage?: string;
 }
 
 export interface Asset {
@@ -31,6 +33,13 @@ export interface Fault {
   message: string;
   remedy?: string;
   field?: string;
+}
+
+/** Something that the user of a job should know although the job goes on. */
+export interface JobWarning {
+  code: string;
+  message: string;
+  input: string;
 }
 
 export interface Step {
@@ -78,6 +87,7 @@ export interface Job {
   steps: Step[];
   error: Fault | null;
   results: string[];
+  warnings?: JobWarning[];
 }
 
 export interface Page<Item> {

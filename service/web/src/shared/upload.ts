@@ -1,6 +1,7 @@
 /** Sending a file to the service: one POST for a small one, resumable tus 1.0.0 for a large one. */
 
 import { asset, authorisation, isAbort, Problem, type ProblemFields, renewKey, request } from "./api";
+import { notifyOf } from "./notices";
 import type { Asset } from "./types";
 
 const TUS = { "Tus-Resumable": "1.0.0" };
@@ -14,11 +15,16 @@ export interface UploadOptions {
   signal?: AbortSignal;
 }
 
-/** Upload `file`. Resolves to the asset, throws a Problem. */
-export function upload(file: File, { onProgress = () => {}, signal }: UploadOptions = {}): Promise<Asset> {
-  if (!file.size) return Promise.reject(empty(file));
-  return file.size <= SMALL_BYTES ? whole(file, onProgress, signal) : resumable(file, onProgress, signal);
+/** Upload `file`, and tell the user if it is damaged. Resolves to the asset, throws a Problem. */
+export async function upload(file: File, { onProgress = () => {}, signal }: UploadOptions = {}): Promise<Asset> {
+  if (!file.size) throw empty(file);
+  const small = file.size <= SMALL_BYTES;
+  const found = await (small ? whole(file, onProgress, signal) : resumable(file, onProgress, signal));
+  if (found.info.damage) notifyOf({ title: file.name, message: found.info.damage, remedy: DAMAGED });
+  return found;
 }
+
+const DAMAGED = "What can be read of it is used. Choose an undamaged copy if you have one.";
 
 const empty = (file: File): Problem =>
   new Problem({

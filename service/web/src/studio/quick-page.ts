@@ -177,7 +177,8 @@ function createMethodPanel(
 
 function heading(asset: Asset, onopen: () => void, ondiscard: () => void): HTMLElement {
   const line = `${describe(asset.info)} · ${bytes(asset.size_bytes)}`;
-  const text = h("div", { class: "film-title" }, h("h1", {}, asset.filename), h("p", {}, line));
+  const damage = asset.info.damage && h("p", { class: "field-error" }, asset.info.damage);
+  const text = h("div", { class: "film-title" }, h("h1", {}, asset.filename), h("p", {}, line), damage);
   const other = h("button", { type: "button", class: "button quiet", onclick: ondiscard }, "Another video");
   const draw = h("button", { type: "button", class: "button", onclick: onopen }, icon("brush"), "Draw on it");
   return h("div", { class: "film-head" }, text, h("div", { class: "actions" }, draw, other));

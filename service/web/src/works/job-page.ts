@@ -6,7 +6,7 @@ import { hashOfJob } from "../shared/draft";
 import { follow } from "../shared/events";
 import { ago, percent } from "../shared/format";
 import { iconButton } from "../shared/icons";
-import { notify, problemBlock } from "../shared/notices";
+import { notify, problemBlock, warningBlock } from "../shared/notices";
 import type { Job, View } from "../shared/types";
 import { createFacts } from "./facts";
 import { deleteWithUndo } from "./job-list";
@@ -48,8 +48,9 @@ export function createJobPage(id: string): View {
     document.title = `${isFinal(now) ? stateWord(now) : percent(now.progress)} · ${titleOf(now)} · Impasto`;
     progress.update(now);
     preview.update(now);
-    if (drawn !== now.state) compose(now);
-    drawn = now.state;
+    const look = `${now.state} ${(now.warnings ?? []).map((warning) => warning.message).join()}`;
+    if (drawn !== look) compose(now);
+    drawn = look;
   }
 
   /** Lay the page out for the job's state. */
@@ -62,6 +63,10 @@ export function createJobPage(id: string): View {
       { class: "panel job-panel", "aria-label": "Progress" },
       now.error &&
         problemBlock({ title: "The job failed", message: now.error.message, remedy: now.error.remedy ?? "" }),
+      warningBlock(
+        "Damaged input",
+        (now.warnings ?? []).map((warning) => warning.message),
+      ),
       result?.downloads,
       progress.element,
       h("div", { class: "actions" }, verbs(now)),
@@ -136,6 +141,7 @@ const USER_ERRORS = new Set([
   "bad-parameter",
   "bad-media",
   "unreadable-media",
+  "damaged-media",
   "no-video-stream",
   "media-too-large",
   "bad-frame",

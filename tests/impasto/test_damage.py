@@ -1,0 +1,155 @@
+"""A damaged source is never painted in silence: by the command, by the library call, by the service."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from fastapi.testclient import TestClient
+
+import impasto
+from impasto.cli.app import run
+from impasto.library import DamagedSource
+from pipeline.errors import BadParameter, DamagedMedia
+from service.app import create_app
+from service.settings import Settings
+from tests.pipeline.video.making import make_video, picture
+from workers.farm import Farm, open_farm
+from workers.model import JobRequest
+from workers.settings import FarmSettings
+from workers.store.records import request_of, request_to_json
+
+FRAMES = 24
+CUT = "The source is damaged: frames 11-23 of 24 are missing."
+UNREADABLE = "The source is damaged: frames 8-10 of 24 are unreadable."
+
+
+def whole(path: Path) -> Path:
+    return make_video(path, [picture(i) for i in range(FRAMES)], "mjpeg", "yuvj420p")
+
+
+@pytest.fixture
+def cut(tmp_path: Path) -> Path:
+    """A Matroska file of 24 frames of which the first eleven are there."""
+    path = whole(tmp_path / "cut.mkv")
+    data = path.read_bytes()
+    pictures = [at for at in range(len(data)) if data[at : at + 3] == b"\xff\xd8\xff"]
+    path.write_bytes(data[: pictures[11] + 5])
+    return path
+
+
+@pytest.fixture
+def holes(tmp_path: Path) -> Path:
+    """An AVI file of 24 frames of which three in the middle are noise."""
+    path = whole(tmp_path / "holes.avi")
+    data = bytearray(path.read_bytes())
+    pictures = [at for at in range(len(data)) if data[at : at + 3] == b"\xff\xd8\xff"]
+    noise = np.random.Generator(np.random.Philox(1))
+    for number in (8, 9, 10):
+        start, stop = pictures[number], pictures[number + 1] - 16
+        data[start:stop] = noise.bytes(stop - start)
+    path.write_bytes(bytes(data))
+    return path
+
+
+def render(capsys: pytest.CaptureFixture[str], home: Path, *words: str | Path) -> tuple[int, str, dict[str, Any]]:
+    """Exit status, stderr, and the JSON of `impasto render`."""
+    capsys.readouterr()
+    common = ["--param", "lines=off", "--home", home, "--json", "--quiet"]
+    code = run([str(word) for word in ("render", *words, *common)])
+    printed = capsys.readouterr()
+    return code, printed.err, json.loads(printed.out.splitlines()[-1])
+
+
+@pytest.mark.parametrize(("name", "said", "frames"), [("cut", CUT, 11), ("holes", UNREADABLE, FRAMES)])
+def test_the_command_warns_or_fails(
+    name: str, said: str, frames: int, request: pytest.FixtureRequest, capsys: pytest.CaptureFixture[str], home: Path,
+    tmp_path: Path,
+) -> None:  # fmt: skip
+    source: Path = request.getfixturevalue(name)
+    code, text, summary = render(capsys, home, source, "-o", tmp_path / "out.mp4")
+    assert (code, summary["frames"]) == (0, frames)
+    assert f"warning: {said}" in text
+    assert [(each["code"], each["message"]) for each in summary["warnings"]] == [("damaged-input", said)]
+    code, text, summary = render(capsys, home, source, "-o", tmp_path / "no.mp4", "--on-damage", "fail")
+    assert (code, summary["error"]["code"]) == (2, "damaged-media")
+    assert "damaged" in text and not (tmp_path / "no.mp4").exists()
+
+
+def test_the_command_has_no_warning_for_a_whole_source(
+    capsys: pytest.CaptureFixture[str], home: Path, tmp_path: Path
+) -> None:
+    source = whole(tmp_path / "whole.avi")
+    code, text, summary = render(capsys, home, source, "-o", tmp_path / "out.mp4", "--on-damage", "fail")
+    assert (code, summary["warnings"]) == (0, []) and "warning" not in text
+
+
+@pytest.mark.parametrize(
+    ("name", "said", "method"),
+    [("cut", CUT, "abstraction"), ("holes", UNREADABLE, "abstraction"), ("holes", UNREADABLE, "patches")],
+)
+def test_the_library_warns_or_raises(name: str, said: str, method: str, request: pytest.FixtureRequest) -> None:
+    source: Path = request.getfixturevalue(name)
+    with pytest.warns(DamagedSource, match=said) as caught:
+        frames = list(impasto.render(method, source, **({"lines": "off"} if method == "abstraction" else {})))
+    assert len(caught) == 1 and len(frames) in (11, FRAMES)
+    with pytest.raises(DamagedMedia, match="The source is damaged"):
+        list(impasto.render(method, source, on_damage="fail"))
+
+
+def test_the_library_is_silent_about_a_whole_source(tmp_path: Path) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert len(list(impasto.render("abstraction", whole(tmp_path / "w.mkv"), lines="off"))) == FRAMES
+    with pytest.raises(BadParameter, match="on_damage"):
+        impasto.render("abstraction", tmp_path / "w.mkv", on_damage="maybe")  # type: ignore[call-overload]
+
+
+@pytest.fixture
+def farm(tmp_path: Path) -> Iterator[Farm]:
+    made = open_farm(FarmSettings(home=tmp_path / "farm", pool="local", workers=1, reserve_bytes=0))
+    made.start()
+    yield made
+    made.stop()
+
+
+def test_a_job_of_the_service_has_a_warning_and_an_event(farm: Farm, holes: Path, cut: Path, tmp_path: Path) -> None:
+    with TestClient(create_app(Settings(home=tmp_path / "farm"), farm), "http://127.0.0.1:8420") as client:
+        assets = {}
+        for path in (holes, cut):
+            sent = client.post("/v1/assets", files={"file": (path.name, path.read_bytes())}).json()
+            assets[path.name] = sent["id"]
+        assert sent["info"]["damage"] == "The file is damaged: frames 11-23 of 24 are missing."
+        body = {"method": "abstraction", "inputs": {"video": assets["holes.avi"]}, "params": {"lines": "off"}}
+        ids = [client.post("/v1/jobs", json=body | more).json()["id"] for more in ({}, {"on_damage": "fail"})]
+        refused = client.post("/v1/jobs", json=body | {"inputs": {"video": sent["id"]}, "on_damage": "fail"})
+        assert (refused.status_code, refused.json()["code"]) == (422, "damaged-media")
+        warned, failed = [_final(client, farm, job_id) for job_id in ids]
+    assert warned["state"] == "succeeded" and [each["message"] for each in warned["warnings"]] == [UNREADABLE]
+    assert warned["warnings"][0]["damage"] == {"frames": 24, "unreadable": [[8, 11]], "missing": []}
+    events, _ = farm.jobs.events(warned["id"])
+    assert [event.data["message"] for event in events if event.type == "job.warning"] == [UNREADABLE]
+    assert (failed["state"], failed["error"]["code"]) == ("failed", "damaged-media")
+    assert failed["counts"]["succeeded"] == 0, "it fails at the scan, before anything is painted"
+
+
+def _final(client: TestClient, farm: Farm, job_id: str) -> dict[str, Any]:
+    seen = 0
+    while not farm.jobs.get(job_id).state.final:
+        assert farm.jobs.wait_for_event(job_id, seen, 60.0)
+        seen = farm.jobs.events(job_id, seen)[0][-1].seq
+    found: dict[str, Any] = client.get(f"/v1/jobs/{job_id}").json()
+    return found
+
+
+def test_a_request_without_the_field_keeps_its_idempotency_key() -> None:
+    """Versions that do not know the field have stored requests without it."""
+    plain = JobRequest("abstraction", {})
+    assert "on_damage" not in request_to_json(plain) and request_of(request_to_json(plain)) == plain
+    strict = JobRequest("abstraction", {}, on_damage="fail")
+    assert request_of(request_to_json(strict)) == strict
