@@ -18,7 +18,7 @@ from impasto.cli.workspace import Workspace, forget, key_of, sweep, workspace
 from impasto.delivery import Target, beside, check_space, check_still, deliver, output_faults, same_file
 from pipeline.errors import BadInput
 from pipeline.methods import method, parse_params
-from pipeline.methods.base import Method
+from pipeline.methods.base import Method, Params
 from pipeline.video.probe import probe, probe_guarded
 from workers.execution.warm_up import warm_up
 from workers.farm import Farm
@@ -40,8 +40,7 @@ class RenderOrder:
     def check(self) -> None:
         """Refuse what is wrong with the order itself, before any file is read. Raises: BadParameter, BadInput."""
         chosen = method(self.request.method)
-        parse_params(chosen, self.request.params)
-        _check_inputs(chosen, self.paths)
+        _check_inputs(chosen, parse_params(chosen, self.request.params), self.paths)
         for name in self.artefacts:
             if name not in chosen.artefacts:
                 raise BadInput(
@@ -83,8 +82,8 @@ def _is_empty_folder(path: Path) -> bool:
     return path.is_dir() and not any(path.iterdir())
 
 
-def _check_inputs(chosen: Method, paths: Mapping[str, Path]) -> None:
-    known = {spec.name: spec for spec in chosen.inputs}
+def _check_inputs(chosen: Method, params: Params, paths: Mapping[str, Path]) -> None:
+    known = {spec.name: spec for spec in chosen.inputs_of(params)}
     for name in paths:
         if name not in known:
             raise BadInput(

@@ -30,10 +30,18 @@ def methods() -> Mapping[str, Method]:
     return MappingProxyType(found)
 
 
+@cache
+def _platform_methods() -> Mapping[str, Method]:
+    """Methods of the platform's own jobs, which are not published."""
+    from pipeline.methods.layers import Layers
+
+    return MappingProxyType({Layers.name: Layers()})
+
+
 def method(name: str) -> Method:
     """The method `name`, or `BadParameter` that lists the names there are."""
     try:
-        return methods()[name]
+        return methods().get(name) or _platform_methods()[name]
     except KeyError:
         raise BadParameter(
             f"Unknown method {name!r}.", field="method", value=name, remedy=did_you_mean(name, methods(), "methods")

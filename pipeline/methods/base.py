@@ -130,6 +130,14 @@ class Method:
     input_schemas: ClassVar[Mapping[str, Callable[[], JsonSchema]]] = MappingProxyType({})
     input_checks: ClassVar[Mapping[str, InputCheck]] = MappingProxyType({})
 
+    def inputs_of(self, params: AnyParams) -> tuple[InputSpec, ...]:
+        """Inputs of a job with these parameters."""
+        return self.inputs
+
+    def steps_of(self, params: AnyParams) -> tuple[Step[AnyParams], ...]:
+        """Steps of a job with these parameters."""
+        return self.steps
+
     def stream(
         self, params: AnyParams, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]
     ) -> Session | None:

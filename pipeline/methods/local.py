@@ -144,7 +144,7 @@ def run_plan(method: Method, context: LocalContext[AnyParams], shuffle: int | No
     Returns:
         The tasks of each step, by step name, in the order in which they ran. Frames are in `context.emitted`.
     """
-    done: dict[str, list[Task]] = {step.name: [] for step in method.steps}
+    done: dict[str, list[Task]] = {step.name: [] for step in method.steps_of(context.params)}
     for step, task in iterate_plan(method, context, shuffle):
         done[step].append(task)
     return done
@@ -163,10 +163,11 @@ def iterate_plan(
     """
     results: dict[str, dict[str, TaskResult]] = {}
     order: dict[str, int] = {}
-    for step in method.steps[:steps]:
+    method_steps = method.steps_of(context.params)
+    for step in method_steps[:steps]:
         plan_context = PlanContext(context.params, context.seed, context.video, frozenset(context.inputs), results)
         tasks = step.plan(plan_context)
-        check_plan(tasks, step.name, results, [one.name for one in method.steps])
+        check_plan(tasks, step.name, results, [one.name for one in method_steps])
         results[step.name] = {}
         for task in tasks:
             order[f"{step.name}/{task.key}"] = len(order)

@@ -14,7 +14,7 @@ from service.jobs.schemas import JobIn
 from service.projects.lookup import find_project
 from workers.model import JobRequest
 from workers.projects.document import FrameRange, Id
-from workers.projects.estimates import SAMPLES, Estimate, estimate
+from workers.projects.estimates import SAMPLES, Estimate, estimate, parts, summed
 from workers.projects.faults import refuse_if_any
 from workers.projects.materials import Uploaded
 from workers.projects.parsing import parse_document
@@ -75,6 +75,9 @@ def _requests(context: ServiceContext, caller: Principal, body: EstimateIn) -> l
 
 
 def _estimate(context: ServiceContext, shot: str, request: JobRequest) -> ShotEstimate:
-    finished = context.farm.jobs.page(state="succeeded", method=request.method, limit=SAMPLES).items
-    found = estimate(request, finished, context.farm.assets.get)
+    def one(part: JobRequest) -> Estimate:
+        finished = context.farm.jobs.page(state="succeeded", method=part.method, limit=SAMPLES).items
+        return estimate(part, finished, context.farm.assets.get)
+
+    found = summed([one(part) for part in parts(request)])
     return ShotEstimate(found.frames, found.seconds, found.samples, shot)

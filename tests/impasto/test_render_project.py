@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,45 +11,61 @@ import pytest
 from typer.testing import CliRunner
 
 from impasto.cli.app import app
-from workers.farm import open_farm
+from pipeline.video.probe import probe
+from workers.farm import Farm, open_farm
 from workers.settings import FarmSettings
 
-
-def _document(clip: str) -> dict[str, Any]:
-    layer = {
-        "id": "l1", "method": "multistyle", "params": {"style": "pointillism"}, "seed": 5,
-        "regions": {"left": {"polygons": [{"frame": 0, "points": [[0, 0], [0.5, 0], [0.5, 1], [0, 1]]}]}},
-        "style_keys": [{"region": "left", "frame": 2, "set": {"size": 40}}],
-    }  # fmt: skip
-    return {
-        "schema": 1, "name": "Swan", "assets": {"clip": {"id": clip}}, "output": {"quality": 12},
-        "shots": [{"id": "s1", "video": "clip", "layers": [layer]}],
-    }  # fmt: skip
+STROKES = {
+    "id": "l1", "method": "multistyle", "params": {"style": "pointillism"}, "seed": 5,
+    "regions": {"left": {"polygons": [{"frame": 0, "points": [[0, 0], [0.5, 0], [0.5, 1], [0, 1]]}]}},
+    "style_keys": [{"region": "left", "frame": 2, "set": {"size": 40}}],
+}  # fmt: skip
+SHOTS: dict[str, dict[str, Any]] = {
+    "one layer": {"layers": [STROKES]},
+    "a piece": {"layers": [STROKES], "range": [3, 11]},
+    "layers": {
+        "layers": [
+            {"id": "l0", "method": "abstraction"},
+            {**STROKES, "opacity": 0.6, "blend": "multiply"},
+            {"id": "l2", "method": "abstraction", "params": {"lines": "off"}, "visible": False},
+        ],
+        "range": [3, 11],
+    },
+}
 
 
 @pytest.fixture(scope="module")
-def exported(tmp_path_factory: pytest.TempPathFactory, tiny_clip: Path) -> tuple[Path, str]:
-    """A project's archive, and the SHA-256 of the film that the service's job makes of it."""
-    home = tmp_path_factory.mktemp("home")
-    farm = open_farm(FarmSettings(home=home, pool="local", workers=2))
-    farm.start()
-    try:
-        project = farm.projects.create(_document(farm.assets.add(tiny_clip, "tiny.mp4").id), "")
-        (made,) = farm.projects.submit(project.id)
-        last_seq = 0
-        while not farm.jobs.get(made.job.id).state.final:
-            farm.jobs.wait_for_event(made.job.id, last_seq, 5.0)
-            last_seq = max((event.seq for event in farm.jobs.events(made.job.id, last_seq)[0]), default=last_seq)
-        assert farm.jobs.get(made.job.id).state == "succeeded", farm.jobs.get(made.job.id).error
-        film = b"".join(farm.files.read(farm.files.get(made.job.id, "result")))
-        farm.projects.export(project.id, home / "project.zip")
-    finally:
-        farm.stop()
-    return home / "project.zip", hashlib.sha256(film).hexdigest()
+def farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
+    opened = open_farm(FarmSettings(home=tmp_path_factory.mktemp("home"), pool="local", workers=2))
+    opened.start()
+    yield opened
+    opened.stop()
 
 
-def test_the_film_has_the_bytes_of_the_service(exported: tuple[Path, str], tmp_path: Path) -> None:
-    out = tmp_path / "film.mp4"
-    found = CliRunner().invoke(app, ["render", str(exported[0]), "-o", str(out), "--home", str(tmp_path), "--quiet"])
+def _document(clip: str, shot: dict[str, Any]) -> dict[str, Any]:
+    assets = {"clip": {"id": clip}}
+    shots = [{"id": "s1", "video": "clip", **shot}]
+    return {"schema": 1, "name": "Swan", "assets": assets, "output": {"quality": 12}, "shots": shots}
+
+
+def _film_of_service(farm: Farm, project: str) -> bytes:
+    (made,) = farm.projects.submit(project)
+    seen = 0
+    while not farm.jobs.get(made.job.id).state.final:
+        farm.jobs.wait_for_event(made.job.id, seen, 5.0)
+        seen = max((event.seq for event in farm.jobs.events(made.job.id, seen)[0]), default=seen)
+    assert farm.jobs.get(made.job.id).state == "succeeded", farm.jobs.get(made.job.id).error
+    return b"".join(farm.files.read(farm.files.get(made.job.id, "result")))
+
+
+@pytest.mark.parametrize("name", SHOTS)
+def test_the_film_has_the_bytes_of_the_service(farm: Farm, tiny_clip: Path, tmp_path: Path, name: str) -> None:
+    project = farm.projects.create(_document(farm.assets.add(tiny_clip, "tiny.mp4").id, SHOTS[name]), "")
+    film = _film_of_service(farm, project.id)
+    archive, out = tmp_path / "project.zip", tmp_path / "film.mp4"
+    farm.projects.export(project.id, archive)
+    found = CliRunner().invoke(app, ["render", str(archive), "-o", str(out), "--home", str(tmp_path), "--quiet"])
     assert found.exit_code == 0, found.output
-    assert hashlib.sha256(out.read_bytes()).hexdigest() == exported[1]
+    assert hashlib.sha256(out.read_bytes()).hexdigest() == hashlib.sha256(film).hexdigest()
+    first, end = SHOTS[name].get("range", (0, 24))
+    assert probe(out).frames == end - first

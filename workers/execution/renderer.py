@@ -17,7 +17,7 @@ import cv2
 
 from pipeline.errors import BadFrame, BadInput, BadParameter, Cancelled
 from pipeline.methods import method, parse_params
-from pipeline.methods.base import Method, Step, Task
+from pipeline.methods.base import Method, Params, Step, Task
 from pipeline.video.guard.decoder_server import start_decoder_server
 from workers.blobs.base import Blobs
 from workers.errors import NotFound
@@ -110,7 +110,8 @@ class Renderer:
         with self._folder() as folder:
             chosen = self._find(order.method)
             params = None if order.step == ASSEMBLE else parse_params(chosen, order.params)
-            aligned = {spec.name for spec in chosen.inputs if spec.kind == "video"}
+            specs = chosen.inputs if params is None else chosen.inputs_of(params)
+            aligned = {spec.name for spec in specs if spec.kind == "video"}
             context = AttemptContext(order, params, self._blobs, self._decoders, folder, report, cancelled, aligned)
             try:
                 context.progress(0.0)
@@ -119,7 +120,7 @@ class Renderer:
                 context.close()
 
     def _step(self, order: TaskOrder, context: AttemptContext) -> TaskOutcome:
-        step = _step_of(self._find(order.method), order.step)
+        step = _step_of(self._find(order.method), context.params, order.step)
         task = Task(order.key, order.args, order.after, order.emits)
         with context.stages.method():
             result = dict(step.run(task, context))
@@ -158,8 +159,8 @@ def remote_renderer(settings: FarmSettings, blobs: Blobs, scratch: Path | None) 
     return Renderer(blobs, scratch)
 
 
-def _step_of(chosen: Method, name: str) -> Step[Any]:
-    for step in chosen.steps:
+def _step_of(chosen: Method, params: Params, name: str) -> Step[Any]:
+    for step in chosen.steps_of(params):
         if step.name == name:
             return step
     raise BadParameter(f"The method {chosen.name!r} has no such step.", field="step", value=name)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+from pipeline.compositing import Blend
 from pipeline.errors import ImpastoError
 
 MEDIA_TYPE = "application/vnd.impasto.records"
@@ -35,7 +36,11 @@ class LayerSources:
     images: Mapping[str, Mapping[int, str | bytes]] = field(default_factory=dict)
     documents: Mapping[str, Any] = field(default_factory=dict)
     opacity: float = 1.0
-    blend: str = "over"
+    blend: Blend = "over"
+    matte: str | None = None
+    """Blob key of gray pictures: white where the layer is."""
+    below: str = ""
+    """Blob key of the shot's video, over which the backmost layer lies."""
 
     @cached_property
     def digest(self) -> str:

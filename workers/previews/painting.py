@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.compositing import covers, lay_over
 from pipeline.frames import Frame
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import Method, PreviewRequest
@@ -164,19 +165,14 @@ def resized(image: NDArray[Any], size: tuple[int, int]) -> NDArray[Any]:
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_NEAREST if image.ndim == 2 else cv2.INTER_AREA))
 
 
-def laid_over(below: Frame, above: Frame, opacity: float, blend: str) -> Frame:
-    """A layer over what is below it, uint8 (h, w, 3); values are sRGB, rounded to nearest."""
-    a, b = above.astype(np.float32), below.astype(np.float32)
-    full = np.float32(255)
-    mixed = {"over": a, "multiply": a * b / full, "screen": full - (full - a) * (full - b) / full, "add": a + b}[blend]
-    out = np.float32(opacity) * mixed + np.float32(1 - opacity) * b
-    return np.asarray(np.clip(np.rint(out), 0, 255), np.uint8)
-
-
-def stacked(painted: Sequence[Frame], layers: Sequence[LayerSources]) -> Frame:
-    """The layers' pictures over each other, from back to front; the backmost lies over black."""
-    out = np.zeros_like(painted[0]) if (layers[0].opacity, layers[0].blend) != (1.0, "over") else painted[0]
+def composited(
+    painted: Sequence[Frame], layers: Sequence[LayerSources], frames: WarmFrames, number: int, side_px: int
+) -> Frame:
+    """The layers' pictures of a frame laid over each other, from back to front, the backmost over the video."""
+    covered = covers(layers[0].opacity, layers[0].blend, layers[0].matte is not None)
+    out = None if covered else frames.frame(layers[0].below, number, side_px)
     for picture, layer in zip(painted, layers, strict=True):
-        if picture is not out:
-            out = laid_over(out, picture, layer.opacity, layer.blend)
+        matte = None if layer.matte is None else frames.frame(layer.matte, number, side_px)[..., 0]
+        out = picture if out is None else lay_over(out, picture, layer.opacity, layer.blend, matte)
+    assert out is not None
     return out

@@ -9,7 +9,7 @@ from pipeline.methods.base import InputSpec, Method
 from workers.model import Asset
 from workers.projects.document import Document, Layer, Shot
 from workers.projects.faults import BadProject, DocumentFault, Path, fault, fault_at
-from workers.projects.submissions import Pick, Selection, images_of, picks
+from workers.projects.submissions import Pick, Selection, images_of, is_plain, picks
 from workers.scheduling.requests import FITS
 
 _DESIGN = {"keys": "style_keys"}
@@ -71,10 +71,13 @@ class _Check:
             yield fault((*path, "range"), "The range has no frame.", value=span, remedy="End after its first frame.")
         if span is not None and count is not None and span[1] > count:
             yield fault((*path, "range"), f"The video has {count} frames.", value=span, remedy=f"End at {count}.")
-        if not any(layer.visible for layer in shot.layers):
+        visible = [layer for layer in shot.layers if layer.visible]
+        if not visible:
             yield fault((*path, "layers"), "The shot has no visible layer.", remedy="Add a layer, or show one.")
-        if self._jobs and sum(layer.visible for layer in shot.layers) > 1:
-            yield fault((*path, "layers"), "Several visible layers cannot be rendered yet.", remedy="Show one of them.")
+        if self._jobs and self._output.artefacts and not is_plain(visible):
+            remedy = "Ask for none, or show one layer at full opacity."
+            message = "A film of several layers has no artefacts."
+            yield fault(("output", "artefacts"), message, value=self._output.artefacts, remedy=remedy)
         for layer, at in zip(shot.layers, self._pick.layer_paths, strict=True):
             if layer.visible:
                 yield from self._layer(layer, at, video, count)
@@ -90,6 +93,7 @@ class _Check:
         for member in ("source", "matte"):
             if (name := getattr(layer, member)) is not None:
                 yield from self._there(name, (*path, member))
+                yield from self._beside(self._asset(name), (*path, member), video)
         for artefact in self._output.artefacts:
             if artefact not in chosen.artefacts:
                 remedy = f"The method {chosen.name!r} makes: {', '.join(chosen.artefacts) or 'none'}."
@@ -141,6 +145,21 @@ class _Check:
             wanted = "x".join(map(str, _size(video)))
             yield fault(path, "It has not the video's size.", value="x".join(map(str, _size(asset))),
                         remedy=f"Make it {wanted}.")  # fmt: skip
+
+    def _beside(self, asset: Asset | None, path: Path, video: Asset | None) -> Iterator[DocumentFault]:
+        """A video that goes frame by frame with the shot's."""
+        if asset is None or video is None:
+            return
+        count, own = self._count(video), self._count(asset)
+        if asset.kind not in FITS["video"]:
+            yield fault(path, f"This asset is no video: it is {asset.kind}.", value=asset.id,
+                        remedy="Name a video, an image or a zip of numbered images.")  # fmt: skip
+        elif _size(asset) != _size(video):
+            yield fault(path, "It has not the video's size.", value="x".join(map(str, _size(asset))),
+                        remedy=f"Make it {'x'.join(map(str, _size(video)))}.")  # fmt: skip
+        elif count is not None and own is not None and own < count and not (own == 1 and path[-1] == "matte"):
+            yield fault(path, f"It has {own} frames, and the video {count}.", value=own,
+                        remedy=f"Give it {count} frames.")  # fmt: skip
 
     def _json(
         self, chosen: Method, spec: InputSpec, layer: Layer, path: Path, value: object, count: int | None

@@ -12,6 +12,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from pipeline.compositing import Blend, covers
+
 SCHEMA = 1
 MAX_DOCUMENT_BYTES = 4 << 20
 MAX_SEED = 2**53 - 1
@@ -24,7 +26,6 @@ Title = Annotated[str, Field(max_length=200)]
 FrameNumber = Annotated[int, Field(ge=0, le=10_000_000)]
 FrameRange = Annotated[tuple[FrameNumber, FrameNumber], Field(description="[first frame, one past the last)")]
 Ratio = Annotated[float, Field(ge=0, le=1)]
-Blend = Literal["over", "multiply", "screen", "add"]
 Ui = Annotated[dict[str, Any], Field(description="For the page; not read by the service.")]
 
 
@@ -77,7 +78,7 @@ class PaintedKey(Part):
 
 
 class Layer(Part):
-    """One method at work on a shot, and how its picture is laid over the layers below."""
+    """One method at work on a shot, and how its picture is laid over what is below: other layers, or the video."""
 
     id: Id
     name: Title = ""
@@ -102,6 +103,11 @@ class Layer(Part):
     importance: tuple[Drawing, ...] = Field(default=(), max_length=1000)
     histogram: dict[str, Any] | None = None
     ui: Ui = {}
+
+    @property
+    def covers(self) -> bool:
+        """Whether nothing below the layer can be seen."""
+        return covers(self.opacity, self.blend, self.matte is not None)
 
     @property
     def design(self) -> dict[str, Any] | None:

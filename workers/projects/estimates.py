@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from statistics import median
 
+from pipeline.methods.layers import LAYERS
 from workers.errors import NotFound
 from workers.frame_window import window_info
 from workers.model import Asset, Job, JobRequest
@@ -29,6 +30,21 @@ class Estimate:
     frames: int | None
     seconds: float | None
     samples: int
+
+
+def parts(request: JobRequest) -> list[JobRequest]:
+    """The requests whose times add up to that of this one: its layers', if it has several."""
+    if request.method != LAYERS:
+        return [request]
+    rows = request.params["layers"]
+    return [JobRequest(row["method"], request.inputs, row["params"], frames=request.frames) for row in rows]
+
+
+def summed(estimates: Sequence[Estimate]) -> Estimate:
+    """The estimate of a job from those of its parts; unknown if one is."""
+    seconds = [found.seconds for found in estimates if found.seconds is not None]
+    known = len(seconds) == len(estimates)
+    return Estimate(estimates[0].frames, sum(seconds) if known else None, min(found.samples for found in estimates))
 
 
 def estimate(request: JobRequest, finished: Iterable[Job], find: Callable[[str], Asset]) -> Estimate:

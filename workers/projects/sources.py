@@ -36,4 +36,6 @@ def layer_sources(document: Document, shot: Shot, layer: Layer) -> LayerSources:
         documents=documents,
         opacity=layer.opacity,
         blend=layer.blend,
+        matte=None if layer.matte is None else key(layer.matte),
+        below=key(shot.video),
     )

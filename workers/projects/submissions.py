@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +11,8 @@ from pydantic import ValidationError
 from pipeline.errors import BadParameter
 from pipeline.methods import methods
 from pipeline.methods.base import InputSpec, Method
+from pipeline.methods.layers import LAYERS
+from pipeline.methods.layers.names import MATTE, VIDEO, input_name
 from workers.model import JobRequest, Json, OutputSpec
 from workers.projects.document import Document, Layer, Output, Shot, Variant
 from workers.projects.faults import BadProject, Path, fault
@@ -102,20 +104,60 @@ def submissions(document: Document, selection: Selection = Selection()) -> list[
 def _submission(document: Document, pick: Pick, selection: Selection) -> Submission:
     shot = pick.shot
     frames = selection.frames or shot.range
-    layer = next(layer for layer in shot.layers if layer.visible)
+    layers = [layer for layer in shot.layers if layer.visible]
     output = selection.output or document.output
+    work = (
+        _one_layer(document, shot, layers[0], frames) if is_plain(layers) else _layers(document, shot, layers, frames)
+    )
     return Submission(
         shot=shot.id,
         variant=pick.variant,
-        method=layer.method,
-        params=dict(layer.params),
-        seed=layer.seed,
-        inputs=layer_inputs(document, shot, layer, frames),
+        method=work.method,
+        params=work.params,
+        seed=work.seed,
+        inputs=work.inputs,
         output=OutputSpec(output.format, output.quality, output.artefacts),
         name=f"{document.name}: {shot.name or shot.id}"[:200],
         frames=frames,
         priority=selection.priority,
     )
+
+
+def is_plain(layers: Sequence[Layer]) -> bool:
+    """Whether the visible layers are one layer that hides the video: a job of its method."""
+    return len(layers) == 1 and layers[0].covers
+
+
+@dataclass(frozen=True)
+class _Work:
+    """What a job does: the first members of `Submission`."""
+
+    method: str
+    params: Json
+    seed: int
+    inputs: dict[str, Material]
+
+
+def _one_layer(document: Document, shot: Shot, layer: Layer, frames: tuple[int, int] | None) -> _Work:
+    return _Work(layer.method, dict(layer.params), layer.seed, layer_inputs(document, shot, layer, frames))
+
+
+def _layers(document: Document, shot: Shot, layers: Sequence[Layer], frames: tuple[int, int] | None) -> _Work:
+    """A job of the method `layers`."""
+    inputs: dict[str, Material] = {VIDEO: Uploaded(document.assets[shot.video].id)}
+    for number, layer in enumerate(layers):
+        own = layer_inputs(document, shot, layer, frames)
+        if layer.source is None:
+            del own[VIDEO]
+        if layer.matte is not None:
+            own[MATTE] = Uploaded(document.assets[layer.matte].id)
+        inputs |= {input_name(number, name): material for name, material in own.items()}
+    rows = [
+        {"method": layer.method, "params": dict(layer.params), "seed": layer.seed, "opacity": layer.opacity,
+         "blend": layer.blend, "matted": layer.matte is not None}
+        for layer in layers
+    ]  # fmt: skip
+    return _Work(LAYERS, {"layers": rows}, 0, inputs)
 
 
 def layer_inputs(document: Document, shot: Shot, layer: Layer, frames: tuple[int, int] | None) -> dict[str, Material]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from pipeline.methods import method, parse_params
-from pipeline.methods.base import Method, PlanContext, Task, TaskResult, VideoInfo, resources_per_pixel
+from pipeline.methods.base import Method, Params, PlanContext, Task, TaskResult, VideoInfo, resources_per_pixel
 from pipeline.methods.plan_check import check_plan
 from workers.model import JobRequest, Json
 from workers.state_machine import ASSEMBLE
@@ -18,15 +18,15 @@ _ASSEMBLE_BYTES = 100.0
 """A pixel: a few decoded frames for the poster and the contact sheet."""
 
 
-def steps_of(chosen: Method) -> tuple[tuple[str, str], ...]:
+def steps_of(chosen: Method, params: Params) -> tuple[tuple[str, str], ...]:
     """(name, title) of a job's steps: the method's, then the platform's own."""
-    return (*((step.name, step.title) for step in chosen.steps), (ASSEMBLE, _ASSEMBLE_TITLE))
+    return (*((step.name, step.title) for step in chosen.steps_of(params)), (ASSEMBLE, _ASSEMBLE_TITLE))
 
 
-def expected_weights(chosen: Method, info: Json) -> tuple[float, ...]:
+def expected_weights(chosen: Method, params: Params, info: Json) -> tuple[float, ...]:
     """What each of `steps_of` will weigh, as far as that is known of a video before anything is planned."""
     frames = max(1, video_info(info).frames)
-    return (*(frames * step.weight for step in chosen.steps), frames * _ASSEMBLE_WEIGHT)
+    return (*(frames * step.weight for step in chosen.steps_of(params)), frames * _ASSEMBLE_WEIGHT)
 
 
 def plan_step(
@@ -49,14 +49,16 @@ def plan_step(
         ImpastoError: what the method itself finds wrong.
     """
     chosen = method(request.method)
-    if index == len(chosen.steps):
-        weight = expected_weights(chosen, info.get("video", {}))[-1]
+    parsed = parse_params(chosen, params)
+    steps = chosen.steps_of(parsed)
+    if index == len(steps):
+        weight = expected_weights(chosen, parsed, info.get("video", {}))[-1]
         return [Task(ASSEMBLE, weight=weight, resources=resources_per_pixel(_video(info), _ASSEMBLE_BYTES))]
-    context = PlanContext(parse_params(chosen, params), request.seed, _video(info), frozenset(request.inputs), results)
-    step = chosen.steps[index]
+    context = PlanContext(parsed, request.seed, _video(info), frozenset(request.inputs), results)
+    step = steps[index]
     default = chosen.resources(step.name, context)
     tasks = [task if task.resources else replace(task, resources=default) for task in step.plan(context)]
-    check_plan(tasks, step.name, results, [step.name for step in chosen.steps])
+    check_plan(tasks, step.name, results, [step.name for step in steps])
     return tasks
 
 

@@ -8,7 +8,7 @@ from urllib.parse import urlsplit
 
 from pipeline.errors import BadInput, BadParameter, DamagedMedia, did_you_mean, together
 from pipeline.methods import method, parse_params
-from pipeline.methods.base import InputKind, InputSpec, Method
+from pipeline.methods.base import InputKind, InputSpec, Method, Params
 from workers.frame_window import window_info
 from workers.job_warnings import DAMAGE_REMEDY
 from workers.model import FAIL, WARN, Asset, JobRequest, OutputSpec
@@ -47,7 +47,7 @@ def check_request(request: JobRequest, assets: Mapping[str, Asset]) -> Accepted:
     with _collected(faults):
         params = parse_params(chosen, request.params)
     with _collected(faults):
-        check_inputs(chosen, assets)
+        check_inputs(chosen, assets, None if faults else params)
     with _collected(faults):
         check_output(chosen, request.output)
     with _collected(faults):
@@ -59,8 +59,8 @@ def check_request(request: JobRequest, assets: Mapping[str, Asset]) -> Accepted:
     if faults:
         raise together(faults)
     info = window_info(assets["video"].info if "video" in assets else {}, request.frames)
-    weights = expected_weights(chosen, info)
-    return Accepted(request, params.model_dump(mode="json"), steps_of(chosen), weights)
+    weights = expected_weights(chosen, params, info)
+    return Accepted(request, params.model_dump(mode="json"), steps_of(chosen, params), weights)
 
 
 @contextmanager
@@ -72,9 +72,13 @@ def _collected(faults: list[BadInput]) -> Iterator[None]:
         faults.append(fault)
 
 
-def check_inputs(chosen: Method, assets: Mapping[str, Asset]) -> None:
-    """Every input is known to the method and fits; none that it needs is missing."""
-    specs = {spec.name: spec for spec in chosen.inputs}
+def check_inputs(chosen: Method, assets: Mapping[str, Asset], params: Params | None = None) -> None:
+    """Every input is known to the method and fits; none that it needs is missing.
+
+    Args:
+        params: None: those inputs that do not depend on parameters.
+    """
+    specs = {spec.name: spec for spec in (chosen.inputs if params is None else chosen.inputs_of(params))}
     for name in assets:
         if name not in specs:
             raise BadParameter(

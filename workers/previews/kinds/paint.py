@@ -8,7 +8,7 @@ from pipeline.frames import Frame
 from workers.previews.context import PreviewContext
 from workers.previews.kinds.regions import known_artefacts
 from workers.previews.model import LayerSources, Record
-from workers.previews.painting import LayerPainter, stacked
+from workers.previews.painting import LayerPainter, composited
 
 COARSE_SIDE_PX = 288
 """Longest side of the first, coarse picture."""
@@ -64,7 +64,8 @@ def _span(context: PreviewContext) -> tuple[int, int, int]:
 
 def _painted(context: PreviewContext, number: int, side_px: int) -> Frame:
     layers = context.query.layers
-    return stacked([_layer(context, layer, number, side_px) for layer in layers], layers)
+    painted = [_layer(context, layer, number, side_px) for layer in layers]
+    return composited(painted, layers, context.frames, number, side_px)
 
 
 def _layer(context: PreviewContext, layer: LayerSources, number: int, side_px: int) -> Frame:
@@ -81,7 +82,8 @@ def _film(context: PreviewContext, start: int, stop: int, side_px: int) -> Itera
     layers = context.query.layers
     films = [LayerPainter(layer, context.frames, context.check).frames(start, stop, side_px) for layer in layers]
     for painted in zip(*films, strict=False):
-        yield painted[0][0], stacked([picture for _, picture in painted], layers)
+        number = painted[0][0]
+        yield number, composited([picture for _, picture in painted], layers, context.frames, number, side_px)
 
 
 def _cropped(context: PreviewContext, crop: tuple[int, int, int, int]) -> Record:

@@ -151,6 +151,12 @@ export const shotOf = (document: ProjectDocument, id: string): Shot | undefined 
 export const layerOf = (shot: Shot | undefined, id: string): Layer | undefined =>
   shot?.layers.find((layer) => layer.id === id);
 
+/** The layer that the stage shows alone, because the film would not: undefined for all visible layers together. */
+export function shownAlone(shot: Shot, layerId: string): string | undefined {
+  const visible = shot.layers.filter((layer) => layer.visible !== false);
+  return visible.some((layer) => layer.id === layerId) ? undefined : layerId;
+}
+
 /** Add an asset under a name that starts with `stem`, or find the name that it already has. */
 export function addAsset(document: ProjectDocument, stem: string, ref: AssetRef): [ProjectDocument, string] {
   const known = Object.entries(document.assets).find(([, asset]) => asset.id === ref.id);

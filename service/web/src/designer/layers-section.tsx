@@ -1,12 +1,12 @@
-/** Layers of a shot that has several: order, visibility, opacity and blend; the topmost is listed first. */
+/** Layers of a shot: order, visibility, opacity and blend; the topmost is listed first. */
 
 import { useState } from "preact/hooks";
-import { type Blend, changeShot, type Layer } from "./document";
+import { type Blend, changeShot, freeName, type Layer } from "./document";
 import { Icon, IconButton } from "./icon";
 import type { Store } from "./store";
 
 const BLENDS: [Blend, string][] = [
-  ["over", "Over"],
+  ["over", "Normal"],
   ["multiply", "Multiply"],
   ["screen", "Screen"],
   ["add", "Add"],
@@ -22,16 +22,26 @@ export function LayersSection({ store }: { store: Store }) {
       group,
     );
   };
-  if (layers.length < 2) return null;
+  const add = () => {
+    const id = freeName("layer", (candidate) => layers.some((layer) => layer.id === candidate));
+    const unused = store.methods.find((method) => layers.every((layer) => layer.method !== method.name));
+    const method = (unused ?? store.methods[0])?.name ?? store.layer.value.method;
+    change("Add a layer", (all) => [...all, { id, method }]);
+    select(store, id);
+  };
   return (
     <section class="side-section" aria-labelledby="layers-title">
       <h2 id="layers-title">Layers of the shot</h2>
-      <p class="hint">Hide all but one to render it: several visible layers are not joined into one film yet.</p>
+      {layers.length > 1 && <p class="hint">The film shows all visible layers, from the last to the first.</p>}
       <ul class="region-list" aria-label="Layers of the shot">
         {[...layers].reverse().map((layer) => (
           <LayerRow key={layer.id} store={store} layer={layer} change={change} />
         ))}
       </ul>
+      <button type="button" class="button small" onClick={add}>
+        <Icon name="plus" />
+        Add a layer
+      </button>
     </section>
   );
 }

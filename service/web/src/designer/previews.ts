@@ -4,12 +4,14 @@ import { effect } from "@preact/signals";
 import * as legacy from "../shared/api";
 import { asProblem, isAbort } from "../shared/api";
 import { hasPreviews, pictureOf, preview } from "./api";
-import type { Layer, ProjectDocument } from "./document";
+import { type Layer, type ProjectDocument, shownAlone } from "./document";
 import type { Store } from "./store";
 
 const REST_MS = 250;
 const SIDE_PX = 960;
 const BUSY_MS = 1200;
+/** Frames on each side of a key that are repainted while it is painted. */
+const AROUND = 3;
 
 export interface Previews {
   /** Repaint the frames around a key from it. */
@@ -36,15 +38,15 @@ export function startPreviews(store: Store): Previews {
   function schedule(): void {
     const document = store.document.value;
     const frame = store.frame.value;
-    const layer = store.layerId.value;
+    const layer = shownAlone(store.shot.value, store.layerId.value);
     clearTimeout(timer);
     running.abort();
     const known = store.results.peek().get(frame);
-    if (known?.final && known.document === document) return;
+    if (known?.final && known.document === document && known.layer === layer) return;
     if (ready) timer = window.setTimeout(() => paint(document, frame, layer), REST_MS);
   }
 
-  async function paint(document: ProjectDocument, frame: number, layer: string): Promise<void> {
+  async function paint(document: ProjectDocument, frame: number, layer: string | undefined): Promise<void> {
     running = new AbortController();
     const { signal } = running;
     store.busy.value = "Painting this frame…";
@@ -63,7 +65,12 @@ export function startPreviews(store: Store): Previews {
     }
   }
 
-  async function stream(document: ProjectDocument, frame: number, layer: string, signal: AbortSignal): Promise<void> {
+  async function stream(
+    document: ProjectDocument,
+    frame: number,
+    layer: string | undefined,
+    signal: AbortSignal,
+  ): Promise<void> {
     const body = { document, shot: store.shot.peek().id, layer, frame, max_side_px: SIDE_PX };
     await preview({
       project: store.projectId,
@@ -75,7 +82,7 @@ export function startPreviews(store: Store): Previews {
         if (record.header.type !== "frame") return;
         const { frame: at, scale, final } = record.header;
         const picture = await pictureOf(record);
-        if (!signal.aborted) store.showResult({ frame: at, picture, scale, final, document });
+        if (!signal.aborted) store.showResult({ frame: at, picture, scale, final, document, layer });
       },
     });
   }
@@ -86,7 +93,7 @@ export function startPreviews(store: Store): Previews {
     const body = { ...plainRequest(document, store.shot.peek().video, layer), frame, max_side_px: SIDE_PX };
     const picture = await createImageBitmap(await legacy.preview(body, signal));
     const scale = picture.width / store.size.width;
-    if (!signal.aborted) store.showResult({ frame, picture, scale, final: true, document });
+    if (!signal.aborted) store.showResult({ frame, picture, scale, final: true, document, layer: layer.id });
   }
 
   async function propagate(frame: number): Promise<void> {
@@ -95,12 +102,13 @@ export function startPreviews(store: Store): Previews {
     around = new AbortController();
     const { signal } = around;
     const document = store.document.value;
+    const layer = store.layerId.value;
     const body = {
       document,
       shot: store.shot.value.id,
-      layer: store.layerId.value,
+      layer,
       key: frame,
-      around: 3,
+      around: AROUND,
       max_side_px: 480,
     };
     store.neighbours.value = [];
@@ -114,7 +122,7 @@ export function startPreviews(store: Store): Previews {
         async onrecord(record) {
           if (record.header.type !== "frame") return;
           const { frame: at, scale, final } = record.header;
-          const result = { frame: at, picture: await pictureOf(record), scale, final, document };
+          const result = { frame: at, picture: await pictureOf(record), scale, final, document, layer };
           if (signal.aborted) return;
           const others = store.neighbours.value.filter((other) => other.frame !== at);
           store.neighbours.value = [...others, result].sort((a, b) => a.frame - b.frame);
@@ -132,7 +140,7 @@ export function startPreviews(store: Store): Previews {
     const document = store.document.value;
     const image = await base64(picture);
     const place = { document, shot: store.shot.value.id, layer: store.layerId.value };
-    const body = { ...place, key: frame, image, around: 1, max_side_px: 480 };
+    const body = { ...place, key: frame, image, around: AROUND, max_side_px: 480 };
     const { signal } = around;
     await preview({
       project: store.projectId,

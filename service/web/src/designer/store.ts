@@ -30,6 +30,8 @@ export interface Result {
   final: boolean;
   /** The document that it shows; a newer one makes it old. */
   document: ProjectDocument;
+  /** The layer that it shows; undefined: all visible ones. */
+  layer: string | undefined;
 }
 
 export type StageView = "source" | "compare" | "painted";

@@ -49,8 +49,10 @@ export function draftHash({
   return `#/?${query}`;
 }
 
-/** The address of the studio page with the settings of a job. */
+/** The address of the page with the settings of a job: its project, if it has one. */
 export function hashOfJob({ request }: Job): string {
+  const project = request.labels?.project;
+  if (project) return `#/projects/${encodeURIComponent(project)}`;
   const { video = "", ...inputs } = request.inputs;
   return draftHash({ method: request.method, video, inputs, params: request.params });
 }

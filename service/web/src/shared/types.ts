@@ -66,6 +66,7 @@ export interface JobRequest {
   output?: Output;
   name?: string;
   priority?: number;
+  labels?: Record<string, string>;
   /** [first, end) of the video; null: all. */
   frames?: [first: number, end: number] | null;
 }

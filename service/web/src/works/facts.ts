@@ -4,7 +4,7 @@ import * as api from "../shared/api";
 import { type Child, h } from "../shared/dom";
 import { duration, humanise } from "../shared/format";
 import { announce, notify } from "../shared/notices";
-import type { Job, Json, Step } from "../shared/types";
+import type { Job, Json, Params, Step } from "../shared/types";
 import { commandLine, curlLine, pythonLine } from "./recipes";
 
 export function createFacts(job: Job): HTMLElement {
@@ -31,7 +31,7 @@ function details(title: string, rows: Child[], ...more: Child[]): HTMLElement {
 const pair = (name: string, value: Child): HTMLElement => h("div", {}, h("dt", {}, name), h("dd", {}, value));
 
 function settings({ id, request, created_at: created, finished_at: finished }: Job): Child[] {
-  const params = Object.entries(request.params ?? {}).map(([name, value]) => pair(humanise(name), plain(value)));
+  const params = request.method === "layers" ? layers(request.params) : rows(request.params);
   const output = request.output ?? {};
   return [
     pair("Method", humanise(request.method)),
@@ -42,6 +42,19 @@ function settings({ id, request, created_at: created, finished_at: finished }: J
     finished ? pair("Took", duration(finished - created)) : null,
     pair("Job", h("code", {}, id)),
   ];
+}
+
+const rows = (params: Params): Child[] =>
+  Object.entries(params ?? {}).map(([name, value]) => pair(humanise(name), plain(value)));
+
+/** The layers of a job that has several, the topmost first. */
+function layers(params: Params): Child[] {
+  const listed = (Array.isArray(params.layers) ? params.layers : []) as Params[];
+  const of = ({ method, opacity, blend }: Params) =>
+    [humanise(String(method)), `${Math.round(100 * Number(opacity ?? 1))} %`, blend === "over" ? "" : blend]
+      .filter(Boolean)
+      .join(", ");
+  return listed.map((layer, i) => pair(`Layer ${i + 1}`, of(layer))).reverse();
 }
 
 /** The pictures that the job was given besides its video, for example the painting. */

@@ -1,0 +1,64 @@
+"""layers: several methods at work on one video, their pictures laid over each other.
+
+The platform's own method, for shots of a project that have several visible layers; it is not listed among the published
+ones. Step k of the job runs step k of every layer, so that layers are painted side by side; the last step lays their
+frames over each other. A layer paints exactly the frames that a job of its method alone would.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from typing import ClassVar
+
+from pipeline.methods.base import AnyParams, InputSpec, Method, Params, Step
+from pipeline.methods.layers.names import COMPOSITE, MATTE, VIDEO, input_name, stage
+from pipeline.methods.layers.params import LayerParams, LayersParams
+from pipeline.methods.layers.plan import plan_composite, plan_stage, run_composite, run_stage
+
+LAYERS = "layers"
+_VIDEO = InputSpec(VIDEO, "video", True, "Video", "The video of the shot.")
+_COMPOSITE: Step[AnyParams] = Step(COMPOSITE, "Lay the layers over each other", plan_composite, run_composite, 0.1)
+
+
+class Layers(Method):
+    """See the module's docstring."""
+
+    name: ClassVar[str] = LAYERS
+    title: ClassVar[str] = "Layers"
+    summary: ClassVar[str] = "Several methods at work on one video, laid over each other."
+    paper: ClassVar[str] = ""
+    Params: ClassVar[type[Params]] = LayersParams
+    inputs: ClassVar[tuple[InputSpec, ...]] = (_VIDEO,)
+    steps: ClassVar[tuple[Step[AnyParams], ...]] = (_COMPOSITE,)
+
+    def inputs_of(self, params: AnyParams) -> tuple[InputSpec, ...]:
+        """The video, and of each layer its method's inputs, a video of its own and a matte."""
+        found = [_VIDEO]
+        for number, layer in enumerate(params.layers):
+            found += [_layer_input(number, spec) for spec in _inputs(layer)]
+        return tuple(found)
+
+    def steps_of(self, params: AnyParams) -> tuple[Step[AnyParams], ...]:
+        """As many steps as the layer with the most has, then the composite."""
+        count = max((len(layer.chosen.steps) for layer in params.layers), default=0)
+        return (*(_stage(index, count, params) for index in range(count)), _COMPOSITE)
+
+
+def _inputs(layer: LayerParams) -> tuple[InputSpec, ...]:
+    matte = InputSpec(MATTE, "video", False, "Matte", "White where the layer is, black where it is not.")
+    return (*layer.chosen.inputs, *([matte] if layer.matted else []))
+
+
+def _layer_input(number: int, spec: InputSpec) -> InputSpec:
+    required = spec.required and spec.name != VIDEO
+    return replace(spec, name=input_name(number, spec.name), required=required, part="")
+
+
+def _stage(index: int, count: int, params: AnyParams) -> Step[AnyParams]:
+    steps = [layer.chosen.steps[index] for layer in params.layers if index < len(layer.chosen.steps)]
+    title = steps[0].title if len({step.title for step in steps}) == 1 else f"Paint the layers, stage {index + 1}"
+    return Step(stage(index), title, partial(plan_stage, index), run_stage, sum(step.weight for step in steps))
+
+
+__all__ = ["LAYERS", "LayerParams", "Layers", "LayersParams"]

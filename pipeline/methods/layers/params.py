@@ -1,0 +1,58 @@
+"""Parameters of the method `layers`: the layers of a film from back to front."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator
+
+from pipeline.compositing import Blend, covers
+from pipeline.errors import BadParameter
+from pipeline.methods import methods, parse_params
+from pipeline.methods.base import Method, Params
+
+MOST_LAYERS = 32
+
+
+class LayerParams(BaseModel):
+    """One layer: a method with its parameters, and how its picture is laid over what is below."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    method: str
+    params: dict[str, Any] = {}
+    seed: int = Field(default=0, ge=0, le=2**53 - 1)
+    opacity: float = Field(default=1.0, ge=0, le=1)
+    blend: Blend = "over"
+    matted: bool = Field(default=False, description="Whether the layer has an input `matte`.")
+
+    @property
+    def chosen(self) -> Method:
+        return methods()[self.method]
+
+    @property
+    def covers(self) -> bool:
+        """Whether nothing below the layer can be seen."""
+        return covers(self.opacity, self.blend, self.matted)
+
+
+class LayersParams(Params):
+    """The layers from back to front; the backmost lies over the video."""
+
+    layers: tuple[LayerParams, ...] = Field(default=(LayerParams(method="abstraction"),), max_length=MOST_LAYERS)
+
+    @field_validator("layers")
+    @classmethod
+    def _complete(cls, layers: tuple[LayerParams, ...]) -> tuple[LayerParams, ...]:
+        """Every layer with all parameters of its method, so that the job means the same after an upgrade."""
+        return tuple(_completed(layer, number) for number, layer in enumerate(layers))
+
+
+def _completed(layer: LayerParams, number: int) -> LayerParams:
+    if layer.method not in methods():
+        raise ValueError(f"layer {number}: unknown method {layer.method!r}")
+    try:
+        params = parse_params(layer.chosen, layer.params)
+    except BadParameter as error:
+        raise ValueError(f"layer {number}: {error}") from None
+    return layer.model_copy(update={"params": params.model_dump(mode="json")})
