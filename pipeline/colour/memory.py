@@ -12,7 +12,11 @@ from pipeline.jit import kernel
 
 MOVING_SHARE = 180
 """Weight of the past at borders that move, over that elsewhere, in 1/256."""
-NEIGHBOURS, NEARBY = np.ones((3, 3), np.uint8), np.ones((5, 5), np.uint8)
+REACH_PX = 2
+"""Radius of the neighbourhood whose colours count as nearby."""
+NEIGHBOURS, NEARBY = np.ones((3, 3), np.uint8), np.ones((2 * REACH_PX + 1, 2 * REACH_PX + 1), np.uint8)
+BAND_ROWS = 32
+"""Rows that are blended at a time: their neighbourhoods stay in the processor's cache."""
 
 
 def border_mask(labels: Labels) -> NDArray[np.uint8]:
@@ -23,8 +27,9 @@ def border_mask(labels: Labels) -> NDArray[np.uint8]:
 
 
 def blend_colours(
-    now: Frame, past: Frame, weights: NDArray[np.uint8], moving: NDArray[np.uint8], background: Background = INLINE
-) -> None:
+    now: Frame, past: Frame, residual: NDArray[np.uint8], weights: NDArray[np.int32], moving: NDArray[np.uint8],
+    background: Background = INLINE,
+) -> None:  # fmt: skip
     """Blend a picture of flat regions with the previous one; overwrites `past` with the result.
 
     At borders that move, a past colour between the colours nearby is a border that has moved on: it has a smaller
@@ -34,15 +39,19 @@ def blend_colours(
     Args:
         now: uint8 (h, w, 3), the regions of this frame.
         past: uint8 (h, w, 3): the result for the previous frame, moved to this frame.
-        weights: uint8 (h, w): weight of the past, 255 = 1.
+        residual: uint8 (h, w), of the source.
+        weights: int32 (256,): weight of the past by residual, 256 = 1.
         moving: uint8 (h, w), non-zero at borders that move.
     """
-    low = np.asarray(cv2.erode(now, NEARBY), np.uint8)
-    high = np.asarray(cv2.dilate(now, NEARBY), np.uint8)
 
     def work(first: int, last: int) -> None:
-        rows = slice(first, last)
-        _blend(now[rows], low[rows], high[rows], past[rows], weights[rows], moving[rows])
+        for top in range(first, last, BAND_ROWS):
+            rows = slice(top, min(top + BAND_ROWS, last))
+            around = slice(max(top - REACH_PX, 0), rows.stop + REACH_PX)
+            inner = slice(top - around.start, rows.stop - around.start)
+            low = np.asarray(cv2.erode(now[around], NEARBY), np.uint8)[inner]
+            high = np.asarray(cv2.dilate(now[around], NEARBY), np.uint8)[inner]
+            _blend(now[rows], low, high, past[rows], residual[rows], weights, moving[rows])
 
     background.rows(work, len(now))
 
@@ -59,7 +68,8 @@ def _keep_moving(mask: NDArray[np.uint8], flow: Flow) -> None:
     height, width = mask.shape
     for y in range(height):
         for x in range(width):
-            mask[y, x] *= np.uint8((flow[y, x, 0] != 0.0) | (flow[y, x, 1] != 0.0))
+            if mask[y, x] and flow[y, x, 0] == 0.0 and flow[y, x, 1] == 0.0:
+                mask[y, x] = 0
 
 
 @kernel
@@ -74,17 +84,20 @@ def _borders(labels: Labels, out: NDArray[np.uint8]) -> None:
 
 @kernel
 def _blend(
-    picture: Frame, low: Frame, high: Frame, past: Frame, weights: NDArray[np.uint8], moving: NDArray[np.uint8]
-) -> None:
-    height, width = weights.shape
+    picture: Frame, low: Frame, high: Frame, past: Frame, residual: NDArray[np.uint8], weights: NDArray[np.int32],
+    moving: NDArray[np.uint8],
+) -> None:  # fmt: skip
+    height, width = residual.shape
+    weight, share = np.empty(3 * width, np.int32), np.empty(3 * width, np.int32)
     for y in range(height):
         for x in range(width):
-            weight, mixed = np.int32(weights[y, x]), moving[y, x] != 0
-            for c in range(3):
-                now, before = np.int32(picture[y, x, c]), np.int32(past[y, x, c])
-                gone = before - now
-                if mixed:
-                    near = min(max(before, np.int32(low[y, x, c])), np.int32(high[y, x, c]))
-                    gone = before - near + (((near - now) * MOVING_SHARE) >> 8)
-                step = (weight * gone + 127) // 255
-                past[y, x, c] = np.uint8(min(max(now + step, np.int32(0)), np.int32(255)))
+            at = 3 * x
+            weight[at] = weight[at + 1] = weight[at + 2] = weights[residual[y, x]]
+            share[at] = share[at + 1] = share[at + 2] = MOVING_SHARE if moving[y, x] else 256
+        now, then = picture[y].reshape(3 * width), past[y].reshape(3 * width)
+        least, most = low[y].reshape(3 * width), high[y].reshape(3 * width)
+        for k in range(3 * width):  # this vectorises
+            before = np.int32(then[k])
+            near = min(max(before, np.int32(least[k])), np.int32(most[k]))
+            gone = before - near + (((near - np.int32(now[k])) * share[k]) >> 8)
+            then[k] = np.uint8(np.int32(now[k]) + ((weight[k] * gone + 128) >> 8))

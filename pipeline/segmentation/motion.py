@@ -130,19 +130,19 @@ def blend_with_past(
 
     Returns: uint8 (h, w, 3), `past`.
     """
-    weights = _weights(memory, FADE_TOLERANCE)
+    weights = past_weights(memory)
     background.rows(
         lambda first, last: _fade(picture[first:last], past[first:last], residual[first:last], weights), len(picture)
     )
     return past
 
 
-def past_weights(memory: float) -> NDArray[np.uint8]:
-    """Weight of the previous frame's colours by residual (as in `denoise`), uint8 (256,), 255 = 1.
+def past_weights(memory: float) -> NDArray[np.int32]:
+    """Weight of the previous frame's colours by residual (as in `denoise`), int32 (256,), 256 = 1.
 
     `memory`, 0..0.95, where the source agrees with its past; falls with `FADE_TOLERANCE`.
     """
-    return np.asarray((_weights(memory, FADE_TOLERANCE) * 255 + 128) // 256, np.uint8)
+    return _weights(memory, FADE_TOLERANCE)
 
 
 @lru_cache(maxsize=64)

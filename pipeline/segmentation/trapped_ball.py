@@ -11,7 +11,9 @@ from pipeline.jit import kernel
 
 SMALLEST_RADIUS_PX = 1
 TAPPED_UP_TO_PX = 4
-"""Above this radius, distance transforms are faster than trying every disc."""
+"""Above this radius, distance transforms of the whole frame are faster than trying every disc."""
+SPARSE_UP_TO_PX, SPARSE = 16, 1 / 8
+"""Up to this radius discs are tried all the same when less than this share of the frame is unlabelled."""
 
 
 def radii(unlabelled_px: int) -> list[int]:
@@ -43,7 +45,8 @@ def fill(
     in an edge narrower than the ball lets nothing through. The frame's border is no obstacle. Centres that touch
     (4-neighbours) are one region; where discs of two regions overlap, the first in raster order has the pixel.
     """
-    if radius_px <= TAPPED_UP_TO_PX:
+    sparse = radius_px <= SPARSE_UP_TO_PX and pixels.size < SPARSE * labels.size
+    if radius_px <= TAPPED_UP_TO_PX or sparse:
         return fill_small(labels, blocked, pixels, radius_px, first_label)
     return _fill_large(labels, ((labels == 0) & (blocked == 0)).view(np.uint8), radius_px, first_label)
 

@@ -1,4 +1,4 @@
-"""Region borders as a graph on the lattice of pixel corners, smoothed, shared by the two regions on either side.
+"""Region borders as a graph on the lattice of pixel corners, shared by the two regions on either side.
 
 Node (x, y) of the lattice is the top left corner of pixel (x, y); the frame spans (0, 0) to (width, height). An edge
 joins two adjacent nodes and separates two different labels. Both regions use the same nodes: however nodes move, no gap
@@ -72,25 +72,6 @@ def align_borders(borders: Borders, labels: Labels, lab: NDArray[np.uint8], flow
     return Borders(positions, borders.lattice, borders.edges, borders.rows, borders.size)
 
 
-def smooth_borders(borders: Borders, sigma_px: float, limit_px: float) -> Borders:
-    """Low-pass filtered borders.
-
-    Every step moves a node half-way towards the mean of its neighbours; 2 sigma^2 steps have the effect of a Gaussian
-    along the border. The filter is applied twice, as 2 G - G^2, which keeps wide curves in place, so that small regions
-    keep their area. Nodes on the frame's border slide along it.
-
-    Args:
-        sigma_px: standard deviation of the Gaussian, px of the label map; 0 = no smoothing.
-        limit_px: no node moves further than this along either axis.
-    """
-    positions = borders.positions.copy()
-    steps = round(2 * sigma_px * sigma_px)
-    if steps > 0:
-        edges = borders.edges.view(np.int32).reshape(-1, 4)
-        _smooth(positions, borders.lattice, edges, np.array(borders.size), steps, np.float32(limit_px))
-    return Borders(positions, borders.lattice, borders.edges, borders.rows, borders.size)
-
-
 @kernel
 def _count_edges(labels: Labels) -> int:
     height, width = labels.shape
@@ -151,50 +132,6 @@ def _find(labels: Labels, edges: NDArray[np.int32], lattice: NDArray[np.int32], 
 
 
 @kernel
-def _smooth(
-    positions: Positions, lattice: NDArray[np.int32], edges: NDArray[np.int32], size: NDArray[np.int64], steps: int,
-    limit: np.float32,
-) -> None:  # fmt: skip
-    count = positions.shape[0]
-    right, bottom = np.float32(size[0]), np.float32(size[1])
-    share = np.zeros(count, np.float32)
-    for k in range(edges.shape[0]):
-        if edges[k, 3] != 0:
-            share[edges[k, 0]] += np.float32(1)
-            share[edges[k, 1]] += np.float32(1)
-    for n in range(count):
-        share[n] = np.float32(0.5) / share[n] if share[n] > 0 else np.float32(0)
-    sums = np.empty_like(positions)
-    once = positions
-    for pass_ in range(2):
-        if pass_ == 1:
-            once = positions.copy()
-        for _ in range(steps):
-            sums[:] = 0
-            for k in range(edges.shape[0]):
-                if edges[k, 3] != 0:
-                    a, b = edges[k, 0], edges[k, 1]
-                    sums[a, 0] += positions[b, 0]
-                    sums[a, 1] += positions[b, 1]
-                    sums[b, 0] += positions[a, 0]
-                    sums[b, 1] += positions[a, 1]
-            for n in range(count):
-                if share[n] > 0:
-                    positions[n, 0] = np.float32(0.5) * positions[n, 0] + share[n] * sums[n, 0]
-                    positions[n, 1] = np.float32(0.5) * positions[n, 1] + share[n] * sums[n, 1]
-                    x, y = np.float32(lattice[n, 0]), np.float32(lattice[n, 1])
-                    if x == 0 or x == right:
-                        positions[n, 0] = x
-                    if y == 0 or y == bottom:
-                        positions[n, 1] = y
-    for n in range(count):
-        for axis in range(2):
-            place = np.float32(lattice[n, axis])
-            smooth = 2 * once[n, axis] - positions[n, axis]
-            positions[n, axis] = min(max(smooth, place - limit), place + limit)
-
-
-@kernel
 def _align(
     positions: Positions, lattice: NDArray[np.int32], edges: NDArray[np.int32], labels: Labels, lab: NDArray[np.uint8],
     flow: Flow,
@@ -235,21 +172,19 @@ def _offset(
         first += 1
     while last < 2 and _is(labels, x + (last + 1) * step_x, y + (last + 1) * step_y, after, height, width):
         last += 1
-    xa, ya, xb, yb = x - first * step_x, y - first * step_y, x + last * step_x, y + last * step_y
-    square = np.float32(0)
-    for c in range(3):
-        d = np.float32(lab[yb, xb, c]) - np.float32(lab[ya, xa, c])
-        square += d * d
+    near, far = lab[y - first * step_y, x - first * step_x], lab[y + last * step_y, x + last * step_x]
     reach = min(first, last + 1) - 1  # whole pixels on either side between the two references
     if reach < 1:
         return np.float32(0)
+    l0, a0, b0 = np.float32(near[0]), np.float32(near[1]), np.float32(near[2])
+    dl, da, db = np.float32(far[0]) - l0, np.float32(far[1]) - a0, np.float32(far[2]) - b0
+    square = dl * dl + da * da + db * db
+    scale = np.float32(1) / (square + np.float32(1e-3))
     mixed = np.float32(0)
     for n in range(-reach, reach):
-        part = np.float32(0)
-        for c in range(3):
-            d = np.float32(lab[yb, xb, c]) - np.float32(lab[ya, xa, c])
-            part += d * (np.float32(lab[y + n * step_y, x + n * step_x, c]) - np.float32(lab[ya, xa, c]))
-        mixed += min(max(part / (square + np.float32(1e-3)), np.float32(0)), np.float32(1))
+        here = lab[y + n * step_y, x + n * step_x]
+        part = dl * (np.float32(here[0]) - l0) + da * (np.float32(here[1]) - a0) + db * (np.float32(here[2]) - b0)
+        mixed += min(max(part * scale, np.float32(0)), np.float32(1))
     offset = min(max(np.float32(reach) - mixed, np.float32(-1)), np.float32(1))
     return offset * square / (square + _CONTRAST)
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import cv2
-import numpy as np
-
 from pipeline.background import Background
 from pipeline.colour.memory import blend_colours, moving_borders
 from pipeline.colour.paint import overlay
@@ -15,8 +12,9 @@ from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.region_stage import ColouredRegions
 from pipeline.methods.tasks import Clock
 from pipeline.segmentation.motion import past_weights
-from pipeline.vector.borders import Borders, align_borders, find_borders, smooth_borders
+from pipeline.vector.borders import Borders, align_borders, find_borders
 from pipeline.vector.fill import fill_regions
+from pipeline.vector.smoothing import smooth_borders
 
 SIGMA_SHARE, LIMIT_SHARE = 0.45, 0.4
 """Standard deviation of the border smoothing, and the largest displacement of a border, as shares of the radius
@@ -61,8 +59,7 @@ class SharpCompositor(Compositor):
         """Cross-fade from the previous colours where the source agrees with its past, so that regions do not pop."""
         if self._past is None or analysis.residual is None or analysis.flow is None:
             return picture
-        weights = cv2.LUT(analysis.residual, past_weights(self.params.paint_memory * analysis.light_steadiness))
+        weights = past_weights(self.params.paint_memory * analysis.light_steadiness)
         past = self._past.result()
-        moving = moving_borders(labels, analysis.flow)
-        blend_colours(picture, past, np.asarray(weights, np.uint8), moving, self.background)
+        blend_colours(picture, past, analysis.residual, weights, moving_borders(labels, analysis.flow), self.background)
         return past

@@ -31,8 +31,9 @@ def test_only_borders_that_move_are_marked() -> None:
 def blended(past: np.ndarray, weight: int, moving: bool) -> np.ndarray:
     result = past.copy()
     blend_colours(
-        COLOURS[halves()], result, np.full((10, 20), weight, np.uint8), np.full((10, 20), 255 * moving, np.uint8)
-    )
+        COLOURS[halves()], result, np.zeros((10, 20), np.uint8), np.full(256, weight, np.int32),
+        np.full((10, 20), 255 * moving, np.uint8),
+    )  # fmt: skip
     return result
 
 

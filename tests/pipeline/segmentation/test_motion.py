@@ -182,7 +182,7 @@ def test_no_memory_changes_nothing() -> None:
 
 
 def test_the_past_counts_where_the_source_agrees_with_it() -> None:
-    weights = past_weights(0.6) / 255
+    weights = past_weights(0.6) / 256
     assert weights[0] == pytest.approx(0.6, abs=0.01)
     assert weights[round(FADE_TOLERANCE * 4)] == pytest.approx(0.6 / np.e, abs=0.01)
     assert weights[254] == weights[FAR] == 0

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from pipeline.background import Background
 from pipeline.frames import Labels
-from pipeline.vector.borders import align_borders, find_borders, smooth_borders
+from pipeline.vector.borders import align_borders, find_borders
 from pipeline.vector.fill import fill_regions
+from pipeline.vector.smoothing import diffusion_steps, smooth_borders
 
 SIZE = (60, 44)
 
@@ -161,3 +162,16 @@ def test_two_threads_give_the_same_bytes() -> None:
     alone = fill_regions(borders, colours, (131, 97))
     with ThreadPoolExecutor(1) as helper:
         np.testing.assert_array_equal(fill_regions(borders, colours, (131, 97), Background(helper)), alone)
+
+
+@pytest.mark.parametrize("sigma_px", [0.5, 2.0, 6.0])
+def test_smoothing_has_the_variance_of_a_gaussian_in_few_steps(sigma_px: float) -> None:
+    """A corner of 1 px in a long straight border spreads to a bell with the variance of the Gaussian."""
+    steps = diffusion_steps(sigma_px)
+    assert steps.sum() == pytest.approx(sigma_px**2, rel=1e-5) and len(steps) < 3 * sigma_px + 3
+    bell = np.zeros(101)
+    bell[50] = 1
+    for step in steps:
+        bell += step * ((np.roll(bell, 1) + np.roll(bell, -1)) / 2 - bell)
+    assert bell.sum() == pytest.approx(1) and bell.min() > -0.01
+    assert (bell * (np.arange(101) - 50) ** 2).sum() == pytest.approx(sigma_px**2, rel=1e-3)
