@@ -1,14 +1,14 @@
-"""Lines that hold still: hysteresis over whole strokes and a memory along the motion (ours, beyond the paper).
+"""Temporal coherence of lines: hysteresis over whole strokes, and warping along the flow.
 
-Lines drawn afresh each frame are most of a cartoon's flicker: a response near its threshold turns a stroke on and off.
-Here a stroke needs a strong response somewhere to be born and a weak one to live, short strokes are not drawn, and
-ink fades in and out over a few frames while it moves with the picture.
+Independent line extraction flickers: a response near the threshold switches a stroke on and off from frame to frame.
+Here a stroke appears only where the response is strong somewhere, and stays while it is weak; short strokes are not
+drawn; ink fades in and out over a few frames while it moves along the flow. Departure: this is not part of
+zhang2011online.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,62 +18,86 @@ from pipeline.jit import kernel
 
 Ink: TypeAlias = NDArray[np.uint8]
 """Opacity of ink, uint8 (h, w), 0..255."""
-LEFT, TOP, RIGHT, BOTTOM, PEAK, WEIGHT, AREA, KNOWN = range(8)
-"""Columns of the table of strokes."""
-ROW, START, STOP, PART = range(4)
-"""Columns of the list of runs."""
+RUN = np.dtype([("row", np.int32), ("start", np.int32), ("stop", np.int32), ("parent", np.int32)])
+"""Horizontal run of ink pixels: columns [start, stop) of a row, and an earlier run of the same stroke or itself."""
+STROKE = np.dtype([
+    ("left", np.int32), ("top", np.int32), ("right", np.int32), ("bottom", np.int32), ("peak", np.int32),
+    ("importance", np.int32), ("area", np.int32), ("drawn_before", np.int32),
+])  # fmt: skip
+"""A stroke: bounding box, px, inclusive; strongest ink and largest importance, 0..255; area in px, and how many of
+these pixels lie on ink that was drawn in the previous frame."""
 DRAWN = 76
-"""Ink above this was seen as drawn."""
+"""Ink above this value counts as drawn in the previous frame."""
+_FAR = np.int32(1 << 30)
 
 
-@dataclass(frozen=True)
-class Past:
-    """Ink of the previous frame, and how to find it."""
+class PreviousInk(NamedTuple):
+    """Ink of the previous frame, and the motion since.
+
+    Attributes:
+        ink: uint8 (h, w).
+        flow: previous to current frame at full size, px.
+        shrink: ratio of the full size to the ink's size; 0 = there is no previous frame.
+    """
 
     ink: Ink
     flow: Flow
-    """Previous to current frame at full size, px."""
     shrink: int
-    """Full size over the ink's size."""
 
 
-def keep_strokes(
-    ink: Ink, past: Past | None, importance: Plane, weak: int, strong: int, shortest_px: float
-) -> NDArray[np.uint8]:  # fmt: skip
-    """Which pixels belong to a stroke worth drawing: uint8 (h, w), 255 or 0.
+class StrokeLimits(NamedTuple):
+    """Which strokes are drawn.
 
-    A stroke is a connected run of ink above `weak` (0..255); it is kept when it reaches `strong` or lies on ink that
-    was drawn before, and is at least `shortest_px` pixels large: a third of that if it was drawn before, and a quarter
-    where it matters most (an eye is short). `importance` is float32 (h, w).
+    Attributes:
+        weak, strong: hysteresis thresholds on ink, 0..255: of all pixels of a stroke, and of its strongest pixel.
+        shortest_px: smallest extent of a stroke. The limit is a third of it for strokes that were drawn before, and
+            falls to a quarter where importance is 1, since an eye is short.
+    """
+
+    weak: int
+    strong: int
+    shortest_px: float
+
+
+def keep_strokes(ink: Ink, past: PreviousInk | None, importance: Plane, limits: StrokeLimits) -> NDArray[np.uint8]:
+    """Select the pixels of the strokes to draw: uint8 (h, w), 255 or 0.
+
+    A stroke is a connected set of pixels with ink above `limits.weak`. It is drawn if it is long enough, and either
+    reaches `limits.strong` or was drawn before on more than a quarter of its area.
+
+    Args:
+        past: ink of the previous frame; None = a shot begins.
+        importance: float32 (h, w), 0..1.
     """
     if past is None:
-        past = Past(np.zeros_like(ink), np.zeros((1, 1, 2), np.float32), 0)
+        past = PreviousInk(np.zeros_like(ink), np.zeros((1, 1, 2), np.float32), 0)
     out = np.zeros(ink.shape, np.uint8)
-    _keep(ink, past.ink, past.flow, past.shrink, importance, weak, strong, shortest_px, out)
+    runs = np.empty(ink.shape[0] * (ink.shape[1] + 1) // 2, RUN)
+    count = _find_runs(ink, limits.weak, runs)
+    _draw_strokes(ink, past, importance, limits, runs[:count], np.zeros(count, STROKE), out)
     return out
 
 
 @kernel
-def _keep(
-    ink: Ink, before: Ink, flow: Flow, shrink: int, importance: Plane, weak: int, strong: int, shortest_px: float,
-    out: NDArray[np.uint8],
+def _draw_strokes(
+    ink: Ink, past: PreviousInk, importance: Plane, limits: StrokeLimits, runs: NDArray[np.void],
+    strokes: NDArray[np.void], out: NDArray[np.uint8],
 ) -> None:  # fmt: skip
-    runs = _runs(ink, weak)
-    strokes = np.zeros((runs.shape[0], 8), np.int32)
-    strokes[:, LEFT] = strokes[:, TOP] = 1 << 30
-    for k in range(runs.shape[0]):
-        runs[k, PART] = _root(runs, k)
-        _survey(runs[k], ink, before, flow, shrink, importance, strokes[runs[k, PART]])
-    for k in range(runs.shape[0]):
-        if _worth(strokes[runs[k, PART]], strong, shortest_px):
-            out[runs[k, ROW], runs[k, START] : runs[k, STOP]] = 255
+    """`strokes`: one record per run, initially zero; only those of root runs are used."""
+    for k in range(runs.size):
+        strokes[k]["left"] = strokes[k]["top"] = _FAR
+    for k in range(runs.size):
+        runs[k]["parent"] = _root(runs, k)
+        _add_run(runs[k], ink, past, importance, strokes[runs[k]["parent"]])
+    for k in range(runs.size):
+        if _is_drawn(strokes[runs[k]["parent"]], limits):
+            out[runs[k]["row"], runs[k]["start"] : runs[k]["stop"]] = 255
 
 
 @kernel
-def _runs(ink: Ink, weak: int) -> NDArray[np.int32]:
-    """Runs of ink above `weak` in raster order; a run's `PART` is a run of the same stroke before it, or itself."""
+def _find_runs(ink: Ink, weak: int, runs: NDArray[np.void]) -> int:
+    """Write the runs of ink above `weak` in raster order and join touching ones; returns their number."""
     height, width = ink.shape
-    runs = np.empty((height * (width + 1) // 2, 4), np.int32)
     count = above = 0
     for y in range(height):
         row = ink[y]
@@ -85,75 +109,77 @@ def _runs(ink: Ink, weak: int) -> NDArray[np.int32]:
             start = x
             while x < width and row[x] > weak:
                 x += 1
-            runs[count, ROW], runs[count, START], runs[count, STOP], runs[count, PART] = y, start, x, count
-            while above < first and runs[above, STOP] < start:  # further left than its corners touch
+            runs[count]["row"], runs[count]["start"], runs[count]["stop"] = y, start, x
+            runs[count]["parent"] = count
+            while above < first and runs[above]["stop"] < start:  # too far left even for diagonal contact
                 above += 1
             k = above
-            while k < first and runs[k, START] <= x:
+            while k < first and runs[k]["start"] <= x:
                 _join(runs, k, count)
                 k += 1
             count += 1
         above = first
-    return runs[:count]
+    return count
 
 
 @kernel
-def _root(runs: NDArray[np.int32], k: int) -> int:
-    while runs[k, PART] != k:
-        runs[k, PART] = runs[runs[k, PART], PART]
-        k = runs[k, PART]
+def _root(runs: NDArray[np.void], k: int) -> int:
+    while runs[k]["parent"] != k:
+        runs[k]["parent"] = runs[runs[k]["parent"]]["parent"]
+        k = runs[k]["parent"]
     return k
 
 
 @kernel
-def _join(runs: NDArray[np.int32], one: int, two: int) -> None:
+def _join(runs: NDArray[np.void], one: int, two: int) -> None:
     one, two = _root(runs, one), _root(runs, two)
-    runs[max(one, two), PART] = min(one, two)
+    runs[max(one, two)]["parent"] = min(one, two)
 
 
 @kernel
-def _survey(
-    run: NDArray[np.int32], ink: Ink, before: Ink, flow: Flow, shrink: int, importance: Plane,
-    stroke: NDArray[np.int32],
-) -> None:  # fmt: skip
-    """Add a run to its stroke: bounding box, strongest ink, largest importance, pixels, pixels known before."""
+def _add_run(run: np.void, ink: Ink, past: PreviousInk, importance: Plane, stroke: np.void) -> None:
+    """Add a run to its stroke."""
     height, width = ink.shape
-    y, start, stop = run[ROW], run[START], run[STOP]
-    stroke[LEFT], stroke[RIGHT] = min(stroke[LEFT], start), max(stroke[RIGHT], stop - 1)
-    stroke[TOP], stroke[BOTTOM] = min(stroke[TOP], y), max(stroke[BOTTOM], y)
-    stroke[AREA] += stop - start
-    peak, weight, known = stroke[PEAK], np.float32(0), 0
+    y, start, stop = run["row"], run["start"], run["stop"]
+    stroke["left"], stroke["right"] = min(stroke["left"], start), max(stroke["right"], stop - 1)
+    stroke["top"], stroke["bottom"] = min(stroke["top"], y), max(stroke["bottom"], y)
+    stroke["area"] += stop - start
+    peak, weight, known = stroke["peak"], np.float32(0), 0
     for x in range(start, stop):
         peak = max(peak, np.int32(ink[y, x]))
         weight = max(weight, importance[y, x])
-        if shrink:
-            dx, dy = flow[y * shrink, x * shrink, 0], flow[y * shrink, x * shrink, 1]
-            i = min(max(x - int(np.rint(dx / shrink)), 0), width - 1)
-            j = min(max(y - int(np.rint(dy / shrink)), 0), height - 1)
-            known += before[j, i] > DRAWN
-    stroke[PEAK] = peak
-    stroke[WEIGHT] = max(stroke[WEIGHT], int(weight * 255))
-    stroke[KNOWN] += known
+        if past.shrink:
+            dx, dy = past.flow[y * past.shrink, x * past.shrink, 0], past.flow[y * past.shrink, x * past.shrink, 1]
+            i = min(max(x - int(np.rint(dx / past.shrink)), 0), width - 1)
+            j = min(max(y - int(np.rint(dy / past.shrink)), 0), height - 1)
+            known += past.ink[j, i] > DRAWN
+    stroke["peak"] = peak
+    stroke["importance"] = max(stroke["importance"], int(weight * 255))
+    stroke["drawn_before"] += known
 
 
 @kernel
-def _worth(stroke: NDArray[np.int32], strong: int, shortest_px: float) -> bool:
-    known = stroke[KNOWN] * 4 > stroke[AREA]
-    extent = max(stroke[RIGHT] - stroke[LEFT], stroke[BOTTOM] - stroke[TOP]) + 1
-    shortest = shortest_px * (1 / 3 if known else 1.0) * (1 - 0.75 * (stroke[WEIGHT] / 255))
-    strong_enough: bool = stroke[PEAK] > strong or known
+def _is_drawn(stroke: np.void, limits: StrokeLimits) -> bool:
+    known = stroke["drawn_before"] * 4 > stroke["area"]
+    extent = max(stroke["right"] - stroke["left"], stroke["bottom"] - stroke["top"]) + 1
+    shortest = limits.shortest_px * (1 / 3 if known else 1.0) * (1 - 0.75 * (stroke["importance"] / 255))
+    strong_enough: bool = stroke["peak"] > limits.strong or known
     return strong_enough and extent >= shortest
 
 
-def follow(plane: Plane, flow: Flow) -> Plane:
-    """`plane` of the previous frame moved to the current one along `flow` (previous to current, px), float32 (h, w)."""
+def advect(plane: Plane, flow: Flow) -> Plane:
+    """Move a plane of the previous frame to the current one, bilinear: float32 (h, w).
+
+    Args:
+        flow: float32 (h, w, 2), previous to current frame, px; positions outside are clamped to the border.
+    """
     out = np.empty_like(plane)
-    _follow(plane, flow, out)
+    _advect(plane, flow, out)
     return out
 
 
 @kernel
-def _follow(plane: Plane, flow: Flow, out: Plane) -> None:
+def _advect(plane: Plane, flow: Flow, out: Plane) -> None:
     height, width = plane.shape
     for y in range(height):
         for x in range(width):

@@ -1,4 +1,4 @@
-"""Connected components of a label map, and what to do with those that are too small to be anything."""
+"""Connected components of a label map, and removal of small components."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ from pipeline.jit import kernel
 
 
 def components(labels: Labels) -> tuple[Labels, NDArray[np.int32]]:
-    """4-connected parts of equal label, the unlabelled (0) too: part of each pixel, int32 (h, w) from 0 in the order of
-    their first pixels, and their areas, int32 (n,)."""
+    """4-connected components of equal label, label 0 included.
+
+    Returns: component of each pixel, int32 (h, w), from 0 in the order of first pixels; areas, int32 (n,), px.
+    """
     out = np.empty(labels.shape, np.int32)
     areas = np.zeros(labels.size, np.int32)
     count = _components(labels, out, areas)
@@ -46,9 +48,13 @@ def _components(labels: Labels, out: Labels, areas: NDArray[np.int32]) -> int:
 
 
 def absorb_specks(labels: Labels, smallest_px: int, smallest_hole_px: int) -> Labels:
-    """Parts smaller than `smallest_px`, and unlabelled ones smaller than `smallest_hole_px`, join what is nearest.
+    """Give the pixels of small components the label of the nearest pixel outside of them.
 
-    Where everything is small, everything stays.
+    If all components are small, the labels are returned unchanged.
+
+    Args:
+        smallest_px: area below which a labelled component is small, px.
+        smallest_hole_px: area below which an unlabelled component (label 0) is small, px.
     """
     parts, areas = components(labels)
     hole = labels == 0

@@ -1,4 +1,4 @@
-"""Hard cuts, called from two frames alone, so that a stream and a plan call the same ones."""
+"""Detection of hard cuts from two consecutive frames, so that a live stream and a batch job find the same cuts."""
 
 from __future__ import annotations
 
@@ -8,25 +8,30 @@ import numpy as np
 from pipeline.frames import Frame, Plane
 
 THUMBNAIL = (32, 18)
-"""(width, height) px: small enough that motion within a shot hardly changes it."""
+"""(width, height) of thumbnails, px: small enough that motion within a shot changes them little."""
 ROWS_EACH = 4
+"""Rows of the frame that are averaged for one row of the thumbnail."""
 DIFFERENCE = 32.0
+"""Least mean difference of the thumbnails at a cut, 8-bit Lab levels summed over the channels."""
 CORRELATION = 0.4
+"""Correlation of lightness below which the thumbnails show different shots."""
 _LAB_UNITS = np.array([100 / 255, 1, 1], np.float32)
 
 
 def thumbnail(frame: Frame) -> Plane:
-    """float32 (18, 32, 3), 8-bit Lab, from as few rows as average the noise away."""
+    """Thumbnail of a frame: float32 (18, 32, 3), 8-bit Lab. Rows are skipped, since a few average out the noise."""
     step = max(1, frame.shape[0] // (THUMBNAIL[1] * ROWS_EACH))
     small = cv2.resize(frame[::step], THUMBNAIL, interpolation=cv2.INTER_AREA)
     return cv2.cvtColor(small, cv2.COLOR_RGB2LAB).astype(np.float32)
 
 
 def is_cut(before: Plane, now: Plane, sensitivity: float = 1.0) -> bool:
-    """Whether `now` begins a new shot: thumbnails differ much, and their lightness is hardly correlated.
+    """Whether a new shot begins with `now`: the thumbnails differ strongly, and their lightness is weakly correlated.
 
     On 17 test clips the weakest of 8 cuts has difference 55 and correlation 0.21; the strongest motion 24 and 0.58.
-    `sensitivity` divides the difference asked for; 0 = never.
+
+    Args:
+        sensitivity: divides the threshold `DIFFERENCE`; 0 = no cuts.
     """
     if sensitivity <= 0:
         return False
@@ -37,9 +42,9 @@ def is_cut(before: Plane, now: Plane, sensitivity: float = 1.0) -> bool:
 
 
 def light_steadiness(before: Plane, now: Plane) -> float:
-    """0..1: 1 when the light is steady, towards 0 in a fade: exp(-(drift / 0.8)^2), drift = median change in CIELAB.
+    """Steadiness of the light, 0..1: exp(-(d / 0.8)^2) with the median change d in CIELAB units; near 0 in a fade.
 
-    The median, since a fade changes every place alike, and a pan or somebody who comes in does not.
+    The median is used because a fade changes all places alike; a pan or a moving object does not.
     """
     changes = (now - before).reshape(-1, 3)
     middle = len(changes) // 2
@@ -48,7 +53,7 @@ def light_steadiness(before: Plane, now: Plane) -> float:
 
 
 def _correlation(a: Plane, b: Plane) -> float:
-    """Pearson's r; of two flat pictures 1 if they are equally flat, else 0."""
+    """Pearson's correlation coefficient; 0 if a picture is flat."""
     x, y = a - a.mean(), b - b.mean()
     spread = float(np.sqrt((x * x).sum() * (y * y).sum()))
     return float((x * y).sum()) / spread if spread > 1 else 0.0

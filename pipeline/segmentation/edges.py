@@ -1,4 +1,4 @@
-"""Canny edges whose thresholds follow importance: zhang2011online, section 4.1."""
+"""Canny edges with thresholds that depend on importance (zhang2011online, section 4.1)."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ from pipeline.jit import kernel
 def edges(
     gray: NDArray[np.uint8], importance: Plane, high: float, low_ratio: float = 0.4, floor: float = 0.2
 ) -> NDArray[np.uint8]:
-    """Edge pixels (255) of `gray` (uint8 (h, w)), others 0.
+    """Canny edges: uint8 (h, w), 255 on edges, 0 elsewhere.
 
     Args:
+        gray: uint8 (h, w), gray levels.
         importance: float32 at any size, 0..1; resized to the frame.
         high: upper hysteresis threshold where importance is 1 - floor: L1 norm of the 3x3 Sobel gradient, levels.
-        low_ratio: lower threshold over upper, 0..1.
-        floor: thresholds are `high / (importance + floor)`: inversely proportional, and finite at importance 0.
+        low_ratio: ratio of the lower to the upper threshold, 0..1.
+        floor: thresholds are `high / (importance + floor)`, which is finite at importance 0.
 
-    A threshold that varies by pixel is a gradient that is scaled by pixel: the scaled gradient goes through
-    OpenCV's Canny with one threshold.
+    A threshold that varies from pixel to pixel is equivalent to a scaled gradient, so the gradient is scaled and passed
+    to OpenCV's Canny with a constant threshold.
     """
     size = (gray.shape[1], gray.shape[0])
     gain = np.asarray(cv2.resize(importance + np.float32(floor), size, interpolation=cv2.INTER_LINEAR), np.float32)

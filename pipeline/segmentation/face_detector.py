@@ -1,7 +1,7 @@
-"""Looking for faces in one picture (viola2001rapid), a slice of face sizes at a time.
+"""Face detection in one picture (viola2001rapid), in slices of face sizes.
 
-The whole search takes as long as all else that is done for a frame of a stream: in slices, no frame is late for it.
-The answer is that of one search: the same windows are tried, and what they found is joined at the end.
+A complete search takes as long as the rest of the processing of a live frame, so it is spread over several frames. The
+result is that of one search: the same windows are tested, and the hits of all slices are grouped at the end.
 """
 
 from __future__ import annotations
@@ -19,27 +19,34 @@ Boxes = NDArray[np.float64]
 """(n, 4): centre x, centre y, width, height, px of the picture."""
 
 SLICES = 4
+"""Number of slices of a search."""
 _WINDOW_PX = 20
 """Side of the cascade's smallest window."""
 _MIN_NEIGHBOURS, _GROUP_EPS = 3, 0.2
-"""OpenCV's own way to join hits, with its tolerance."""
+"""Least number of hits in a group, and the tolerance of grouping, as in OpenCV's detector."""
 
 
 class FaceDetector:
-    """The cascade; read from disk on first use. Not thread-safe."""
+    """Face detector with OpenCV's cascade, which is read from disk on first use. Not thread-safe."""
 
     def __init__(self) -> None:
         self._cascade: cv2.CascadeClassifier | None = None
 
     def find(self, gray: NDArray[np.uint8], factor: float, least_px: int, most_px: int) -> Boxes:
-        """Faces between two sizes, in an order that depends on the picture alone. `factor`: from size to size."""
+        """Detect faces with sides from `least_px` to `most_px`, in an order that depends on the picture only.
+
+        Args:
+            gray: uint8 (h, w).
+            factor: ratio of consecutive window sizes.
+        """
         return join(self.hits(gray, factor, least_px, most_px))
 
     def hits(self, gray: NDArray[np.uint8], factor: float, least_px: int, most_px: int) -> NDArray[np.int32]:
-        """Every window that looks like a face, (n, 4): left, top, width, height."""
+        """Windows that the cascade accepts, int32 (n, 4): left, top, width, height; px."""
         if self._cascade is None:
             self._cascade = _load_cascade()
-        # Per thread: a cascade else opens the system's OpenCL loader, which then hides the runtimes we set up.
+        # Set per thread. Otherwise the cascade opens the system's OpenCL loader, which then hides the registered
+        # runtimes.
         cv2.ocl.setUseOpenCL(False)
         found = self._cascade.detectMultiScale(
             gray, factor, 0, minSize=(least_px, least_px), maxSize=(most_px, most_px)
@@ -48,7 +55,7 @@ class FaceDetector:
 
 
 def join(hits: NDArray[np.int32]) -> Boxes:
-    """Hits that overlap enough of each other, as one box each."""
+    """Group overlapping hits into one box each."""
     found, _ = cv2.groupRectangles([tuple(int(v) for v in hit) for hit in hits], _MIN_NEIGHBOURS, _GROUP_EPS)
     boxes = np.array(sorted(tuple(int(v) for v in box) for box in found), np.float64).reshape(-1, 4)
     boxes[:, :2] += boxes[:, 2:] / 2
@@ -56,7 +63,10 @@ def join(hits: NDArray[np.int32]) -> Boxes:
 
 
 def slices(factor: float, least_px: int, most_px: int) -> list[tuple[int, int]]:
-    """(least, most) window sizes of `SLICES` searches of about the same cost, which falls with their square."""
+    """Smallest and largest window size of each of the `SLICES` slices, px; slices have about the same cost.
+
+    The cost of a window size is inversely proportional to its square.
+    """
     sizes = [s for s in _sizes(factor, most_px) if s >= least_px]
     if not sizes:
         return [(least_px, most_px)] * SLICES
@@ -67,7 +77,7 @@ def slices(factor: float, least_px: int, most_px: int) -> list[tuple[int, int]]:
 
 
 def _sizes(factor: float, most_px: int) -> list[int]:
-    """The window sizes that OpenCV tries."""
+    """Window sizes that OpenCV tests, px."""
     found, scale = [], 1.0
     while round(_WINDOW_PX * scale) <= most_px:
         found.append(round(_WINDOW_PX * scale))

@@ -1,7 +1,7 @@
-"""Foreground and background carried from frame to frame: flow, local colour models, and a random walk between.
+"""Propagation of foreground and background from frame to frame by flow, local colour models and a random walk.
 
-The paper uses Video SnapCut (bai2009snapcut), whose idea is kept: along a silhouette it is local colours that tell the
-two apart, not those of the whole picture.
+zhang2011patches uses Video SnapCut (bai2009snapcut). Its main idea is kept: along a silhouette, foreground and
+background are distinguished by local colours, not by the colours of the whole picture.
 """
 
 from __future__ import annotations
@@ -14,35 +14,35 @@ from pipeline.frames import Frame, Labels, Plane
 from pipeline.segmentation.random_walk import Edges, vote
 
 LOCAL_PX = 31
-"""Side of the windows that colours are learnt in, px."""
+"""Side of the windows of the local colour models, px."""
 COLOUR_SHARE = 0.4
-"""Weight of the colours' vote where they are sure, beside 1 for a link of the flow."""
-CERTAIN = 5.0
-"""Weight of what the user has said."""
+"""Weight of a certain colour vote, relative to a link of the flow."""
+USER_WEIGHT = 5.0
+"""Weight of the user's marks, relative to a link of the flow."""
 NOISE = 6.0
-"""Standard deviation that any colour has at least, gray levels."""
+"""Least standard deviation of a colour model, gray levels."""
 
 
-def carry_foreground(
-    choices: NDArray[np.int32], weights: NDArray[np.float32], small: Frame, edges: Edges, said: Plane | None = None
+def propagate_foreground(
+    choices: NDArray[np.int32], weights: NDArray[np.float32], small: Frame, edges: Edges, marks: Plane | None = None
 ) -> NDArray[np.bool_]:
-    """Where the foreground is: bool (h, w).
+    """Foreground of a frame: bool (h, w).
 
     Args:
-        choices: int32 (k, h, w), by each of a pixel's links to other frames: 2 = foreground, 1 = background, 0 = not
-            known.
-        weights: float32 (k, h, w), of the links.
-        small: the frame's colours, uint8 (h, w, 3).
+        choices: int32 (k, h, w), label at the other end of each of a pixel's k links to other frames: 2 = foreground,
+            1 = background, 0 = unknown.
+        weights: float32 (k, h, w), weights of the links.
+        small: uint8 (h, w, 3), the frame's colours.
         edges: weights of the edges within the frame.
-        said: float32 (h, w), what the user says: 1, 0, or NaN where nothing is said; None = nothing.
+        marks: float32 (h, w), the user's marks: 1 = foreground, 0 = background, NaN = none; None = no marks.
     """
-    guess = _guess(choices, weights) if said is None else np.where(np.isnan(said), 0, said + 1).astype(np.int32)
+    guess = _guess(choices, weights) if marks is None else np.where(np.isnan(marks), 0, marks + 1).astype(np.int32)
     likely = colour_odds(small, guess)
     colour = np.where(likely > 0, 2, 1).astype(np.int32)
     options, shares = [colour, *choices], [COLOUR_SHARE * np.abs(likely), *weights]
-    if said is not None:
+    if marks is not None:
         options.append(guess)
-        shares.append(np.where(guess > 0, np.float32(CERTAIN), np.float32(0)))
+        shares.append(np.where(guess > 0, np.float32(USER_WEIGHT), np.float32(0)))
     labels, _ = vote(
         np.stack(options), np.stack(shares).astype(np.float32), edges, leak=1e-4, certainty=0.0, tolerance=1e-4
     )
@@ -50,18 +50,18 @@ def carry_foreground(
 
 
 def _guess(choices: NDArray[np.int32], weights: NDArray[np.float32]) -> Labels:
-    """2 or 1 where the links agree well, 0 elsewhere."""
+    """Label 2 or 1 where the links agree, 0 elsewhere."""
     ahead = ((choices == 2) * weights).sum(axis=0) - ((choices == 1) * weights).sum(axis=0)
     return np.where(np.abs(ahead) < 0.3, 0, np.where(ahead > 0, 2, 1)).astype(np.int32)
 
 
 def colour_odds(small: Frame, guess: Labels) -> Plane:
-    """Whether a pixel's colour is rather the foreground's near it (towards 1) or the background's (towards -1).
+    """Similarity of each pixel's colour to nearby foreground (towards 1) or background (towards -1): float32 (h, w).
 
-    Colours of each, within LOCAL_PX, are taken for normally distributed; 0 where only one of them, or none, is near.
+    The colours of each label within LOCAL_PX are modelled by normal distributions; 0 where one of them is missing.
 
     Args:
-        guess: int32 (h, w): 2 = foreground, 1 = background, 0 = not known.
+        guess: int32 (h, w): 2 = foreground, 1 = background, 0 = unknown.
     """
     colours = cv2.GaussianBlur(small, (0, 0), 0.7).astype(np.float32)
     fore, near_fore = _likelihood(colours, guess == 2)
@@ -72,7 +72,7 @@ def colour_odds(small: Frame, guess: Labels) -> Plane:
 
 
 def _likelihood(colours: NDArray[np.float32], where: NDArray[np.bool_]) -> tuple[Plane, Plane]:
-    """Log likelihood of each pixel's colour in the local model, and the share of the window that the model is from."""
+    """Log likelihood of each pixel's colour in the local model of `where`, and the share of `where` in the window."""
     mask = where.astype(np.float32)
     share = cv2.blur(mask, (LOCAL_PX, LOCAL_PX))
     scale = 1 / np.maximum(share, np.float32(1e-4))

@@ -9,64 +9,64 @@ from pipeline.frames import Labels
 from pipeline.jit import kernel
 from pipeline.segmentation.regions import Lab8, Means, Sums, means_of, move
 
-NO_LIMIT = 255
 _BINS = 1400
 _BINS_PER_UNIT = 4.0
 
 
 @kernel
 def unlabelled(labels: Labels) -> NDArray[np.int32]:
-    """Flat indices, int32, of the pixels without a label, in raster order."""
+    """Flat indices of the unlabelled pixels in raster order, int32 (n,)."""
     height, width = labels.shape
     found = np.empty(labels.size, np.int32)
     count = 0
     for y in range(height):
         for x in range(width):
-            found[count] = y * width + x  # the next one overwrites it unless it counts
+            found[count] = y * width + x  # overwritten by the next pixel if this one is labelled
             count += labels[y, x] == 0
     return found[:count]
 
 
 @kernel
 def count_open(pixels: NDArray[np.int32], blocked: NDArray[np.uint8]) -> int:
-    """How many of `pixels` (flat indices) are not blocked."""
-    shut = blocked.reshape(blocked.size)
+    """Number of `pixels` (flat indices) that are not blocked."""
+    closed = blocked.reshape(blocked.size)
     count = 0
     for k in range(pixels.size):
-        count += shut[pixels[k]] == 0
+        count += closed[pixels[k]] == 0
     return count
 
 
 @kernel
 def grow(
     labels: Labels, lab: Lab8, blocked: NDArray[np.uint8], limit: NDArray[np.uint8], sums: Sums,
-    pixels: NDArray[np.int32], anything: bool = False,
+    pixels: NDArray[np.int32], ignore_limits: bool = False,
 ) -> NDArray[np.int32]:  # fmt: skip
-    """Give unlabelled pixels the label of the neighbouring region that predicts them best; in place.
+    """Give unlabelled pixels the label of the neighbouring region with the most similar colour, in place.
 
     Args:
         labels: int32 (h, w), 0 = unlabelled, C-contiguous.
         lab: uint8 (h, w, 3).
         blocked: uint8 (h, w), non-zero where no region may grow (edges).
         limit: uint8 (h, w), largest reconstruction error allowed, CIELAB units: 20 (1.2 - I(p)).
-        sums: of every region; kept up to date. The colour model is that at the call.
-        pixels: int32, flat indices of every unlabelled pixel (others among them do no harm).
-        anything: ignore `blocked` and `limit`, for the leftovers at the end.
+        sums: sums of the regions, updated. Colours are compared with the means at the time of the call.
+        pixels: int32, flat indices of all unlabelled pixels; may contain labelled pixels.
+        ignore_limits: ignore `blocked` and `limit`, for the remaining pixels at the end.
 
     Returns:
-        The pixels that are still unlabelled.
+        Flat indices of the pixels that are still unlabelled.
 
-    The priority queue is a bucket queue of quarter units, first in first out within a bucket: deterministic.
+    The priority queue has buckets of a quarter CIELAB unit, first in first out within a bucket, so the result is
+    deterministic.
     """
     if not pixels.size:
         return pixels
-    _grow(labels, lab, blocked, limit, means_of(sums), sums, pixels, anything)
-    return _left(labels, pixels)
+    _grow(labels, lab, blocked, limit, means_of(sums), sums, pixels, ignore_limits)
+    return _still_unlabelled(labels, pixels)
 
 
 @kernel
-def _left(labels: Labels, pixels: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Those of `pixels` that have no label."""
+def _still_unlabelled(labels: Labels, pixels: NDArray[np.int32]) -> NDArray[np.int32]:
+    """The unlabelled ones of `pixels`."""
     width = labels.shape[1]
     left = np.empty(pixels.size, np.int32)
     count = 0
@@ -79,12 +79,11 @@ def _left(labels: Labels, pixels: NDArray[np.int32]) -> NDArray[np.int32]:
 @kernel
 def _grow(
     labels: Labels, lab: Lab8, blocked: NDArray[np.uint8], limit: NDArray[np.uint8], means: Means, sums: Sums,
-    pixels: NDArray[np.int32], anything: bool,
+    pixels: NDArray[np.int32], ignore_limits: bool,
 ) -> None:  # fmt: skip
-    """By flat indices; a pixel that does not wait to be labelled is told by its label alone."""
     width = labels.shape[1]
     there, colours = labels.reshape(labels.size), lab.reshape(labels.size, 3)
-    shut, most = blocked.reshape(labels.size), limit.reshape(labels.size)
+    closed, most = blocked.reshape(labels.size), limit.reshape(labels.size)
     entries = np.empty((4 * pixels.size, 3), np.int32)  # pixel, label, next in its bucket
     head = np.full(_BINS, -1, np.int32)
     tail = np.full(_BINS, -1, np.int32)
@@ -92,22 +91,22 @@ def _grow(
     around = (-width, -1, 1, width)
     last_row = labels.size - width
     for at in pixels:
-        if there[at] != 0 or (shut[at] and not anything):
+        if there[at] != 0 or (closed[at] and not ignore_limits):
             continue
         x = at % width
         inside = (at >= width, x > 0, x < width - 1, at < last_row)
         best, label = np.float32(1e9), np.int32(0)
-        for n in range(4):  # only the best of a pixel's neighbours can ever win it
+        for n in range(4):  # only the most similar neighbour can label the pixel
             if not inside[n]:
                 continue
             other = there[at + around[n]]
             if other == 0 or other == label:
                 continue
-            error = _apart(colours, at, means, other)
+            error = _colour_distance(colours, at, means, other)
             if error < best:
                 best, label = error, other
-        if label != 0 and (best <= most[at] or anything):
-            _queue(entries, head, tail, used, best, at, label)
+        if label != 0 and (best <= most[at] or ignore_limits):
+            _enqueue(entries, head, tail, used, best, at, label)
             used += 1
     lowest = 0
     while lowest < _BINS:
@@ -124,16 +123,16 @@ def _grow(
         inside = (at >= width, x > 0, x < width - 1, at < last_row)
         for n in range(4):
             to = at + around[n]
-            if not inside[n] or there[to] != 0 or (shut[to] and not anything):
+            if not inside[n] or there[to] != 0 or (closed[to] and not ignore_limits):
                 continue
-            error = _apart(colours, to, means, label)
-            if error <= most[to] or anything:
-                lowest = min(lowest, _queue(entries, head, tail, used, error, to, label))
+            error = _colour_distance(colours, to, means, label)
+            if error <= most[to] or ignore_limits:
+                lowest = min(lowest, _enqueue(entries, head, tail, used, error, to, label))
                 used += 1
 
 
 @kernel
-def _apart(colours: NDArray[np.uint8], at: int, means: Means, label: int | np.int32) -> np.float32:
+def _colour_distance(colours: NDArray[np.uint8], at: int, means: Means, label: int | np.int32) -> np.float32:
     """CIELAB distance of a pixel to a region's mean."""
     dl = (colours[at, 0] - means[label, 0]) * np.float32(100.0 / 255.0)
     da = colours[at, 1] - means[label, 1]
@@ -142,7 +141,7 @@ def _apart(colours: NDArray[np.uint8], at: int, means: Means, label: int | np.in
 
 
 @kernel
-def _queue(
+def _enqueue(
     entries: NDArray[np.int32], head: NDArray[np.int32], tail: NDArray[np.int32], used: int, error: np.float32,
     at: int, label: int | np.int32,
 ) -> int:  # fmt: skip

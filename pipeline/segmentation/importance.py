@@ -1,12 +1,12 @@
-"""The importance map I(p): where a picture deserves detail (zhang2011online, section 4.1).
+"""The importance map I(p), which determines the amount of detail of each pixel (zhang2011online, section 4.1).
 
-Three cues, each in [0, 1] with a weight w: faces (viola2001rapid; the paper's own choice), static saliency
-(hou2007spectral) and motion against the camera's (both named by the paper, as an alternative and as future work).
-They are joined as independent evidence, I = 1 - (1 - w_f F)(1 - w_s S)(1 - w_m M), smoothed over past frames, and
-overridden by the user's mask where there is one.
+It combines three cues, each in [0, 1] with a weight w: faces F (viola2001rapid), static saliency S (hou2007spectral)
+and motion relative to the camera M, by I = 1 - (1 - w_f F)(1 - w_s S)(1 - w_m M). The cues are smoothed over past
+frames. A mask by the user overrides the map where it is given.
 
-Departure: the paper uses faces alone, which is `saliency=0, motion=0`. It does not smooth over time; here every cue is
-smoothed causally, because I(p) sets the thresholds of edges and of region growing, and detail pops where it jumps.
+Departure: the paper uses faces only, which is `saliency=0, motion=0`; it mentions the other cues as an alternative and
+as future work. It does not smooth over time. Here I(p) sets the thresholds of edges and of region growing, and a sudden
+change of it would show as a sudden change of detail.
 """
 
 from __future__ import annotations
@@ -25,37 +25,43 @@ from pipeline.segmentation.motion import median_motion
 from pipeline.segmentation.saliency import spectral_residual
 
 MAP_SIDE_PX = 96
-"""Longer side of the map itself before it is stretched to the frame; I(p) is smooth, so this loses nothing."""
+"""Longer side of the map before it is enlarged to the frame, px; I(p) is smooth enough for this resolution."""
 CUES_EVERY_FRAMES = 3
-"""Saliency and motion are looked at in every third frame: they are smoothed over more than that."""
+"""Saliency and motion are computed in every third frame, since they are smoothed over a longer time."""
 
 
 @dataclass(frozen=True)
 class ImportanceParams:
-    """Weights in 0..1 (0 switches a cue off and saves its time), times in frames."""
+    """Parameters of the importance map.
+
+    Attributes:
+        face, saliency, motion: weights of the cues, 0..1; a cue with weight 0 is not computed.
+        half_life_frames: half-life of the smoothing of the cues, frames; 0 = no smoothing.
+        detect_every_frames: frames between two face searches of the whole frame, >= 1; the surroundings of known faces
+            are searched more often.
+        keep_frames: frames that a face is kept after its first detection, later up to twice as many; None =
+            `detect_every_frames`.
+        detection_side_px: longer side of the picture in which faces are searched, px; a larger one finds smaller faces
+            and takes longer.
+        smallest_face: smallest face, as a fraction of the frame's shorter side, 0..1.
+        full_motion: speed relative to the camera at which M is about two thirds, frame diagonals per frame.
+    """
 
     face: float = 1.0
     saliency: float = 0.4
     motion: float = 0.4
     half_life_frames: float = 6.0
-    """Frames after which what was seen counts half; 0 = no smoothing."""
     detect_every_frames: int = 48
-    """Frames between two searches of the whole frame for faces, 1 or more; known faces are looked after more often."""
     keep_frames: int | None = None
-    """Frames that a face is kept after it was first met, up to twice as many later; None = `detect_every_frames`."""
     detection_side_px: int = 256
-    """Longer side of the picture that faces are looked for in: more find smaller ones, for more time."""
     smallest_face: float = 0.1
-    """Smallest face, as a fraction of the frame's shorter side, 0..1."""
     full_motion: float = 0.002
-    """Motion against the camera, in frame diagonals a frame, that counts about two thirds."""
 
 
 class ImportanceTracker:
-    """I(p) of one video, frame by frame. Causal; not thread-safe. The same frames give the same bytes.
+    """Computes I(p) for consecutive frames of a video. Causal; not thread-safe. The same frames give the same bytes.
 
     Args:
-        params: weights and times.
         size: (width, height) of the frames, px.
     """
 
@@ -85,10 +91,10 @@ class ImportanceTracker:
 
         Args:
             image: the frame, uint8 (height, width, 3) or gray (height, width).
-            flow: from the previous frame to this one, px; None = unknown (then nothing moves).
-            cut: a new shot begins with this frame: everything but the mask is forgotten.
-            mask: the user's own importance for this frame and all that follow until another is given: float in 0..1
-                (height, width), NaN = leave it to the cues; or bool.
+            flow: from the previous frame to this one, px; None = unknown, treated as no motion.
+            cut: whether a shot begins with this frame; the state except the mask is then reset.
+            mask: importance given by the user, valid until the next mask: float (height, width) in 0..1, NaN = use the
+                cues; or bool.
 
         Returns: float32 (height, width) in [0, 1].
 
@@ -121,12 +127,12 @@ class ImportanceTracker:
         return np.clip(importance, 0, 1)
 
     def continue_search(self) -> None:
-        """A share of the search for faces, for the frames to come. Call it after every step, when there is time."""
+        """Search a slice of a face search in progress, for later frames. Call it once after each step."""
         if self._params.face > 0:
             self._faces.continue_search()
 
     def state(self) -> State:
-        """All that the next step depends on."""
+        """State as arrays by name; a tracker restored from it continues with the same bytes."""
         return {
             "age": np.array(self._age, np.int64),
             "cues": self._cues.copy(),
@@ -135,7 +141,7 @@ class ImportanceTracker:
         }
 
     def restore(self, state: Arrays) -> None:
-        """Go on, to the bit, from where `state` was taken (same params and size)."""
+        """Restore a state of a tracker with the same parameters and size."""
         self._age = int(state["age"])
         self._faces.restore(state)
         self._cues = np.array(state["cues"], np.float32)
@@ -143,41 +149,42 @@ class ImportanceTracker:
         self._mask = mask if mask.size else None
 
     def _combine(self, image: NDArray[np.uint8], flow: Flow | None) -> Plane:
-        looks = self._age % CUES_EVERY_FRAMES == 0
-        gray = _shrink_gray(image, self._small) if looks else None
+        due = self._age % CUES_EVERY_FRAMES == 0
+        gray = _shrink_gray(image, self._small) if due else None
         if gray is not None:
             gain = np.float32(1) if self._age == 0 else self._gain
-            self._cues = self._cues + gain * (self._look(gray, flow) - self._cues)
+            self._cues = self._cues + gain * (self._saliency_and_motion(gray, flow) - self._cues)
         if self._params.face <= 0:
             return self._cues
-        if gray is None and self._faces.looks(self._age):
+        if gray is None and self._faces.needs_picture(self._age):
             gray = _shrink_gray(image, self._small)
         self._faces.step(gray, flow, self._age)
-        if not len(self._faces.tracks):
+        if not len(self._faces.faces):
             return self._cues
         combined: Plane = 1 - (1 - self._cues) * (
-            1 - np.float32(self._params.face) * self._faces.bump(self._cues.shape)
+            1 - np.float32(self._params.face) * self._faces.head_mask(self._cues.shape)
         )
         return combined
 
-    def _look(self, gray: NDArray[np.uint8], flow: Flow | None) -> Plane:
-        """Saliency and motion of one frame, joined."""
+    def _saliency_and_motion(self, gray: NDArray[np.uint8], flow: Flow | None) -> Plane:
+        """Combined saliency and motion cue of one frame: float32 at the size of the map, 0..1."""
         params = self._params
-        rest = np.ones(self.map_size[::-1], np.float32)
+        remaining = np.ones(self.map_size[::-1], np.float32)
         if params.saliency > 0:
             salient = cv2.resize(spectral_residual(gray), self.map_size, interpolation=cv2.INTER_LINEAR)
-            rest *= 1 - np.float32(params.saliency) * salient
+            remaining *= 1 - np.float32(params.saliency) * salient
         if params.motion > 0 and flow is not None:
-            rest *= 1 - np.float32(params.motion) * _motion(flow, params.full_motion * float(np.hypot(*self._size)))
-        return 1 - rest
+            full_px = params.full_motion * float(np.hypot(*self._size))
+            remaining *= 1 - np.float32(params.motion) * _motion(flow, full_px)
+        return 1 - remaining
 
 
 def _motion(flow: Flow, full_px: float) -> Plane:
-    """How far each place moves against the median of all (the camera), squeezed to [0, 1)."""
+    """Speed of each pixel relative to the median motion (the camera), mapped to [0, 1)."""
     dominant = median_motion(flow[::2, ::2])
     x, y = flow[..., 0] - dominant[0], flow[..., 1] - dominant[1]
     speed = cv2.GaussianBlur(np.sqrt(x * x + y * y), (0, 0), 2.0)
-    # a quarter of the scale is left out: a hand-held camera's parallax and the flow's own errors
+    # A quarter of the scale is subtracted: parallax of a hand-held camera, and errors of the flow.
     squeezed: Plane = 1 - np.exp(np.minimum(np.float32(0.25) - speed / np.float32(full_px), 0))
     return squeezed
 
@@ -188,7 +195,9 @@ def _fit(size: tuple[int, int], side: int) -> tuple[int, int]:
 
 
 def _shrink_gray(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
-    """Halved by area while it can be, the rest bilinear: OpenCV averages over odd areas ten times slower."""
+    """Gray picture of `size`: repeatedly halved by area averaging, then bilinear; OpenCV's area averaging by other
+    factors
+    is ten times slower."""
     gray = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
     while gray.shape[1] >= 2 * size[0] and gray.shape[0] >= 2 * size[1]:
         half = (gray.shape[1] // 2, gray.shape[0] // 2)
@@ -202,18 +211,19 @@ def _prepare_flow(flow: Flow, size: tuple[int, int], small: tuple[int, int]) -> 
 
 
 def _prepare_mask(mask: Plane | Mask, size: tuple[int, int], small: tuple[int, int]) -> Plane:
-    """(..., 0) = importance times weight, (..., 1) = weight: 0 where the mask is NaN."""
+    """Mask at the size `small`, float32 (h, w, 2): importance times weight, and weight, which is 0 where the mask is
+    NaN."""
     _check_shape(mask, size, "mask")
     if mask.dtype != bool and not np.issubdtype(mask.dtype, np.floating):
         remedy = "Divide an 8 bit mask by 255."
-        raise BadFrame("A mask is bool or floating.", field="mask", value=mask.dtype, remedy=remedy)
+        raise BadFrame("A mask must be bool or floating.", field="mask", value=mask.dtype, remedy=remedy)
     values = mask.astype(np.float32)
     given = ~np.isnan(values)
     inside = values[given]
     if inside.size and not (inside.min() >= 0 and inside.max() <= 1):
         found = f"{inside.min():.3g}..{inside.max():.3g}"
-        remedy = "Scale it; use NaN where the cues shall decide."
-        raise BadFrame("A mask is in 0..1.", field="mask", value=found, remedy=remedy)
+        remedy = "Scale it; use NaN for pixels without given importance."
+        raise BadFrame("A mask must be in 0..1.", field="mask", value=found, remedy=remedy)
     both = np.dstack([np.where(given, values, 0), given.astype(np.float32)])
     return np.asarray(cv2.resize(both, small, interpolation=cv2.INTER_AREA), np.float32)
 

@@ -1,6 +1,6 @@
-"""Motion for label propagation: a still test that keeps a standing picture standing, and a settled frame.
+"""Motion for label propagation: detection of still pixels, and temporal denoising along the motion.
 
-Both are ours, beyond the paper: sensor noise is what makes a cartoon of a still scene crawl.
+Departure: neither is part of zhang2011online. Without them, sensor noise moves the regions of a still scene.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from pipeline.jit import kernel
 from pipeline.segmentation.regions import Lab8
 
 BackwardMaps: TypeAlias = tuple[NDArray[np.int16], NDArray[np.uint16]]
-"""Fixed-point maps for `cv2.remap`: (h, w, 2) whole pixels, (h, w) fractions."""
+"""Fixed-point maps for `cv2.remap`: int16 (h, w, 2), whole pixels, and uint16 (h, w), fractions."""
 RESIDUAL_STEPS = 4
-"""A residual counts quarters of a CIELAB unit."""
+"""Steps of a residual per CIELAB unit."""
 FAR = 255
-"""The residual of a pixel with no counterpart in the previous frame."""
+"""Residual of a pixel without counterpart in the previous frame."""
 MOVING = 0.6
-"""Share of the memory that moving pixels have."""
+"""Factor on the weight of the past for moving pixels, since repeated bilinear sampling blurs."""
 FADE_TOLERANCE = 10.0
-"""CIELAB units of residual at which the previous paint's weight has fallen to 1/e."""
+"""Residual, CIELAB units, at which the weight of the previous output has fallen to 1/e."""
 
 
 def median_motion(flow: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The median of vectors (..., 2), px, by x and by y; of an even number, the upper of the two in the middle."""
+    """Median of vectors (..., 2), px, separately for x and y; the upper median for an even number: float32 (2,)."""
     rows = flow.reshape(-1, 2)
     middle = len(rows) // 2
     return np.asarray(np.partition(rows, middle, axis=0)[middle], np.float32)
@@ -41,11 +41,15 @@ def zero_still_flow(
     flow: Flow, previous_gray: NDArray[np.uint8], gray: NDArray[np.uint8], tolerance: float,
     moving: NDArray[np.uint8] | None = None,
 ) -> Flow:  # fmt: skip
-    """Set `flow` (float32 (h, w, 2), px) to exactly zero where nothing moves; return it (changed in place).
+    """Set the flow of still pixels to exactly 0, in place; returns it: float32 (h, w, 2), px.
 
-    A pixel stands still when the mean absolute difference of the two grays over 5x5 is at most `tolerance`
-    (levels, 0..255), or when its displacement is under a tenth of a pixel. Where `moving` (uint8 (h, w)) is not 0, only
-    the latter counts.
+    A pixel is still if the mean absolute difference of the two frames over 5x5 px is at most `tolerance`, or if its
+    displacement is less than a tenth of a pixel.
+
+    Args:
+        previous_gray, gray: uint8 (h, w).
+        tolerance: gray levels, 0..255.
+        moving: uint8 (h, w); where it is not 0, only the displacement counts. None = 0 everywhere.
     """
     difference = np.asarray(cv2.boxFilter(cv2.absdiff(gray, previous_gray), -1, (5, 5)), np.uint8)
     if moving is not None:
@@ -69,7 +73,7 @@ _NO_SECOND_MAP = np.empty(0, np.float32)
 
 
 def backward_maps(flow: Flow) -> BackwardMaps:
-    """Where each pixel was in the previous frame, as OpenCV's fixed-point maps (1/32 px): made once, used by all."""
+    """Position of each pixel in the previous frame, as OpenCV's fixed-point maps (1/32 px), for `warp_back`."""
     where = _grid(flow.shape[1], flow.shape[0]) - flow
     whole, fractions = cv2.convertMaps(where, _NO_SECOND_MAP, cv2.CV_16SC2)
     return np.asarray(whole, np.int16), np.asarray(fractions, np.uint16)
@@ -81,27 +85,26 @@ def _grid(width: int, height: int) -> NDArray[np.float32]:
 
 
 def warp_back(image: NDArray[np.uint8], back: BackwardMaps) -> NDArray[np.uint8]:
-    """The previous frame's `image`, uint8 (h, w[, c]), moved to this frame, bilinear; borders repeat."""
+    """Warp an image of the previous frame, uint8 (h, w[, c]), to this frame; bilinear, border pixels are replicated."""
     return np.asarray(cv2.remap(image, *back, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.uint8)
 
 
 def denoise(
     lab: LabPlanes, denoised: Lab8, flow: Flow, back: BackwardMaps, memory: float, tolerance: float
 ) -> tuple[LabPlanes, NDArray[np.uint8]]:  # fmt: skip
-    """Average a frame with the settled previous one along the motion, where the two agree.
+    """Average a frame with the denoised previous frame along the motion, where the two agree.
 
     Args:
         lab: current frame, uint8 (3, h, w).
         denoised: result for the previous frame, uint8 (h, w, 3).
-        flow: previous to current frame, float32 (h, w, 2), px; taken at the target (flow varies slowly).
-        back: of `flow`.
-        memory: weight of the past where the two agree perfectly and stand still, 0..0.95; `MOVING` of that where
-            they move, since every bilinear sample of a sample blurs a little more.
-        tolerance: CIELAB difference at which that weight has fallen to 1/e.
+        flow: previous to current frame, float32 (h, w, 2), px; read at the target, since flow varies slowly.
+        back: `backward_maps(flow)`.
+        memory: weight of the past for still pixels without difference, 0..0.95; times `MOVING` for moving pixels.
+        tolerance: CIELAB difference at which the weight has fallen to 1/e.
 
     Returns:
-        The settled frame by planes, and the residual: uint8 (h, w), CIELAB difference to the bilinear sample of the
-        past, in quarter units (255 = 63.75 or more, or no counterpart).
+        The denoised frame, uint8 (3, h, w), and the residual, uint8 (h, w): CIELAB difference to the bilinear sample of
+        the past in quarter units; 255 = at least 63.75, or no counterpart.
     """
     size = lab[0].size
     mixed = np.empty_like(lab)
@@ -118,17 +121,15 @@ def denoise(
 def blend_with_past(
     picture: Frame, past: Frame, residual: NDArray[np.uint8], memory: float, background: Background = INLINE
 ) -> Frame:  # fmt: skip
-    """Blend an output with the previous one, weight `memory` where the SOURCE agrees with
-
-    its past (within about `FADE_TOLERANCE` CIELAB units): where nothing happened, paint must not jump; it fades over.
+    """Blend an output with the previous output where the source agrees with its past, so that changes fade in.
 
     Args:
         picture: uint8 (h, w, 3), this output.
-        past: the previous one, moved here (`warp_back`); overwritten.
-        residual: of the source, as in `denoise`.
-        memory: 0..0.95.
+        past: the previous output, warped to this frame (`warp_back`); overwritten with the result.
+        residual: residual of the source, see `denoise`.
+        memory: weight of the previous output where the residual is 0, 0..0.95; it falls to 1/e at `FADE_TOLERANCE`.
 
-    Returns: uint8 (h, w, 3), `past`.
+    Returns: `past`, uint8 (h, w, 3).
     """
     weights = past_weights(memory)
     background.rows(
@@ -138,16 +139,17 @@ def blend_with_past(
 
 
 def past_weights(memory: float) -> NDArray[np.int32]:
-    """Weight of the previous frame's colours by residual (as in `denoise`), int32 (256,), 256 = 1.
+    """Weight of the previous frame's colours by residual (see `denoise`), int32 (256,), 256 = 1.
 
-    `memory`, 0..0.95, where the source agrees with its past; falls with `FADE_TOLERANCE`.
+    Args:
+        memory: weight at residual 0, 0..0.95; it falls to 1/e at `FADE_TOLERANCE`.
     """
     return _weights(memory, FADE_TOLERANCE)
 
 
 @lru_cache(maxsize=64)
 def _weights(memory: float, tolerance: float) -> NDArray[np.int32]:
-    """Weight of the past by residual, int32 (256,), 256 = 1."""
+    """Weight of the past by residual: int32 (256,), 256 = 1."""
     difference = np.arange(256) / RESIDUAL_STEPS
     weights = memory * np.exp(-((difference / tolerance) ** 2))
     weights[FAR] = 0
@@ -156,7 +158,7 @@ def _weights(memory: float, tolerance: float) -> NDArray[np.int32]:
 
 @kernel
 def _difference(now: NDArray[np.uint8], past: NDArray[np.uint8], residual: NDArray[np.uint8]) -> None:
-    """CIELAB difference in quarter units, 254 at most."""
+    """Write the CIELAB difference in quarter units, at most 254."""
     for k in range(residual.size):
         dl = np.int32(past[0, k]) - np.int32(now[0, k])
         da = np.int32(past[1, k]) - np.int32(now[1, k])
@@ -171,7 +173,7 @@ def _weigh(
     flow: Flow, still: NDArray[np.int32], moving: NDArray[np.int32], residual: NDArray[np.uint8],
     weights: NDArray[np.int16],
 ) -> None:  # fmt: skip
-    """The weight of the past; `residual` becomes `FAR` where there is none."""
+    """Write the weight of the past, 256 = 1, and set `residual` to `FAR` where a pixel has no counterpart."""
     height, width = residual.shape
     for y in range(height):
         for x in range(width):
@@ -186,7 +188,7 @@ def _weigh(
 
 @kernel
 def _mix(now: NDArray[np.uint8], past: NDArray[np.uint8], weights: NDArray[np.int16]) -> None:
-    """Overwrites `past` with the average."""
+    """Overwrite `past` with the average."""
     for plane in range(3):
         a, b = now[plane], past[plane]
         for k in range(weights.size):
@@ -195,7 +197,7 @@ def _mix(now: NDArray[np.uint8], past: NDArray[np.uint8], weights: NDArray[np.in
 
 @kernel
 def _fade(picture: Frame, past: Frame, residual: NDArray[np.uint8], weights: NDArray[np.int32]) -> None:
-    """Overwrites `past` with the blend."""
+    """Overwrite `past` with the blend."""
     height, width = residual.shape
     by_byte = np.empty(3 * width, np.int32)
     for y in range(height):

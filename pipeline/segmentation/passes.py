@@ -1,9 +1,11 @@
-"""A frame's three passes, each one compiled call: no part of them waits for Python's interpreter lock.
+"""Segmentation of a frame in three passes, each a single compiled call without the interpreter lock.
 
-Called one by one, their thirty kernels cost two threads that share the interpreter a fifth of a small frame's time.
+With about thirty separate calls, two threads lose a fifth of a small frame's time waiting for the interpreter lock.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,40 +14,69 @@ from pipeline.frames import Flow, Labels
 from pipeline.jit import kernel
 from pipeline.segmentation.growing import grow
 from pipeline.segmentation.propagation import propagate, smooth_labels
-from pipeline.segmentation.refinement import adopt, correct, merge_table
-from pipeline.segmentation.regions import AREA, LIMIT, Lab8, Sums, means_of, measure, merge, rename
+from pipeline.segmentation.refinement import add_regions, correct, merge_table
+from pipeline.segmentation.regions import AREA, LIMIT, Lab8, Sums, means_of, measure, merge, relabel
 from pipeline.segmentation.trapped_ball import fill_small
 
-CORE_ROLLS = 4
-WORTH_A_ROLL = 0.001
-"""Share of the frame that must have come free for the same ball to roll again."""
+MAX_ROLLS = 4
+"""Largest number of fills with the same ball radius."""
+MIN_RELEASED_SHARE = 0.001
+"""Share of the frame that must have been released before the same ball radius is tried again."""
 SPECK_PX = 4
-"""A region below this is a speck at any frame size."""
+"""Regions with fewer pixels are merged at any frame size."""
 
 
-@kernel
-def carry_over(
-    labels: Labels, lab: Lab8, limit: NDArray[np.uint8], flow: Flow, remainder: NDArray[np.int8],
-    residual: NDArray[np.uint8], count: int, error_limit: float, margin: float, slack: float,
-) -> tuple[Labels, NDArray[np.int8], Labels, Sums]:  # fmt: skip
-    """First pass: the previous frame's `count` regions in this one, see `propagate`, `smooth_labels` and `correct`.
+class PreviousRegions(NamedTuple):
+    """Regions of the previous frame, and the motion since; see `propagate`.
 
-    Returns: labels as they arrived, what rounding left over, labels after correction, and the sums of the regions.
+    Attributes:
+        labels: int32 (h, w), 1..regions.
+        regions: number of regions.
+        flow: float32 (h, w, 2), previous to current frame, px.
+        remainder: int8 (h, w, 2), fractions of the motion that rounding left over.
+        residual: uint8 (h, w), CIELAB difference of each pixel to its past, quarter units.
     """
-    carried, left_over = propagate(labels, flow, remainder, residual, error_limit, 0.9)
-    smooth = smooth_labels(carried)
-    sums = measure(smooth, lab, limit, count)
-    return carried, left_over, correct(smooth, lab, limit, sums, margin, slack), sums
+
+    labels: Labels
+    regions: int
+    flow: Flow
+    remainder: NDArray[np.int8]
+    residual: NDArray[np.uint8]
+
+
+class PropagationLimits(NamedTuple):
+    """Limits of `propagate` (`error`) and `correct` (`margin`, `slack`)."""
+
+    error: float
+    margin: float
+    slack: float
 
 
 @kernel
-def fill_up(
+def propagate_regions(
+    previous: PreviousRegions, lab: Lab8, limit: NDArray[np.uint8], limits: PropagationLimits
+) -> tuple[Labels, NDArray[np.int8], Labels, Sums]:
+    """First pass: propagate the previous frame's regions to this frame, smooth and correct them.
+
+    Returns: propagated labels, motion remainders, corrected labels, and the sums of the regions.
+    """
+    propagated, remainder = propagate(
+        previous.labels, previous.flow, previous.remainder, previous.residual, limits.error, 0.9
+    )
+    smooth = smooth_labels(propagated)
+    sums = measure(smooth, lab, limit, previous.regions)
+    return propagated, remainder, correct(smooth, lab, limit, sums, limits.margin, limits.slack), sums
+
+
+@kernel
+def fill_remaining(
     labels: Labels, lab: Lab8, edges: NDArray[np.uint8], limit: NDArray[np.uint8], sums: Sums,
     pixels: NDArray[np.int32], radius_px: int, slack: float,
 ) -> tuple[Sums, NDArray[np.int32]]:  # fmt: skip
-    """Second pass: balls of `radius_px` and less, and growing after each that found something; `labels` in place.
+    """Second pass: fill with balls of decreasing radius from `radius_px`, and grow regions after each; `labels` in
+    place.
 
-    Returns: the sums with new regions, and the pixels still unlabelled.
+    Returns: sums with the new regions, and the pixels that are still unlabelled.
     """
     while radius_px >= 1:
         known = sums.shape[0]
@@ -61,54 +92,54 @@ def _roll(
     labels: Labels, lab: Lab8, edges: NDArray[np.uint8], limit: NDArray[np.uint8], sums: Sums,
     pixels: NDArray[np.int32], radius_px: int, slack: float,
 ) -> Sums:  # fmt: skip
-    for _ in range(CORE_ROLLS):
-        born_from = sums.shape[0]
-        made = fill_small(labels, edges, pixels, radius_px, born_from)
+    for _ in range(MAX_ROLLS):
+        first_new = sums.shape[0]
+        made = fill_small(labels, edges, pixels, radius_px, first_new)
         if made == 0:
             break
-        sums = with_room(sums, made)
-        if adopt(labels, lab, limit, sums, pixels, born_from, slack) < WORTH_A_ROLL * labels.size:
+        sums = append_rows(sums, made)
+        if add_regions(labels, lab, limit, sums, pixels, first_new, slack) < MIN_RELEASED_SHARE * labels.size:
             break
     return sums
 
 
 @kernel
-def with_room(sums: Sums, more: int) -> Sums:
-    """The sums with rows for `more` new regions."""
+def append_rows(sums: Sums, more: int) -> Sums:
+    """Append rows of zeros for `more` new regions."""
     return np.concatenate((sums, np.zeros((more, sums.shape[1]), np.int64)))
 
 
 @kernel
-def name_regions(
-    labels: Labels, carried: Labels, sums: Sums, born_from: int, areas_before: NDArray[np.int32],
+def finalize_regions(
+    labels: Labels, propagated: Labels, sums: Sums, first_new: int, areas_before: NDArray[np.int32],
     growing_limit: float, smallest: float, similar: float,
 ) -> tuple[Sums, NDArray[np.int32], NDArray[np.float32]]:  # fmt: skip
-    """Third pass: merge specks and look-alikes, make labels dense (in place), and relate them to the frame before.
+    """Third pass: merge small and similar regions, number labels densely (in place), and match the previous frame.
 
     Args:
-        carried: labels as they arrived, or `NOTHING_CARRIED`.
-        born_from: labels from here on are new in this frame.
-        areas_before: px of the previous frame's regions by label.
-        growing_limit: of importance 0.2, CIELAB units.
-        smallest: px below which a region is a speck at importance 0; a fifth of it at importance 1.
-        similar: CIELAB units.
+        propagated: int32 (h, w), labels propagated from the previous frame, or `NOT_PROPAGATED`.
+        first_new: smallest label of a region that is new in this frame.
+        areas_before: areas of the previous frame's regions by label, px.
+        growing_limit: growing limit at importance 0.2, CIELAB units.
+        smallest: area below which a region is merged at importance 0, px; a fifth of it at importance 1.
+        similar: difference of mean colours below which a new region is merged, CIELAB units.
 
-    Returns: the sums of the regions, and for each its label in the previous frame (0 = new) and eq. 4's alpha:
-        pixels carried over / sqrt(area before * area now), 0 = new.
+    Returns: sums of the regions; for each region its label in the previous frame (0 = new), and alpha of equation 4:
+        pixels kept / sqrt(area before * area now), 0 for a new region.
     """
     count = sums.shape[0]
     specks = np.empty(count, np.int32)
     for label in range(count):
         strict = sums[label, LIMIT] / max(sums[label, AREA], 1) / growing_limit  # 1.2 - importance
         specks[label] = max(float(SPECK_PX), smallest * min(max(strict - 0.2, 0.2), 1.0))
-    table = merge_table(labels, means_of(sums), sums[:, AREA].copy(), specks, born_from, np.float32(similar))
+    table = merge_table(labels, means_of(sums), sums[:, AREA].copy(), specks, first_new, np.float32(similar))
     sums, names, old = merge(sums, table)
-    arrived = rename(labels, names[table], carried, names, sums.shape[0] - 1)
+    arrived = relabel(labels, names[table], propagated, names, sums.shape[0] - 1)
     alpha = np.zeros(old.size, np.float32)
     for label in range(old.size):
-        if old[label] >= born_from:
+        if old[label] >= first_new:
             old[label] = 0
         elif old[label] > 0:
-            both = max(float(areas_before[old[label]]) * float(sums[label, AREA]), 1.0)
-            alpha[label] = min(arrived[label] / np.sqrt(both), 1.0)
+            product = max(float(areas_before[old[label]]) * float(sums[label, AREA]), 1.0)
+            alpha[label] = min(arrived[label] / np.sqrt(product), 1.0)
     return sums, old, alpha

@@ -1,4 +1,4 @@
-"""Labels from frame to frame: zhang2011online, section 4.2."""
+"""Label propagation from frame to frame (zhang2011online, section 4.2)."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from pipeline.jit import kernel
 from pipeline.segmentation.motion import FAR, RESIDUAL_STEPS
 
 CLOSED = np.int32(-1)
-"""Here no label may settle."""
-AT_ONCE = 512
-"""Pixels that are voted on together."""
+"""Mark of target pixels that stay unlabelled."""
+BATCH = 512
+"""Pixels that are processed together, so that the inner loops vectorise."""
 REMAINDER_UNIT = 64
-"""Steps a pixel in a carried remainder (int8, so at most 2 px)."""
+"""Steps per pixel of a stored remainder (int8, so at most 2 px)."""
 
 
 @kernel
@@ -24,45 +24,45 @@ def propagate(
     remainder: NDArray[np.int8],
     residual: NDArray[np.uint8],
     error_limit: float,
-    shared_decay: float = 0.9,
+    decay: float = 0.9,
 ) -> tuple[Labels, NDArray[np.int8]]:
-    """Carry every label along the rounded flow; 0 where the paper keeps a target unlabelled.
+    """Move every label along the rounded flow. Targets with a large error or with two different labels stay unlabelled.
 
     Args:
         labels: int32 (h, w) of the previous frame, > 0.
         flow: float32 (h, w, 2), px, previous to current frame.
-        remainder: int8 (h, w, 2), what rounding left over so far, 1/64 px.
-        residual: uint8 (h, w), CIELAB difference of each target pixel to its source, in quarter units.
+        remainder: int8 (h, w, 2), accumulated rounding error of the motion of each label, 1/64 px.
+        residual: uint8 (h, w), CIELAB difference of each target pixel to its source, quarter units.
         error_limit: T_f, CIELAB units: a target with a larger error stays unlabelled (paper: 5 to 20).
-        shared_decay: factor a frame on the remainder, 0..1; 0 = the paper's plain rounding.
+        decay: factor on the remainder per frame, 0..1; 0 = plain rounding, as in the paper.
 
     Returns:
-        Labels of the current frame, 0 = nothing arrived, or two labels met; and the remainder carried with them.
+        Labels of the current frame, int32 (h, w), 0 = unlabelled; and the remainders, moved with the labels.
 
-    Departure: rounding alone never moves a pan of 0.4 px a frame; the fraction left over is carried with the label,
-    and decays so that flow noise does not add up to a step.
+    Departure: with rounding alone, labels do not follow a pan of 0.4 px per frame. The rounding error is therefore
+    accumulated with the label. It decays, so that noise of the flow does not add up to a step.
     """
-    carried = np.zeros_like(remainder)
+    moved = np.zeros_like(remainder)
     limit = int(min(error_limit * RESIDUAL_STEPS, FAR - 1.0))
     out = np.empty_like(labels)
     for y in range(labels.shape[0]):
         for x in range(labels.shape[1]):
             out[y, x] = CLOSED if residual[y, x] > limit else 0
-    _propagate(labels, flow, remainder, np.float32(shared_decay), out, carried)
-    return np.maximum(out, np.int32(0)), carried
+    _propagate(labels, flow, remainder, np.float32(decay), out, moved)
+    return np.maximum(out, np.int32(0)), moved
 
 
 @kernel
 def _propagate(
-    labels: Labels, flow: Flow, remainder: NDArray[np.int8], decay: np.float32, out: Labels, carried: NDArray[np.int8]
+    labels: Labels, flow: Flow, remainder: NDArray[np.int8], decay: np.float32, out: Labels, moved: NDArray[np.int8]
 ) -> None:
-    """Flat, unsigned indices and one store for both remainders: this is the loop that touches memory at random.
+    """Scatter the labels. `out`: 0 where a label may be written, else `CLOSED`.
 
-    `out`: 0 where a label may denoise, else `CLOSED`.
+    This loop has random memory access, so it uses flat unsigned indices and stores both remainders at once.
     """
     height, width = np.uint64(labels.shape[0]), np.uint64(labels.shape[1])
     there = out.reshape(out.size)
-    pairs = carried.reshape(carried.size).view(np.int16)
+    pairs = moved.reshape(moved.size).view(np.int16)
     steps = np.empty(2 * labels.shape[1], np.int32)
     for y in range(labels.shape[0]):
         moves = flow[y].reshape(steps.size)
@@ -72,21 +72,21 @@ def _propagate(
             if moves[2 * x] == 0.0 and moves[2 * x + 1] == 0.0:
                 across, down = np.int32(0), np.int32(0)
             tx, ty = np.uint64(np.int64(x) + (across >> 8)), np.uint64(np.int64(y) + (down >> 8))
-            if tx >= width or ty >= height:  # negative ones are huge
+            if tx >= width or ty >= height:  # negative values wrap around to large ones
                 continue
             target = ty * width + tx
             if there[target] == 0:
                 there[target] = labels[y, x]
                 pairs[target] = np.int16((across & 255) | ((down & 255) << 8))
             elif there[target] != labels[y, x]:
-                there[target] = CLOSED  # two labels met: no third one may settle here
+                there[target] = CLOSED  # two different labels: the target stays unlabelled
 
 
 @kernel
 def _whole_steps(
     moves: NDArray[np.float32], remainder: NDArray[np.int8], decay: np.float32, steps: NDArray[np.int32]
 ) -> None:  # fmt: skip
-    """Rounded motion in px << 8, and in the low byte what rounding leaves over, 1/64 px. This loop vectorises."""
+    """Write the rounded motion, px << 8, with the rounding error in the low byte, 1/64 px. This loop vectorises."""
     for k in range(steps.size):
         move = moves[k] + np.float32(remainder[k]) * decay * np.float32(1 / REMAINDER_UNIT)
         nearest = move + np.float32(0.5)
@@ -97,10 +97,10 @@ def _whole_steps(
 
 @kernel
 def smooth_labels(labels: Labels) -> Labels:
-    """The morphological filter: where 5 or more of the 8 neighbours agree on a label other than the pixel's own,
+    """Morphological filter: int32 (h, w).
 
-    an unlabelled pixel (0) takes it, and a labelled one becomes 0. The outermost pixels, which have fewer
-    neighbours, stay as they are.
+    Where at least 5 of the 8 neighbours have the same label, and the pixel has another one, an unlabelled pixel takes
+    that label and a labelled pixel becomes unlabelled. Pixels of the frame's border are unchanged.
     """
     out = labels.copy()
     _morphological(labels, out)
@@ -111,7 +111,7 @@ def smooth_labels(labels: Labels) -> Labels:
 def _morphological(labels: Labels, out: Labels) -> None:
     height, width = labels.shape
     alike = np.empty(width, np.int32)
-    places = np.empty(AT_ONCE + width, np.int32)
+    places = np.empty(BATCH + width, np.int32)
     few = 0
     for y in range(1, height - 1):
         over, row, under = labels[y - 1], labels[y], labels[y + 1]
@@ -122,15 +122,16 @@ def _morphological(labels: Labels, out: Labels) -> None:
             alike[x] = above + below + np.int32(row[x] == own) + np.int32(row[x + 2] == own)
         for x in range(width - 2):
             places[few] = y * width + x + 1
-            few += alike[x] <= 3  # else no other label can have 5
-        if few >= AT_ONCE or y == height - 2:
-            _outvote(labels, places[:few], out)
+            few += alike[x] <= 3  # otherwise no other label can have 5 of 8
+        if few >= BATCH or y == height - 2:
+            _filter_places(labels, places[:few], out)
             few = 0
 
 
 @kernel
-def _outvote(labels: Labels, places: NDArray[np.int32], out: Labels) -> None:
-    """Whoever has 5 of 8 is among any 4 of them. Neighbour by neighbour over all places: the counting vectorises."""
+def _filter_places(labels: Labels, places: NDArray[np.int32], out: Labels) -> None:
+    """Apply the filter at these places. A label with 5 of 8 neighbours is among any 4 of them, which are the
+    candidates."""
     width = labels.shape[1]
     there, made = labels.reshape(labels.size), out.reshape(out.size)
     around = np.empty((8, places.size), np.int32)
@@ -142,9 +143,9 @@ def _outvote(labels: Labels, places: NDArray[np.int32], out: Labels) -> None:
     a, b, c, d, e, f, g, h = around[0], around[1], around[2], around[3], around[4], around[5], around[6], around[7]
     leader = np.full(places.size, np.int32(-1))
     for candidate in range(4):
-        him = around[candidate]
+        proposed = around[candidate]
         for k in range(places.size):
-            own = him[k]
+            own = proposed[k]
             above = np.int32(a[k] == own) + np.int32(b[k] == own) + np.int32(c[k] == own) + np.int32(d[k] == own)
             below = np.int32(e[k] == own) + np.int32(f[k] == own) + np.int32(g[k] == own) + np.int32(h[k] == own)
             leader[k] = own if above + below >= 5 else leader[k]

@@ -1,9 +1,9 @@
-"""Random walks on the pixel grid: how likely is a walker from each pixel to reach a label first (grady2006random).
+"""Random walks on the pixel grid: probability that a walker from a pixel reaches a label first (grady2006random).
 
     sum over the four neighbours j of w_ij (p_i - p_j)  +  sum over votes v of a_v (p_i - [v = l])  =  0
 
-Seeds are pixels whose label is certain. A *vote* is an edge that leaves the picture's plane: to a pixel of another
-frame whose label is known, or to none. Every label is one right-hand side of the same matrix, on the shared multigrid.
+Seeds are pixels with a given label. A *vote* is an edge from a pixel to something outside the picture: a pixel of
+another frame whose label is known, or nothing. Each label is one right-hand side of the same matrix.
 """
 
 from __future__ import annotations
@@ -23,22 +23,24 @@ Edges: TypeAlias = tuple[Plane, Plane]
 """Weights of the edges to the right neighbour, float32 (h, w - 1), and to the one below, (h - 1, w); > 0."""
 
 FAINT = 1e-6
-"""Weight that every edge has at least: no part of the picture is cut off by arithmetic."""
+"""Least weight of an edge, so that rounding does not disconnect parts of the picture."""
 
 
 def motion_edges(forward: Flow | None, backward: Flow | None, colours: AnyArray | None = None,
                  colour_unit: float = 0.0) -> Edges:  # fmt: skip
-    """Similarity of motion of 4-neighbours: w = exp(-(D(v+(x), v+(y)) + D(v-(x), v-(y))) / 2), D = |v1 - v2|^2.
+    """Edge weights from the similarity of the motion of 4-neighbours.
+
+    w = exp(-(D(v+(x), v+(y)) + D(v-(x), v-(y))) / 2) with D(a, b) = |a - b|^2.
 
     Args:
-        forward, backward: float32 (h, w, 2), px, to the next and the previous frame; None at an end of the shot, where
-            the other counts twice.
-        colours: uint8 (h, w, 3), with `colour_unit` > 0: differences of colour keep apart as well, by
-            exp(-|c_x - c_y|^2 / colour_unit^2), gray levels.
+        forward, backward: float32 (h, w, 2), px, flow to the next and to the previous frame; None at an end of the
+            shot, where the other one counts twice.
+        colours: uint8 (h, w, 3), used if `colour_unit` > 0.
+        colour_unit: gray levels; weights are multiplied by exp(-|c_x - c_y|^2 / colour_unit^2).
 
-    Source: zhang2011patches, section 4, where the second D is printed as D(v(x) - v(y)), a slip.
-    Departure: `colours`. Flow is smooth across silhouettes, so motion alone puts borders some pixels beside them: of a
-    scene with known objects the adjusted Rand index is 0.87 by motion, 0.99 with colours.
+    Source: zhang2011patches, section 4, where the second D is misprinted as D(v(x) - v(y)).
+    Departure: `colours`. Flow is smooth across silhouettes, so motion alone places borders some pixels off. On a scene
+    with known objects the adjusted Rand index is 0.87 with motion alone and 0.99 with colours.
     """
     flows = [flow for flow in (forward, backward) if flow is not None]
     if not flows:
@@ -56,7 +58,7 @@ def motion_edges(forward: Flow | None, backward: Flow | None, colours: AnyArray 
 
 
 def _square(vectors: AnyArray) -> Plane:
-    """Squared length along the last axis: a few planes are added faster than an axis of 2 or 3 is summed."""
+    """Squared length along the last axis; adding planes is faster than summing over a short axis."""
     return np.asarray(sum(vectors[..., channel] * vectors[..., channel] for channel in range(vectors.shape[-1])))
 
 
@@ -66,7 +68,7 @@ def probabilities(
     """Probability of each label at each pixel: float32 (count, h, w), summing to 1 where any label can be reached.
 
     Args:
-        seeds: int32 (h, w): labels 1..count where they are certain, 0 elsewhere.
+        seeds: int32 (h, w): labels 1..count at seeds, 0 elsewhere.
         edges: see `motion_edges`.
         votes: float (count, h, w) >= 0: weight of each pixel's links to something that has the label; None = none.
         tolerance: of the solver, see `Multigrid.solve`.
@@ -77,7 +79,7 @@ def probabilities(
     Source: grady2006random, section III; the links of zhang2011patches, section 4.
     """
     if count < 1 or seeds.min(initial=0) < 0 or seeds.max(initial=0) > count:
-        raise BadParameter("Seeds are labels from 1 to the number of labels, or 0.", field="seeds",
+        raise BadParameter("Seeds must be labels from 1 to the number of labels, or 0.", field="seeds",
                            value=int(seeds.max(initial=0)), remedy=f"Use 0..{count}.")  # fmt: skip
     fixed, numbers = seeds > 0, np.arange(1, count + 1).reshape(-1, 1, 1)
     absorb = None if votes is None else votes.sum(axis=0)
@@ -96,20 +98,23 @@ def vote(
     choices: NDArray[np.int32], weights: NDArray[np.float32], edges: Edges, *, leak: float = 0.003, margin: int = 12,
     certainty: float = 0.5, tolerance: float = 1e-2,
 ) -> tuple[Labels, Plane]:  # fmt: skip
-    """The likeliest label of each pixel by its links to other frames: labels int32 (h, w), 0 = none, and probabilities.
+    """Most probable label of each pixel, from links to other frames.
 
     Args:
-        choices: int32 (k, h, w): the label of what each of a pixel's k links leads to; 0 = no label, which is an answer
-            too: a walker that ends there has none.
-        weights: float32 (k, h, w) >= 0 of the links; 0 = no link.
+        choices: int32 (k, h, w): label at the other end of each of a pixel's k links; 0 = a walker that ends there has
+            no label.
+        weights: float32 (k, h, w) >= 0, weights of the links; 0 = no link.
         edges: see `motion_edges`.
-        leak: weight of every pixel's link to nothing: a label is not spread further than about sqrt(w / leak) px into
-            what has no links, and not across edges as faint as this.
-        margin: a label is looked for within the box of its votes, this much wider, px.
-        certainty: probability that a label needs at least.
-        tolerance: of the solver.
+        leak: weight of a link of every pixel to nothing. Labels spread into pixels without links by at most about
+            sqrt(w / leak) px, and not across edges weaker than the leak.
+        margin: a label is computed in the bounding box of its votes, enlarged by this margin, px.
+        certainty: least probability of a label.
+        tolerance: tolerance of the solver.
 
-    Departure from grady2006random: the leak, so that what belongs to no label gets none.
+    Returns:
+        Labels, int32 (h, w), 0 = none, and their probabilities, float32 (h, w).
+
+    Departure from grady2006random: the leak, so that pixels that belong to no label get none.
     """
     height, width = choices.shape[1:]
     absorb = weights.sum(axis=0, dtype=np.float32) + np.float32(leak)
@@ -128,7 +133,7 @@ def vote(
 def _boxes(
     choices: NDArray[np.int32], weights: NDArray[np.float32], margin: int
 ) -> list[tuple[int, tuple[slice, slice]]]:
-    """Every label that has votes, in ascending order, and rows and columns that its votes are in, `margin` wider."""
+    """Labels with votes in ascending order, each with the rows and columns of its votes, enlarged by `margin`."""
     height, width = choices.shape[1:]
     most = int(choices.max(initial=0))
     bounds = np.tile(np.array([height, width, -1, -1], np.int32), (most + 1, 1))

@@ -1,4 +1,4 @@
-"""What keeps a propagated segmentation true and simple: corrections at boundaries, misfits, specks, leftovers."""
+"""Refinement of a propagated segmentation: boundary correction, removal of misfits, merging, boundary smoothing."""
 
 from __future__ import annotations
 
@@ -13,25 +13,32 @@ from pipeline.frames import Labels
 from pipeline.jit import kernel
 from pipeline.segmentation.regions import Lab8, Means, Sums, colour_difference, means_of, move
 
-AT_ONCE = 512
-"""Pixels that are voted on together."""
+BATCH = 512
+"""Pixels that are processed together, so that the inner loops vectorise."""
 NOISE = 5.0
-"""CIELAB units a pixel may always be from its region's mean: a camera's noise and a JPEG's blocks."""
+"""CIELAB difference from a region's mean that never removes a pixel: camera noise and JPEG artefacts."""
 
 
 @kernel
 def correct(
     labels: Labels, lab: Lab8, limit: NDArray[np.uint8], sums: Sums, margin: float, slack: float
 ) -> Labels:  # fmt: skip
-    """Look at every propagated label again.
+    """Correct propagated labels by colour.
 
-    A boundary pixel moves to the 4-neighbouring region whose colour fits better by more than `margin` (CIELAB units):
-    the hysteresis keeps noise from moving boundaries. A pixel further than `limit` * `slack` from its region's mean
-    loses its label: what appears inside a region without fooling the flow (a fade, a light) gets regions of its own.
+    A boundary pixel moves to a 4-neighbouring region if its colour fits better by more than `margin`; the margin
+    prevents noise from moving boundaries. A pixel that differs from its region's mean by more than `limit` * `slack`
+    becomes unlabelled, so that what appears inside a region, such as in a fade, gets its own regions.
 
-    Returns the new labels; `sums` is kept up to date.
+    Args:
+        labels: int32 (h, w), 0 = unlabelled.
+        limit: uint8 (h, w), growing limit, CIELAB units.
+        sums: sums of the regions, updated.
+        margin: CIELAB units.
+        slack: factor on `limit`.
 
-    Departure (ours): the paper never does, so that a boundary which lags by a pixel lags for ever.
+    Returns: the corrected labels, int32 (h, w).
+
+    Departure: the paper does not correct labels, so a boundary that lags by a pixel would lag for ever.
     """
     out = labels.copy()
     _correct(labels, lab, limit, means_of(sums), sums, np.float32(margin), np.float32(slack), out)
@@ -55,7 +62,7 @@ def _correct(
                 continue
             if own != before:
                 before, light, a, b = own, means[own, 0], means[own, 1], means[own, 2]
-            # Within the margin nobody can fit better by more than the margin.
+            # Below the margin, no other region can fit better by more than the margin.
             misfit = max(limit[y, x] * slack, np.float32(NOISE))
             least = min(margin, misfit)
             dl = (lab[y, x, 0] - light) * np.float32(100.0 / 255.0)
@@ -83,54 +90,58 @@ def _correct(
 
 
 @kernel
-def adopt(
-    labels: Labels, lab: Lab8, limit: NDArray[np.uint8], sums: Sums, pixels: NDArray[np.int32], born_from: int,
+def add_regions(
+    labels: Labels, lab: Lab8, limit: NDArray[np.uint8], sums: Sums, pixels: NDArray[np.int32], first_new: int,
     slack: float,
 ) -> int:  # fmt: skip
-    """Enter new regions (label >= `born_from`) into `sums`, and set free again what does not fit them; in place.
+    """Add new regions to `sums`, and release the pixels that do not fit their region; in place.
 
-    A pixel is set free if it is further than `limit` * `slack` from its new region's mean. `pixels` are the flat
-    indices of all pixels that may have a new label. Returns how many were set free.
+    A pixel is released (label 0) if it differs from the mean of its new region by more than `limit` * `slack`. If the
+    mean lies between two colours and fits no pixel, the colour of the most similar pixel is used instead.
 
-    The mean of a region of two colours is neither, and may fit nobody; the pixel nearest to it then stands for it.
+    Args:
+        pixels: flat indices of all pixels that may belong to a new region.
+        first_new: smallest label of a new region.
+
+    Returns: number of released pixels.
     """
-    _enter(labels, lab, limit, sums, pixels, born_from)
+    _add_pixels(labels, lab, limit, sums, pixels, first_new)
     means = means_of(sums)
-    _stand_in(labels, lab, limit, means, pixels, born_from, np.float32(slack))
-    return _release(labels, lab, limit, means, sums, pixels, born_from, np.float32(slack))
+    _use_nearest_colours(labels, lab, limit, means, pixels, first_new, np.float32(slack))
+    return _release(labels, lab, limit, means, sums, pixels, first_new, np.float32(slack))
 
 
 @kernel
-def _enter(
-    labels: Labels, lab: Lab8, limit: NDArray[np.uint8], sums: Sums, pixels: NDArray[np.int32], born_from: int
+def _add_pixels(
+    labels: Labels, lab: Lab8, limit: NDArray[np.uint8], sums: Sums, pixels: NDArray[np.int32], first_new: int
 ) -> None:  # fmt: skip
     width = labels.shape[1]
     for k in range(pixels.size):
         y, x = pixels[k] // width, pixels[k] % width
-        if labels[y, x] >= born_from:
+        if labels[y, x] >= first_new:
             move(sums, lab, limit, y, x, 0, labels[y, x])
 
 
 @kernel
-def _stand_in(
-    labels: Labels, lab: Lab8, limit: NDArray[np.uint8], means: Means, pixels: NDArray[np.int32], born_from: int,
+def _use_nearest_colours(
+    labels: Labels, lab: Lab8, limit: NDArray[np.uint8], means: Means, pixels: NDArray[np.int32], first_new: int,
     slack: np.float32,
 ) -> None:  # fmt: skip
     width = labels.shape[1]
     count = means.shape[0]
     least = np.full(count, np.float32(1e9))
-    who = np.zeros(count, np.int32)
+    nearest = np.zeros(count, np.int32)
     for k in range(pixels.size):
         y, x = pixels[k] // width, pixels[k] % width
         label = labels[y, x]
-        if label < born_from:
+        if label < first_new:
             continue
         over = colour_difference(lab, y, x, means, label) - max(limit[y, x] * slack, np.float32(NOISE))
         if over < least[label]:
-            least[label], who[label] = over, pixels[k]
-    for label in range(born_from, count):
+            least[label], nearest[label] = over, pixels[k]
+    for label in range(first_new, count):
         if 0 < least[label] < np.float32(1e9):
-            y, x = who[label] // width, who[label] % width
+            y, x = nearest[label] // width, nearest[label] % width
             for c in range(3):
                 means[label, c] = lab[y, x, c]
 
@@ -138,14 +149,14 @@ def _stand_in(
 @kernel
 def _release(
     labels: Labels, lab: Lab8, limit: NDArray[np.uint8], means: Means, sums: Sums, pixels: NDArray[np.int32],
-    born_from: int, slack: np.float32,
+    first_new: int, slack: np.float32,
 ) -> int:  # fmt: skip
     width = labels.shape[1]
     freed = 0
     for k in range(pixels.size):
         y, x = pixels[k] // width, pixels[k] % width
         label = labels[y, x]
-        if label < born_from:
+        if label < first_new:
             continue
         if colour_difference(lab, y, x, means, label) > max(limit[y, x] * slack, np.float32(NOISE)):
             labels[y, x] = 0
@@ -156,20 +167,20 @@ def _release(
 
 @kernel
 def merge_table(
-    labels: Labels, means: Means, areas: NDArray[np.int64], smallest: NDArray[np.int32], newborn: int,
+    labels: Labels, means: Means, areas: NDArray[np.int64], smallest: NDArray[np.int32], first_new: int,
     similar: np.float32,
 ) -> NDArray[np.int32]:  # fmt: skip
-    """int32 (regions + 1,): the label each region should have.
+    """Label that each region is merged into, or its own label: int32 (regions + 1,).
 
-    A region under `smallest` px goes to its most similar neighbour whatever it is; a region born in this frame
-    (label >= `newborn`) goes to a neighbour whose mean is within `similar` CIELAB units. Others stay.
+    A region with an area below `smallest` is merged into its most similar neighbour. A region that is new in this frame
+    (label >= `first_new`) is merged into the most similar neighbour within `similar` CIELAB units.
     """
     count = means.shape[0]
     best = np.full(count, np.float32(1e9))
     target = np.arange(count).astype(np.int32)
     mergeable = np.zeros(count, np.bool_)
     for label in range(count):
-        mergeable[label] = label >= newborn or areas[label] < smallest[label]
+        mergeable[label] = label >= first_new or areas[label] < smallest[label]
     height, width = labels.shape
     edge = np.empty(width, np.uint8)
     places = np.empty(width, np.int32)
@@ -193,8 +204,8 @@ def merge_table(
                 distance = np.float32(np.sqrt(dl * dl + da * da + db * db))
                 for one, two in ((own, other), (other, own)):
                     small = areas[one] < smallest[one]
-                    young = one >= newborn and distance < similar
-                    if (small or young) and distance < best[one] and _goes_before(one, two, areas):
+                    recent = one >= first_new and distance < similar
+                    if (small or recent) and distance < best[one] and _may_merge_into(one, two, areas):
                         best[one] = distance
                         target[one] = two
     for label in range(count):
@@ -206,16 +217,19 @@ def merge_table(
 
 
 @kernel
-def _goes_before(one: int, two: int, areas: NDArray[np.int64]) -> bool:
-    """A strict order, so that merges never run in a circle: the smaller into the larger, the younger into the older."""
+def _may_merge_into(one: int, two: int, areas: NDArray[np.int64]) -> bool:
+    """Strict order that prevents cyclic merges: smaller regions into larger ones, of equal ones newer into older
+    ones."""
     return areas[one] < areas[two] or (areas[one] == areas[two] and one > two)
 
 
 def round_boundaries(labels: Labels, radius_px: float, background: Background = INLINE) -> Labels:
-    """Low-pass filtered boundaries without gaps: each pixel takes the majority label of the disc around it.
+    """Smooth region boundaries without gaps: each pixel takes the majority label of the disc around it.
 
-    A pixel keeps its label if half of the disc agrees with it, and in ties. Discs of 3 px and more are sampled at
-    every other pixel of every other row; the frame's border repeats outwards (zhang2011online, section 3).
+    A pixel keeps its label if half of the disc has it, and in ties. Discs with a radius of at least 3 px are sampled at
+    every second pixel and row. Border pixels are replicated.
+
+    Source: zhang2011online, section 3.
     """
     reach = int(radius_px)
     ys, xs = _samples(radius_px)
@@ -228,7 +242,7 @@ def round_boundaries(labels: Labels, radius_px: float, background: Background = 
 
 @lru_cache(maxsize=8)
 def _samples(radius_px: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Offsets (ys, xs) of a disc."""
+    """Offsets (ys, xs) of the samples of a disc."""
     reach = int(radius_px)
     stride = 1 if reach < 3 else 2
     ys, xs = np.mgrid[-reach : reach + 1, -reach : reach + 1]
@@ -243,12 +257,12 @@ def _majority(
     width = out.shape[1]
     total = ys.size
     mine = np.empty(width, np.int32)
-    places = np.empty(AT_ONCE + width, np.int32)
+    places = np.empty(BATCH + width, np.int32)
     few = 0
     for y in range(first, last):
         own = padded[y + reach, reach : reach + width]
         mine[:] = total % 2
-        for n in range(0, total - 1, 2):  # whole rows at a time: this vectorises; the middle one is always alike
+        for n in range(0, total - 1, 2):  # whole rows at a time: this vectorises; the centre always agrees
             at, to = n + (n >= total // 2), n + 1 + (n + 1 >= total // 2)
             one = padded[y + reach + ys[at], reach + xs[at] : reach + xs[at] + width]
             two = padded[y + reach + ys[to], reach + xs[to] : reach + xs[to] + width]
@@ -256,8 +270,8 @@ def _majority(
                 mine[x] += np.int32(one[x] == own[x]) + np.int32(two[x] == own[x])
         for x in range(width):
             places[few] = y * width + x
-            few += 2 * mine[x] < total  # else nobody can have more
-        if few >= AT_ONCE or y == last - 1:
+            few += 2 * mine[x] < total  # otherwise no other label can have more
+        if few >= BATCH or y == last - 1:
             _elect(padded, ys, xs, reach, places[:few], out)
             few = 0
 
@@ -266,7 +280,7 @@ def _majority(
 def _elect(
     padded: Labels, ys: NDArray[np.int64], xs: NDArray[np.int64], reach: int, places: NDArray[np.int32], out: Labels
 ) -> None:  # fmt: skip
-    """At each place the label with most votes; of equals the pixel's own, or else the first."""
+    """Write the most frequent label of the disc around each place; in ties the pixel's own, otherwise the first."""
     total, count, width = ys.size, places.size, out.shape[1]
     there, made = padded.reshape(padded.size), out.reshape(out.size)
     around = np.empty((total, count), np.int32)

@@ -1,4 +1,4 @@
-"""What is known of each region, kept up to date while pixels change hands."""
+"""Table of sums by region (colour, area, growing limit), updated when a pixel moves from one region to another."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ Lab8 = NDArray[np.uint8]
 Means = NDArray[np.float32]
 """float32 (regions + 1, 3), mean 8-bit Lab of every region; row 0 unused."""
 Sums = NDArray[np.int64]
-"""int64 (regions + 1, 5): sums of L, a, b, area in px, and sum of the growing limit. Row 0 = unlabelled pixels."""
+"""int64 (regions + 1, 5): sums of L, a, b, area in px, and sum of the growing limit, see `LIGHT`. Row 0: unlabelled
+pixels."""
 
-AREA = 3
-LIMIT = 4
+LIGHT, A, B, AREA, LIMIT = range(5)
+"""Columns of `Sums`."""
 
 
 @kernel
 def measure(labels: Labels, lab: Lab8, limit: NDArray[np.uint8], count: int) -> Sums:
-    """The sums of regions 0..count in one pass."""
+    """Sums of the regions 0..count."""
     sums = np.zeros((count + 1, 5), np.int64)
     height, width = labels.shape
     for y in range(height):  # runs of one label are added up before they touch the table
@@ -29,11 +30,11 @@ def measure(labels: Labels, lab: Lab8, limit: NDArray[np.uint8], count: int) -> 
         light = a = b = n = m = np.int64(0)
         for x in range(width):
             if labels[y, x] != run:
-                sums[run, 0] += light
-                sums[run, 1] += a
-                sums[run, 2] += b
-                sums[run, 3] += n
-                sums[run, 4] += m
+                sums[run, LIGHT] += light
+                sums[run, A] += a
+                sums[run, B] += b
+                sums[run, AREA] += n
+                sums[run, LIMIT] += m
                 run = labels[y, x]
                 light = a = b = n = m = np.int64(0)
             light += lab[y, x, 0]
@@ -41,17 +42,17 @@ def measure(labels: Labels, lab: Lab8, limit: NDArray[np.uint8], count: int) -> 
             b += lab[y, x, 2]
             m += limit[y, x]
             n += 1
-        sums[run, 0] += light
-        sums[run, 1] += a
-        sums[run, 2] += b
-        sums[run, 3] += n
-        sums[run, 4] += m
+        sums[run, LIGHT] += light
+        sums[run, A] += a
+        sums[run, B] += b
+        sums[run, AREA] += n
+        sums[run, LIMIT] += m
     return sums
 
 
 @kernel
 def means_of(sums: Sums) -> Means:
-    """Mean colours; an empty region is black."""
+    """Mean colours of the regions; 0 for an empty region."""
     means = np.empty((sums.shape[0], 3), np.float32)
     for label in range(sums.shape[0]):
         area = max(sums[label, AREA], 1)
@@ -62,14 +63,14 @@ def means_of(sums: Sums) -> Means:
 
 @kernel
 def move(sums: Sums, lab: Lab8, limit: NDArray[np.uint8], y: int, x: int, old: int, new: int) -> None:
-    """Pixel (x, y) leaves region `old` for region `new`."""
+    """Move pixel (x, y) from region `old` to region `new`."""
     for c in range(3):
         sums[old, c] -= lab[y, x, c]
         sums[new, c] += lab[y, x, c]
-    sums[old, 3] -= 1
-    sums[new, 3] += 1
-    sums[old, 4] -= limit[y, x]
-    sums[new, 4] += limit[y, x]
+    sums[old, AREA] -= 1
+    sums[new, AREA] += 1
+    sums[old, LIMIT] -= limit[y, x]
+    sums[new, LIMIT] += limit[y, x]
 
 
 @kernel
@@ -83,9 +84,9 @@ def colour_difference(lab: Lab8, y: int | np.int64, x: int | np.int64, means: Me
 
 @kernel
 def merge(sums: Sums, table: NDArray[np.int32]) -> tuple[Sums, NDArray[np.int32], NDArray[np.int32]]:
-    """What is known of regions after each has become part of `table[label]`, without gaps in the labels.
+    """Merge each region into region `table[label]`, and number the remaining ones without gaps.
 
-    Returns: the sums; int32, the final label of each label; int32, the label that each final one had before.
+    Returns: sums of the remaining regions; int32, new label by old label; int32, old label by new label.
     """
     count = sums.shape[0]
     merged = np.zeros_like(sums)
@@ -103,33 +104,33 @@ def merge(sums: Sums, table: NDArray[np.int32]) -> tuple[Sums, NDArray[np.int32]
     return merged[:used], names, old[:used]
 
 
-NOTHING_CARRIED: Labels = np.zeros((1, 1), np.int32)
-"""For `rename`, after a cut."""
+NOT_PROPAGATED: Labels = np.zeros((1, 1), np.int32)
+"""Argument `propagated` of `relabel` after a cut."""
 
 
 @kernel
-def rename(
-    labels: Labels, names: NDArray[np.int32], carried: Labels, kept: NDArray[np.int32], count: int
+def relabel(
+    labels: Labels, names: NDArray[np.int32], propagated: Labels, kept: NDArray[np.int32], count: int
 ) -> NDArray[np.int32]:  # fmt: skip
-    """labels = names[labels], in place; and how much of each region was carried here from the previous frame.
+    """Replace labels by names[labels], in place, and count the pixels that each region keeps from the previous frame.
 
     Args:
         labels: int32 (h, w).
-        names: int32, final label by label.
-        carried: int32 (h, w), labels as they arrived, or `NOTHING_CARRIED`.
-        kept: int32, final label by carried label; 0 = that region is gone.
-        count: final labels are 0..count.
+        names: int32, new label by old label.
+        propagated: int32 (h, w), labels propagated from the previous frame, or `NOT_PROPAGATED`.
+        kept: int32, new label by propagated label; 0 = the region has vanished.
+        count: new labels are 0..count.
 
-    Returns: int32 (count + 1,): pixels of each region that carried its label already.
+    Returns: int32 (count + 1,): pixels of each region whose propagated label is this region.
     """
     arrived = np.zeros(count + 1, np.int32)
     height, width = labels.shape
-    known = carried.shape == labels.shape
+    known = propagated.shape == labels.shape
     for y in range(height):
         before, came = np.int32(-1), np.int32(-1)
         name, stayed, run = np.int32(0), False, np.int32(0)
         for x in range(width):  # runs of one label and one origin, as in `measure`
-            origin = carried[y, x] if known else np.int32(0)
+            origin = propagated[y, x] if known else np.int32(0)
             if labels[y, x] != before or origin != came:
                 arrived[name] += run
                 before, came, run = labels[y, x], origin, np.int32(0)

@@ -10,21 +10,21 @@ from pipeline.arrays import AnyArray
 from pipeline.frames import Plane
 
 SIDE_PX = 64
-"""The paper's scale: what stands out at this size is what a glance takes in."""
+"""Size at which saliency is computed, px, as in the paper."""
 _AVERAGE_PX = 3
 _BLUR_PX = 2.5
 
 
 def spectral_residual(gray: NDArray[np.uint8]) -> Plane:
-    """What in a picture departs from the smooth spectrum that natural pictures share.
+    """Saliency map by the spectral residual: the deviation of the log spectrum from its local mean.
 
-    Departure: the map is divided by its mean and squeezed by 1 - exp(-x / 3) instead of being stretched to its
-    maximum, so that one bright speck that comes and goes does not dim the rest of the map.
+    Departure: the map is divided by its mean and mapped by 1 - exp(-x / 3) instead of being normalised to its maximum,
+    so that a small bright spot that appears does not darken the rest of the map.
 
     Args:
         gray: uint8 (height, width), any size.
 
-    Returns: float32 (64, 64) in [0, 1), stretched over the whole picture; 0 everywhere for a flat picture.
+    Returns: float32 (64, 64) in [0, 1), covering the whole picture; 0 everywhere for a flat picture.
     """
     small = cv2.resize(gray, (SIDE_PX, SIDE_PX), interpolation=cv2.INTER_AREA).astype(np.float32)
     small -= small.mean()
@@ -43,7 +43,7 @@ def spectral_residual(gray: NDArray[np.uint8]) -> Plane:
 
 
 def _power(spectrum: AnyArray) -> Plane:
-    """Squared magnitude. Not by `cv2.magnitude`: its last bit depends on where in memory its result happens to lie."""
+    """Squared magnitude; `cv2.magnitude` is not used because its last bit depends on the alignment of its result."""
     real, imaginary = spectrum[..., 0], spectrum[..., 1]
     squared: Plane = real * real + imaginary * imaginary
     return squared

@@ -1,4 +1,4 @@
-"""Coherent segmentation of a stream: zhang2011online, section 4, with a state that can be handed on."""
+"""Coherent segmentation of a stream (zhang2011online, section 4), whose state can be saved and restored."""
 
 from __future__ import annotations
 
@@ -12,51 +12,72 @@ from pipeline.arrays import Arrays, State
 from pipeline.background import Pending
 from pipeline.frames import Flow, Labels, Plane
 from pipeline.segmentation.growing import count_open, grow, unlabelled
-from pipeline.segmentation.passes import CORE_ROLLS, WORTH_A_ROLL, carry_over, fill_up, name_regions, with_room
-from pipeline.segmentation.refinement import adopt
-from pipeline.segmentation.regions import AREA, NOTHING_CARRIED, Lab8, Means, Sums, means_of, measure
-from pipeline.segmentation.trapped_ball import TAPPED_UP_TO_PX, fill, radii
+from pipeline.segmentation.passes import (
+    MAX_ROLLS,
+    MIN_RELEASED_SHARE,
+    PreviousRegions,
+    PropagationLimits,
+    append_rows,
+    fill_remaining,
+    finalize_regions,
+    propagate_regions,
+)
+from pipeline.segmentation.refinement import add_regions
+from pipeline.segmentation.regions import AREA, NOT_PROPAGATED, Lab8, Means, Sums, means_of, measure
+from pipeline.segmentation.trapped_ball import SMALL_RADIUS_PX, fill, radii
 
 NO_AREAS = np.zeros(1, np.int32)
 
 
 @dataclass(frozen=True)
 class SegmenterParams:
+    """Parameters of the segmentation. Colour differences are in CIELAB units.
+
+    Attributes:
+        flow_error_limit: T_f, largest difference of a pixel to its source for a label to be propagated.
+        growing_limit: the 20 in 20 (1.2 - I(p)), largest difference of a pixel to its region's mean.
+        misfit_slack: a propagated pixel leaves its region beyond this multiple of the growing limit.
+        core_slack: a pixel leaves a new region beyond this multiple of the growing limit.
+        boundary_margin: a boundary pixel changes region if the other one fits better by more than this.
+        merge_similar: a new region joins a neighbour whose mean colour is nearer than this.
+        smallest_region: area below which a region is merged, share of the frame at importance 0; a fifth of it at
+            importance 1.
+    """
+
     flow_error_limit: float
-    """T_f, CIELAB units."""
     growing_limit: float
-    """20 in 20 (1.2 - I(p)), CIELAB units."""
     misfit_slack: float
     core_slack: float
     boundary_margin: float
-    """CIELAB units."""
     merge_similar: float
-    """CIELAB units."""
     smallest_region: float
-    """Share of the frame, 0..1, at importance 0; a fifth of it at importance 1."""
 
 
 @dataclass(frozen=True)
 class Segmentation:
-    """One frame's regions. Rows of the tables are labels; row 0 is unused, as no pixel is unlabelled."""
+    """Regions of one frame. Tables have one row per label; row 0 is unused, since every pixel has a label.
+
+    Attributes:
+        labels: int32 (h, w), 1..n, dense.
+        ids: int64 (n + 1,), permanent ids: a region keeps its id from frame to frame, and ids are never reused.
+        areas: int32 (n + 1,), px.
+        means: float32 (n + 1, 3), mean 8-bit Lab.
+        previous: int32 (n + 1,), label in the previous frame; 0 = the region is new.
+        alpha: float32 (n + 1,), alpha of equation 4: pixels kept / sqrt(area before * area now); 0 = new.
+        residual: number of pixels that propagation left unlabelled; all pixels at a cut.
+    """
 
     labels: Labels
-    """int32 (h, w), 1..n, dense."""
     ids: NDArray[np.int64]
-    """(n + 1,): names that a region keeps for life and no other region gets."""
     areas: NDArray[np.int32]
     means: Means
-    """8-bit Lab."""
     previous: NDArray[np.int32]
-    """(n + 1,): the region's label in the previous frame, 0 = new."""
     alpha: NDArray[np.float32]
-    """(n + 1,): eq. 4's alpha: pixels carried over / sqrt(area before * area now), 0 = new."""
     residual: int
-    """Pixels the propagation left unlabelled: the whole frame at a cut."""
 
 
 class Segmenter:
-    """Segments frame after frame; each call depends on the frames before only."""
+    """Segments consecutive frames; each result depends on earlier frames only."""
 
     def __init__(self, params: SegmenterParams, size: tuple[int, int], first_id: int = 1) -> None:
         self.params = params
@@ -66,7 +87,7 @@ class Segmenter:
         self.remainder = np.zeros((*self.shape, 2), np.int8)
 
     def reset(self, first_id: int) -> None:
-        """Forget the past: the next frame is segmented afresh, with ids from `first_id` on."""
+        """Start a shot: the next frame is segmented without its past, with ids from `first_id` on."""
         self.last = None
         self.remainder = np.zeros_like(self.remainder)
         self.next_id = first_id
@@ -80,29 +101,28 @@ class Segmenter:
 
         Args:
             lab: uint8 (h, w, 3).
-            edges: uint8 (h, w), non-zero on edges; waited for only when regions have been carried over.
+            edges: uint8 (h, w), non-zero on edges; waited for only after propagation.
             importance: float32, any size, 0..1.
             flow: previous to current frame, or None for the first frame.
             residual: uint8 (h, w), CIELAB difference of every pixel to its past, quarter units; with `flow`.
-            fading: the light is changing fast. Regions then have to earn their pixels anew: misfits are judged as
-                strictly as in a new region, and balls roll before regions grow (what a fade-in reveals was one
-                black region before).
+            fading: whether the light changes fast. Pixels are then compared with their region as strictly as in a new
+                region, and new regions are filled before old ones grow: a fade-in reveals many regions in what was
+                one black region.
         """
         limit = self._limit(importance)
         known = self.last
         if known is None or flow is None or residual is None:
-            labels, carried = np.zeros(self.shape, np.int32), NOTHING_CARRIED
+            labels, propagated = np.zeros(self.shape, np.int32), NOT_PROPAGATED
             sums = measure(labels, lab, limit, 0)
         else:
-            carried, self.remainder, labels, sums = carry_over(
-                known.labels, lab, limit, flow, self.remainder, residual, len(known.ids) - 1,
-                self.params.flow_error_limit, self.params.boundary_margin,
-                self.params.core_slack if fading else self.params.misfit_slack,
-            )  # fmt: skip
+            previous = PreviousRegions(known.labels, len(known.ids) - 1, flow, self.remainder, residual)
+            slack = self.params.core_slack if fading else self.params.misfit_slack
+            limits = PropagationLimits(self.params.flow_error_limit, self.params.boundary_margin, slack)
+            propagated, self.remainder, labels, sums = propagate_regions(previous, lab, limit, limits)
         left = int(sums[0, AREA])
         if left:
             sums = self._complete(labels, lab, edges.result(), limit, sums, grow_first=not fading)
-        return self._finish(labels, carried, sums, left)
+        return self._finish(labels, propagated, sums, left)
 
     def _limit(self, importance: Plane) -> NDArray[np.uint8]:
         """20 (1.2 - I(p)), uint8 (h, w), CIELAB units."""
@@ -114,19 +134,20 @@ class Segmenter:
         self, labels: Labels, lab: Lab8, edges: NDArray[np.uint8], limit: NDArray[np.uint8], sums: Sums,
         grow_first: bool,
     ) -> Sums:  # fmt: skip
-        """Grow, roll balls, grow again, and let leftovers join their best neighbour: no pixel stays unlabelled."""
+        """Label all pixels: grow regions, fill with trapped balls, grow again, and assign the rest to the best
+        neighbour."""
         pixels = unlabelled(labels)
         if len(sums) > 1 and grow_first:
             pixels = grow(labels, lab, edges, limit, sums, pixels)
         rolling = radii(count_open(pixels, edges))
-        for radius in (r for r in rolling if r > TAPPED_UP_TO_PX):
+        for radius in (r for r in rolling if r > SMALL_RADIUS_PX):
             known = len(sums)
             sums = self._roll_large(labels, lab, edges, limit, sums, pixels, radius)
             if len(sums) > known:
                 pixels = grow(labels, lab, edges, limit, sums, pixels)
-        small = next(r for r in rolling if r <= TAPPED_UP_TO_PX)
-        sums, pixels = fill_up(labels, lab, edges, limit, sums, pixels, small, self.params.core_slack)
-        if not sums[1:, AREA].any():  # nothing but edges: one new region
+        small = next(r for r in rolling if r <= SMALL_RADIUS_PX)
+        sums, pixels = fill_remaining(labels, lab, edges, limit, sums, pixels, small, self.params.core_slack)
+        if not sums[1:, AREA].any():  # the frame consists of edges: one new region
             labels[:] = len(sums)
             return measure(labels, lab, limit, len(sums))
         grow(labels, lab, edges, limit, sums, pixels, True)
@@ -136,29 +157,35 @@ class Segmenter:
         self, labels: Labels, lab: Lab8, edges: NDArray[np.uint8], limit: NDArray[np.uint8], sums: Sums,
         pixels: NDArray[np.int32], radius: int,
     ) -> Sums:  # fmt: skip
-        """Roll one ball, and again where it found more than one colour; smaller ones roll in `fill_up`.
+        """Fill with one large ball radius, repeatedly while pixels are released; `fill_remaining` does the smaller
+        ones.
 
-        Departure: a ball alone makes one region of a sky from zenith to horizon, and growing then takes in all that is
-        within 20 units of its mean. What is further than `core_slack` of that from a new region's mean is set free
-        again before growing, to be found by the next roll: a gradient becomes bands, an arm parts from a wall.
+        Departure: trapped-ball filling alone makes one region of a sky from zenith to horizon, and growing then adds
+        all that is within 20 units of its mean. Here pixels that differ from the mean of their new region by more than
+        `core_slack` times the growing limit are released before growing and filled again: a gradient becomes bands,
+        and an arm is separated from a wall.
         """
-        for _ in range(CORE_ROLLS):
+        for _ in range(MAX_ROLLS):
             made = fill(labels, edges, pixels, radius, len(sums))
             if not made:
                 break
-            born_from = len(sums)
-            sums = with_room(sums, made)
-            if adopt(labels, lab, limit, sums, pixels, born_from, self.params.core_slack) < WORTH_A_ROLL * labels.size:
+            first_new = len(sums)
+            sums = append_rows(sums, made)
+            if (
+                add_regions(labels, lab, limit, sums, pixels, first_new, self.params.core_slack)
+                < MIN_RELEASED_SHARE * labels.size
+            ):
                 break
         return sums
 
     def _finish(
-        self, labels: Labels, carried: Labels, sums: Sums, residual: int
+        self, labels: Labels, propagated: Labels, sums: Sums, residual: int
     ) -> Segmentation:  # fmt: skip
-        """Merge specks and look-alikes, name regions, and say how each relates to the previous frame."""
+        """Merge small and similar regions, give ids, and match the regions of the previous frame."""
         known = self.last
-        sums, previous, alpha = name_regions(
-            labels, carried, sums, 1 if known is None else len(known.ids), NO_AREAS if known is None else known.areas,
+        first_new, areas_before = (1, NO_AREAS) if known is None else (len(known.ids), known.areas)
+        sums, previous, alpha = finalize_regions(
+            labels, propagated, sums, first_new, areas_before,
             self.params.growing_limit, self.params.smallest_region * labels.size, self.params.merge_similar,
         )  # fmt: skip
         areas = sums[:, AREA].astype(np.int32)
@@ -173,7 +200,7 @@ class Segmenter:
         return ids
 
     def state(self) -> State:
-        """All it remembers, for `restore`: a restored segmenter goes on with the same bytes."""
+        """State as arrays by name; a segmenter restored from it continues with the same bytes."""
         if self.last is None:
             return {"next_id": np.array(self.next_id)}
         last = self.last

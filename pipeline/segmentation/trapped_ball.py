@@ -10,10 +10,10 @@ from pipeline.frames import Labels
 from pipeline.jit import kernel
 
 SMALLEST_RADIUS_PX = 1
-TAPPED_UP_TO_PX = 4
-"""Above this radius, distance transforms of the whole frame are faster than trying every disc."""
-SPARSE_UP_TO_PX, SPARSE = 16, 1 / 8
-"""Up to this radius discs are tried all the same when less than this share of the frame is unlabelled."""
+SMALL_RADIUS_PX = 4
+"""Largest radius for which testing every disc is faster than distance transforms of the whole frame."""
+SPARSE_RADIUS_PX, SPARSE = 16, 1 / 8
+"""Discs are tested up to this radius if less than this share of the frame is unlabelled."""
 
 
 def radii(unlabelled_px: int) -> list[int]:
@@ -29,31 +29,31 @@ def radii(unlabelled_px: int) -> list[int]:
 def fill(
     labels: Labels, blocked: NDArray[np.uint8], pixels: NDArray[np.int32], radius_px: int, first_label: int
 ) -> int:  # fmt: skip
-    """Let a ball of `radius_px` roll over unlabelled, unblocked pixels; each area it can reach becomes a region.
+    """Trapped-ball filling with one radius: each area that the ball can reach becomes a region.
 
     Args:
         labels: int32 (h, w), 0 = unlabelled; changed in place.
         blocked: uint8 (h, w), non-zero on edges.
-        pixels: int32, flat indices of every unlabelled pixel, in raster order (others among them do no harm).
+        pixels: int32, flat indices of all unlabelled pixels in raster order; may contain labelled pixels.
         radius_px: ball radius, px, >= 1.
         first_label: label of the first new region; the next ones count up.
 
     Returns:
-        How many regions were made.
+        Number of new regions.
 
-    A ball at a centre covers the disc around it; centres are the pixels whose disc holds no obstacle, so a gap
-    in an edge narrower than the ball lets nothing through. The frame's border is no obstacle. Centres that touch
-    (4-neighbours) are one region; where discs of two regions overlap, the first in raster order has the pixel.
+    The ball's centre can be at pixels whose disc contains no obstacle, so the ball does not pass through gaps in edges
+    that are narrower than it. The frame's border is no obstacle. Adjacent centres (4-neighbours) form one region, which
+    covers their discs; a pixel in the discs of two regions belongs to the first in raster order.
     """
-    sparse = radius_px <= SPARSE_UP_TO_PX and pixels.size < SPARSE * labels.size
-    if radius_px <= TAPPED_UP_TO_PX or sparse:
+    sparse = radius_px <= SPARSE_RADIUS_PX and pixels.size < SPARSE * labels.size
+    if radius_px <= SMALL_RADIUS_PX or sparse:
         return fill_small(labels, blocked, pixels, radius_px, first_label)
     return _fill_large(labels, ((labels == 0) & (blocked == 0)).view(np.uint8), radius_px, first_label)
 
 
 @kernel
 def _disc(radius_px: int) -> NDArray[np.int64]:
-    """Offsets (dy, dx) of the pixels of a ball."""
+    """Offsets (dy, dx) of the pixels of a disc."""
     disc = np.empty(((2 * radius_px + 1) ** 2, 2), np.int64)
     count = 0
     for dy in range(-radius_px, radius_px + 1):
@@ -68,10 +68,10 @@ def _disc(radius_px: int) -> NDArray[np.int64]:
 def fill_small(
     labels: Labels, blocked: NDArray[np.uint8], pixels: NDArray[np.int32], radius_px: int, first_label: int
 ) -> int:  # fmt: skip
-    """`fill` for a small ball: its disc is tried at every free pixel."""
+    """`fill` for a small radius: test the disc at every free pixel."""
     disc = _disc(radius_px)
     height, width = labels.shape
-    free = np.zeros(labels.shape, np.uint8)  # 1 = free, 2 = a centre, 3 = a centre of a known region
+    free = np.zeros(labels.shape, np.uint8)  # 1 = free, 2 = centre, 3 = centre that belongs to a region
     for k in range(pixels.size):
         y, x = pixels[k] // width, pixels[k] % width
         free[y, x] = labels[y, x] == 0 and blocked[y, x] == 0
@@ -114,7 +114,7 @@ def fill_small(
 
 
 def _fill_large(labels: Labels, free: NDArray[np.uint8], radius_px: int, first_label: int) -> int:
-    """A large ball: distance transforms say where its centre may be, and which core covers a pixel."""
+    """`fill` for a large radius: distance transforms give the possible centres, and the nearest core of each pixel."""
     centres = np.asarray(cv2.distanceTransform(free, cv2.DIST_L2, 5) > radius_px, np.uint8)
     count, cores = cv2.connectedComponents(centres, connectivity=4, ltype=cv2.CV_32S)
     if count == 1:

@@ -60,19 +60,19 @@ def build_levels(stencil: Doubles) -> list[Level]:
 
 
 @dataclass(frozen=True)
-class Room:
+class WorkArrays:
     """Work arrays of a V-cycle on one grid: right-hand side and solution; the padding stays zero."""
 
     right: Doubles
     x: Doubles
 
 
-def rooms(levels: list[Level]) -> list[Room]:
+def work_arrays(levels: list[Level]) -> list[WorkArrays]:
     """Allocate work arrays for each grid; each solving thread needs its own."""
-    return [Room(np.zeros(level.shape), np.zeros(level.shape)) for level in levels]
+    return [WorkArrays(np.zeros(level.shape), np.zeros(level.shape)) for level in levels]
 
 
-def v_cycle(levels: list[Level], work: list[Room]) -> None:
+def v_cycle(levels: list[Level], work: list[WorkArrays]) -> None:
     """Run one V(1, 1)-cycle from 0: `work[0].right` -> approximate solution `work[0].x`. The operator is symmetric."""
     level, here = levels[0], work[0]
     here.x.fill(0.0)
@@ -153,22 +153,23 @@ def dot(a: Doubles, b: Doubles) -> float:
 
 
 @kernel
-def advance(x: Doubles, residual: Doubles, way: Doubles, image: Doubles, step: float) -> float:
-    """Take a conjugate gradient step along `way`, where `image` = A `way`; return the squared residual norm."""
+def advance(x: Doubles, residual: Doubles, direction: Doubles, image: Doubles, step: float) -> float:
+    """Take a conjugate gradient step along `direction`, where `image` = A `direction`; return the squared residual
+    norm."""
     height, width = x.shape
     result = 0.0
     for i in range(1, height - 1):
         for j in range(1, width - 1):
-            x[i, j] += step * way[i, j]
+            x[i, j] += step * direction[i, j]
             residual[i, j] -= step * image[i, j]
             result += residual[i, j] * residual[i, j]
     return result
 
 
 @kernel
-def conjugate(way: Doubles, better: Doubles, part: float) -> None:
+def conjugate(direction: Doubles, better: Doubles, part: float) -> None:
     """Update the search direction, in place: preconditioned residual `better` plus `part` times the last direction."""
-    height, width = way.shape
+    height, width = direction.shape
     for i in range(1, height - 1):
         for j in range(1, width - 1):
-            way[i, j] = better[i, j] + part * way[i, j]
+            direction[i, j] = better[i, j] + part * direction[i, j]

@@ -46,12 +46,12 @@ def _factor(centre: Doubles, next_one: Doubles, out: Doubles) -> None:
 @kernel
 def sweep(stencil: Doubles, factors: Doubles, right: Doubles, x: Doubles, backward: int) -> None:
     """Smooth odd rows, even rows, odd columns, even columns, in place; `backward` reverses this order."""
-    for turn in range(4):
-        which = 3 - turn if backward else turn
-        if which < 2:
-            _rows(stencil, factors, right, x, 1 + which)
+    for k in range(4):
+        half = 3 - k if backward else k
+        if half < 2:
+            _rows(stencil, factors, right, x, 1 + half)
         else:
-            _columns(stencil, factors, right, x, which - 1)
+            _columns(stencil, factors, right, x, half - 1)
 
 
 @kernel

@@ -19,7 +19,7 @@ from pipeline.arrays import AnyArray
 from pipeline.errors import BadParameter
 from pipeline.frames import Mask
 from pipeline.solvers.anchors import adrift
-from pipeline.solvers.grid import Doubles, Level, advance, build_levels, conjugate, dot, multiply, rooms, v_cycle
+from pipeline.solvers.grid import Doubles, Level, advance, build_levels, conjugate, dot, multiply, v_cycle, work_arrays
 
 TOLERANCE = 1e-6
 """Residual norm relative to that of x = 0 at which the iteration stops; its effect is below float32 resolution."""
@@ -78,7 +78,7 @@ class Multigrid:
             absorb: (h, w), the terms a >= 0; None = 0 everywhere.
 
         Raises:
-            BadParameter: a wrong shape, or a weight that is negative or no number.
+            BadParameter: a wrong shape, or a weight that is negative, infinite or NaN.
 
         Source: coarse grids of dendy1982black; V-cycles as a preconditioner, trottenberg2001multigrid, section 7.8.
         """
@@ -128,68 +128,57 @@ class Multigrid:
         given = np.asarray(array, np.float64)
         if given.shape[-2:] != self.fixed.shape or given.ndim not in (2, 3):
             raise BadParameter(
-                "It has a value per pixel, of one label or of several.", field=field, value=given.shape,
+                "The array must have one value per pixel, for one or several labels.", field=field, value=given.shape,
                 remedy=f"Use the shape {self.fixed.shape} or (labels, {self.fixed.shape[0]}, {self.fixed.shape[1]}).",
             )  # fmt: skip
         given = given.reshape(-1, *self.fixed.shape)
         read = self.fixed if field == "values" else True
         if not np.isfinite(given).all(where=read):
-            raise BadParameter("It is a number at every pixel.", field=field, value="NaN or infinity")
+            raise BadParameter("The array must be finite where it is read.", field=field, value="NaN or infinity")
         if labels is None or len(given) == labels:
             return given
         if len(given) != 1:
-            raise BadParameter("There is one for each label.", field=field, value=len(given), remedy=f"Give {labels}.")
+            raise BadParameter(
+                "The array must have one plane, or one for each label.",
+                field=field,
+                value=len(given),
+                remedy=f"Give {labels}.",
+            )
         return np.broadcast_to(given, (labels, *self.fixed.shape))
 
     def _one(
         self, values: Doubles, source: Doubles, start: Doubles, fallback: float, tolerance: float, max_cycles: int
     ) -> tuple[Doubles, tuple[float, ...]]:
-        still = self.fixed | self.adrift
+        settled = self.fixed | self.adrift
         known = np.where(self.fixed, values, 0.0)
-        pull = np.where(still, 0.0, source + _from_given(known, self._right, self._down))
-        first = _rimmed(np.where(still, 0.0, start))
-        x, history = _iterate(self._levels, _rimmed(pull), first, tolerance, max_cycles)
+        pull = np.where(settled, 0.0, source + _from_given(known, self._right, self._down))
+        first = np.pad(np.where(settled, 0.0, start), 1)
+        x, history = _iterate(self._levels, np.pad(pull, 1), first, tolerance, max_cycles)
         found = np.where(self.adrift, fallback, np.where(self.fixed, values, x[1:-1, 1:-1]))
-        return self._within(found, known, np.where(still, 0.0, source)), history
+        return self._within(found, known, np.where(settled, 0.0, source)), history
 
     def _within(self, x: Doubles, known: Doubles, source: Doubles) -> Doubles:
         """Enforce the maximum principle by clipping."""
         absorbing = self._absorb > 0
         if np.any(source, where=~absorbing):
             return x
-        told = np.divide(source, self._absorb, out=known, where=absorbing & ~self.fixed)
+        bounds = np.divide(source, self._absorb, out=known, where=absorbing & ~self.fixed)
         anchored = self.fixed | absorbing & ~self.adrift
         low, high = (
-            end(told, where=anchored, initial=worst) for end, worst in ((np.min, math.inf), (np.max, -math.inf))
+            end(bounds, where=anchored, initial=worst) for end, worst in ((np.min, math.inf), (np.max, -math.inf))
         )
         return np.where(self.adrift, x, x.clip(low, high)) if low <= high else x
-
-
-def solve_laplace(
-    values: AnyArray, fixed: Mask, *, right: AnyArray | None = None, down: AnyArray | None = None,
-    absorb: AnyArray | None = None, source: AnyArray | None = None, start: AnyArray | None = None,
-    fallback: float = 0.0, tolerance: float = TOLERANCE, max_cycles: int = MAX_CYCLES,
-) -> Solution:  # fmt: skip
-    """Interpolate given values over the picture: `Multigrid` followed by one `solve`, see there for the parameters.
-
-    With only `values` and `fixed` it solves equation 1 of kagaya2011video: each free pixel is the mean of its
-    neighbours.
-    """
-    matrix = Multigrid(fixed, right=right, down=down, absorb=absorb)
-    return matrix.solve(
-        values, source=source, start=start, fallback=fallback, tolerance=tolerance, max_cycles=max_cycles
-    )
 
 
 def _iterate(
     levels: list[Level], right: Doubles, x: Doubles, tolerance: float, max_cycles: int
 ) -> tuple[Doubles, tuple[float, ...]]:
     """Conjugate gradients starting from `x`, in place; residual norms are relative to that of `right`."""
-    stencil, work = levels[0].stencil, rooms(levels)
+    stencil, work = levels[0].stencil, work_arrays(levels)
     whole = math.sqrt(dot(right, right))
     if whole == 0.0:
         return np.zeros_like(right), (0.0,)
-    image, way, old = np.zeros_like(right), np.zeros_like(right), math.inf
+    image, direction, old = np.zeros_like(right), np.zeros_like(right), math.inf
     multiply(stencil, x, image)
     residual = work[0].right
     np.subtract(right, image, out=residual)
@@ -197,18 +186,18 @@ def _iterate(
     while history[-1] > tolerance and len(history) <= max_cycles:
         v_cycle(levels, work)
         new = dot(residual, work[0].x)
-        conjugate(way, work[0].x, new / old)
-        energy = multiply(stencil, way, image)
-        if not (new > 0 and energy > 0):  # nothing but rounding is left
+        conjugate(direction, work[0].x, new / old)
+        energy = multiply(stencil, direction, image)
+        if not (new > 0 and energy > 0):  # only rounding errors are left
             break
-        history.append(math.sqrt(advance(x, residual, way, image, new / energy)) / whole)
+        history.append(math.sqrt(advance(x, residual, direction, image, new / energy)) / whole)
         old = new
     return x, tuple(history)
 
 
-def _stencil(still: Mask, right: Doubles, down: Doubles, absorb: Doubles) -> Doubles:
+def _stencil(settled: Mask, right: Doubles, down: Doubles, absorb: Doubles) -> Doubles:
     """Matrix of the free pixels (neither given nor adrift); edges to given pixels only add to the diagonal."""
-    height, width = still.shape
+    height, width = settled.shape
     out = np.zeros((5, height + 2, width + 2))
     centre, east, south = (plane[1:-1, 1:-1] for plane in out[:3])
     centre += absorb
@@ -216,9 +205,9 @@ def _stencil(still: Mask, right: Doubles, down: Doubles, absorb: Doubles) -> Dou
     centre[:, 1:] += right
     centre[:-1] += down
     centre[1:] += down
-    centre[still] = 0.0
-    east[:, :-1] = np.where(still[:, :-1] | still[:, 1:], 0.0, right)
-    south[:-1] = np.where(still[:-1] | still[1:], 0.0, down)
+    centre[settled] = 0.0
+    east[:, :-1] = np.where(settled[:, :-1] | settled[:, 1:], 0.0, right)
+    south[:-1] = np.where(settled[:-1] | settled[1:], 0.0, down)
     return out
 
 
@@ -231,24 +220,22 @@ def _from_given(known: Doubles, right: Doubles, down: Doubles) -> Doubles:
     return pull
 
 
-def _rimmed(plane: Doubles) -> Doubles:
-    return np.pad(plane, 1)
-
-
 def _mask(fixed: Mask) -> Mask:
     if fixed.ndim != 2 or fixed.size == 0 or fixed.dtype != np.bool_:
         raise BadParameter(
-            "It says of each pixel whether its value is given.", field="fixed", value=f"{fixed.dtype} {fixed.shape}",
-            remedy="Use a bool array (height, width).",
+            "The mask must state for each pixel whether its value is given.", field="fixed",
+            value=f"{fixed.dtype} {fixed.shape}", remedy="Use a bool array (height, width).",
         )  # fmt: skip
     return fixed
 
 
 def _check_effort(tolerance: float, max_cycles: int) -> None:
     if not 0 < tolerance < 1:
-        raise BadParameter("It is between 0 and 1.", field="tolerance", value=tolerance, remedy="Use 1e-6.")
+        raise BadParameter(
+            "The tolerance must be between 0 and 1.", field="tolerance", value=tolerance, remedy="Use 1e-6."
+        )
     if max_cycles < 1:
-        raise BadParameter("It takes at least one.", field="max_cycles", value=max_cycles, remedy="Use 40.")
+        raise BadParameter("At least one V-cycle is needed.", field="max_cycles", value=max_cycles, remedy="Use 40.")
 
 
 def _weights(given: AnyArray | None, shape: tuple[int, int], field: str, default: float) -> Doubles:
@@ -256,9 +243,9 @@ def _weights(given: AnyArray | None, shape: tuple[int, int], field: str, default
         return np.full(shape, default)
     weights = np.asarray(given, np.float64)
     if weights.shape != shape:
-        raise BadParameter("It has a weight per edge, or per pixel.", field=field, value=weights.shape,
+        raise BadParameter("The array must have one weight per edge, or per pixel.", field=field, value=weights.shape,
                            remedy=f"Use the shape {shape}.")  # fmt: skip
     if not (np.isfinite(weights).all() and (weights >= 0).all()):
-        raise BadParameter("Weights are finite and not negative.", field=field, value=weights.min(),
-                           remedy="Use 0 where nothing is to pass.")  # fmt: skip
+        raise BadParameter("Weights must be finite and not negative.", field=field, value=weights.min(),
+                           remedy="Use 0 to separate two pixels.")  # fmt: skip
     return weights

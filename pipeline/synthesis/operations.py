@@ -6,7 +6,7 @@ T is the array type of an implementation: offset fields are float32 (h, w, 2), c
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -123,7 +123,7 @@ ITERATION = np.dtype(
 """Layout of the struct `Iteration` in patchmatch.cl."""
 
 
-def iteration(style: LoadedStyle[Any], size: tuple[int, int], search: Search) -> np.void:
+def iteration(style: LoadedStyle[T], size: tuple[int, int], search: Search) -> np.void:
     """The parameters of an iteration as a record, for the kernel and the reference implementation."""
     energy, made = style.energy, tables(style.energy)
     values = (

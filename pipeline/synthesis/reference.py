@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from pipeline.synthesis.energy import Energy as Energy
 from pipeline.synthesis.images import NOWHERE, Offsets, Style, Target
 from pipeline.synthesis.images import packed as pack
 from pipeline.synthesis.operations import FrameState, LoadedStyle, RandomKey, Search, iteration, words
-from pipeline.synthesis.reference_energy import Inputs, Iteration, extrapolated_offset, improve, unit
+from pipeline.synthesis.reference_energy import Inputs, Iteration, StyleDirections, extrapolated_offset, improve, unit
 
 Array = AnyArray
 Size = tuple[int, int]
@@ -27,6 +27,14 @@ _SCATTER, _MERGE = 0x5CA77E12, 0x3E26E000
 
 def _spread(image: Array, margin: int) -> Array:
     return np.pad(image, ((margin, margin), (margin, margin)) + ((0, 0),) * (image.ndim - 2), "edge")
+
+
+class PatchShape(NamedTuple):
+    """Radius of a patch and margin of the style image, px, and number of colour channels."""
+
+    radius: int
+    pad: int
+    colours: int
 
 
 class Reference:
@@ -42,7 +50,7 @@ class Reference:
         """Return immediately: all operations are synchronous."""
 
     def load(self, style: Style, energy: Energy) -> LoadedStyle[Array]:
-        def there(array: Array | None, like: Any = np.uint8) -> Array:
+        def there(array: Array | None, like: type[np.generic] = np.uint8) -> Array:
             return np.zeros((0, 0), like) if array is None else array
 
         features = _spread(style.features, energy.pad)
@@ -62,13 +70,15 @@ class Reference:
 
     def random_offsets(self, style: LoadedStyle[Array], size: Size, key: RandomKey) -> Array:
         out = np.full((size[1], size[0], 2), NOWHERE, np.float32)
-        _merge(out, out, out, np.float32(0), style.usable, *words(key), style.style.first, style.size)
+        _merge(out, out, out, np.float32(0), style.usable, words(key), style.style.first, style.size)
         return out
 
     def render(self, style: LoadedStyle[Array], state: FrameState[Array], offsets: Array) -> None:
-        energy, bins = style.energy, state.bins if state.bins is not None else np.zeros((0, 0), np.uint8)
-        _render(offsets, bins, style.features, style.bins, cosines(), state.packed, state.field, energy.radius,
-                energy.pad, energy.colours)  # fmt: skip
+        energy, bins = style.energy, _or(state.bins, np.zeros((0, 0), np.uint8))
+        shape = PatchShape(energy.radius, energy.pad, energy.colours)
+        width, height = style.features.shape[1] - 2 * energy.pad, style.features.shape[0] - 2 * energy.pad
+        directions = StyleDirections(style.bins, cosines(), width, height)
+        _render(offsets, bins, style.features, directions, state.packed, state.field, shape)
 
     def penalty(self, style: LoadedStyle[Array], size: Size, offsets: Array) -> Array:
         energy, (width, height) = style.energy, style.size
@@ -104,9 +114,8 @@ class Reference:
     @staticmethod
     def _iteration(style: LoadedStyle[Array], size: Size, search: Search) -> Iteration:
         numbers = iteration(style, size, search)
-        given: dict[str, Any] = {name: numbers[name] for name in Iteration._fields[:-2]}
-        whole = {name: int(given[name]) for name in _WHOLE}
-        return Iteration(**(given | whole), channels=style.energy.channels, pad=style.energy.pad)
+        given = (int(numbers[name]) if name in _WHOLE else numbers[name] for name in Iteration._fields[:-2])
+        return Iteration._make([*given, style.energy.channels, style.energy.pad])
 
     def advect(
         self, style: LoadedStyle[Array], state: FrameState[Array], offsets: Array, bins: Array | None, displacement:
@@ -117,7 +126,7 @@ class Reference:
         there = _or(bins, np.zeros((0, 0), np.uint8))
         turned = style.bins if style.style.bins is not None else np.zeros((0, 0), np.uint8)
         usable = style.usable if style.style.usable is not None else np.zeros((0, 0), np.uint8)
-        _advect(offsets, there, displacement, visible, turned, cosines(), usable, out, style.size)
+        _advect(offsets, there, displacement, visible, StyleDirections(turned, cosines(), *style.size), usable, out)
         return out
 
     def upsample(
@@ -130,14 +139,14 @@ class Reference:
     ) -> Array:
         out = np.empty((to.size[1], to.size[0], 2), np.float32)
         there = _or(state.bins, np.zeros((0, 0), np.uint8))
-        _upsample(offsets, there, coarse.bins, cosines(), style.usable, out, coarse.size, style.size)
+        _upsample(offsets, there, StyleDirections(coarse.bins, cosines(), *coarse.size), style.usable, out, style.size)
         return out
 
     def merge(
         self, style: LoadedStyle[Array], size: Size, first: Array, second: Array, share: float, key: RandomKey
     ) -> Array:
         out = np.empty((size[1], size[0], 2), np.float32)
-        _merge(first, second, out, np.float32(share), style.usable, *words(key), style.style.first, style.size)
+        _merge(first, second, out, np.float32(share), style.usable, words(key), style.style.first, style.size)
         return out
 
     def colours_at(self, style: LoadedStyle[Array], size: Size, offsets: Array) -> Array:
@@ -175,10 +184,10 @@ def _usable(x: int, y: int, usable: Array, width: int, height: int) -> bool:
 
 @kernel
 def _merge(
-    first: Offsets, second: Offsets, out: Offsets, share: np.float32, usable: Array, seed: int, stream: int,
+    first: Offsets, second: Offsets, out: Offsets, share: np.float32, usable: Array, key: tuple[int, int],
     start: tuple[int, int], size: tuple[int, int],
 ) -> None:  # fmt: skip
-    width, height = size
+    (seed, stream), (width, height) = key, size
     for y in range(out.shape[0]):
         for x in range(out.shape[1]):
             draw = unit(philox(x, y, 0, _MERGE, seed, stream)[0])
@@ -199,11 +208,11 @@ def _merge(
 
 @kernel
 def _render(
-    offsets: Offsets, bins: Array, style: Array, style_bins: Array, cosines: Array, target: Array, field: Array,
-    radius: int, pad: int, colours: int,
+    offsets: Offsets, bins: Array, style: Array, directions: StyleDirections, target: Array, field: Array,
+    shape: PatchShape,
 ) -> None:  # fmt: skip
     height, width = offsets.shape[:2]
-    style_height, style_width = style.shape[0] - 2 * pad, style.shape[1] - 2 * pad
+    radius, pad, colours = shape
     for y in range(height + 2 * radius):
         for x in range(width + 2 * radius):
             hx, hy = x - radius, y - radius
@@ -211,11 +220,9 @@ def _render(
             ox, oy = offsets[iy, ix, 0], offsets[iy, ix, 1]
             if hx != ix or hy != iy:
                 direction = bins[iy, ix] if bins.size else NO_DIRECTION
-                ox, oy = extrapolated_offset(ox, oy, np.float32(hx - ix), np.float32(hy - iy), direction, style_bins,
-                cosines,
-                                 style_width, style_height)  # fmt: skip
+                ox, oy = extrapolated_offset(ox, oy, np.float32(hx - ix), np.float32(hy - iy), direction, directions)
             ax, ay = int(np.rint(ox)), int(np.rint(oy))
-            sx, sy = min(max(ax, 0), style_width - 1), min(max(ay, 0), style_height - 1)
+            sx, sy = min(max(ax, 0), directions.width - 1), min(max(ay, 0), directions.height - 1)
             for c in range(colours):
                 target[y, x, c] = style[sy + pad, sx + pad, c]
             field[y, x, 0], field[y, x, 1] = ax, ay
@@ -223,9 +230,8 @@ def _render(
 
 @kernel
 def _advect(
-    offsets: Offsets, bins: Array, displacement: Array, visible: Array, style_bins: Array, cosines: Array, usable:
-    Array,
-    out: Offsets, size: tuple[int, int],
+    offsets: Offsets, bins: Array, displacement: Array, visible: Array, style: StyleDirections, usable: Array,
+    out: Offsets,
 ) -> None:  # fmt: skip
     height, width = out.shape[:2]
     for y in range(height):
@@ -238,18 +244,17 @@ def _advect(
                     direction = bins[ny, nx] if bins.size else NO_DIRECTION
                     found_x, found_y = extrapolated_offset(
                         offsets[ny, nx, 0], offsets[ny, nx, 1], fx - np.float32(nx), fy - np.float32(ny), direction,
-                        style_bins, cosines, size[0], size[1],
+                        style,
                     )  # fmt: skip
-                if not _usable(int(np.rint(found_x)), int(np.rint(found_y)), usable, size[0], size[1]):
+                if not _usable(int(np.rint(found_x)), int(np.rint(found_y)), usable, style.width, style.height):
                     found_x, found_y = _NOWHERE, _NOWHERE
             out[y, x, 0], out[y, x, 1] = found_x, found_y
 
 
 @kernel
 def _upsample(
-    coarse: Offsets, bins: Array, style_bins: Array, cosines: Array, usable: Array, out: Offsets,
-    coarse_size: tuple[int, int], size: tuple[int, int],
-) -> None:  # fmt: skip
+    coarse: Offsets, bins: Array, style: StyleDirections, usable: Array, out: Offsets, size: tuple[int, int]
+) -> None:
     half, two = np.float32(0.5), np.float32(2)
     height, width = coarse.shape[:2]
     for y in range(out.shape[0]):
@@ -261,9 +266,7 @@ def _upsample(
                 dx = (np.float32(x) + half) * half - half - np.float32(nx)
                 dy = (np.float32(y) + half) * half - half - np.float32(ny)
                 direction = bins[ny, nx] if bins.size else NO_DIRECTION
-                cx, cy = extrapolated_offset(
-                    ox, oy, dx, dy, direction, style_bins, cosines, coarse_size[0], coarse_size[1]
-                )
+                cx, cy = extrapolated_offset(ox, oy, dx, dy, direction, style)
                 found_x, found_y = cx * two + half, cy * two + half
                 if not _usable(int(np.rint(found_x)), int(np.rint(found_y)), usable, size[0], size[1]):
                     found_x, found_y = ox * two, oy * two

@@ -6,7 +6,7 @@ rows, and float32 wherever the kernel has float. Absent terms are arrays of leng
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -79,6 +79,21 @@ class Pixel(NamedTuple):
     """Scratch memory for eight partial sums, int64."""
 
 
+class StyleDirections(NamedTuple):
+    """Directions of a style image, for `extrapolated_offset`.
+
+    Attributes:
+        bins: uint8 (height, width), direction of each style pixel; length 0 = offsets are not rotated.
+        cosines: float32 (64, 2), cosine and sine of each turn.
+        width, height: size of the style image, px.
+    """
+
+    bins: Array
+    cosines: Array
+    width: int
+    height: int
+
+
 @kernel
 def turn_between(style_bins: Array, x: int, y: int, direction: int) -> int:
     """Index of the turn, 0..63, from the pixel's `direction` to the style's direction at (x, y)."""
@@ -92,21 +107,20 @@ def turn_between(style_bins: Array, x: int, y: int, direction: int) -> int:
 
 @kernel
 def extrapolated_offset(
-    x: np.float32, y: np.float32, dx: np.float32, dy: np.float32, direction: int, style_bins: Array, cosines: Array,
-    width: int, height: int,
-) -> tuple[np.float32, np.float32]:  # fmt: skip
+    x: np.float32, y: np.float32, dx: np.float32, dy: np.float32, direction: int, style: StyleDirections
+) -> tuple[np.float32, np.float32]:
     """Extrapolate the offset (x, y) of a pixel to the pixel at distance (dx, dy), px, by rotated translation."""
-    if style_bins.size == 0:
+    if style.bins.size == 0:
         return x + dx, y + dy
-    at_x = min(max(int(np.rint(x)), 0), width - 1)
-    at_y = min(max(int(np.rint(y)), 0), height - 1)
-    turn = turn_between(style_bins, at_x, at_y, direction)
-    c, s = cosines[turn, 0], cosines[turn, 1]
+    at_x = min(max(int(np.rint(x)), 0), style.width - 1)
+    at_y = min(max(int(np.rint(y)), 0), style.height - 1)
+    turn = turn_between(style.bins, at_x, at_y, direction)
+    c, s = style.cosines[turn, 0], style.cosines[turn, 1]
     return x + (c * dx - s * dy), y + (s * dx + c * dy)
 
 
 @kernel
-def unit(word: Any) -> np.float32:
+def unit(word: int | np.unsignedinteger) -> np.float32:
     """Convert a 32-bit random word to float32 in [0, 1)."""
     return np.float32(np.uint64(word) >> np.uint64(8)) * _UNIT
 
@@ -200,6 +214,7 @@ def _candidates(pixel: Pixel, inputs: Inputs, it: Iteration, out: Array) -> int:
     """Write the candidate offsets of the neighbours in time and space and of the ribbons; returns their number."""
     height, width, _ = inputs.offsets.shape
     style_height, style_width = inputs.style.shape[0] - 2 * it.pad, inputs.style.shape[1] - 2 * it.pad
+    style = StyleDirections(inputs.style_bins, inputs.cosines, style_width, style_height)
     x, y, count = pixel.x, pixel.y, 0
     if inputs.advected_colours.size and inputs.advected[y, x, 0] > _NOWHERE:
         out[0] = inputs.advected[y, x]
@@ -213,7 +228,7 @@ def _candidates(pixel: Pixel, inputs: Inputs, it: Iteration, out: Array) -> int:
         other = inputs.bins[y + dy, x + dx] if inputs.bins.size else NO_DIRECTION
         found = extrapolated_offset(
             inputs.offsets[y + dy, x + dx, 0], inputs.offsets[y + dy, x + dx, 1], np.float32(-dx), np.float32(-dy),
-            other, inputs.style_bins, inputs.cosines, style_width, style_height,
+            other, style,
         )  # fmt: skip
         out[count, 0], out[count, 1] = found
         count += 1

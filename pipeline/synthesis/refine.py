@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from pipeline.synthesis.images import Bytes, Offsets, Style
@@ -48,6 +46,6 @@ def colours(style: Style, offsets: Offsets) -> Bytes:
     return np.ascontiguousarray(style.colours[y, x])
 
 
-def show(ops: Operations[Any], style: LoadedStyle[Any], offsets: Any) -> Bytes:
+def show(ops: Operations[T], style: LoadedStyle[T], offsets: T) -> Bytes:
     """Render offsets that are arrays of `ops`, and download the picture, uint8 (h, w, 3 or 4)."""
     return colours(style.style, ops.fetch(offsets))

@@ -3,7 +3,7 @@
 Node (x, y) of the lattice is the top left corner of pixel (x, y); the frame spans (0, 0) to (width, height). An edge
 joins two adjacent nodes and separates two different labels. Both regions use the same nodes: however nodes move, no gap
 and no overlap opens between neighbours. The left border of the frame is part of the graph, with label 0 outside, so
-that a scanline needs no start value (`pipeline.vector.fill`).
+that a scanline starts at 0 (`pipeline.vector.fill`).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pipeline.jit import kernel
 Positions = NDArray[np.float32]
 """float32 (nodes, 2): x, y in px of the label map."""
 EDGE = np.dtype([("start", np.int32), ("end", np.int32), ("left", np.int32), ("right", np.int32)])
-"""A directed edge: its nodes, and the labels to the left and right of one who walks it on a screen (y down)."""
+"""A directed edge: its two nodes, and the labels to its left and right on the screen (y points down)."""
 
 
 _CONTRAST = np.float32(400)
@@ -45,12 +45,12 @@ def find_borders(labels: Labels) -> Borders:
     """The border graph of a label map, int32 (height, width), labels > 0."""
     height, width = labels.shape
     count = _count_edges(labels) + height
-    edges = np.empty((count, 4), np.int32)
+    edges = np.empty(count, EDGE)
     lattice = np.empty((2 * count + 2, 2), np.int32)
     rows = np.empty(height + 2, np.int32)
     nodes = _find(labels, edges, lattice, rows)
     lattice = lattice[:nodes]
-    return Borders(lattice.astype(np.float32), lattice, edges.view(EDGE)[:, 0], rows, (width, height))
+    return Borders(lattice.astype(np.float32), lattice, edges, rows, (width, height))
 
 
 def align_borders(borders: Borders, labels: Labels, lab: NDArray[np.uint8], flow: Flow) -> Borders:
@@ -68,7 +68,7 @@ def align_borders(borders: Borders, labels: Labels, lab: NDArray[np.uint8], flow
         flow: float32 (height, width, 2), from the previous frame, px.
     """
     positions = borders.positions.copy()
-    _align(positions, borders.lattice, borders.edges.view(np.int32).reshape(-1, 4), labels, lab, flow)
+    _align(positions, borders.lattice, borders.edges, labels, lab, flow)
     return Borders(positions, borders.lattice, borders.edges, borders.rows, borders.size)
 
 
@@ -85,7 +85,7 @@ def _count_edges(labels: Labels) -> int:
 
 
 @kernel
-def _find(labels: Labels, edges: NDArray[np.int32], lattice: NDArray[np.int32], rows: NDArray[np.int32]) -> int:
+def _find(labels: Labels, edges: NDArray[np.void], lattice: NDArray[np.int32], rows: NDArray[np.int32]) -> int:
     """Fill `edges`, `lattice` and `rows`; the number of nodes."""
     height, width = labels.shape
     here = np.full(width + 1, -1, np.int32)
@@ -115,15 +115,15 @@ def _find(labels: Labels, edges: NDArray[np.int32], lattice: NDArray[np.int32], 
                     here[x + 1] = nodes
                     lattice[nodes, 0], lattice[nodes, 1] = x + 1, y
                     nodes += 1
-                edges[used, 0], edges[used, 1] = here[x], here[x + 1]
-                edges[used, 2], edges[used, 3] = above[x], row[x]
+                edges[used]["start"], edges[used]["end"] = here[x], here[x + 1]
+                edges[used]["left"], edges[used]["right"] = above[x], row[x]
                 used += 1
             if kinds[x] & 1:
                 below[x] = nodes
                 lattice[nodes, 0], lattice[nodes, 1] = x, y + 1
                 nodes += 1
-                edges[used, 0], edges[used, 1] = here[x], below[x]
-                edges[used, 2], edges[used, 3] = row[x], row[x - 1] if x > 0 else 0
+                edges[used]["start"], edges[used]["end"] = here[x], below[x]
+                edges[used]["left"], edges[used]["right"] = row[x], row[x - 1] if x > 0 else 0
                 used += 1
         here, below = below, here
         below[:] = -1
@@ -133,7 +133,7 @@ def _find(labels: Labels, edges: NDArray[np.int32], lattice: NDArray[np.int32], 
 
 @kernel
 def _align(
-    positions: Positions, lattice: NDArray[np.int32], edges: NDArray[np.int32], labels: Labels, lab: NDArray[np.uint8],
+    positions: Positions, lattice: NDArray[np.int32], edges: NDArray[np.void], labels: Labels, lab: NDArray[np.uint8],
     flow: Flow,
 ) -> None:  # fmt: skip
     count = positions.shape[0]
@@ -141,9 +141,9 @@ def _align(
     moves = np.zeros((count, 2), np.float32)
     counts = np.zeros((count, 2), np.float32)
     for k in range(edges.shape[0]):
-        if edges[k, 3] == 0:
+        if edges[k]["right"] == 0:
             continue
-        a, b = edges[k, 0], edges[k, 1]
+        a, b = edges[k]["start"], edges[k]["end"]
         x, y = lattice[a, 0], lattice[a, 1]
         if flow[y, x, 0] == 0.0 and flow[y, x, 1] == 0.0:
             continue

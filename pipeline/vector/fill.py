@@ -1,12 +1,14 @@
-"""Regions to pixels: every pixel is the average of the colours that cover it, by exact area.
+"""Rasterisation of regions: each pixel is the mean of the colours that cover it, weighted by exact area.
 
 A row of a piecewise constant picture is the running sum of its colour steps. An edge between two colours adds its
 step, weighted with the area to its right, to the pixels it crosses; a running sum along the row then gives the
-coverage anti-aliased picture. Neighbours share edges, so coverage sums to 1 in every pixel, junctions included, and
-the inside of a region has exactly its colour: sums are integers.
+coverage anti-aliased picture. Neighbours share edges, so coverage sums to 1 in every pixel, junctions included. Sums
+are integers, so pixels inside a region have exactly its colour.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +19,17 @@ from pipeline.jit import kernel
 from pipeline.vector.borders import Borders
 
 _UNITS = 256
-"""Units a pixel of fixed-point positions; coverage is in units of 1 / 65536."""
+"""Units per pixel of fixed-point positions; coverage is in units of 1 / 65536."""
 _BAND_ROWS = 32
 """Rows that are filled at a time: their sums stay in the processor's cache."""
+
+
+class ColourStep(NamedTuple):
+    """Change of the colour across an edge, from right to left, levels."""
+
+    red: np.int32
+    green: np.int32
+    blue: np.int32
 
 
 def fill_regions(
@@ -37,13 +47,12 @@ def fill_regions(
     width, height = size
     scale = np.array([width, height], np.float64) / borders.size
     places = np.rint(borders.positions * (scale * _UNITS).astype(np.float32)).astype(np.int32)
-    edges = borders.edges.view(np.int32).reshape(-1, 4)
     reach = np.abs(borders.positions[:, 1] - borders.lattice[:, 1]).max(initial=0.0)
     spans = _row_spans(borders.rows, float(scale[1]), float(reach), height)
     steps = colours.astype(np.int32)
     steps[0] = 0
     out = np.empty((height, width, 3), np.uint8)
-    background.rows(lambda first, last: _fill(places, edges, spans, steps, out, first, last), height)
+    background.rows(lambda first, last: _fill(places, borders.edges, spans, steps, out, first, last), height)
     return out
 
 
@@ -57,7 +66,7 @@ def _row_spans(rows: NDArray[np.int32], scale: float, reach: float, height: int)
 
 @kernel
 def _fill(
-    places: NDArray[np.int32], edges: NDArray[np.int32], spans: NDArray[np.int32], colours: NDArray[np.int32],
+    places: NDArray[np.int32], edges: NDArray[np.void], spans: NDArray[np.int32], colours: NDArray[np.int32],
     out: Frame, first: int, last: int,
 ) -> None:  # fmt: skip
     width = out.shape[1]
@@ -65,29 +74,29 @@ def _fill(
     for top in range(first, last, _BAND_ROWS):
         bottom = min(top + _BAND_ROWS, last)
         for k in range(spans[top, 0], spans[bottom - 1, 1]):
-            _add_edge(places, edges, k, colours, top, bottom, width, sums)
+            _add_edge(places, edges[k], colours, top, bottom, width, sums)
         for y in range(top, bottom):
             _write_row(sums[y - top], out[y])
 
 
 @kernel
 def _add_edge(
-    places: NDArray[np.int32], edges: NDArray[np.int32], k: int, colours: NDArray[np.int32], top: int, bottom: int,
+    places: NDArray[np.int32], edge: np.void, colours: NDArray[np.int32], top: int, bottom: int,
     width: int, sums: NDArray[np.int32],
 ) -> None:  # fmt: skip
     """Add an edge's colour steps to the rows [top, bottom) that it crosses."""
-    x0, y0 = places[edges[k, 0], 0], places[edges[k, 0], 1]
-    x1, y1 = places[edges[k, 1], 0], places[edges[k, 1], 1]
-    one, two = edges[k, 2], edges[k, 3]
+    x0, y0 = places[edge["start"], 0], places[edge["start"], 1]
+    x1, y1 = places[edge["end"], 0], places[edge["end"], 1]
+    one, two = edge["left"], edge["right"]
     if y0 == y1 or one == two:
         return
     if y0 > y1:
         x0, y0, x1, y1 = x1, y1, x0, y0
         one, two = two, one
-    red = colours[one, 0] - colours[two, 0]
-    green = colours[one, 1] - colours[two, 1]
-    blue = colours[one, 2] - colours[two, 2]
-    if red == 0 and green == 0 and blue == 0:
+    step = ColourStep(
+        colours[one, 0] - colours[two, 0], colours[one, 1] - colours[two, 1], colours[one, 2] - colours[two, 2]
+    )
+    if step.red == 0 and step.green == 0 and step.blue == 0:
         return
     low, high = max(y0, np.int32(top << 8)), min(y1, np.int32(bottom << 8))
     if low >= high:
@@ -99,36 +108,35 @@ def _add_edge(
         row = ya >> 8
         yb = min(np.int32((row + 1) << 8), high)
         xb = np.int32(x0 + run * (yb - y0) // rise) if yb != y1 else x1
-        _add_part(sums, row - top, width, xa, xb, yb - ya, red, green, blue)
+        _add_part(sums, row - top, width, (xa, xb), yb - ya, step)
         xa, ya = xb, yb
 
 
 @kernel
 def _add_part(
-    sums: NDArray[np.int32], row: int, width: int, xa: np.int32, xb: np.int32, tall: np.int32, red: np.int32,
-    green: np.int32, blue: np.int32,
-) -> None:  # fmt: skip
-    """Add the part of an edge within one row, from x = `xa` to `xb`, `tall` units high."""
-    left, right = min(xa, xb), max(xa, xb)
+    sums: NDArray[np.int32], row: int, width: int, span: tuple[np.int32, np.int32], tall: np.int32, step: ColourStep
+) -> None:
+    """Add the part of an edge within one row, which has its ends at the x positions `span` and is `tall` units high."""
+    left, right = min(span[0], span[1]), max(span[0], span[1])
     wide = right - left
-    start, rest = left, tall
+    start, remaining = left, tall
     while True:
         column = start >> 8
         stop = min(np.int32((column + 1) << 8), right)
-        part = rest if stop == right else np.int32(np.int64(tall) * (stop - start) // wide)
+        part = remaining if stop == right else np.int32(np.int64(tall) * (stop - start) // wide)
         inside = ((start + stop) >> 1) - (column << 8)
         if column < 0:
             column, inside = np.int32(0), np.int32(0)
         if column < width:
             near, far = part * (256 - inside), part * inside
             at = 3 * column
-            sums[row, at] += near * red
-            sums[row, at + 1] += near * green
-            sums[row, at + 2] += near * blue
-            sums[row, at + 3] += far * red
-            sums[row, at + 4] += far * green
-            sums[row, at + 5] += far * blue
-        rest -= part
+            sums[row, at] += near * step.red
+            sums[row, at + 1] += near * step.green
+            sums[row, at + 2] += near * step.blue
+            sums[row, at + 3] += far * step.red
+            sums[row, at + 4] += far * step.green
+            sums[row, at + 5] += far * step.blue
+        remaining -= part
         if stop == right:
             return
         start = stop

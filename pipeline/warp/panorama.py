@@ -6,6 +6,7 @@ A placement maps a rectangle of a frame to the panorama: a homography plus a res
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -51,6 +52,21 @@ class Placement:
         return (apply(self.matrix, points) + residual).astype(np.float32)
 
 
+class _FullSizeGrid(NamedTuple):
+    """Relation of full-size pixels to working pixels, (x, y) each.
+
+    Attributes:
+        corner: top left of the rectangle, working px; first: of its pixels, px.
+        ratio: width and height of a working pixel, px.
+        origin: first pixel of the panorama, px.
+    """
+
+    corner: tuple[int, int]
+    first: tuple[int, int]
+    ratio: tuple[float, float]
+    origin: tuple[int, int]
+
+
 def full_map(placement: Placement, ratio: tuple[float, float], size: tuple[int, int], origin: tuple[int, int]) -> tuple[
     Rect, Plane, Plane
 ]:  # fmt: skip
@@ -68,18 +84,14 @@ def full_map(placement: Placement, ratio: tuple[float, float], size: tuple[int, 
     )  # fmt: skip
     shape = rect[3] - rect[1], rect[2] - rect[0]
     x, y = np.empty(shape, np.float32), np.empty(shape, np.float32)
-    _full_map(
-        placement.residual.astype(np.float32), placement.matrix, left, top, rect[0], rect[1], ratio[0], ratio[1],
-        origin[0], origin[1], x, y,
-    )  # fmt: skip
+    grid = _FullSizeGrid((left, top), (rect[0], rect[1]), ratio, origin)
+    _full_map(placement.residual.astype(np.float32), placement.matrix, grid, x, y)
     return rect, x, y
 
 
 @kernel
-def _full_map(
-    residual: NDArray[np.float32], m: Homography, left: int, top: int, x0: int, y0: int, rx: float, ry: float, ox: int,
-    oy: int, out_x: Plane, out_y: Plane,
-) -> None:  # fmt: skip
+def _full_map(residual: NDArray[np.float32], m: Homography, grid: _FullSizeGrid, out_x: Plane, out_y: Plane) -> None:
+    (left, top), (x0, y0), (rx, ry), (ox, oy) = grid
     rows, columns = residual.shape[:2]
     for i in range(out_x.shape[0]):
         y = (y0 + i + 0.5) / ry - 0.5

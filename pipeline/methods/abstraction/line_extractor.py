@@ -1,4 +1,4 @@
-"""The line layer: difference-of-Gaussians ink that holds still."""
+"""The line layer: difference-of-Gaussians ink that is coherent over time."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Arrays, State
 from pipeline.frames import Flow, Plane
-from pipeline.lines.coherent import Ink, Past, keep_strokes
+from pipeline.lines.coherent import Ink, PreviousInk, StrokeLimits, keep_strokes
 from pipeline.lines.dog import dog_response, soft_threshold
 from pipeline.methods.abstraction.flow_lines import FlowLines
 from pipeline.methods.abstraction.params import AbstractionParams
 
 TAU = 0.99
-"""Weight of the wider Gaussian; a flat area then answers with -1 % of its gray level, safely below any threshold."""
+"""Weight of the wider Gaussian. The response of a flat area is -1 % of its gray level, below any threshold."""
 FINEST_PX = 0.7
-"""A narrower Gaussian than this sees pixels, not lines."""
+"""Smallest standard deviation of the narrower Gaussian; a smaller one would respond to single pixels."""
 WEAK, STRONG = 64, 153
-"""Hysteresis on ink: what a stroke needs everywhere, and somewhere."""
+"""Hysteresis thresholds on ink, see `StrokeLimits`."""
 RIM = np.ones((3, 3), np.uint8)
 
 
@@ -32,7 +32,7 @@ class LineExtractor:
         self.shrink = max(1, round(sigma_px))
         self.small = (max(1, size[0] // self.shrink), max(1, size[1] // self.shrink))
         self.sigma_px = sigma_px / self.shrink
-        self.shortest_px = params.line_length / 1000 * self.small[1]
+        self.limits = StrokeLimits(WEAK, STRONG, params.line_length / 1000 * self.small[1])
         self.last: Ink | None = None
         flows = params.lines == "flow"
         self.flow_lines = FlowLines(self.sigma_px, TAU, params.steadiness, self.shrink) if flows else None
@@ -43,14 +43,14 @@ class LineExtractor:
         Args:
             gray: uint8 (h, w), denoised.
             importance: float32, any size.
-            flow: from the previous frame, px; None = nothing is known of the past.
+            flow: from the previous frame, px; None = a shot begins.
         """
         small = cv2.resize(gray, self.small, interpolation=cv2.INTER_AREA).astype(np.float32)
         weight = np.asarray(cv2.resize(importance, self.small, interpolation=cv2.INTER_LINEAR), np.float32)
         response = self._respond(small, weight, flow)
         ink = soft_threshold(response, weight, self.params.line_threshold, self.params.line_sharpness)
-        past = None if flow is None or self.last is None else Past(self.last, flow, self.shrink)
-        keep = keep_strokes(ink, past, weight, WEAK, STRONG, self.shortest_px)
+        past = None if flow is None or self.last is None else PreviousInk(self.last, flow, self.shrink)
+        keep = keep_strokes(ink, past, weight, self.limits)
         # One pixel more on each side keeps the soft rim of a stroke.
         drawn = np.asarray(cv2.bitwise_and(ink, cv2.dilate(keep, RIM)), np.uint8)
         self.last = drawn

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Arrays, State
 from pipeline.frames import Flow, Plane
-from pipeline.lines.coherent import Ink, Past, keep_strokes
+from pipeline.lines.coherent import Ink, PreviousInk, keep_strokes
 from pipeline.lines.coverage import blend_opacity, blend_response, draw_lines, line_field
 from pipeline.lines.dog import soft_threshold
-from pipeline.methods.abstraction.line_extractor import STRONG, WEAK, LineExtractor
+from pipeline.methods.abstraction.line_extractor import LineExtractor
 from pipeline.methods.abstraction.params import AbstractionParams
 
 NEIGHBOURHOOD = np.ones((5, 5), np.uint8)
@@ -39,8 +39,8 @@ class SharpLineExtractor(LineExtractor):
             response = blend_response(response, self.response, flow, self.shrink, params.paint_memory)
         self.response = response
         ink = soft_threshold(response, weight, params.line_threshold, params.line_sharpness)
-        past = None if flow is None or self.last is None else Past(self.last, flow, self.shrink)
-        keep = keep_strokes(ink, past, weight, WEAK, STRONG, self.shortest_px)
+        past = None if flow is None or self.last is None else PreviousInk(self.last, flow, self.shrink)
+        keep = keep_strokes(ink, past, weight, self.limits)
         self.last = np.asarray(cv2.bitwise_and(ink, keep), np.uint8)
         self.opacity = self._opacity(self.last, flow)
         field = line_field(response, weight, params.line_threshold, max(1, round(2 * self.sigma_px)))

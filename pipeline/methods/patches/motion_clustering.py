@@ -20,7 +20,7 @@ from pipeline.jit import kernel
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.window_flow import WindowFlow, textured
 from pipeline.segmentation.components import absorb_specks
-from pipeline.segmentation.foreground import CERTAIN, carry_foreground
+from pipeline.segmentation.foreground import USER_WEIGHT, propagate_foreground
 from pipeline.segmentation.motion_groups import motion_groups
 from pipeline.segmentation.random_walk import Edges, motion_edges, vote
 from pipeline.warp.homography import deviation, dominant, fit
@@ -201,7 +201,7 @@ def _foreground(
     if user_mask is None and not state.foregrounds:
         return None
     choices, weights = link_votes(state.foregrounds, flow, index, motion, params)
-    foreground = carry_foreground(choices, weights, motion.small, edges, user_mask)
+    foreground = propagate_foreground(choices, weights, motion.small, edges, user_mask)
     state.foregrounds[index] = np.where(foreground, 2, 1).astype(np.int32)
     return foreground
 
@@ -211,7 +211,7 @@ def _with_mask_votes(votes: Votes, foreground: Mask) -> Votes:
     choices, weights = votes
     contradicts = (choices == BACKGROUND) == foreground
     weights = np.where(contradicts, 0, weights).astype(np.float32)
-    choices[0], weights[0] = np.where(foreground, 0, BACKGROUND), np.where(foreground, 0, CERTAIN)
+    choices[0], weights[0] = np.where(foreground, 0, BACKGROUND), np.where(foreground, 0, USER_WEIGHT)
     return choices, weights
 
 

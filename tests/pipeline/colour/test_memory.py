@@ -1,4 +1,4 @@
-"""Temporal blending of colours: changes fade, borders that move stay sharp."""
+"""Temporal blending of colours: changes fade, moving borders stay sharp."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def test_border_mask_covers_both_sides() -> None:
     assert (mask[:, 9:11] == 255).all() and (mask[:, :8] == 0).all() and (mask[:, 12:] == 0).all()
 
 
-def test_only_borders_that_move_are_marked() -> None:
+def test_only_moving_borders_are_marked() -> None:
     flow = np.zeros((10, 20, 2), np.float32)
     flow[5:, :, 1] = 1.5
     moving = moving_borders(halves(), flow)
@@ -42,7 +42,7 @@ def test_colours_are_blended_by_weight() -> None:
     assert made[0, 0, 0] == pytest.approx(55, abs=1) and made[0, 19, 0] == pytest.approx(150, abs=1)
 
 
-def test_a_border_that_moves_is_blended_less_than_a_region_that_has_gone() -> None:
+def test_moving_borders_are_blended_less_than_vanished_regions() -> None:
     flat = COLOURS[halves()]
     shifted = np.roll(flat, 1, axis=1)
     still, moving = (np.abs(blended(shifted, 200, moving=m).astype(int) - flat)[:, 2:].max() for m in (False, True))

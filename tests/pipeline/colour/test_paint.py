@@ -1,4 +1,4 @@
-"""Regions and ink to pixels."""
+"""Drawing of regions and ink."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_ink_covers_by_its_opacity(opacity: float) -> None:
     np.testing.assert_array_equal(made[1], before[1])
 
 
-def test_full_ink_covers_wholly_and_none_changes_nothing() -> None:
+def test_full_ink_covers_completely_and_no_ink_changes_nothing() -> None:
     picture: Frame = np.arange(16 * 16 * 3, dtype=np.int64).reshape(16, 16, 3).astype(np.uint8)
     before = picture.copy()
     np.testing.assert_array_equal(overlay(picture.copy(), np.zeros((16, 16), np.uint8), (14, 11, 16)), before)

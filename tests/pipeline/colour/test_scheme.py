@@ -1,4 +1,4 @@
-"""Colour scheme replacement: equations 1 to 3 by hand, circular hue, what is counted, and refusals."""
+"""Colour scheme replacement: equations 1 to 3, circular hue, statistics, invalid input."""
 
 import json
 from typing import Any
@@ -59,7 +59,7 @@ def test_hue_is_circular() -> None:
     assert ((table >= 0) & (table < 360)).all()
 
 
-def test_turning_the_histogram_turns_the_table() -> None:
+def test_rotating_the_histogram_rotates_the_table() -> None:
     rng = np.random.default_rng(0)
     hue = rng.random(360) ** 4
     for turn in (1, 77, 200):
@@ -104,13 +104,13 @@ def test_saturation_and_value_by_hand() -> None:
     assert target[0, 2] == pytest.approx(0.9 * (2 / 3 + 1 / 3 * 0.4 / 0.8))
 
 
-def test_a_reference_like_the_frame_changes_nothing() -> None:
+def test_a_reference_equal_to_the_frame_changes_nothing() -> None:
     colours = np.array([[12.3, 0.5, 0.5], [359.7, 0.05, 1.0], [180.0, 1.0, 0.0]])
     tone = Tone(0.4, 0.2, 0.5)
     np.testing.assert_allclose(apply(stats({}, tone), tone, colours), colours, atol=1e-12)
 
 
-def test_mean_and_spread_of_saturation_become_the_reference_s() -> None:
+def test_mean_and_deviation_of_saturation_match_the_reference() -> None:
     rng = np.random.default_rng(1)
     colours = np.column_stack([rng.random(500) * 360, rng.normal(0.4, 0.05, 500), rng.random(500)])
     frame = Tone(float(colours[:, 1].mean()), float(colours[:, 1].std()), 0.5)
@@ -126,7 +126,7 @@ def test_lambda_one_keeps_brightness_and_black_stays_black() -> None:
     np.testing.assert_allclose(apply(reference, frame, colours, 0.0)[:, 2], [0.9, 0.0])
 
 
-def test_a_gray_region_stays_gray_unless_the_paper_is_followed_to_the_letter() -> None:
+def test_a_gray_region_stays_gray_unless_achromatic_is_zero() -> None:
     reference, frame = stats({30: 1}, Tone(0.8, 0.1, 0.5)), Tone(0.4, 0.2, 0.5)
     gray = [[30.0, 0.0, 0.9]]
     assert apply(reference, frame, gray)[0, 1] == 0
@@ -141,7 +141,7 @@ def test_targets_are_clipped_and_finite_even_for_a_flat_black_frame() -> None:
     assert (target[:, 1:] <= 1).all()
 
 
-def test_hue_is_read_smoothly_between_degrees_and_across_zero() -> None:
+def test_hue_is_interpolated_between_degrees_and_across_zero() -> None:
     reference, tone = stats({358: 1, 4: 1}), Tone(0.5, 0.2, 0.5)
     hues = np.array([359.5, 359.99, 0.0, 360.0, 0.25])
     target = apply(reference, tone, np.column_stack([hues, np.full((5, 2), 0.5)]))
@@ -163,7 +163,7 @@ def test_gray_and_dark_pixels_have_no_hue() -> None:
     assert learnt.hue[198:203].sum() == pytest.approx(1)
 
 
-def test_dark_pixels_have_no_saturation_but_do_have_a_value() -> None:
+def test_dark_pixels_count_for_value_only() -> None:
     frame = flat((200, 0.5, 0.8))
     frame[:12] = flat((20, 1.0, 0.1))[:12]
     tone = measure(frame)
@@ -172,7 +172,7 @@ def test_dark_pixels_have_no_saturation_but_do_have_a_value() -> None:
     assert tone.value_mean == pytest.approx(0.45, abs=0.01)
 
 
-def test_learning_streams_and_sums_over_all_frames() -> None:
+def test_statistics_are_summed_over_all_frames() -> None:
     half = [flat((40, 0.6, 0.9)), flat((220, 0.2, 0.3))]
     learnt = learn(iter(half))
     assert learnt.hue[38:43].sum() == pytest.approx(0.5)
@@ -191,7 +191,7 @@ def test_large_frames_are_sampled_evenly() -> None:
     assert sampled.value_mean == pytest.approx(exact.value_mean, abs=0.01)
 
 
-def test_a_gray_reference_takes_the_colour_away() -> None:
+def test_a_gray_reference_removes_colour() -> None:
     learnt = learn([np.full((20, 20, 3), 128, np.uint8)])
     assert not learnt.hue.any()
     target = apply(learnt, Tone(0.5, 0.2, 0.5), [[77.0, 0.5, 0.5]])
@@ -199,12 +199,12 @@ def test_a_gray_reference_takes_the_colour_away() -> None:
     assert target[0, 1] == 0
 
 
-def test_a_reference_without_frames_is_refused() -> None:
+def test_a_reference_without_frames_is_rejected() -> None:
     with pytest.raises(BadInput, match="no frames"):
         learn(iter([]))
 
 
-def test_a_picture_takes_on_the_reference_s_hue() -> None:
+def test_a_picture_takes_the_hue_of_the_reference() -> None:
     """End to end: an orange and a green region, a reference all in reddish orange."""
     reference = learn([flat((20, 0.7, 0.8))])
     regions = srgb_to_hsv(np.array([[0.9, 0.5, 0.2], [0.2, 0.8, 0.3]]))
@@ -216,7 +216,7 @@ def test_a_picture_takes_on_the_reference_s_hue() -> None:
 # --- smoothing over time
 
 
-def test_tone_is_smoothed_with_the_half_life_and_a_cut_starts_afresh() -> None:
+def test_tone_is_smoothed_with_the_half_life_and_reset_at_a_cut() -> None:
     tracker = ToneTracker(half_life_frames=2)
     tracker.step(Tone(0, 0, 0))
     tracker.step(Tone(1, 1, 1))
@@ -230,7 +230,7 @@ def test_half_life_zero_does_not_smooth() -> None:
     assert tracker.step(Tone(0.1, 0.2, 0.3)) == Tone(0.1, 0.2, 0.3)
 
 
-def test_a_restored_tracker_goes_on_to_the_bit() -> None:
+def test_a_restored_tracker_continues_with_the_same_bytes() -> None:
     rng = np.random.default_rng(3)
     tones = [Tone(*rng.random(3).tolist()) for _ in range(9)]
     first, second = ToneTracker(), ToneTracker()
@@ -283,7 +283,7 @@ def test_learnt_stats_survive_json() -> None:
         (given(value_mean=None), "reference.value_mean"),
     ],
 )
-def test_a_bad_histogram_is_refused_by_name(data: object, field: str) -> None:
+def test_an_invalid_histogram_is_rejected_with_its_field(data: object, field: str) -> None:
     with pytest.raises(BadInput) as refusal:
         from_histogram(data)
     assert refusal.value.field == field

@@ -21,7 +21,7 @@ def test_lab_agrees_with_scikit_image_and_opencv() -> None:
     np.testing.assert_allclose(srgb_to_lab(CUBE), fast, atol=0.35)
 
 
-def test_lab_goes_back() -> None:
+def test_lab_conversion_is_invertible() -> None:
     np.testing.assert_allclose(lab_to_srgb(srgb_to_lab(CUBE)), CUBE, atol=1e-6)
 
 
@@ -37,7 +37,7 @@ def test_hsv_of_known_colours_and_back() -> None:
     np.testing.assert_allclose(hsv_to_srgb(srgb_to_hsv(CUBE)), CUBE, atol=1e-5)
 
 
-def test_shapes_are_kept_even_empty_ones() -> None:
+def test_shapes_are_kept_including_empty_ones() -> None:
     for convert in (srgb_to_lab, lab_to_srgb, srgb_to_hsv, hsv_to_srgb):
         assert convert(np.zeros((0, 3))).shape == (0, 3)
         assert convert(np.zeros((2, 5, 3))).shape == (2, 5, 3)

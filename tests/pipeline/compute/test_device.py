@@ -1,4 +1,4 @@
-"""Devices: chosen by what works, kernels right at odd sizes, errors that say what to do."""
+"""Device selection, kernels at odd sizes, and error messages."""
 
 from __future__ import annotations
 
@@ -48,14 +48,14 @@ def listed(monkeypatch: pytest.MonkeyPatch) -> list[Found]:
     return rows
 
 
-def test_a_gpu_comes_before_a_cpu_and_broken_ones_never(listed: list[Found]) -> None:
+def test_a_working_gpu_is_preferred_to_a_cpu(listed: list[Found]) -> None:
     listed += [found("cpu"), found("broken", "gpu", fault="build failed"), found("card", "gpu")]
     assert choice.choose().device == "card"
     assert choice.choose("cpu").device == "cpu"
     assert choice.choose("CAR").device == "card"
 
 
-def test_what_was_named_is_not_replaced_by_something_else(listed: list[Found]) -> None:
+def test_a_requested_device_is_not_replaced_by_another(listed: list[Found]) -> None:
     listed += [found("one"), found("two", fault="build failed")]
     for wanted in ("gpu", "two", "three"):
         with pytest.raises(DeviceError) as caught:
@@ -71,7 +71,7 @@ def test_the_report_gives_every_device_a_reason(listed: list[Found]) -> None:
     assert "build failed" in str(rows["broken"]["reason"]) and not rows["broken"]["works"]
 
 
-def test_the_report_says_so_when_there_is_nothing(listed: list[Found]) -> None:
+def test_the_report_states_that_there_are_no_devices(listed: list[Found]) -> None:
     (row,) = report()
     assert not row["works"] and "impasto[cpu]" in str(row["reason"])
     with pytest.raises(DeviceError, match="No runtime is registered"):
@@ -83,7 +83,7 @@ def lines_of(*rows: Found, announce_only: bool = False) -> list[str]:
     return [line for row in made for line in (["?" + row] if announce_only else ["?" + row, row])]
 
 
-def test_a_device_that_kills_its_test_is_reported_and_the_next_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_after_a_device_that_kills_its_test_the_next_is_tested(monkeypatch: pytest.MonkeyPatch) -> None:
     calls: list[int] = []
 
     def child(skip: int, timeout_s: float) -> tuple[list[str], str]:
@@ -100,7 +100,7 @@ def test_a_device_that_kills_its_test_is_reported_and_the_next_is_asked(monkeypa
     assert "signal 11" in asked[1].fault
 
 
-def test_a_listing_that_fails_is_not_tried_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_listing_that_fails_is_tried_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(probe, "_child", lambda skip, timeout_s: ([], "was killed by signal 11"))
     assert probe._ask_all() == ([], "Listing the OpenCL devices failed: was killed by signal 11.")
 
@@ -115,7 +115,7 @@ def test_a_child_that_hangs_is_ended(monkeypatch: pytest.MonkeyPatch, tmp_path: 
 
 
 @pytest.mark.real("opencl")
-def test_verdicts_are_kept_and_asked_anew_on_demand(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_test_results_are_cached_and_renewed_on_demand(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(probe.runtime, "cache_folder", lambda: tmp_path)
     asked: list[int] = []
     real = probe._child
@@ -129,7 +129,7 @@ def test_verdicts_are_kept_and_asked_anew_on_demand(monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.real("opencl")
 @pytest.mark.parametrize("size", [(1, 1), (63, 17), (131, 5)], ids=str)
-def test_a_kernel_covers_every_pixel_of_any_size_and_no_more(source: Path, size: tuple[int, int]) -> None:
+def test_a_kernel_covers_exactly_the_pixels_of_any_size(source: Path, size: tuple[int, int]) -> None:
     one = device()
     x = np.random.default_rng(0).random((size[1], size[0]), dtype=np.float32)
     y = one.upload(np.full((size[1] + 1, size[0]), -1, np.float32))
@@ -141,7 +141,7 @@ def test_a_kernel_covers_every_pixel_of_any_size_and_no_more(source: Path, size:
 
 
 @pytest.mark.real("opencl")
-def test_a_sequence_is_run_in_order_and_over_again(source: Path) -> None:
+def test_a_sequence_of_launches_runs_in_order_and_repeatedly(source: Path) -> None:
     one = device()
     y, x = one.zeros((3, 5)), one.zeros((3, 5))
     grow = one.kernel(source, "grow", {"SHIFT": "0.0f"}).at((15,), y, 15)
@@ -177,7 +177,7 @@ def test_a_process_has_one_device(source: Path) -> None:
 
 
 @pytest.mark.real("opencl")
-def test_a_kernel_that_does_not_compile_says_why(tmp_path: Path) -> None:
+def test_a_build_error_contains_the_build_log(tmp_path: Path) -> None:
     file = tmp_path / "wrong.cl"
     file.write_text("kernel void wrong(global float *y /* 1 */) { y[0] = nonsense; }")
     with pytest.raises(DeviceError, match="nonsense") as caught:
@@ -186,7 +186,7 @@ def test_a_kernel_that_does_not_compile_says_why(tmp_path: Path) -> None:
 
 
 @pytest.mark.real("opencl")
-def test_memory_in_no_use_is_given_back(source: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unused_memory_is_released(source: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     one = device()
     monkeypatch.setattr("pipeline.compute.opencl._IDLE_BYTES", 1 << 20)
     for side in range(100, 1100, 100):
@@ -210,9 +210,7 @@ def test_every_working_device_gives_the_same_bits(source: Path) -> None:
 
 
 @pytest.mark.parametrize(("floats", "works"), [(15, True), (14, False)])
-def test_an_array_that_is_smaller_than_declared_is_refused_before_the_launch(
-    source: Path, floats: int, works: bool
-) -> None:
+def test_an_array_smaller_than_declared_is_rejected(source: Path, floats: int, works: bool) -> None:
     one = device()
     grow = one.kernel(source, "grow", {"SHIFT": "0.0f"})
     if works:
@@ -222,7 +220,7 @@ def test_an_array_that_is_smaller_than_declared_is_refused_before_the_launch(
         grow((15,), one.zeros((floats,)), 15)
 
 
-def test_a_pointer_without_a_declared_size_is_refused(tmp_path: Path) -> None:
+def test_a_pointer_without_a_declared_size_is_rejected(tmp_path: Path) -> None:
     file = tmp_path / "bare.cl"
     file.write_text("kernel void bare(global float *y) { y[0] = 1.0f; }")
     with pytest.raises(DeviceError, match="declares no size"):

@@ -1,4 +1,4 @@
-"""What is prepared before pyopencl is first imported."""
+"""Registration of runtimes before the first import of pyopencl."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ def registered(monkeypatch: pytest.MonkeyPatch) -> list[object]:
     return calls
 
 
-def test_it_is_done_once(registered: list[object], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_registration_happens_once(registered: list[object], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("OCL_ICD_VENDORS", raising=False)
     runtime.prepare()
     runtime.prepare()
     assert registered == [runtime.intel_runtime()]
 
 
-def test_what_the_user_has_set_wins(registered: list[object], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_setting_of_the_user_takes_precedence(registered: list[object], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OCL_ICD_VENDORS", "/somewhere")
     runtime.prepare()
     assert registered == []
 
 
-def test_a_machine_without_the_runtime_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_runtime_nothing_is_registered(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("OCL_ICD_VENDORS", raising=False)
     monkeypatch.setattr(runtime, "_INTEL_PACKAGE", "no-such-package")
     assert runtime.intel_runtime() is None
@@ -41,7 +41,7 @@ def test_a_machine_without_the_runtime_is_left_alone(monkeypatch: pytest.MonkeyP
     assert "OCL_ICD_VENDORS" not in runtime.os.environ
 
 
-def test_a_runtime_that_cannot_be_loaded_is_not_offered(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_runtime_that_cannot_be_loaded_is_not_registered(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.delenv("OCL_ICD_VENDORS", raising=False)
     runtime._register(tmp_path / "libintelocl.so")
     assert "OCL_ICD_VENDORS" not in runtime.os.environ

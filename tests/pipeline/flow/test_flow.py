@@ -1,4 +1,4 @@
-"""Flow: one entry, known motion found, kernels bit for bit as their specification."""
+"""Optical flow: known motions, and kernels that equal their reference bit by bit."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_colour_and_gray_frames_give_the_same_flow(method: FlowMethod) -> None:
 @pytest.mark.real("opencl")
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("size", [(16, 16), (17, 131), (131, 17), (16, 400)], ids=str)
-def test_any_size(method: FlowMethod, size: tuple[int, int]) -> None:
+def test_any_size_is_accepted(method: FlowMethod, size: tuple[int, int]) -> None:
     flow = estimate(*pair(*size), method)
     assert flow.shape == (*size, 2) and np.isfinite(flow).all()
 
@@ -81,7 +81,7 @@ def test_dis_does_not_depend_on_the_number_of_threads(preset: str) -> None:
     assert all(np.array_equal(flows[0], other) for other in flows)
 
 
-def test_dis_remembers_nothing() -> None:
+def test_dis_does_not_depend_on_earlier_calls() -> None:
     previous, current = pair(60, 80)
     first = dis(previous, current)
     dis(*pair(131, 97))
@@ -119,7 +119,7 @@ def test_the_kernels_give_the_bits_of_the_reference(size: tuple[int, int], count
 
 @pytest.mark.real("opencl")
 @pytest.mark.parametrize("change", [{"texture_iterations": 0}, {"median": False}, {"texture_share": 0.5}], ids=str)
-def test_the_kernels_follow_the_reference_with_every_part_switched(change: dict[str, float]) -> None:
+def test_the_kernels_equal_the_reference_with_each_option(change: dict[str, float]) -> None:
     previous, current = pair(35, 49)
     params = TvL1(warps=2, iterations=4).model_copy(update=change)
     np.testing.assert_allclose(tvl1(previous, current, params, device()), tvl1(previous, current, params), atol=1e-5)
@@ -148,7 +148,7 @@ def test_tvl1_is_better_than_opencvs() -> None:
     assert ours < 0.8 * theirs
 
 
-def test_what_is_wrong_with_a_picture_is_named() -> None:
+def test_an_invalid_picture_is_named() -> None:
     good = np.zeros((32, 32, 3), np.uint8)
     for bad in (good.astype(float), good[:8], good[..., :2], np.zeros((8, 32), np.uint8), np.zeros((32, 32)), "x"):
         with pytest.raises(BadFrame) as caught:

@@ -1,4 +1,4 @@
-"""One flow, both ways: a thing that moves before a wall takes its own pixels along, and hides what it covers."""
+"""Inversion of a flow, with pixels that become hidden."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ def texture(seed: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("motion", [(3.0, -2.0), (0.5, 0.25), (0.0, 0.0)])
-def test_an_even_motion_turned_is_its_opposite(motion: tuple[float, float]) -> None:
+def test_the_inverse_of_a_uniform_flow_is_its_negative(motion: tuple[float, float]) -> None:
     way = np.full((*SHAPE, 2), motion, np.float32)
     found, seen = invert_flow(way, texture(1), texture(1))
     np.testing.assert_array_equal(found, -way)
     assert seen[6:-6, 6:-6].all()
 
 
-def test_a_square_before_a_wall_goes_and_what_it_will_cover_is_hidden() -> None:
+def test_pixels_covered_by_a_moving_square_are_hidden() -> None:
     wall, there, here = texture(2), texture(2), texture(2)
     there[10:20, 10:20] = 200  # where it was
     here[10:20, 16:26] = 200  # where it is now
@@ -36,7 +36,7 @@ def test_a_square_before_a_wall_goes_and_what_it_will_cover_is_hidden() -> None:
     assert (wall == texture(2)).all()
 
 
-def test_of_two_that_land_on_one_pixel_that_has_it_which_looks_like_it() -> None:
+def test_of_two_candidates_the_more_similar_one_is_used() -> None:
     there, here = np.full(SHAPE, 50, np.uint8), np.full(SHAPE, 50, np.uint8)
     here[20, 30], there[20, 33] = 200, 200
     back = np.zeros((*SHAPE, 2), np.float32)

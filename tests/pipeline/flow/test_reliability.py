@@ -39,7 +39,7 @@ def test_push_keeps_the_sum_of_what_stays_inside() -> None:
     assert (moved[..., 0] * weight).sum() == pytest.approx(16, rel=1e-5)
 
 
-def test_a_round_trip_along_opposite_flows_closes() -> None:
+def test_the_round_trip_error_of_opposite_flows_is_zero() -> None:
     there, back = constant(3, 1), constant(-3, -1)
     assert round_trip_px(there, back).max() < 1e-5
     assert visible(there, back).sum() == (24 - 1) * (32 - 3)
@@ -47,7 +47,7 @@ def test_a_round_trip_along_opposite_flows_closes() -> None:
     assert inside(there).sum() == (24 - 1) * (32 - 3)
 
 
-def test_a_motion_boundary_is_where_the_flow_jumps() -> None:
+def test_motion_boundaries_lie_at_flow_discontinuities() -> None:
     flow = constant(0, 0)
     flow[:, 16:] = 4
     edge = motion_boundary(flow)
@@ -62,7 +62,7 @@ def test_known_occlusions_are_found() -> None:
     assert seen[here.occluded_next].mean() < 0.15
 
 
-def test_estimated_flow_closes_where_a_point_is_seen_more_often_than_where_it_is_hidden() -> None:
+def test_the_visibility_test_separates_visible_from_hidden_points() -> None:
     made = scene("shapes", (256, 144), 6, 12.0)
     here, after = made.frame(3), made.image(4)
     seen = visible(estimate(here.image, after, "dis-medium"), estimate(after, here.image, "dis-medium"))
@@ -70,7 +70,7 @@ def test_estimated_flow_closes_where_a_point_is_seen_more_often_than_where_it_is
     assert seen[here.occluded_next].mean() < 0.7
 
 
-def test_the_residual_is_high_where_a_point_is_gone() -> None:
+def test_the_residual_is_high_at_hidden_points() -> None:
     made = scene("shapes", (256, 144), 6, 12.0)
     here, after = made.frame(3), made.image(4)
     residual = residual_lab(here.image, after, here.velocity_next)

@@ -1,4 +1,4 @@
-"""Lines that hold still: whole strokes, born strong, kept while weak, remembered along the motion."""
+"""Temporal coherence of lines: hysteresis over whole strokes, and advection along the flow."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.lines.coherent import Ink, Past, follow, keep_strokes
+from pipeline.lines.coherent import Ink, PreviousInk, StrokeLimits, advect, keep_strokes
 
 SHAPE = (40, 60)
-WEAK, STRONG, SHORTEST = 64, 153, 12.0
+WEAK, STRONG = 64, 153
+LIMITS = StrokeLimits(WEAK, STRONG, 12.0)
 
 
 def stroke(length: int, level: int, y: int = 20, x: int = 10) -> Ink:
@@ -20,15 +21,15 @@ def stroke(length: int, level: int, y: int = 20, x: int = 10) -> Ink:
     return ink
 
 
-def kept(ink: Ink, past: Past | None = None, importance: float = 0.0) -> NDArray[np.bool_]:
-    made = keep_strokes(ink, past, np.full(ink.shape, importance, np.float32), WEAK, STRONG, SHORTEST)
+def kept(ink: Ink, past: PreviousInk | None = None, importance: float = 0.0) -> NDArray[np.bool_]:
+    made = keep_strokes(ink, past, np.full(ink.shape, importance, np.float32), LIMITS)
     assert made.dtype == np.uint8 and set(np.unique(made)) <= {0, 255}
     return made > 0
 
 
-def drawn_before(ink: Ink, dx: float = 0.0, dy: float = 0.0, shrink: int = 1) -> Past:
+def drawn_before(ink: Ink, dx: float = 0.0, dy: float = 0.0, shrink: int = 1) -> PreviousInk:
     flow = np.tile(np.array([dx, dy], np.float32), (ink.shape[0] * shrink, ink.shape[1] * shrink, 1))
-    return Past(ink, flow, shrink)
+    return PreviousInk(ink, flow, shrink)
 
 
 def test_a_stroke_is_kept_whole_if_it_is_strong_somewhere() -> None:
@@ -38,7 +39,7 @@ def test_a_stroke_is_kept_whole_if_it_is_strong_somewhere() -> None:
     assert not kept(stroke(20, 90)).any()
 
 
-def test_what_is_under_the_weak_threshold_belongs_to_no_stroke() -> None:
+def test_ink_below_the_weak_threshold_belongs_to_no_stroke() -> None:
     ink = stroke(20, 200)
     ink[20, 18] = WEAK
     found = kept(ink)
@@ -58,66 +59,65 @@ def test_a_diagonal_is_one_stroke() -> None:
     assert kept(ink).sum() == 15
 
 
-def test_a_short_stroke_is_drawn_where_it_matters() -> None:
+def test_a_short_stroke_is_drawn_where_importance_is_high() -> None:
     """A quarter of the length is enough at importance 1: an eye is short."""
     assert kept(stroke(3, 200), importance=1.0).any()
     assert not kept(stroke(2, 200), importance=1.0).any()
 
 
-def test_hysteresis_a_weak_stroke_lives_on_where_one_was_drawn() -> None:
+def test_a_weak_stroke_is_kept_where_a_stroke_was_drawn_before() -> None:
     weak = stroke(20, 90)
     assert not kept(weak).any()
     assert kept(weak, drawn_before(stroke(20, 200))).sum() == 20
     assert not kept(weak, drawn_before(stroke(20, 200, y=30))).any()
 
 
-def test_a_stroke_that_was_drawn_may_get_shorter_down_to_a_third() -> None:
+def test_a_stroke_that_was_drawn_before_may_have_a_third_of_the_length() -> None:
     past = drawn_before(stroke(20, 200))
     assert kept(stroke(4, 200), past).any() and not kept(stroke(3, 200), past).any()
 
 
-def test_a_quarter_of_a_stroke_has_to_have_been_there() -> None:
+def test_a_quarter_of_a_stroke_must_have_been_drawn_before() -> None:
     weak = stroke(20, 90)
     assert not kept(weak, drawn_before(stroke(5, 200))).any()
     assert kept(weak, drawn_before(stroke(6, 200))).any()
 
 
-def test_the_past_is_looked_up_along_the_motion() -> None:
+def test_previous_ink_is_looked_up_along_the_motion() -> None:
     weak = stroke(20, 90, y=20, x=30)
     before = stroke(20, 200, y=14, x=22)
     assert kept(weak, drawn_before(before, 8, 6)).any()
     assert not kept(weak, drawn_before(before)).any()
 
 
-def test_the_flow_has_full_size_where_ink_is_drawn_small() -> None:
+def test_the_flow_has_full_size_when_ink_is_smaller() -> None:
     weak = stroke(20, 90, y=20, x=30)
     assert kept(weak, drawn_before(stroke(20, 200, y=17, x=26), 8, 6, shrink=2)).any()
 
 
-def test_nothing_to_draw() -> None:
+def test_a_blank_picture_has_no_strokes() -> None:
     assert not kept(np.zeros(SHAPE, np.uint8)).any()
     assert not kept(np.zeros(SHAPE, np.uint8), drawn_before(stroke(20, 200))).any()
 
 
-def test_a_line_that_trembles_about_the_strong_threshold_does_not_blink() -> None:
-    """The reason for it all: on and off without a memory, steady with one."""
+def test_a_line_that_fluctuates_about_the_strong_threshold_does_not_flicker() -> None:
     rng = np.random.default_rng(1)
-    past: Past | None = None
-    alone, remembered = [], []
+    past: PreviousInk | None = None
+    independent, coherent = [], []
     for _ in range(30):
         ink = stroke(20, int(rng.integers(STRONG - 40, STRONG + 40)))
-        alone.append(bool(kept(ink).any()))
+        independent.append(bool(kept(ink).any()))
         found = kept(ink, past)
-        remembered.append(bool(found.any()))
+        coherent.append(bool(found.any()))
         past = drawn_before(np.where(found, ink, 0).astype(np.uint8))
-    assert sum(a != b for a, b in pairwise(alone)) > 5
-    assert sum(a != b for a, b in pairwise(remembered)) <= 1
+    assert sum(a != b for a, b in pairwise(independent)) > 5
+    assert sum(a != b for a, b in pairwise(coherent)) <= 1
 
 
-def test_follow_moves_a_plane_along_the_flow() -> None:
+def test_advect_moves_a_plane_along_the_flow() -> None:
     plane = np.random.default_rng(0).uniform(0, 1, SHAPE).astype(np.float32)
     whole = np.tile(np.array([3, -2], np.float32), (*SHAPE, 1))
-    np.testing.assert_allclose(follow(plane, whole)[:-2, 3:], plane[2:, :-3])
+    np.testing.assert_allclose(advect(plane, whole)[:-2, 3:], plane[2:, :-3])
     half = np.tile(np.array([0.5, 0], np.float32), (*SHAPE, 1))
-    np.testing.assert_allclose(follow(plane, half)[:, 1:], (plane[:, 1:] + plane[:, :-1]) / 2, atol=1e-6)
-    np.testing.assert_array_equal(follow(plane, np.zeros((*SHAPE, 2), np.float32)), plane)
+    np.testing.assert_allclose(advect(plane, half)[:, 1:], (plane[:, 1:] + plane[:, :-1]) / 2, atol=1e-6)
+    np.testing.assert_array_equal(advect(plane, np.zeros((*SHAPE, 2), np.float32)), plane)

@@ -29,7 +29,7 @@ def drawn(field: Plane, size: tuple[int, int] | None = None) -> np.ndarray:
 
 
 @pytest.mark.parametrize("slope", [0.2, 3.0, 90.0])
-def test_an_upright_outline_covers_exactly(slope: float) -> None:
+def test_a_vertical_outline_is_covered_exactly(slope: float) -> None:
     """Pixel centres are at whole x: an outline at 10.25 covers a quarter of pixel 10, whatever the field's slope."""
     row = drawn(ramp(0.0, 10.25, slope=slope))[12].astype(int)
     assert (row[1:10] == 0).all() and (row[12:-1] == FULL).all()
@@ -65,7 +65,7 @@ def test_strong_lines_are_no_wider_than_their_peak_share_allows() -> None:
         assert (drawn(field)[:, 20] / FULL).sum() <= 8 * np.sqrt(-np.log(PEAK_SHARE)) + 1
 
 
-def test_more_is_drawn_where_it_matters() -> None:
+def test_more_is_drawn_where_importance_is_high() -> None:
     response = np.full((8, 8), 0.8, np.float32)
     low, high = (line_field(response, np.full((8, 8), i, np.float32), 1.0, 1) for i in (0.0, 1.0))
     assert (low < 0).all() and (high > 0).all()
@@ -79,7 +79,7 @@ def test_opacity_follows_the_flow_and_fades() -> None:
     assert made[10, 13] == 100 and made.sum() == 100
 
 
-def test_the_response_is_averaged_where_it_agrees_with_its_past() -> None:
+def test_the_response_is_averaged_where_it_agrees_with_the_past() -> None:
     still, before = np.zeros((8, 8, 2), np.float32), np.zeros((8, 8), np.float32)
     for difference, weight in ((0.1, 0.8), (float(RESPONSE_TOLERANCE), 0.4), (600.0, 0.0)):
         now = np.full((8, 8), difference, np.float32)

@@ -18,7 +18,7 @@ def test_the_response_is_the_difference_of_two_gaussians() -> None:
     assert np.abs(dog_response(gray, 1.5, 0.98) - wanted).max() < 0.5 < 0.05 * np.abs(wanted).max()
 
 
-def test_it_is_positive_on_the_dark_side_of_an_edge_and_lines_are_dark() -> None:
+def test_the_response_is_positive_on_the_dark_side_of_an_edge() -> None:
     gray = np.full((30, 60), 200, np.float32)
     gray[:, :30] = 60
     response = dog_response(gray, 1.5, 0.99)
@@ -29,7 +29,7 @@ def test_it_is_positive_on_the_dark_side_of_an_edge_and_lines_are_dark() -> None
 
 
 @pytest.mark.parametrize("level", [0, 100, 255])
-def test_a_flat_area_answers_below_any_threshold(level: int) -> None:
+def test_the_response_of_a_flat_area_is_below_any_threshold(level: int) -> None:
     response = dog_response(np.full((20, 20), level, np.float32), 1.2, 0.99)
     np.testing.assert_allclose(response, -0.01 * level, atol=1e-3)
     assert not soft_threshold(response, at(0.5, (20, 20)), 0.0, 1.0).any()
@@ -43,14 +43,14 @@ def test_ink_is_a_tanh_above_the_threshold_and_nothing_below() -> None:
     assert not ink[response <= 1.0].any() and ink.dtype == np.uint8
 
 
-def test_more_is_drawn_where_it_matters_more() -> None:
+def test_more_is_drawn_where_importance_is_high() -> None:
     response = np.full((1, 3), 1.0, np.float32)
     importance = np.array([[0.0, 0.5, 1.0]], np.float32)
     assert (np.diff(soft_threshold(response, importance, 1.0, 1.0).astype(int)[0]) > 0).all()
     assert soft_threshold(response, importance, 1.0, 1.0)[0, 0] == 0
 
 
-def test_very_strong_and_very_sharp_is_full_ink() -> None:
+def test_a_very_strong_response_is_full_ink() -> None:
     response = np.full((2, 2), 1e6, np.float32)
     assert (soft_threshold(response, at(0, (2, 2)), 1.0, 10.0) == 255).all()
 

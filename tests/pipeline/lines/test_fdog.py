@@ -1,4 +1,4 @@
-"""Flow-based difference of Gaussians: kernel against specification, known answers, steadiness of what it keeps."""
+"""Flow-based difference of Gaussians: kernels equal the reference, known responses, temporal smoothing."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def strokes(drawn: NDArray[np.bool_]) -> tuple[int, int]:
 @pytest.mark.real("opencl")
 @pytest.mark.parametrize("iterations", [1, 2, 3])
 @pytest.mark.parametrize("size", [(37, 53), (17, 16), (1, 9), (9, 1)])
-def test_kernels_do_what_the_specification_says(size: tuple[int, int], iterations: int) -> None:
+def test_the_kernels_equal_the_reference(size: tuple[int, int], iterations: int) -> None:
     gray = cv2.GaussianBlur(128 + noise(size, 1, 60), (0, 0), 1.2).reshape(size)
     field = tangents(gray)
     specified = fdog_response(gray, field, SIGMA, TAU, ALONG, None, iterations)
@@ -70,7 +70,7 @@ def test_kernels_do_what_the_specification_says(size: tuple[int, int], iteration
 
 
 @pytest.mark.parametrize("degrees", range(0, 180, 15))
-def test_a_straight_edge_answers_as_to_plain_dog_whichever_way_it_runs(degrees: int) -> None:
+def test_a_straight_edge_has_the_response_of_plain_dog_in_any_direction(degrees: int) -> None:
     gray = edge(math.radians(degrees))
     inside = (slice(12, -12), slice(12, -12))
     flow, plain = fdog(gray)[inside], dog_response(gray, SIGMA, TAU)[inside]
@@ -78,7 +78,7 @@ def test_a_straight_edge_answers_as_to_plain_dog_whichever_way_it_runs(degrees: 
     assert np.abs(flow - plain).max() < 0.18 * plain.max()
 
 
-def test_a_quarter_turn_of_the_picture_turns_the_lines() -> None:
+def test_rotating_the_picture_rotates_the_lines() -> None:
     gray = cv2.GaussianBlur(128 + noise((37, 53), 2, 60), (0, 0), 1.5)
     turned = fdog(np.ascontiguousarray(np.rot90(gray)))
     # A quarter turn changes roundings, and a nearest pixel that was a tie falls to the other side here and there.
@@ -96,7 +96,7 @@ def test_a_faint_edge_in_noise_gives_one_unbroken_line_where_plain_dog_gives_pie
     assert longest_px < 64
 
 
-def test_noise_alone_gives_a_fraction_of_plain_dogs_specks() -> None:
+def test_noise_gives_fewer_specks_than_plain_dog() -> None:
     gray = cv2.GaussianBlur(128 + noise((120, 160), 4, 16), (0, 0), 0.8)
     flow, _ = strokes(fdog(gray) > DRAWN)
     plain, _ = strokes(dog_response(gray, SIGMA, TAU) > DRAWN)
@@ -104,7 +104,7 @@ def test_noise_alone_gives_a_fraction_of_plain_dogs_specks() -> None:
     assert flow < plain / 10
 
 
-def test_lines_keep_to_a_curve() -> None:
+def test_lines_follow_a_curve() -> None:
     y, x = np.indices((61, 61)) - 30.0
     radius = np.hypot(x, y)
     gray = np.asarray(128 + 50 * np.tanh((radius - 12) / 1.5), np.float32)
@@ -115,12 +115,12 @@ def test_lines_keep_to_a_curve() -> None:
     assert response[radius > 16].max() < 0.5
 
 
-def test_where_nothing_runs_there_is_no_line() -> None:
+def test_a_flat_picture_has_no_lines() -> None:
     gray = np.full((20, 30), 200, np.float32)
     np.testing.assert_allclose(fdog(gray), -0.01 * gray, atol=1e-3)
 
 
-def test_no_averaging_along_is_the_bare_difference_across() -> None:
+def test_without_averaging_the_response_is_the_difference_across() -> None:
     gray = edge(0.0) + noise((63, 63), 5, 6)
     up = np.zeros((63, 63, 2), np.float32)
     up[..., 1] = 1
@@ -131,7 +131,7 @@ def test_no_averaging_along_is_the_bare_difference_across() -> None:
     assert averaged[10:-10, 31].std() < 0.5 * bare[10:-10, 31].std()
 
 
-def test_more_iterations_strengthen_lines_and_leave_the_rest() -> None:
+def test_more_iterations_strengthen_lines_only() -> None:
     gray = edge(0.4)
     once, twice, thrice = (fdog(gray, iterations=n) for n in (1, 2, 3))
     assert once.max() < twice.max() < thrice.max() < 2.5 * once.max()
@@ -150,7 +150,7 @@ def moving(index: int) -> tuple[NDArray[np.uint8], Plane, Flow]:
     return frame.clip(0, 255).astype(np.uint8), np.full((64, 96), 0.3, np.float32), flow
 
 
-def test_a_session_restored_goes_on_with_the_same_bytes() -> None:
+def test_a_restored_session_continues_with_the_same_bytes() -> None:
     params = AbstractionParams(lines="flow", line_width=9, line_length=10)
     whole, first, second = (LineExtractor(params, (96, 64)) for _ in range(3))
     expected = [whole.step(g, w, f if k else None).tobytes() for k, (g, w, f) in enumerate(map(moving, range(5)))]
@@ -166,7 +166,7 @@ def test_a_session_restored_goes_on_with_the_same_bytes() -> None:
 
 
 @pytest.mark.real("opencl")
-def test_without_a_device_it_draws_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_result_is_the_same_without_a_device(monkeypatch: pytest.MonkeyPatch) -> None:
     with_device = FlowLines(SIGMA, TAU, 0.8, 1)
     monkeypatch.setattr(flow_lines, "device", _no_device)
     without = FlowLines(SIGMA, TAU, 0.8, 1)
@@ -181,7 +181,7 @@ def _no_device() -> None:
     raise DeviceError("There is none.", field="device")
 
 
-def test_directions_with_a_memory_hold_still() -> None:
+def test_temporal_smoothing_steadies_directions() -> None:
     """On a still, faint, noisy edge."""
     assert trembling(memory=0.85) < 0.3 * trembling(memory=0.0)
 
@@ -198,7 +198,7 @@ def trembling(memory: float) -> float:
     return float(np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).mean())
 
 
-def test_dots_stay_where_they_matter() -> None:
+def test_dots_are_kept_where_importance_is_high() -> None:
     gray = np.full((41, 41), 180, np.float32)
     cv2.circle(gray, (20, 20), 2, 90, -1, cv2.LINE_AA)
     peaks = []

@@ -75,7 +75,7 @@ def test_a_visible_point_is_on_the_same_object_in_the_next_frame(name: str) -> N
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_two_velocities_are_each_others_way_back(name: str) -> None:
+def test_the_two_velocities_are_inverse(name: str) -> None:
     here, after = frame(name, 1), frame(name, 2)
     there = fetch(away_from_edges(after.ids, 2).astype(np.float32), here.velocity_next) > 0.99
     inner = ~here.occluded_next & away_from_edges(here.ids, 2) & there
@@ -112,7 +112,7 @@ def test_an_object_is_hidden_for_some_frames_and_comes_back() -> None:
     assert areas[min(gone) - 2] > 20 and areas[max(gone) + 3] > 20
 
 
-def test_shapes_turn_and_grow() -> None:
+def test_shapes_rotate_and_grow() -> None:
     made = scene("shapes", (192, 108), 4, 12.0)
     number = {thing: k for k, thing in made.things.items()}
     here = made.frame(0)
@@ -124,7 +124,7 @@ def test_shapes_turn_and_grow() -> None:
     assert np.polyfit(y, flow[:, 0], 1)[0] == pytest.approx(-np.sin(1.6 / 12), rel=0.1)  # turns at 1.6 rad a second
 
 
-def test_nothing_is_seen_across_a_cut() -> None:
+def test_all_points_are_occluded_across_a_cut() -> None:
     last, first = frame("cut", 3), frame("cut", 4)
     assert last.occluded_next.all() and first.occluded_previous.all()
     assert not set(np.unique(last.ids)) & set(np.unique(first.ids))
@@ -132,7 +132,7 @@ def test_nothing_is_seen_across_a_cut() -> None:
     assert not frame("cut", 2).occluded_next.all()
 
 
-def test_lines_lie_where_objects_meet() -> None:
+def test_lines_lie_on_object_borders() -> None:
     made = scene("shapes", (384, 216), 2, 12.0).frame(0)
     edges = ~away_from_edges(made.ids, 1)
     assert made.lines[edges].mean() > 0.4
@@ -153,7 +153,7 @@ def test_normals_of_a_disc_point_outwards() -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("size", [(16, 16), (33, 97), (131, 47)], ids=str)
-def test_any_size(name: str, size: tuple[int, int]) -> None:
+def test_any_size_is_accepted(name: str, size: tuple[int, int]) -> None:
     made = scene(name, size, 2).frame(1)
     assert made.image.shape == (size[1], size[0], 3)
 
@@ -169,7 +169,7 @@ def test_any_size(name: str, size: tuple[int, int]) -> None:
         ({"name": "shapes", "seed": -1}, "seed"),
     ],
 )
-def test_bad_arguments_are_named(arguments: dict[str, object], field: str) -> None:
+def test_invalid_arguments_are_named(arguments: dict[str, object], field: str) -> None:
     with pytest.raises(BadParameter) as caught:
         scene(**arguments)  # type: ignore[arg-type]
     assert caught.value.field == field and caught.value.remedy

@@ -1,4 +1,4 @@
-"""Cuts and fades, told from two thumbnails."""
+"""Detection of cuts and fades from two thumbnails."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ def called(frames: list[NDArray[np.uint8]], sensitivity: float = 1.0) -> list[in
     return [i for i in range(1, len(thumbs)) if is_cut(thumbs[i - 1], thumbs[i], sensitivity)]
 
 
-def test_the_cut_of_a_scene_is_called_and_nothing_else(cut_frames: list[NDArray[np.uint8]]) -> None:
+def test_only_the_cut_of_a_scene_is_detected(cut_frames: list[NDArray[np.uint8]]) -> None:
     assert called(cut_frames) == [4]
 
 
 @pytest.mark.parametrize("name", ["harbour", "portrait", "shapes"])
-def test_motion_within_a_shot_is_no_cut(name: str) -> None:
+def test_motion_within_a_shot_is_not_a_cut(name: str) -> None:
     shot = scene(name, SIZE, frames=8, fps=4)
     assert called([shot.image(index) for index in range(8)]) == []
 
 
-def test_sensitivity_zero_never_calls_one(cut_frames: list[NDArray[np.uint8]]) -> None:
+def test_sensitivity_zero_detects_no_cut(cut_frames: list[NDArray[np.uint8]]) -> None:
     assert called(cut_frames, 0.0) == []
     assert not is_cut(thumbnail(cut_frames[3]), thumbnail(255 - cut_frames[3]), 0.0)
 
 
-def test_sensitivity_divides_the_difference_that_is_asked_for() -> None:
+def test_sensitivity_divides_the_threshold() -> None:
     rng = np.random.default_rng(1)
     before = rng.uniform(100, 130, (*THUMBNAIL[::-1], 3)).astype(np.float32)
     now = rng.uniform(100, 130, before.shape).astype(np.float32)
@@ -50,20 +50,20 @@ def test_sensitivity_divides_the_difference_that_is_asked_for() -> None:
     assert found and 0.25 not in found and found == sorted(found)
 
 
-def test_a_flash_is_no_cut() -> None:
+def test_a_flash_is_not_a_cut() -> None:
     """The light doubles and the picture stays: much difference, full correlation."""
     frame = scene("portrait", SIZE, frames=1).image(0)
     brighter = np.clip(frame.astype(int) * 2, 0, 255).astype(np.uint8)
     assert not is_cut(thumbnail(frame // 3), thumbnail(brighter // 3 + 60))
 
 
-def test_one_flat_colour_to_another_is_a_cut() -> None:
+def test_a_change_between_flat_colours_is_a_cut() -> None:
     black, red = (np.full((64, 96, 3), colour, np.uint8) for colour in ((0, 0, 0), (220, 30, 30)))
     assert is_cut(thumbnail(black), thumbnail(red))
     assert not is_cut(thumbnail(red), thumbnail(red))
 
 
-def test_a_thumbnail_is_the_area_average_in_lab() -> None:
+def test_a_thumbnail_is_the_area_mean_in_lab() -> None:
     fine = np.zeros((36, 64, 3), np.uint8)
     fine[::2] = 200
     wanted = cv2.cvtColor(np.full((1, 1, 3), 100, np.uint8), cv2.COLOR_RGB2LAB)[0, 0]
@@ -72,7 +72,7 @@ def test_a_thumbnail_is_the_area_average_in_lab() -> None:
     np.testing.assert_allclose(made, np.broadcast_to(wanted.astype(np.float32), made.shape), atol=1)
 
 
-def test_steady_light_is_one_and_a_fade_goes_towards_zero() -> None:
+def test_steadiness_is_one_for_constant_light_and_near_zero_in_a_fade() -> None:
     frame = scene("harbour", SIZE, frames=1).image(0)
     here = thumbnail(frame)
     assert light_steadiness(here, here) == 1.0
@@ -80,14 +80,14 @@ def test_steady_light_is_one_and_a_fade_goes_towards_zero() -> None:
     assert all(a > b for a, b in pairwise(found)) and found[0] > 0.3 and found[-1] < 0.01
 
 
-def test_steadiness_by_hand() -> None:
+def test_steadiness_of_a_known_change() -> None:
     """A drift of 0.8 CIELAB units, be it of L* or a*, is 1/e."""
     here = np.full((18, 32, 3), 100, np.float32)
     for drift in ((0.8 * 2.55, 0, 0), (0, 0.8, 0)):
         assert light_steadiness(here, here + np.array(drift, np.float32)) == pytest.approx(np.exp(-1), rel=1e-3)
 
 
-def test_noise_and_motion_do_not_disturb_the_light() -> None:
+def test_noise_and_motion_do_not_change_the_steadiness() -> None:
     shot = scene("harbour", SIZE, frames=3, fps=12)
     rng = np.random.default_rng(0)
     noisy = [np.clip(shot.image(i) + rng.normal(0, 4, (64, 96, 3)), 0, 255).astype(np.uint8) for i in range(3)]

@@ -1,4 +1,4 @@
-"""Edges whose thresholds follow importance: OpenCV's Canny wherever importance is constant."""
+"""Canny edges with thresholds that depend on importance."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def constant(gray: NDArray[np.uint8], importance: float) -> NDArray[np.uint8]:
 
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10_000), st.sampled_from([0.8, 0.3]))
-def test_constant_importance_is_opencvs_canny(seed: int, importance: float) -> None:
+def test_constant_importance_equals_opencv_canny(seed: int, importance: float) -> None:
     gray = texture(seed)
     high = HIGH / (importance + FLOOR)
     np.testing.assert_array_equal(constant(gray, importance), cv2.Canny(gray, high * LOW_RATIO, high))
@@ -41,12 +41,12 @@ def test_thresholds_are_inverse_to_importance() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_more_importance_never_loses_an_edge(seed: int) -> None:
+def test_higher_importance_keeps_all_edges(seed: int) -> None:
     less, more = constant(texture(seed), 0.3), constant(texture(seed), 0.8)
     assert (more[less > 0] > 0).all() and (more > 0).sum() > (less > 0).sum()
 
 
-def test_thresholds_vary_within_a_picture_and_the_map_may_be_small() -> None:
+def test_thresholds_vary_by_pixel_with_a_map_of_any_size() -> None:
     gray = np.tile(step(30), (2, 1))
     importance = np.repeat(np.array([[1.0], [0.0]], np.float32), 2, axis=0)
     for plane in (importance, np.asarray(cv2.resize(importance, gray.shape[::-1]), np.float32)):
@@ -54,7 +54,7 @@ def test_thresholds_vary_within_a_picture_and_the_map_may_be_small() -> None:
         assert found[:30].any() and not found[-30:].any()
 
 
-def test_weak_edges_live_by_strong_ones() -> None:
+def test_weak_edges_are_kept_if_connected_to_strong_ones() -> None:
     """Hysteresis across the varying threshold: an edge goes on into what is less important, but not beyond `low`."""
     gray = step(30)
     importance = np.tile(np.linspace(1, 0, gray.shape[0], dtype=np.float32)[:, None], (1, gray.shape[1]))
@@ -64,7 +64,7 @@ def test_weak_edges_live_by_strong_ones() -> None:
     assert importance[last, 0] + FLOOR == pytest.approx(HIGH * LOW_RATIO / 120, abs=0.05)
 
 
-def test_a_flat_picture_has_no_edges_and_the_answer_is_zero_or_255() -> None:
+def test_a_flat_picture_has_no_edges_and_the_result_is_0_or_255() -> None:
     assert not constant(np.full((48, 64), 77, np.uint8), 1.0).any()
     assert set(np.unique(constant(texture(1), 0.8))) == {0, 255}
 

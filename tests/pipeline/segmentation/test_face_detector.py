@@ -1,4 +1,4 @@
-"""Searching in slices finds what one search finds."""
+"""A face search in slices finds the faces of one complete search."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_slices_cover_every_size_once() -> None:
 
 
 @pytest.mark.parametrize("size", [(20, 19), (30, 30), (200, 20)])
-def test_few_sizes_leave_slices_empty(size: tuple[int, int], picture: NDArray[np.uint8]) -> None:
+def test_with_few_sizes_some_slices_are_empty(size: tuple[int, int], picture: NDArray[np.uint8]) -> None:
     parts = slices(FACTOR, *size)
     assert len(parts) == SLICES
     whole = FaceDetector().hits(picture, FACTOR, *size) if size[0] <= size[1] else np.empty((0, 4), np.int32)
@@ -43,7 +43,7 @@ def test_few_sizes_leave_slices_empty(size: tuple[int, int], picture: NDArray[np
     assert sorted(map(tuple, np.vstack(found))) == sorted(map(tuple, whole))
 
 
-def test_in_slices_the_same_faces_are_found_as_by_opencv_at_once(picture: NDArray[np.uint8]) -> None:
+def test_slices_find_the_same_faces_as_one_opencv_search(picture: NDArray[np.uint8]) -> None:
     cascade = cv2.CascadeClassifier(haarcascades + "haarcascade_frontalface_alt2.xml")
     at_once = cascade.detectMultiScale(picture, FACTOR, 3, minSize=(24, 24), maxSize=(240, 240))
     finder = FaceDetector()
@@ -54,5 +54,5 @@ def test_in_slices_the_same_faces_are_found_as_by_opencv_at_once(picture: NDArra
     np.testing.assert_allclose(corners, sorted(map(tuple, at_once)), atol=1)
 
 
-def test_no_hits_are_no_faces() -> None:
+def test_no_hits_give_no_faces() -> None:
     assert join(np.empty((0, 4), np.int32)).shape == (0, 4)

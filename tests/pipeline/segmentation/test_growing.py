@@ -1,4 +1,4 @@
-"""Region growing against a real priority queue: zhang2011online, section 4.3."""
+"""Region growing, compared with a priority queue (zhang2011online, section 4.3)."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def around(labels: Labels, y: int, x: int) -> list[tuple[int, int]]:
 
 @settings(max_examples=80, deadline=None)
 @given(pictures(plain=True))
-def test_where_errors_are_whole_numbers_it_is_the_priority_queue(picture: tuple[Labels, Lab8, Bytes, Bytes]) -> None:
+def test_integer_errors_give_the_result_of_a_priority_queue(picture: tuple[Labels, Lab8, Bytes, Bytes]) -> None:
     labels, lab, blocked, limit = picture
     sums = measure(labels, lab, limit, 3)
     wanted = in_words(labels, lab, blocked, limit, means_of(sums))
@@ -82,7 +82,7 @@ def test_where_errors_are_whole_numbers_it_is_the_priority_queue(picture: tuple[
 
 @settings(max_examples=80, deadline=None)
 @given(pictures(plain=False))
-def test_what_growing_may_and_must_do(picture: tuple[Labels, Lab8, Bytes, Bytes]) -> None:
+def test_growing_respects_its_limits_and_leaves_no_reachable_pixel(picture: tuple[Labels, Lab8, Bytes, Bytes]) -> None:
     labels, lab, blocked, limit = picture
     before = labels.copy()
     sums = measure(labels, lab, limit, 3)
@@ -103,19 +103,19 @@ def test_what_growing_may_and_must_do(picture: tuple[Labels, Lab8, Bytes, Bytes]
 
 @settings(max_examples=50, deadline=None)
 @given(pictures(plain=False))
-def test_leftovers_leave_no_hole(picture: tuple[Labels, Lab8, Bytes, Bytes]) -> None:
+def test_ignoring_limits_leaves_no_unlabelled_pixel(picture: tuple[Labels, Lab8, Bytes, Bytes]) -> None:
     labels, lab, blocked, limit = picture
     if not labels.any():
         return
     before = labels.copy()
     sums = measure(labels, lab, limit, 3)
-    left = grow(labels, lab, blocked, limit, sums, unlabelled(labels), anything=True)
+    left = grow(labels, lab, blocked, limit, sums, unlabelled(labels), ignore_limits=True)
     assert left.size == 0 and labels.all()
     np.testing.assert_array_equal(labels[before > 0], before[before > 0])
     assert sums[0, AREA] == 0 and sums[:, AREA].sum() == labels.size
 
 
-def test_the_better_region_wins_from_whichever_side() -> None:
+def test_the_more_similar_region_labels_a_pixel_from_either_side() -> None:
     a = np.array([100, 100, 108, 111, 118, 118], np.uint8)
     for row, wanted in ((a, [1, 1, 1, 2, 2, 2]), (a[::-1], [1, 1, 1, 2, 2, 2])):
         labels, sums = row_of([1, 1, 0, 0, 2, 2], row)
@@ -124,7 +124,7 @@ def test_the_better_region_wins_from_whichever_side() -> None:
 
 
 @pytest.mark.parametrize(("difference", "grown"), [(14, True), (15, False)])
-def test_the_limit_is_of_the_pixel(difference: int, grown: bool) -> None:
+def test_the_limit_is_read_at_the_pixel(difference: int, grown: bool) -> None:
     row = np.array([100, 100 + difference], np.uint8)
     labels, sums = row_of([1, 0], row)
     limit = np.array([[255, 14]], np.uint8)
@@ -141,7 +141,7 @@ def test_an_edge_stops_growth_even_in_one_colour() -> None:
     np.testing.assert_array_equal(left, [3, 4, 5])
 
 
-def test_the_model_is_constant_while_a_region_grows() -> None:
+def test_the_colour_model_is_constant_during_growing() -> None:
     """A ramp is followed up to the limit from the mean at the start, not from pixel to pixel."""
     row = np.arange(100, 140, 2, dtype=np.uint8)
     labels, sums = row_of([1] + [0] * 19, row)

@@ -1,4 +1,4 @@
-"""The importance map: faces, saliency, motion, the user's mask, and how it behaves over time."""
+"""The importance map: faces, saliency, motion, masks, and smoothing over time."""
 
 from collections.abc import Iterator
 from itertools import pairwise
@@ -68,7 +68,7 @@ def test_a_whole_head_is_important_from_the_first_frame_on() -> None:
     assert at(plane, (20, 200)) == 0
 
 
-def test_a_face_is_followed_by_flow_between_detections() -> None:
+def test_a_face_moves_with_the_flow_between_detections() -> None:
     tracker = ImportanceTracker(ONLY_FACES, FACE_SIZE)
     tracker.step(portrait())
     flow = np.zeros((240, 320, 2), np.float32)
@@ -85,7 +85,7 @@ def gray_like(frame: Frame) -> Frame:
     return np.full_like(frame, 128)
 
 
-def test_a_face_that_is_gone_fades_slowly_and_then_is_forgotten() -> None:
+def test_a_lost_face_fades_and_is_removed() -> None:
     tracker = ImportanceTracker(ONLY_FACES, FACE_SIZE)
     values = [at(tracker.step(portrait()), FACE_AT)]
     values += [at(tracker.step(gray_like(portrait())), FACE_AT) for _ in range(60)]
@@ -105,7 +105,7 @@ def test_a_face_that_appears_within_a_shot_fades_in() -> None:
     assert values[-1] > 0.9
 
 
-def test_the_face_map_of_a_still_picture_holds_still() -> None:
+def test_the_face_mask_of_a_still_picture_is_constant() -> None:
     tracker = ImportanceTracker(ONLY_FACES, FACE_SIZE)
     planes = [tracker.step(portrait()) for _ in range(10)]
     assert max(float(np.abs(b - a).max()) for a, b in pairwise(planes)) < 0.08
@@ -114,7 +114,7 @@ def test_the_face_map_of_a_still_picture_holds_still() -> None:
 # --- saliency
 
 
-def test_the_odd_one_out_is_salient() -> None:
+def test_the_only_different_shape_is_salient() -> None:
     field = np.full((128, 128), 120, np.uint8)
     field[::16] = field[:, ::16] = 90
     field[70:80, 40:50] = 255
@@ -132,7 +132,7 @@ def test_a_flat_picture_has_no_saliency() -> None:
 # --- motion
 
 
-def test_what_moves_against_the_camera_counts() -> None:
+def test_motion_relative_to_the_camera_is_important() -> None:
     tracker = ImportanceTracker(ONLY_MOTION, SIZE)
     tracker.step(gray())
     for _ in range(40):
@@ -141,7 +141,7 @@ def test_what_moves_against_the_camera_counts() -> None:
     assert at(plane, (10, 10)) < 0.01
 
 
-def test_a_pan_alone_is_no_motion_and_does_not_hide_any() -> None:
+def test_a_pan_is_not_motion_and_does_not_hide_motion() -> None:
     panned, static = (ImportanceTracker(ONLY_MOTION, SIZE) for _ in range(2))
     for tracker in (panned, static):
         tracker.step(gray())
@@ -155,7 +155,7 @@ def test_a_pan_alone_is_no_motion_and_does_not_hide_any() -> None:
 # --- time
 
 
-def test_a_step_is_approached_with_the_half_life() -> None:
+def test_a_step_is_followed_with_the_half_life() -> None:
     params = ImportanceParams(face=0, saliency=0, motion=1, half_life_frames=2 * CUES_EVERY_FRAMES)
     tracker = ImportanceTracker(params, SIZE)
     tracker.step(gray())
@@ -163,7 +163,7 @@ def test_a_step_is_approached_with_the_half_life() -> None:
     assert values[2 * CUES_EVERY_FRAMES - 1] == pytest.approx(values[-1] / 2, rel=0.01)
 
 
-def test_a_cut_forgets_the_old_shot() -> None:
+def test_a_cut_resets_the_state() -> None:
     tracker = ImportanceTracker(ImportanceParams(), FACE_SIZE)
     for _ in range(3):
         tracker.step(portrait(), np.zeros((240, 320, 2), np.float32))
@@ -173,7 +173,7 @@ def test_a_cut_forgets_the_old_shot() -> None:
     np.testing.assert_array_equal(tracker.step(other, nonsense, cut=True), fresh)
 
 
-def test_a_restored_tracker_goes_on_to_the_bit() -> None:
+def test_a_restored_tracker_continues_with_the_same_bytes() -> None:
     rng = np.random.default_rng(0)
     frames = [portrait((-3 * i, i)) for i in range(14)]
     flows = [rng.normal(0, 2, (240, 320, 2)).astype(np.float32) for _ in frames]
@@ -201,7 +201,7 @@ def test_a_state_is_a_copy() -> None:
 # --- the user's mask
 
 
-def test_a_mask_overrides_and_is_held_until_the_next() -> None:
+def test_a_mask_overrides_the_cues_until_the_next_mask() -> None:
     tracker = ImportanceTracker(ONLY_FACES, FACE_SIZE)
     left = np.zeros((240, 320), np.float32)
     left[:, :160] = 0.8
@@ -212,7 +212,7 @@ def test_a_mask_overrides_and_is_held_until_the_next() -> None:
     assert tracker.step(portrait(), mask=np.ones((240, 320), bool)).min() == pytest.approx(1)
 
 
-def test_nan_leaves_the_place_to_the_cues() -> None:
+def test_nan_in_a_mask_uses_the_cues() -> None:
     mask = np.full((240, 320), np.nan, np.float32)
     mask[:, :100] = 0.5
     plane = ImportanceTracker(ONLY_FACES, FACE_SIZE).step(portrait(), mask=mask)
@@ -224,7 +224,7 @@ def test_nan_leaves_the_place_to_the_cues() -> None:
 
 
 @pytest.mark.parametrize("size", [(16, 16), (17, 331), (1281, 719)])
-def test_any_size_gives_a_plane_of_that_size_in_range(size: tuple[int, int]) -> None:
+def test_the_map_has_the_frame_size_and_values_in_0_to_1(size: tuple[int, int]) -> None:
     rng = np.random.default_rng(1)
     tracker = ImportanceTracker(ImportanceParams(), size)
     flow = rng.normal(0, 30, (size[1], size[0], 2)).astype(np.float32)
@@ -255,13 +255,13 @@ def test_all_cues_off_is_zero() -> None:
         (np.zeros((90, 160), np.float32), "size"),
     ],
 )
-def test_a_bad_mask_is_refused(mask: NDArray[np.float32], word: str) -> None:
+def test_an_invalid_mask_is_rejected(mask: NDArray[np.float32], word: str) -> None:
     with pytest.raises(BadFrame, match=word) as refusal:
         ImportanceTracker(NOTHING, SIZE).step(gray(), mask=mask)
     assert refusal.value.field == "mask"
 
 
-def test_a_frame_or_flow_of_another_size_is_refused() -> None:
+def test_a_frame_or_flow_of_another_size_is_rejected() -> None:
     tracker = ImportanceTracker(NOTHING, SIZE)
     with pytest.raises(BadFrame, match="another size"):
         tracker.step(portrait())

@@ -1,4 +1,4 @@
-"""What stands still, what is averaged along the motion, and what fades over."""
+"""Still pixels, temporal denoising, and blending of outputs."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def planes_of(lab: Lab8) -> LabPlanes:
 # -- standing still
 
 
-def test_sensor_noise_stands_still_and_what_moves_keeps_its_flow() -> None:
+def test_noise_gets_zero_flow_and_moving_pixels_keep_their_flow() -> None:
     before = np.full((24, 32), 90, np.uint8)
     now = before + noise(0, 0, 3, before.shape)
     now[6:16, 4:14] = 160
@@ -57,7 +57,7 @@ def test_sensor_noise_stands_still_and_what_moves_keeps_its_flow() -> None:
 
 
 @pytest.mark.parametrize(("change", "stands"), [(2, True), (3, False)])
-def test_the_mean_change_around_a_pixel_decides(change: int, stands: bool) -> None:
+def test_stillness_depends_on_the_mean_change_around_a_pixel(change: int, stands: bool) -> None:
     before = np.full(SHAPE, 90, np.uint8)
     flow = zero_still_flow(uniform_flow(1, 0), before, before + np.uint8(change), tolerance=2)
     assert flow.any() != stands
@@ -66,7 +66,7 @@ def test_the_mean_change_around_a_pixel_decides(change: int, stands: bool) -> No
 @pytest.mark.parametrize(
     ("dx", "dy", "stands"), [(0.09, 0, True), (0.07, 0.06, True), (0.08, 0.07, False), (0, -0.11, False)]
 )
-def test_under_a_tenth_of_a_pixel_nothing_moves_whatever_changed(dx: float, dy: float, stands: bool) -> None:
+def test_displacements_below_a_tenth_of_a_pixel_are_zero(dx: float, dy: float, stands: bool) -> None:
     before = np.full(SHAPE, 90, np.uint8)
     flow = zero_still_flow(uniform_flow(dx, dy), before, before + np.uint8(50), tolerance=2)
     assert flow.any() != stands
@@ -75,7 +75,7 @@ def test_under_a_tenth_of_a_pixel_nothing_moves_whatever_changed(dx: float, dy: 
 # -- the way back
 
 
-def test_bring_reads_bilinearly_where_a_pixel_came_from() -> None:
+def test_warp_back_samples_bilinearly_at_the_source() -> None:
     ramp = np.tile(np.arange(0, 160, 10, dtype=np.uint8), (12, 1))
     np.testing.assert_array_equal(warp_back(ramp, backward_maps(uniform_flow(3, 0)))[:, 3:], ramp[:, :-3])
     np.testing.assert_array_equal(warp_back(ramp, backward_maps(uniform_flow(0.5, 0)))[:, 1:], ramp[:, 1:] - 5)
@@ -87,7 +87,7 @@ def test_bring_reads_bilinearly_where_a_pixel_came_from() -> None:
 
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 999), st.integers(-3, 3), st.integers(-3, 3), st.sampled_from([0.0, 0.5, 0.85]))
-def test_settling_in_words(seed: int, dx: int, dy: int, memory: float) -> None:
+def test_denoising_equals_a_plain_implementation(seed: int, dx: int, dy: int, memory: float) -> None:
     """Out = now + w (past - now), w = memory exp(-(d / 6)^2), d the CIELAB difference to where the pixel came from."""
     now, before = noise(seed, 100, 116), noise(seed + 1, 100, 116)
     out, residual = denoised_from(now, before, uniform_flow(dx, dy), memory)
@@ -105,7 +105,7 @@ def test_settling_in_words(seed: int, dx: int, dy: int, memory: float) -> None:
         assert np.abs(out[y, x] - wanted).max() <= 1
 
 
-def test_what_has_changed_wholly_is_left_alone() -> None:
+def test_completely_changed_pixels_are_not_averaged() -> None:
     before = np.full((*SHAPE, 3), 100, np.uint8)
     now = before.copy()
     now[4:8, 4:8] = (100, 140, 100)
@@ -114,14 +114,14 @@ def test_what_has_changed_wholly_is_left_alone() -> None:
     assert (residual[4:8, 4:8] == 160).all() and not residual[0].any()
 
 
-def test_a_very_large_difference_is_not_taken_for_no_counterpart() -> None:
+def test_the_largest_difference_differs_from_no_counterpart() -> None:
     out, residual = denoised_from(
         np.full((*SHAPE, 3), 250, np.uint8), np.zeros((*SHAPE, 3), np.uint8), uniform_flow(0, 0), 0.9
     )
     assert (residual == 254).all() and (out == 250).all()
 
 
-def test_a_still_picture_with_sensor_noise_comes_to_rest_at_its_colour() -> None:
+def test_a_noisy_still_picture_converges_to_its_mean() -> None:
     rng = np.random.default_rng(5)
     frames = [np.clip(np.rint(rng.normal(120, 2.0, (40, 40, 3))), 0, 255).astype(np.uint8) for _ in range(30)]
     denoised = [frames[0]]
@@ -136,7 +136,7 @@ def unrest(frames: list[Lab8]) -> float:
     return float(np.abs(np.diff(np.stack(frames).astype(int), axis=0)).mean())
 
 
-def test_inputs_are_not_written_to() -> None:
+def test_inputs_are_not_modified() -> None:
     now, before, flow = noise(1), noise(2), uniform_flow(1, 0)
     kept = now.copy(), before.copy(), flow.copy()
     _, residual = denoised_from(now, before, flow, 0.8)
@@ -148,7 +148,7 @@ def test_inputs_are_not_written_to() -> None:
 # -- fading paint
 
 
-def test_paint_fades_where_the_source_agrees_and_jumps_where_it_does_not() -> None:
+def test_output_fades_where_the_source_agrees_with_its_past() -> None:
     before, now = np.full((*SHAPE, 3), 40, np.uint8), np.full((*SHAPE, 3), 140, np.uint8)
     residual = np.zeros(SHAPE, np.uint8)
     residual[:, 4:8] = round(FADE_TOLERANCE * 4)
@@ -160,14 +160,14 @@ def test_paint_fades_where_the_source_agrees_and_jumps_where_it_does_not() -> No
     assert (out[:, 8:] == 140).all()
 
 
-def test_repeated_fading_arrives() -> None:
+def test_repeated_fading_converges() -> None:
     now, picture = np.full((*SHAPE, 3), 140, np.uint8), np.full((*SHAPE, 3), 40, np.uint8)
     for _ in range(20):
         picture = blend_with_past(now, picture, np.zeros(SHAPE, np.uint8), 0.65)
     assert np.abs(picture.astype(int) - 140).max() <= 1
 
 
-def test_paint_fades_along_the_motion() -> None:
+def test_output_fades_along_the_motion() -> None:
     picture = noise(3)
     out = blend_with_past(
         np.zeros_like(picture), warp_back(picture, backward_maps(uniform_flow(2, 0))), np.zeros(SHAPE, np.uint8), 0.5
@@ -175,13 +175,13 @@ def test_paint_fades_along_the_motion() -> None:
     assert np.abs(out[:, 2:].astype(int) - picture[:, :-2] / 2).max() <= 1
 
 
-def test_no_memory_changes_nothing() -> None:
+def test_memory_zero_changes_nothing() -> None:
     now = noise(4)
     out = blend_with_past(now, noise(5), np.zeros(SHAPE, np.uint8), 0.0)
     np.testing.assert_array_equal(out, now)
 
 
-def test_the_past_counts_where_the_source_agrees_with_it() -> None:
+def test_past_weights_fall_with_the_residual() -> None:
     weights = past_weights(0.6) / 256
     assert weights[0] == pytest.approx(0.6, abs=0.01)
     assert weights[round(FADE_TOLERANCE * 4)] == pytest.approx(0.6 / np.e, abs=0.01)

@@ -1,4 +1,4 @@
-"""Propagation and the morphological filter against plain-Python readings of zhang2011online, section 4.2."""
+"""Propagation and morphological filter, compared with plain Python (zhang2011online, section 4.2)."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def in_words(
 
 @settings(max_examples=150, deadline=None)
 @given(label_maps, flows, remainders, residuals, st.sampled_from([0, 1]))
-def test_labels_arrive_as_the_paper_says(
+def test_propagation_equals_a_plain_implementation_of_the_paper(
     labels: Labels, flow: Flow, remainder: NDArray[np.int8], residual: NDArray[np.uint8], decay: int
 ) -> None:
     found, carried = propagate(labels, flow, remainder, residual, 12.0, float(decay))
@@ -63,43 +63,43 @@ def test_a_target_whose_flow_error_exceeds_t_f_stays_unlabelled(limit: float) ->
     np.testing.assert_array_equal(found, [[9, 9, 0, 0, 0]])
 
 
-def test_no_limit_lets_a_pixel_without_a_past_have_a_label() -> None:
+def test_a_pixel_without_counterpart_is_unlabelled_at_any_limit() -> None:
     assert not one_row(np.full((1, 3), 9), np.zeros(2), residual=np.full((1, 3), FAR, np.uint8), limit=1000).any()
 
 
-def test_a_target_where_two_labels_meet_is_unlabelled_whichever_comes_last() -> None:
+def test_a_target_with_two_labels_is_unlabelled_in_any_order() -> None:
     flow = np.zeros((1, 4, 2), np.float32)
     flow[0, :, 0] = [2, 1, 0, -1]
     found = propagate(np.array([[1, 2, 1, 1]], np.int32), flow, zeros(flow), np.zeros((1, 4), np.uint8), 12)[0]
     np.testing.assert_array_equal(found, [[0, 0, 0, 0]])
 
 
-def test_two_sources_of_one_label_may_meet() -> None:
+def test_two_sources_with_one_label_give_that_label() -> None:
     flow = np.zeros((1, 3, 2), np.float32)
     flow[0, :, 0] = [1, 0, -1]
     found = propagate(np.full((1, 3), 5, np.int32), flow, zeros(flow), np.zeros((1, 3), np.uint8), 12)[0]
     np.testing.assert_array_equal(found, [[0, 5, 0]])
 
 
-def test_what_leaves_the_picture_is_gone() -> None:
+def test_labels_that_leave_the_picture_vanish() -> None:
     np.testing.assert_array_equal(one_row(np.array([[1, 2, 3]]), np.array([1.6, 0.0])), [[0, 0, 1]])
     assert not one_row(np.array([[1, 2, 3]]), np.array([0.0, -0.6])).any()
 
 
 @pytest.mark.parametrize(("speed", "moved_px"), [(0.4, 4), (-0.4, -4), (0.3, 3), (1.3, 13)])
-def test_fractions_add_up_over_frames(speed: float, moved_px: int) -> None:
+def test_rounding_errors_accumulate_over_frames(speed: float, moved_px: int) -> None:
     """A pan of 0.4 px a frame, which rounding alone never moves, goes 4 px in 10 frames."""
     labels = np.where(np.arange(48) < 24, 1, 2).astype(np.int32).reshape(1, -1).repeat(3, axis=0)
     assert boundary(pan(labels, speed, 10, decay=1.0)) - boundary(labels) == moved_px
     assert abs(boundary(pan(labels, speed, 10)) - boundary(labels) - moved_px) <= 1
 
 
-def test_without_the_remainder_a_slow_pan_stands_still() -> None:
+def test_without_remainders_labels_do_not_follow_a_slow_pan() -> None:
     labels = np.where(np.arange(48) < 24, 1, 2).astype(np.int32).reshape(1, -1)
     assert boundary(pan(labels, 0.4, 10, decay=0.0)) == boundary(labels)
 
 
-def test_noise_in_the_flow_never_adds_up_to_a_step() -> None:
+def test_flow_noise_does_not_accumulate_to_a_step() -> None:
     labels = np.where(np.arange(48) < 24, 1, 2).astype(np.int32).reshape(1, -1)
     rng = np.random.default_rng(3)
     remainder = np.zeros((1, 48, 2), np.int8)
@@ -111,7 +111,7 @@ def test_noise_in_the_flow_never_adds_up_to_a_step() -> None:
 
 @settings(max_examples=150, deadline=None)
 @given(hnp.arrays(np.int32, st.tuples(st.integers(3, 7), st.integers(3, 7)), elements=st.integers(0, 3)))
-def test_the_morphological_filter_is_five_of_eight(labels: Labels) -> None:
+def test_the_filter_needs_five_of_eight_neighbours(labels: Labels) -> None:
     wanted = labels.copy()
     for y, x in np.ndindex(labels.shape[0] - 2, labels.shape[1] - 2):
         around = labels[y : y + 3, x : x + 3].ravel().tolist()
@@ -127,7 +127,7 @@ def test_the_morphological_filter_is_five_of_eight(labels: Labels) -> None:
 @pytest.mark.parametrize(
     ("agreeing", "own", "after"), [(5, 0, 7), (4, 0, 0), (5, 3, 0), (4, 3, 3), (8, 0, 7), (8, 7, 7)]
 )
-def test_the_filter_by_hand(agreeing: int, own: int, after: int) -> None:
+def test_the_filter_on_a_known_pattern(agreeing: int, own: int, after: int) -> None:
     around = [7] * agreeing + [1, 2, 3, 4][: 8 - agreeing]
     labels = np.array([*around[:4], own, *around[4:]], np.int32).reshape(3, 3)
     assert smooth_labels(labels)[1, 1] == after

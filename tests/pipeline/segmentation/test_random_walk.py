@@ -1,4 +1,4 @@
-"""Random walks: against scikit-image's, against hand calculation, and what votes and leaks do."""
+"""Random walks, compared with scikit-image and with known solutions; votes and leaks."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pipeline.segmentation.random_walk import motion_edges, probabilities, vote
 
 
 @pytest.mark.parametrize("count", [2, 4])
-def test_probabilities_are_those_of_scikit_image(count: int) -> None:
+def test_probabilities_equal_scikit_image(count: int) -> None:
     draw = np.random.default_rng(count)
     picture = draw.random((23, 31))
     seeds = np.zeros(picture.shape, np.int32)
@@ -38,13 +38,13 @@ def test_votes_are_edges_to_other_frames() -> None:
     np.testing.assert_allclose(found.ravel(), [0.75, 0.25], atol=1e-5)
 
 
-def test_seeds_that_are_no_labels_are_refused() -> None:
+def test_invalid_seeds_are_rejected() -> None:
     with pytest.raises(BadParameter) as caught:
         probabilities(np.array([[3]], np.int32), (np.ones((1, 0)), np.ones((0, 1))), 2)
     assert caught.value.field == "seeds" and caught.value.remedy
 
 
-def test_motion_and_colour_keep_apart() -> None:
+def test_differences_of_motion_and_colour_weaken_edges() -> None:
     flow = np.zeros((4, 6, 2), np.float32)
     flow[:, 3:] = (3, 0)
     right, down = motion_edges(flow, flow)
@@ -61,7 +61,7 @@ def even(height: int, width: int) -> tuple[np.ndarray, np.ndarray]:  # type: ign
     return np.ones((height, width - 1), np.float32), np.ones((height - 1, width), np.float32)
 
 
-def test_labels_spread_to_what_has_no_votes_but_not_far() -> None:
+def test_labels_spread_a_limited_distance_without_votes() -> None:
     choices, weights = np.zeros((1, 9, 80), np.int32), np.zeros((1, 9, 80), np.float32)
     choices[0, :, :4], weights[0, :, :4] = 7, 1
     labels, chance = vote(choices, weights, even(9, 80))
@@ -69,7 +69,7 @@ def test_labels_spread_to_what_has_no_votes_but_not_far() -> None:
     assert (chance[labels == 7] > 0.5).all() and (chance[labels == 0] == 0).all()
 
 
-def test_a_faint_edge_is_a_border_and_boxes_change_nothing() -> None:
+def test_a_weak_edge_is_a_border_and_boxes_change_nothing() -> None:
     choices, weights = np.zeros((1, 20, 60), np.int32), np.zeros((1, 20, 60), np.float32)
     choices[0, 5:15, 5:10], weights[0, 5:15, 5:10] = 2, 1
     choices[0, 5:15, 50:55], weights[0, 5:15, 50:55] = 3, 1
@@ -81,7 +81,7 @@ def test_a_faint_edge_is_a_border_and_boxes_change_nothing() -> None:
     np.testing.assert_array_equal(near[:, :15], far[:, :15])
 
 
-def test_links_to_nothing_are_an_answer() -> None:
+def test_votes_for_no_label_leave_pixels_unlabelled() -> None:
     choices = np.zeros((2, 8, 8), np.int32)
     choices[0] = 4
     weights = np.stack([np.full((8, 8), 0.4, np.float32), np.full((8, 8), 0.6, np.float32)])

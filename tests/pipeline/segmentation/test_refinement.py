@@ -1,4 +1,4 @@
-"""Corrections at boundaries, misfits, specks, look-alikes, and boundaries without gaps."""
+"""Boundary correction, misfits, merging, and boundary smoothing."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Labels
 from pipeline.segmentation.growing import unlabelled
-from pipeline.segmentation.refinement import adopt, correct, merge_table, round_boundaries
-from pipeline.segmentation.regions import AREA, LIMIT, NOTHING_CARRIED, Lab8, Sums, means_of, measure, rename
+from pipeline.segmentation.refinement import add_regions, correct, merge_table, round_boundaries
+from pipeline.segmentation.regions import AREA, LIMIT, NOT_PROPAGATED, Lab8, Sums, means_of, measure, relabel
 
 Bytes = NDArray[np.uint8]
 MARGIN, SLACK = 7.0, 1.1
@@ -51,18 +51,18 @@ def test_measure_is_the_sum_over_each_region(labels: Labels, seed: int) -> None:
             np.testing.assert_allclose(means_of(sums)[label], lab[here].mean(0), rtol=1e-6)
 
 
-def test_renaming_counts_what_was_carried_into_its_own_region() -> None:
+def test_relabelling_counts_the_pixels_that_keep_their_region() -> None:
     labels, carried = np.array([[1, 1, 2, 3, 3]], np.int32), np.array([[1, 2, 2, 0, 1]], np.int32)
     names, kept = np.array([0, 2, 1, 1], np.int32), np.array([0, 2, 1], np.int32)
-    np.testing.assert_array_equal(rename(labels, names, carried, kept, 2), [0, 1, 1])
+    np.testing.assert_array_equal(relabel(labels, names, carried, kept, 2), [0, 1, 1])
     np.testing.assert_array_equal(labels, [[2, 2, 1, 1, 1]])
-    assert not rename(labels, np.arange(3, dtype=np.int32), NOTHING_CARRIED, kept, 2).any()
+    assert not relabel(labels, np.arange(3, dtype=np.int32), NOT_PROPAGATED, kept, 2).any()
 
 
 # -- correction
 
 
-def test_a_boundary_that_lags_by_a_pixel_is_put_right() -> None:
+def test_a_boundary_that_lags_by_a_pixel_is_corrected() -> None:
     labels = np.array([[1, 1, 1, 1, 2, 2]], np.int32)
     lab = colours_of([[100, 100, 100, 140, 140, 140]])
     np.testing.assert_array_equal(corrected(labels, lab)[0], [[1, 1, 1, 2, 2, 2]])
@@ -76,7 +76,7 @@ def test_the_margin_keeps_noise_from_moving_boundaries(between: int, moves: bool
     assert int(corrected(labels, lab, limit=60)[0][0, 40]) == (2 if moves else 1)
 
 
-def test_a_misfit_inside_a_region_loses_its_label() -> None:
+def test_a_misfit_inside_a_region_becomes_unlabelled() -> None:
     labels = np.full((7, 7), 1, np.int32)
     values = np.full((7, 7), 100)
     values[3, 3], values[5, 5] = 150, 120
@@ -85,7 +85,7 @@ def test_a_misfit_inside_a_region_loses_its_label() -> None:
     assert sums[0, AREA] == 1 and sums[1, AREA] == 48
 
 
-def test_correction_looks_at_the_labels_as_they_were() -> None:
+def test_correction_uses_the_labels_before_correction() -> None:
     """No wave: a pixel takes a neighbour's old label, so that one step moves a boundary by one pixel."""
     labels = np.array([[1] * 12 + [2] * 20], np.int32)
     lab = colours_of([[100] * 8 + [140] * 24])
@@ -94,7 +94,7 @@ def test_correction_looks_at_the_labels_as_they_were() -> None:
 
 @settings(max_examples=60, deadline=None)
 @given(hnp.arrays(np.int32, shapes, elements=st.integers(0, 3)), st.integers(0, 99))
-def test_correction_keeps_the_sums_and_never_labels_what_had_no_label(labels: Labels, seed: int) -> None:
+def test_correction_updates_sums_and_labels_no_unlabelled_pixel(labels: Labels, seed: int) -> None:
     lab = np.random.default_rng(seed).integers(90, 170, (*labels.shape, 3)).astype(np.uint8)
     before = labels.copy()
     found, sums = corrected(labels, lab)
@@ -112,7 +112,7 @@ def corrected(labels: Labels, lab: Lab8, limit: int = 14) -> tuple[Labels, Sums]
 # -- adoption
 
 
-def test_a_new_region_frees_what_does_not_fit_it_and_old_ones_keep_theirs() -> None:
+def test_only_new_regions_release_misfits() -> None:
     lab = colours_of([[100, 100, 100, 100, 150, 200, 200, 200, 200, 250]])
     labels = np.zeros((1, 10), np.int32)
     labels[0, 5:] = 1
@@ -120,7 +120,7 @@ def test_a_new_region_frees_what_does_not_fit_it_and_old_ones_keep_theirs() -> N
     sums = np.concatenate([measure(labels, lab, limits, 1), np.zeros((1, 5), np.int64)])
     pixels = unlabelled(labels)
     labels[0, :5] = 2
-    assert adopt(labels, lab, limits, sums, pixels, 2, 1.0) == 1
+    assert add_regions(labels, lab, limits, sums, pixels, 2, 1.0) == 1
     np.testing.assert_array_equal(labels, [[2, 2, 2, 2, 0, 1, 1, 1, 1, 1]])
     np.testing.assert_array_equal(sums, measure(labels, lab, limits, 2))
 
@@ -128,24 +128,24 @@ def test_a_new_region_frees_what_does_not_fit_it_and_old_ones_keep_theirs() -> N
 # -- merging
 
 
-def merged(labels: Labels, a_of: list[int], smallest: int, newborn: int, similar: float) -> Labels:
+def merged(labels: Labels, a_of: list[int], smallest: int, first_new: int, similar: float) -> Labels:
     """Labels after merging; `a_of` is the a* of regions 1, 2, ..."""
     count = len(a_of)
     lab = colours_of(np.array([128, *a_of])[labels].tolist())
     sums = measure(labels, lab, everywhere(20, labels.shape), count)
     small = np.full(count + 1, smallest, np.int32)
-    table = merge_table(labels, means_of(sums), sums[:, AREA].copy(), small, newborn, np.float32(similar))
+    table = merge_table(labels, means_of(sums), sums[:, AREA].copy(), small, first_new, np.float32(similar))
     return table[labels]
 
 
-def test_a_speck_joins_its_most_similar_neighbour() -> None:
+def test_a_small_region_is_merged_into_its_most_similar_neighbour() -> None:
     labels = np.array([[1, 1, 1, 1, 2, 3, 3, 3, 3]], np.int32)
     np.testing.assert_array_equal(merged(labels, [100, 140, 150], 2, 9, 0), [[1, 1, 1, 1, 3, 3, 3, 3, 3]])
     np.testing.assert_array_equal(merged(labels, [135, 140, 150], 2, 9, 0), [[1, 1, 1, 1, 1, 3, 3, 3, 3]])
     np.testing.assert_array_equal(merged(labels, [100, 140, 150], 1, 9, 0), labels)
 
 
-def test_a_newborn_look_alike_joins_and_an_old_one_does_not() -> None:
+def test_only_a_new_region_is_merged_into_a_similar_neighbour() -> None:
     labels = np.array([[1, 1, 1, 1, 2, 2]], np.int32)
     np.testing.assert_array_equal(merged(labels, [100, 104], 0, 2, 5.0), [[1] * 6])
     np.testing.assert_array_equal(merged(labels, [100, 104], 0, 3, 5.0), labels)
@@ -157,17 +157,17 @@ def test_a_newborn_look_alike_joins_and_an_old_one_does_not() -> None:
     hnp.arrays(np.int32, shapes, elements=st.integers(1, 6)),
     st.integers(0, 6), st.integers(1, 7), st.sampled_from([0.0, 5.0, 100.0]), st.integers(0, 99),
 )  # fmt: skip
-def test_merging_joins_neighbours_only_and_ends(
-    labels: Labels, smallest: int, newborn: int, similar: float, seed: int
+def test_merging_is_limited_to_neighbours_and_acyclic(
+    labels: Labels, smallest: int, first_new: int, similar: float, seed: int
 ) -> None:
     labels = whole(labels)
     a_of = np.random.default_rng(seed).integers(100, 150, int(labels.max())).tolist()
-    out = merged(labels, a_of, smallest, newborn, similar)
+    out = merged(labels, a_of, smallest, first_new, similar)
     areas = Counter(labels.ravel().tolist())
     for before, after in {(int(b), int(a)) for b, a in zip(labels.ravel(), out.ravel(), strict=True)}:
         assert (out[labels == after] == after).all()  # who takes others in stays
         if before != after:
-            assert before >= newborn or areas[before] < smallest
+            assert before >= first_new or areas[before] < smallest
             assert areas[after] >= areas[before]
     assert len(set(out.ravel().tolist())) == int(whole(out).max())  # in one piece
 
@@ -214,7 +214,7 @@ def test_rounding_is_the_majority_of_the_disc(labels: Labels, radius: float) -> 
 
 
 @pytest.mark.parametrize("radius", [1.5, 2.0, 3.0, 5.3])
-def test_rounding_leaves_no_gap_straight_lines_stay_and_spikes_go(radius: float) -> None:
+def test_rounding_keeps_straight_lines_and_removes_spikes(radius: float) -> None:
     labels = np.where(np.arange(40) < 20, 1, 2).astype(np.int32).reshape(1, -1).repeat(40, axis=0)
     np.testing.assert_array_equal(round_boundaries(labels, radius), labels)
     spiky = labels.copy()
@@ -224,7 +224,7 @@ def test_rounding_leaves_no_gap_straight_lines_stay_and_spikes_go(radius: float)
     assert set(np.unique(out)) == {1, 2}
 
 
-def test_rounding_shortens_a_staircase() -> None:
+def test_rounding_shortens_a_staircase_boundary() -> None:
     y, x = np.mgrid[:48, :48]
     steps = np.where(x // 6 + y // 6 < 8, 1, 2).astype(np.int32)
     out = round_boundaries(steps, 5)

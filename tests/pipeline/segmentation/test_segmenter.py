@@ -1,4 +1,4 @@
-"""Coherent segmentation as a whole: no holes, lasting names, eq. 4's alpha, on pictures whose truth is known."""
+"""Coherent segmentation of synthetic pictures: complete labels, permanent ids, alpha of equation 4."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def halves(boundary: int, left: int = 100, right: int = 150, shape: tuple[int, i
 # -- one frame
 
 
-def test_a_first_frame_is_all_new() -> None:
+def test_all_regions_of_the_first_frame_are_new() -> None:
     made = Stream().step(halves(30))
     left, right = made.labels[0, 0], made.labels[0, -1]
     np.testing.assert_array_equal(made.labels, np.where(np.arange(64) < 30, left, right)[None].repeat(48, axis=0))
@@ -88,7 +88,7 @@ def test_a_first_frame_is_all_new() -> None:
 
 
 @pytest.mark.parametrize(("gap_px", "rooms"), [(0, 2), (4, 2), (9, 1)])
-def test_an_edge_with_a_short_gap_parts_two_rooms_of_one_colour(gap_px: int, rooms: int) -> None:
+def test_an_edge_with_a_short_gap_separates_areas_of_one_colour(gap_px: int, rooms: int) -> None:
     wall = np.zeros(SHAPE, np.uint8)
     wall[:, 32] = 255
     wall[20 : 20 + gap_px, 32] = 0
@@ -97,7 +97,7 @@ def test_an_edge_with_a_short_gap_parts_two_rooms_of_one_colour(gap_px: int, roo
 
 
 @pytest.mark.parametrize(("importance", "found"), [(0.0, 1), (0.8, 2)])
-def test_importance_asks_for_finer_regions(importance: float, found: int) -> None:
+def test_higher_importance_gives_finer_regions(importance: float, found: int) -> None:
     """20 (1.2 - I) is 24 where nothing matters and 8 at I = 0.8: 14 units apart are one region, or two."""
     assert len(Stream(importance=importance).step(halves(24, 100, 114)).ids) - 1 == found
 
@@ -109,7 +109,7 @@ def test_two_colours_without_an_edge_between_them_are_two_regions(boundary: int)
     assert made.labels[5, 5] != made.labels[5, 60] and len(made.ids) == 3
 
 
-def test_an_island_of_two_colours_is_not_left_to_the_sea() -> None:
+def test_an_area_of_two_colours_is_not_merged_into_its_surroundings() -> None:
     lab = np.full((*SHAPE, 3), 128, np.uint8)
     lab[16:32, 12:32, 1], lab[16:32, 32:52, 1] = 90, 166
     made = Stream().step(lab)
@@ -118,7 +118,7 @@ def test_an_island_of_two_colours_is_not_left_to_the_sea() -> None:
 
 
 @pytest.mark.parametrize("lab", [halves(0), halves(32)], ids=["one colour", "two colours"])
-def test_a_frame_that_is_all_edge_is_one_region(lab: Lab8) -> None:
+def test_a_frame_of_edge_pixels_is_one_region(lab: Lab8) -> None:
     wall = np.full(SHAPE, 255, np.uint8)
     stream = Stream()
     assert (stream.step(lab, outline=wall).labels == 1).all()
@@ -148,7 +148,7 @@ def test_no_pixel_is_ever_unlabelled(seed: int, shape: tuple[int, int], noisy: b
 # -- over time
 
 
-def test_a_still_picture_stands_still() -> None:
+def test_the_labels_of_a_still_picture_are_constant() -> None:
     stream = Stream()
     first = stream.step(halves(30))
     for _ in range(3):
@@ -159,7 +159,7 @@ def test_a_still_picture_stands_still() -> None:
         assert made.residual == 0
 
 
-def test_alpha_by_hand() -> None:
+def test_alpha_of_a_known_motion() -> None:
     """Eq. 4: pixels carried from R(i-1) into R(i), over the geometric mean of the two areas."""
     stream = Stream()
     stream.step(halves(28))
@@ -172,7 +172,7 @@ def test_alpha_by_hand() -> None:
     np.testing.assert_array_equal(made.previous, [0, 1, 2])
 
 
-def test_names_move_with_the_picture() -> None:
+def test_ids_move_with_the_picture() -> None:
     stream = Stream()
     stream.step(disc_at(20))
     flow = np.full((*SHAPE, 2), (3, 0), np.float32)
@@ -183,7 +183,7 @@ def test_names_move_with_the_picture() -> None:
         assert made.alpha[2] > 0.97
 
 
-def test_a_slow_pan_is_followed_by_fractions() -> None:
+def test_a_slow_pan_is_followed() -> None:
     stream = Stream()
     flow = np.full((*SHAPE, 2), (0.4, 0), np.float32)
     for step in range(11):
@@ -193,7 +193,7 @@ def test_a_slow_pan_is_followed_by_fractions() -> None:
     assert abs((xs.min() + xs.max()) / 2 - 28) <= 0.5
 
 
-def test_what_was_hidden_comes_back_under_a_new_name() -> None:
+def test_a_region_that_reappears_has_a_new_id() -> None:
     """Nothing hides for ever in its cover's region, and no name is given twice."""
     stream = Stream()
     names = []
@@ -222,7 +222,7 @@ def disc_at(x: float, radius: int = 9) -> Lab8:
     return lab
 
 
-def test_a_new_picture_is_segmented_afresh_by_residuals_alone() -> None:
+def test_an_unrelated_picture_is_segmented_anew() -> None:
     stream = Stream()
     first = stream.step(halves(30))
     made = stream.step(disc_at(32))
@@ -231,7 +231,7 @@ def test_a_new_picture_is_segmented_afresh_by_residuals_alone() -> None:
     assert not set(made.ids[1:].tolist()) & set(first.ids[1:].tolist())
 
 
-def test_what_fades_in_gets_regions_of_its_own() -> None:
+def test_objects_that_fade_in_get_their_own_regions() -> None:
     stream = Stream()
     full = disc_at(32).astype(float)
     black = np.array([0, 128, 128.0])
@@ -244,7 +244,7 @@ def test_what_fades_in_gets_regions_of_its_own() -> None:
     np.testing.assert_array_equal(made.labels == made.labels[24, 32], full[..., 1] == 170)
 
 
-def test_reset_forgets_and_numbers_from_where_it_is_told() -> None:
+def test_reset_starts_with_the_given_id() -> None:
     stream = Stream()
     stream.step(halves(30))
     stream.segmenter.reset(1000)
@@ -254,7 +254,7 @@ def test_reset_forgets_and_numbers_from_where_it_is_told() -> None:
     assert not made.previous.any()
 
 
-def test_a_restored_segmenter_goes_on_to_the_bit() -> None:
+def test_a_restored_segmenter_continues_with_the_same_bytes() -> None:
     pictures = [disc_at(20 + 2.5 * step) for step in range(6)]
     flow = np.full((*SHAPE, 2), (2.5, 0.2), np.float32)
     one, two = Stream(), Stream()
@@ -268,7 +268,7 @@ def test_a_restored_segmenter_goes_on_to_the_bit() -> None:
             np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
 
 
-def test_a_state_is_not_changed_by_what_comes_after() -> None:
+def test_a_state_is_not_changed_by_later_frames() -> None:
     stream = Stream()
     flow = np.full((*SHAPE, 2), (0.4, 0), np.float32)
     stream.step(disc_at(20))
@@ -286,7 +286,7 @@ def test_a_state_is_not_changed_by_what_comes_after() -> None:
 
 
 @pytest.mark.parametrize(("name", "pure"), [("shapes", 0.97), ("portrait", 0.85)])
-def test_names_stay_on_their_object(name: str, pure: float) -> None:
+def test_ids_stay_on_their_object(name: str, pure: float) -> None:
     """A region may straddle two objects that look alike; but a name never wanders from one object to another."""
     size = (96, 64)
     shot = scene(name, size, frames=8, fps=12)

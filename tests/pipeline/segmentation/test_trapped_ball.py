@@ -1,4 +1,4 @@
-"""Trapped-ball filling: what a ball can pass, what it cannot, and which balls are rolled."""
+"""Trapped-ball filling: gaps that a ball can pass, and the order of radii."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pipeline.segmentation.trapped_ball import fill, radii
     ("unlabelled_px", "wanted"),
     [(0, [2, 1]), (3000, [2, 1]), (90_000, [10, 5, 2, 1]), (352 * 288, [11, 5, 2, 1]), (921_600, [32, 16, 8, 4, 2, 1])],
 )
-def test_radii_start_at_the_papers_and_are_halved_to_one(unlabelled_px: int, wanted: list[int]) -> None:
+def test_radii_start_at_the_value_of_the_paper_and_are_halved_to_one(unlabelled_px: int, wanted: list[int]) -> None:
     assert radii(unlabelled_px) == wanted
 
 
@@ -32,27 +32,27 @@ def two_rooms(gap_px: int, size: int = 41) -> NDArray[np.uint8]:
 
 
 @pytest.mark.parametrize("radius_px", [1, 2, 3, 4, 5, 8])
-def test_a_gap_narrower_than_the_ball_lets_nothing_through(radius_px: int) -> None:
+def test_the_ball_does_not_pass_a_narrower_gap(radius_px: int) -> None:
     labels, made = filled(two_rooms(2 * radius_px), radius_px)
     assert made == 2
     assert labels[20, 2] != labels[20, -3] and labels[20, 2] > 0 < labels[20, -3]
 
 
 @pytest.mark.parametrize("radius_px", [1, 2, 3, 4, 5, 8])
-def test_a_gap_as_wide_as_the_ball_joins_the_rooms(radius_px: int) -> None:
+def test_the_ball_passes_a_gap_of_its_width(radius_px: int) -> None:
     labels, made = filled(two_rooms(2 * radius_px + 1), radius_px)
     assert made == 1
     assert labels[20, 2] == labels[20, -3] == 1
 
 
-def test_a_flood_fill_would_have_leaked() -> None:
+def test_flood_fill_passes_the_gap() -> None:
     """What the ball is for: at radius 1 the same gap lets it through."""
     assert filled(two_rooms(4), 2)[1] == 2
     assert filled(two_rooms(4), 1)[1] == 1
 
 
 @pytest.mark.parametrize("radius_px", [1, 2, 5])
-def test_a_room_narrower_than_the_ball_stays_empty(radius_px: int) -> None:
+def test_an_area_narrower_than_the_ball_stays_unlabelled(radius_px: int) -> None:
     for side, made in ((2 * radius_px, 0), (2 * radius_px + 1, 1)):
         blocked = np.full((30, 30), 255, np.uint8)
         blocked[4 : 4 + side, 6 : 6 + side] = 0
@@ -60,7 +60,7 @@ def test_a_room_narrower_than_the_ball_stays_empty(radius_px: int) -> None:
 
 
 @pytest.mark.parametrize("radius_px", [1, 2, 5])
-def test_what_has_a_label_is_as_good_as_a_wall(radius_px: int) -> None:
+def test_labelled_pixels_block_the_ball(radius_px: int) -> None:
     for side, made in ((2 * radius_px, 0), (2 * radius_px + 1, 1)):
         labels = np.full((30, 30), 3, np.int32)
         labels[4 : 4 + side, 6 : 6 + side] = 0
@@ -68,19 +68,19 @@ def test_what_has_a_label_is_as_good_as_a_wall(radius_px: int) -> None:
         assert (labels != 0).all() == (labels == 3).all()
 
 
-def test_the_border_of_the_frame_is_no_wall() -> None:
+def test_the_border_of_the_frame_does_not_block_the_ball() -> None:
     labels, made = filled(np.zeros((9, 9), np.uint8), 3)
     assert made == 1 and (labels == 1).all()
 
 
-def test_new_regions_count_up_and_old_ones_stay() -> None:
+def test_new_labels_are_consecutive_and_old_labels_stay() -> None:
     labels = np.zeros((41, 41), np.int32)
     labels[:3] = 5
     assert rolled(labels, two_rooms(0), 2, 6) == 2
     assert set(np.unique(labels)) <= {0, 5, 6, 7} and (labels[:3] == 5).all()
 
 
-def test_nothing_to_fill_makes_nothing() -> None:
+def test_no_free_pixels_give_no_regions() -> None:
     labels = np.ones((20, 20), np.int32)
     assert rolled(labels, np.zeros((20, 20), np.uint8), 2, 2) == 0
 
@@ -92,7 +92,7 @@ walls = hnp.arrays(
 
 @settings(max_examples=60, deadline=None)
 @given(walls, st.integers(1, 6))
-def test_only_what_a_ball_reaches_is_filled_and_all_of_it(walls: NDArray[np.bool_], radius_px: int) -> None:
+def test_exactly_the_reachable_pixels_are_filled(walls: NDArray[np.bool_], radius_px: int) -> None:
     blocked = np.pad(walls, 6, constant_values=False)
     labels, made = filled(blocked.astype(np.uint8) * 255, radius_px)
     assert not labels[blocked].any()

@@ -24,21 +24,21 @@ def way(dx: float, dy: float) -> Flow:
     return np.full((*SHAPE, 2), (dx, dy), np.float32)
 
 
-def test_where_nothing_happens_nothing_changes() -> None:
+def test_a_still_picture_is_unchanged() -> None:
     picture = noise(1)
     past = [Painting(picture, flat(), way(0, 0))] * 3
     np.testing.assert_array_equal(accumulate(Painting(picture, flat(), way(0, 0)), past), picture)
 
 
 @pytest.mark.parametrize("count", [1, 2, 4])
-def test_chance_averages_out_by_the_square_root(count: int) -> None:
+def test_random_variation_falls_with_the_square_root(count: int) -> None:
     past = [Painting(noise(k), flat(), way(0, 0)) for k in range(count)]
     found = accumulate(Painting(noise(99), flat(), way(0, 0)), past).astype(float)
     assert found.std() == pytest.approx(12 / np.sqrt(count + 1), rel=0.05)
     assert found.mean() == pytest.approx(128, abs=1)
 
 
-def test_paint_is_carried_step_by_step_to_where_things_are_now() -> None:
+def test_paintings_are_advected_over_several_frames() -> None:
     """The picture moves 4 px to the right, then 2 px down, told in px of a picture half as large."""
     big = np.random.default_rng(3).integers(0, 255, (*(side + 40 for side in SHAPE), 3)).astype(np.uint8)
 
@@ -57,14 +57,14 @@ def test_paint_is_carried_step_by_step_to_where_things_are_now() -> None:
 
 
 @pytest.mark.parametrize(("apart", "share"), [(0, 0.5), (SAME / WEIGHT, 0.5), (OTHER / WEIGHT + 1, 0.0)])
-def test_what_is_another_thing_stays_as_it_is_now(apart: float, share: float) -> None:
+def test_another_surface_is_not_blended(apart: float, share: float) -> None:
     other = flat(100)
     other[..., 0] = 100 + round(apart)
     found = accumulate(Painting(flat(200), flat(100), way(0, 0)), [Painting(flat(0), other, None)])
     np.testing.assert_allclose(found, 200 * (1 - share), atol=1)
 
 
-def test_what_comes_in_over_the_border_is_new() -> None:
+def test_pixels_from_outside_the_picture_are_not_blended() -> None:
     found = accumulate(Painting(flat(200), flat(), way(-10, 0)), [Painting(flat(0), flat(), None)])
     assert (found[:, :10] == 200).all() and (found[:, 11:] == 100).all()
 

@@ -1,4 +1,4 @@
-"""Layers: each brings the painting nearer to the picture, where it is asked to."""
+"""Layers: each reduces the error where it is requested."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_each_layer_reduces_the_error() -> None:
     assert errors[0] > 1.15 * errors[1] > 1.15 * errors[2]
 
 
-def test_free_colours_call_for_no_more_strokes() -> None:
+def test_shifted_colours_add_no_strokes() -> None:
     shifted = Brush(size_px=12, length_px=40, hue_deg=90, jitter=0.8)
     plain = Brush(size_px=12, length_px=40)
     one, other = (paint_still(scene(), FIELD, StillPainting(b, seed=3)) for b in (plain, shifted))
@@ -52,20 +52,20 @@ def test_free_colours_call_for_no_more_strokes() -> None:
     np.testing.assert_array_equal(one[..., 4:], other[..., 4:])
 
 
-def test_the_same_bytes_again_and_others_with_another_seed() -> None:
+def test_equal_seeds_give_equal_bytes_and_other_seeds_others() -> None:
     a, b, other = (paint_still(scene(), FIELD, StillPainting(BRUSH, seed=seed)) for seed in (5, 5, 6))
     assert a.tobytes() == b.tobytes() != other.tobytes()
 
 
 @pytest.mark.parametrize("shape", [(16, 16), (17, 61), (53, 19)])
-def test_odd_sizes(shape: tuple[int, int]) -> None:
+def test_odd_sizes_are_accepted(shape: tuple[int, int]) -> None:
     picture = np.ascontiguousarray(scene()[: shape[0], : shape[1]])
     canvas = paint_still(picture, np.ascontiguousarray(FIELD[: shape[0], : shape[1]]), StillPainting(BRUSH))
     assert canvas.shape == (*shape, 7) and np.isfinite(canvas).all()
     assert np.abs(canvas[..., 4:] - picture).mean() < 40
 
 
-def test_the_threshold_slides_without_a_jump() -> None:
+def test_the_threshold_is_continuous() -> None:
     layers = np.linspace(1, 3, 201, dtype=np.float32)[None].repeat(2, axis=0)
     second, third = (layer_threshold(layers, 30.0, k, layers.shape)[0] for k in (1, 2))
     assert (layer_threshold(layers, 30.0, 0, layers.shape) < 0).all()
@@ -74,7 +74,7 @@ def test_the_threshold_slides_without_a_jump() -> None:
     assert (np.diff(second) <= 0).all() and np.abs(np.diff(second)).max() < 17
 
 
-def test_strokes_of_a_fractional_layer_come_singly() -> None:
+def test_strokes_of_a_fractional_layer_appear_one_by_one() -> None:
     counts = []
     for layers in (1.4, 1.86, 1.91, 1.95, 2.0):
         canvas = paint_still(scene(), FIELD, StillPainting(BRUSH, LayerScheme(most=2), layers=layers, threshold=10))
@@ -83,7 +83,7 @@ def test_strokes_of_a_fractional_layer_come_singly() -> None:
     assert counts == sorted(counts, reverse=True) and len(set(counts)) >= 4
 
 
-def test_area_error_is_the_mean_over_the_square_in_the_picture() -> None:
+def test_area_error_is_the_mean_over_the_clipped_square() -> None:
     values = np.random.default_rng(2).uniform(0, 200, (21, 33)).astype(np.float32)
     points = np.array([[10, 9], [0, 0], [32, 20]], np.float32)
     found = area_error(values, points, np.array([6, 4, 8], np.float32))
@@ -96,6 +96,6 @@ def test_error_of_black_and_white() -> None:
     np.testing.assert_allclose(colour_error(np.full((16, 16, 3), 255, np.uint8), canvas), 255 * math.sqrt(3), rtol=1e-6)
 
 
-def test_finer_layers_are_smaller_and_stray_less() -> None:
+def test_finer_layers_have_smaller_strokes_and_less_jitter() -> None:
     fine = layer_brush(Brush(size_px=8, length_px=40, jitter=0.4, relief_px=2), 0.25, 1)
     assert (fine.size_px, fine.length_px, fine.relief_px) == (2, 20, 0.5) and fine.jitter == pytest.approx(0.1)

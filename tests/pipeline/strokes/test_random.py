@@ -1,4 +1,4 @@
-"""Philox against its published answers, and what the strokes draw from it."""
+"""Philox, compared with its published values, and the random numbers of strokes."""
 
 from __future__ import annotations
 
@@ -20,23 +20,25 @@ ANSWERS = [
 
 
 @pytest.mark.parametrize(("counter", "key", "answer"), ANSWERS)
-def test_known_answers(counter: tuple[int, ...], key: tuple[int, ...], answer: tuple[int, ...]) -> None:
+def test_philox_gives_its_published_values(
+    counter: tuple[int, ...], key: tuple[int, ...], answer: tuple[int, ...]
+) -> None:
     assert tuple(int(word) for word in philox(*counter, *key)) == answer
 
 
-def test_a_name_draws_the_same_whoever_asks() -> None:
+def test_draws_depend_on_the_id_only() -> None:
     ids = np.arange(1000, dtype=np.uint64) << np.uint64(30)
     turned = draws(ids[::-1].copy(), 3, Purpose.COLOUR)[::-1]
     np.testing.assert_array_equal(turned, draws(ids, 3, Purpose.COLOUR))
 
 
-def test_seeds_and_purposes_have_nothing_in_common() -> None:
+def test_draws_of_different_seeds_and_purposes_are_independent() -> None:
     ids = np.arange(4000, dtype=np.uint64)
     sets = [draws(ids, seed, purpose)[:, 0] for seed in (0, 1) for purpose in (Purpose.COLOUR, Purpose.ORDER)]
     assert np.abs(np.corrcoef(sets) - np.eye(4)).max() < 0.06
 
 
-def test_numbers_are_even_in_0_to_1() -> None:
+def test_draws_are_uniform_in_0_to_1() -> None:
     values = draws(np.arange(20_000, dtype=np.uint64), 5, Purpose.PLACE)
     assert values.min() >= 0 and values.max() < 1
     counts = np.histogram(values, 16, (0, 1))[0]

@@ -1,4 +1,4 @@
-"""Strokes on the canvas: as wide and as large as said, composited exactly, nothing outside."""
+"""Rasterisation of strokes: width, area, compositing, borders."""
 
 from __future__ import annotations
 
@@ -70,14 +70,14 @@ def test_a_stroke_that_crosses_itself_does_not_cover_twice() -> None:
     assert canvas[..., 0].max() == pytest.approx(100, abs=1e-3)
 
 
-def test_strokes_keep_off_other_colours() -> None:
+def test_strokes_do_not_cover_other_colours() -> None:
     guide = np.full((*ODD, 3), (200, 100, 50), np.uint8)
     guide[:, 50:] = 0
     canvas = paint(black(), line([(20, 30), (70, 30)]), profile=PLAIN, guide=guide, tolerance=60)
     assert canvas[30, 49, 0] == 200 and not canvas[:, 50:].any()
 
 
-def test_free_colour_is_no_other_thing() -> None:
+def test_shifted_colours_are_not_another_surface() -> None:
     guide = np.full((*ODD, 3), (200, 100, 50), np.uint8)
     stroke = replace(line([(20, 30), (70, 30)]), colours=np.array([[0, 0, 255]], np.float32))
     canvas = paint(black(), stroke, profile=PLAIN, guide=guide, tolerance=10)
@@ -85,7 +85,7 @@ def test_free_colour_is_no_other_thing() -> None:
     np.testing.assert_array_equal(canvas[30, 40, 4:], [200, 100, 50])
 
 
-def test_hairs_leave_traces_along_the_stroke() -> None:
+def test_bristles_leave_streaks_along_the_stroke() -> None:
     hairy = replace(line([(10.0 + 6 * k, 30.0) for k in range(11)], 16), grain=np.ones(1, np.float32))
     canvas = paint(black(), hairy, profile=StrokeProfile(taper=(0, 0), streaks=40, dry=0))
     inside = canvas[24:37, 25:60, 3]
@@ -105,7 +105,7 @@ def test_strokes_across_every_border_stay_inside(shape: tuple[int, int]) -> None
     assert not framed.any()
 
 
-def test_the_order_is_by_name() -> None:
+def test_the_painting_order_is_by_id() -> None:
     ids = np.array([5, 9, 1, 44], np.uint64)
     assert ids[painting_order(ids)].tolist() == ids[::-1][painting_order(ids[::-1].copy())].tolist()
 
@@ -123,7 +123,7 @@ def test_colour_shift_and_jitter() -> None:
     assert stray.tobytes() != (tint(aims, seeds, Brush(jitter=0.5), seed=1) - aims).tobytes()
 
 
-def test_a_slanted_silhouette_has_no_stairs_with_slopes() -> None:
+def test_slopes_remove_steps_of_a_slanted_silhouette() -> None:
     """Where it ends, row by row, to a fraction of a px: a straight line."""
     y, x = np.mgrid[: ODD[0], : ODD[1]].astype(float)
     inside = np.clip((40 + 0.3 * (y - 30) - x) / 3 + 0.5, 0, 1)  # an edge as soft as a camera's, three px wide
@@ -136,7 +136,7 @@ def test_a_slanted_silhouette_has_no_stairs_with_slopes() -> None:
     assert off[1] < 0.1 < 0.3 < off[0]
 
 
-def test_slopes_are_the_change_in_a_px() -> None:
+def test_slopes_are_the_change_per_px() -> None:
     ramp = np.zeros((*ODD, 3), np.uint8)
     ramp[..., 0] = np.arange(ODD[1]) * 3
     np.testing.assert_allclose(slopes_of(ramp)[:, 1:-1], 3)

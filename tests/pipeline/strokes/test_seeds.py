@@ -1,4 +1,4 @@
-"""Where strokes start: everywhere, by size, and by name."""
+"""Stroke seeds: coverage, density, and ids."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_seeds_cover_without_gaps(spacing: float) -> None:
 
 
 @pytest.mark.parametrize("spacing", [2.0, 3.1, 5.0, 8.0])
-def test_density_is_one_a_spacing_squared(spacing: float) -> None:
+def test_density_is_one_seed_per_squared_spacing(spacing: float) -> None:
     shape = (201, 307)
     assert len(place(shape, spacing)) == pytest.approx(201 * 307 / spacing**2, rel=0.06)
 
@@ -47,7 +47,7 @@ def test_a_slightly_larger_size_drops_seeds_and_moves_none_far() -> None:
     assert max(moves) <= 0.16
 
 
-def test_seeds_stay_inside_and_names_are_unique() -> None:
+def test_seeds_stay_inside_and_ids_are_unique() -> None:
     seeds = [place(ODD, 3.3, seed=9, layer=layer, birth=birth) for layer in (0, 1) for birth in (0, 7)]
     xy, ids = np.concatenate([s.xy for s in seeds]), np.concatenate([s.ids for s in seeds])
     assert xy.min() >= 0 and (xy <= [ODD[1] - 1, ODD[0] - 1]).all()
@@ -56,12 +56,12 @@ def test_seeds_stay_inside_and_names_are_unique() -> None:
     assert not np.array_equal(seeds[0].xy[:50], seeds[2].xy[:50])
 
 
-def test_the_same_bytes_again_and_others_for_another_seed() -> None:
+def test_equal_seeds_give_equal_bytes_and_other_seeds_others() -> None:
     assert place(ODD, 4.0, seed=1).xy.tobytes() == place(ODD, 4.0, seed=1).xy.tobytes()
     assert place(ODD, 4.0, seed=1).xy.tobytes() != place(ODD, 4.0, seed=2).xy.tobytes()
 
 
-def test_fields_are_read_in_the_pixel_of_the_point() -> None:
+def test_fields_are_read_at_the_nearest_pixel() -> None:
     plane = np.arange(12, dtype=np.float32).reshape(3, 4)
     points = np.array([[0.4, 0], [0.6, 0], [3, 2], [-5, 9]], np.float32)
     np.testing.assert_array_equal(sample(plane, points), [0, 1, 11, 8])
@@ -69,6 +69,6 @@ def test_fields_are_read_in_the_pixel_of_the_point() -> None:
 
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, np.nan, np.ones((3, 3), np.float32)])
-def test_bad_spacing_is_named(bad: float) -> None:
+def test_an_invalid_spacing_is_named(bad: float) -> None:
     with pytest.raises(BadParameter):
         place(ODD, bad)

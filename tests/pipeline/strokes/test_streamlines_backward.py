@@ -30,7 +30,7 @@ def white() -> Canvas:
     return blank(np.full((*SIZE, 3), 255, np.uint8))
 
 
-def test_the_order_is_total_and_the_papers() -> None:
+def test_the_order_is_the_total_order_of_the_paper() -> None:
     rows = np.array(
         [[5, 0, 0], [0, 5, 0], [3, 4, 0], [4, 3, 0], [0, 3, 4], [0, 4, 3], [1, 1, 1], [0, 0, 5]], np.float32
     )
@@ -67,7 +67,7 @@ def test_on_a_circular_field_the_stroke_is_an_arc() -> None:
     assert np.arctan2(y, x)[whose == 0].max() == pytest.approx(44.5 / 30, abs=0.08)
 
 
-def test_the_smaller_colour_covers_whatever_the_order_of_the_seeds() -> None:
+def test_the_smaller_colour_covers_in_any_order_of_seeds() -> None:
     xy, colours = [(40.0, 45.0), (55.0, 45.0), (70.0, 45.0)], [(200, 0, 0), (90, 90, 90), (10, 20, 30)]
     brush, turn = Brush(size_px=10), [2, 0, 1]
     one, other = white(), white()
@@ -90,7 +90,7 @@ def test_inside_a_stroke_there_is_one_colour() -> None:
     np.testing.assert_array_equal(inside[:, :3], np.broadcast_to(np.float32([30, 60, 90]), (len(inside), 3)))
 
 
-def test_strokes_keep_off_other_colours() -> None:
+def test_strokes_do_not_cover_other_colours() -> None:
     guide = np.full((*SIZE, 3), 20, np.uint8)
     guide[:, 60:] = 250
     whose = streamlines_backward(
@@ -104,7 +104,7 @@ def test_strokes_keep_off_other_colours() -> None:
 
 
 @pytest.mark.parametrize("length", [0.0, 17.0, 60.0])
-def test_threads_and_skipped_walks_change_no_byte(length: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_threads_and_skipped_walks_do_not_change_the_result(length: float, monkeypatch: pytest.MonkeyPatch) -> None:
     seeds = place(SIZE, 9, seed=3)[np.arange(0, 60, 7)]
     brush = Brush(size_px=7, grain=0.7, relief_px=2, jitter=0.3)
     strokes = discs(seeds, brush, np.full((len(seeds), 3), 99, np.float32))

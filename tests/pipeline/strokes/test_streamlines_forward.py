@@ -51,7 +51,7 @@ def many() -> tuple[Strokes, np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize(("curved", "alike"), [(False, 0.8), (True, 0.78)])
-def test_what_covers_what_is_what_the_paper_says(curved: bool, alike: float) -> None:
+def test_the_covering_order_is_that_of_the_paper(curved: bool, alike: float) -> None:
     """Strokes are 8 px apart and hide each other, so ever so small differences show."""
     strokes, field, order = many()
     field = field if curved else even(0.4)
@@ -65,7 +65,7 @@ def test_what_covers_what_is_what_the_paper_says(curved: bool, alike: float) -> 
 
 
 @pytest.mark.parametrize("degrees", [0, 30, 90, 135])
-def test_a_stroke_is_as_long_and_wide_as_it_should_be(degrees: int) -> None:
+def test_a_stroke_has_the_requested_length_and_width(degrees: int) -> None:
     angle, buffer = math.radians(degrees), empty_buffer(SIZE)
     layer(buffer, dots([(55, 45)], [(200, 200, 200)], Brush(size_px=8)), even(angle), 40, [0])
     y, x = np.nonzero(buffer[..., 4] < 0.5)
@@ -76,7 +76,7 @@ def test_a_stroke_is_as_long_and_wide_as_it_should_be(degrees: int) -> None:
     assert (1 - buffer[..., 4]).sum() == pytest.approx(8 * 40 + math.pi * 16, rel=0.03)
 
 
-def test_the_first_of_the_order_is_uppermost() -> None:
+def test_the_first_stroke_of_the_order_is_topmost() -> None:
     strokes = dots([(50, 45), (55, 45)], [(250, 0, 0), (0, 0, 250)], Brush(size_px=10))
     for order, top in (([0, 1], 0), ([1, 0], 2)):
         buffer = empty_buffer(SIZE)
@@ -84,7 +84,7 @@ def test_the_first_of_the_order_is_uppermost() -> None:
         assert buffer[45, 52, top] == pytest.approx(250, abs=1) and buffer[45, 52, 2 - top] < 1
 
 
-def test_what_is_painted_first_stays_on_top_and_the_ground_shows_where_nothing_is() -> None:
+def test_earlier_layers_stay_on_top_of_the_ground() -> None:
     buffer = empty_buffer(SIZE)
     layer(buffer, dots([(30, 45)], [(9, 200, 9)], Brush(size_px=9)), even(0), 10, [0])
     before = buffer.copy()
@@ -107,7 +107,7 @@ def test_thin_paint_adds_up() -> None:
     np.testing.assert_allclose(buffer[45, 50, [0, 2, 4]], [100, 50, 0.25], atol=0.5)
 
 
-def test_strokes_keep_off_other_colours_each_by_its_own_tolerance() -> None:
+def test_each_stroke_covers_colours_within_its_own_tolerance() -> None:
     guide = np.full((*SIZE, 3), 20, np.uint8)
     guide[:, 60:] = 60
     strokes = dots([(50, 20), (50, 70)], [(20, 20, 20)] * 2, Brush(size_px=9))
@@ -130,7 +130,7 @@ def test_soft_edges_fade_over_their_width_and_leave_a_stroke_as_wide_as_it_is() 
 
 
 @pytest.mark.parametrize("threads", [2, 3, 7])
-def test_threads_change_no_byte(threads: int) -> None:
+def test_threads_do_not_change_the_result(threads: int) -> None:
     strokes, field, order = many()
     pictures = []
     for n in (1, threads):
@@ -141,7 +141,7 @@ def test_threads_change_no_byte(threads: int) -> None:
     assert pictures[0] == pictures[1]
 
 
-def test_nothing_to_paint() -> None:
+def test_no_strokes_paint_nothing() -> None:
     buffer = empty_buffer(SIZE)
     none = Strokes(*(getattr(dots([(1, 1)], [(0, 0, 0)], Brush()), k)[:0] for k in Strokes.__dataclass_fields__))
     streamlines_forward(buffer, none, even(0), np.zeros(0, np.float32), np.zeros(0, np.intp))

@@ -53,7 +53,7 @@ def test_on_an_even_field_a_stroke_is_straight_and_centred(degrees: int) -> None
     assert sorted(np.round([along.min(), along.max()])) == [-25, 25]
 
 
-def test_where_nothing_runs_a_stroke_goes_straight_on() -> None:
+def test_without_direction_a_stroke_goes_straight_on() -> None:
     field = even(math.pi / 2)
     field[:50] = 0
     strokes = trace(one(70, 60), field, Brush(size_px=4, length_px=60), GRAY)
@@ -72,7 +72,7 @@ def test_strokes_end_at_an_edge() -> None:
     assert 85 < x.max() < 90 and x.min() == pytest.approx(20, abs=0.1)
 
 
-def test_strokes_end_where_the_canvas_is_better_already_but_not_before_their_least_length() -> None:
+def test_strokes_end_where_the_canvas_is_better_after_their_least_length() -> None:
     ramp = np.repeat(np.linspace(60, 160, SIZE[1]).astype(np.uint8)[None, :, None], 3, axis=2)
     picture = np.ascontiguousarray(np.repeat(ramp, SIZE[0], axis=0))
     seeds, brush, canvas = one(70, 60), Brush(size_px=4, length_px=80), blank(picture)
@@ -88,7 +88,7 @@ def test_without_curvature_a_stroke_stays_straight() -> None:
     assert np.abs(straight.points[0, : straight.counts[0], 0] - 105).max() < 0.01
 
 
-def test_points_stay_in_the_picture_from_every_border() -> None:
+def test_points_stay_in_the_picture() -> None:
     xy = np.array([[0, 0], [140, 120], [0, 120], [140, 0], [70, 0]], np.float32)
     seeds = Seeds(xy, np.arange(5, dtype=np.uint64))
     strokes = trace(seeds, even(0.7), Brush(size_px=3, length_px=90), np.repeat(GRAY, 5, axis=0))
@@ -97,6 +97,6 @@ def test_points_stay_in_the_picture_from_every_border() -> None:
         assert count >= 1 and used.min() >= -0.5 and (used <= [140.5, 120.5]).all()
 
 
-def test_no_seeds_no_strokes() -> None:
+def test_no_seeds_give_no_strokes() -> None:
     none = Seeds(np.empty((0, 2), np.float32), np.empty(0, np.uint64))
     assert len(trace(none, even(0), Brush(jitter=0.5, hue_deg=20), np.empty((0, 3), np.float32))) == 0

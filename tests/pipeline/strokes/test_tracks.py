@@ -32,7 +32,7 @@ def run(frames: int, flow: Flow, picture: Frame | None = None) -> list[StrokeTra
     return states
 
 
-def test_strokes_follow_a_translation_and_keep_their_names() -> None:
+def test_strokes_follow_a_translation_and_keep_their_ids() -> None:
     states = run(8, even(1.3, -0.6))
     first, last = (dict(zip(s.seeds.ids.tolist(), s.seeds.xy, strict=True)) for s in (states[0], states[-1]))
     kept = set(first) & set(last)
@@ -42,7 +42,7 @@ def test_strokes_follow_a_translation_and_keep_their_names() -> None:
         np.testing.assert_allclose(last[i] - first[i], [1.3 * 7, -0.6 * 7], atol=1e-3)
 
 
-def test_missing_paint_is_added_and_the_number_holds() -> None:
+def test_missing_strokes_are_added_and_their_number_is_stable() -> None:
     states = run(15, even(2.0, 0.0))
     for state in states:
         assert not state.leaving.any() or state.presence[state.leaving].max() < 1
@@ -53,13 +53,13 @@ def test_missing_paint_is_added_and_the_number_holds() -> None:
     assert len(np.unique(states[-1].seeds.ids)) == len(states[-1])
 
 
-def test_a_still_picture_settles() -> None:
+def test_a_still_picture_converges() -> None:
     states = run(12, even(0, 0))
     assert states[-1].seeds.ids.tobytes() == states[-2].seeds.ids.tobytes()
     np.testing.assert_array_equal(states[-1].presence, 1)
 
 
-def test_crowds_are_thinned_from_the_young() -> None:
+def test_of_crowded_strokes_the_younger_is_removed() -> None:
     y, x = np.indices(SIZE)
     squeeze = np.dstack([(45 - x) * 0.1, (33 - y) * 0.1]).astype(np.float32)
     states = run(12, squeeze)
@@ -71,7 +71,7 @@ def test_crowds_are_thinned_from_the_young() -> None:
     assert distance.min() >= LifecycleParams().crowd * GAP * 0.85
 
 
-def test_the_hidden_fade_and_are_gone() -> None:
+def test_hidden_strokes_fade_and_are_removed() -> None:
     state = start_tracks(place(SIZE, GAP), gray(), GAP)
     hidden = np.zeros(SIZE, np.bool_)
     hidden[:, 40:] = True
@@ -85,7 +85,7 @@ def test_the_hidden_fade_and_are_gone() -> None:
     assert (state.seeds.xy[:, 0] > 41).sum() > 0.6 * len(names)
 
 
-def test_colours_follow_slowly_and_a_jump_lifts_the_stroke() -> None:
+def test_colours_follow_slowly_and_a_jump_removes_the_stroke() -> None:
     state = start_tracks(place(SIZE, GAP), gray(100), GAP)
     eased = update(state, place(SIZE, GAP, birth=1), gray(120), GAP, params=LifecycleParams(follow=0.25))
     share = 0.25 + 0.75 * 3 * 20**2 / 90**2
@@ -97,7 +97,7 @@ def test_colours_follow_slowly_and_a_jump_lifts_the_stroke() -> None:
     assert (jumped.targets[len(state) :] == 250).all() and len(jumped) > 1.6 * len(state)
 
 
-def test_the_unwanted_leave() -> None:
+def test_unwanted_strokes_are_removed() -> None:
     state = start_tracks(place(SIZE, GAP), gray(), GAP)
     wanted = np.arange(len(state)) % 2 == 0
     after = update(state, place(SIZE, GAP)[np.zeros(0, np.intp)], gray(), GAP, wanted=wanted)
@@ -112,7 +112,7 @@ def test_presence_makes_strokes_fainter_and_narrower() -> None:
     np.testing.assert_array_equal(fade(strokes, state.presence).opacity, strokes.opacity)
 
 
-def test_the_same_bytes_again() -> None:
+def test_equal_inputs_give_equal_bytes() -> None:
     flow = even(math.pi / 3, 0.4)
     a, b = run(6, flow)[-1], run(6, flow)[-1]
     for name in ("targets", "presence", "leaving"):
@@ -120,7 +120,7 @@ def test_the_same_bytes_again() -> None:
     assert a.seeds.xy.tobytes() == b.seeds.xy.tobytes()
 
 
-def test_where_something_else_has_come_colours_and_strokes_change_at_once() -> None:
+def test_revealed_surfaces_get_new_strokes_at_once() -> None:
     state, revealed = start_tracks(place(SIZE, GAP), gray(100), GAP), np.zeros(SIZE, np.bool_)
     revealed[:, 40:] = True
     for level, most_old in ((130, None), (250, 0)):

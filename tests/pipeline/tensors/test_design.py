@@ -49,14 +49,14 @@ def ellipse_mask(ellipse: Ellipse, size: tuple[int, int] = (120, 160)) -> Mask:
 # Tensors
 
 
-def test_an_angle_comes_back_and_a_half_turn_is_nothing() -> None:
+def test_angles_are_recovered_modulo_half_a_turn() -> None:
     angles = np.linspace(0, math.pi, 181)[:-1].reshape(10, 18)
     np.testing.assert_allclose(angle_of(field_of(angles)), angles, atol=1e-6)
     np.testing.assert_allclose(field_of(angles + math.pi), field_of(angles), atol=1e-6)
     np.testing.assert_allclose(strength_of(field_of(angles, 3)), 3, atol=1e-6)
 
 
-def test_angles_are_at_least_nothing_and_less_than_a_half_turn() -> None:
+def test_angles_are_in_0_to_pi() -> None:
     field = np.array([[[1, 1, -1, 0, 1]], [[0, -1e-12, 0, 0, -1e-7]]], np.float32)
     assert (angle_of(field) >= 0).all()
     assert (angle_of(field) < np.float32(math.pi)).all()
@@ -90,7 +90,7 @@ def test_strokes_run_along_a_straight_edge(degrees: int) -> None:
     assert strength_of(field)[18, 26] > 0.9
 
 
-def test_a_quarter_turn_of_the_picture_turns_the_field() -> None:
+def test_rotating_the_picture_rotates_the_field() -> None:
     picture = noise(1)
     field = edge_field(gradient_tensor(picture, 2.0))
     quarter = edge_field(gradient_tensor(np.ascontiguousarray(np.rot90(picture)), 2.0))
@@ -123,7 +123,7 @@ def test_memory_removes_flicker_but_not_the_edges() -> None:
     assert apart(angle_of(held[-1]), math.pi / 2)[strong].max() < 0.2
 
 
-def test_memory_goes_along_with_the_motion() -> None:
+def test_smoothing_follows_the_motion() -> None:
     """Carried on a panning picture, what is remembered is what is seen."""
     wide = np.asarray(gradient_tensor(noise(5, (37, 90)), 3.0))
     flow = np.zeros((*ODD, 2), np.float32)
@@ -137,7 +137,7 @@ def test_memory_goes_along_with_the_motion() -> None:
         np.testing.assert_allclose(state[:, :, inside], now[:, :, inside], rtol=1e-3, atol=1e-2)
 
 
-def test_what_came_into_view_has_no_past() -> None:
+def test_newly_visible_pixels_are_not_smoothed() -> None:
     now, before = np.ones((3, 4, 5), np.float32), np.zeros((3, 4, 5), np.float32)
     trust = np.zeros((4, 5), np.float32)
     trust[:, 2:] = 1
@@ -163,7 +163,7 @@ def test_singularities_have_their_index(pattern: Pattern, angle_rad: float) -> N
         assert strength_of(basis_field(Element(pattern, 26, 18), ODD))[18, 26] == 0
 
 
-def test_rays_circles_and_parallels() -> None:
+def test_patterns_have_their_shapes() -> None:
     y, x = np.indices(ODD)
     round_it = np.arctan2(y - 18, x - 26).astype(np.float32)
     away = np.hypot(y - 18, x - 26) > 1
@@ -187,7 +187,7 @@ def test_a_rotated_element_is_the_rotated_picture_of_it(pattern: Pattern) -> Non
 
 
 @pytest.mark.parametrize(("pattern", "tilt"), [("node", 0), ("center", 90), ("spiral", 45)])
-def test_the_angle_of_a_symmetric_element_tilts_its_strokes_against_the_rays(pattern: Pattern, tilt: float) -> None:
+def test_the_angle_of_a_symmetric_element_tilts_its_strokes(pattern: Pattern, tilt: float) -> None:
     y, x = np.indices(ODD)
     rays = np.arctan2(y - 18, x - 26).astype(np.float32)
     away = np.hypot(y - 18, x - 26) > 1
@@ -204,7 +204,7 @@ def test_strength_and_decay() -> None:
     assert field[10, 20] == pytest.approx(2 / math.e, rel=1e-5)
 
 
-def test_edges_and_elements_are_weighed() -> None:
+def test_edges_and_elements_are_weighted() -> None:
     edges = field_of(np.full(ODD, 1.0))
     element = Element("regular", 0, 0, 0.2)
     np.testing.assert_array_equal(design_field(edges, [element], 1), edges)
@@ -236,7 +236,7 @@ def test_a_border_keeps_directions_apart() -> None:
 # Objects
 
 
-def test_the_ellipse_of_a_turning_object() -> None:
+def test_the_ellipse_of_a_rotating_object() -> None:
     """More than a whole turn: the angle goes on and does not jump."""
     found: Ellipse | None = None
     for frame in range(60):
@@ -256,7 +256,7 @@ def test_a_round_object_keeps_its_angle() -> None:
     assert found.angle_rad == 7.3
 
 
-def test_an_empty_mask_has_no_ellipse_and_a_pixel_has_one() -> None:
+def test_only_a_mask_with_pixels_has_an_ellipse() -> None:
     assert fit_ellipse(np.zeros((5, 6), bool)) is None
     one = np.zeros((5, 6), bool)
     one[2, 3] = True
@@ -282,7 +282,7 @@ def test_an_element_follows_its_object() -> None:
     ("change", "field"),
     [({"pattern": "swirl"}, "pattern"), ({"x": math.nan}, "x"), ({"strength": -1.0}, "strength")],
 )
-def test_what_is_wrong_with_an_element_is_named(change: dict[str, object], field: str) -> None:
+def test_an_invalid_element_is_named(change: dict[str, object], field: str) -> None:
     with pytest.raises(BadParameter) as caught:
         Element(**({"pattern": "node", "x": 0.0, "y": 0.0} | change))  # type: ignore[arg-type]
     assert caught.value.field == field

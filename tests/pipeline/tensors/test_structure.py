@@ -1,4 +1,4 @@
-"""Directions of pictures whose directions are known."""
+"""Directions of pictures with known directions."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def alike(a: Flow, b: Flow) -> NDArray[np.floating]:
 
 
 @pytest.mark.parametrize("degrees", range(0, 180, 15))
-def test_a_straight_edge_runs_across_its_normal(degrees: int) -> None:
+def test_directions_run_along_a_straight_edge(degrees: int) -> None:
     angle = math.radians(degrees)
     field = tangent_field(structure_tensor(edge(angle), 2.0))
     middle = field[18, 26]
@@ -38,7 +38,7 @@ def test_a_straight_edge_runs_across_its_normal(degrees: int) -> None:
     assert np.hypot(*middle) == pytest.approx(1, abs=1e-6)
 
 
-def test_a_disc_runs_round_its_centre() -> None:
+def test_directions_of_a_disc_are_tangential() -> None:
     y, x = np.indices((61, 61)) - 30.0
     radius = np.hypot(x, y)
     disc = np.asarray(100 * np.tanh((radius - 20) / 2), np.float32)
@@ -48,7 +48,7 @@ def test_a_disc_runs_round_its_centre() -> None:
     assert alike(field, round_it)[ring].min() > 0.99
 
 
-def test_a_quarter_turn_of_the_picture_turns_the_directions() -> None:
+def test_rotating_the_picture_rotates_the_directions() -> None:
     picture = noise(1)
     field = tangent_field(structure_tensor(picture, 2.0))
     turned = tangent_field(structure_tensor(np.ascontiguousarray(np.rot90(picture)), 2.0))
@@ -56,7 +56,7 @@ def test_a_quarter_turn_of_the_picture_turns_the_directions() -> None:
     np.testing.assert_allclose(alike(np.dstack([back[..., 1], -back[..., 0]]), field), 1, atol=1e-3)
 
 
-def test_directions_are_of_length_one_or_nothing() -> None:
+def test_directions_have_length_one_or_zero() -> None:
     picture = noise(2)
     picture[:, 26:] = 77
     length = np.hypot(*np.moveaxis(tangent_field(structure_tensor(picture, 1.0)), -1, 0))
@@ -73,14 +73,14 @@ def test_opposite_sides_of_a_line_agree_and_do_not_cancel() -> None:
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 9), (9, 1), (17, 16)])
-def test_any_size_will_do(size: tuple[int, int]) -> None:
+def test_any_size_is_accepted(size: tuple[int, int]) -> None:
     field = tangent_field(structure_tensor(noise(3, size), 2.0))
     assert field.shape == (*size, 2)
     assert field.dtype == np.float32
     assert np.isfinite(field).all()
 
 
-def test_the_same_bytes_wherever_the_picture_lies_in_memory() -> None:
+def test_memory_layout_does_not_change_the_result() -> None:
     picture = noise(4)
     expected = structure_tensor(picture, 2.0)
     for shift in range(1, 8):

@@ -55,7 +55,7 @@ def test_neighbours_leave_no_gap(labels: Labels, scale: float) -> None:
     np.testing.assert_array_equal(picture, np.broadcast_to(colours[1], picture.shape))
 
 
-def test_the_inside_of_a_region_has_exactly_its_colour() -> None:
+def test_pixels_inside_a_region_have_exactly_its_colour() -> None:
     labels = disc(12)
     colours = np.array([(0, 0, 0), (10, 200, 90), (240, 17, 33)], np.uint8)
     picture = fill_regions(smooth_borders(find_borders(labels), 2.0, 2.0), colours, (120, 120))
@@ -88,7 +88,7 @@ def test_small_regions_keep_their_area(radius: float) -> None:
     assert picture[..., 0].sum() / 255 == pytest.approx((labels == 2).sum(), rel=0.15)
 
 
-def test_a_thin_region_survives() -> None:
+def test_a_thin_region_is_kept() -> None:
     """A slanting line two pixels wide keeps three quarters of its area and is never interrupted."""
     labels = np.ones((30, 60), np.int32)
     x = np.arange(4, 56)
@@ -110,7 +110,7 @@ def test_edges_are_equally_sharp_at_every_size() -> None:
     assert max(mixed) < 1.3 * min(mixed)
 
 
-def test_smoothing_takes_the_steps_off_a_slanting_border() -> None:
+def test_smoothing_removes_the_steps_of_a_slanting_border() -> None:
     y, x = np.mgrid[:40, :60]
     labels = np.where(y < 8 + 0.4 * x, 1, 2).astype(np.int32)
     borders = smooth_borders(find_borders(labels), 2.0, 2.0)
@@ -142,7 +142,7 @@ def half_covered(share: float) -> tuple[Labels, NDArray[np.uint8]]:
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.5])
-def test_a_border_that_moves_lies_where_the_colours_change(share: float) -> None:
+def test_a_moving_border_lies_where_the_colours_change(share: float) -> None:
     labels, lab = half_covered(share)
     made = align_borders(find_borders(labels), labels, lab, np.full((12, 20, 2), 1, np.float32))
     inner = made.lattice[:, 0] == 10
@@ -150,7 +150,7 @@ def test_a_border_that_moves_lies_where_the_colours_change(share: float) -> None
     np.testing.assert_array_equal(made.positions[:, 1], made.lattice[:, 1])
 
 
-def test_a_border_that_stands_still_stays_on_the_lattice() -> None:
+def test_a_still_border_stays_on_the_lattice() -> None:
     labels, lab = half_covered(0.5)
     made = align_borders(find_borders(labels), labels, lab, np.zeros((12, 20, 2), np.float32))
     np.testing.assert_array_equal(made.positions, made.lattice)

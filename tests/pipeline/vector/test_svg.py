@@ -1,4 +1,4 @@
-"""Vector output: the exact label map back, boundaries shared to the last digit, ids, and refusals."""
+"""SVG output: exact label maps, shared boundaries, ids, invalid input."""
 
 import re
 from collections import Counter
@@ -90,7 +90,7 @@ def test_without_simplification_the_label_map_comes_back_exactly(labels: Labels)
 
 @pytest.mark.parametrize(("tolerance", "passes"), [(0.0, 0), (0.5, 0), (0.0, 4), (0.5, 4), (3.0, 2)])
 @pytest.mark.parametrize("labels", [blobs(), confetti((40, 31), seed=2) + 1], ids=["blobs", "confetti"])
-def test_neighbours_share_every_edge_whatever_was_simplified(labels: Labels, tolerance: float, passes: int) -> None:
+def test_neighbours_share_every_edge_after_simplification(labels: Labels, tolerance: float, passes: int) -> None:
     """Each edge is walked once either way, except on the frame; so no gap, no overlap, and areas add up."""
     paths = elements(to_svg(labels, colours_for(labels), tolerance_px=tolerance, smoothing=passes))
     shapes = [polygon for path in paths.values() for polygon in polygons(path.attrib["d"])]
@@ -134,7 +134,7 @@ def distance(point: NDArray[np.float64], line: Polygon) -> float:
     return float(np.linalg.norm(nearest - point, axis=1).min())
 
 
-def test_a_plus_of_four_regions_by_hand() -> None:
+def test_four_regions_around_a_junction() -> None:
     labels = np.array([[1, 2], [3, 4]], np.int32).repeat(8, axis=0).repeat(8, axis=1)
     outlines = simplify(trace(labels), 0)
     assert len(outlines.left) == 4 + 8, "four arms, and each border in two"
@@ -142,7 +142,7 @@ def test_a_plus_of_four_regions_by_hand() -> None:
     assert all(len(chains) == 1 and len(chains[0]) == 4 for chains in rings(outlines).values())
 
 
-def test_an_island_is_a_loop_and_a_hole_of_what_surrounds_it() -> None:
+def test_an_enclosed_region_is_a_hole_of_its_surroundings() -> None:
     labels = np.ones((16, 16), np.int32)
     labels[5:9, 6:12] = 2
     outlines = simplify(trace(labels), 0)
@@ -151,7 +151,7 @@ def test_an_island_is_a_loop_and_a_hole_of_what_surrounds_it() -> None:
     assert [len(chains[label]) for label in (1, 2)] == [2, 1]
 
 
-def test_regions_carry_their_lasting_names_and_colours() -> None:
+def test_paths_have_the_ids_and_colours_of_their_regions() -> None:
     labels = np.repeat(np.array([[1, 2]], np.int32), 16, axis=0).repeat(8, axis=1)
     colours = np.array([[0, 0, 0], [255, 128, 1], [2, 3, 4]], np.uint8)
     paths = elements(to_svg(labels, colours, np.array([0, 17, 123456789012])))
@@ -180,7 +180,7 @@ def test_ink_lies_on_top_as_one_path() -> None:
     assert list(elements(document))[-1] == "lines"
 
 
-def test_no_ink_and_no_regions_give_an_empty_picture() -> None:
+def test_no_ink_and_no_regions_give_an_empty_document() -> None:
     nothing = np.zeros((16, 16), np.int32)
     document = to_svg(nothing, np.zeros((1, 3), np.uint8), ink=np.zeros((16, 16), np.float32))
     assert elements(document) == {}
@@ -204,7 +204,7 @@ def test_the_same_map_gives_the_same_bytes() -> None:
         ({"ink": np.zeros((16, 17), np.float32)}, "ink"),
     ],
 )
-def test_what_does_not_fit_is_refused(change: dict[str, Any], field: str) -> None:
+def test_inconsistent_arguments_are_rejected(change: dict[str, Any], field: str) -> None:
     given: dict[str, Any] = {"labels": np.ones((16, 16), np.int32), "colours": np.zeros((2, 3), np.uint8)}
     with pytest.raises(BadFrame) as refusal:
         to_svg(**(given | change))

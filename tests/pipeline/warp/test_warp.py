@@ -1,4 +1,4 @@
-"""Homographies from noisy flow, springs that relax, panoramas there and back."""
+"""Homographies from noisy flow, relaxation of springs, and panoramas."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def crumpled(rest: float = 1.0, noise: float = 0.3) -> Sheet:
 
 
 @pytest.mark.parametrize("rest", [1.0, 1.4])
-def test_springs_relax_and_the_report_is_true(rest: float) -> None:
+def test_springs_relax_and_the_reported_energies_are_correct(rest: float) -> None:
     sheet = crumpled(rest)
     found = relax([sheet])
     assert found.after < 0.9 * found.before and 1 <= found.iterations <= 10
@@ -63,7 +63,7 @@ def test_springs_relax_and_the_report_is_true(rest: float) -> None:
         assert distortion(sheet, positions).sum() == pytest.approx(energy, rel=1e-3)
 
 
-def test_the_energy_is_the_papers() -> None:
+def test_the_energy_is_that_of_the_paper() -> None:
     """Two pixels 1.5 px apart, one of them 0.2 px off its flow: 10 * 0.04 + 0.5^2."""
     targets = np.array([[[0, 0], [1.3, 0]]], np.float32)
     laid = np.array([[[0, 0], [1.5, 0]]], np.float32)
@@ -71,7 +71,7 @@ def test_the_energy_is_the_papers() -> None:
     assert distortion(sheet, laid).sum() == pytest.approx(10 * 0.04 + 0.25, rel=1e-4)
 
 
-def test_what_is_a_square_grid_already_stays() -> None:
+def test_an_undistorted_grid_is_unchanged() -> None:
     sheet = Sheet(lattice((9, 9)), np.ones((9, 9), np.bool_), np.full((9, 9), 10, np.float32))
     found = relax([sheet])
     assert found.before == pytest.approx(0, abs=1e-4)
@@ -92,7 +92,7 @@ def test_an_empty_sheet_has_no_energy() -> None:
     assert relax([sheet]).before == 0
 
 
-def test_a_panorama_gives_frames_back() -> None:
+def test_a_panorama_reproduces_its_frames() -> None:
     """Two shifted halves of a picture make one, and each is found again where it lies."""
     draw = np.random.default_rng(4)
     scene = np.repeat(np.repeat(draw.integers(0, 256, (20, 30, 3), np.uint8), 4, axis=0), 4, axis=1)
@@ -109,7 +109,7 @@ def test_a_panorama_gives_frames_back() -> None:
     assert np.abs(picture[2:-2, 2:-3].astype(int) - scene[2:-2, 2:-3]).max() <= 1
 
 
-def test_holes_are_filled_from_around() -> None:
+def test_holes_are_filled_from_their_surroundings() -> None:
     total = np.zeros((40, 50, 4), np.float32)
     total[:, :10] = (200, 100, 50, 1)
     picture, known = mean(total)
