@@ -78,19 +78,19 @@ def _row(name: str, frames: str, wall: float, total: float, parts: dict[str, flo
 
 def measure(name: str, clip: Path, home: Path) -> Run:
     """Of a job: wall seconds, CPU seconds of the process, those of the overhead by part."""
-    from impasto.cli import embedded
+    from impasto.cli import private_farm
     from pipeline.methods import method, parse_params
     from workers.execution.warm_up import warm_up
     from workers.model import JobRequest
 
     warm_up(method(name), parse_params(method(name), {}))
     counted = _count_stores()
-    with embedded.opened(home, 1) as farm:
+    with private_farm.opened(home, 1) as farm:
         video = farm.assets.add(clip, clip.name).id
         since, began, before = time.monotonic(), _cpu(), _threads()
         counted.clear()
         job = farm.jobs.submit(JobRequest(name, {"video": video}))
-        embedded.follow(farm, job.id, lambda state: None)
+        private_farm.follow(farm, job.id, lambda state: None)
         total, after, wall = _cpu() - began, _threads(), time.monotonic() - since
     parts = Counter(counted)
     for thread, seconds in after.items():

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from impasto import Client
 from impasto.cli.app import run as command
-from impasto.cli.progress import progress
+from impasto.cli.console import progress
 
 OUTPUT = Path(__file__).resolve().parent.parent / "demo-output"
 FRAMES, SIZE = 72, "480x270"

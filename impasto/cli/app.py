@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 from typer.exceptions import Abort, TyperException
 
-from impasto.cli import doctor, jobs, keys, live, methods, ops, render, scene, serve, submit, worker
+from impasto.cli import doctor, jobs, keys, live, methods, ops, render, scene, serve, worker
 from impasto.cli.console import FAILED, INTERRUPTED, Interrupted, fail
 from pipeline.errors import BadInput, ImpastoError
 
@@ -42,7 +42,7 @@ app.command(epilog=serve.EPILOG, rich_help_panel=HERE)(serve.serve)
 app.command(epilog=worker.EPILOG, rich_help_panel=HERE)(worker.worker)
 app.command(epilog=scene.EPILOG, rich_help_panel=HERE)(scene.scene)
 app.add_typer(keys.app, name="keys", rich_help_panel=HERE)
-app.command(epilog=submit.EPILOG, rich_help_panel=REMOTE)(submit.submit)
+app.command(epilog=jobs.SUBMIT_EPILOG, rich_help_panel=REMOTE)(jobs.submit)
 for _command, _epilog in jobs.COMMANDS:
     app.command(epilog=_epilog, rich_help_panel=REMOTE)(_command)
 app.add_typer(ops.app, name="ops", rich_help_panel=REMOTE)

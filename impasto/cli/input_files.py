@@ -5,12 +5,18 @@ from __future__ import annotations
 import hashlib
 import re
 import shutil
+import tempfile
 import zipfile
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pipeline.errors import BadInput
 from pipeline.video.shot_files import FRAMES
+
+if TYPE_CHECKING:
+    from impasto.client import Client
 
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:/", re.ASCII)
 """The beginning of a URL, as a path (which keeps one of two slashes)."""
@@ -49,6 +55,17 @@ def gather(field: str, path: Path, scratch: Path) -> InputFile:
         return InputFile(path, plain(path.name), _sha256(path))
     except PermissionError:
         raise BadInput("It cannot be read.", field=field, value=path, remedy="Check its permissions.") from None
+
+
+def upload(client: Client, paths: Mapping[str, Path], flag: str = "") -> dict[str, str]:
+    """Upload each input; returns input name -> asset id. Bytes that the service has already are not sent again.
+
+    Args:
+        flag: comes before an input's name in the field of an error.
+    """
+    with tempfile.TemporaryDirectory(prefix="impasto-") as scratch:
+        files = {name: gather(f"{flag}{name}", path, Path(scratch)).path for name, path in paths.items()}
+        return {name: str(client.upload(file)["id"]) for name, file in files.items()}
 
 
 def plain(name: str) -> str:

@@ -1,17 +1,35 @@
-"""Commands about jobs at a service: `impasto jobs`, `watch`, `get`, `cancel`, `retry`."""
+"""Commands about jobs at a service: `impasto submit`, `jobs`, `watch`, `get`, `cancel`, `retry`."""
 
 from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from impasto.cli.console import emit, out, print_status, print_table, print_warnings, table
-from impasto.cli.options import JsonFlag, KeyOption, QuietFlag, ServerOption, client_of
+from impasto.cli.console import emit, out, print_status, print_table, print_warnings, progress, table
+from impasto.cli.option_class import takes_options
+from impasto.cli.options import (
+    Damage,
+    DamageOption,
+    InputOption,
+    JsonFlag,
+    KeyOption,
+    MethodOption,
+    ParamOption,
+    QualityOption,
+    QuietFlag,
+    SeedOption,
+    ServerOption,
+    client_of,
+    inputs_of,
+    labels_of,
+    params_of,
+)
 from pipeline.errors import BadInput
 from workers.errors import NotFound
 from workers.model import Json
@@ -19,6 +37,77 @@ from workers.model import Json
 if TYPE_CHECKING:
     from impasto.client import Client
     from impasto.delivery import Target
+
+
+SUBMIT_EPILOG = """[bold]Examples[/bold]
+
+job=$(impasto submit clip.mp4 --param lines=off)
+
+impasto watch "$job" && impasto get "$job" -o cartoon.mp4
+
+impasto submit clip.mp4 --webhook https://example.org/hook --label shot=12 --json
+"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SubmitOptions:
+    """Options of `impasto submit`."""
+
+    source: Annotated[Path, typer.Argument(metavar="IN", help="A video, an image, or a folder of numbered frames.")]
+    method: MethodOption = "abstraction"
+    param: ParamOption = None
+    extra: InputOption = None
+    output_format: Annotated[str, typer.Option("--format", help="mp4, webm, or png (a zip of frames).")] = "mp4"
+    artefact: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Also make an artefact.")] = None
+    quality: QualityOption = 20
+    seed: SeedOption = 0
+    name: Annotated[str, typer.Option(help="Name of the job; else the name of IN.")] = ""
+    label: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=VALUE", help="A label for searching; repeatable.")
+    ] = None
+    on_damage: DamageOption = Damage.WARN
+    priority: Annotated[int, typer.Option(min=-100, max=100, help="Higher goes first.")] = 0
+    webhook: Annotated[str, typer.Option(metavar="URL", help="URL that receives a message when the job ends.")] = ""
+    idempotency_key: Annotated[
+        str, typer.Option(help="Repeating a request with the same key returns the same job.")
+    ] = ""
+    server: ServerOption = None
+    api_key: KeyOption = None
+    as_json: JsonFlag = False
+
+
+@takes_options(SubmitOptions)
+def submit(options: SubmitOptions) -> None:
+    """Upload IN and submit a job to a service. Prints the job's id."""
+    from impasto.cli.input_files import plain, upload
+
+    paths = {"video": options.source, **inputs_of(options.extra or [])}
+    given = params_of(options.param or [])
+    labels = labels_of(options.label or [])
+    with client_of(options.server, options.api_key) as client:
+        job = client.submit(
+            options.method,
+            upload(client, paths),
+            given,
+            seed=options.seed,
+            output={"format": options.output_format, "quality": options.quality, "artefacts": options.artefact or []},
+            name=options.name or plain(options.source.name),
+            labels=labels,
+            priority=options.priority,
+            webhook=options.webhook,
+            on_damage=options.on_damage.value,
+            idempotency_key=options.idempotency_key,
+        )
+    _print_submitted(job, options.as_json)
+
+
+def _print_submitted(job: Json, as_json: bool) -> None:
+    if as_json:
+        emit(job)
+        return
+    out.print(job["id"], markup=False)
+    print_status(f"{job['state']}; follow it with: impasto watch {job['id']}")
+
 
 GET_EPILOG = """[bold]Examples[/bold]
 
@@ -67,7 +156,6 @@ def watch(
 
     The exit status is 0 if the job succeeded, 1 if it failed or was cancelled.
     """
-    from impasto.cli.progress import progress
     from impasto.problems import job_failed
 
     with client_of(server, api_key) as client, progress(quiet) as show:

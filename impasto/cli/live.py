@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import re
 import signal
-import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from impasto.cli import values
 from impasto.cli.console import emit, err, out, print_status
+from impasto.cli.option_class import takes_options
 from impasto.cli.options import (
     WHAT,
     WHERE,
@@ -26,14 +26,16 @@ from impasto.cli.options import (
     QuietFlag,
     SeedOption,
     ServerOption,
+    inputs_of,
+    params_of,
 )
 from pipeline.errors import BadInput
 from workers.model import Json
 
 if TYPE_CHECKING:
-    from impasto.client import Client
     from impasto.live.client import LiveClient
     from impasto.live.run import Stream
+    from impasto.live.sinks import Sink
     from impasto.live.sources import Source
 
 EPILOG = """[bold]Examples[/bold]
@@ -67,56 +69,60 @@ Output = Annotated[
 ]
 
 
-def live(
-    inputs: Inputs,
-    output: Output = "window",
-    method: MethodOption = "abstraction",
-    param: ParamOption = None,
-    seed: SeedOption = 0,
-    size: Annotated[str, typer.Option(metavar="WxH", help="Scale the input.", rich_help_panel=WHAT)] = "",
-    fps: Annotated[float | None, typer.Option(min=1, max=240, help="Of the input.", rich_help_panel=WHAT)] = None,
-    loop: Annotated[str, typer.Option(metavar="N|forever", help="Play a file so often.", rich_help_panel=WHAT)] = "1",
-    duration: Annotated[float | None, typer.Option(metavar="S", min=0.1, help="Stop after so many seconds.")] = None,
-    codec: Annotated[str, typer.Option(help=f"Both ways: {', '.join(_CODECS)}.", rich_help_panel=WHERE)] = "jpeg",
-    fixed: Annotated[bool, typer.Option("--fixed", help="Never work at a lower resolution.")] = False,
-    quality: QualityOption = 20,
-    server: ServerOption = None,
-    api_key: KeyOption = None,
-    quiet: QuietFlag = False,
-    as_json: JsonFlag = False,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class LiveOptions:
+    """Options of `impasto live`."""
+
+    inputs: Inputs
+    output: Output = "window"
+    method: MethodOption = "abstraction"
+    param: ParamOption = None
+    seed: SeedOption = 0
+    size: Annotated[str, typer.Option(metavar="WxH", help="Scale the input.", rich_help_panel=WHAT)] = ""
+    fps: Annotated[float | None, typer.Option(min=1, max=240, help="Of the input.", rich_help_panel=WHAT)] = None
+    loop: Annotated[str, typer.Option(metavar="N|forever", help="Play a file so often.", rich_help_panel=WHAT)] = "1"
+    duration: Annotated[float | None, typer.Option(metavar="S", min=0.1, help="Stop after so many seconds.")] = None
+    codec: Annotated[str, typer.Option(help=f"Both ways: {', '.join(_CODECS)}.", rich_help_panel=WHERE)] = "jpeg"
+    fixed: Annotated[bool, typer.Option("--fixed", help="Never work at a lower resolution.")] = False
+    quality: QualityOption = 20
+    server: ServerOption = None
+    api_key: KeyOption = None
+    quiet: QuietFlag = False
+    as_json: JsonFlag = False
+
+
+@takes_options(LiveOptions)
+def live(options: LiveOptions) -> None:
     """Stylise a stream as it comes, through a live session of a service."""
-    from impasto.client import Client
+    from impasto.live.client import LiveClient
     from impasto.live.service import service
     from impasto.live.sinks import open_sink
     from impasto.live.sources import open_source
     from impasto.settings import CommandSettings, load
 
-    source_name, named = _split(inputs)
-    params, given, loops = values.params(param or []), _size(size), _loops(loop)
-    _check_codec(codec)
-    settings = load(CommandSettings, server=server, api_key=api_key)
+    source_name, named = _split(options.inputs)
+    params, size, loops = params_of(options.param or []), _size(options.size), _loops(options.loop)
+    _check_codec(options.codec)
+    settings = load(CommandSettings, server=options.server, api_key=options.api_key)
     key = settings.api_key.get_secret_value()
-    with _closing(open_source(source_name, loops, given, fps)) as source:
-        sink = open_sink(output, source, quality)
+    with _closing(open_source(source_name, loops, size, options.fps)) as source:
+        sink = open_sink(options.output, source, options.quality)
         with service(settings.server, print_status) as address:
-            with Client(address, key) as client:
-                assets = _upload(client, named)
-            options = {
-                "size": source.size, "fps": max(source.fps, 1.0), "method": method, "params": params,
-                "inputs": assets, "seed": seed, "send": (codec,), "receive": (codec,), "adaptive": not fixed,
+            session: Json = {
+                "size": source.size, "fps": max(source.fps, 1.0), "method": options.method, "params": params,
+                "inputs": _upload(address, key, named), "seed": options.seed, "send": (options.codec,),
+                "receive": (options.codec,), "adaptive": not options.fixed,
             }  # fmt: skip
-            summary = _stream(address, key, options, source, sink, duration or float("inf"), quiet)
-    _tell(summary, as_json)
+            with _status(options.quiet) as show:
+                client = LiveClient(address, key, show, **session)
+                summary = _stream(client, source, sink, options.duration or float("inf"))
+    _print_summary(summary, options.as_json)
 
 
-def _stream(
-    address: str, key: str, options: Json, source: Source, sink: Any, duration_s: float, quiet: bool
-) -> Json:  # fmt: skip
-    from impasto.live.client import LiveClient
+def _stream(client: LiveClient, source: Source, sink: Sink, duration_s: float) -> Json:
     from impasto.live.run import Stream
 
-    with _status(quiet) as show, LiveClient(address, key, show, **options) as client:
+    with client:
         stream = Stream(client, source, sink, duration_s)
         with _stop_on_signal(stream):
             where = stream.run()
@@ -153,7 +159,7 @@ def _summary(stream: Stream, client: LiveClient, where: str) -> Json:
     }  # fmt: skip
 
 
-def _tell(summary: Json, as_json: bool) -> None:
+def _print_summary(summary: Json, as_json: bool) -> None:
     if as_json:
         emit(summary)
         return
@@ -212,7 +218,7 @@ def _split(options: list[str]) -> tuple[str, dict[str, Path]]:
             "One source is expected.", field="--input", value=", ".join(sources) or "none",
             remedy="Give one of: a video file, camera, camera:1, rtsp://...; others as NAME=PATH.",
         )  # fmt: skip
-    return sources[0], values.inputs(named)
+    return sources[0], inputs_of(named)
 
 
 def _size(text: str) -> tuple[int, int] | None:
@@ -238,9 +244,10 @@ def _check_codec(codec: str) -> None:
         raise BadInput("There is no such codec.", field="--codec", value=codec, remedy=f"Use {', '.join(_CODECS)}.")
 
 
-def _upload(client: Client, paths: Mapping[str, Path]) -> dict[str, str]:
-    from impasto.cli.input_files import gather
+def _upload(address: str, key: str, paths: Mapping[str, Path]) -> dict[str, str]:
+    """Input name -> asset id."""
+    from impasto.cli.input_files import upload
+    from impasto.client import Client
 
-    with tempfile.TemporaryDirectory(prefix="impasto-") as scratch:
-        files = {name: gather(f"--input {name}", path, Path(scratch)).path for name, path in paths.items()}
-        return {name: str(client.upload(file)["id"]) for name, file in files.items()}
+    with Client(address, key) as client:
+        return upload(client, paths, "--input ")

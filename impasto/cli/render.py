@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from impasto.cli import values
-from impasto.cli.console import emit, out, print_status, print_warnings
+from impasto.cli.console import emit, out, print_status, print_warnings, progress
+from impasto.cli.option_class import takes_options
 from impasto.cli.options import (
     Damage,
     DamageOption,
@@ -23,9 +23,16 @@ from impasto.cli.options import (
     QualityOption,
     QuietFlag,
     SeedOption,
+    artefacts_of,
+    frames_of,
     home_of,
+    inputs_of,
+    params_of,
 )
 from pipeline.errors import BadInput
+
+if TYPE_CHECKING:
+    from impasto.cli.rendering import RenderOrder
 
 EPILOG = """[bold]Examples[/bold]
 
@@ -53,14 +60,17 @@ Ctrl-C keeps finished tasks: run the same command again to resume. `impasto meth
 """
 
 
-def render(
-    source: Annotated[Path, typer.Argument(metavar="IN", help="A video, an image, or a folder of numbered frames.")],
+@dataclass(frozen=True, kw_only=True)
+class RenderOptions:
+    """Options of `impasto render`."""
+
+    source: Annotated[Path, typer.Argument(metavar="IN", help="A video, an image, or a folder of numbered frames.")]
     output: Annotated[
         str, typer.Option("--output", "-o", metavar="OUT", help="A .mp4, .webm, .png or .zip file, or a folder: DIR/.")
-    ],
-    method: MethodOption = "abstraction",
-    param: ParamOption = None,
-    extra: InputOption = None,
+    ]
+    method: MethodOption = "abstraction"
+    param: ParamOption = None
+    extra: InputOption = None
     artefact: Annotated[
         list[str] | None,
         typer.Option(
@@ -69,63 +79,87 @@ def render(
             metavar="NAME[=PATH]",
             help="Also keep an artefact, beside OUT or at PATH.",
         ),
-    ] = None,
-    quality: QualityOption = 20,
-    seed: SeedOption = 0,
+    ] = None
+    quality: QualityOption = 20
+    seed: SeedOption = 0
     frames: Annotated[
         str, typer.Option(metavar="FIRST:END", help="Only this piece of IN, counted from 0, END not included.")
-    ] = "",
-    on_damage: DamageOption = Damage.WARN,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False,
-    workers: Annotated[int, typer.Option(min=1, max=256, help="Tasks at once. Never changes a byte.")] = 1,
+    ] = ""
+    on_damage: DamageOption = Damage.WARN
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False
+    workers: Annotated[int, typer.Option(min=1, max=256, help="Tasks at once. Never changes a byte.")] = 1
     raw: Annotated[
         str, typer.Option(metavar="WxH[@FPS]", help="Pipes carry raw RGB frames of this size, not YUV4MPEG2.")
-    ] = "",
-    home: HomeOption = None,
-    quiet: QuietFlag = False,
-    as_json: JsonFlag = False,
-) -> None:
+    ] = ""
+    home: HomeOption = None
+    quiet: QuietFlag = False
+    as_json: JsonFlag = False
+
+
+@takes_options(RenderOptions)
+def render(options: RenderOptions) -> None:
     """Render IN to OUT on this machine, with a bar for each step.
 
     As IN or OUT, - is a pipe (YUV4MPEG2, or raw RGB with --raw): causal methods write each frame as soon as it is done.
     """
-    if "-" in (str(source), output):
-        from impasto.cli.piping import PipeOrder
+    if "-" in (str(options.source), options.output):
+        _render_pipe(options)
+    else:
+        _render_file(options)
 
-        _check_pipe_options(
-            {"--artefact": bool(artefact), "--json": as_json, "--workers": workers != 1, "--frames": bool(frames)}
-        )
-        inputs = values.inputs(extra or [])
-        params = values.params(param or [])
-        pipe = PipeOrder(str(source), output, method, params, inputs, seed, quality, overwrite, raw, on_damage.value)
-        count = pipe.run()
-        print_status(f"{count} frames" if output == "-" else output)
-        return
-    from impasto.cli.input_files import plain
-    from impasto.cli.progress import progress
-    from impasto.cli.project import is_project, project_order
-    from impasto.cli.rendering import RenderOrder, run
-    from impasto.delivery import target
-    from workers.model import JobRequest, OutputSpec
 
-    where, artefacts = target(output), values.artefacts(artefact or [])
-    spec = OutputSpec(format=where.format, quality=quality, artefacts=tuple(sorted(artefacts)))
-    piece = values.frames(frames)
-    request = JobRequest(method, {}, values.params(param or []), seed, spec, name=plain(source.name), frames=piece)
-    files = RenderOrder(request, {"video": source, **values.inputs(extra or [])}, where, artefacts, overwrite)
+def _render_pipe(options: RenderOptions) -> None:
+    from impasto.cli.piping import PipeOrder
+
+    without_pipes = {
+        "--artefact": bool(options.artefact), "--json": options.as_json, "--workers": options.workers != 1,
+        "--frames": bool(options.frames),
+    }  # fmt: skip
+    _check_pipe_options(without_pipes)
+    pipe = PipeOrder(
+        str(options.source), options.output, options.method, params_of(options.param or []),
+        inputs_of(options.extra or []), options.seed, options.quality, options.overwrite, options.raw,
+        options.on_damage.value,
+    )  # fmt: skip
+    count = pipe.run()
+    print_status(f"{count} frames" if options.output == "-" else options.output)
+
+
+def _render_file(options: RenderOptions) -> None:
+    from impasto.cli.rendering import run
+
     with TemporaryDirectory(prefix="impasto-") as scratch:
-        if is_project(source):
-            files = project_order(source, Path(scratch), where, artefacts, overwrite, piece)
-        files = replace(files, request=replace(files.request, on_damage=on_damage.value))
-        files.check()
-        with progress(quiet) as show:
-            summary = run(files, workers, home_of(home), show)
+        order = _order(options, Path(scratch))
+        order = replace(order, request=replace(order.request, on_damage=options.on_damage.value))
+        order.check()
+        with progress(options.quiet) as show:
+            summary = run(order, options.workers, home_of(options.home), show)
     print_warnings(summary["warnings"])
-    if as_json:
+    if options.as_json:
         emit(summary)
         return
     out.print(summary["output"], markup=False)
     print_status(f"{summary['frames']} frames in {summary['seconds']:.2f} s: {summary['fps']:.1f} frames/s")
+
+
+def _order(options: RenderOptions, scratch: Path) -> RenderOrder:
+    """The order for a video or an image, or for the shot of an exported project."""
+    from impasto.cli.input_files import plain
+    from impasto.cli.project import is_project, project_order
+    from impasto.cli.rendering import RenderOrder
+    from impasto.delivery import target
+    from workers.model import JobRequest, OutputSpec
+
+    where, artefacts, frames = target(options.output), artefacts_of(options.artefact or []), frames_of(options.frames)
+    spec = OutputSpec(format=where.format, quality=options.quality, artefacts=tuple(sorted(artefacts)))
+    request = JobRequest(
+        options.method, {}, params_of(options.param or []), options.seed, spec, name=plain(options.source.name),
+        frames=frames,
+    )  # fmt: skip
+    paths = {"video": options.source, **inputs_of(options.extra or [])}
+    if is_project(options.source):
+        return project_order(options.source, scratch, where, artefacts, options.overwrite, frames)
+    return RenderOrder(request, paths, where, artefacts, options.overwrite)
 
 
 def _check_pipe_options(given: Mapping[str, bool]) -> None:

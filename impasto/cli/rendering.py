@@ -5,16 +5,15 @@ from __future__ import annotations
 import dataclasses
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from impasto import __version__
-from impasto.cli import embedded
+from impasto.cli import private_farm
+from impasto.cli.console import Show
 from impasto.cli.input_files import InputFile, gather
-from impasto.cli.progress import Show
-from impasto.cli.timing import Timing, rounded
-from impasto.cli.workspace import Workspace, forget, key_of, sweep, workspace
+from impasto.cli.private_farm import Workspace, forget, key_of, sweep, workspace
 from impasto.delivery import Target, beside, check_space, check_still, deliver, output_faults, same_file
 from pipeline.errors import BadInput
 from pipeline.methods import method, parse_params
@@ -22,7 +21,7 @@ from pipeline.methods.base import Method, Params
 from pipeline.video.probe import probe, probe_guarded
 from workers.execution.warm_up import warm_up
 from workers.farm import Farm
-from workers.model import Job, JobRequest, Json
+from workers.model import Job, JobRequest, Json, TaskView
 
 
 @dataclass(frozen=True)
@@ -115,8 +114,8 @@ def run(order: RenderOrder, workers: int, home: Path, show: Show) -> Json:
         with workspace(home, key) as place:
             _check_consent(order, place)
             _warm_up(order.request)
-            with embedded.opened(place.folder, workers) as farm:
-                job = embedded.follow(farm, embedded.submit(farm, order.request, files, key).id, show)
+            with private_farm.opened(place.folder, workers) as farm:
+                job = private_farm.follow(farm, private_farm.submit(farm, order.request, files, key).id, show)
                 place.consent()  # from here on, the outputs that exist are our own
                 summary = _deliver(farm, job, order)
             forget(place.folder)
@@ -170,7 +169,7 @@ def _deliver(farm: Farm, job: Job, order: RenderOrder) -> Json:
         info = probe(file)
         with output_faults("--output", order.where.path):
             deliver(file, order.where)
-    timing = Timing.of(job, embedded.tasks(farm, job.id))
+    timing = Timing.of(job, private_farm.tasks(farm, job.id))
     return {
         "frames": info.frames,
         "width": info.width,
@@ -195,3 +194,60 @@ def _deliver_artefacts(farm: Farm, job: Job, order: RenderOrder) -> dict[str, st
             deliver(farm.files.read(served), Target(at, "", "file"))
         placed[name] = str(at)
     return placed
+
+
+PLATFORM_STEP = "assemble"
+METHOD_STAGE = "method"
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Seconds of a job: in all, by step, by stage."""
+
+    seconds: float
+    steps: dict[str, float]
+    stages: dict[str, float]
+    """Summed over all tasks of all steps, "decode" and "encode" among them; overlaps are NOT taken out."""
+
+    @staticmethod
+    def of(job: Job, tasks: Iterable[TaskView]) -> Timing:
+        share = overlap(_spans(tasks))
+        steps = {
+            step.name: step.stages.get(METHOD_STAGE, step.seconds) * share
+            for step in job.steps
+            if step.name != PLATFORM_STEP
+        }
+        return Timing(sum(steps.values()), steps, _stages(job))
+
+
+def overlap(spans: Sequence[tuple[float, float]]) -> float:
+    """Wall time covered by `spans` over the sum of their lengths: 1 one after another, 1/n for n at once."""
+    total = sum(stop - start for start, stop in spans)
+    covered, reached = 0.0, float("-inf")
+    for start, stop in sorted(spans):
+        covered += max(0.0, stop - max(start, reached))
+        reached = max(reached, stop)
+    return covered / total if total > 0 else 1.0
+
+
+def _spans(tasks: Iterable[TaskView]) -> list[tuple[float, float]]:
+    """Start and end of the attempt that counted, for every finished task of the method."""
+    last = [task.attempts[-1] for task in tasks if task.step != PLATFORM_STEP and task.attempts]
+    return [span for span in map(_span, last) if span]
+
+
+def _span(attempt: Json) -> tuple[float, float] | None:
+    start, stop = attempt.get("started_at"), attempt.get("finished_at")
+    return (start, stop) if start is not None and stop is not None else None
+
+
+def _stages(job: Job) -> dict[str, float]:
+    found: dict[str, float] = {}
+    for step in job.steps:
+        for stage, seconds in step.stages.items():
+            found[stage] = found.get(stage, 0.0) + seconds
+    return found
+
+
+def rounded(values: dict[str, float]) -> Json:
+    return {name: round(value, 4) for name, value in values.items()}

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated
 
 import typer
 
 from impasto.cli.console import print_status
+from impasto.cli.option_class import takes_options
 from impasto.cli.options import DatabaseOption, HomeOption, home_of
 
 EPILOG = """[bold]Examples[/bold]
@@ -42,20 +44,26 @@ class Auth(StrEnum):
     OFF = "off"
 
 
-def serve(
-    host: Annotated[str | None, typer.Option(help="Address to listen at; 0.0.0.0 for every network.")] = None,
-    port: Annotated[int | None, typer.Option(min=0, max=65535, help="Port, else 8420; 0 takes a free one.")] = None,
-    home: HomeOption = None,
-    farm: Annotated[FarmKind | None, typer.Option(help="Workers in this process, or on a Ray cluster.")] = None,
-    workers: Annotated[int | None, typer.Option(min=1, max=256, help="Tasks that run at once; else 1.")] = None,
-    ray_address: Annotated[str | None, typer.Option(help="A Ray cluster's address; else one is started here.")] = None,
-    database: DatabaseOption = None,
-    blobs: Annotated[str | None, typer.Option(metavar="URL", help="s3://bucket/prefix; else in the home.")] = None,
-    s3_endpoint: Annotated[str | None, typer.Option(metavar="URL", help="An S3 server that is not Amazon's.")] = None,
-    auth: Annotated[
-        Auth | None, typer.Option(help="auto: keys are needed unless it listens on this machine only.")
-    ] = None,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class ServeOptions:
+    """Options of `impasto serve`."""
+
+    host: Annotated[str | None, typer.Option(help="Address to listen at; 0.0.0.0 for every network.")] = None
+    port: Annotated[int | None, typer.Option(min=0, max=65535, help="Port, else 8420; 0 takes a free one.")] = None
+    home: HomeOption = None
+    farm: Annotated[FarmKind | None, typer.Option(help="Workers in this process, or on a Ray cluster.")] = None
+    workers: Annotated[int | None, typer.Option(min=1, max=256, help="Tasks that run at once; else 1.")] = None
+    ray_address: Annotated[str | None, typer.Option(help="A Ray cluster's address; else one is started here.")] = None
+    database: DatabaseOption = None
+    blobs: Annotated[str | None, typer.Option(metavar="URL", help="s3://bucket/prefix; else in the home.")] = None
+    s3_endpoint: Annotated[str | None, typer.Option(metavar="URL", help="An S3 server that is not Amazon's.")] = None
+    auth: Annotated[Auth | None, typer.Option(help="auto: keys are needed unless it listens on this machine only.")] = (
+        None
+    )
+
+
+@takes_options(ServeOptions)
+def serve(options: ServeOptions) -> None:
     """Start the service: the API at /v1, its documentation at /docs, the web page at /.
 
     Its address is the one line on stdout, printed once it answers. Ctrl-C stops it; unfinished jobs go on at the next
@@ -67,16 +75,16 @@ def serve(
 
     settings = load(
         Settings,
-        host=host,
-        port=port,
-        home=home_of(home),
-        pool=farm and farm.value,
-        workers=workers,
-        ray_address=ray_address,
-        database_url=database,
-        blob_url=blobs,
-        s3_endpoint_url=s3_endpoint,
-        auth=auth and auth.value,
+        host=options.host,
+        port=options.port,
+        home=home_of(options.home),
+        pool=options.farm and options.farm.value,
+        workers=options.workers,
+        ray_address=options.ray_address,
+        database_url=options.database,
+        blob_url=options.blobs,
+        s3_endpoint_url=options.s3_endpoint,
+        auth=options.auth and options.auth.value,
     )
     print_status(f"Impasto keeps everything in {settings.home}. Ctrl-C stops it.")
     run(settings, typer.echo)

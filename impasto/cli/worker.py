@@ -7,12 +7,14 @@ import socket
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from types import FrameType
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from impasto.cli.console import print_status
+from impasto.cli.option_class import takes_options
 from impasto.cli.options import DatabaseOption, HomeOption, home_of
 
 if TYPE_CHECKING:
@@ -33,23 +35,29 @@ SIGTERM or Ctrl-C lets running tasks end and starts no new ones; a second one re
 GRACE_S = 3600.0
 
 
-def worker(
-    home: HomeOption = None,
-    workers: Annotated[int | None, typer.Option(min=1, max=256, help="Tasks that run at once; else 1.")] = None,
-    database: DatabaseOption = None,
-    blobs: Annotated[str | None, typer.Option(metavar="URL", help="s3://bucket/prefix; else in the home.")] = None,
-    s3_endpoint: Annotated[str | None, typer.Option(metavar="URL", help="An S3 server that is not Amazon's.")] = None,
-    ray_address: Annotated[str | None, typer.Option(help="HOST:PORT of a Ray cluster that this machine joins.")] = None,
-    gpus: Annotated[float | None, typer.Option(min=0, help="With --ray-address: GPUs to offer; else all.")] = None,
+@dataclass(frozen=True, kw_only=True)
+class WorkerOptions:
+    """Options of `impasto worker`."""
+
+    home: HomeOption = None
+    workers: Annotated[int | None, typer.Option(min=1, max=256, help="Tasks that run at once; else 1.")] = None
+    database: DatabaseOption = None
+    blobs: Annotated[str | None, typer.Option(metavar="URL", help="s3://bucket/prefix; else in the home.")] = None
+    s3_endpoint: Annotated[str | None, typer.Option(metavar="URL", help="An S3 server that is not Amazon's.")] = None
+    ray_address: Annotated[str | None, typer.Option(help="HOST:PORT of a Ray cluster that this machine joins.")] = None
+    gpus: Annotated[float | None, typer.Option(min=0, help="With --ray-address: GPUs to offer; else all.")] = None
     memory: Annotated[
         float | None, typer.Option(min=0.5, help="With --ray-address: GiB for tasks; else most of what is free.")
-    ] = None,
-    name: Annotated[str | None, typer.Option(help="With --ray-address: the node's name; else the host's.")] = None,
-    grace_s: Annotated[float, typer.Option(min=0, help="How long running tasks may take to end.")] = GRACE_S,
+    ] = None
+    name: Annotated[str | None, typer.Option(help="With --ray-address: the node's name; else the host's.")] = None
+    grace_s: Annotated[float, typer.Option(min=0, help="How long running tasks may take to end.")] = GRACE_S
     metrics_port: Annotated[
         int | None, typer.Option(min=1, max=65535, help="Answer with Prometheus metrics at this port.")
-    ] = None,
-) -> None:
+    ] = None
+
+
+@takes_options(WorkerOptions)
+def worker(options: WorkerOptions) -> None:
     """Run tasks of a farm, without serving requests.
 
     Once it runs, it prints its name, the only line on stdout.
@@ -61,20 +69,22 @@ def worker(
 
     settings = load(
         Settings,
-        home=home_of(home),
+        home=home_of(options.home),
         role="worker",
         pool="local",
-        workers=workers,
-        database_url=database,
-        blob_url=blobs,
-        s3_endpoint_url=s3_endpoint,
+        workers=options.workers,
+        database_url=options.database,
+        blob_url=options.blobs,
+        s3_endpoint_url=options.s3_endpoint,
     )
     set_up_logs(settings)
-    if ray_address is not None:
-        node = RayNode(ray_address, name or socket.gethostname(), settings.workers, gpus, memory)
-        _join_cluster(settings, node, grace_s)
+    if options.ray_address is not None:
+        node = RayNode(
+            options.ray_address, options.name or socket.gethostname(), settings.workers, options.gpus, options.memory
+        )
+        _join_cluster(settings, node, options.grace_s)
         return
-    _join_farm(settings, grace_s, metrics_port)
+    _join_farm(settings, options.grace_s, options.metrics_port)
 
 
 def _join_farm(settings: Settings, grace_s: float, metrics_port: int | None) -> None:

@@ -6,7 +6,7 @@ the contract, by file:
     fields     base class of the parameters, and their fields
     tasks      steps, tasks, and the contexts in which they are planned and run
     live       sessions of causal methods on a live stream
-    previews   previews of single frames, repainting around painted keys, checks of documents
+    previews   previews of single frames, found regions, repainting around painted keys, checks of documents
 
 The rest is optional: a hook that a subclass does not override has the default of `Method`.
 """
@@ -26,7 +26,7 @@ from pipeline.arrays import Arrays
 from pipeline.frames import Frame
 from pipeline.methods.fields import P, P_co, Params
 from pipeline.methods.live import Session
-from pipeline.methods.previews import InputCheck, InputFault, KeyPropagator, PreviewRequest
+from pipeline.methods.previews import FrameRegions, InputCheck, InputFault, KeyPropagator, PreviewRequest
 from pipeline.methods.tasks import (
     PROCESS_BYTES,
     Clock,
@@ -48,6 +48,7 @@ __all__ = [
     "Arrays",
     "Clock",
     "Example",
+    "FrameRegions",
     "InputCheck",
     "InputFault",
     "InputKind",
@@ -114,6 +115,7 @@ class Method:
     Attributes:
         paper: key in references.bib.
         artefacts: optional artefacts that a job may ask for.
+        regions_artefact: the one that `frame_regions` reads; empty: the method finds no regions.
         input_schemas: JSON Schema of the inputs of kind "json", by input name, made when asked for.
         input_checks: checks of those documents, by input name.
     """
@@ -126,6 +128,7 @@ class Method:
     inputs: ClassVar[tuple[InputSpec, ...]]
     steps: ClassVar[tuple[Step[AnyParams], ...]]
     artefacts: ClassVar[tuple[str, ...]] = ()
+    regions_artefact: ClassVar[str] = ""
     examples: ClassVar[tuple[Example, ...]] = ()
     input_schemas: ClassVar[Mapping[str, Callable[[], JsonSchema]]] = MappingProxyType({})
     input_checks: ClassVar[Mapping[str, InputCheck]] = MappingProxyType({})
@@ -154,6 +157,14 @@ class Method:
     def directions(self, request: PreviewRequest[AnyParams]) -> NDArray[np.float32] | None:
         """Stroke directions in the last frame of the request: float32 (h', w', 2), angle in [0, pi), clockwise from x,
         and strength >= 0, perhaps coarser than the frame; None if the method has none. Raises as `preview`."""
+        return None
+
+    def frame_regions(self, files: Mapping[str, bytes], frame: int) -> FrameRegions | None:
+        """Regions of a frame, read from `regions_artefact`; None if that has no such frame.
+
+        Args:
+            files: the artefact's entries by path.
+        """
         return None
 
     def propagator(self, params: AnyParams, frames: Sequence[Frame], seed: int) -> KeyPropagator | None:

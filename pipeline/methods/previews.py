@@ -37,6 +37,19 @@ class PreviewRequest(Generic[P_co]):
     artefacts: Mapping[str, Mapping[str, bytes]] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class FrameRegions:
+    """Regions that a method has found in a frame (`Method.frame_regions`).
+
+    Attributes:
+        numbers: int64 (height, width), the region of each pixel, 0 for none; numbers stay the same over the video.
+        objects: region -> object that it is a part of.
+    """
+
+    numbers: NDArray[np.int64]
+    objects: Mapping[int, int]
+
+
 class KeyPropagator(Protocol):
     """Repaints the frames around a painted key while somebody edits it (`Method.propagator`).
 

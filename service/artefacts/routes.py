@@ -10,9 +10,9 @@ import mimetypes
 import zipfile
 import zlib
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated
 
-from fastapi import APIRouter, Path, Query, Response
+from fastapi import APIRouter, Path, Response
 
 from service.access.depends import Context, Reader, ServiceContext
 from service.jobs.lookup import find_job
@@ -26,12 +26,8 @@ router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["artefacts"])
 MAX_ENTRY_BYTES = 256 << 20
 ZIP = "application/zip"
 ENTRY: Responses = {200: binary("*/*", "The entry")[200]}
-JSON: Responses = {200: {"description": "The list", "content": {"application/json": {}}}}
-PNG: Responses = {200: binary("image/png", "The map")[200]}
 
 EntryName = Annotated[str, Path(max_length=512, description="An entry's `name`, as the list has it.")]
-FrameNumber = Annotated[int, Path(ge=0, le=10_000_000, description="Frame of the video, from 0.")]
-MapKind = Annotated[Literal["map", "tubes"], Query(description="map: regions of the design; tubes: tubes.")]
 
 
 @dataclass(frozen=True)
@@ -60,20 +56,6 @@ def list_entries(job_id: JobId, name: FileName, context: Context, caller: Reader
 def get_entry(job_id: JobId, name: FileName, entry: EntryName, context: Context, caller: Reader) -> Response:
     """One entry of an artefact. Entries never change."""
     return _answer(context, _artefact(context, caller, job_id, name), entry)
-
-
-@router.get("/regions", deprecated=True, response_class=Response, responses=JSON)
-def list_regions(job_id: JobId, context: Context, caller: Reader) -> Response:
-    """Use /v1/jobs/{job_id}/artefacts/regions/regions-list.json."""
-    return _answer(context, _artefact(context, caller, job_id, "regions"), "regions-list.json")
-
-
-@router.get("/regions/{frame}", deprecated=True, response_class=Response, responses=PNG)
-def get_region_map(
-    job_id: JobId, frame: FrameNumber, context: Context, caller: Reader, kind: MapKind = "map"
-) -> Response:
-    """Use /v1/jobs/{job_id}/artefacts/regions/{kind}-{frame}.png, with the frame in 7 digits."""
-    return _answer(context, _artefact(context, caller, job_id, "regions"), f"{kind}-{frame:07d}.png")
 
 
 def _artefact(context: ServiceContext, caller: Reader, job_id: str, name: str) -> StoredFile:

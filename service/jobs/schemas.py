@@ -67,15 +67,9 @@ class PreviewIn(Work):
     artefacts_of: str | None = Field(
         default=None, max_length=100, description="A job of the same method whose artefacts this preview builds on."
     )
-    regions_of: str | None = Field(default=None, max_length=100, deprecated="Use `artefacts_of`.")
 
     def request(self) -> JobRequest:
         return JobRequest(self.method, self.inputs, self.params, self.seed)
-
-    @property
-    def earlier_job(self) -> str | None:
-        """Id of the job whose artefacts are used."""
-        return self.artefacts_of or self.__dict__["regions_of"]
 
 
 @dataclass(frozen=True)

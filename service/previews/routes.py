@@ -19,7 +19,7 @@ PNG: Responses = {200: binary("image/png", "The frame")[200]}
 def preview(body: PreviewIn, context: Context, caller: Submitter) -> Response:
     """Stylise one frame. 503 with Retry-After while as many as may are being made."""
     check_inputs(context, caller, body)
-    earlier = body.earlier_job
+    earlier = body.artefacts_of
     if earlier is not None:
         find_job(context, caller, earlier)
     if not context.previews.acquire(blocking=False):

@@ -100,7 +100,7 @@ def test_who_decodes_is_known() -> None:
     }
     decoders |= {"read_exr", "join", "probe"}
     found = {(path, name) for path, name, _ in calls() if name in decoders and path.startswith(("workers", "service"))}
-    ours = {("workers/execution/assembly.py", "VideoReader"), ("workers/previews/kinds/regions.py", "cv2.imdecode")}
+    ours = {("workers/execution/assembly.py", "VideoReader")}
     live = {("workers/live/codecs.py", "cv2.imdecode")}
     assert found == ours | live
 

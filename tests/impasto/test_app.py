@@ -109,7 +109,7 @@ def test_doctor_looks_at_everything(home: Path, capsys: pytest.CaptureFixture[st
 def test_a_broken_part_gives_status_1(
     home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("impasto.cli.health.PACKAGES", ("no-such-package-of-ours",))
+    monkeypatch.setattr("impasto.cli.doctor.PACKAGES", ("no-such-package-of-ours",))
     assert app.run(["doctor", "--home", str(home)]) == 1
     assert "pip install no-such-package-of-ours" in capsys.readouterr().out
 

@@ -231,7 +231,7 @@ def test_an_existing_artefact_needs_overwrite(render: Here, tiny_clip: Path, tmp
 def test_an_impossible_output_is_refused_before_painting(
     render: Here, tiny_clip: Path, tmp_path: Path, out: str, text: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("impasto.cli.embedded.opened", lambda *_: pytest.fail("a farm was opened"))
+    monkeypatch.setattr("impasto.cli.private_farm.opened", lambda *_: pytest.fail("a farm was opened"))
     error = render(tiny_clip, "-o", tmp_path / out, code=2)["error"]
     assert (error["field"], text in error["message"]) == ("--output", True)
 
@@ -239,7 +239,7 @@ def test_an_impossible_output_is_refused_before_painting(
 def test_a_full_disk_is_found_before_painting_and_named(
     render: Here, tiny_clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("impasto.cli.embedded.opened", lambda *_: pytest.fail("a farm was opened"))
+    monkeypatch.setattr("impasto.cli.private_farm.opened", lambda *_: pytest.fail("a farm was opened"))
     monkeypatch.setattr("impasto.delivery.shutil.disk_usage", lambda _path: type("Usage", (), {"free": 10}))
     error = render(tiny_clip, "-o", tmp_path / "out.mp4", code=1)["error"]
     assert (error["code"], error["value"]) == ("storage-full", str(tmp_path / "out.mp4"))

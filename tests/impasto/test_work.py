@@ -12,9 +12,9 @@ from typing import Any
 
 import pytest
 
-from impasto.cli import progress as shown
-from impasto.cli.timing import Timing, overlap
-from impasto.cli.workspace import forget, key_of, sweep, workspace
+from impasto.cli import console
+from impasto.cli.private_farm import forget, key_of, sweep, workspace
+from impasto.cli.rendering import Timing, overlap
 from workers.errors import Conflict
 from workers.model import Job, JobRequest, RunState, StepView, TaskState, TaskView
 
@@ -81,7 +81,7 @@ def test_only_the_methods_own_time_counts() -> None:
 def test_a_render_that_is_running_is_left_alone(home: Path) -> None:
     with workspace(home, "k") as place:
         script = (
-            "from pathlib import Path\nfrom impasto.cli.workspace import workspace\n"
+            "from pathlib import Path\nfrom impasto.cli.private_farm import workspace\n"
             f"with workspace(Path({str(home)!r}), 'k'): pass"
         )
         other = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False)
@@ -119,12 +119,12 @@ def test_the_same_facts_make_the_same_key() -> None:
     ("seconds", "text"), [(0.2, "0 s"), (59.4, "59 s"), (61, "1 min 01 s"), (3900, "1 h 05 min"), (-1, "0 s")]
 )
 def test_durations_read_well(seconds: float, text: str) -> None:
-    assert shown.duration(seconds) == text
+    assert console.duration(seconds) == text
 
 
 def test_a_log_gets_one_line_a_change(capsys: pytest.CaptureFixture[str]) -> None:
     running = dataclasses.replace(step("paint"), state="running", counts={"succeeded": 1, "running": 1})
-    with shown.progress() as show:
+    with console.progress() as show:
         for job in (a_job(running), a_job(running), a_job(step("paint"))):
             show(dataclasses.asdict(job))
     assert capsys.readouterr().err.splitlines() == ["Paint: running, 1 of 2 tasks", "Paint: succeeded, 2 of 2 tasks"]

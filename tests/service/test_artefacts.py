@@ -49,28 +49,6 @@ def test_entries_that_are_not_there(client: TestClient, farm: DrivenFarm, job: s
     assert answer.json()["remedy"]
 
 
-def test_the_list_and_the_maps_of_a_frame(client: TestClient, job: str) -> None:
-    assert client.get(f"/v1/jobs/{job}/regions").json() == LISTED
-    answer = client.get(f"/v1/jobs/{job}/regions/3")
-    assert (answer.content, answer.headers["content-type"]) == (b"a map", "image/png")
-    assert client.get(f"/v1/jobs/{job}/regions/3?kind=tubes").content == b"tubes"
-    assert answer.headers["etag"] != client.get(f"/v1/jobs/{job}/regions/3?kind=tubes").headers["etag"]
-
-
-@pytest.mark.parametrize("path", ["regions/4", "regions/-1", "regions/3?kind=colours", "regions/x"])
-def test_what_is_not_there_is_refused(client: TestClient, job: str, path: str) -> None:
-    answer = client.get(f"/v1/jobs/{job}/{path}")
-    assert answer.status_code in (404, 422) and answer.json()["code"]
-
-
-def test_a_job_without_regions_has_none(client: TestClient, farm: DrivenFarm, body: dict[str, Any]) -> None:
-    made = client.post("/v1/jobs", json=body).json()["id"]
-    assert client.get(f"/v1/jobs/{made}/regions").status_code == 409
-    farm.finish(made)
-    assert client.get(f"/v1/jobs/{made}/regions").status_code == 404
-    assert client.get("/v1/jobs/job_none/regions").status_code == 404
-
-
 def test_methods_publish_the_schemas_of_their_documents(client: TestClient) -> None:
     for schema in Multistyle.input_schemas.values():
         jsonschema.Draft202012Validator.check_schema(schema())
@@ -82,8 +60,6 @@ def test_a_preview_takes_a_design_and_the_regions_of_a_job_that_one_may_see(
     client: TestClient, job: str, body: dict[str, Any]
 ) -> None:
     ask = {name: body[name] for name in ("method", "inputs")}
-    answer = client.post("/v1/previews", json={**ask, "design": {"version": 1}, "regions_of": job})
+    answer = client.post("/v1/previews", json={**ask, "design": {"version": 1}, "artefacts_of": job})
     assert (answer.status_code, answer.headers["content-type"]) == (200, "image/png")
-    assert client.post("/v1/previews", json={**ask, "artefacts_of": job}).status_code == 200
-    for field in ("regions_of", "artefacts_of"):
-        assert client.post("/v1/previews", json={**ask, field: "job_none"}).status_code == 404
+    assert client.post("/v1/previews", json={**ask, "artefacts_of": "job_none"}).status_code == 404

@@ -23,5 +23,5 @@ class Toy(Method):
     Params: ClassVar[type[Params]] = ToyParams
     inputs: ClassVar[tuple[InputSpec, ...]] = (InputSpec("video", "video", True, "Video", "What is painted."),)
     steps: ClassVar[tuple[Step[Any], ...]] = (Step("paint", "Paint", lambda context: (), lambda task, context: {}),)
-    artefacts: ClassVar[tuple[str, ...]] = ("svg",)
+    artefacts: ClassVar[tuple[str, ...]] = ("svg", "regions")
     examples: ClassVar[tuple[Example, ...]] = (Example("hard", "Hard", {"mode": "hard"}),)

@@ -7,6 +7,7 @@ import logging
 from collections.abc import Callable, Sequence
 
 from pipeline.errors import StorageError
+from pipeline.methods import method
 from workers import state_machine as machine
 from workers.blobs.base import Blobs
 from workers.errors import NotFound
@@ -143,27 +144,31 @@ class FarmJobs:
 
     def preview(
         self, request: JobRequest, frame: int, max_side_px: int = 640, design: Json | None = None,
-        regions_of: str | None = None,
+        artefacts_of: str | None = None,
     ) -> bytes:  # fmt: skip
         """One frame (scaled to fit) stylised with the request's parameters; PNG bytes.
 
         Args:
             design: a design document in place of the request's input of that name.
-            regions_of: id of a job whose artefact "regions" gives the tubes and objects.
+            artefacts_of: id of a finished job of the same method; the preview uses the artefacts that it made.
         """
         assets = self._inputs(request)
         params = check_request(request, assets).params
-        key = None if regions_of is None else self._regions_key(regions_of)
+        artefacts = {} if artefacts_of is None else self._artefact_keys(artefacts_of, request.method)
         wanted = json.dumps(
-            [request.method, params, request.seed, request.inputs, frame, max_side_px, design, key], sort_keys=True
+            [request.method, params, request.seed, request.inputs, frame, max_side_px, design, artefacts],
+            sort_keys=True,
         )
         documents = {} if design is None else {"design": design}
-        ask = PreviewAsk(frame, max_side_px, documents, {} if key is None else {"regions": key})
+        ask = PreviewAsk(frame, max_side_px, documents, artefacts)
         return self._images.get(wanted, lambda: self._previews.png(request, assets, ask))
 
-    def _regions_key(self, job_id: str) -> str:
-        row = self._store.jobs.file(job_id, "regions")
-        if row is None:
-            remedy = "Name a job that was submitted with the artefact 'regions' and has finished."
-            raise NotFound("The job has no regions.", field="regions_of", value=job_id, remedy=remedy)
-        return str(row["key"])
+    def _artefact_keys(self, job_id: str, chosen: str) -> dict[str, str]:
+        """Blob keys of the artefacts that a job has made, by name."""
+        files = {name: self._store.jobs.file(job_id, name) for name in method(chosen).artefacts}
+        made = {name: str(row["key"]) for name, row in files.items() if row is not None}
+        if not made:
+            known = ", ".join(files) or "none"
+            remedy = f"Name a finished job that was submitted with an artefact of the method {chosen!r}: {known}."
+            raise NotFound("The job has made no artefact.", field="artefacts_of", value=job_id, remedy=remedy)
+        return made

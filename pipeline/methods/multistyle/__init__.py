@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pipeline.frames import Frame
 from pipeline.methods.base import (
     Example,
+    FrameRegions,
     InputCheck,
     InputSpec,
     JsonSchema,
@@ -35,7 +36,8 @@ from pipeline.methods.multistyle.plan import (
     run_regions,
     run_scan,
 )
-from pipeline.methods.multistyle.preview import preview_directions, preview_frame
+from pipeline.methods.multistyle.preview import frame_regions, preview_directions, preview_frame
+from pipeline.methods.multistyle.region_maps import ARTEFACT as REGIONS
 from pipeline.methods.multistyle.session import MultistyleSession
 from pipeline.methods.multistyle.styles import STYLES
 
@@ -69,7 +71,8 @@ class Multistyle(Method):
         Step("maps", "Map the regions", plan_maps, run_maps, weight=0.0),
         Step("paint", "Paint", plan_paint, run_paint),
     )
-    artefacts: ClassVar[tuple[str, ...]] = ("regions", DIRECTIONS)
+    artefacts: ClassVar[tuple[str, ...]] = (REGIONS, DIRECTIONS)
+    regions_artefact: ClassVar[str] = REGIONS
     examples: ClassVar[tuple[Example, ...]] = (
         *(Example(name, named.title, {"style": name}) for name, named in STYLES.items() if name != "van-gogh"),
         Example("rack-focus", "Rack focus", {"style": "pointillism", "effect": "rack-focus"}),
@@ -91,6 +94,10 @@ class Multistyle(Method):
 
     def preview(self, request: PreviewRequest[MultistyleParams]) -> Frame:
         return preview_frame(request)
+
+    def frame_regions(self, files: Mapping[str, bytes], frame: int) -> FrameRegions | None:
+        """Tubes of a frame, and the object of each."""
+        return frame_regions(files, frame)
 
     def directions(self, request: PreviewRequest[MultistyleParams]) -> NDArray[np.float32]:
         """Stroke directions of the last frame, with the design."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame
-from pipeline.methods.base import PreviewRequest
+from pipeline.methods.base import FrameRegions, PreviewRequest
 from pipeline.methods.multistyle.analysis import FrameAnalysis
 from pipeline.methods.multistyle.analyzer import FrameAnalyzer
 from pipeline.methods.multistyle.design import REST, Design, parse
@@ -78,20 +78,30 @@ def _analysis(request: PreviewRequest[MultistyleParams], found: FoundRegions | N
     return analyzer.step(request.frames[-1], placed)
 
 
-def _found(files: Mapping[str, bytes]) -> FoundRegions:
-    listed = json.loads(files["regions-list.json"])
+def frame_regions(files: Mapping[str, bytes], frame: int) -> FrameRegions | None:
+    """Tubes of a frame from the entries of the artefact "regions"; None if it has no such frame."""
+    name = f"tubes-{frame:07d}.png"
+    if name not in files:
+        return None
+    coded = np.asarray(cv2.imdecode(np.frombuffer(files[name], np.uint8), cv2.IMREAD_COLOR), np.int64)
+    return FrameRegions(coded[..., 2] << 16 | coded[..., 1] << 8 | coded[..., 0], _objects(files))
 
+
+def _found(files: Mapping[str, bytes]) -> FoundRegions:
     def tubes(frame: int) -> NDArray[np.int64]:
-        name = f"tubes-{frame:07d}.png"
-        if name not in files:
+        found = frame_regions(files, frame)
+        if found is None:
             raise BadParameter(
                 "The earlier job found no regions in this frame.", field="artefacts.regions", value=frame,
                 remedy="Use a job that rendered this frame of the video.",
             )  # fmt: skip
-        coded = np.asarray(cv2.imdecode(np.frombuffer(files[name], np.uint8), cv2.IMREAD_COLOR), np.int64)
-        return np.asarray(coded[..., 2] << 16 | coded[..., 1] << 8 | coded[..., 0], np.int64)
+        return found.numbers
 
-    return FoundRegions(tubes, {row["tube"]: row["object"] for row in listed["tubes"]})
+    return FoundRegions(tubes, _objects(files))
+
+
+def _objects(files: Mapping[str, bytes]) -> dict[int, int]:
+    return {row["tube"]: row["object"] for row in json.loads(files["regions-list.json"])["tubes"]}
 
 
 def _placed(

@@ -1,28 +1,28 @@
-"""What a method finds in a video before it paints: its artefact "regions", made at full resolution so that the numbers
-are those that a job finds, and kept warm."""
+"""Regions that a method finds in a video before it paints (`Method.frame_regions`).
+
+They are found at full resolution, so that their numbers are those of a job, and cached.
+"""
 
 from __future__ import annotations
 
 import io
-import json
 import zipfile
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import JsonValue
 
 from pipeline.errors import BadParameter, MediaTooLarge
 from pipeline.frames import Frame
-from pipeline.methods import method
+from pipeline.methods import method, methods
 from pipeline.methods.base import VideoInfo
 from pipeline.methods.local import iterate_plan
 from workers.previews.context import PreviewContext
 from workers.previews.memory import PreviewTaskContext
 from workers.previews.model import LayerSources, Record
 
-ARTEFACT = "regions"
 MOST_PIXELS = 400_000_000
 """Pixels of all frames together that are looked through for a preview: 434 frames of 720p."""
 Files = Mapping[str, bytes]
@@ -35,34 +35,36 @@ def known_artefacts(context: PreviewContext, layer: LayerSources) -> dict[str, F
 
 
 def regions(context: PreviewContext) -> Iterator[Record]:
-    """The map of a frame as PNG, and every tube and object that is in it."""
+    """The map of a frame as PNG, and every region and object in it. BadParameter if the method finds no regions."""
     layer = context.query.layers[0]
-    if ARTEFACT not in method(layer.method).artefacts:
+    artefact = method(layer.method).regions_artefact
+    if not artefact:
+        able = ", ".join(name for name, known in methods().items() if known.regions_artefact) or "none"
         raise BadParameter(f"The method {layer.method!r} finds no regions.", field="layer", value=layer.id,
-                           remedy="Choose a method with the artefact regions, such as multistyle.")  # fmt: skip
-    files = context.cache.peek(_key(layer, ARTEFACT))
+                           remedy=f"Choose a method that does: {able}.")  # fmt: skip
+    files = context.cache.peek(_key(layer, artefact))
     if files is None:
         made: dict[str, bytes] = {}
-        yield from _made(context, layer, made)
+        yield from _made(context, layer, artefact, made)
         files = made
-        context.cache.put(_key(layer, ARTEFACT), made, sum(map(len, made.values())))
-    yield from _shown(context, files)
+        context.cache.put(_key(layer, artefact), made, sum(map(len, made.values())))
+    yield from _shown(context, layer, files)
 
 
 def _key(layer: LayerSources, artefact: str) -> tuple[str, ...]:
     return "artefact", layer.method, layer.video, artefact
 
 
-def _made(context: PreviewContext, layer: LayerSources, into: dict[str, bytes]) -> Iterator[Record]:
+def _made(context: PreviewContext, layer: LayerSources, artefact: str, into: dict[str, bytes]) -> Iterator[Record]:
     """Run the method's plan up to its last step, which paints; parameters are the defaults."""
     chosen, info = method(layer.method), context.frames.info(layer.video)
     if info.frames * info.width * info.height > MOST_PIXELS:
         raise MediaTooLarge(
             "The video is too long to look for regions while you wait.", field="video", value=info.frames,
-            remedy="Render a job with the artefact regions, or use outlines and label maps.",
+            remedy=f"Render a job with the artefact {artefact}, or use outlines and label maps.",
         )  # fmt: skip
     frames = _Video(context, layer.video, info)
-    memory = PreviewTaskContext(context.check, chosen.Params(), frames, {}, 0, frozenset({ARTEFACT}))
+    memory = PreviewTaskContext(context.check, chosen.Params(), frames, {}, 0, frozenset({artefact}))
     for step, _ in iterate_plan(chosen, memory, steps=len(chosen.steps) - 1):
         yield Record({"type": "progress", "done": round(min(frames.read_to / max(info.frames, 1), 1), 3), "note": step})
     for name, data in memory.files.items():
@@ -88,41 +90,41 @@ class _Video:
             yield frame
 
 
-def _shown(context: PreviewContext, files: Files) -> Iterator[Record]:
+def _shown(context: PreviewContext, layer: LayerSources, files: Files) -> Iterator[Record]:
     number, side = context.options["frame"], context.query.side_px
-    name = f"tubes-{number:07d}.png"
-    if name not in files:
+    found = method(layer.method).frame_regions(files, number)
+    if found is None:
         raise BadParameter("The video has no such frame.", field="frame", value=number, remedy="Use one of its frames.")
-    coded = _fit(np.asarray(cv2.imdecode(np.frombuffer(files[name], np.uint8), cv2.IMREAD_COLOR)), side)
+    numbers = _fit(found.numbers.astype(np.int32), side)
+    coded = np.dstack([numbers & 0xFF, numbers >> 8 & 0xFF, numbers >> 16]).astype(np.uint8)
     header = {"type": "map", "kind": "tubes", "frame": number, "width": coded.shape[1], "height": coded.shape[0],
               "media_type": "image/png", "colours": "rgb24"}  # fmt: skip
     yield Record(header, cv2.imencode(".png", coded)[1].tobytes())
-    numbers = coded[..., 2].astype(np.int64) << 16 | coded[..., 1].astype(np.int64) << 8 | coded[..., 0]
-    listed = json.loads(files[f"{ARTEFACT}-list.json"])
-    yield Record({"type": "regions", "frame": number, **_rows(numbers, listed["tubes"])})
+    yield Record({"type": "regions", "frame": number, **_rows(numbers, found.objects)})
 
 
-def _fit(image: NDArray[Any], side_px: int) -> NDArray[Any]:
+def _fit(image: NDArray[np.int32], side_px: int) -> NDArray[np.int32]:
     scale = side_px / max(image.shape[:2])
     if scale >= 1:
         return image
     size = (max(1, round(image.shape[1] * scale)), max(1, round(image.shape[0] * scale)))
-    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_NEAREST))
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_NEAREST), np.int32)
 
 
-def _rows(numbers: NDArray[np.int64], listed: list[dict[str, Any]]) -> dict[str, Any]:
-    """Tubes and objects of a frame: area in px of the map, and the box [left, top, right, bottom)."""
-    owner = {row["tube"]: row["object"] for row in listed}
-    tubes = {str(tube): {"object": owner[tube], **_extent(numbers == tube)}
-             for tube in np.unique(numbers).tolist() if tube in owner}  # fmt: skip
-    objects: dict[str, Any] = {}
-    for part in sorted({row["object"] for row in tubes.values()}):
-        mine = [int(tube) for tube, row in tubes.items() if row["object"] == part]
-        objects[str(part)] = {"tubes": mine, **_extent(np.isin(numbers, mine))}
+def _rows(numbers: NDArray[np.int32], owner: Mapping[int, int]) -> dict[str, JsonValue]:
+    """Regions and objects of a frame: area in px of the map, and the box [left, top, right, bottom)."""
+    inside = {number: numbers == number for number in np.unique(numbers).tolist() if number in owner}
+    tubes: dict[str, JsonValue] = {
+        str(number): {"object": owner[number], **_extent(mask)} for number, mask in inside.items()
+    }
+    objects: dict[str, JsonValue] = {}
+    for one in sorted({owner[number] for number in inside}):
+        mine = [number for number in inside if owner[number] == one]
+        objects[str(one)] = {"tubes": list[JsonValue](mine), **_extent(np.isin(numbers, mine))}
     return {"tubes": tubes, "objects": objects}
 
 
-def _extent(inside: NDArray[np.bool_]) -> dict[str, Any]:
+def _extent(inside: NDArray[np.bool_]) -> dict[str, JsonValue]:
     rows, columns = np.flatnonzero(inside.any(1)), np.flatnonzero(inside.any(0))
-    box = [int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1]
+    box: list[JsonValue] = [int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1]
     return {"area": int(np.count_nonzero(inside)), "box": box}

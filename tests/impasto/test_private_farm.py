@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from impasto.cli import embedded
+from impasto.cli import private_farm
 from impasto.cli.console import Interrupted
 from impasto.cli.input_files import gather
 from impasto.problems import JobFailed
@@ -19,7 +19,7 @@ REQUEST = JobRequest("abstraction", {}, {"lines": "off"})
 
 
 def submit(farm: Farm, clip: Path, scratch: Path) -> Any:
-    return embedded.submit(farm, REQUEST, {"video": gather("IN", clip, scratch)}, "key")
+    return private_farm.submit(farm, REQUEST, {"video": gather("IN", clip, scratch)}, "key")
 
 
 def test_what_was_cancelled_is_taken_up_again(tiny_clip: Path, home: Path, tmp_path: Path) -> None:
@@ -29,10 +29,10 @@ def test_what_was_cancelled_is_taken_up_again(tiny_clip: Path, home: Path, tmp_p
     idle.jobs.cancel(job.id)
     idle.stop()
     shown: list[float] = []
-    with embedded.opened(home, 1) as farm:
+    with private_farm.opened(home, 1) as farm:
         again = submit(farm, tiny_clip, tmp_path)
         assert again.id == job.id
-        done = embedded.follow(farm, job.id, lambda now: shown.append(now["progress"]))
+        done = private_farm.follow(farm, job.id, lambda now: shown.append(now["progress"]))
     assert done.state is RunState.SUCCEEDED
     assert shown == sorted(shown)
     assert shown[-1] == 1.0
@@ -43,7 +43,7 @@ def test_a_job_without_a_result_is_a_failure_that_says_why(tiny_clip: Path, home
     job = submit(farm, tiny_clip, tmp_path)
     farm.jobs.cancel(job.id)
     with pytest.raises(JobFailed) as caught:
-        embedded.follow(farm, job.id, lambda now: None)
+        private_farm.follow(farm, job.id, lambda now: None)
     assert caught.value.job["state"] == "cancelled"
     farm.stop()
 
@@ -59,7 +59,7 @@ def test_ctrl_c_says_how_far_it_came_and_how_to_go_on(
 
     monkeypatch.setattr(farm.jobs, "wait_for_event", ctrl_c)
     with pytest.raises(Interrupted, match="0%") as caught:
-        embedded.follow(farm, job.id, lambda now: None)
+        private_farm.follow(farm, job.id, lambda now: None)
     assert "same command" in caught.value.remedy
     assert farm.jobs.get(job.id).state is RunState.QUEUED
     farm.stop()

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from impasto.cli import values
+from impasto.cli import options
 from impasto.cli.input_files import gather
 from impasto.delivery import deliver, target
 from pipeline.errors import BadInput
@@ -28,25 +28,25 @@ def frames_zip(count: int) -> bytes:
 
 
 def test_params_are_json_where_they_can_be() -> None:
-    found = values.params(["a=1.5", "b=off", "c=true", "d=[1, 2]", 'e="1"', "f=x=y", "g="])
+    found = options.params_of(["a=1.5", "b=off", "c=true", "d=[1, 2]", 'e="1"', "f=x=y", "g="])
     assert found == {"a": 1.5, "b": "off", "c": True, "d": [1, 2], "e": "1", "f": "x=y", "g": ""}
 
 
-@pytest.mark.parametrize("options", [["nonsense"], ["=1"], ["a=1", "a=2"]])
-def test_params_that_make_no_sense_are_refused(options: list[str]) -> None:
+@pytest.mark.parametrize("pairs", [["nonsense"], ["=1"], ["a=1", "a=2"]])
+def test_params_that_make_no_sense_are_refused(pairs: list[str]) -> None:
     with pytest.raises(BadInput) as caught:
-        values.params(options)
+        options.params_of(pairs)
     assert caught.value.field == "--param"
     assert caught.value.remedy
 
 
 def test_the_video_is_no_option() -> None:
     with pytest.raises(BadInput, match="first argument"):
-        values.inputs(["video=a.mp4"])
+        options.inputs_of(["video=a.mp4"])
 
 
 def test_artefacts_may_have_a_place_of_their_own() -> None:
-    assert values.artefacts(["svg", "labels=x.zip"]) == {"svg": None, "labels": Path("x.zip")}
+    assert options.artefacts_of(["svg", "labels=x.zip"]) == {"svg": None, "labels": Path("x.zip")}
 
 
 @pytest.mark.parametrize(
