@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 from typer.exceptions import Abort, TyperException
 
-from impasto.cli import doctor, jobs, keys, live, methods, ops, render, scene, serve, worker
+from impasto.cli import doctor, jobs, keys, live, methods, ops, render, report, scene, serve, worker
 from impasto.cli.console import FAILED, INTERRUPTED, Interrupted, fail
 from pipeline.errors import BadInput, ImpastoError
 
@@ -40,6 +40,7 @@ app.command(epilog=render.EPILOG, rich_help_panel=HERE)(render.render)
 app.command(epilog=live.EPILOG, rich_help_panel=HERE)(live.live)
 app.command(epilog=serve.EPILOG, rich_help_panel=HERE)(serve.serve)
 app.command(epilog=worker.EPILOG, rich_help_panel=HERE)(worker.worker)
+app.command(epilog=report.EPILOG, rich_help_panel=HERE)(report.report)
 app.command(epilog=scene.EPILOG, rich_help_panel=HERE)(scene.scene)
 app.add_typer(keys.app, name="keys", rich_help_panel=HERE)
 app.command(epilog=jobs.SUBMIT_EPILOG, rich_help_panel=REMOTE)(jobs.submit)
