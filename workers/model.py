@@ -74,6 +74,8 @@ class OutputSpec:
     """Constant rate factor of the codec, 0 (lossless) to 51."""
     artefacts: tuple[str, ...] = ()
     """Optional artefacts of the method, for example "svg"."""
+    report: bool = False
+    """Whether the result is measured against the source (`pipeline.quality`)."""
 
 
 WARN, FAIL = "warn", "fail"

@@ -8,7 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.flow.dis import dis
+from pipeline.flow.gray import to_gray
 from pipeline.flow.reliability import motion_boundary, visible
 from pipeline.flow.warp import fetch
 from pipeline.frames import Frame, Mask, same_size
@@ -56,14 +58,16 @@ def measure_pair(source: tuple[Frame, Frame], painted: tuple[Frame, Frame]) -> P
     size = (source[0].shape[1], source[0].shape[0])
     for frame in (source[1], *painted):
         same_size(frame, size)
-    before, now = (cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY) for frame in source)
+    before, now = (to_gray(frame) for frame in source)
     back = dis(now, before, "medium")
     compared = visible(back, dis(before, now, "medium")) & ~motion_boundary(back)
-    errors = (_squared_difference(fetch(pair[0], back), pair[1], compared) for pair in (painted, source))
-    return PairMeasure(*errors, int(compared.sum()))
+    painted_error, source_error = (
+        _squared_difference(fetch(pair[0], back), pair[1], compared) for pair in (painted, source)
+    )
+    return PairMeasure(painted_error, source_error, int(compared.sum()))
 
 
-def _squared_difference(warped: Frame, frame: Frame, where: Mask) -> float:
+def _squared_difference(warped: AnyArray, frame: Frame, where: Mask) -> float:
     difference = cv2.absdiff(warped, frame)[where].astype(np.float64) / 255
     return float(np.square(difference).sum())
 

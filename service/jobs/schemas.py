@@ -25,9 +25,13 @@ class OutputIn(_Body):
     format: Literal["mp4", "webm", "png"] = "mp4"
     quality: int = Field(default=20, ge=0, le=51, description="Constant rate factor, 0 (lossless) to 51.")
     artefacts: tuple[Name, ...] = Field(default=(), max_length=32)
+    report: bool = Field(
+        default=False,
+        description="Measure flicker, detail, structure, edge width and faces on sampled frames; see `report.json`.",
+    )
 
     def spec(self) -> OutputSpec:
-        return OutputSpec(self.format, self.quality, self.artefacts)
+        return OutputSpec(self.format, self.quality, self.artefacts, self.report)
 
 
 class Work(_Body):

@@ -219,6 +219,18 @@ def test_a_job_from_frames_to_file(renderer: Renderer, info: MediaInfo, blobs: D
     assert (report["result"], report["seconds"]) == (done.result, {"invert": {"decode": 0.5}})
 
 
+def test_a_job_that_asks_for_it_gets_a_quality_report(renderer: Renderer, info: MediaInfo, blobs: DiskBlobs) -> None:
+    _, last = render(renderer, info, output=OutputSpec("mp4", 12, ("svg",), report=True))
+    done = renderer.run(last)
+    assert done.fault is None, done
+    quality = json.loads(blobs.get(done.files["report"][0]))["quality"]
+    assert quality["pairs"] == 6 and 0 < quality["flicker"] < 3 and quality["structure"] > 0.5
+    summary = done.result["quality"]
+    assert summary == {name: value for name, value in quality.items() if name not in ("samples", "worst")}
+    again = renderer.run(last)
+    assert again.result == done.result
+
+
 def test_an_outcome_says_what_was_made(renderer: Renderer, info: MediaInfo, blobs: DiskBlobs) -> None:
     outcome = renderer.run(order_of(info, tasks_of(info)[0]))
     prefix = "jobs/job_1/invert/run-0/att_run-0/"

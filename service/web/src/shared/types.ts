@@ -56,6 +56,8 @@ export interface Output {
   format?: "mp4" | "webm" | "png";
   quality?: number;
   artefacts?: string[];
+  /** Measure the film against its source. */
+  report?: boolean;
 }
 
 export interface JobRequest {

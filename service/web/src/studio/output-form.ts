@@ -54,6 +54,13 @@ export function outputSchema(artefacts: string[]): Schema {
         description: "Shown among the works; the file's name if left empty.",
         group: GROUP,
       },
+      report: {
+        title: "Quality report",
+        type: "boolean",
+        default: false,
+        description: "Measure flicker, detail, sharpness and faces of the film against the video.",
+        group: GROUP,
+      },
       ...(artefacts.length && { artefacts: more }),
     },
   };
@@ -65,7 +72,7 @@ export function outputOf(values: Params, asset: Asset): Pick<JobBody, "output" |
     format: "mp4",
     quality: 20,
     artefacts: [],
-    ...pick(values, ["format", "quality", "artefacts"]),
+    ...pick(values, ["format", "quality", "artefacts", "report"]),
   } as Output;
   const name = typeof values.name === "string" && values.name ? values.name : asset.filename.replace(/\.[^.]+$/, "");
   return { output, name, seed: typeof values.seed === "number" ? values.seed : 0 };

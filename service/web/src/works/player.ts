@@ -23,7 +23,12 @@ export interface Films {
   first: number;
 }
 
-export function createPlayer({ asset, before, after, poster, first }: Films): View {
+export interface Player extends View {
+  /** Stop at this frame of the painted film. */
+  showFrame(frame: number): void;
+}
+
+export function createPlayer({ asset, before, after, poster, first }: Films): Player {
   const follower = film(before, { muted: true, tabindex: "-1", "aria-hidden": "true" });
   const leader = film(after, { poster, muted: true, "aria-label": "The painted film" });
   const wipe = createWipe({ before: follower, after: leader });
@@ -62,6 +67,10 @@ export function createPlayer({ asset, before, after, poster, first }: Films): Vi
     element,
     close() {
       for (const close of closers) close();
+    },
+    showFrame(frame) {
+      leader.pause();
+      leader.currentTime = (frame + 0.5) / fps;
     },
   };
 }

@@ -8,6 +8,7 @@ import { notify } from "../shared/notices";
 import { mayPlay } from "../shared/stills";
 import type { Job, View } from "../shared/types";
 import { createPlayer } from "./player";
+import { createQuality } from "./quality";
 
 const NOT_FILES = ["result", "poster", "preview"];
 
@@ -17,11 +18,12 @@ export interface Result extends View {
 
 export function createResult(job: Job): Result {
   const element = h("div", { class: "result" });
-  const playback = { closed: false, close: () => {} };
+  const playback: Playback = { closed: false, close: () => {}, showFrame: () => {} };
   const playable = job.request.output?.format !== "png";
   (playable ? play(job, element, playback) : showSheet(job, element)).catch(notify);
+  const quality = createQuality(job, (frame) => playback.showFrame(frame));
   return {
-    element,
+    element: h("div", { class: "result-and-quality" }, element, quality),
     downloads: downloads(job),
     close() {
       playback.closed = true;
@@ -30,7 +32,14 @@ export function createResult(job: Job): Result {
   };
 }
 
-async function play(job: Job, element: HTMLElement, playback: { closed: boolean; close: () => void }): Promise<void> {
+interface Playback {
+  closed: boolean;
+  close(): void;
+  /** Stop at this frame of the film. */
+  showFrame(frame: number): void;
+}
+
+async function play(job: Job, element: HTMLElement, playback: Playback): Promise<void> {
   const asset = await api.asset(job.request.inputs.video ?? "");
   const [before, after, poster] = await Promise.all([
     mayPlay(asset) ? api.mediaUrl(api.paths.content(asset.id)) : "",
@@ -40,6 +49,7 @@ async function play(job: Job, element: HTMLElement, playback: { closed: boolean;
   if (playback.closed) return;
   const player = createPlayer({ asset, before, after, poster, first: job.request.frames?.[0] ?? 0 });
   playback.close = player.close;
+  playback.showFrame = player.showFrame;
   element.append(player.element);
 }
 

@@ -1,0 +1,82 @@
+/** The quality report of a finished job: its figures, and flicker over time. A bar shows its frame in the player. */
+
+import * as api from "../shared/api";
+import { h } from "../shared/dom";
+import { notify } from "../shared/notices";
+import type { Job } from "../shared/types";
+
+interface Sample {
+  frame: number;
+  flicker: number;
+  detail: number;
+  structure: number;
+}
+
+export interface Quality {
+  pairs: number;
+  flicker: number | null;
+  detail: number | null;
+  structure: number | null;
+  edge_width_px?: number | null;
+  faces?: number;
+  faces_kept?: number | null;
+  samples: Sample[];
+  worst: number[];
+}
+
+type Row = [title: string, value: string, meaning: string];
+
+/** An element that fills itself; nothing if the job was not asked for a report. */
+export function createQuality(job: Job, showFrame: (frame: number) => void): HTMLElement | null {
+  if (!job.request.output?.report) return null;
+  const element = h("section", { class: "quality", "aria-label": "Quality" });
+  api
+    .get<{ quality?: Quality }>(api.paths.file(job.id, "report"))
+    .then(({ quality }) => quality?.pairs && element.append(...content(quality, showFrame)))
+    .catch(notify);
+  return element;
+}
+
+function content(quality: Quality, showFrame: (frame: number) => void): HTMLElement[] {
+  const cells = rows(quality).map(([title, value, meaning]) =>
+    h("div", {}, h("dt", {}, title), h("dd", {}, h("strong", {}, value), " ", h("small", {}, meaning))),
+  );
+  return [
+    h("h2", {}, "Quality"),
+    h("dl", { class: "quality-figures" }, cells),
+    h("p", {}, `Flicker of ${quality.pairs} measured frames. Select a bar to see its frame.`),
+    chart(quality, showFrame),
+  ];
+}
+
+/** The figures that were measured, in words. */
+export function rows(quality: Quality): Row[] {
+  const all: [string, number | null | undefined, string, string][] = [
+    ["Flicker", quality.flicker, "", "1 = as steady as the source, less is steadier"],
+    ["Detail", quality.detail, "", "1 = as much as the source"],
+    ["Structure", quality.structure, "", "1 = the scene reads as in the source"],
+    ["Edge width", quality.edge_width_px, " px", "1 to 2 px = drawn at this size"],
+    ["Faces kept", quality.faces_kept, "", `of ${quality.faces ?? 0} faces found in the source`],
+  ];
+  return all.flatMap(([title, value, unit, meaning]): Row[] =>
+    value === null || value === undefined ? [] : [[title, `${value.toFixed(2)}${unit}`, meaning]],
+  );
+}
+
+function chart(quality: Quality, showFrame: (frame: number) => void): HTMLElement {
+  const most = Math.max(1, ...quality.samples.map((sample) => sample.flicker));
+  const worst = new Set(quality.worst);
+  const bars = quality.samples.map((sample) => {
+    const name = `Frame ${sample.frame + 1}: flicker ${sample.flicker.toFixed(2)}`;
+    const bar = h("button", {
+      type: "button",
+      class: worst.has(sample.frame) ? "quality-bar worst" : "quality-bar",
+      title: name,
+      "aria-label": name,
+      onclick: () => showFrame(sample.frame),
+    });
+    bar.style.setProperty("--share", String(sample.flicker / most));
+    return bar;
+  });
+  return h("div", { class: "quality-chart", role: "group", "aria-label": "Flicker over time" }, bars);
+}
