@@ -60,6 +60,7 @@ class SubmitOptions:
     output_format: Annotated[str, typer.Option("--format", help="mp4, webm, or png (a zip of frames).")] = "mp4"
     artefact: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Also make an artefact.")] = None
     quality: QualityOption = 20
+    report: Annotated[bool, typer.Option("--report", help="Also measure the result: flicker, sharpness, faces.")] = False
     seed: SeedOption = 0
     name: Annotated[str, typer.Option(help="Name of the job; else the name of IN.")] = ""
     label: Annotated[
@@ -90,7 +91,12 @@ def submit(options: SubmitOptions) -> None:
             upload(client, paths),
             given,
             seed=options.seed,
-            output={"format": options.output_format, "quality": options.quality, "artefacts": options.artefact or []},
+            output={
+                "format": options.output_format,
+                "quality": options.quality,
+                "artefacts": options.artefact or [],
+                "report": options.report,
+            },
             name=options.name or plain(options.source.name),
             labels=labels,
             priority=options.priority,
