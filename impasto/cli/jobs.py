@@ -60,7 +60,7 @@ class SubmitOptions:
     output_format: Annotated[str, typer.Option("--format", help="mp4, webm, or png (a zip of frames).")] = "mp4"
     artefact: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Also make an artefact.")] = None
     quality: QualityOption = 20
-    report: Annotated[bool, typer.Option("--report", help="Also measure the result: flicker, sharpness, faces.")] = False
+    report: Annotated[bool, typer.Option("--report", help="Measure the result: flicker, sharpness, faces.")] = False
     seed: SeedOption = 0
     name: Annotated[str, typer.Option(help="Name of the job; else the name of IN.")] = ""
     label: Annotated[
