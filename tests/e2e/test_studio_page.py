@@ -4,121 +4,37 @@ from __future__ import annotations
 
 import io
 import json
-import time
 import zipfile
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any
 
 import cv2
 import httpx
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from playwright.sync_api import Browser, Page, expect
 
 from service import bundle
-from tests.e2e.test_page import FRAMES, HEIGHT, WIDTH, Watched, browser, clip, open_page, serve, watched
+from tests.e2e.studio import (
+    SOON_MS,
+    asset,
+    choose_style,
+    decoded,
+    draw,
+    draw_with_pen,
+    layer_of,
+    on_stage,
+    open_project,
+    saved,
+    service,
+    start_painting,
+    stored,
+    until,
+    video,
+)  # fmt: skip
+from tests.e2e.test_page import FRAMES, HEIGHT, WIDTH, Watched, browser, clip, open_page, watched
 
-__all__ = ["browser", "clip", "watched"]
+__all__ = ["browser", "clip", "service", "video", "watched"]
 
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(240)]
-
-SOON_MS = 30_000
-Document = dict[str, Any]
-
-
-@pytest.fixture(scope="module")
-def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    yield from serve(tmp_path_factory.mktemp("studio") / "home")
-
-
-@pytest.fixture(scope="module")
-def video(service: str, clip: Path) -> str:
-    """The uploaded clip: twelve frames, 96 x 64 px, a disc that moves to the right."""
-    answer = httpx.post(f"{service}/v1/assets", files={"file": (clip.name, clip.read_bytes())})
-    return str(answer.json()["id"])
-
-
-def open_project(page: Page, service: str, video: str, method: str, **layer: Any) -> str:
-    """A new project of one layer, opened in the studio; its id."""
-    shot = {"id": "s1", "video": "clip", "layers": [{"id": "l1", "method": method, **layer}]}
-    document = {"schema": 1, "name": "Disc", "assets": {"clip": {"id": video}}, "shots": [shot]}
-    project = str(httpx.post(f"{service}/v1/projects", json={"name": "Disc", "document": document}).json()["id"])
-    page.goto(f"{service}/#/projects/{project}")
-    expect(page.locator(".stage-canvas")).to_be_visible(timeout=SOON_MS)
-    until(page, lambda: page.locator(".stage-canvas").get_attribute("data-frame") == "4")
-    return project
-
-
-def until(page: Page, condition: Callable[[], bool], seconds: float = SOON_MS / 1000) -> None:
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "it never came true"
-        page.wait_for_timeout(50)
-
-
-def stored(service: str, project: str) -> Document:
-    document: Document = httpx.get(f"{service}/v1/projects/{project}").json()["document"]
-    return document
-
-
-def layer_of(document: Document) -> dict[str, Any]:
-    layer: dict[str, Any] = document["shots"][0]["layers"][0]
-    return layer
-
-
-def saved(page: Page) -> None:
-    """Everything is uploaded and stored."""
-    expect(page.locator(".save-note")).to_have_text("Saved", timeout=SOON_MS)
-
-
-def on_stage(page: Page, x: float, y: float) -> tuple[float, float]:
-    """A point of the picture, in shares of width and height, on the screen: the fitted view has a margin of 12 px."""
-    box = page.locator(".stage-canvas").bounding_box()
-    assert box is not None
-    scale = min((box["width"] - 24) / WIDTH, (box["height"] - 24) / HEIGHT)
-    left = box["x"] + (box["width"] - scale * WIDTH) / 2
-    top = box["y"] + (box["height"] - scale * HEIGHT) / 2
-    return left + x * scale * WIDTH, top + y * scale * HEIGHT
-
-
-def draw(page: Page, *points: tuple[float, float]) -> None:
-    """Drag the mouse through points of the picture."""
-    first, *rest = (on_stage(page, *point) for point in points)
-    page.mouse.move(*first)
-    page.mouse.down()
-    for point in rest:
-        page.mouse.move(*point, steps=6)
-    page.mouse.up()
-
-
-def draw_with_pen(page: Page, points: list[tuple[float, float, float]]) -> None:
-    """A stroke of a pen: x, y in shares of the picture, pressure 0..1."""
-    session = page.context.new_cdp_session(page)
-    for index, (x, y, force) in enumerate(points):
-        left, top = on_stage(page, x, y)
-        kind = "mousePressed" if index == 0 else "mouseMoved"
-        event = {"type": kind, "x": left, "y": top, "button": "left", "buttons": 1, "pointerType": "pen"}
-        session.send("Input.dispatchMouseEvent", event | {"force": force})
-    session.send("Input.dispatchMouseEvent", event | {"type": "mouseReleased", "force": 0})
-
-
-def asset(service: str, document: Document, name: str) -> bytes:
-    return httpx.get(f"{service}/v1/assets/{document['assets'][name]['id']}/content").content
-
-
-def decoded(png: bytes) -> NDArray[np.uint8]:
-    image = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR_RGB)
-    assert image is not None
-    return np.asarray(image, np.uint8)
-
-
-def start_painting(page: Page) -> None:
-    page.get_by_role("button", name="Brush", exact=True).click()
-    page.get_by_label("Brush size").fill("20")
-    page.locator(".brush-settings input[type=color]").fill("#2040ff")
-    page.wait_for_timeout(500)
 
 
 def test_a_key_painted_with_pressure_is_in_the_film_exactly(watched: Watched, service: str, video: str) -> None:
@@ -231,10 +147,6 @@ def test_regions_styles_and_directions_are_what_was_drawn(watched: Watched, serv
     page.get_by_role("button", name="Paint the film").click()
     page.wait_for_url("**/#/jobs/*", timeout=SOON_MS)
     expect(page.get_by_role("button", name="Download MP4")).to_be_visible(timeout=120_000)
-
-
-def choose_style(page: Page, title: str) -> None:
-    page.get_by_role("group", name="Styles").get_by_role("button", name=title).click()
 
 
 def test_scribbles_become_the_foreground_of_patches(watched: Watched, service: str, video: str) -> None:

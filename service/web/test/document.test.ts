@@ -46,6 +46,23 @@ test("merged regions have the tubes of both, and the second one's keys are gone"
   expect(merged.style_keys).toEqual([]);
 });
 
+test("a part that is split from a region keeps its styles", () => {
+  const one: doc.Layer = {
+    ...layer(),
+    regions: { swan: { objects: [3] } },
+    style_keys: [{ region: "swan", frame: 2, style: "watercolor" }],
+  };
+  const split = doc.splitRegion(one, "swan", 8, "region", () => [7, 8, 9]);
+  expect(split.regions).toEqual({ swan: { tubes: [7, 9] }, region: { tubes: [8] } });
+  expect(split.style_keys?.map(({ region, style }) => [region, style])).toEqual([
+    ["swan", "watercolor"],
+    ["region", "watercolor"],
+  ]);
+  expect(doc.splitRegion({ ...one, regions: { swan: { tubes: [8] } } }, "swan", 8, "region", () => [])).toMatchObject({
+    regions: { swan: { tubes: [8] } },
+  });
+});
+
 test("moving a key replaces the key at its new frame", () => {
   const one: doc.Layer = {
     ...layer(),

@@ -65,8 +65,11 @@ def _made(context: PreviewContext, layer: LayerSources, artefact: str, into: dic
         )  # fmt: skip
     frames = _Video(context, layer.video, info)
     memory = PreviewTaskContext(context.check, chosen.Params(), frames, {}, 0, frozenset({artefact}))
+    titles = {step.name: step.title for step in chosen.steps}
     for step, _ in iterate_plan(chosen, memory, steps=len(chosen.steps) - 1):
-        yield Record({"type": "progress", "done": round(min(frames.read_to / max(info.frames, 1), 1), 3), "note": step})
+        yield Record(
+            {"type": "progress", "done": round(min(frames.read_to / max(info.frames, 1), 1), 3), "note": titles[step]}
+        )
     for name, data in memory.files.items():
         if name.endswith(".zip"):
             with zipfile.ZipFile(io.BytesIO(data)) as archive:
@@ -112,14 +115,15 @@ def _fit(image: NDArray[np.int32], side_px: int) -> NDArray[np.int32]:
 
 
 def _rows(numbers: NDArray[np.int32], owner: Mapping[int, int]) -> dict[str, JsonValue]:
-    """Regions and objects of a frame: area in px of the map, and the box [left, top, right, bottom)."""
+    """Regions and objects of a frame: area in px of the map, and the box [left, top, right, bottom);
+    of an object also all its regions, those of other frames included."""
     inside = {number: numbers == number for number in np.unique(numbers).tolist() if number in owner}
     tubes: dict[str, JsonValue] = {
         str(number): {"object": owner[number], **_extent(mask)} for number, mask in inside.items()
     }
     objects: dict[str, JsonValue] = {}
     for one in sorted({owner[number] for number in inside}):
-        mine = [number for number in inside if owner[number] == one]
+        mine = sorted(number for number, found in owner.items() if found == one)
         objects[str(one)] = {"tubes": list[JsonValue](mine), **_extent(np.isin(numbers, mine))}
     return {"tubes": tubes, "objects": objects}
 

@@ -1,6 +1,6 @@
 /** The studio: stage, tools, filmstrip and panel of one project, kept together. */
 
-import { effect } from "@preact/signals";
+import { effect, untracked } from "@preact/signals";
 import { render } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import * as shared from "../shared/api";
@@ -21,7 +21,7 @@ import { createLassoTool, createRegionTool, type RegionTool } from "./region-too
 import { SaveNote } from "./save-note";
 import { installShortcuts } from "./shortcuts";
 import { mountStage, type Stage, type StageParts } from "./stage";
-import { PAINT_TOOLS, Store } from "./store";
+import { PAINT_TOOLS, Store, type Tool } from "./store";
 import { StageBar, Toolbar, toolsOf } from "./toolbar";
 
 const draftKey = (id: string): string => `impasto.project:${id}`;
@@ -113,13 +113,17 @@ class Designer {
       const frame = store.frame.value;
       const tool = store.tool.value;
       store.layerId.value;
-      this.frames.seek(frame);
-      if (PAINT_TOOLS.includes(tool)) {
-        this.paint.prepare(frame);
-        this.prepareNeighbours(frame);
-      }
-      if (tool === "region") this.regions.load(frame);
+      untracked(() => this.showFrame(frame, tool));
     });
+  }
+
+  private showFrame(frame: number, tool: Tool): void {
+    this.frames.seek(frame);
+    if (PAINT_TOOLS.includes(tool)) {
+      this.paint.prepare(frame);
+      this.prepareNeighbours(frame);
+    }
+    if (tool === "region") this.regions.load(frame);
   }
 
   /** Once per visit: the first repainting of neighbours is slow, so that it is begun before the first stroke. */

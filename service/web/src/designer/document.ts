@@ -269,6 +269,36 @@ export function mergeRegions(layer: Layer, names: readonly string[]): Layer {
   return { ...kept, regions: { ...kept.regions, [first]: merged } };
 }
 
+/** The tubes of a region, those of its objects included; `partsOf` gives the tubes of an object. */
+export const tubesOf = (
+  { objects = [], tubes = [] }: Region,
+  partsOf: (object: number) => readonly number[],
+): number[] => [...new Set([...tubes, ...objects.flatMap(partsOf)])].sort((a, b) => a - b);
+
+/** Take a tube out of a region: it becomes the region `name`, with the keys of the one that it came from. */
+export function splitRegion(
+  layer: Layer,
+  owner: string,
+  tube: number,
+  name: string,
+  partsOf: (object: number) => readonly number[],
+): Layer {
+  const whole = layer.regions?.[owner] ?? {};
+  const left = tubesOf(whole, partsOf).filter((other) => other !== tube);
+  if (!left.length) return layer;
+  const { objects: _objects, ...rest } = whole;
+  const copied = <Item extends RegionFramed>(items: readonly Item[] = []): Item[] => [
+    ...items,
+    ...trackOf(items, owner).map((item) => ({ ...item, region: name })),
+  ];
+  return {
+    ...layer,
+    regions: { ...layer.regions, [owner]: { ...rest, tubes: left }, [name]: { tubes: [tube] } },
+    style_keys: copied(layer.style_keys),
+    directions: copied(layer.directions),
+  };
+}
+
 /** Asset names that the document refers to anywhere in its shots. */
 export function usedAssets(document: ProjectDocument): Set<string> {
   const names = new Set<string>();

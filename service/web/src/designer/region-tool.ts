@@ -3,7 +3,7 @@
 import { signal } from "@preact/signals";
 import { asProblem, isAbort } from "../shared/api";
 import { pictureOf, preview } from "./api";
-import { freeName, type Layer, type Point, type Region } from "./document";
+import { freeName, type Layer, type Point, type Region, splitRegion, tubesOf } from "./document";
 import { simplify } from "./geometry";
 import { createCanvas } from "./raster";
 import type { RegionsHeader } from "./records";
@@ -19,12 +19,18 @@ interface TubeMap {
   width: number;
   height: number;
   tubes: Uint32Array;
-  /** Tube -> object. */
+  /** Tube of the frame -> object. */
   objects: ReadonlyMap<number, number>;
+  /** Object of the frame -> its tubes in the whole video. */
+  parts: ReadonlyMap<number, readonly number[]>;
 }
 
+export type RegionsState = "unknown" | "loading" | "ready" | "missing";
 /** Whether the service can find regions: unknown until asked. */
-export const regionsState = signal<"unknown" | "loading" | "ready" | "missing">("unknown");
+export const regionsState = signal<RegionsState>("unknown");
+
+/** How many objects there are in the shown frame; 0 until they are known. */
+export const objectCount = signal(0);
 
 export interface RegionTool extends StageTool {
   /** Find the regions of a frame, unless they are known. */
@@ -46,6 +52,7 @@ export function createRegionTool(store: Store, redraw: () => void): RegionTool {
     try {
       await readMap(frame, signal);
       if (!signal.aborted) regionsState.value = map ? "ready" : "missing";
+      if (!signal.aborted) objectCount.value = map?.parts.size ?? 0;
       redraw();
     } catch (error) {
       if (isAbort(error) || signal.aborted) return;
@@ -64,7 +71,6 @@ export function createRegionTool(store: Store, redraw: () => void): RegionTool {
       shot: store.shot.value.id,
       layer: store.layerId.value,
       frame,
-      kind: "tubes",
     };
     const pending: Promise<void>[] = [];
     await preview({
@@ -105,15 +111,28 @@ export function createRegionTool(store: Store, redraw: () => void): RegionTool {
     const object = map.objects.get(tube) ?? -1;
     const layer = store.layer.value;
     const owner = ownerOf(layer, tube, object);
-    if (shift && store.region.value) extend(store.region.value, tube, object, alt);
+    const selected = store.layer.value.regions?.[store.region.value];
+    if (shift && selected && !selected.polygons) extend(store.region.value, tube, object, alt);
+    else if (owner && alt) split(owner, tube);
     else if (owner) store.region.value = owner;
     else create(alt || object < 0 ? { tubes: [tube] } : { objects: [object] });
     redraw();
     return true;
   }
 
+  const newName = (): string => freeName("region", (candidate) => candidate in (store.layer.value.regions ?? {}));
+
+  /** Make a part of a region a region of its own, with the same styles and directions at first. */
+  function split(owner: string, tube: number): void {
+    const name = newName();
+    store.editLayer("Split a region", (layer) => splitRegion(layer, owner, tube, name, partsOf));
+    if (name in (store.layer.value.regions ?? {})) store.region.value = name;
+  }
+
+  const partsOf = (object: number): readonly number[] => map?.parts.get(object) ?? [];
+
   function create(region: Region): void {
-    const name = freeName("region", (candidate) => candidate in (store.layer.value.regions ?? {}));
+    const name = newName();
     store.editLayer("New region", (layer) => ({ ...layer, regions: { ...layer.regions, [name]: region } }));
     store.region.value = name;
   }
@@ -130,11 +149,9 @@ export function createRegionTool(store: Store, redraw: () => void): RegionTool {
   function extended(region: Region, tube: number, object: number, part: boolean): Region {
     if (region.objects && !part && object >= 0)
       return { ...region, objects: [...new Set([...region.objects, object])] };
-    const { objects = [], ...rest } = region;
-    const inside = [...(map?.objects ?? [])].filter(([, owner]) => objects.includes(owner)).map(([id]) => id);
-    const more =
-      part || object < 0 ? [tube] : [...(map?.objects ?? [])].filter(([, owner]) => owner === object).map(([id]) => id);
-    return { ...rest, tubes: [...new Set([...(region.tubes ?? []), ...inside, ...more])].sort((a, b) => a - b) };
+    const { objects: _objects, ...rest } = region;
+    const more = part || object < 0 ? [tube] : partsOf(object);
+    return { ...rest, tubes: [...new Set([...tubesOf(region, partsOf), ...more])].sort((a, b) => a - b) };
   }
 
   /** Everything but the selected and the hovered region is dimmed. */
@@ -177,7 +194,8 @@ function tubeMap(frame: number, picture: ImageBitmap, found: RegionsHeader): Tub
     (_, i) => 65536 * (data[4 * i] ?? 0) + 256 * (data[4 * i + 1] ?? 0) + (data[4 * i + 2] ?? 0),
   );
   const objects = new Map(Object.entries(found.tubes).map(([tube, { object }]) => [Number(tube), object]));
-  return { frame, width, height, tubes, objects };
+  const parts = new Map(Object.entries(found.objects).map(([object, row]) => [Number(object), row.tubes]));
+  return { frame, width, height, tubes, objects, parts };
 }
 
 const has = (region: Region, tube: number, object: number): boolean =>

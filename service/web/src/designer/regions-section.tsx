@@ -15,7 +15,7 @@ import {
   trackOf,
 } from "./document";
 import { Icon, IconButton } from "./icon";
-import { regionsState } from "./region-tool";
+import { objectCount, type RegionsState, regionsState } from "./region-tool";
 import type { Store } from "./store";
 import { StyleCards } from "./style-cards";
 
@@ -45,13 +45,7 @@ function RegionList({ store }: { store: Store }) {
   return (
     <section class="side-section" aria-labelledby="regions-title">
       <h2 id="regions-title">Regions</h2>
-      <p class="hint">
-        {state === "loading"
-          ? "Finding what moves together in this shot…"
-          : store.previews.value && state !== "missing"
-            ? "Pick an object on the stage, add to it with Shift, take a part of it with Alt, or draw one with the lasso."
-            : "Draw a region on the stage with the lasso; draw it again in other frames."}
-      </p>
+      <p class="hint">{regionsHint(state, store.previews.value)}</p>
       <ul class="region-list">
         {names.map((name) => (
           <li key={name} aria-current={name === selected ? "true" : undefined}>
@@ -85,6 +79,15 @@ function RegionList({ store }: { store: Store }) {
       )}
     </section>
   );
+}
+
+function regionsHint(state: RegionsState, previews: boolean): string {
+  if (state === "loading") return "Finding what moves together in this shot…";
+  if (!previews || state === "missing")
+    return "Draw a region on the stage with the lasso; draw it again in other frames.";
+  const count = objectCount.value;
+  const one = state === "ready" && count > 0 ? `one of the ${count} objects of this frame` : "an object on the stage";
+  return `Pick ${one}: click it. Shift adds to the region, Alt makes a part of it a region of its own. Or draw with the lasso.`;
 }
 
 function kindOf(layer: Layer, name: string): string {

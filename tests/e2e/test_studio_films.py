@@ -1,0 +1,111 @@
+"""What was drawn in the studio becomes the film: pieces, layers, regions, corrected frames."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import httpx
+import pytest
+from playwright.sync_api import expect
+
+from tests.e2e.studio import (
+    SOON_MS,
+    choose_style,
+    draw,
+    frames_of,
+    layer_of,
+    on_stage,
+    open_project,
+    render,
+    rendered_by_command,
+    result,
+    saved,
+    service,
+    stored,
+    video,
+)  # fmt: skip
+from tests.e2e.test_page import FPS, FRAMES, Watched, browser, clip, make_clip, watched
+
+__all__ = ["browser", "clip", "service", "video", "watched"]
+
+DISC = (5 + 4) / (FRAMES + 10)
+"""Where the disc's centre is in frame 4, in widths of the picture."""
+
+pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(300)]
+
+
+def test_two_seconds_are_painted_first(watched: Watched, service: str, tmp_path: Path) -> None:
+    page = watched.page
+    long = make_clip(tmp_path / "long.mp4", frames=40)
+    video = httpx.post(f"{service}/v1/assets", files={"file": (long.name, long.read_bytes())}).json()["id"]
+    open_project(page, service, video, "abstraction", frame=13)
+    page.get_by_role("slider", name="Frame").press("ArrowRight")
+    job = render(page, button="Paint 2 s first")
+    assert httpx.get(f"{service}/v1/jobs/{job}").json()["request"]["frames"] == [14, 14 + 2 * FPS]
+    assert len(frames_of(result(service, job))) == 2 * FPS
+    page.get_by_role("link", name="Change settings").click()
+    expect(page.locator(".stage-canvas")).to_be_visible(timeout=SOON_MS)
+
+
+def test_layers_become_the_film_that_the_command_makes(
+    watched: Watched, service: str, video: str, tmp_path: Path
+) -> None:
+    page = watched.page
+    project = open_project(page, service, video, "abstraction")
+    page.get_by_role("button", name="Add a layer").click()
+    page.locator("summary", has_text="Painting").first.click()
+    page.get_by_role("radio", name="Painting in many styles").check(force=True)
+    page.get_by_role("button", name="Settings of the layer Painting in many styles").click()
+    page.get_by_label("Opacity of the layer").fill("60")
+    page.get_by_label("Blend").select_option("multiply")
+    saved(page)
+    first, second = stored(service, project)["shots"][0]["layers"]
+    assert (first["method"], second["method"]) == ("abstraction", "multistyle")
+    assert (second["opacity"], second["blend"]) == (0.6, "multiply")
+    film = result(service, render(page))
+    assert film == rendered_by_command(service, project, tmp_path)
+    assert len(frames_of(film)) == FRAMES
+
+
+def test_a_region_is_picked_split_merged_and_painted(
+    watched: Watched, service: str, video: str, tmp_path: Path
+) -> None:
+    page = watched.page
+    project = open_project(page, service, video, "multistyle")
+    page.get_by_role("button", name="Pick regions").click()
+    expect(page.get_by_text("Pick one of the 2 objects")).to_be_visible(timeout=SOON_MS)
+
+    def regions() -> dict[str, list[int]]:
+        saved(page)
+        found = layer_of(stored(service, project)).get("regions", {})
+        return {name: region.get("objects") or region["tubes"] for name, region in found.items()}
+
+    disc, field = on_stage(page, DISC, 0.5), on_stage(page, 0.9, 0.9)
+    page.mouse.click(*disc)
+    (picked,) = regions()["region"]
+    page.keyboard.down("Shift")
+    page.mouse.click(*field)
+    page.keyboard.up("Shift")
+    both = regions()["region"]
+    assert picked in both and len(both) == 2
+    page.keyboard.down("Alt")
+    page.mouse.click(*disc)
+    page.keyboard.up("Alt")
+    apart = regions()
+    assert set(apart) == {"region", "region-2"} and apart["region"] != apart["region-2"]
+    page.get_by_label("Merge with").select_option("region")
+    assert regions() == {"region-2": sorted(apart["region"] + apart["region-2"])}
+    page.keyboard.press("Control+z")
+    assert regions() == apart
+
+    choose_style(page, "Pointillism")
+    page.keyboard.press("End")
+    choose_style(page, "Watercolor")
+    page.get_by_role("button", name="Everything else").click()
+    page.get_by_role("group", name="Pattern").get_by_role("button", name="Circles").click()
+    draw(page, (0.3, 0.5), (0.45, 0.5))
+    saved(page)
+    layer = layer_of(stored(service, project))
+    assert [(key["region"], key["frame"]) for key in layer["style_keys"]] == [("region-2", 4), ("region-2", FRAMES - 1)]
+    assert [key["region"] for key in layer["directions"]] == ["rest"]
+    assert result(service, render(page)) == rendered_by_command(service, project, tmp_path)
