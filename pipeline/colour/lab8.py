@@ -1,7 +1,8 @@
-"""8-bit CIELAB of a frame, by planes.
+"""Conversion of a frame to planes of 8-bit CIELAB.
 
-As OpenCV scales it: L* times 255/100, a* and b* plus 128, for the white D65. Within one level of the exact value, where
-`cv2.cvtColor` is within two, in two thirds of its time: a channel's share of X, Y and Z is one look-up of all three.
+Values are scaled as in OpenCV: L* times 255/100, a* and b* plus 128, white point D65. The error is at most one level;
+that of `cv2.cvtColor` is up to two. The conversion takes two thirds of the time of `cv2.cvtColor`, because one table
+look-up per channel gives its contributions to X, Y and Z.
 """
 
 from __future__ import annotations
@@ -20,17 +21,17 @@ LabPlanes: TypeAlias = NDArray[np.uint8]
 """uint8 (3, h, w): L, a, b."""
 
 _STEPS = 8192
-"""Of X, Y and Z: finer than a level even where L* is steepest."""
+"""Quantisation steps of X, Y and Z; finer than one level even where L* is steepest."""
 _FIELD, _SPARE = 21, 4
-"""Bits from one of X, Y, Z to the next in a look-up, and of each below a step."""
+"""Bits of each of X, Y, Z in a table entry, and how many of them are fractions of a step."""
 _MASK = np.uint64((1 << (_FIELD - _SPARE)) - 1)
 _UNIT = 11
-"""Bits of a* and b* below a level."""
+"""Fractional bits of a* and b* in the tables."""
 _MIDDLE = np.int32((128 << _UNIT) + (1 << (_UNIT - 1)))
 
 
 def rgb_to_lab8(frame: Frame) -> LabPlanes:
-    """Of a frame, uint8 (h, w, 3)."""
+    """Convert a frame, uint8 (h, w, 3), to L, a, b: uint8 (3, h, w)."""
     out = np.empty((3, *frame.shape[:2]), np.uint8)
     _convert(frame, *_tables(), out[0], out[1], out[2])
     return out
@@ -38,12 +39,12 @@ def rgb_to_lab8(frame: Frame) -> LabPlanes:
 
 @cache
 def _tables() -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.int32], NDArray[np.uint8]]:
-    """Packed X, Y, Z by channel and level; 500 f and 200 f by step; L by step. See CIE 15, 8.2.1."""
+    """Tables: packed X, Y, Z by channel and level; 500 f and 200 f by step; L by step (CIE 15, section 8.2.1)."""
     linear = srgb_to_linear(np.arange(256) / 255)
     parts = np.rint(RGB_TO_RELATIVE[:, :, None] * linear * (_STEPS << _SPARE)).astype(np.int64)
     parts[:, 1] += 1 << (_SPARE - 1)  # so that the sum is rounded
     packed = (parts[0] << 2 * _FIELD) | (parts[1] << _FIELD) | parts[2]
-    steps = np.minimum(np.arange(_STEPS + 4), _STEPS) / _STEPS  # rounding may go a little beyond white
+    steps = np.minimum(np.arange(_STEPS + 4), _STEPS) / _STEPS  # rounding may exceed white slightly
     f = np.where(steps > DELTA**3, np.cbrt(steps), steps / (3 * DELTA**2) + 4 / 29)
     f_500, f_200 = (np.rint(f * scale * (1 << _UNIT)).astype(np.int32) for scale in (500, 200))
     return packed, f_500, f_200, np.rint((116 * f - 16) * 2.55).astype(np.uint8)
@@ -61,9 +62,9 @@ def _convert(
         for x in range(width):
             sums[x] = np.uint64(red[frame[y, x, 0]] + green[frame[y, x, 1]] + blue[frame[y, x, 2]])
         for x in range(width):
-            across = sums[x] >> np.uint64(2 * _FIELD + _SPARE)
-            up = (sums[x] >> np.uint64(_FIELD + _SPARE)) & _MASK
-            deep = (sums[x] >> np.uint64(_SPARE)) & _MASK
-            light[y, x] = levels[up]
-            a[y, x] = np.uint8((f_500[across] - f_500[up] + _MIDDLE) >> _UNIT)
-            b[y, x] = np.uint8((f_200[up] - f_200[deep] + _MIDDLE) >> _UNIT)
+            x_step = sums[x] >> np.uint64(2 * _FIELD + _SPARE)
+            y_step = (sums[x] >> np.uint64(_FIELD + _SPARE)) & _MASK
+            z_step = (sums[x] >> np.uint64(_SPARE)) & _MASK
+            light[y, x] = levels[y_step]
+            a[y, x] = np.uint8((f_500[x_step] - f_500[y_step] + _MIDDLE) >> _UNIT)
+            b[y, x] = np.uint8((f_200[y_step] - f_200[z_step] + _MIDDLE) >> _UNIT)

@@ -1,4 +1,4 @@
-"""Temporal blending of flat colours: what changes fades over instead of popping, and borders stay sharp."""
+"""Temporal blending of flat colours: colour changes fade in, and borders stay sharp."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pipeline.frames import Flow, Frame, Labels
 from pipeline.jit import kernel
 
 MOVING_SHARE = 180
-"""Weight of the past at borders that move, over that elsewhere, in 1/256."""
+"""Weight of the past at moving borders relative to that elsewhere, in 1/256."""
 REACH_PX = 2
 """Radius of the neighbourhood whose colours count as nearby."""
 NEIGHBOURS, NEARBY = np.ones((3, 3), np.uint8), np.ones((2 * REACH_PX + 1, 2 * REACH_PX + 1), np.uint8)
@@ -20,7 +20,7 @@ BAND_ROWS = 32
 
 
 def border_mask(labels: Labels) -> NDArray[np.uint8]:
-    """uint8 (h, w), 255 on and next to region borders, 0 elsewhere."""
+    """Mask of region borders: uint8 (h, w), 255 on and next to borders, 0 elsewhere."""
     mask = np.empty(labels.shape, np.uint8)
     _borders(labels, mask)
     return np.asarray(cv2.dilate(mask, NEIGHBOURS), np.uint8)
@@ -30,11 +30,11 @@ def blend_colours(
     now: Frame, past: Frame, residual: NDArray[np.uint8], weights: NDArray[np.int32], moving: NDArray[np.uint8],
     background: Background = INLINE,
 ) -> None:  # fmt: skip
-    """Blend a picture of flat regions with the previous one; overwrites `past` with the result.
+    """Blend a picture of flat regions with the previous one, in place of `past`.
 
-    At borders that move, a past colour between the colours nearby is a border that has moved on: it has a smaller
-    weight there, since every warp blurs a border a little. The part beyond their range is a region that has gone: it
-    fades like elsewhere.
+    At a moving border, a past colour within the range of the colours nearby belongs to the border's earlier position.
+    It has a smaller weight, since repeated warping blurs borders. The part of a past colour beyond that range belongs
+    to a region that has vanished, and fades with the full weight.
 
     Args:
         now: uint8 (h, w, 3), the regions of this frame.
@@ -57,7 +57,7 @@ def blend_colours(
 
 
 def moving_borders(labels: Labels, flow: Flow) -> NDArray[np.uint8]:
-    """uint8 (h, w), non-zero on and next to region borders where the flow is not 0."""
+    """Mask of moving region borders: uint8 (h, w), non-zero on and next to borders where the flow is not 0."""
     mask = border_mask(labels)
     _keep_moving(mask, flow)
     return mask
@@ -99,5 +99,5 @@ def _blend(
         for k in range(3 * width):  # this vectorises
             before = np.int32(then[k])
             near = min(max(before, np.int32(least[k])), np.int32(most[k]))
-            gone = before - near + (((near - np.int32(now[k])) * share[k]) >> 8)
-            then[k] = np.uint8(np.int32(now[k]) + ((weight[k] * gone + 128) >> 8))
+            change = before - near + (((near - np.int32(now[k])) * share[k]) >> 8)
+            then[k] = np.uint8(np.int32(now[k]) + ((weight[k] * change + 128) >> 8))

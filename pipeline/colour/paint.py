@@ -1,4 +1,4 @@
-"""Regions and ink to pixels."""
+"""Drawing of flat regions and of ink."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from pipeline.jit import kernel
 
 
 def flat(labels: Labels, colours: NDArray[np.uint8], soften_px: float = 0.7, background: Background = INLINE) -> Frame:
-    """Every pixel in its region's colour, boundaries anti-aliased by a Gaussian of `soften_px` px.
+    """Fill each region with its colour, and anti-alias boundaries by a Gaussian blur.
 
     Args:
         labels: int32 (h, w), 0..n.
         colours: uint8 (n + 1, 3), RGB.
+        soften_px: standard deviation of the Gaussian, px; 0 = no blur.
 
-    Returns: uint8 (h, w, 3). Pixels further than the Gaussian from a boundary have exactly their region's colour.
+    Returns: uint8 (h, w, 3). Pixels beyond the reach of the blur have exactly their region's colour.
     """
     out = np.empty((*labels.shape, 3), np.uint8)
     background.rows(lambda first, last: _flat(labels[first:last], colours, out[first:last]), len(out))
@@ -40,7 +41,13 @@ def overlay(
     picture: Frame, ink: NDArray[np.uint8], colour: tuple[int, int, int], opacity: float = 1.0,
     background: Background = INLINE,
 ) -> Frame:  # fmt: skip
-    """Lay `ink` (uint8 (h, w), 0..255, times `opacity`) of one RGB `colour` over `picture`, in place; returns it."""
+    """Composite ink over a picture, in place; returns the picture, uint8 (h, w, 3).
+
+    Args:
+        ink: uint8 (h, w), opacity of each pixel, 0..255.
+        colour: RGB, 0..255.
+        opacity: factor on the ink, 0..1.
+    """
     rgb, strength = np.array(colour, np.int32), round(opacity * 257)
     background.rows(lambda first, last: _overlay(picture[first:last], ink[first:last], rgb, strength), len(picture))
     return picture

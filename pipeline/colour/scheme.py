@@ -1,22 +1,22 @@
-"""Colour scheme replacement: the colours of a video drawn towards those of a reference (zhang2011online, section 5).
+"""Colour scheme replacement: shifting the colours of a video towards those of a reference (zhang2011online, section 5).
 
-A reference is a video, an image, or a hue histogram that the user drew. `learn` (or `from_histogram`) describes it,
-`hue_table` prepares eq. 1, and `apply` maps one colour a region by eq. 1, 2 and 3. Eq. 4, the blending between frames,
-belongs to whoever knows which regions correspond.
+A reference is a video, an image, or a hue histogram drawn by the user. `learn` and `from_histogram` compute its
+statistics, `hue_table` prepares eq. 1, and `apply` maps the colour of each region by eq. 1, 2 and 3. Eq. 4, the
+blending between frames, is in `pipeline.methods.abstraction.palette`.
 
 Departure:
-    * The paper says both "k = 3" and "h_4 is the desired h'"; here the result is h_k.
-    * "A 30 degree neighbourhood" is taken as its width: 15 degrees to either side.
+    * The paper states both "k = 3" and "h_4 is the desired h'"; here the result is h_k.
+    * "A 30 degree neighbourhood" is interpreted as the total width: 15 degrees to either side.
     * The statistics of the incoming frame come from every n-th pixel (at most `SAMPLES` of them: about 0.2 ms at
-      1280x720) and are smoothed causally (`ToneTracker`): read afresh, a frame's exposure jitter would make every
-      region flicker at once.
-    * The two quotients sigma_S / sigma_s and mu_V / mu_v are limited to `MAX_GAIN`; a nearly gray or nearly black
-      frame would otherwise have its noise blown up without bound.
-    * As printed, eq. 2 gives a gray region (s = 0) the saturation mu_S - mu_s sigma_S / sigma_s, so that a white wall
-      becomes vivid in a hue that is noise, another one each frame. The paper itself calls the hue of such pixels
-      senseless, so below S = `achromatic` eq. 2 fades to leaving s as it is. `achromatic=0` is the paper's. Measured
-      on 40 frames of a 720p clip with a white shirt and table: gray places that hold still in the video (0.17 CIELAB
-      units a frame) jump by 1.13 on average and 27.9 at most as printed, by 0.21 and 4.1 with this.
+      1280x720) and are smoothed causally (`ToneTracker`). Without smoothing, exposure jitter would make all regions
+      flicker.
+    * The quotients sigma_S / sigma_s and mu_V / mu_v are limited to `MAX_GAIN`, since the noise of a nearly gray or
+      nearly black frame would otherwise be amplified without bound.
+    * As printed, eq. 2 gives a gray region (s = 0) the saturation mu_S - mu_s sigma_S / sigma_s: a white wall becomes
+      vivid, with a random hue that changes each frame. The paper itself calls the hue of such pixels meaningless.
+      Below S = `achromatic`, s is therefore changed less, and not at all at S = 0. `achromatic=0` is the paper's
+      equation. On 40 frames of a 720p clip with a white shirt and table, gray areas that are still in the video (0.17
+      CIELAB units per frame) change by 1.13 on average and 27.9 at most as printed, by 0.21 and 4.1 with this change.
 """
 
 from __future__ import annotations
@@ -39,18 +39,19 @@ from pipeline.jit import kernel
 
 HUES = 360
 """Bins of the hue histogram: bin i holds the hues that round to i degrees."""
-SENSELESS = 0.125
-"""At and below this S or V, hue means nothing; at and below this V, saturation neither (section 5)."""
+MEANINGLESS = 0.125
+"""S or V up to which hue is meaningless; V up to which saturation is meaningless (section 5)."""
 SAMPLES = 1 << 15
-"""At most this many pixels of a frame are looked at."""
+"""Largest number of pixels of a frame that are read."""
 MAX_GAIN = 4.0
+"""Largest quotient of a reference statistic and a frame statistic."""
 
 HueTable = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
 class Tone:
-    """What eq. 2 and 3 need of a picture, each in 0..1: mu_S and sigma_S over V > .125, mu_V over all pixels."""
+    """Statistics of a picture for eq. 2 and 3, each in 0..1: mu_S and sigma_S over V > .125, mu_V over all pixels."""
 
     saturation_mean: float
     saturation_std: float
@@ -59,15 +60,16 @@ class Tone:
 
 @dataclass(frozen=True)
 class ColourStats(Tone):
-    """A reference's colour scheme: its tone, and D, the histogram of H over S > .125 and V > .125.
+    """Colour scheme of a reference: its tone, and the hue histogram D over S > .125 and V > .125.
 
-    `hue` is float64 (360,), sums to 1, or is all zero where the reference has no colour at all.
+    Attributes:
+        hue: float64 (360,), sums to 1; all zero if the reference has no colours.
     """
 
     hue: NDArray[np.float64]
 
     def as_json(self) -> dict[str, JsonValue]:
-        """What `from_histogram` takes, unless `hue` is all zero."""
+        """JSON object that `from_histogram` accepts, unless `hue` is all zero."""
         return {
             "hue": self.hue.tolist(),
             "saturation_mean": self.saturation_mean,
@@ -77,16 +79,16 @@ class ColourStats(Tone):
 
 
 def learn(frames: Iterable[Frame], field: str = "reference") -> ColourStats:
-    """The colour scheme of a video or image, one frame in memory at a time.
+    """Compute the colour scheme of a video or image, with one frame in memory at a time.
 
     Raises:
         BadInput: there is no frame.
     """
     tones, hue = _Tones(), np.zeros(HUES)
     for frame in frames:
-        few = _sample(frame)
-        tones.add(few)
-        hue += _count_hues(few)
+        sample = _sample(frame)
+        tones.add(sample)
+        hue += _count_hues(sample)
     if not tones.pixels:
         raise BadInput("The reference has no frames.", field=field, remedy="Give a video or image that can be shown.")
     tone = tones.tone()
@@ -94,17 +96,17 @@ def learn(frames: Iterable[Frame], field: str = "reference") -> ColourStats:
 
 
 def measure(frame: Frame) -> Tone:
-    """mu_s, sigma_s and mu_v of one frame, from at most `SAMPLES` pixels on a fixed grid."""
+    """Compute mu_s, sigma_s and mu_v of one frame, from at most `SAMPLES` pixels on a fixed grid."""
     tones = _Tones()
     tones.add(_sample(frame))
     return tones.tone()
 
 
 class ToneTracker:
-    """The incoming video's tone, smoothed over past frames by an exponential filter.
+    """Smooths the tone of the incoming video by a causal exponential filter.
 
     Args:
-        half_life_frames: frames after which a frame's weight has halved; 0 = no smoothing, the paper's.
+        half_life_frames: half-life of a frame's weight, frames; 0 = no smoothing, as in the paper.
     """
 
     def __init__(self, half_life_frames: float = 12.0) -> None:
@@ -112,25 +114,24 @@ class ToneTracker:
         self._tone: NDArray[np.float64] | None = None
 
     def step(self, tone: Tone, cut: bool = False) -> Tone:
-        """Take in the next frame's tone and return the smoothed one. A cut starts afresh."""
+        """Process the tone of the next frame and return the smoothed tone; a cut resets the filter."""
         now = np.array([tone.saturation_mean, tone.saturation_std, tone.value_mean])
         self._tone = now if cut or self._tone is None else self._tone + self._gain * (now - self._tone)
         return Tone(*self._tone.tolist())
 
     def state(self) -> State:
-        """All that the next step depends on."""
+        """State as arrays by name; a tracker restored from it continues with the same bytes."""
         return {"tone": np.empty(0) if self._tone is None else self._tone.copy()}
 
     def restore(self, state: Arrays) -> None:
-        """Go on, to the bit, from where `state` was taken."""
         kept = np.asarray(state["tone"], np.float64)
         self._tone = kept.copy() if kept.size else None
 
 
 def hue_table(stats: ColourStats, k: int = 3, neighbourhood_deg: float = 30.0) -> HueTable:
-    """Eq. 1 for every whole degree: where mean shift on D takes hue i in `k` steps.
+    """Eq. 1 for each whole degree: hue after `k` steps of mean shift on D.
 
-    Hue is circular: 355 and 5 degrees are neighbours. Where the neighbourhood holds nothing, hue stays.
+    Hue is circular: 355 and 5 degrees are neighbours. A hue with an empty neighbourhood is unchanged.
 
     Returns: float32 (360,), degrees in [0, 360).
     """
@@ -142,7 +143,7 @@ def hue_table(stats: ColourStats, k: int = 3, neighbourhood_deg: float = 30.0) -
         mass = weight.sum(axis=1)
         hue += np.divide((weight * apart).sum(axis=1), mass, out=np.zeros(HUES), where=mass > 0)
     wrapped: HueTable = (hue % HUES).astype(np.float32)
-    return wrapped % np.float32(HUES)  # rounding to float32 may have made 360 of it
+    return wrapped % np.float32(HUES)  # rounding to float32 may yield 360
 
 
 def apply(
@@ -152,17 +153,17 @@ def apply(
     lambda_: float = 2 / 3,
     *,
     table: HueTable | None = None,
-    achromatic: float = SENSELESS,
+    achromatic: float = MEANINGLESS,
 ) -> NDArray[np.float64]:
-    """The target colour (h', s', v') of every region by eq. 1, 2 and 3.
+    """Target colour (h', s', v') of each region by eq. 1, 2 and 3.
 
     Args:
         stats_reference: mu_S, sigma_S, mu_V and D.
         stats_frame: mu_s, sigma_s, mu_v (`measure`, smoothed by `ToneTracker`).
         hsv_regions: (n, 3) mean colours, H in degrees, S and V in 0..1.
-        lambda_: the paper's lambda in 0..1: how much of its own brightness the video keeps.
-        table: `hue_table(stats_reference)`, made once by callers that come again.
-        achromatic: saturation in 0..1 below which a region keeps its own; 0 = the paper's eq. 2.
+        lambda_: lambda of the paper, 0..1: share of the video's own brightness that is kept.
+        table: `hue_table(stats_reference)`; None = computed by this call.
+        achromatic: saturation, 0..1, below which eq. 2 has less effect; 0 = the paper's eq. 2.
 
     Returns: float64 (n, 3), H in [0, 360), S and V clipped to [0, 1].
     """
@@ -178,14 +179,14 @@ def apply(
 
 
 def from_histogram(data: object, field: str = "reference") -> ColourStats:
-    """The colour scheme a user drew.
+    """Colour scheme from a histogram drawn by the user.
 
     Args:
-        data: parsed JSON {"hue": 36 or 360 weights, "saturation_mean", "saturation_std", "value_mean"}. Weight i
-            stands at 10 i or i degrees (0 red, 120 green, 240 blue); 36 weights are joined by straight lines.
+        data: parsed JSON {"hue": 36 or 360 weights, "saturation_mean", "saturation_std", "value_mean"}. Weight i is at
+            10 i or i degrees (0 red, 120 green, 240 blue); 36 weights are interpolated linearly.
 
     Raises:
-        BadInput: names the field, what it is and what it should be.
+        BadInput: the data is invalid.
     """
     given = _object(data, field)
     return ColourStats(
@@ -197,7 +198,7 @@ def from_histogram(data: object, field: str = "reference") -> ColourStats:
 
 
 class _Tones:
-    """Sums over the pixels seen so far, from which their tone follows."""
+    """Sums over pixels, from which `tone` is computed."""
 
     def __init__(self) -> None:
         self._sums = np.zeros(5)
@@ -206,8 +207,8 @@ class _Tones:
     def pixels(self) -> int:
         return int(self._sums[0])
 
-    def add(self, few: Frame) -> None:
-        _add_tones(few, self._sums)
+    def add(self, sample: Frame) -> None:
+        _add_tones(sample, self._sums)
 
     def tone(self) -> Tone:
         pixels, lit, value, saturation, squares = self._sums.tolist()
@@ -217,17 +218,17 @@ class _Tones:
 
 
 @kernel
-def _add_tones(few: Frame, sums: NDArray[np.float64]) -> None:
-    """Add to (pixels, lit ones, sum of V, sum of S and of S squared over the lit ones)."""
+def _add_tones(sample: Frame, sums: NDArray[np.float64]) -> None:
+    """Add to the sums: pixels; pixels with V > .125; V; S and S squared of pixels with V > .125."""
     pixels = lit = value = 0
     saturation = squares = 0.0
-    for y in range(few.shape[0]):
-        for x in range(few.shape[1]):
-            r, g, b = few[y, x, 0], few[y, x, 1], few[y, x, 2]
+    for y in range(sample.shape[0]):
+        for x in range(sample.shape[1]):
+            r, g, b = sample[y, x, 0], sample[y, x, 1], sample[y, x, 2]
             high = max(r, g, b)
             pixels += 1
             value += high
-            if high > SENSELESS * 255:
+            if high > MEANINGLESS * 255:
                 s = (high - min(r, g, b)) / high
                 lit += 1
                 saturation += s
@@ -240,21 +241,21 @@ def _add_tones(few: Frame, sums: NDArray[np.float64]) -> None:
 
 
 def _sample(frame: Frame) -> Frame:
-    """At most `SAMPLES` pixels of a frame, on a grid."""
+    """At most `SAMPLES` pixels of a frame on a regular grid."""
     every = ceil(sqrt(max(frame.shape[0] * frame.shape[1] / SAMPLES, 1.0)))
     return frame[::every, ::every]
 
 
-def _count_hues(few: Frame) -> NDArray[np.int64]:
-    """How many pixels round to each whole degree of hue, of those where hue means something. int64 (360,)"""
-    hsv = cv2.cvtColor(few.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2HSV)
+def _count_hues(sample: Frame) -> NDArray[np.int64]:
+    """Number of pixels with a meaningful hue by rounded hue: int64 (360,)."""
+    hsv = cv2.cvtColor(sample.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2HSV)
     hue, saturation, value = hsv.reshape(-1, 3).T
-    coloured = hue[(value > SENSELESS) & (saturation > SENSELESS)]
+    coloured = hue[(value > MEANINGLESS) & (saturation > MEANINGLESS)]
     return np.bincount(np.rint(coloured).astype(np.intp) % HUES, minlength=HUES)
 
 
 def _look_up(table: HueTable, hue: NDArray[np.float64]) -> NDArray[np.float64]:
-    """`hue` + its shift, read between two whole degrees: a table of no shifts changes nothing at all."""
+    """Apply a hue table with linear interpolation of the shifts; the identity table leaves hues exactly unchanged."""
     shift = _wrapped(table.astype(np.float64) - np.arange(HUES))
     whole = np.floor(hue)
     here = whole.astype(np.intp) % HUES
@@ -264,7 +265,7 @@ def _look_up(table: HueTable, hue: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _wrapped(degrees: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A difference of hues, in [-180, 180)."""
+    """Difference of hues, mapped to [-180, 180)."""
     return np.asarray((degrees + 180) % 360 - 180)
 
 

@@ -1,4 +1,4 @@
-"""sRGB, HSV and CIELAB of a few colours (one a region), exactly; frames go through `cv2.cvtColor`.
+"""Exact conversions between sRGB, HSV and CIELAB for a few colours, such as one per region.
 
 Colours are rows of an array (..., 3). sRGB and HSV's S and V are in 0..1, H is in degrees 0..360; CIELAB has L* in
 0..100 and a*, b* in about -128..127, for the white D65 and the 2 degree observer (IEC 61966-2-1, CIE 15).
@@ -24,20 +24,20 @@ DELTA = 6 / 29
 
 
 def srgb_to_linear(rgb: ArrayLike) -> Colours:
-    """Light of sRGB's encoded values, both 0..1."""
+    """Linear light of encoded sRGB values, both 0..1."""
     encoded = np.asarray(rgb, np.float64)
     return np.asarray(np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4))
 
 
 def srgb_to_lab(rgb: ArrayLike) -> Colours:
-    """CIELAB of sRGB colours in 0..1, shape (..., 3)."""
+    """Convert sRGB colours in 0..1, shape (..., 3), to CIELAB."""
     relative = srgb_to_linear(rgb) @ RGB_TO_RELATIVE.T
     f = np.where(relative > DELTA**3, np.cbrt(relative), relative / (3 * DELTA**2) + 4 / 29)
     return np.stack([116 * f[..., 1] - 16, 500 * (f[..., 0] - f[..., 1]), 200 * (f[..., 1] - f[..., 2])], axis=-1)
 
 
 def lab_to_srgb(lab: ArrayLike) -> Colours:
-    """sRGB in 0..1 of CIELAB colours (..., 3); colours outside the sRGB gamut are clipped."""
+    """Convert CIELAB colours, shape (..., 3), to sRGB in 0..1; colours outside the sRGB gamut are clipped."""
     values = np.asarray(lab, np.float64)
     out = np.empty(values.shape)
     _lab_to_srgb(np.ascontiguousarray(values).reshape(-1, 3), _RELATIVE_TO_RGB, out.reshape(-1, 3))
@@ -60,17 +60,17 @@ def _lab_to_srgb(lab: Colours, relative_to_rgb: Colours, out: Colours) -> None:
 
 
 def srgb_to_hsv(rgb: ArrayLike) -> Colours:
-    """H in degrees 0..360, S and V in 0..1 of sRGB colours in 0..1, shape (..., 3). A gray has H = S = 0."""
+    """Convert sRGB colours in 0..1, shape (..., 3), to H in degrees 0..360, S and V in 0..1. A gray has H = S = 0."""
     return _through_cv2(rgb, cv2.COLOR_RGB2HSV)
 
 
 def hsv_to_srgb(hsv: ArrayLike) -> Colours:
-    """sRGB in 0..1 of colours with H in degrees, S and V in 0..1, shape (..., 3)."""
+    """Convert H in degrees, S and V in 0..1, shape (..., 3), to sRGB in 0..1."""
     return _through_cv2(hsv, cv2.COLOR_HSV2RGB)
 
 
 def to_8bit(rgb: ArrayLike) -> NDArray[np.uint8]:
-    """sRGB in 0..1 rounded to 0..255."""
+    """Round sRGB in 0..1 to uint8 0..255."""
     return np.rint(np.clip(np.asarray(rgb, np.float64), 0, 1) * 255).astype(np.uint8)
 
 

@@ -51,11 +51,11 @@ _LANES = {3: 4}
 
 @dataclass(frozen=True)
 class Parameter:
-    """A kernel parameter. `needs` is the parsed size expression of a pointer; None for a parameter by value."""
+    """A kernel parameter. `size` is the parsed size expression of a pointer; None for a parameter by value."""
 
     name: str
     element_bytes: int = 0
-    needs: ast.expr | None = None
+    size: ast.expr | None = None
     text: str = ""
 
 
@@ -161,10 +161,10 @@ def check(
         else:
             names[f"{parameter.name}_length"] = value.nbytes // parameter.element_bytes
     for parameter, value in zip(parameters, args, strict=True):
-        if parameter.needs is None:
+        if parameter.size is None:
             continue
         size_bytes = 0 if isinstance(value, int | float) else value.nbytes
-        needed = _value(parameter.needs, names) * parameter.element_bytes
+        needed = _value(parameter.size, names) * parameter.element_bytes
         if size_bytes < needed:
             raise DeviceError(
                 f"The argument {parameter.name} of the kernel {kernel} has {size_bytes} bytes; its declared size "

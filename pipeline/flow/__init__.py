@@ -1,4 +1,4 @@
-"""Optical flow: how far each pixel of one frame has moved in the next."""
+"""Optical flow: displacement of each pixel between two frames."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pipeline.flow.tvl1_params import DEFAULTS, TvL1
 from pipeline.frames import Flow
 
 FlowMethod = Literal["dis-ultrafast", "dis-fast", "dis-medium", "tvl1"]
-"""Fastest first. `tvl1` runs on an OpenCL device."""
+"""Flow methods, fastest first. `tvl1` runs on an OpenCL device."""
 
 
 def estimate(
@@ -29,17 +29,17 @@ def estimate(
 
     Args:
         previous, current: uint8, RGB (height, width, 3) or gray (height, width), one size, at least 16 px a side.
-        method: which solver, see `FlowMethod`.
-        params: of `tvl1`; DIS has its presets.
-        device: where `tvl1` runs; None = this process's device, as `pipeline.compute.device()` chooses it.
+        method: solver, see `FlowMethod`.
+        params: parameters of `tvl1`; DIS has presets.
+        device: device for `tvl1`; None = the device that `pipeline.compute.device()` selects.
 
     Returns:
         float32 (height, width, 2): (dx, dy) in px.
 
     Raises:
-        BadFrame: a picture is not one, or the sizes differ.
-        BadParameter: there is no such method.
-        DeviceError: `tvl1` was asked for and no compute device works.
+        BadFrame: an argument is not a picture, or the sizes differ.
+        BadParameter: the method is unknown.
+        DeviceError: `tvl1` is requested and no compute device works.
     """
     first, second = gray_pair(previous, current)
     match method:
@@ -52,7 +52,7 @@ def estimate(
         case "tvl1":
             return tvl1(first, second, params, device or default_device())
     raise BadParameter(
-        "There is no such flow method.",
+        "Unknown flow method.",
         field="flow",
         value=method,
         remedy=f"Use one of: {', '.join(get_args(FlowMethod))}.",

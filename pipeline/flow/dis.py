@@ -1,10 +1,12 @@
-"""Dense inverse search: OpenCV's implementation of kroeger2016dis, the fast default.
+"""Dense inverse search (kroeger2016dis) in OpenCV's implementation: the fast default.
 
-The result depends only on the two pictures and the preset. OpenCV 4.x cuts the picture into a fixed number of stripes,
-so its thread count changes the time and not one bit; and a solver is made anew for every pair, since a used one has
-adapted its scales to the pictures it has seen and may answer differently (by 0.01 px on small frames). That costs a
-few per cent, and lets threads call it freely. On thin pictures OpenCV's own choice of scales reads beyond its buffers
-(4.14 crashes at 131x17), so the finest scale is chosen here. Tests pin all three.
+The result depends on the two pictures and the preset only:
+
+- OpenCV 4.x divides the picture into a fixed number of stripes, so the number of threads does not change the result.
+- A new solver is created for each pair, since a used one has adapted its scales to earlier pictures, which changes the
+  result by up to 0.01 px on small frames. This costs a few per cent and makes the function thread-safe.
+- The finest scale is set here, because OpenCV's own choice reads beyond its buffers for thin pictures (4.14 crashes at
+  131x17).
 """
 
 from __future__ import annotations
@@ -40,12 +42,12 @@ def dis(previous: Gray, current: Gray, preset: Preset = "fast") -> Flow:
 
     Source: kroeger2016dis.
     """
-    solver: Any = cv2.DISOpticalFlow.create(PRESETS[preset])  # Any: the stubs know no `calc` without a first guess
+    solver: Any = cv2.DISOpticalFlow.create(PRESETS[preset])  # Any: the stubs require an initial flow for `calc`
     solver.setFinestScale(min(solver.getFinestScale(), _coarsest_scale(previous.shape, solver.getPatchSize())))
     return np.ascontiguousarray(solver.calc(previous, current, None), dtype=np.float32)
 
 
 def _coarsest_scale(shape: tuple[int, ...], patch_px: int) -> int:
-    """Where OpenCV starts: motion of a quarter of the longer side is within a patch, and a patch fits the shorter."""
+    """OpenCV's coarsest scale: there, a quarter of the longer side fits a patch, and a patch fits the shorter side."""
     by_motion = math.log2(max(shape) / (4 * patch_px)) + 0.5
     return max(0, int(min(by_motion, math.log2(min(shape) // patch_px))))

@@ -1,4 +1,4 @@
-"""A flow turned round: from the way back of every pixel, where each pixel of the other frame has gone."""
+"""Inversion of a flow: from the flow of one frame, the flow of the other frame in the opposite direction."""
 
 from __future__ import annotations
 
@@ -12,25 +12,26 @@ _HALF, _ONE, _ZERO = np.float32(0.5), np.float32(1.0), np.float32(0.0)
 
 
 def invert_flow(flow: Flow, here: NDArray[np.uint8], there: NDArray[np.uint8]) -> tuple[Flow, Mask]:
-    """The flow from `there` to `here`, float32 (h, w, 2), px; and which pixels of `there` are seen, bool (h, w).
+    """Flow from `there` to `here`, float32 (h, w, 2), px; and pixels of `there` that are visible in `here`, bool (h,
+    w).
 
-    One solve gives both ways. Each pixel lands on the four about its target; where several land on one, that which
-    looks most like it has it: of a hand and the wall that it has come before, the hand. What nothing lands on is
-    hidden, and goes as the pixel at its place came.
+    Each pixel of `here` is a candidate for the four pixels of `there` around its target. Of several candidates, the one
+    with the most similar brightness is used, so that a moving object wins over the background that it covers. A pixel
+    of `there` without candidate is hidden in `here`, and its flow is the negative of the flow at the same place.
 
     Args:
         flow: from `here` to `there`: here(x) matches there(x + flow(x)).
         here, there: uint8 (h, w).
     """
     out, best = np.empty_like(flow), np.full(flow.shape[:2], np.inf, np.float32)
-    _land(flow, here, there, out, best)
-    seen = np.asarray(np.isfinite(best), np.bool_)
-    np.negative(flow, out=out, where=~seen[..., None])
-    return out, seen
+    _scatter(flow, here, there, out, best)
+    visible = np.asarray(np.isfinite(best), np.bool_)
+    np.negative(flow, out=out, where=~visible[..., None])
+    return out, visible
 
 
 @kernel
-def _land(
+def _scatter(
     flow: Flow, here: NDArray[np.uint8], there: NDArray[np.uint8], out: Flow, best: NDArray[np.float32]
 ) -> None:  # fmt: skip
     height, width = best.shape

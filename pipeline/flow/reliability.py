@@ -1,4 +1,4 @@
-"""Where a flow can be trusted: forward-backward agreement, occlusion, motion boundaries, colour residual."""
+"""Reliability of a flow: forward-backward consistency, occlusion, motion boundaries, colour residual."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from pipeline.flow.warp import fetch, positions
 from pipeline.frames import Flow, Frame, Mask, Plane
 
 CHI_EPSILON_PX2 = 2.0
+"""Largest squared difference of consistent velocities, px^2, for `chi_minus` and `chi_plus`."""
 
 
 def round_trip_px(flow: Flow, back: Flow) -> Plane:
-    """How far from home one ends by following `flow` and then `back`: float32 (height, width), px.
+    """Length of the displacement along `flow` and then `back`: float32 (height, width), px; 0 if they are consistent.
 
     Args:
         flow: from this frame to the other, float32 (height, width, 2), px.
@@ -22,9 +23,10 @@ def round_trip_px(flow: Flow, back: Flow) -> Plane:
 
 
 def visible(flow: Flow, back: Flow) -> Mask:
-    """True where a pixel of this frame is also seen in the other one: the round trip closes, within the picture.
+    """True where a pixel of this frame is visible in the other one: the flows are consistent, and it stays in the
+    picture.
 
-    The tolerance grows with the motion: |f + b|^2 <= 0.01 (|f|^2 + |b|^2) + 0.5 (sundaram2010dense, eq. 5).
+    The tolerance increases with the motion: |f + b|^2 <= 0.01 (|f|^2 + |b|^2) + 0.5 (sundaram2010dense, eq. 5).
     """
     there = fetch(back, flow)
     squares = np.square(flow).sum(-1) + np.square(there).sum(-1)
@@ -33,7 +35,7 @@ def visible(flow: Flow, back: Flow) -> Mask:
 
 
 def inside(flow: Flow) -> Mask:
-    """True where the flow leads to a place within the picture."""
+    """True where the flow points to a position inside the picture."""
     height, width = flow.shape[:2]
     x, y = positions(flow)
     within: Mask = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
@@ -41,7 +43,7 @@ def inside(flow: Flow) -> Mask:
 
 
 def motion_boundary(flow: Flow) -> Mask:
-    """True where the flow changes abruptly, so that it is uncertain: |grad f|^2 > 0.01 |f|^2 + 0.002.
+    """True where the flow is discontinuous and therefore uncertain: |grad f|^2 > 0.01 |f|^2 + 0.002.
 
     Source: sundaram2010dense, eq. 6.
     """
@@ -54,7 +56,7 @@ def chi_minus(velocity_minus: Flow, velocity_plus_before: Flow, epsilon_px2: flo
     """True where a pixel of frame t was not occluded at t - 1.
 
     Args:
-        velocity_minus: V-(t): the pixel p came from p - V-(p). float32 (height, width, 2), px.
+        velocity_minus: V-(t): the pixel p was at p - V-(p). float32 (height, width, 2), px.
         velocity_plus_before: V+(t - 1).
         epsilon_px2: largest squared difference.
 
@@ -67,7 +69,7 @@ def chi_plus(velocity_plus: Flow, velocity_minus_after: Flow, epsilon_px2: float
     """True where a pixel of frame t is not occluded at t + 1.
 
     Args:
-        velocity_plus: V+(t): the pixel p goes to p + V+(p). float32 (height, width, 2), px.
+        velocity_plus: V+(t): the pixel p moves to p + V+(p). float32 (height, width, 2), px.
         velocity_minus_after: V-(t + 1).
         epsilon_px2: largest squared difference.
 
@@ -76,13 +78,13 @@ def chi_plus(velocity_plus: Flow, velocity_minus_after: Flow, epsilon_px2: float
     return _agree(velocity_minus_after, velocity_plus, velocity_plus, epsilon_px2)
 
 
-def _agree(there: Flow, here: Flow, way: Flow, epsilon_px2: float) -> Mask:
-    same: Mask = np.square(fetch(there, way) - here).sum(-1) < epsilon_px2
-    return same & inside(way)
+def _agree(there: Flow, here: Flow, step: Flow, epsilon_px2: float) -> Mask:
+    same: Mask = np.square(fetch(there, step) - here).sum(-1) < epsilon_px2
+    return same & inside(step)
 
 
 def residual_lab(previous: Frame, current: Frame, flow: Flow) -> Plane:
-    """How much the colours at the two ends of each pixel's flow differ: CIELAB units, float32 (height, width).
+    """Colour difference between the two ends of each pixel's flow: float32 (height, width), CIELAB units.
 
     Args:
         previous, current: frames of one size.
@@ -92,5 +94,5 @@ def residual_lab(previous: Frame, current: Frame, flow: Flow) -> Plane:
 
 
 def _lab(frame: Frame) -> Plane:
-    """CIELAB with L in 0..100."""
+    """CIELAB of a frame, float32 (height, width, 3), L in 0..100."""
     return np.asarray(cv2.cvtColor(frame.astype(np.float32) / 255, cv2.COLOR_RGB2Lab), dtype=np.float32)

@@ -1,10 +1,10 @@
 /* TV-L1 optical flow, zach2007duality. The specification is tvl1_reference.py: same operations in the same order.
 
    An image or field is one buffer of float planes, each height rows of width. x runs along dimension 0, y along 1,
-   the plane along 2. Outside the picture its border pixel goes on.
+   the plane along 2. Border pixels are replicated outside the picture.
 
-   Neighbours along x are read under a condition, never at a clamped index: compilers for CPUs then read a whole vector
-   at once instead of gathering its elements. */
+   Neighbours along x are read conditionally instead of at a clamped index: CPU compilers then load a whole vector
+   instead of gathering its elements. */
 
 #define AT(plane, x, y) ((plane) * height * width + (y) * width + (x))
 #define GUARD                                                                                                          \
@@ -44,7 +44,7 @@ kernel void rof(
     p_next[AT(2 * n + 1, x, y)] = py / norm;
 }
 
-/* The texture part: the image less a share of its denoised self. */
+/* Texture part: the image minus a share of the denoised image. */
 kernel void texture(
     global const float *image /* Z * height * width */, global const float *p /* 2 * Z * height * width */,
     global float *out /* Z * height * width */, const float theta, const float share, const int width,
@@ -56,7 +56,7 @@ kernel void texture(
     out[AT(n, x, y)] = value - share * denoised(image, p, theta, n, x, y, width, height);
 }
 
-/* Half the size: binomial 1 4 6 4 1 along x, then along y, at the even pixels. */
+/* Halve the size: binomial filter 1 4 6 4 1 along x, then along y, at the even pixels. */
 kernel void down(
     global const float *in /* Z * in_height * in_width */, global float *out /* Z * height * width */,
     const int in_width, const int in_height, const int width, const int height)
@@ -75,7 +75,7 @@ kernel void down(
     out[AT(n, x, y)] = sum;
 }
 
-/* Twice the size: bilinear, lengths doubled. */
+/* Double the size bilinearly, and the displacements. */
 kernel void up(
     global const float *in /* Z * in_height * in_width */, global float *out /* Z * height * width */,
     const int in_width, const int in_height, const int width, const int height)
@@ -107,7 +107,7 @@ kernel void gradient(
     out[AT(2 * n + 1, x, y)] = (8.0f * near_y - far_y) / 12.0f;
 }
 
-/* Cubic convolution (Catmull and Rom) at a fraction t between the two middle of four samples. */
+/* Weights of cubic convolution (Catmull-Rom) at a fraction t between the middle two of four samples. */
 static float4 cubic(const float t)
 {
     const float a = t * (-0.5f + t * (1.0f - 0.5f * t));
@@ -187,7 +187,7 @@ kernel void dual(
     }
 }
 
-/* Exact median of 5 x 5 by forgetting: of any 14 of the 25 values the smallest and the largest are not the median. */
+/* Exact median of 5 x 5 by elimination: the smallest and the largest of any 14 of the 25 values are not the median. */
 #define ORDER(a, b)                                                                                                    \
     {                                                                                                                  \
         const float low = min(a, b);                                                                                  \

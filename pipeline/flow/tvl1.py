@@ -1,7 +1,7 @@
 """TV-L1 optical flow (zach2007duality): slower and more accurate than DIS, on any OpenCL device.
 
-The coarse-to-fine loop is here, once. Its inner loops are kernels (`tvl1.cl`, launched by `tvl1_opencl`), with the
-same operations in NumPy as their specification (`tvl1_reference`).
+This module has the coarse-to-fine loop. Its operations are implemented twice: as kernels (`tvl1.cl`, launched by
+`tvl1_opencl`), and in NumPy as their specification (`tvl1_reference`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ T = TypeVar("T")
 
 
 class Operations(Protocol[T]):
-    """What the loop is made of. An image pair is (2, h, w), a flow (2, h, w) planes, float32; see `tvl1_reference`."""
+    """Operations of the loop on arrays of type T: an image pair (2, h, w), a flow (2, h, w), float32; see
+    `tvl1_reference`."""
 
     def load(self, previous: Gray, current: Gray) -> T: ...
     def size(self, planes: T) -> tuple[int, int]: ...
@@ -43,15 +44,15 @@ def tvl1(previous: object, current: object, params: TvL1 = DEFAULTS, device: Dev
 
     Args:
         previous, current: uint8, RGB (height, width, 3) or gray (height, width), one size, at least 16 px a side.
-        params: the paper's parameters.
-        device: where the kernels run; None = the NumPy reference, several times slower. The choice changes no bit
-            on a device that rounds divisions and square roots correctly, as the CPU runtimes do.
+        params: parameters of the paper.
+        device: device of the kernels; None = the NumPy reference, which is several times slower. The result is the same
+            on devices with correctly rounded divisions and square roots, such as the CPU runtimes.
 
     Returns:
         float32 (height, width, 2): (dx, dy) in px.
 
     Raises:
-        BadFrame: a picture is not one, or the sizes differ.
+        BadFrame: an argument is not a picture, or the sizes differ.
         DeviceError: the device failed.
 
     Source: zach2007duality, sections 2 and 3.
@@ -59,7 +60,7 @@ def tvl1(previous: object, current: object, params: TvL1 = DEFAULTS, device: Dev
     Departure: structure-texture decomposition of the pictures, gradients averaged over both frames and a median of
         the flow after each warp, all from wedel2009improved. Mean end-point error in px on RubberWhale and Sintel's
         alley_1: 0.155 and 0.234 without texture and median, 0.101 and 0.210 with. A fixed number of
-        iterations instead of a stopping test, so that the time does not depend on the picture.
+        iterations instead of a stopping criterion, so that the time does not depend on the picture.
     """
     first, second = gray_pair(previous, current)
     if device is None:
@@ -68,7 +69,7 @@ def tvl1(previous: object, current: object, params: TvL1 = DEFAULTS, device: Dev
 
 
 def solve(ops: Operations[T], previous: Gray, current: Gray, params: TvL1) -> Flow:
-    """Coarse to fine, whatever the operations run on."""
+    """Estimate the flow from coarse to fine with either implementation of the operations."""
     levels = [ops.texture(ops.load(previous, current), params)]
     while min(ops.size(levels[-1])) >= 2 * COARSEST_PX:
         levels.append(ops.down(levels[-1]))

@@ -1,4 +1,4 @@
-"""TV-L1's operations as kernels: launches of `tvl1.cl`, nothing more. The specification is `tvl1_reference`."""
+"""Operations of TV-L1 as launches of the kernels in `tvl1.cl`. The specification is `tvl1_reference`."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ _SOURCE = Path(__file__).with_name("tvl1.cl")
 
 
 class Kernels:
-    """The operations of `tvl1.solve` on a device; everything between `load` and `fetch` stays there."""
+    """The operations of `tvl1.solve` on a device; arrays stay in device memory between `load` and `fetch`."""
 
     def __init__(self, device: Device) -> None:
         self._device = device
 
     def _at(self, name: str, planes: int, size: tuple[int, int], *args: DeviceArray | float | np.generic) -> Launch:
-        """Over every pixel of `planes` planes; the picture's width and height are the last two arguments."""
+        """Launch with one work item per pixel of `planes` planes; appends the width and height to the arguments."""
         height, width = size
         return self._device.kernel(_SOURCE, name).at((width, height, planes), *args, width, height)
 

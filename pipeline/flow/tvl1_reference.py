@@ -1,8 +1,8 @@
-"""TV-L1's operations in NumPy: the specification that the kernels of `tvl1.cl` are tested against.
+"""Operations of TV-L1 in NumPy: the specification of the kernels in `tvl1.cl`.
 
 Planes are stacked: an image pair is float32 (2, h, w); a flow (2, h, w), dx before dy; gradients and dual fields
-(4, h, w), x and y of the first plane before x and y of the second. Outside the picture its border pixel goes on.
-Every operation keeps to float32 and to the order of the kernels, so that the two agree to the last bits.
+(4, h, w), x and y of the first plane before x and y of the second. Border pixels are replicated outside the picture.
+All operations use float32 in the order of the kernels, so that results agree to the last bit.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ Planes: TypeAlias = NDArray[np.floating]
 """float32. The annotation is wider because NumPy's stubs infer float64 for a product with a Python float."""
 
 ROF_THETA = np.float32(0.125 * 127.5)
-"""Strength of the denoising that finds the texture, in grey levels: wedel2009improved's 1/8 for brightness in -1..1."""
+"""Strength of the ROF denoising, gray levels: the 1/8 of wedel2009improved, which is for brightness in -1..1."""
 ROF_RATIO = np.float32(0.25 / (0.125 * 127.5))
-"""Its time step over its strength."""
+"""Ratio of the time step to the strength of the ROF denoising."""
 
 
 class Reference:
@@ -42,7 +42,8 @@ class Reference:
         return np.ascontiguousarray(flow.transpose(1, 2, 0))
 
     def texture(self, pair: Planes, params: TvL1) -> Planes:
-        """Less `texture_share` of the picture denoised by ROF (wedel2009improved, section 2): light and shade go."""
+        """Subtract `texture_share` of the ROF-denoised picture, which removes shading (wedel2009improved, section
+        2)."""
         if not params.texture_iterations:
             return pair
         dual = self.zeros(4, self.size(pair))
@@ -52,11 +53,11 @@ class Reference:
         return out
 
     def down(self, pair: Planes) -> Planes:
-        """Half the size, rounded up: binomial 1 4 6 4 1 at the even pixels."""
+        """Halve the size, rounded up: binomial filter 1 4 6 4 1 at the even pixels."""
         return _halve(_halve(pair, axis=2), axis=1)
 
     def up(self, flow: Planes, size: tuple[int, int]) -> Planes:
-        """Twice the size: bilinear, lengths doubled."""
+        """Double the size bilinearly, and the displacements."""
         y, x = np.arange(size[0]), np.arange(size[1])
         y1 = np.minimum((y + 1) // 2, flow.shape[1] - 1)
         x1 = np.minimum((x + 1) // 2, flow.shape[2] - 1)
@@ -70,7 +71,8 @@ class Reference:
         return np.stack(slopes)
 
     def linearise(self, pair: Planes, slope: Planes, flow: Planes) -> Planes:
-        """The data term about `flow`: (3, h, w), its gradient and constant part; zero where it leads outside."""
+        """Linearise the data term around `flow`: (3, h, w), gradient and constant part; 0 where the flow leaves the
+        picture."""
         h, w = self.size(pair)
         x = np.arange(w, dtype=np.float32) + flow[0]
         y = np.arange(h, dtype=np.float32)[:, None] + flow[1]
@@ -80,7 +82,7 @@ class Reference:
         return np.stack([gx, gy, (value - pair[0]) * inside - gx * flow[0] - gy * flow[1]])
 
     def iterate(self, data: Planes, flow: Planes, dual: Planes, params: TvL1) -> tuple[Planes, Planes]:
-        """The paper's alternation: thresholding step (eq. 15), divergence, dual step (eq. 9 to 11)."""
+        """Alternate the thresholding step (eq. 15), the divergence, and the dual step (eq. 9 to 11) of the paper."""
         theta = np.float32(params.tightness)
         bound = np.float32(params.attachment * params.tightness)
         ratio = np.float32(params.time_step / params.tightness)
@@ -94,7 +96,7 @@ class Reference:
         return flow, dual
 
     def median(self, flow: Planes) -> Planes:
-        """Median of 5 x 5, each component on its own."""
+        """Median over 5 x 5 px of each component."""
         return np.stack([cv2.medianBlur(plane, 5) for plane in flow])
 
 
@@ -154,7 +156,7 @@ def _central(plane: Planes, axis: int) -> Planes:
 
 
 def _cubic_samples(planes: list[Planes], x: Planes, y: Planes) -> list[Planes]:
-    """The planes at (x, y) by cubic convolution, positions kept inside."""
+    """Sample planes at (x, y) by cubic convolution; positions are clamped to the picture."""
     h, w = planes[0].shape
     x, y = np.clip(x, 0, w - 1), np.clip(y, 0, h - 1)
     left, top = np.floor(x), np.floor(y)
@@ -165,7 +167,7 @@ def _cubic_samples(planes: list[Planes], x: Planes, y: Planes) -> list[Planes]:
 
 
 def _cubic(t: Planes) -> list[Planes]:
-    """Weights of four samples at a fraction t between the two in the middle (Catmull and Rom)."""
+    """Weights of four samples at a fraction t between the middle two (Catmull-Rom)."""
     before: Planes = t * (-0.5 + t * (1.0 - 0.5 * t))
     left: Planes = 1.0 + t * t * (1.5 * t - 2.5)
     right: Planes = t * (0.5 + t * (2.0 - 1.5 * t))

@@ -1,4 +1,4 @@
-"""Move pictures along a flow: fetch from where it points, or push to where it points."""
+"""Warping along a flow: backward (`fetch`) and forward (`push`)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pipeline.frames import Flow, Plane
 
 
 def positions(flow: Flow) -> tuple[Plane, Plane]:
-    """Where each pixel's flow points: x + flow(x), as two planes (x, y) in px."""
+    """End points x + flow(x) of the flow, as two planes (x, y), px."""
     height, width = flow.shape[:2]
     x = flow[..., 0] + np.arange(width, dtype=np.float32)
     y = flow[..., 1] + np.arange(height, dtype=np.float32)[:, None]
@@ -19,9 +19,9 @@ def positions(flow: Flow) -> tuple[Plane, Plane]:
 
 
 def fetch(image: AnyArray, flow: Flow) -> AnyArray:
-    """The image where the flow points: out(x) = image(x + flow(x)), bilinear; beyond the border its pixel goes on.
+    """Backward warp: out(x) = image(x + flow(x)), bilinear; border pixels are replicated.
 
-    With `estimate(previous, current)` and `image = current` this is `previous` again, where nothing was hidden.
+    With `flow = estimate(previous, current)` and `image = current`, the result equals `previous` at visible pixels.
 
     Args:
         image: uint8 or float32, (height, width) or (height, width, channels).
@@ -32,15 +32,15 @@ def fetch(image: AnyArray, flow: Flow) -> AnyArray:
 
 
 def push(image: AnyArray, flow: Flow) -> tuple[NDArray[np.float32], Plane]:
-    """The image carried along the flow: each pixel is spread over the four around its target.
+    """Forward warp: each pixel is distributed bilinearly over the four pixels around its target.
 
     Args:
         image: (height, width, channels), any real dtype.
         flow: float32 (height, width, 2), px.
 
     Returns:
-        float32 (height, width, channels), the weighted mean of what arrives, and the weight that has arrived
-        (float32 (height, width); 0 = nothing, and the image is 0 there).
+        Weighted mean of the pixels that arrive, float32 (height, width, channels), and their total weight, float32
+        (height, width). Where the weight is 0, the mean is 0.
     """
     height, width, channels = image.shape
     total, weight = np.zeros((height * width, channels)), np.zeros(height * width)
@@ -54,7 +54,7 @@ def push(image: AnyArray, flow: Flow) -> tuple[NDArray[np.float32], Plane]:
 
 
 def _corners(flow: Flow) -> list[tuple[NDArray[np.intp], NDArray[np.float64]]]:
-    """For each of the four pixels about each target: its flat index and bilinear share, 0 outside the picture."""
+    """Flat index and bilinear weight of each of the four pixels around each target; 0 outside the picture."""
     height, width = flow.shape[:2]
     x, y = (p.reshape(-1).astype(np.float64) for p in positions(flow))
     left, top = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)

@@ -1,7 +1,7 @@
 """Lines as the area where a smooth field is positive, drawn anti-aliased at any size.
 
-The field is the line response above its threshold. Its zero contour is the outline of the line: lines are wide where
-the response is strong, taper where it falls, and are equally sharp at every output size.
+The field is the line response minus its threshold, and its zero contour is the outline of the lines. Lines are wide
+where the response is strong, taper where it decreases, and are equally sharp at every output size.
 """
 
 from __future__ import annotations
@@ -14,19 +14,20 @@ from pipeline.frames import Flow, Plane
 from pipeline.jit import kernel
 
 PEAK_SHARE = 0.2
-"""Share of the strongest response nearby that a pixel needs to be part of a line: bounds the width of strong lines."""
+"""Least response of a line pixel as a share of the strongest response nearby; it limits the width of strong lines."""
 RESPONSE_TOLERANCE = np.float32(6)
-"""Difference of responses, gray levels, at which the past counts half as much."""
+"""Difference of responses, gray levels, at which the weight of the past is halved."""
 
 
 def line_field(response: Plane, importance: Plane, threshold: float, reach_px: int) -> Plane:
     """Signed field whose zero contour outlines the lines, float32 (h, w), gray levels, positive inside.
 
     Args:
-        response: of the difference of Gaussians, float32 (h, w), gray levels, positive on the dark side of an edge.
+        response: difference of Gaussians, float32 (h, w), gray levels, positive on the dark side of an edge.
         importance: float32 (h, w), 0..1.
-        threshold: response that a line needs at least, gray levels; scaled by 1.25 - 0.75 * importance.
-        reach_px: radius in which the strongest response is looked up, px; about twice the narrow Gaussian.
+        threshold: least response of a line, gray levels; it is scaled by 1.25 - 0.75 * importance.
+        reach_px: radius in which the strongest response is searched, px; about twice the sigma of the narrower
+            Gaussian.
     """
     side = 2 * reach_px + 1
     peak = np.asarray(cv2.dilate(response, np.ones((side, side), np.uint8)), np.float32)
@@ -46,10 +47,10 @@ def _field(response: Plane, peak: Plane, importance: Plane, threshold: np.float3
 
 
 def draw_lines(field: Plane, opacity: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
-    """Coverage of every pixel by lines times their opacity, uint8 (height, width), 255 = full ink.
+    """Coverage of each pixel by lines, times their opacity: uint8 (height, width), 255 = full ink.
 
     Args:
-        field: as `line_field` makes it, float32 (h, w).
+        field: from `line_field`, float32 (h, w).
         opacity: uint8 (h, w), 0..255.
         size: (width, height) of the result, px; the planes are interpolated to it.
     """
@@ -78,15 +79,15 @@ def _draw(field: Plane, opacity: NDArray[np.uint8], out: NDArray[np.uint8]) -> N
 
 
 def blend_response(response: Plane, before: Plane, flow: Flow, shrink: int, memory: float) -> Plane:
-    """A line response averaged with the previous one along the flow, where the two agree, float32 (h, w).
+    """Average a line response with the previous one along the flow, where the two agree: float32 (h, w).
 
-    The response is smooth, so warping it keeps the outlines of the lines sharp.
+    The response is smooth, so warping it does not blur the outlines of the lines.
 
     Args:
         response, before: float32 (h, w), gray levels, of this and the previous frame.
         flow: previous to current frame at full size, px.
-        shrink: full size over the response's size.
-        memory: weight of the past where the two are equal, 0..1; halved where they differ by `RESPONSE_TOLERANCE`.
+        shrink: ratio of the full size to the size of the response.
+        memory: weight of the past where both are equal, 0..1; it is halved at a difference of `RESPONSE_TOLERANCE`.
     """
     out = np.empty_like(response)
     _blend_response(response, before, flow, shrink, np.float32(memory), out)
@@ -111,7 +112,7 @@ def _blend_response(
 
 @kernel
 def _bilinear(plane: Plane, x: np.float32, y: np.float32) -> np.float32:
-    """A sample at (x, y) px; positions outside are clamped to the border."""
+    """Sample a plane at (x, y), px; positions outside are clamped to the border."""
     height, width = plane.shape
     x = min(max(x, np.float32(0)), np.float32(width - 1))
     y = min(max(y, np.float32(0)), np.float32(height - 1))
@@ -126,12 +127,13 @@ def _bilinear(plane: Plane, x: np.float32, y: np.float32) -> np.float32:
 def blend_opacity(
     opacity: NDArray[np.uint8], before: NDArray[np.uint8], flow: Flow, shrink: int, memory: float
 ) -> NDArray[np.uint8]:
-    """Opacity that changes gradually: the previous one, moved along the flow, has the weight `memory`, 0..1.
+    """Average an opacity with the previous one along the flow: uint8 (h, w).
 
     Args:
+        memory: weight of the previous opacity, 0..1.
         opacity, before: uint8 (h, w) of this and the previous frame.
         flow: previous to current frame at full size, px.
-        shrink: full size over the opacity's size.
+        shrink: ratio of the full size to the size of the opacity.
     """
     out = np.empty_like(opacity)
     _blend_opacity(opacity, before, flow, shrink, np.float32(memory), out)

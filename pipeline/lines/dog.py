@@ -1,4 +1,4 @@
-"""Difference-of-Gaussians lines: winnemoeller2006realtime, section 3.3, as zhang2011online overlays them."""
+"""Difference-of-Gaussians lines (winnemoeller2006realtime, section 3.3), as used by zhang2011online."""
 
 from __future__ import annotations
 
@@ -10,28 +10,31 @@ from pipeline.frames import Plane
 from pipeline.jit import kernel
 
 GAUSSIAN_RATIO = 1.6
-"""Ratio of the two standard deviations: Marr and Hildreth's fit to the Laplacian, the paper's choice."""
+"""Ratio of the two standard deviations, as in the paper: Marr and Hildreth's approximation of the Laplacian."""
 _TANH = np.rint(np.tanh(np.arange(1025) / 256) * 255).astype(np.uint8)
-"""tanh of 0..4 in steps of 1/256, 255 = 1."""
+"""tanh of 0..4 in steps of 1/256, scaled so that 255 = 1."""
 
 
 def dog_response(gray: Plane, sigma_px: float, tau: float) -> Plane:
-    """D = tau * G(1.6 sigma) - G(sigma), float32 (h, w), in gray levels: positive on the dark side of an edge."""
+    """D = tau * G(1.6 sigma) - G(sigma): float32 (h, w), gray levels, positive on the dark side of an edge."""
     narrow = _blur(gray, sigma_px)
     wide = _blur(gray, sigma_px * GAUSSIAN_RATIO)
     return np.asarray(cv2.addWeighted(wide, tau, narrow, -1.0, 0.0), np.float32)
 
 
 def _blur(gray: Plane, sigma_px: float) -> Plane:
-    """A Gaussian cut off at three standard deviations."""
+    """Gaussian blur, truncated at three standard deviations."""
     side = 2 * max(1, round(3 * sigma_px)) + 1
     return np.asarray(cv2.GaussianBlur(gray, (side, side), sigma_px), np.float32)
 
 
 def soft_threshold(response: Plane, importance: Plane, threshold: float, sharpness: float) -> NDArray[np.uint8]:
-    """Ink, uint8 (h, w), 0..255: tanh(sharpness * (response - t)) above the threshold t, 0 below (the paper's eq. 6).
+    """Convert a response to ink, uint8 (h, w), 0..255: tanh(sharpness * (response - t)) above t, 0 below (eq. 6).
 
-    t = threshold * (1.25 - 0.75 * importance): more is drawn where it matters; `importance` is float32 (h, w), 0..1.
+    Args:
+        importance: float32 (h, w), 0..1.
+        threshold: gray levels; t = threshold * (1.25 - 0.75 * importance), so more is drawn where importance is high.
+        sharpness: 1/gray level.
     """
     out = np.empty(response.shape, np.uint8)
     _soft_threshold(response, importance, np.float32(threshold), np.float32(sharpness), _TANH, out)

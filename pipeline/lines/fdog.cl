@@ -1,8 +1,8 @@
-/* Flow-based difference of Gaussians: kang2007coherent, section 2.2. The specification is the NumPy code in fdog.py;
- * same operations, same order.
+/* Flow-based difference of Gaussians: kang2007coherent, section 2.2. The specification is the NumPy code in
+ * fdog.py, with the same operations in the same order.
  *
- * A plane is h rows of w floats, a tangent field h rows of w pairs (x, y). Only sums, products and one division, so
- * that both round alike.
+ * A plane is h rows of w floats, a tangent field h rows of w pairs (x, y). Only sums, products and one division are
+ * used, so that both implementations round alike.
  */
 
 #define GUARD                                                                                                          \
@@ -10,7 +10,7 @@
     if (x >= width || y >= height)                                                                                     \
         return
 
-/* Bilinear, at a place inside the picture. */
+/* Sample bilinearly at a position inside the picture. */
 static float sample(global const float *plane, const float px, const float py, const int width, const int height)
 {
     const int x0 = (int)px, y0 = (int)py;
@@ -23,7 +23,7 @@ static float sample(global const float *plane, const float px, const float py, c
     return top + fy * (low - top);
 }
 
-/* Weighted samples along the normal, a pixel apart; weights[k] is for k pixels to either side. */
+/* Weighted sum of samples along the normal, one px apart; weights[k] applies to distance k on either side. */
 kernel void across(
     global const float *gray /* height * width */, global const float *tangent /* 2 * height * width */,
     constant float *weights /* radius + 1 */, global float *out /* height * width */, const int radius,
@@ -42,9 +42,9 @@ kernel void across(
     out[y * width + x] = sum;
 }
 
-/* Weighted mean of the response on the streamline through each pixel, both ways, as far as it leads. A step of one
- * pixel takes the tangent half a step ahead. A streamline that has ended goes on with no weight: leaving the loop would
- * keep the compiler from taking many pixels at once, and takes twice the time.
+/* Weighted mean of the response along the streamline through each pixel, in both directions up to its ends. Each step
+ * of one px uses the tangent half a step ahead. A streamline that has ended continues with weight 0: leaving the loop
+ * would prevent vectorisation and take twice the time.
  */
 kernel void along(
     global const float *response /* height * width */, global const float *tangent /* 2 * height * width */,
@@ -56,20 +56,20 @@ kernel void along(
     const int here = y * width + x;
     float sum = weights[0] * response[here], total = weights[0];
     for (int side = 0; side < 2; side++) {
-        float way_x = side ? -tangent[2 * here] : tangent[2 * here];
-        float way_y = side ? -tangent[2 * here + 1] : tangent[2 * here + 1];
+        float step_x = side ? -tangent[2 * here] : tangent[2 * here];
+        float step_y = side ? -tangent[2 * here + 1] : tangent[2 * here + 1];
         float px = (float)x, py = (float)y, alive = 1.0f;
         for (int k = 1; k <= steps; k++) {
-            const int mx = (int)(clamp(px + 0.5f * way_x, 0.0f, right) + 0.5f);
-            const int my = (int)(clamp(py + 0.5f * way_y, 0.0f, bottom) + 0.5f);
+            const int mx = (int)(clamp(px + 0.5f * step_x, 0.0f, right) + 0.5f);
+            const int my = (int)(clamp(py + 0.5f * step_y, 0.0f, bottom) + 0.5f);
             const float tx = tangent[2 * (my * width + mx)], ty = tangent[2 * (my * width + mx) + 1];
-            const float turn = tx * way_x + ty * way_y;
-            way_x = turn < 0.0f ? -tx : tx;
-            way_y = turn < 0.0f ? -ty : ty;
-            px += way_x;
-            py += way_y;
+            const float cosine = tx * step_x + ty * step_y;
+            step_x = cosine < 0.0f ? -tx : tx;
+            step_y = cosine < 0.0f ? -ty : ty;
+            px += step_x;
+            py += step_y;
             const float sx = clamp(px, 0.0f, right), sy = clamp(py, 0.0f, bottom);
-            alive = turn == 0.0f || sx != px || sy != py ? 0.0f : alive;
+            alive = cosine == 0.0f || sx != px || sy != py ? 0.0f : alive;
             const float weight = weights[k] * alive;
             sum += weight * sample(response, sx, sy, width, height);
             total += weight;
@@ -78,7 +78,7 @@ kernel void along(
     out[here] = sum / total;
 }
 
-/* The picture with its lines drawn in. */
+/* Draw the lines into the picture. */
 kernel void superimpose(
     global const float *gray /* height * width */, global const float *response /* height * width */,
     global float *out /* height * width */, const int width, const int height)

@@ -1,4 +1,4 @@
-"""Flow-based difference of Gaussians: lines that run on along an edge, and specks that do not (kang2007coherent)."""
+"""Flow-based difference of Gaussians, which favours long lines over specks (kang2007coherent)."""
 
 from __future__ import annotations
 
@@ -19,27 +19,29 @@ _Floats: TypeAlias = NDArray[np.float32]
 """float32 arrays."""
 
 REACH = 2.5
-"""How far a Gaussian is followed, in standard deviations."""
+"""Radius at which Gaussians are truncated, in standard deviations."""
 
 
 def fdog_response(
     gray: Plane, tangent: Flow, sigma_px: float, tau: float, sigma_along_px: float,
     device: Device | None = None, iterations: int = 1,
 ) -> Plane:  # fmt: skip
-    """Difference of Gaussians across the edge, averaged along it: float32 (h, w), in gray levels.
+    """Difference of Gaussians across the edge, averaged along it: float32 (h, w), gray levels, positive on the dark
+    side.
 
-    To a straight edge it answers as `dog.dog_response` does, so the same thresholds fit; on a sharp slanting one up to
-    a sixth less, since bilinear samples blur a little. Positive on the dark side.
+    The response to a straight edge equals that of `dog.dog_response`, so the same thresholds can be used. At a sharp
+    slanting edge it is up to a sixth lower, since bilinear sampling blurs.
 
     Args:
         gray: float32 (h, w), gray levels.
-        tangent: float32 (h, w, 2), unit vectors along the structure or (0, 0), as `tensors.tangent_field` makes it.
-        sigma_px: of the narrower Gaussian across, > 0.
-        tau: weight of the wider one (1.6 sigma), 0..1.
-        sigma_along_px: of the Gaussian along the streamline, >= 0; 0 = no averaging.
-        device: where the kernels run; None = the NumPy reference, many times slower. The choice changes no bit on a
-            device that rounds divisions correctly, as the CPU runtimes do.
-        iterations: >= 1. From the second on, what was found is drawn into the picture first, which closes gaps.
+        tangent: float32 (h, w, 2), unit vectors along the structure or (0, 0), from `tangent_field`.
+        sigma_px: standard deviation of the narrower Gaussian across the edge, > 0.
+        tau: weight of the wider Gaussian (1.6 sigma), 0..1.
+        sigma_along_px: standard deviation of the Gaussian along the streamline, >= 0; 0 = no averaging.
+        device: device of the kernels; None = the NumPy reference, which is many times slower. The result is the same
+            on devices with correctly rounded divisions, such as the CPU runtimes.
+        iterations: >= 1. Each further iteration first draws the lines found so far into the picture, which closes
+            gaps.
 
     Raises:
         BadParameter: fewer than one iteration.
@@ -47,11 +49,11 @@ def fdog_response(
 
     Source: kang2007coherent, sections 2.2 and 2.3.
 
-    Departure: what is drawn in for the next iteration is the positive response itself, not its thresholded black: a
-    threshold here would let whole strokes come and go from frame to frame.
+    Departure: the positive response itself is drawn in for the next iteration, not its thresholded version, since a
+    threshold would make whole strokes appear and vanish from frame to frame.
     """
     if iterations < 1:
-        raise BadParameter("A filter runs at least once.", field="iterations", value=iterations, remedy="Use 1.")
+        raise BadParameter("At least one iteration is needed.", field="iterations", value=iterations, remedy="Use 1.")
     difference = _difference(sigma_px, tau)
     mean = _gaussian(sigma_along_px, math.ceil(REACH * sigma_along_px)).astype(np.float32)
     if device is None:
@@ -60,7 +62,7 @@ def fdog_response(
 
 
 def _gaussian(sigma_px: float, radius: int) -> NDArray[np.float64]:
-    """Its values at 0, 1, ... `radius` px; both sides together sum to 1."""
+    """Gaussian weights at 0, 1, ... `radius` px; both sides together sum to 1."""
     values = np.array([math.exp(-0.5 * (k / sigma_px) ** 2) if k else 1.0 for k in range(radius + 1)])
     return np.asarray(values / (2 * values.sum() - values[0]))
 
@@ -73,7 +75,7 @@ def _difference(sigma_px: float, tau: float) -> _Floats:
 
 def _launch(device: Device, gray: Plane, tangent: Flow, difference: _Floats, mean: _Floats, iterations: int) -> Plane:
     height, width = gray.shape
-    source, way, out = device.upload(gray), device.upload(tangent), device.empty(gray.shape)
+    source, direction, out = device.upload(gray), device.upload(tangent), device.empty(gray.shape)
     picture, raw = device.empty(gray.shape), device.empty(gray.shape)
     first, second = device.upload(difference), device.upload(mean)
 
@@ -83,8 +85,8 @@ def _launch(device: Device, gray: Plane, tangent: Flow, difference: _Floats, mea
     for iteration in range(iterations):
         if iteration:
             run("superimpose", source, out, picture)
-        run("across", picture if iteration else source, way, first, raw, len(difference) - 1)
-        run("along", raw, way, second, out, len(mean) - 1)
+        run("across", picture if iteration else source, direction, first, raw, len(difference) - 1)
+        run("along", raw, direction, second, out, len(mean) - 1)
     return device.download(out)
 
 
@@ -97,7 +99,7 @@ def _reference(gray: Plane, tangent: Flow, difference: _Floats, mean: _Floats, i
 
 
 def _across(gray: _Floats, tangent: _Floats, weights: _Floats) -> _Floats:
-    """Weighted samples along the normal, a pixel apart; weights[k] is for k pixels to either side."""
+    """Weighted sum of samples along the normal, one px apart; weights[k] applies to distance k on either side."""
     x, y = _grid(gray)
     out: _Floats = weights[0] * gray
     for k, weight in enumerate(weights[1:], 1):
@@ -107,17 +109,17 @@ def _across(gray: _Floats, tangent: _Floats, weights: _Floats) -> _Floats:
 
 
 def _along(response: _Floats, tangent: _Floats, weights: _Floats) -> _Floats:
-    """Weighted mean on the streamline through each pixel, both ways, as far as it leads.
+    """Weighted mean along the streamline through each pixel, in both directions up to its ends.
 
-    A step of one pixel takes the tangent half a step ahead.
+    Each step of one px uses the tangent half a step ahead (midpoint method).
     """
     total, weight = weights[0] * response, np.full_like(response, weights[0])
-    for way in (tangent, -tangent):
+    for direction in (tangent, -tangent):
         px, py = _grid(response)
         alive = np.ones(response.shape, bool)
         for w in weights[1:]:
-            way, alive = _turn(tangent, px, py, way, alive)
-            px, py = px + way[..., 0], py + way[..., 1]
+            direction, alive = _next_direction(tangent, px, py, direction, alive)
+            px, py = px + direction[..., 0], py + direction[..., 1]
             sx, sy = _inside(response, px, py)
             alive = alive & (sx == px) & (sy == py)
             total += np.where(alive, w * _sample(response, sx, sy), np.float32(0))
@@ -126,15 +128,15 @@ def _along(response: _Floats, tangent: _Floats, weights: _Floats) -> _Floats:
     return out
 
 
-def _turn(
-    tangent: _Floats, px: _Floats, py: _Floats, way: _Floats, alive: NDArray[np.bool_]
+def _next_direction(
+    tangent: _Floats, px: _Floats, py: _Floats, direction: _Floats, alive: NDArray[np.bool_]
 ) -> tuple[_Floats, NDArray[np.bool_]]:  # fmt: skip
-    """The tangent half a step from (px, py), turned so as to go on `way`; dead where there is none."""
+    """Tangent half a step from (px, py) with the sign nearer to `direction`; not alive where it is undefined."""
     half = np.float32(0.5)
-    mx, my = _inside(px, px + half * way[..., 0], py + half * way[..., 1])
+    mx, my = _inside(px, px + half * direction[..., 0], py + half * direction[..., 1])
     ahead = tangent[(my + half).astype(np.intp), (mx + half).astype(np.intp)]
-    turn = ahead[..., 0] * way[..., 0] + ahead[..., 1] * way[..., 1]
-    return np.where(turn[..., None] < 0, -ahead, ahead), alive & (turn != 0)
+    dot = ahead[..., 0] * direction[..., 0] + ahead[..., 1] * direction[..., 1]
+    return np.where(dot[..., None] < 0, -ahead, ahead), alive & (dot != 0)
 
 
 def _grid(plane: _Floats) -> tuple[_Floats, _Floats]:
@@ -148,7 +150,7 @@ def _inside(plane: _Floats, x: _Floats, y: _Floats) -> tuple[_Floats, _Floats]:
 
 
 def _sample(plane: _Floats, x: _Floats, y: _Floats) -> _Floats:
-    """Bilinear, at places inside the picture."""
+    """Sample bilinearly at positions inside the picture."""
     x0, y0 = x.astype(np.intp), y.astype(np.intp)
     x1, y1 = np.minimum(x0 + 1, plane.shape[1] - 1), np.minimum(y0 + 1, plane.shape[0] - 1)
     fx, fy = x - x0.astype(np.float32), y - y0.astype(np.float32)

@@ -50,7 +50,7 @@ def scene(name: str, size: Size = (640, 360), frames: int | None = None, fps: fl
 
 
 def _refuse(field: str, value: object, remedy: str) -> None:
-    raise BadParameter("There is no such scene.", field=field, value=value, remedy=remedy)
+    raise BadParameter("Unknown scene, or invalid argument of a scene.", field=field, value=value, remedy=remedy)
 
 
 def _one(name: str, shot: ModuleType) -> Maker:

@@ -29,9 +29,9 @@ class Spot:
     """0 at the outline, growing inwards, in the cut-out's units."""
     pixel: float
 
-    def at(self, seen: Mask) -> Spot:
-        """Select the spots where `seen` is True, as 1-D arrays."""
-        return Spot(self.x[seen], self.y[seen], self.depth[seen], self.pixel)
+    def at(self, visible: Mask) -> Spot:
+        """Select the spots where `visible` is True, as 1-D arrays."""
+        return Spot(self.x[visible], self.y[visible], self.depth[visible], self.pixel)
 
 
 Paint: TypeAlias = Callable[[Spot], Array]
@@ -61,7 +61,7 @@ class CutOut:
 class SceneFrame:
     """A frame with its exact passes, all (height, width, ...).
 
-    A point of an object seen at p in frame t is at p + velocity_next(p) in frame t + 1, and was at
+    A point of an object that is visible at p in frame t is at p + velocity_next(p) in frame t + 1, and was at
     p - velocity_previous(p) in frame t - 1 (benard2013stylizing's V+ and V-).
     """
 

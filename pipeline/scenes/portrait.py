@@ -1,6 +1,6 @@
-"""A woman in a striped jersey who turns her head and blinks, before lights that drift past. The head is the subject.
+"""Portrait of a woman in a striped jersey who turns her head and blinks, in front of drifting lights.
 
-The head is flat parts, each at a depth of its own: when it turns, the nearer ones move farther, as on a round head.
+The head consists of flat parts at different depths. When it turns, nearer parts move farther, as on a round head.
 """
 
 from __future__ import annotations
@@ -42,9 +42,10 @@ def _head_motion(t: float) -> Pose:
 
 
 def _part(x: float, y: float, depth: float, width: float = 0.5) -> Motion:
-    """A part of the head at (x, y) from its middle and `depth` towards us.
+    """Motion of a part of the head at (x, y) from its centre and at `depth` towards the viewer.
 
-    `width` says how much narrower it gets as the head turns: 1 = as something flat on the face, 0 = not at all.
+    Args:
+        width: how strongly the part is foreshortened when the head turns: 1 = like a flat part of the face, 0 = not.
     """
 
     def motion(t: float) -> Pose:
@@ -180,12 +181,12 @@ def _face(seed: int) -> list[CutOut]:
 
 
 def _arc(width: float, sag: float, thickness: float) -> Outline:
-    """A smile."""
+    """Thin arc with raised ends: the line between the lips."""
     return lambda x, y: np.abs(y - sag * (0.35 - (x / width) ** 2)) - thickness + np.maximum(np.abs(x) - width, 0)
 
 
 _ALMOND = common(disc(0, 0.036, 0.058), disc(0, -0.036, 0.058))
-"""The opening of an eye."""
+"""Outline of an open eye."""
 
 
 def _eye(seed: int, x: float) -> list[CutOut]:
@@ -200,7 +201,7 @@ def _eye(seed: int, x: float) -> list[CutOut]:
     place = _part(x, -0.025, 0.075, 1.0)
     white = p.rimmed(p.vertical("#cfc8c6", "#f7f3ee", -0.02, 0.005), "#4a2a22", 0.007, 0.8)
 
-    def look(t: float) -> Pose:
+    def gaze(t: float) -> Pose:
         return place(t) @ Pose.shift(0.010 * math.sin(1.55 * t + 0.7), -0.001)
 
     def crease(u: Array, v: Array) -> Array:
@@ -210,7 +211,7 @@ def _eye(seed: int, x: float) -> list[CutOut]:
     lid = p.blend("#d29a78", "#22120f", lambda s: (s.depth < 0.006) * p.ramp(s.y, 0.0, 0.006))
     return [
         CutOut("eyes", _ALMOND, white, place, bounds, bulge=0.03),
-        CutOut("eyes", common(disc(0, 0, 0.0205), lambda u, v: v - 0.0235), iris, look, (-0.03, -0.03, 0.03, 0.03)),
+        CutOut("eyes", common(disc(0, 0, 0.0205), lambda u, v: v - 0.0235), iris, gaze, (-0.03, -0.03, 0.03, 0.03)),
         CutOut("eyes", common(crease, lambda u, v: v + 0.002), lash, place, bounds, line_px=0),
         CutOut("eyes", _ALMOND, lid, _lid(place), bounds),
         CutOut(
@@ -224,7 +225,7 @@ def _eye(seed: int, x: float) -> list[CutOut]:
 
 
 def _brow(side: float) -> Outline:
-    """Arched towards the temple, the inner end raised: friendly."""
+    """Eyebrow, arched towards the temple, with raised inner end."""
 
     def outline(x: Array, y: Array) -> Array:
         middle = 1.9 * (x - side * 0.022) ** 2 + 0.10 * side * x
@@ -235,7 +236,7 @@ def _brow(side: float) -> Outline:
 
 
 def _lid(place: Motion) -> Motion:
-    """The upper lid comes down from the top of the eye, and goes up again: squeezed to nothing while it is open."""
+    """Motion of the upper lid, which is scaled to height 0 while the eye is open."""
 
     def motion(t: float) -> Pose:
         phase = min(abs(t - blink) for blink in _BLINKS_S) / (_BLINK_S / 2)

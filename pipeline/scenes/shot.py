@@ -37,8 +37,8 @@ def shot_files(scene: Scene, layers: Layers | None = None) -> Iterator[tuple[str
             raise BadParameter("The scene has no such thing.", field="layers", value=thing,
                                remedy=f"It has: {', '.join(numbers)}.")  # fmt: skip
     listed = [{"name": name, "ids": [numbers[thing] for thing in things]} for name, things in chosen.items()]
-    says = {"version": 1, "vectors": "cycles", "layers": listed}
-    yield MANIFEST, (json.dumps(says, indent=1) + "\n").encode()
+    manifest = {"version": 1, "vectors": "cycles", "layers": listed}
+    yield MANIFEST, (json.dumps(manifest, indent=1) + "\n").encode()
     for index in range(scene.frames):
         yield from _passes(scene.frame(index), f"{index:04d}")
 

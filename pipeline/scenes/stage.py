@@ -115,10 +115,10 @@ class Stage:
         canvas, clear = np.zeros((height, width, 3)), np.ones((height, width))
         for patch in reversed(patches):
             share = patch.coverage * clear[patch.window]
-            seen = share > 1e-4
-            if seen.any():
-                colour = np.clip(patch.cutout.paint(patch.spot.at(seen)), 0, 1)
-                canvas[patch.window][seen] += share[seen][:, None] * colour
+            visible = share > 1e-4
+            if visible.any():
+                colour = np.clip(patch.cutout.paint(patch.spot.at(visible)), 0, 1)
+                canvas[patch.window][visible] += share[visible][:, None] * colour
                 clear[patch.window] -= share
         return np.asarray(np.rint(canvas.clip(0, 1) * 255), dtype=np.uint8)
 
@@ -189,11 +189,11 @@ def _surface(
     normals = np.zeros((*top.shape, 3), dtype=np.float32)
     orientation = np.zeros(top.shape, dtype=np.float32)
     for patch in patches:
-        seen = top[patch.window] == patch.number
-        right, down = (s[seen] for s in patch.slope)
+        visible = top[patch.window] == patch.number
+        right, down = (s[visible] for s in patch.slope)
         steep = np.maximum(np.hypot(right, down), 1e-12)
-        lean = np.clip(1 - patch.spot.depth[seen] / patch.cutout.bulge, 0, 1) if patch.cutout.bulge else 0 * steep
+        lean = np.clip(1 - patch.spot.depth[visible] / patch.cutout.bulge, 0, 1) if patch.cutout.bulge else 0 * steep
         normal = np.stack([lean * right / steep, lean * down / steep, np.sqrt(1 - lean**2)], axis=-1)
-        normals[patch.window][seen] = normal / np.linalg.norm(normal, axis=-1, keepdims=True)
-        orientation[patch.window][seen] = np.mod(np.arctan2(right, -down), np.pi)
+        normals[patch.window][visible] = normal / np.linalg.norm(normal, axis=-1, keepdims=True)
+        orientation[patch.window][visible] = np.mod(np.arctan2(right, -down), np.pi)
     return normals, np.where(orientation >= np.float32(np.pi), np.float32(0), orientation)

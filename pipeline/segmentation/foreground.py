@@ -39,12 +39,12 @@ def propagate_foreground(
     guess = _guess(choices, weights) if marks is None else np.where(np.isnan(marks), 0, marks + 1).astype(np.int32)
     likely = colour_odds(small, guess)
     colour = np.where(likely > 0, 2, 1).astype(np.int32)
-    options, shares = [colour, *choices], [COLOUR_SHARE * np.abs(likely), *weights]
+    options, option_weights = [colour, *choices], [COLOUR_SHARE * np.abs(likely), *weights]
     if marks is not None:
         options.append(guess)
-        shares.append(np.where(guess > 0, np.float32(USER_WEIGHT), np.float32(0)))
+        option_weights.append(np.where(guess > 0, np.float32(USER_WEIGHT), np.float32(0)))
     labels, _ = vote(
-        np.stack(options), np.stack(shares).astype(np.float32), edges, leak=1e-4, certainty=0.0, tolerance=1e-4
+        np.stack(options), np.stack(option_weights).astype(np.float32), edges, leak=1e-4, certainty=0.0, tolerance=1e-4
     )
     return np.asarray(labels == 2)
 

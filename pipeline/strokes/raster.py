@@ -91,10 +91,10 @@ def paint(
     if len(strokes) == 0:
         return canvas
     height, width = canvas.shape[:2]
-    turn = painting_order(strokes.ids, seed) if order is None else order
+    ranks = painting_order(strokes.ids, seed) if order is None else order
     scratch, rows = np.zeros((3, height, width), np.float32), np.empty((height, 2), np.int32)
     _paint(
-        canvas, strokes.arrays, turn, bristle_args(tile(seed), strokes.ids, seed),
+        canvas, strokes.arrays, ranks, bristle_args(tile(seed), strokes.ids, seed),
         guide_args(len(strokes), guide, tolerance, slopes), profiles(profile, len(strokes)), scratch, rows,
     )  # fmt: skip
     return canvas

@@ -1,9 +1,9 @@
-"""The boundaries of a label map as arcs that neighbours share.
+"""Boundaries of a label map as arcs that are shared by neighbouring regions.
 
 Boundaries run on the lattice of pixel corners: (w + 1) x (h + 1) nodes, node (x, y) being the top left corner of pixel
-(x, y). A *junction* is a node where other than two boundary edges meet, or a corner of the frame; an *arc* is the chain
-of edges between two junctions, or a loop without any. Whatever is done to an arc is done to both its neighbours at
-once, so no gap and no overlap can open between them.
+(x, y). A *junction* is a node with more than two boundary edges, or a corner of the frame. An *arc* is the chain of
+edges between two junctions, or a loop without junction. Both regions beside an arc use the same arc, so changes to it
+open no gap and no overlap.
 """
 
 from __future__ import annotations
@@ -21,21 +21,26 @@ Points = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Outlines:
-    """Arcs, one after the other. Corner coordinates: the frame spans (0, 0) to (width, height)."""
+    """Arcs of a label map. Coordinates are those of pixel corners: the frame spans (0, 0) to (width, height).
+
+    Attributes:
+        points: float64 (n, 2), x and y of all arcs, px. The first and last point of an arc are junctions, or the same
+            point of a loop.
+        starts: int64 (arcs + 1,): arc i is points[starts[i]:starts[i + 1]].
+        left, right: int32 (arcs,), labels to the left and right in the direction of the arc on the screen (y points
+            down); 0 = no region.
+        loops: bool (arcs,), whether the arc is a loop without junction.
+    """
 
     points: Points
-    """(n, 2): x, y in px. An arc's first and last points are junctions, or the same point of a loop."""
     starts: NDArray[np.int64]
-    """(arcs + 1,): arc i is points[starts[i]:starts[i + 1]]."""
     left: NDArray[np.int32]
-    """(arcs,): the label to the left of one who walks the arc (on a screen, y down); 0 = none."""
     right: NDArray[np.int32]
     loops: NDArray[np.bool_]
-    """(arcs,): whether the arc has no junction."""
 
 
 def trace(labels: Labels) -> Outlines:
-    """The arcs between the labels of a map; 0 and all that lies outside the frame count as one.
+    """Trace the arcs between the labels of a map; the outside of the frame counts as label 0.
 
     Args:
         labels: int32 (height, width), 0 = no label.
@@ -47,19 +52,19 @@ def trace(labels: Labels) -> Outlines:
 
 
 def smooth(outlines: Outlines, passes: int) -> Outlines:
-    """Low-pass every arc with the mask (1, 2, 1) / 4, `passes` times, fewer on short ones and on small loops.
+    """Low-pass filter each arc with the mask (1, 2, 1) / 4, `passes` times; fewer times on short arcs and small loops.
 
-    Junctions stay where they are, so neighbours still meet; the frame's straight border stays straight. A loop has
-    nothing to hold on to and shrinks, by little at no more than one pass for every 8 edges.
+    Junctions are fixed, so neighbours still meet, and the frame's border stays straight. Loops have no fixed point and
+    shrink; with at most one pass per 8 edges they shrink little.
     """
     points = _smooth(outlines.points, outlines.starts, outlines.loops, passes)
     return Outlines(points, outlines.starts, outlines.left, outlines.right, outlines.loops)
 
 
 def simplify(outlines: Outlines, tolerance_px: float) -> Outlines:
-    """Drop the points of every arc that lie within `tolerance_px` of what remains (Douglas and Peucker 1973).
+    """Remove the points of each arc that lie within `tolerance_px` of the simplified arc (Douglas and Peucker 1973).
 
-    At 0 only points in the middle of straight runs go, and the shape stays the same.
+    A tolerance of 0 removes only points in the middle of straight lines, and the shape is unchanged.
     """
     keep = _simplify(outlines.points, outlines.starts, tolerance_px)
     counts = np.concatenate([[0], np.cumsum(keep)])
@@ -67,10 +72,10 @@ def simplify(outlines: Outlines, tolerance_px: float) -> Outlines:
 
 
 def rings(outlines: Outlines) -> dict[int, list[list[tuple[int, bool]]]]:
-    """Every label's closed boundaries, each a chain of (arc, reversed), the label on its left.
+    """Closed boundaries of each label, each a chain of (arc, reversed), with the label on its left.
 
-    Where a label touches itself at a corner, its rings may be joined there in one of several ways; filled by the
-    even-odd rule, all cover the same.
+    Where a label touches itself at a corner, its rings can be joined in several ways; with the even-odd rule, all of
+    them fill the same area.
     """
     out: dict[int, dict[tuple[float, float], list[tuple[int, bool]]]] = {}
     first, last = _ends(outlines)
@@ -92,7 +97,7 @@ def _ends(outlines: Outlines) -> tuple[_Ends, _Ends]:
 def _chains(
     leaving: dict[tuple[float, float], list[tuple[int, bool]]], first: _Ends, last: _Ends
 ) -> list[list[tuple[int, bool]]]:
-    """Use up every half arc. As many enter a node as leave it, so a walk can only get stuck where it began."""
+    """Join half arcs to closed chains. As many enter a node as leave it, so a walk ends only where it began."""
     found = []
     for origin in list(leaving):
         while leaving[origin]:
@@ -107,7 +112,7 @@ def _chains(
 
 @kernel
 def _edges_at(padded: Labels, x: int, y: int) -> int:
-    """Bits 1, 2, 4, 8: a boundary edge leaves the node to the right, down, left, up."""
+    """Boundary edges at a node as bits: 1 = right, 2 = down, 4 = left, 8 = up."""
     nw, ne = padded[y, x], padded[y, x + 1]
     sw, se = padded[y + 1, x], padded[y + 1, x + 1]
     return int((ne != se) * 1 + (sw != se) * 2 + (nw != sw) * 4 + (nw != ne) * 8)
@@ -123,39 +128,42 @@ def _is_junction(padded: Labels, x: int, y: int) -> bool:
 
 @kernel
 def _walk(
-    padded: Labels, done: NDArray[np.uint8], x: int, y: int, way: int, nodes: NDArray[np.int64], size: int
+    padded: Labels, done: NDArray[np.uint8], x: int, y: int, direction: int, nodes: NDArray[np.int64], size: int
 ) -> int:
-    """Follow edges from (x, y) by `way` (0 right, 1 down, 2 left, 3 up) to a junction or back to where it began."""
+    """Follow edges from (x, y) in a direction (0 right, 1 down, 2 left, 3 up) to a junction or to the start.
+
+    Writes the nodes from index `size` on, and returns the index after the last one.
+    """
     across = padded.shape[1] - 1
     origin = y * across + x
     nodes[size] = origin
     size += 1
     while True:
-        done[y, x] |= 1 << way
-        x += (way == 0) - (way == 2)
-        y += (way == 1) - (way == 3)
-        back = (way + 2) % 4
+        done[y, x] |= 1 << direction
+        x += (direction == 0) - (direction == 2)
+        y += (direction == 1) - (direction == 3)
+        back = (direction + 2) % 4
         done[y, x] |= 1 << back
         nodes[size] = y * across + x
         size += 1
         if nodes[size - 1] == origin or _is_junction(padded, x, y):
             return size
         onward = _edges_at(padded, x, y) & ~(1 << back)
-        way = 0
-        while not onward >> way & 1:
-            way += 1
+        direction = 0
+        while not onward >> direction & 1:
+            direction += 1
 
 
 @kernel
-def _sides(padded: Labels, x: int, y: int, way: int) -> tuple[int, int]:
-    """Labels to the left and right of the edge that leaves the node by `way`."""
+def _sides(padded: Labels, x: int, y: int, direction: int) -> tuple[int, int]:
+    """Labels to the left and right of the edge that leaves the node in a direction."""
     nw, ne = padded[y, x], padded[y, x + 1]
     sw, se = padded[y + 1, x], padded[y + 1, x + 1]
-    if way == 0:
+    if direction == 0:
         return ne, se
-    if way == 1:
+    if direction == 1:
         return se, sw
-    if way == 2:
+    if direction == 2:
         return sw, nw
     return nw, ne
 
@@ -175,17 +183,17 @@ def _trace(
     loops = np.zeros(edges, np.bool_)
     done = np.zeros((height, width), np.uint8)
     arcs = size = 0
-    for looping in range(2):  # junctions first: what they leave are the loops
+    for looping in range(2):  # arcs between junctions first; the remaining edges form loops
         for y in range(height):
             for x in range(width):
                 bits = _edges_at(padded, x, y)
                 if bits == 0 or (looping == 0 and not _is_junction(padded, x, y)):
                     continue
-                for way in range(4):
-                    if bits >> way & 1 and not done[y, x] >> way & 1:
-                        left[arcs], right[arcs] = _sides(padded, x, y, way)
+                for direction in range(4):
+                    if bits >> direction & 1 and not done[y, x] >> direction & 1:
+                        left[arcs], right[arcs] = _sides(padded, x, y, direction)
                         loops[arcs] = looping == 1
-                        size = _walk(padded, done, x, y, way, nodes, size)
+                        size = _walk(padded, done, x, y, direction, nodes, size)
                         arcs += 1
                         starts[arcs] = size
     return nodes[:size].copy(), starts[: arcs + 1].copy(), left[:arcs].copy(), right[:arcs].copy(), loops[:arcs].copy()
@@ -195,7 +203,7 @@ def _trace(
 def _smooth(points: Points, starts: NDArray[np.int64], loops: NDArray[np.bool_], passes: int) -> Points:
     now = points.copy()
     for arc in range(starts.size - 1):
-        begin, end = starts[arc], starts[arc + 1] - 1  # of the first and of the last point
+        begin, end = starts[arc], starts[arc + 1] - 1  # indices of the first and the last point
         for _ in range(min(passes, (end - begin) // (8 if loops[arc] else 2))):
             for axis in range(2):
                 first = before = now[begin, axis]
@@ -213,7 +221,7 @@ def _smooth(points: Points, starts: NDArray[np.int64], loops: NDArray[np.bool_],
 
 @kernel
 def _distance(points: Points, i: int, a: int, b: int) -> float:
-    """From point i to the segment between points a and b."""
+    """Distance of point i to the segment between points a and b."""
     ax, ay = points[a, 0], points[a, 1]
     dx, dy = points[b, 0] - ax, points[b, 1] - ay
     px, py = points[i, 0] - ax, points[i, 1] - ay

@@ -1,4 +1,4 @@
-"""Low-pass filter for region borders, in time that grows with the filter's width and not with its square."""
+"""Low-pass filter for region borders, whose cost is proportional to the filter's width."""
 
 from __future__ import annotations
 
@@ -28,8 +28,7 @@ def smooth_borders(borders: Borders, sigma_px: float, limit_px: float) -> Border
     """
     positions = borders.positions.copy()
     if sigma_px > 0:
-        edges = borders.edges.view(np.int32).reshape(-1, 4)
-        neighbours, shares = _neighbours(edges, len(positions))
+        neighbours, shares = _neighbours(borders.edges, len(positions))
         fixed = _fixed(borders.lattice, np.array(borders.size))
         steps = diffusion_steps(sigma_px)
         once = _diffuse(positions, neighbours, shares, fixed, steps)
@@ -48,7 +47,7 @@ def diffusion_steps(sigma_px: float) -> NDArray[np.float32]:
 
 
 @kernel
-def _neighbours(edges: NDArray[np.int32], count: int) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+def _neighbours(edges: NDArray[np.void], count: int) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
     """int32 (nodes, 4): the neighbours of every node, itself in unused columns; float32: 1 / their number, or 0.
 
     Edges along the left side of the frame, with label 0 outside, do not count.
@@ -58,8 +57,8 @@ def _neighbours(edges: NDArray[np.int32], count: int) -> tuple[NDArray[np.int32]
     for n in range(count):
         neighbours[n, :] = n
     for k in range(edges.shape[0]):
-        if edges[k, 3] != 0:
-            a, b = edges[k, 0], edges[k, 1]
+        if edges[k]["right"] != 0:
+            a, b = edges[k]["start"], edges[k]["end"]
             neighbours[a, degrees[a]] = b
             neighbours[b, degrees[b]] = a
             degrees[a] += 1

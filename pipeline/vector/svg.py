@@ -1,9 +1,9 @@
-"""A segmented frame as SVG: every region a path with its boundary and colour (zhang2011online, section 7).
+"""A segmented frame as SVG: each region is a path with its boundary and colour (zhang2011online, section 7).
 
-A region's id is `r` and the name it keeps from frame to frame, so the regions of two frames correspond by id.
-Neighbours share their boundary to the last digit. Renderers soften both sides of a shared boundary on their own, which
-lets the ground shine through as a hairline; so every region also has a stroke of its own colour, thin enough (0.6 px)
-that no pixel centre changes hands.
+The id of a path is `r` followed by the region's permanent id, so the regions of two frames correspond by id. Neighbours
+share their boundary exactly. Renderers anti-alias both sides of a shared boundary independently, which makes the
+background visible as a thin line. Each region therefore also has a stroke of its own colour, which is so thin (0.6 px)
+that it covers no other pixel centre.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pipeline.frames import Labels, Plane
 from pipeline.vector.outlines import Outlines, rings, simplify, smooth, trace
 
 PARTS_PER_PX = 10
-"""Coordinates are rounded to this fraction of a pixel."""
+"""Coordinates are rounded to 1 / PARTS_PER_PX px."""
 
 
 def to_svg(
@@ -31,20 +31,20 @@ def to_svg(
     tolerance_px: float = 0.5,
     smoothing: int = 4,
 ) -> bytes:
-    """One frame as a stand-alone SVG document, UTF-8.
+    """Write one frame as a stand-alone SVG document, UTF-8.
 
     Args:
-        labels: int32 (height, width), the regions; 0 = no region, left transparent.
-        colours: uint8 (n, 3) sRGB, row l is the colour of label l.
-        ids: (n,) integers, row l is the lasting name of label l; None = the labels themselves.
-        ink: the line layer, (height, width) in 0..1, 1 = full ink; outlined where it is at least a half.
+        labels: int32 (height, width), regions; 0 = no region, transparent.
+        colours: uint8 (n, 3), sRGB by label.
+        ids: (n,) integers, permanent ids by label; None = the labels.
+        ink: line layer, float32 (height, width), 0..1, 1 = full ink; the area with at least 0.5 is outlined.
         ink_colour: sRGB of the lines, 0..255.
-        tolerance_px: how far a simplified boundary may lie from the smoothed one, px; 0 = not at all.
-        smoothing: low-pass passes over every boundary, 0 = the pixels' own stairs. With 0 and 0 the document filled
-            by the even-odd rule at pixel centres gives back `labels` exactly.
+        tolerance_px: largest distance of the simplified from the smoothed boundary, px.
+        smoothing: number of low-pass passes over each boundary; 0 = the pixels' edges. If both are 0, filling the
+            document by the even-odd rule at pixel centres gives `labels` exactly.
 
     Raises:
-        BadFrame: labels, colours, ids or ink do not fit each other.
+        BadFrame: labels, colours, ids or ink are inconsistent.
     """
     _check(labels, colours, ids, ink)
     names = np.arange(len(colours)) if ids is None else ids
@@ -72,14 +72,14 @@ def _ink(ink: Plane, colour: str, tolerance_px: float, smoothing: int) -> list[s
 
 
 def _paths(labels: Labels, tolerance_px: float, smoothing: int) -> dict[int, str]:
-    """Path data by label."""
+    """SVG path data by label."""
     outlines = simplify(smooth(trace(labels), smoothing), tolerance_px)
     text = _ArcText(outlines)
     return {label: "".join(text.ring(chain) for chain in chains) for label, chains in rings(outlines).items()}
 
 
 class _ArcText:
-    """Every arc as text, both ways, written once: relative moves, so that arcs can be strung together."""
+    """Text of each arc in both directions, as relative moves, so that arcs can be concatenated."""
 
     def __init__(self, outlines: Outlines) -> None:
         grid = np.rint(outlines.points * PARTS_PER_PX).astype(np.int64)
@@ -115,15 +115,15 @@ def _hex(colour: Sequence[int] | NDArray[np.uint8]) -> str:
 
 def _check(labels: Labels, colours: NDArray[np.uint8], ids: NDArray[np.integer] | None, ink: Plane | None) -> None:
     if labels.ndim != 2 or not np.issubdtype(labels.dtype, np.integer) or labels.size == 0:
-        raise BadFrame("A label map is an integer array (height, width).", field="labels", value=labels.shape)
+        raise BadFrame("A label map must be an integer array (height, width).", field="labels", value=labels.shape)
     lowest, highest = int(labels.min()), int(labels.max())
     if lowest < 0:
-        raise BadFrame("Labels are 0 or more.", field="labels", value=lowest)
+        raise BadFrame("Labels must not be negative.", field="labels", value=lowest)
     if colours.ndim != 2 or colours.shape[1] != 3 or colours.dtype != np.uint8:
-        raise BadFrame("Colours are uint8 (n, 3).", field="colours", value=f"{colours.dtype} {colours.shape}")
+        raise BadFrame("Colours must be uint8 (n, 3).", field="colours", value=f"{colours.dtype} {colours.shape}")
     if highest >= len(colours):
         raise BadFrame("A label has no colour.", field="colours", value=highest, remedy="Give a row for every label.")
     if ids is not None and len(ids) != len(colours):
-        raise BadFrame("There are as many ids as colours.", field="ids", value=f"{len(ids)} for {len(colours)}")
+        raise BadFrame("Each colour needs one id.", field="ids", value=f"{len(ids)} for {len(colours)}")
     if ink is not None and ink.shape != labels.shape:
-        raise BadFrame("The ink has the size of the labels.", field="ink", value=ink.shape)
+        raise BadFrame("The ink must have the size of the labels.", field="ink", value=ink.shape)

@@ -53,7 +53,7 @@ class Pass:
             place = self._place(picture)
             if place is not None and place >= self.position:
                 if place > self.position:
-                    self._note(f"{place - self.position} pictures are missing before frame {place}")
+                    self._report(f"{place - self.position} pictures are missing before frame {place}")
                 self.position = place + 1
                 return place, picture
 
@@ -72,7 +72,7 @@ class Pass:
         at = int(np.searchsorted(self._index.pts, picture.pts)) if picture.pts is not None else len(self._index.pts)
         known = at < len(self._index.pts) and int(self._index.pts[at]) == picture.pts
         if not known:
-            self._note(f"a picture at the unexpected time {picture.pts}")
+            self._report(f"a picture at the unexpected time {picture.pts}")
         return at if known else None
 
     def _packets(self, start: int) -> Iterator[Packet[Any]]:
@@ -81,7 +81,7 @@ class Pass:
         try:
             yield from self._container.demux(self._stream)
         except (av.FFmpegError, OSError) as error:
-            self._note(f"reading stopped: {error}")
+            self._report(f"reading stopped: {error}")
             yield Packet()  # drains the decoder
 
     def _decode(self, packets: Iterator[Packet[Any]]) -> Generator[av.VideoFrame, None, None]:
@@ -92,14 +92,14 @@ class Pass:
             try:
                 pictures = self._decoder.decode(None if last else packet)
             except (av.FFmpegError, ValueError) as error:
-                self._note(f"packet at time {packet.pts}: {error}")
+                self._report(f"packet at time {packet.pts}: {error}")
                 continue
             for picture in pictures:
                 if picture.is_corrupt:
-                    self._note(f"picture at time {picture.pts} is damaged")
+                    self._report(f"picture at time {picture.pts} is damaged")
                 yield picture
 
-    def _note(self, text: str) -> None:
+    def _report(self, text: str) -> None:
         if self._errors is None:
             raise Damage(text)
         if len(self._errors) < 100:

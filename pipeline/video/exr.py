@@ -242,10 +242,10 @@ def signed(forth: Flow | None, back: Flow | None, factors: tuple[float, float, f
     """Convert stored vectors to V+ and V- by sign factors; see `_SIGNS`."""
     axis = np.array([1.0, factors[2]], np.float32)
 
-    def turned(field: Flow | None, factor: float) -> Flow | None:
+    def scaled(field: Flow | None, factor: float) -> Flow | None:
         return None if field is None else np.ascontiguousarray(field * (np.float32(factor) * axis), np.float32)
 
-    return Velocities(turned(forth, factors[0]), turned(back, factors[1]))
+    return Velocities(scaled(forth, factors[0]), scaled(back, factors[1]))
 
 
 def factors_of(
@@ -276,12 +276,12 @@ def factors_of(
     scores = {f: _misfit(signed(forth, back, f), first[1], second[1]) for f in tried}
     best = min(scores, key=lambda f: (scores[f], f))
     still = _misfit(Velocities(np.zeros((*first[1].shape[:2], 2), np.float32), None), first[1], second[1])
-    says = (
+    message = (
         f"Signs of the motion vectors were estimated: V+ = {best[0]:+.0f} next, V- = {best[1]:+.0f} previous, "
         f"y {'as stored' if best[2] > 0 else 'negated'}; warping error {scores[best]:.2f} gray levels, {still:.2f} "
         "without vectors."
     )
-    return best, says
+    return best, message
 
 
 def _misfit(velocities: Velocities, first: Frame, second: Frame) -> float:

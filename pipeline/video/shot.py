@@ -79,7 +79,7 @@ class LayerFiles:
     guides: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
     style: Mapping[str, str] = field(default_factory=dict)
     """File name without extension -> path."""
-    says: LayerJson | None = None
+    settings: LayerJson | None = None
 
     @property
     def where(self) -> str:
@@ -94,7 +94,7 @@ class ShotLayout:
     whole: LayerFiles
     layers: tuple[LayerFiles, ...]
     """Layers from back to front; empty if the shot has only the whole picture."""
-    says: ShotJson
+    settings: ShotJson
 
     @property
     def frames(self) -> int:
@@ -108,29 +108,29 @@ def read_shot(files: Files) -> ShotLayout:
         UnreadableMedia: a picture is missing, duplicate or unknown; the message names layer, pass and frame.
     """
     tree = _Tree(files)
-    says = _manifest(files)
+    settings = _manifest(files)
     numbers = tree.numbers()
     whole = tree.layer(WHOLE, "", numbers, None)
-    return ShotLayout(whole, tuple(_layers(tree, says, numbers)), says)
+    return ShotLayout(whole, tuple(_layers(tree, settings, numbers)), settings)
 
 
-def _layers(tree: _Tree, says: ShotJson, numbers: Mapping[int, int]) -> Iterable[LayerFiles]:
+def _layers(tree: _Tree, settings: ShotJson, numbers: Mapping[int, int]) -> Iterable[LayerFiles]:
     folders = tree.layer_names()
-    if says.layers is None:
+    if settings.layers is None:
         for name in folders:
             yield tree.layer(name, f"{LAYERS}/{name}/", numbers, None)
         return
-    listed = [layer.name for layer in says.layers]
+    listed = [layer.name for layer in settings.layers]
     for name in {n for n in listed if listed.count(n) > 1}:
         _refuse(f"Layer {name} is listed twice.", f"{MANIFEST}: layers", name, "List each layer once.")
     for name in folders:
         if name not in listed:
             _refuse(f"Layer {name} is not listed.", f"{MANIFEST}: layers", name, "List it, or remove its folder.")
-    for index, layer in enumerate(says.layers):
+    for index, layer in enumerate(settings.layers):
         if layer.name not in folders and not layer.ids:
             _refuse(
                 f"Layer {layer.name} has no folder.", f"{MANIFEST}: layers[{index}]", layer.name,
-                f"Put its pictures in {LAYERS}/{layer.name}/, or say which ids it has.",
+                f"Put its pictures in {LAYERS}/{layer.name}/, or list its ids.",
             )  # fmt: skip
         yield tree.layer(layer.name, f"{LAYERS}/{layer.name}/", numbers, layer)
 
@@ -175,7 +175,7 @@ class _Tree:
             _refuse("The shot has no pictures.", "file", f"{FRAMES}/", "Number the rendered frames in frames/.")
         return {number: index for index, number in enumerate(sorted(found))}
 
-    def layer(self, name: str, root: str, numbers: Mapping[int, int], says: LayerJson | None) -> LayerFiles:
+    def layer(self, name: str, root: str, numbers: Mapping[int, int], settings: LayerJson | None) -> LayerFiles:
         who = f"Layer {name}" if name else "The shot"
         passes = {kind: self._pass(f"{root}{kind}/", numbers, who, kind in SPARSE) for kind in (FRAMES, *NUMBERED)}
         names = sorted({p.parent.name for p in self._paths if str(p.parent.parent) == f"{root}guides"})
@@ -185,7 +185,7 @@ class _Tree:
             if index not in passes["keyframes"]:
                 path = passes["painted"][index]
                 _refuse(f"{who} has no keyframe for the mask {path}.", path, None, "Name both by the same frame.")
-        return LayerFiles(name, passes, guides, style, says)
+        return LayerFiles(name, passes, guides, style, settings)
 
     def _pass(self, folder: str, numbers: Mapping[int, int], who: str, sparse: bool) -> dict[int, str]:
         found = self._numbered(folder, who)

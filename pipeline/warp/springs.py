@@ -183,7 +183,7 @@ def _strain(
                 continue
             px, py, k = laid[y, x, 0], laid[y, x, 1], stiffness[y, x]
             ex, ey = targets[y, x, 0] - px, targets[y, x, 1] - py
-            fx, fy, held = k * ex, k * ey, k
+            fx, fy, stiff = k * ex, k * ey, k
             energy += k * (ex * ex + ey * ey)
             for n in range(4):
                 ny, nx = (y, x + 1) if n == 0 else (y + 1, x + n - 2)
@@ -196,13 +196,13 @@ def _strain(
                 pull = strain / max(length, np.float32(1e-6))
                 fx += pull * ax
                 fy += pull * ay
-                held += np.float32(1.0)
+                stiff += np.float32(1.0)
                 force[ny, nx, 0] -= pull * ax
                 force[ny, nx, 1] -= pull * ay
                 force[ny, nx, 2] += np.float32(1.0)
             force[y, x, 0] += fx
             force[y, x, 1] += fy
-            force[y, x, 2] += held
+            force[y, x, 2] += stiff
     return energy
 
 

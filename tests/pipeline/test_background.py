@@ -1,4 +1,4 @@
-"""Work done background: at once without a helper, in turn with one."""
+"""Background work, immediately without a helper thread and in order with one."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import pytest
 from pipeline.background import Background
 
 
-def test_without_a_helper_it_is_done_at_once_by_the_caller() -> None:
+def test_without_a_helper_the_caller_computes_at_once() -> None:
     asked = []
     later = Background()(lambda x: asked.append(threading.current_thread()) or x + 1, 1)
     assert asked == [threading.current_thread()]
     assert later.result() == 2
 
 
-def test_a_helper_works_in_order_and_apart() -> None:
+def test_a_helper_thread_works_in_order() -> None:
     background, seen, gate = Background(), [], threading.Event()
     with ThreadPoolExecutor(1) as background.helper:
         background(gate.wait, 5)
@@ -28,7 +28,7 @@ def test_a_helper_works_in_order_and_apart() -> None:
     assert seen == [0, 1, 2, 3, 4]
 
 
-def test_what_went_wrong_is_told_to_who_asks() -> None:
+def test_an_exception_is_raised_where_the_result_is_read() -> None:
     background = Background()
     with ThreadPoolExecutor(1) as background.helper, pytest.raises(ZeroDivisionError):
         background(lambda: 1 / 0).result()
@@ -37,7 +37,7 @@ def test_what_went_wrong_is_told_to_who_asks() -> None:
         background(lambda: 1 / 0)
 
 
-def test_rows_are_all_done_once_and_the_helper_takes_the_upper_half() -> None:
+def test_each_row_is_computed_once_and_the_helper_takes_the_upper_half() -> None:
     background, done = Background(), []
 
     def work(first: int, last: int) -> None:

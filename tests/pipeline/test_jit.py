@@ -1,4 +1,4 @@
-"""Compiling in several processes: one after the other."""
+"""Compilation in several processes under one lock."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ print(_outer(3), _outer(3.5))
 """
 
 
-def test_processes_that_begin_together_agree(tmp_path: Path) -> None:
+def test_processes_that_start_together_compile_once(tmp_path: Path) -> None:
     env = {"NUMBA_CACHE_DIR": str(tmp_path), "PATH": "", "HOME": str(tmp_path)}
     command = [sys.executable, "-c", SCRIPT]
     root = Path(__file__).parents[2]
@@ -52,7 +52,7 @@ def test_processes_that_begin_together_agree(tmp_path: Path) -> None:
     assert list(tmp_path.rglob("*.nbc"))
 
 
-def test_a_kernels_stamp_changes_with_what_it_calls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_stamp_of_a_kernel_changes_with_its_callees(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     texts = {"a": "from pipeline.b import f", "b": "from pipeline.c import g\nimport os", "c": "x = 1", "d": "y = 1"}
     (tmp_path / "pipeline").mkdir()
     for name, text in texts.items():

@@ -29,12 +29,12 @@ from pipeline.segmentation.regions import Lab8
 LINE_STATE = ("analyzer.lines.ink", "analyzer.lines.opacity", "analyzer.lines.response")
 """Stored planes of the line layer, by name in the session's state."""
 DENOISE_TOLERANCE = 6.0
-"""CIELAB units at which the weight of the past has fallen to 1/e."""
+"""Difference, CIELAB units, at which the weight of the past has fallen to 1/e."""
 
 
 @dataclass(frozen=True)
 class FrameAnalysis:
-    """Everything later stages need to know about one frame. Label-sized planes have the frame's height and width."""
+    """Analysis of one frame for the later stages. Planes have the frame's size unless stated otherwise."""
 
     lab: Lab8
     """CIELAB of the denoised frame, 8 bit."""
@@ -53,7 +53,7 @@ class FrameAnalysis:
 
 
 class FrameAnalyzer:
-    """Analyses frame after frame; keeps the previous frame, its denoised version, faces, importance and lines."""
+    """Analyses consecutive frames; keeps the previous frame, its denoised version, faces, importance and lines."""
 
     def __init__(
         self, params: AbstractionParams, size: tuple[int, int], tone: bool, shot: int, clock: Clock,
@@ -192,7 +192,7 @@ def _line_extractor(params: AbstractionParams, size: tuple[int, int]) -> LineExt
 
 
 def _short_gaussian(sigma_px: float) -> tuple[int, float]:
-    """(taps, standard deviation) of a Gaussian cut off at about two of them, yet as wide as `sigma_px`."""
+    """Number of taps and sigma of a Gaussian truncated at about two sigma, whose variance equals `sigma_px` squared."""
     reach = round(2 * sigma_px)
     squares = np.arange(-reach, reach + 1) ** 2
     wider = sigma_px * np.linspace(1, 1.5, 501)

@@ -1,4 +1,4 @@
-"""The colour of every region: zhang2011online, section 5, held together over time by eq. 4."""
+"""Colours of the regions (zhang2011online, section 5), blended over time by eq. 4."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Lab = NDArray[np.float64]
 
 
 class Palette:
-    """Gives each region its output colour; remembers the last frame's."""
+    """Computes the output colour of each region; keeps the colours of the previous frame."""
 
     def __init__(self, params: AbstractionParams, reference: scheme.ColourStats | None) -> None:
         self.params = params
@@ -26,11 +26,11 @@ class Palette:
             self._table = scheme.hue_table(reference, params.mean_shift_steps, params.hue_neighbourhood)
 
     def step(self, regions: Segmentation, tone: scheme.Tone | None, light_steadiness: float = 1.0) -> NDArray[np.uint8]:
-        """RGB uint8 (n + 1, 3) for the regions of the next frame.
+        """Colours of the regions of the next frame: uint8 (n + 1, 3), RGB.
 
         Args:
-            tone: the frame's, needed with a reference.
-            light_steadiness: 0..1, how steady the light is: in a fade colours follow at once.
+            tone: tone of the frame; required if there is a reference.
+            light_steadiness: 0..1, see `cuts.light_steadiness`; in a fade, colours change at once.
         """
         target = self._target(regions, tone)
         self.last = target if self.last is None else self._blend(regions, target, self.last, light_steadiness)
@@ -47,8 +47,8 @@ class Palette:
     def _blend(self, regions: Segmentation, target: Lab, last: Lab, light_steadiness: float) -> Lab:
         """Eq. 4: o_i = (1 - alpha) o_{i-1} + alpha c_i; a new region has its target colour.
 
-        Departure: alpha is near 1 for a well tracked region, which then follows every tremor of the exposure; it is
-        scaled to a half-life in frames (`colour_half_life` = 0: the paper's).
+        Departure: alpha is near 1 for a well tracked region, which would then follow every fluctuation of the exposure.
+        It is scaled to a half-life in frames; `colour_half_life` = 0 is the paper's equation.
         """
         half_life = self.params.colour_half_life
         gain = 1 - light_steadiness * 0.5 ** (1 / half_life) if half_life > 0 else 1.0

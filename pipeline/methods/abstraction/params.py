@@ -21,7 +21,7 @@ class AbstractionParams(Params):
     )  # fmt: skip
     core_tolerance: float = number(
         0.4, 0.2, 1.5, "Core tolerance",
-        "Share of the region tolerance that a new region's core must keep to. Smaller = more shades in a gradient.",
+        "Tolerance of a new region's core, as a share of the region tolerance. Smaller = more shades in a gradient.",
         "ratio", "Regions",
     )  # fmt: skip
     smallest_region: float = number(
@@ -30,8 +30,8 @@ class AbstractionParams(Params):
         "per mille of the frame", "Regions",
     )  # fmt: skip
     merge_similar: float = number(
-        5, 0, 30, "Merge look-alikes",
-        "A new region joins a neighbour whose mean colour is nearer than this.", "CIELAB", "Regions",
+        5, 0, 30, "Merge similar regions",
+        "A new region is merged into a neighbour whose mean colour differs by less than this.", "CIELAB", "Regions",
     )  # fmt: skip
     edge_threshold: float = number(
         90, 10, 1000, "Edge threshold",
@@ -51,7 +51,7 @@ class AbstractionParams(Params):
 
     # -- time
     temporal: Switch = choice(
-        "on", "Temporal coherence", "off = every frame on its own: the honest baseline, and it flickers.", "Time"
+        "on", "Temporal coherence", "off = every frame is processed on its own, as a baseline; it flickers.", "Time"
     )
     flow: FlowName = choice(
         "dis-ultrafast", "Optical flow",
@@ -59,12 +59,12 @@ class AbstractionParams(Params):
     )  # fmt: skip
     flow_error_limit: float = number(
         12, 1, 60, "Flow error limit",
-        "A label is not carried to a pixel that differs by more from where it came from (the paper: 5 to 20).",
+        "A label is not propagated to a pixel that differs by more from its source (the paper: 5 to 20).",
         "CIELAB", "Time", "T_f",
     )  # fmt: skip
     steadiness: float = number(
         0.85, 0, 0.95, "Steadiness",
-        "Weight of the past, along the motion, in what regions and lines are made from: removes sensor noise.",
+        "Weight of the past, along the motion, in the input of regions and lines; removes sensor noise.",
         "ratio", "Time",
     )  # fmt: skip
     stillness: float = number(
@@ -77,7 +77,7 @@ class AbstractionParams(Params):
     )  # fmt: skip
     paint_memory: float = number(
         0.7, 0, 0.95, "Paint memory",
-        "Weight of the last frame's paint where the source agrees with its past: what changes there fades, not pops.",
+        "Weight of the previous output where the source agrees with its past, so that changes fade in.",
         "ratio", "Time",
     )  # fmt: skip
     colour_half_life: float = number(
@@ -87,7 +87,7 @@ class AbstractionParams(Params):
     )  # fmt: skip
     cut_sensitivity: float = number(
         1, 0, 3, "Cut sensitivity",
-        "How readily a hard cut is called, which starts everything afresh; 0 = never: residuals alone re-segment.",
+        "How readily a hard cut is detected, at which everything starts anew; 0 = never.",
         "ratio", "Time",
     )  # fmt: skip
 
@@ -118,7 +118,7 @@ class AbstractionParams(Params):
         "Lines", "sigma_e",
     )  # fmt: skip
     line_threshold: float = number(
-        1.1, 0, 10, "Line threshold", "Response below which nothing is drawn; lower where it matters more.",
+        1.1, 0, 10, "Line threshold", "Response below which nothing is drawn; lower where importance is high.",
         "gray levels", "Lines", "epsilon",
     )  # fmt: skip
     line_sharpness: float = number(
@@ -136,13 +136,13 @@ class AbstractionParams(Params):
         json_schema_extra={"unit": "steps", "group": "Colour", "symbol": "k"},
     )  # fmt: skip
     hue_neighbourhood: float = number(
-        30, 1, 180, "Hue neighbourhood", "Width of the neighbourhood mean shift looks at (eq. 1).", "degrees",
+        30, 1, 180, "Hue neighbourhood", "Width of the neighbourhood of mean shift (eq. 1).", "degrees",
         "Colour", "N(h)",
     )  # fmt: skip
     keep_brightness: float = number(
-        2 / 3, 0, 1, "Keep brightness", "How much of its own brightness the video keeps beside a reference (eq. 3).",
+        2 / 3, 0, 1, "Keep brightness", "Share of its own brightness that the video keeps with a reference (eq. 3).",
         "ratio", "Colour", "lambda",
     )  # fmt: skip
     vividness: float = number(
-        1.0, 0, 3, "Vividness", "Factor on the chroma of every region; 1 = as it is.", "ratio", "Colour"
+        1.0, 0, 3, "Vividness", "Factor on the chroma of every region; 1 = unchanged.", "ratio", "Colour"
     )

@@ -1,12 +1,12 @@
-"""The batch form of the online method: shots in parallel, runs of a shot in a chain.
+"""Plan of a batch job: shots are processed in parallel, runs of frames within a shot in sequence.
 
-    scan        one pass over the video: how many frames there really are, and where shots begin
-    reference   the colour scheme of the reference, if one was given
-    abstract    runs of at most RUN_FRAMES frames; a run goes on from the state that the run before it saved,
-                the first run of a shot starts afresh
+    scan        one pass over the video: number of frames, and first frames of the shots
+    reference   colour scheme of the reference, if there is one
+    abstract    runs of at most RUN_FRAMES frames; a run continues from the state that the previous run saved, the
+                first run of a shot starts without state
 
-The state that is handed on is everything a session remembers, so that the result is byte for byte what one session
-over the whole video gives, with no warm-up and no seam, however many workers there are and wherever they stop.
+The saved state is the complete state of a session, so the result equals that of one session over the whole video byte
+for byte, for any number of workers.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.scan import scan_video
 
 RUN_FRAMES = 96
-"""Frames a task: about 3 s of work at 720p, which is the most a restart repeats."""
+"""Frames per task: about 3 s of work at 720p, which is repeated after a failure."""
 BATCH_BYTES = 48 << 20
 """Frames are decoded, painted and encoded in batches of this size, so that each is timed alone."""
 
@@ -36,7 +36,7 @@ def plan_scan(context: PlanContext[AbstractionParams]) -> list[Task]:
 
 
 def run_scan(task: Task, context: TaskContext[AbstractionParams]) -> TaskResult:
-    """Result: number of frames and cuts, as a session would find them."""
+    """Result: number of frames, and cuts as a live session finds them."""
     frames, cuts = scan_video(context, context.params.cut_sensitivity)
     return {"frames": frames, "cuts": cuts}
 
@@ -46,7 +46,7 @@ def plan_reference(context: PlanContext[AbstractionParams]) -> list[Task]:
 
 
 def run_reference(task: Task, context: TaskContext[AbstractionParams]) -> TaskResult:
-    """Learn the colour scheme and keep it as the artefact "colours"."""
+    """Compute the colour scheme and save it as the artefact "colours"."""
     with context.clock("learn"):
         if context.has("histogram"):
             scheme = from_histogram(context.json("histogram"), "inputs.histogram")
@@ -90,12 +90,12 @@ def _key(start: int) -> str:
 
 
 def run_abstract(task: Task, context: TaskContext[AbstractionParams]) -> TaskResult:
-    """Paint frames [start, stop), from the state of the run before where there is one."""
+    """Paint frames [start, stop), starting from the state of the previous run of the shot."""
     start, stop = task.args["start"], task.args["stop"]
     session = AbstractionSession(context.params, context.size, _scheme(context), task.args["shot"], context.clock)
     if task.after:
         session.restore(context.load("abstract", task.after[0]))
-    book = SvgArchive(task.key) if context.wants("svg") else None
+    svg = SvgArchive(task.key) if context.wants("svg") else None
     masks = _masks(context, start)
     index = start
     with PipelinedRunner(session) as runner:
@@ -103,16 +103,16 @@ def run_abstract(task: Task, context: TaskContext[AbstractionParams]) -> TaskRes
             frames = []
             for painting in runner.run(batch, masks, index):
                 frames.append(painting.frame)
-                if book is not None:
-                    book.add(index + len(frames) - 1, painting)
+                if svg is not None:
+                    svg.add(index + len(frames) - 1, painting)
                 context.progress((index + len(frames) - start) / (stop - start))
             for frame in frames:
                 context.emit(index, frame)
                 index += 1
     if not task.args["last"] and context.params.temporal == "on":
         context.save(task.key, session.state())
-    if book is not None:
-        context.save_file(book.name, book.close(), "application/zip")
+    if svg is not None:
+        context.save_file(svg.name, svg.close(), "application/zip")
     return {"frames": index - start}
 
 
@@ -121,10 +121,7 @@ def _masks(context: TaskContext[AbstractionParams], start: int) -> Mapping[int, 
 
 
 class _Masks(Mapping[int, Plane]):
-    """The user's importance masks by frame number, each read when it is asked for: there may be one a frame.
-
-    A run begins with the newest one up to its start.
-    """
+    """Importance masks by frame number, decoded on access. A run starts with the latest mask up to its first frame."""
 
     def __init__(self, images: Mapping[int, AnyArray], start: int) -> None:
         self._images = images
@@ -148,7 +145,7 @@ def _plane(image: AnyArray) -> Plane:
 
 
 def _batches(frames: Iterable[Frame], size: tuple[int, int]) -> Iterator[list[Frame]]:
-    """Frames in lists of about BATCH_BYTES."""
+    """Group frames in lists of about BATCH_BYTES."""
     count = max(2, min(64, BATCH_BYTES // (size[0] * size[1] * 3)))
     source = iter(frames)
     while batch := list(islice(source, count)):

@@ -16,11 +16,11 @@ from pipeline.methods.tasks import Clock
 from pipeline.segmentation.segmenter import Segmentation, Segmenter, SegmenterParams
 
 IDS_A_SHOT = 1_000_000_000
-"""Region ids are shot * IDS_A_SHOT + n: unique over the video although shots are done apart."""
+"""Region ids are shot * IDS_A_SHOT + n, which makes them unique although shots are processed independently."""
 FADING = 0.15
-"""`light_steadiness` below which regions have to earn their pixels anew."""
+"""`light_steadiness` below which pixels are compared with their region as strictly as in a new region."""
 MISFIT_SLACK = 1.1
-"""A pixel leaves its region beyond this share of the growing limit: a little more than it took to join."""
+"""A pixel leaves its region beyond this multiple of the growing limit; slightly more than the limit for joining."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class ColouredRegions:
 
 
 class RegionStage:
-    """Segments frame after frame and gives every region its colour."""
+    """Segments consecutive frames and computes the colours of the regions."""
 
     def __init__(
         self, params: AbstractionParams, size: tuple[int, int], reference: ColourStats | None, clock: Clock
@@ -58,7 +58,7 @@ class RegionStage:
         return ColouredRegions(analysis, regions, colours)
 
     def _begin(self, shot: int) -> None:
-        """A shot's ids start at its own base; frames on their own (`temporal=off`) go on counting within it."""
+        """Start a shot with its own range of ids. With `temporal=off`, each frame continues the ids of its shot."""
         self.segmenter.reset(self.segmenter.next_id if shot == self.shot else shot * IDS_A_SHOT + 1)
         self.palette.last = None
         self.shot = shot

@@ -1,4 +1,5 @@
-"""What a session remembers, carried over to frames of another size: a picture that changes resolution does not jump."""
+"""Resampling of a session's state to another frame size, so that the picture does not jump at a change of
+resolution."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ PICTURES = ("analyzer.gray", "analyzer.denoised", "compositor.picture")
 LABELS, AREAS, REMAINDER = "regions.segmenter.labels", "regions.segmenter.areas", "regions.segmenter.remainder"
 FACES = "analyzer.importance.faces"
 FACE_COLUMNS = 8
-"""A face's box and its goal, (x, y, width, height) px each; what follows has no size."""
+"""Columns of a stored face in px: smoothed and detected box, (x, y, width, height) each."""
 COARSE = (
     "analyzer.importance.cues", "analyzer.importance.mask", "analyzer.lines.response", "analyzer.lines.opacity",
     "analyzer.lines.ink",
@@ -23,16 +24,15 @@ TENSORS = "analyzer.lines.tensors"
 
 
 def resample_state(state: Arrays, size: tuple[int, int], coarse: Mapping[str, tuple[int, int]]) -> State:
-    """The state for a session whose frames are `size`.
+    """Resample a state for a session with frames of `size`.
 
     Args:
-        state: of a session of any size, `AbstractionSession.state`.
+        state: from `AbstractionSession.state`, of any frame size.
         size: (width, height), px.
         coarse: (width, height) of the planes that are coarser than the frame (`COARSE`), by name.
 
-    Region ids and colours stay with their labels. A region that is too small to be seen at the new size has no pixel
-    any more and ends as any other that is covered up. Motion remainders, less than a pixel, the memory of
-    `lines=flow` and a search for faces start anew.
+    Regions keep their ids and colours. A region that has no pixel at the new size ends like a region that is covered.
+    Motion remainders, the tensors of `lines=flow` and a face search in progress are reset.
     """
     moved = dict(state)
     for name in COARSE:
@@ -59,7 +59,7 @@ def resample_state(state: Arrays, size: tuple[int, int], coarse: Mapping[str, tu
 
 
 def _size(state: Arrays) -> tuple[int, int] | None:
-    """(width, height) of the frames that `state` is of; None before the first."""
+    """(width, height) of the state's frames; None before the first frame."""
     gray = state.get("analyzer.gray")
     return None if gray is None else (gray.shape[1], gray.shape[0])
 

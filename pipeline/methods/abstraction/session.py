@@ -74,7 +74,7 @@ class AbstractionSession:
         return painting
 
     def complete(self, analysis: FrameAnalysis) -> Painting:
-        """The rest of `finish` after `Compositor.prepare`."""
+        """Second part of `finish`, after `Compositor.prepare`."""
         return self.compositor.step(self.regions.step(analysis))
 
     def use_helper(self, helper: Executor) -> None:

@@ -1,4 +1,4 @@
-"""Vector output: every frame as regions with boundary and colour (zhang2011online, section 7)."""
+"""Vector output: each frame as regions with boundary and colour (zhang2011online, section 7)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _EPOCH = (1980, 1, 1, 0, 0, 0)
 
 
 class SvgArchive:
-    """A zip of one SVG a frame, named by frame number; a region's id is the same in every frame it lives in."""
+    """Zip with one SVG per frame, named by frame number; a region has the same id in all its frames."""
 
     def __init__(self, key: str) -> None:
         self.name = f"svg-{key}.zip"

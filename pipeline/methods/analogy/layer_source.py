@@ -69,7 +69,7 @@ class LayerSource:
     @cached_property
     def guides(self) -> tuple[Guide, ...]:
         """Passes that have a counterpart in the style (with keyframes as style: all passes), and the user's guides."""
-        weights = self._layer.files.says.guides if self._layer.files.says else {}
+        weights = self._layer.files.settings.guides if self._layer.files.settings else {}
         names = [*self._passes.guide_names(), *(["mask"] if self.masked else [])]
         for name in weights:
             if name not in names:
@@ -194,7 +194,7 @@ class LayerSource:
 
     def overpaint_px(self) -> float:
         """Maximum distance of paint beyond the silhouette, px."""
-        says = self._layer.files.says
+        says = self._layer.files.settings
         if says is not None and says.overpaint_px is not None:
             return says.overpaint_px
         if not self.masked:

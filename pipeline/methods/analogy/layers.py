@@ -109,7 +109,7 @@ def layered_shot(context: TaskContext[AnalogyParams]) -> LayeredShot | None:
             remedy="Put them in layers/LAYER/keyframes/.",
         )  # fmt: skip
     files = files if is_shot(files) else _Framed(files)
-    whole, says = layout.whole, layout.says
+    whole, says = layout.whole, layout.settings
     made = [
         Layer(number, layer, whole, layout.frames, files, says.vectors)
         for number, layer in enumerate((whole, *layout.layers), -1)
@@ -145,7 +145,7 @@ def layer_params(params: AnalogyParams, layer: Layer) -> AnalogyParams:
     Raises:
         BadParameter: an unknown name or a value out of range; the field names the place in shot.json.
     """
-    says = layer.files.says
+    says = layer.files.settings
     if says is None or not says.params:
         return params
     from pipeline.methods import method, parse_params

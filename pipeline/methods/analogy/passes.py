@@ -28,7 +28,7 @@ class Passes:
     def __init__(self, layer: Layer, size: tuple[int, int]) -> None:
         self._layer, self._size = layer, size
         self._images: OrderedDict[str, Exr] = OrderedDict()
-        self._says_ids = layer.files.says.ids if layer.files.says else ()
+        self._says_ids = layer.files.settings.ids if layer.files.settings else ()
         self.masked = layer.number >= 0 and self._is_part()
 
     def _is_part(self) -> bool:

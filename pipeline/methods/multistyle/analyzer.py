@@ -94,7 +94,7 @@ class FrameAnalyzer:
         fresh = self._begins_shot(frame)
         gray = np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.uint8)
         forward, back = self._flow(gray, fresh)
-        with self.clock("hold"):
+        with self.clock("denoise"):
             picture = self.denoiser.step(_shrunk(frame, self.work).astype(np.float32), back)
         changed = self.denoiser.changed
         detail = self._detail(gray, forward, fresh)

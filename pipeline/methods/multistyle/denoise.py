@@ -104,8 +104,8 @@ class TemporalDenoiser:
         """
         now = frame
         if back is not None and self.past is not None:
-            held, self.changed = denoise(now, self.past, back, self.tolerance)
-            now = held if self.tolerance else now
+            denoised, self.changed = denoise(now, self.past, back, self.tolerance)
+            now = denoised if self.tolerance else now
         self.past = now
         return np.asarray(np.rint(now), np.uint8)
 

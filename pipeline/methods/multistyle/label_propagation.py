@@ -56,14 +56,14 @@ class LabelPropagator:
 
     def _advect(self, before: Frame, now: Frame) -> None:
         back = estimate(now, before, "dis-medium")
-        seen = visible(back, estimate(before, now, "dis-medium"))
+        visible_before = visible(back, estimate(before, now, "dis-medium"))
         x, y = positions(back)
         moved = np.stack([
             cv2.remap(plane, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) for plane in self.planes
         ])  # fmt: skip
         sharp = (moved.astype(np.float32) - 127.5) * np.float32(SHARPEN) + 127.5
         self.planes = np.clip(np.rint(sharp), 0, 255).astype(np.uint8)
-        self._correct(now, seen)
+        self._correct(now, visible_before)
 
     def _correct(self, frame: Frame, visible_before: Mask) -> None:
         """Reassign pixels at borders, and newly visible pixels, to the region of the most similar local colour."""

@@ -63,7 +63,7 @@ class Painter:
         now = self._painting(analysis)
         if not self.accumulated:
             return now.paint
-        with self.clock("linger"):
+        with self.clock("accumulate"):
             picture = accumulate(now, [before for _, before in self._previous(analysis)])
         self._keep(analysis, now)
         return picture

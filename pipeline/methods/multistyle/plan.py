@@ -127,12 +127,12 @@ def _from(kept: State, first: int) -> State:
 def _paint(task: Task, context: TaskContext[MultistyleParams]) -> TaskResult:
     """Paint frames [start, stop) from their analyses and those of the few previous frames."""
     start, stop = task.args["start"], task.args["stop"]
-    seen = context.load("paint", _analysis_key(start))
+    packed = context.load("paint", _analysis_key(start))
     painter = Painter(context.params, context.size, context.seed, context.clock)
     if painter.accumulated and task.args["before"]:
         for analysis in _unpacked(context.load("paint", f"last-{task.args['before']}")):
             painter.recall(analysis)
-    frames = _unpacked(seen)
+    frames = _unpacked(packed)
     for k, analysis in enumerate(frames):
         context.emit(start + k, painter.paint(analysis))
         context.progress((k + 1) / (stop - start))

@@ -42,7 +42,7 @@ class FoundRegions:
 
 
 def preview_frame(request: PreviewRequest[MultistyleParams], found: FoundRegions | None = None) -> Frame:
-    """The last frame of the request, painted. Nothing is carried over from the frames before it.
+    """The last frame of the request, painted. The frames before it do not influence it.
 
     The inputs "design" and "masks" and the artefact "regions" of an earlier job are used where they are given.
     Without "regions", regions made of tubes or objects are empty. Between keys, label maps and outlines of the nearest

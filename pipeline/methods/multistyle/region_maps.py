@@ -63,14 +63,14 @@ def _region_keys(design: Design, context: TaskContext[MultistyleParams]) -> Regi
 
 
 def plan_regions(context: PlanContext[MultistyleParams], runs: list[Run]) -> list[Task]:
-    needs = context.results["scan"]["video"]
-    if not needs["maps"]:
+    facts = context.results["scan"]["video"]
+    if not facts["maps"]:
         return []
-    keys = [key for listed in needs["channels"].values() for key in listed]
+    keys = [key for listed in facts["channels"].values() for key in listed]
     tasks: list[Task] = []
     for number, (start, stop, shot) in enumerate(runs):
-        args = {"start": start, "stop": stop, "tubes": needs["tubes"], "shot": _shot_number(runs, shot)}
-        args["frames"] = needs["frames"]
+        args = {"start": start, "stop": stop, "tubes": facts["tubes"], "shot": _shot_number(runs, shot)}
+        args["frames"] = facts["frames"]
         first, weight = start == shot[0], WEIGHT * (stop - start)
         after = () if first else (f"fore-{runs[number - 1][0]:07d}",)
         tasks.append(Task(f"fore-{start:07d}", args | {"last": stop == shot[1]}, after, weight=weight))
@@ -100,7 +100,7 @@ def run_regions(task: Task, context: TaskContext[MultistyleParams], design: Desi
     ids: list[NDArray[np.int64]] = []
     results: list[tuple[int, TaskResult]] = []
     for number, frame in _in_order(context, start, stop, forwards):
-        with context.clock("carry"):
+        with context.clock("propagate"):
             propagated.append(propagator.step(number, frame))
         if tubes:
             with context.clock("tubes"):
@@ -137,17 +137,17 @@ def _packed(propagated: list[NDArray[np.uint8]], ids: list[NDArray[np.int64]]) -
 
 
 def plan_maps(context: PlanContext[MultistyleParams], runs: list[Run]) -> list[Task]:
-    needs = context.results["scan"]["video"]
-    if not needs["maps"]:
+    facts = context.results["scan"]["video"]
+    if not facts["maps"]:
         return []
     shots = sorted({run[2] for run in runs})
     found: list[Tube] = []
-    if needs["tubes"]:
+    if facts["tubes"]:
         results = [result for key, result in context.results["regions"].items() if key.startswith("fore")]
         found = tubes_of(results, shots, context.video.height, context.params.objects)
-    _check_numbers(needs["made"], found)
+    _check_numbers(facts["made"], found)
     owner = {
-        str(one): name for name, (numbers, objects) in needs["made"].items() for tube in found for one in tube.ids
+        str(one): name for name, (numbers, objects) in facts["made"].items() for tube in found for one in tube.ids
         if tube.number in numbers or tube.object in objects
     }  # fmt: skip
     numbers = {str(one): tube.number for tube in found for one in tube.ids}
@@ -155,11 +155,15 @@ def plan_maps(context: PlanContext[MultistyleParams], runs: list[Run]) -> list[T
     tasks = []
     for start, stop, shot in runs:
         args: TaskResult = {"start": start, "stop": stop, "shot": list(shot), "owner": owner, "numbers": numbers}
-        args["frames"] = needs["frames"]
+        args["frames"] = facts["frames"]
         args["back"] = f"back-{start:07d}" in backs
         tasks.append(Task(f"map-{start:07d}", args, weight=0.03 * (stop - start)))
-    listed = {"tubes": [_tube_row(tube) for tube in found], "names": needs["names"], "starts": [run[0] for run in runs]}
-    listed["frames"] = needs["frames"]
+    listed = {
+        "tubes": [_tube_row(tube) for tube in found],
+        "names": facts["names"],
+        "starts": [run[0] for run in runs],
+    }
+    listed["frames"] = facts["frames"]
     return [*tasks, Task("list", listed, tuple(task.key for task in tasks), weight=0.1)]
 
 
@@ -179,10 +183,10 @@ def _check_numbers(made: Mapping[str, list[list[int]]], found: list[Tube]) -> No
 def _tube_row(tube: Tube) -> TaskResult:
     lab = np.array([[tube.lab]], np.float32).round().astype(np.uint8)
     rgb = cv2.cvtColor(lab, cv2.COLOR_LAB2RGB)[0, 0].tolist()
-    life = tube.last - tube.first + 1
+    frames = tube.last - tube.first + 1
     return {
         "tube": tube.number, "object": tube.object, "first": tube.first, "last": tube.last, "colour": rgb,
-        "area": round(tube.area / life, 1), "motion": list(tube.motion),
+        "area": round(tube.area / frames, 1), "motion": list(tube.motion),
     }  # fmt: skip
 
 
@@ -262,12 +266,12 @@ def _list(task: Task, context: TaskContext[MultistyleParams]) -> TaskResult:
 
 def _region_row(number: int, name: str, sums: NDArray[np.float64]) -> TaskResult:
     """Row of the list; `sums` float64 (frames, 4): area and colour sums."""
-    seen = np.flatnonzero(sums[:, 0])
+    frames = np.flatnonzero(sums[:, 0])
     area = float(sums[:, 0].sum())
     colour = [round(float(v) / area) for v in sums[:, 1:].sum(axis=0)] if area else [0, 0, 0]
-    life = [int(seen[0]), int(seen[-1])] if len(seen) else [0, -1]
-    mean = round(area / len(seen), 1) if len(seen) else 0.0
-    return {"number": number, "name": name, "first": life[0], "last": life[1], "colour": colour, "area": mean}
+    span = [int(frames[0]), int(frames[-1])] if len(frames) else [0, -1]
+    mean = round(area / len(frames), 1) if len(frames) else 0.0
+    return {"number": number, "name": name, "first": span[0], "last": span[1], "colour": colour, "area": mean}
 
 
 def _objects(tubes: list[TaskResult]) -> list[TaskResult]:
@@ -296,8 +300,8 @@ def _objects(tubes: list[TaskResult]) -> list[TaskResult]:
 
 def ellipses(context: PlanContext[MultistyleParams], start: int, stop: int, shot: tuple[int, int]) -> TaskResult:
     """Arguments of the analysis of a run: ellipses of the regions whose design elements follow them."""
-    needs = context.results["scan"]["video"]
-    if not needs["maps"] or not needs["follow"]:
+    facts = context.results["scan"]["video"]
+    if not facts["maps"] or not facts["follow"]:
         return {}
     found = {
         int(frame): own for key, result in context.results["maps"].items() if key != "list"
@@ -307,13 +311,13 @@ def ellipses(context: PlanContext[MultistyleParams], start: int, stop: int, shot
     keyed: list[list[str | int | list[float]]] = []
     scan = context.results["scan"]["video"]
     shots = list(pairwise([0, *scan["cuts"], scan["frames"]]))
-    for name in sorted({region for region, _ in needs["follow"]}):
-        number = str(needs["names"].index(name))
+    for name in sorted({region for region, _ in facts["follow"]}):
+        number = str(facts["names"].index(name))
         for own in shots:
             tracked = track_ellipses({k: Ellipse(*found[k][number]) for k in range(*own) if number in found.get(k, {})})
             if own == shot:
                 now[name] = {str(k): _row(tracked[k]) for k in range(start, stop) if k in tracked}
-            keyed += [[name, k, _row(tracked[k])] for region, k in needs["follow"] if region == name and k in tracked]
+            keyed += [[name, k, _row(tracked[k])] for region, k in facts["follow"] if region == name and k in tracked]
     return {"ellipses": now, "keyed": keyed}
 
 

@@ -45,10 +45,10 @@ class TubeTracker:
 
     def step(self, frame: Frame) -> tuple[NDArray[np.int64], TaskResult]:
         """Segment the next frame: tube id of each pixel, int64 (h, w), and the statistics of the tubes."""
-        seen = self.session.analyzer.step(frame)
-        found = self.session.regions.step(seen).regions
+        analysis = self.session.analyzer.step(frame)
+        found = self.session.regions.step(analysis).regions
         pixels = np.asarray(found.ids[found.labels], np.int64)
-        return pixels, _statistics(found.labels, found.ids, found.areas, found.means, seen.flow)
+        return pixels, _statistics(found.labels, found.ids, found.areas, found.means, analysis.flow)
 
     def state(self) -> State:
         return self.session.state()
@@ -202,7 +202,7 @@ def _reattached(found: Mapping[int, _Stats], shots: list[tuple[int, int]], rows:
     pairs = []
     for start, stop in shots:
         mine = [name for name in sorted(found) if start <= found[name].first < stop]
-        large = [name for name in mine if found[name].sums[0] >= LEAST_AREA * rows * rows * _life(found[name])]
+        large = [name for name in mine if found[name].sums[0] >= LEAST_AREA * rows * rows * _frames(found[name])]
         for one in large:
             for other in large:
                 cost = _continuation_cost(found[one], found[other], rows)
@@ -219,7 +219,7 @@ def _reattached(found: Mapping[int, _Stats], shots: list[tuple[int, int]], rows:
     return root
 
 
-def _life(stats: _Stats) -> int:
+def _frames(stats: _Stats) -> int:
     return stats.last - stats.first + 1
 
 
@@ -231,7 +231,7 @@ def _continuation_cost(before: _Stats, after: _Stats, rows: int) -> float | None
     expected = np.array(before.exit[:2]) + before.velocity * gap
     distance = float(np.hypot(*(np.array(after.entry[:2]) - expected))) / rows
     colour = float(np.sqrt(((before.lab - after.lab) ** 2).sum()))
-    sizes = sorted((before.sums[0] / _life(before), after.sums[0] / _life(after)))
+    sizes = sorted((before.sums[0] / _frames(before), after.sums[0] / _frames(after)))
     if distance > GAP_DISTANCE or colour > GAP_LAB or sizes[1] > GAP_GROWTH * sizes[0]:
         return None
     return colour / GAP_LAB + distance / GAP_DISTANCE
@@ -257,8 +257,8 @@ def _numbered(
         whole = _Stats(first[name], found[ids[name][-1]].last, sums[name], found[name].entry, found[name].exit)
         light, a, b = (round(float(value), 2) for value in whole.lab)
         x, y = (round(float(value), 3) for value in whole.motion)
-        life = whole.first, whole.last
-        out.append(Tube(tuple(ids[name]), number, *life, int(sums[name][0]), (light, a, b), (x, y), parts[name]))
+        span = whole.first, whole.last
+        out.append(Tube(tuple(ids[name]), number, *span, int(sums[name][0]), (light, a, b), (x, y), parts[name]))
     return out
 
 

@@ -120,7 +120,7 @@ class DecoderProcess:
         shared_bytes: size of the shared memory in which the process returns arrays.
         timeout_s: time limit of each answer, s.
         memory_bytes: limit of what the process may allocate.
-        on_news: called with each intermediate message before the answer to the first message.
+        on_progress: called with each intermediate message before the answer to the first message.
 
     Raises: as `ask`.
     """
@@ -132,7 +132,7 @@ class DecoderProcess:
         shared_bytes: int,
         timeout_s: float = ANSWER_S,
         memory_bytes: int = 4 << 30,
-        on_news: Callable[[Message], None] = lambda news: None,
+        on_progress: Callable[[Message], None] = lambda message: None,
     ) -> None:
         self._wire, theirs = socket.socketpair()
         self._wire.settimeout(START_S)
@@ -146,7 +146,7 @@ class DecoderProcess:
                 {"role": role, "memory": memory_bytes, "shared": shared_bytes, "seconds": timeout_s}
             )
             self._wire.settimeout(timeout_s)
-            self.began = self.ask(task, on_news)
+            self.began = self.ask(task, on_progress)
         except BaseException:
             self.close()
             raise
@@ -160,8 +160,10 @@ class DecoderProcess:
             remedy = "Check whether the machine has free memory and processes."
             raise DecoderNotStarted(f"No decoder could be started: {error}.", remedy=remedy) from error
 
-    def ask(self, message: Message, on_news: Callable[[Message], None] = lambda news: None) -> tuple[Message, bytes]:
-        """The answer to a message; `on_news` is called with each intermediate message.
+    def ask(
+        self, message: Message, on_progress: Callable[[Message], None] = lambda message: None
+    ) -> tuple[Message, bytes]:
+        """The answer to a message; `on_progress` is called with each intermediate message.
 
         Raises: BadInput (every kind, as the child raised it), OSError, DecoderDied, UnreadableMedia (time limit).
         """
@@ -169,9 +171,9 @@ class DecoderProcess:
             send(self._wire, message)
             while True:
                 answer, data = receive(self._wire)
-                if "news" not in answer:
+                if "progress" not in answer:
                     break
-                on_news(answer)
+                on_progress(answer)
         except TimeoutError:
             self.close()
             remedy = "Re-encode it as H.264 in MP4."
@@ -215,15 +217,15 @@ def start_decoder(
     task: Message,
     shared_bytes: int,
     timeout_s: float = ANSWER_S,
-    on_news: Callable[[Message], None] = lambda news: None,
+    on_progress: Callable[[Message], None] = lambda message: None,
 ) -> DecoderProcess:
     """A started decoder process. If the first one dies, which may not be the file's fault, a second one is tried."""
     try:
-        return DecoderProcess(role, task, shared_bytes, timeout_s, on_news=on_news)
+        return DecoderProcess(role, task, shared_bytes, timeout_s, on_progress=on_progress)
     except (DecoderDied, DecoderNotStarted) as error:
         if isinstance(error, DecoderNotStarted):
             _SERVER.stop()
-        return DecoderProcess(role, task, shared_bytes, timeout_s, on_news=on_news)
+        return DecoderProcess(role, task, shared_bytes, timeout_s, on_progress=on_progress)
 
 
 def _has_closed(wire: socket.socket) -> bool:

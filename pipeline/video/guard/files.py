@@ -63,5 +63,5 @@ def guarded_join(
     task: Message = {"segments": rows, "out": str(out.absolute()), "format": container}
     task["sound"] = "" if sound is None else str(sound.absolute())
     task["end"] = None if end_s is None else (end_s.numerator, end_s.denominator)
-    child = start_decoder("join", task, 1, on_news=lambda news: progress(float(news["news"])))
+    child = start_decoder("join", task, 1, on_progress=lambda message: progress(float(message["progress"])))
     child.close()

@@ -79,10 +79,10 @@ def _video(connection: ChildConnection) -> None:
             if "start" in request:
                 frames = reader.read(request["start"], request["stop"])
             frame = next(frames, None)
-            news: Message = {"position": reader.position, "errors": reader.errors[reported:]}
-            news["unreadable"] = reader.unreadable[noted:]
+            state: Message = {"position": reader.position, "errors": reader.errors[reported:]}
+            state["unreadable"] = reader.unreadable[noted:]
             reported, noted = len(reader.errors), len(reader.unreadable)
-            connection.answer(news | ({"end": True} if frame is None else connection.share(frame)))
+            connection.answer(state | ({"end": True} if frame is None else connection.share(frame)))
 
 
 def _probe(connection: ChildConnection) -> None:
@@ -122,7 +122,7 @@ def _join(connection: ChildConnection) -> None:
     segments = [(Fraction(above, below), Path(path)) for above, below, path in task["segments"]]
     sound = Path(task["sound"]) if task["sound"] else None
     end_s = Fraction(*task["end"]) if task["end"] else None
-    join(segments, Path(task["out"]), task["format"], sound, lambda done: connection.answer({"news": done}), end_s)
+    join(segments, Path(task["out"]), task["format"], sound, lambda done: connection.answer({"progress": done}), end_s)
     connection.answer({})
 
 

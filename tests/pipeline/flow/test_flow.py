@@ -154,7 +154,7 @@ def test_an_invalid_picture_is_named() -> None:
         with pytest.raises(BadFrame) as caught:
             estimate(good, bad)
         assert caught.value.field == "current"
-    with pytest.raises(BadFrame, match="one size"):
+    with pytest.raises(BadFrame, match="same size"):
         estimate(good, np.zeros((32, 33, 3), np.uint8))
     with pytest.raises(BadParameter, match="dis-fast"):
         estimate(good, good, "farneback")  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""The abstraction method as a whole: bytes that do not depend on how it was run, cuts, coherence, colour, SVG."""
+"""The abstraction method: reproducible bytes, cuts, coherence, colour, SVG."""
 
 from __future__ import annotations
 
@@ -65,9 +65,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize("values", VARIANTS.values(), ids=VARIANTS.keys())
-def test_runs_of_any_length_give_what_one_session_gives(
-    values: dict[str, Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_runs_of_any_length_equal_one_session(values: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plan, "RUN_FRAMES", 4)
     monkeypatch.setattr(plan, "BATCH_BYTES", 3 * SIZE[0] * SIZE[1] * 3)
     session = AbstractionSession(AbstractionParams(**values), SIZE)
@@ -79,7 +77,7 @@ def test_runs_of_any_length_give_what_one_session_gives(
     np.testing.assert_array_equal(painted(context), wanted)
 
 
-def test_a_reference_a_histogram_masks_and_svg_survive_the_seams_too(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_runs_equal_one_session_with_reference_histogram_masks_and_svg(monkeypatch: pytest.MonkeyPatch) -> None:
     mask = np.zeros((SIZE[1], SIZE[0]), np.uint8)
     mask[:, :40] = 255
     inputs = {"reference": [reds()], "importance": {1: mask, 7: mask[:, ::-1].copy()}}
@@ -95,7 +93,7 @@ def test_a_reference_a_histogram_masks_and_svg_survive_the_seams_too(monkeypatch
 
 @pytest.mark.parametrize("at", [1, CUT - 1, CUT, CUT + 2])
 @pytest.mark.parametrize("values", [{}, {"lines": "flow"}, {"edges": "sharp"}], ids=["dog", "flow", "sharp"])
-def test_a_restored_session_goes_on_to_the_bit(at: int, values: dict[str, Any]) -> None:
+def test_a_restored_session_continues_with_the_same_bytes(at: int, values: dict[str, Any]) -> None:
     params, scheme = AbstractionParams(**values), learn([reds()])
     one, two = (AbstractionSession(params, SIZE, scheme) for _ in range(2))
     for frame in shots()[:at]:
@@ -108,7 +106,7 @@ def test_a_restored_session_goes_on_to_the_bit(at: int, values: dict[str, Any]) 
 
 
 @pytest.mark.parametrize("edges", ["soft", "sharp"])
-def test_a_state_is_not_changed_by_what_comes_after(edges: Any) -> None:
+def test_a_state_is_not_changed_by_later_frames(edges: Any) -> None:
     session = AbstractionSession(AbstractionParams(edges=edges), SIZE)
     for frame in shots()[:3]:
         session.step(frame)
@@ -121,7 +119,7 @@ def test_a_state_is_not_changed_by_what_comes_after(edges: Any) -> None:
 
 
 @pytest.mark.parametrize("edges", ["soft", "sharp"])
-def test_neither_the_relay_nor_opencvs_threads_change_a_bit(edges: Any) -> None:
+def test_pipelining_and_opencv_threads_do_not_change_the_bytes(edges: Any) -> None:
     session = AbstractionSession(AbstractionParams(edges=edges), SIZE)
     wanted = np.stack([session.step(frame) for frame in shots()])
     before = cv2.getNumThreads()
@@ -133,12 +131,12 @@ def test_neither_the_relay_nor_opencvs_threads_change_a_bit(edges: Any) -> None:
         cv2.setNumThreads(before)
 
 
-def test_it_is_causal() -> None:
+def test_the_method_is_causal() -> None:
     whole, half = paint(shots()), paint(shots()[:4])
     np.testing.assert_array_equal(stacked(whole[:4]), stacked(half))
 
 
-def test_frames_on_their_own_are_independent_sessions() -> None:
+def test_without_temporal_coherence_frames_are_independent() -> None:
     off = paint(shots(), temporal="off")
     for frame, painting in zip(shots(), off, strict=True):
         np.testing.assert_array_equal(painting.frame, paint([frame])[0].frame)
@@ -146,7 +144,7 @@ def test_frames_on_their_own_are_independent_sessions() -> None:
     assert sum(map(len, ids)) == len(set.union(*ids)), "no name stands for two regions"
 
 
-def test_another_size_within_a_video_is_refused() -> None:
+def test_a_change_of_size_within_a_video_is_rejected() -> None:
     session = AbstractionSession(AbstractionParams(), SIZE)
     session.step(shots()[0])
     with pytest.raises(BadFrame):
@@ -165,7 +163,7 @@ def test_any_size_is_painted(size: tuple[int, int], edges: Any) -> None:
 # -- cuts
 
 
-def test_a_cut_begins_afresh() -> None:
+def test_a_cut_resets_the_session() -> None:
     """With the detector on, a shot is what it would be in a video of its own; its regions have names of their own."""
     whole, alone = paint(shots()), paint(shots()[CUT:])
     np.testing.assert_array_equal(stacked(whole[CUT:]), stacked(alone))
@@ -173,7 +171,7 @@ def test_a_cut_begins_afresh() -> None:
     assert not before & {int(name) for painting in whole[CUT:] for name in painting.regions.ids[1:]}
 
 
-def test_residuals_alone_segment_anew_within_a_frame() -> None:
+def test_without_cuts_residuals_cause_a_new_segmentation() -> None:
     """The paper's claim: no detector is needed. The frame after the cut is as true as a first frame."""
     whole, alone = paint(shots(), cut_sensitivity=0), paint(shots()[CUT:])
     after, fresh, source = whole[CUT], alone[0], shots()[CUT]
@@ -199,7 +197,7 @@ def pan() -> list[SceneFrame]:
 
 
 @pytest.mark.parametrize(("lines", "at_most"), [("off", 0.4), ("dog", 0.6), ("flow", 0.6)])
-def test_it_flickers_less_than_frames_on_their_own(lines: str, at_most: float) -> None:
+def test_temporal_coherence_reduces_flicker(lines: str, at_most: float) -> None:
     """Differences along the exact motion, where a point is seen in both frames, on a noisy pan."""
     truth = pan()
     rng = np.random.default_rng(0)
@@ -220,7 +218,7 @@ def warp_error(before: Frame, now: Frame, velocity: Flow, seen: Mask) -> float:
     return float(np.square(now - came).sum(-1)[seen].mean())
 
 
-def test_a_still_noisy_picture_comes_to_rest() -> None:
+def test_a_still_noisy_picture_converges() -> None:
     rng = np.random.default_rng(2)
     clean = shots()[0]
     noisy = [np.clip(clean + rng.normal(0, 3, clean.shape), 0, 255).astype(np.uint8) for _ in range(12)]
@@ -241,7 +239,7 @@ def test_a_fade_in_is_followed() -> None:
 
 
 @pytest.mark.real("opencl")
-def test_the_papers_own_flow_may_be_chosen_and_keeps_names_as_well() -> None:
+def test_tvl1_flow_keeps_ids_as_well() -> None:
     kept = {}
     for flow in ("tvl1", "dis-ultrafast"):
         out = paint(shots()[:3], flow=flow)
@@ -252,7 +250,7 @@ def test_the_papers_own_flow_may_be_chosen_and_keeps_names_as_well() -> None:
 # -- importance, lines, colour
 
 
-def test_importance_by_hand_gives_finer_regions_from_its_frame_on() -> None:
+def test_an_importance_mask_gives_finer_regions_from_its_frame_on() -> None:
     one = np.ones((SIZE[1], SIZE[0]), np.float32)
     frames = shots()[:1]
     fine, coarse = paint(frames, {0: one})[0], paint(frames, {0: 0 * one})[0]
@@ -261,7 +259,7 @@ def test_importance_by_hand_gives_finer_regions_from_its_frame_on() -> None:
     np.testing.assert_array_equal(held[1].frame, fine.frame)
 
 
-def test_masks_are_read_when_their_frame_comes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_masks_are_decoded_at_their_frame(monkeypatch: pytest.MonkeyPatch) -> None:
     """A mask a frame must not mean a video of masks in memory, in every run."""
     monkeypatch.setattr(plan, "RUN_FRAMES", 4)
     read: list[int] = []
@@ -279,7 +277,7 @@ def test_masks_are_read_when_their_frame_comes(monkeypatch: pytest.MonkeyPatch) 
     np.testing.assert_array_equal(painted(context), stacked(paint(shots(), by_hand, temporal="off")))
 
 
-def test_lines_are_dark_where_the_picture_has_edges_and_switch_off() -> None:
+def test_lines_are_drawn_at_edges_and_can_be_switched_off() -> None:
     frames = shots()[:2]
     drawn, plain = paint(frames)[-1].frame.astype(int), paint(frames, lines="off")[-1].frame.astype(int)
     inked = drawn.sum(-1) < plain.sum(-1) - 60
@@ -289,7 +287,7 @@ def test_lines_are_dark_where_the_picture_has_edges_and_switch_off() -> None:
     assert not np.array_equal(drawn, paint(frames, lines="flow")[-1].frame)
 
 
-def test_a_reference_lends_its_hues() -> None:
+def test_a_reference_changes_hues() -> None:
     frames = shots()[:1]
     session = AbstractionSession(AbstractionParams(lines="off", hue_neighbourhood=180), SIZE, learn([reds()]))
     plain, moved = (
@@ -306,7 +304,7 @@ def from_red(hsv: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.abs((hsv[..., 0] + 180) % 360 - 180))
 
 
-def test_a_histogram_goes_before_a_reference() -> None:
+def test_a_histogram_takes_precedence_over_a_reference() -> None:
     histogram = {"hue": [1.0, *[0.0] * 35], "saturation_mean": 0.6, "saturation_std": 0.2, "value_mean": 0.5}
     blues = np.ascontiguousarray(reds()[..., ::-1])
     one = LocalContext(AbstractionParams(), shots()[:2], {"histogram": histogram, "reference": [blues]})
@@ -316,7 +314,7 @@ def test_a_histogram_goes_before_a_reference() -> None:
     np.testing.assert_array_equal(painted(one), painted(two))
 
 
-def test_a_bad_histogram_is_refused_by_its_input_s_name() -> None:
+def test_an_invalid_histogram_is_rejected_with_its_field() -> None:
     with pytest.raises(BadInput) as caught:
         run_plan(ABSTRACTION, LocalContext(AbstractionParams(), shots()[:1], {"histogram": {"hue": [1]}}))
     assert caught.value.field.startswith("inputs.histogram")
@@ -341,7 +339,7 @@ def svg_pages(context: LocalContext) -> dict[str, bytes]:
     return pages
 
 
-def test_svg_has_a_page_a_frame_whose_regions_keep_their_ids() -> None:
+def test_svg_has_one_file_per_frame_with_permanent_ids() -> None:
     context = LocalContext(AbstractionParams(), shots(), artefacts=frozenset({"svg"}))
     run_plan(ABSTRACTION, context)
     pages = svg_pages(context)
@@ -351,7 +349,7 @@ def test_svg_has_a_page_a_frame_whose_regions_keep_their_ids() -> None:
     assert not ids[CUT - 1] & ids[CUT]
 
 
-def test_no_svg_is_made_unasked() -> None:
+def test_svg_is_made_on_request_only() -> None:
     context = LocalContext(AbstractionParams(), shots()[:2])
     run_plan(ABSTRACTION, context)
     assert not context.files

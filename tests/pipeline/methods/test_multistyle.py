@@ -1,4 +1,4 @@
-"""The multistyle method as a whole: bytes that do not depend on how it was run, styles, regions, directions, calm."""
+"""The multistyle method: reproducible bytes, styles, regions, directions, and temporal stability."""
 
 from __future__ import annotations
 
@@ -80,9 +80,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize("values", VARIANTS.values(), ids=VARIANTS.keys())
-def test_runs_of_any_length_give_what_one_session_gives(
-    values: dict[str, Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_runs_of_any_length_equal_one_session(values: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plan, "RUN_FRAMES", 4)
     session = MultistyleSession(MultistyleParams(**values), SIZE, 3)
     wanted = np.stack([session.step(frame) for frame in shots()])
@@ -93,7 +91,7 @@ def test_runs_of_any_length_give_what_one_session_gives(
     np.testing.assert_array_equal(painted(context), wanted)
 
 
-def test_a_long_shot_has_longer_runs_and_the_same_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_long_shot_has_longer_runs_with_the_same_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
     pictures = []
     for long_runs, starts in ((100, list(range(0, CUT, 2))), (2, list(range(0, CUT, 4)))):
         monkeypatch.setattr(plan, "RUN_FRAMES", 2)
@@ -105,7 +103,7 @@ def test_a_long_shot_has_longer_runs_and_the_same_bytes(monkeypatch: pytest.Monk
     np.testing.assert_array_equal(*pictures)
 
 
-def test_designs_and_masks_survive_the_seams_too(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_runs_equal_one_session_with_design_and_masks(monkeypatch: pytest.MonkeyPatch) -> None:
     pictures, files = [], []
     for length, order in ((16, None), (4, 1), (3, 2)):
         monkeypatch.setattr(plan, "RUN_FRAMES", length)
@@ -133,7 +131,7 @@ def pages(context: LocalContext) -> dict[str, bytes]:
     return found
 
 
-def test_a_restored_session_goes_on_to_the_bit_and_another_seed_paints_otherwise() -> None:
+def test_a_restored_session_continues_with_the_same_bytes_and_the_seed_matters() -> None:
     one, two, other = (MultistyleSession(MultistyleParams(), SIZE, seed) for seed in (1, 1, 2))
     for frame in shots()[:3]:
         one.step(frame)
@@ -161,7 +159,7 @@ def test_a_stored_analysis_is_restored_exactly(style: Any) -> None:
         np.testing.assert_array_equal(getattr(analysis, name), getattr(again, name))
 
 
-def test_a_session_goes_on_with_other_parameters() -> None:
+def test_a_session_continues_with_other_parameters() -> None:
     session = MultistyleSession(MultistyleParams(), SIZE)
     session.step(shots()[0])
     ids = {marks.ids.tobytes() for marks in session.analyze(shots()[1]).layers}
@@ -174,7 +172,7 @@ def test_a_session_goes_on_with_other_parameters() -> None:
 
 
 @pytest.mark.parametrize("renderer", ["implicit", "explicit"])
-def test_every_style_is_a_picture_of_its_own_and_reads(renderer: str) -> None:
+def test_every_style_differs_and_keeps_the_subject_recognisable(renderer: str) -> None:
     source = scene("harbour", (192, 108), frames=1).image(0)
     made = {
         name: MultistyleSession(MultistyleParams(style=name, renderer=renderer), (192, 108)).step(source)
@@ -218,7 +216,7 @@ def test_noise_is_not_painted() -> None:
     assert calm < 0.25 * alone and calm < 3 * math.sqrt(2)
 
 
-def test_what_plainly_changes_is_there_at_once_and_texture_that_trembles_is_not() -> None:
+def test_large_changes_are_followed_at_once_and_texture_noise_slowly() -> None:
     rng, nowhere = np.random.default_rng(3), np.zeros((80, 120, 2), np.float32)
     past = np.full((80, 120, 3), 100, np.float32)
     hand, fur = past.copy(), past + rng.normal(0, 12, past.shape).astype(np.float32)
@@ -242,7 +240,7 @@ def flights() -> list[Frame]:
 
 
 @pytest.mark.parametrize("style", STYLE_NAMES)
-def test_a_small_fast_ball_is_where_it_is_in_every_frame_and_nowhere_else(style: Any) -> None:
+def test_a_small_fast_ball_leaves_no_trail(style: Any) -> None:
     session = MultistyleSession(MultistyleParams(style=style), (200, 120))
     for k, frame in enumerate(flights()):
         red = redness(session.step(frame))
@@ -256,7 +254,7 @@ def redness(picture: Frame) -> NDArray[Any]:
     return values[..., 0] - values[..., 1:].mean(axis=-1)
 
 
-def test_explicit_strokes_take_part_in_easing_as_far_as_they_are_asked() -> None:
+def test_ease_scales_the_smoothing_of_explicit_strokes() -> None:
     plain, eased = (MultistyleParams(renderer="explicit", ease=ease).effective for ease in (0, 1))
     assert (plain.hold, plain.colour_follow, plain.stroke_fade) == (0, 1, 1)
     given = MultistyleParams()
@@ -266,7 +264,7 @@ def test_explicit_strokes_take_part_in_easing_as_far_as_they_are_asked() -> None
     assert restlessness() < 0.6 * crisp and calm < 0.6 * crisp, (crisp, calm)
 
 
-def test_a_stream_has_a_size_at_which_it_keeps_up() -> None:
+def test_a_small_stream_runs_in_real_time() -> None:
     """CPU seconds, so that other work does not count; a live session chooses the size by itself."""
     frames = [cv2.resize(frame, (160, 120)) for frame in shots()[:CUT]]
     session = MULTISTYLE.stream(MultistyleParams(), (160, 120), 0, {})
@@ -297,7 +295,7 @@ def swimming(**values: Any) -> float:
 
 
 @pytest.mark.parametrize("style", ["van-gogh", "impressionism"])
-def test_accumulated_paintings_flicker_less_than_strokes_do(style: str) -> None:
+def test_accumulation_reduces_flicker(style: str) -> None:
     implicit, without, explicit, alone = (
         swimming(style=style, **values) for values in ({}, {"linger": 0}, {"renderer": "explicit"}, {"temporal": "off"})
     )
@@ -306,7 +304,7 @@ def test_accumulated_paintings_flicker_less_than_strokes_do(style: str) -> None:
     )  # fmt: skip
 
 
-def test_rims_are_on_the_darker_side_go_with_the_motion_and_do_not_run() -> None:
+def test_rims_lie_on_the_darker_side_and_follow_the_motion() -> None:
     def picture(edge: int, dark: int = 60) -> Frame:
         out = np.full((96, 128, 3), 200, np.uint8)
         out[:, :edge] = dark
@@ -323,7 +321,7 @@ def test_rims_are_on_the_darker_side_go_with_the_motion_and_do_not_run() -> None
 
 
 @pytest.mark.parametrize(("moved", "sky"), [(240, -3), (0, 0), (120, None)])
-def test_a_plain_sky_goes_with_the_camera_and_rests_where_it_rests(moved: int, sky: float | None) -> None:
+def test_a_flat_sky_moves_with_the_camera(moved: int, sky: float | None) -> None:
     """Above nothing shows; below, a texture moves by 3 px as far as `moved` and rests beyond."""
     rough = cv2.GaussianBlur(np.random.default_rng(4).normal(0, 900, (160, 260)), (0, 0), 2) + 128
     rough = np.clip(rough, 0, 255).astype(np.uint8)
@@ -338,7 +336,7 @@ def test_a_plain_sky_goes_with_the_camera_and_rests_where_it_rests(moved: int, s
 
 
 @pytest.mark.parametrize(("flow_px", "goes"), [(-3.0, True), (-0.2, False)])
-def test_a_plain_thing_goes_past_things_at_rest_if_the_flow_says_so(flow_px: float, goes: bool) -> None:
+def test_a_flat_object_moves_past_still_objects_with_the_flow(flow_px: float, goes: bool) -> None:
     """A stripe with a rough edge moves by 3 px over a rough wall; its plain middle does not change."""
     rough = np.clip(cv2.GaussianBlur(np.random.default_rng(4).normal(0, 900, (160, 260)), (0, 0), 2) + 128, 0, 255)
     before = rough[:, :240].astype(np.uint8)
@@ -357,7 +355,7 @@ def test_a_plain_thing_goes_past_things_at_rest_if_the_flow_says_so(flow_px: flo
 # -- regions
 
 
-def test_a_label_map_is_carried_both_ways_and_not_over_a_cut() -> None:
+def test_a_label_map_is_propagated_in_both_directions_up_to_a_cut() -> None:
     inputs = {"design": {"version": 1, "regions": {"left": {"label": 1}}}, "masks": {2: labels()}}
     context = LocalContext(MultistyleParams(), shots(), inputs)
     run_plan(MULTISTYLE, context)
@@ -366,7 +364,7 @@ def test_a_label_map_is_carried_both_ways_and_not_over_a_cut() -> None:
     assert (np.abs(share[:CUT] - labels().mean()) < 0.1).all() and (share[CUT:] == 0).all()
 
 
-def test_tubes_and_objects_are_listed_and_can_be_named() -> None:
+def test_tubes_and_objects_are_listed_and_can_form_regions() -> None:
     inputs = {"design": {"version": 1, "regions": {"all": {"tubes": [1, 2]}}, "keys": [{"region": "all"}]}}
     context = LocalContext(MultistyleParams(), shots(), inputs, artefacts=frozenset({"regions"}))
     run_plan(MULTISTYLE, context)
@@ -383,7 +381,7 @@ def test_tubes_and_objects_are_listed_and_can_be_named() -> None:
     assert number.min() >= 1 and number.max() <= len(numbers)
 
 
-def test_a_tube_that_there_is_not_is_refused() -> None:
+def test_an_unknown_tube_is_rejected() -> None:
     inputs = {"design": {"version": 1, "regions": {"all": {"tubes": [1, 99999]}}}}
     with pytest.raises(BadParameter) as caught:
         run_plan(MULTISTYLE, LocalContext(MultistyleParams(), shots(), inputs))
@@ -393,14 +391,14 @@ def test_a_tube_that_there_is_not_is_refused() -> None:
 @pytest.mark.parametrize(
     ("masks", "field"), [({99: labels()}, "inputs.masks"), ({0: labels()[:, :30]}, "inputs.masks")]
 )
-def test_label_maps_that_do_not_fit_are_refused(masks: Any, field: str) -> None:
+def test_invalid_label_maps_are_rejected(masks: Any, field: str) -> None:
     inputs = {"design": {"version": 1, "regions": {"left": {"label": 1}}}, "masks": masks}
     with pytest.raises(BadParameter) as caught:
         run_plan(MULTISTYLE, LocalContext(MultistyleParams(), shots(), inputs))
     assert caught.value.field == field and caught.value.remedy
 
 
-def test_a_part_is_split_off_by_an_outline() -> None:
+def test_an_outline_splits_a_region() -> None:
     box = [[0.0, 0.0], [1.0, 0.0], [1.0, 0.5], [0.0, 0.5]]
     regions = {"left": {"label": 1}, "top": {"polygons": [{"frame": 0, "points": box}], "of": "left"}}
     inputs = {"design": {"version": 1, "regions": regions}, "masks": {0: labels()}}
@@ -428,7 +426,7 @@ def halves() -> NDArray[np.uint8]:
 TWO = {"one": {"label": 1}, "two": {"label": 2}}
 
 
-def test_keys_are_kept_interpolated_and_spread() -> None:
+def test_keys_are_interpolated_and_spread() -> None:
     keys = [
         {"region": "one", "frame": 0, "set": {"size": 10}}, {"region": "one", "frame": 10, "set": {"size": 20}},
         {"region": "two", "frame": 0, "set": {"size": 40}},
@@ -440,7 +438,7 @@ def test_keys_are_kept_interpolated_and_spread() -> None:
     assert values["hue"] == 0.0
 
 
-def test_nothing_spreads_over_a_sharp_border() -> None:
+def test_styles_do_not_spread_across_a_sharp_border() -> None:
     keys = [{"region": "one", "set": {"size": 10}}, {"region": "two", "set": {"size": 40}}]
     regions = {"one": {"label": 1, "border": "sharp"}, "two": {"label": 2}}
     size = np.asarray(
@@ -449,7 +447,7 @@ def test_nothing_spreads_over_a_sharp_border() -> None:
     assert (size[:, :20] == 10).all() and (np.abs(size[:, 22:] - 40) < 0.1).all()
 
 
-def test_a_soft_border_is_no_step() -> None:
+def test_styles_change_gradually_across_a_soft_border() -> None:
     keys = [{"region": "one", "set": {"size": 10}}, {"region": "rest", "set": {"size": 40}}]
     regions = {"one": {"label": 1, "border": "soft"}, "two": {"label": 2}}
     size = np.asarray(
@@ -458,12 +456,12 @@ def test_a_soft_border_is_no_step() -> None:
     assert np.abs(np.diff(size[32, :70])).max() < 14 and size[32, 2] < 12 and size[32, 40] > 39
 
 
-def test_no_keys_at_all_leave_the_style_as_it_is() -> None:
+def test_a_design_without_keys_keeps_the_style() -> None:
     values = fields({"version": 1, "regions": TWO}).values(RegionPlacement(0, halves(), {}, {}))
     assert [values[name] for name in FIELDS] == pytest.approx(vector(STYLES["van-gogh"].style).tolist())
 
 
-def test_directions_break_at_borders_and_free_regions_take_their_neighbours() -> None:
+def test_directions_change_at_borders_and_fill_free_regions() -> None:
     across = {"pattern": "regular", "at": [0.5, 0.5], "angle": 0}
     down = {"pattern": "regular", "at": [0.5, 0.5], "angle": 90}
     directions = [
@@ -480,7 +478,7 @@ def test_directions_break_at_borders_and_free_regions_take_their_neighbours() ->
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_what_spreads_is_solved_to_six_digits_in_twelve_cycles(seed: int) -> None:
+def test_laplace_equations_are_solved_to_six_digits_in_twelve_cycles(seed: int) -> None:
     """Regions of every kind: with a style and without, behind sharp borders and not, in pieces and within others."""
     noise = cv2.GaussianBlur(np.random.default_rng(seed).normal(size=(240, 320)), (0, 0), 13 + 4 * seed)
     ranks = np.searchsorted(np.quantile(noise, [0.3, 0.5, 0.7, 0.85]), noise)
@@ -499,7 +497,7 @@ def test_what_spreads_is_solved_to_six_digits_in_twelve_cycles(seed: int) -> Non
     assert (size >= 10 - 1e-4).all() and (size <= 40 + 1e-4).all()
 
 
-def test_a_region_has_a_whole_style_of_its_own() -> None:
+def test_a_region_has_its_own_complete_style() -> None:
     """Watercolour to the left, Van Gogh elsewhere: ground, paper and stroke profiles differ."""
     keys = [{"region": "one", "style": "watercolor"}, {"region": "two", "style": "van-gogh"}]
     made = fields({"version": 1, "regions": TWO, "keys": keys}).values(RegionPlacement(0, halves(), {}, {}))
@@ -510,7 +508,7 @@ def test_a_region_has_a_whole_style_of_its_own() -> None:
         np.testing.assert_allclose(plane[:, 76:], right, rtol=1e-6)
 
 
-def test_watercolour_behind_van_gogh_has_paper_there_only() -> None:
+def test_paper_appears_only_in_watercolour_regions() -> None:
     frames, label = shots()[:3], np.zeros((SIZE[1], SIZE[0]), np.uint8)
     label[:, :48] = 1
     pictures = []
@@ -527,7 +525,7 @@ def test_watercolour_behind_van_gogh_has_paper_there_only() -> None:
     assert off[:, :, :36].mean() > 1 and off[:, :, 60:].max() <= 1
 
 
-def test_hue_goes_the_shorter_way_round() -> None:
+def test_hue_is_interpolated_over_the_shorter_arc() -> None:
     keys = [
         {"region": "one", "frame": 0, "set": {"hue": 170}}, {"region": "one", "frame": 10, "set": {"hue": -170}},
         {"region": "two", "frame": 0, "set": {"hue": -160}},
@@ -540,13 +538,13 @@ def test_hue_goes_the_shorter_way_round() -> None:
 
 
 @pytest.mark.parametrize("values", [{"renderer": "implicit-literal"}, {"stroke_order": "colour"}])
-def test_the_papers_renderer_and_order_can_be_chosen(values: dict[str, Any]) -> None:
+def test_the_renderer_and_order_of_the_paper_can_be_selected(values: dict[str, Any]) -> None:
     one, other = (MultistyleSession(MultistyleParams(**own), SIZE, 3) for own in ({}, values))
     apart = [np.abs(one.step(frame).astype(int) - other.step(frame)).mean() for frame in shots()[:3]]
     assert all(0.3 < value < 25 for value in apart), apart
 
 
-def test_a_tube_keeps_its_number_behind_a_post() -> None:
+def test_a_tube_keeps_its_number_after_an_occlusion() -> None:
     """A red square passes behind a gray post that is wider than itself."""
     rng, frames = np.random.default_rng(2), []
     for k in range(26):
@@ -569,7 +567,7 @@ def test_the_number_of_objects_is_a_parameter() -> None:
         assert len({tube.object for tube in tubes_of([result], [(0, 1)], SIZE[1], wanted)}) == wanted
 
 
-def test_directions_can_be_seen() -> None:
+def test_the_directions_artefact_shows_the_field() -> None:
     context = LocalContext(MultistyleParams(), shots()[:3], artefacts=frozenset({"directions"}))
     run_plan(MULTISTYLE, context)
     with zipfile.ZipFile(io.BytesIO(context.files["directions-0000000.zip"])) as archive:
@@ -597,7 +595,7 @@ def turning(
     return np.clip(picture, 0, 255).astype(np.uint8), inside.astype(np.uint8), (x0, y0, angle)
 
 
-def test_a_design_element_follows_a_moving_turning_object() -> None:
+def test_a_design_element_follows_a_moving_rotating_object() -> None:
     frames = [turning(k)[0] for k in range(11)]
     element = {"pattern": "regular", "at": [70.5 / 192, 60.5 / 144], "angle": 20}
     document = {

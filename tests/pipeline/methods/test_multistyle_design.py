@@ -1,4 +1,4 @@
-"""The design document: what is refused, with the path of what is wrong; and what lies between two keys."""
+"""The design document: faults with their path, and interpolation between keys."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def changed(path: str, value: Any) -> dict[str, Any]:
     return made
 
 
-def test_a_design_that_uses_everything_is_sound_and_fits_the_schema() -> None:
+def test_a_design_with_all_features_is_valid_and_matches_the_schema() -> None:
     design = parse(good(), frames=10, masks=True)
     assert design.names == ("rest", "swan", "beak", "trees", "water")
     jsonschema.Draft202012Validator.check_schema(schema())
@@ -94,14 +94,14 @@ BAD = {
 
 
 @pytest.mark.parametrize(("path", "value", "field"), BAD.values(), ids=BAD.keys())
-def test_what_is_wrong_is_refused_by_its_path(path: str, value: Any, field: str) -> None:
+def test_a_fault_is_rejected_with_its_path(path: str, value: Any, field: str) -> None:
     with pytest.raises(BadParameter) as caught:
         parse(changed(path, value), frames=10, masks=True)
     assert caught.value.field.startswith(f"inputs.design.{field}")
     assert caught.value.message and caught.value.remedy
 
 
-def test_nan_in_a_file_is_refused_too() -> None:
+def test_nan_is_rejected() -> None:
     text = json.dumps(good()).replace('"hue": 20', '"hue": NaN')
     with pytest.raises(BadParameter) as caught:
         parse(json.loads(text))
@@ -109,7 +109,7 @@ def test_nan_in_a_file_is_refused_too() -> None:
 
 
 @pytest.mark.parametrize("document", [None, [], "design", 7, {}])
-def test_what_is_no_design_is_refused(document: Any) -> None:
+def test_a_document_that_is_not_a_design_is_rejected(document: Any) -> None:
     with pytest.raises(BadParameter) as caught:
         parse(document)
     assert caught.value.field.startswith("inputs.design")
@@ -128,7 +128,7 @@ def test_own_styles_and_changes_build_on_each_other() -> None:
     assert second == STYLES["van-gogh"].style and rest == base
 
 
-def test_between_keys_there_is_a_way_and_outside_there_is_none() -> None:
+def test_styles_are_interpolated_between_keys_and_constant_outside() -> None:
     design = parse(good())
     before, after, t = keys_around(design.keys, "swan", 2) or (None, None, 0)
     assert (before, after) == (design.keys[0], design.keys[1]) and t == eased(0.25, "smooth") == 0.15625
@@ -138,7 +138,7 @@ def test_between_keys_there_is_a_way_and_outside_there_is_none() -> None:
 
 
 @pytest.mark.parametrize("ease", ["linear", "smooth", "in", "out", "hold"])
-def test_every_ease_starts_and_ends_where_it_should_and_never_goes_back(ease: Any) -> None:
+def test_every_ease_is_monotonic_from_0_to_1(ease: Any) -> None:
     way = [eased(k / 50, ease) for k in range(51)]
     assert way[0] == 0 and way[-1] == 1 and way == sorted(way)
     assert ease == "linear" or way != [k / 50 for k in range(51)]
@@ -146,5 +146,5 @@ def test_every_ease_starts_and_ends_where_it_should_and_never_goes_back(ease: An
 
 @pytest.mark.parametrize("effect", EFFECTS)
 @pytest.mark.parametrize("frames", [1, 2, 3, 90])
-def test_effects_are_sound_designs_of_any_length(effect: Any, frames: int) -> None:
+def test_effects_are_valid_designs_for_any_length(effect: Any, frames: int) -> None:
     assert isinstance(parse(document(effect, frames), frames=frames), Design)

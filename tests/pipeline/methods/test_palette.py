@@ -47,7 +47,7 @@ def test_without_a_reference_a_region_has_its_mean_colour() -> None:
 
 
 @pytest.mark.parametrize("alpha", [0.0, 0.25, 0.8, 1.0])
-def test_equation_4_by_hand(alpha: float) -> None:
+def test_equation_4_on_known_values(alpha: float) -> None:
     """o(i) = (1 - alpha) o(i-1) + alpha c(i), in CIELAB; the paper's, that is without a half-life."""
     mixing = palette(colour_half_life=0)
     mixing.step(regions([GRAY], [0], [0]), None)
@@ -56,7 +56,7 @@ def test_equation_4_by_hand(alpha: float) -> None:
     np.testing.assert_array_equal(made[1], rgb_of(wanted))
 
 
-def test_it_blends_with_what_was_shown_not_with_what_was_wanted() -> None:
+def test_colours_are_blended_with_the_previous_output() -> None:
     mixing = palette(colour_half_life=0)
     mixing.step(regions([GRAY], [0], [0]), None)
     mixing.step(regions([DARK], [1], [0.5]), None)
@@ -64,14 +64,14 @@ def test_it_blends_with_what_was_shown_not_with_what_was_wanted() -> None:
     np.testing.assert_array_equal(made[1], rgb_of(0.25 * lab_of(GRAY) + 0.75 * lab_of(DARK)))
 
 
-def test_a_new_region_has_its_own_colour_at_once_and_labels_may_change_places() -> None:
+def test_a_new_region_has_its_target_colour_at_once() -> None:
     mixing = palette(colour_half_life=0)
     mixing.step(regions([GRAY, RED], [0, 0], [0, 0]), None)
     made = mixing.step(regions([RED, DARK, DARK], [2, 0, 1], [0.5, 0.0, 0.0]), None)
     np.testing.assert_array_equal(made[1:], rgb_of(np.stack([lab_of(RED), lab_of(DARK), lab_of(GRAY)])))
 
 
-def test_the_half_life_is_one() -> None:
+def test_the_half_life_parameter_is_the_half_life() -> None:
     """After three frames at alpha = 1 half of the way is left."""
     mixing = palette(colour_half_life=3)
     mixing.step(regions([GRAY], [0], [0]), None)
@@ -80,7 +80,7 @@ def test_the_half_life_is_one() -> None:
     assert np.abs(srgb_to_lab(made[1] / 255) - (lab_of(GRAY) + lab_of(DARK)) / 2).max() < 0.5
 
 
-def test_in_a_fade_colours_follow_at_once() -> None:
+def test_in_a_fade_colours_change_at_once() -> None:
     mixing = palette(colour_half_life=30)
     mixing.step(regions([GRAY], [0], [0]), None)
     made = mixing.step(regions([DARK], [1], [1.0]), None, light_steadiness=0.0)
@@ -93,7 +93,7 @@ def test_vividness_scales_chroma_and_leaves_gray() -> None:
     np.testing.assert_array_equal(made[2], rgb_of(lab_of(RED) * (1, 1.5, 1.5)))
 
 
-def test_a_reference_moves_targets_and_needs_the_frame_s_tone() -> None:
+def test_a_reference_changes_targets_with_the_tone_of_the_frame() -> None:
     frame = np.zeros((20, 20, 3), np.uint8)
     frame[:, :, 2] = 220
     blue = learn([frame])
@@ -103,7 +103,7 @@ def test_a_reference_moves_targets_and_needs_the_frame_s_tone() -> None:
     assert made[1, 2] > made[1, 0] + 60 and made[1, 2] > made[1, 1] + 60
 
 
-def test_a_restored_palette_goes_on_to_the_bit() -> None:
+def test_a_restored_palette_continues_with_the_same_bytes() -> None:
     one, two = palette(), palette()
     one.step(regions([GRAY, RED], [0, 0], [0, 0]), None)
     two.restore({key: array.copy() for key, array in one.state().items()})

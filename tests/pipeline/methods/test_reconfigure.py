@@ -1,4 +1,4 @@
-"""A session that goes on with other parameters or at another size: the picture must not jump."""
+"""Changing parameters or frame size of a session without a jump."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_the_same_parameters_and_size_change_nothing() -> None:
     assert all(np.array_equal(a, b) for a, b in zip(plain, first + rest, strict=True))
 
 
-def test_looking_ahead_and_painting_after_is_stepping() -> None:
+def test_analyzing_ahead_equals_stepping() -> None:
     frames = scene(4)
     plain = run(AbstractionSession(AbstractionParams(), SIZE), frames)
     session = AbstractionSession(AbstractionParams(), SIZE)
@@ -50,7 +50,7 @@ def test_looking_ahead_and_painting_after_is_stepping() -> None:
     assert all(np.array_equal(a, session.paint(b)) for a, b in zip(plain, seen, strict=True))
 
 
-def test_help_changes_no_bit_however_the_halves_overlap() -> None:
+def test_a_helper_thread_does_not_change_the_bytes() -> None:
     frames = scene(12)
     plain = run(AbstractionSession(AbstractionParams(), SIZE), frames)
     session = AbstractionSession(AbstractionParams(), SIZE)
@@ -106,7 +106,7 @@ def test_sharp_edges_continue_at_another_size() -> None:
     assert apart(turned.step(small(frames[2])), small(whole)) < 4
 
 
-def test_a_reference_comes_and_goes() -> None:
+def test_a_reference_can_be_added_and_removed() -> None:
     frames = scene(5)
     green = np.full((8, 8, 3), (20, 160, 60), np.uint8)
     session = AbstractionSession(AbstractionParams(), SIZE)
@@ -122,12 +122,12 @@ def test_a_reference_comes_and_goes() -> None:
     plain.step(frames[4])
 
 
-def test_before_the_first_frame_there_is_nothing_to_carry() -> None:
+def test_reconfiguring_before_the_first_frame() -> None:
     session = AbstractionSession(AbstractionParams(), SIZE).reconfigure(AbstractionParams(lines="off"), HALF)
     assert session.step(small(scene(1)[0])).shape == (HALF[1], HALF[0], 3)
 
 
-def test_the_registered_method_follows() -> None:
+def test_the_registered_method_supports_reconfiguring() -> None:
     session = Abstraction().stream(AbstractionParams(), SIZE, 0, {})
     session.paint(session.analyze(scene(1)[0]))
     assert isinstance(session.reconfigure(AbstractionParams(), HALF), AbstractionSession)

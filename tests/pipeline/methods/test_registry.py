@@ -1,4 +1,4 @@
-"""What every method of the registry promises: a schema that fits forms, plans that are pure, bytes that do not vary."""
+"""Requirements for every registered method: schema, pure plans, reproducible bytes."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def fields(chosen: Method) -> dict[str, dict[str, Any]]:
 
 
 @every_method
-def test_it_has_a_name_a_title_a_summary_and_a_paper(chosen: Method) -> None:
+def test_a_method_has_a_name_a_title_a_summary_and_a_paper(chosen: Method) -> None:
     assert re.fullmatch(r"[a-z][a-z0-9-]*", chosen.name) and method(chosen.name) is chosen
     assert chosen.title and chosen.summary.endswith(".")
     papers = (Path(pipeline.__path__[0]) / "references.bib").read_text()
@@ -51,7 +51,7 @@ def test_it_has_a_name_a_title_a_summary_and_a_paper(chosen: Method) -> None:
 
 
 @every_method
-def test_its_inputs_begin_with_the_video_and_are_explained(chosen: Method) -> None:
+def test_inputs_start_with_the_video_and_have_help_texts(chosen: Method) -> None:
     video = chosen.inputs[0]
     assert (video.name, video.kind, video.required) == ("video", "video", True)
     assert len({spec.name for spec in chosen.inputs}) == len(chosen.inputs)
@@ -59,7 +59,7 @@ def test_its_inputs_begin_with_the_video_and_are_explained(chosen: Method) -> No
 
 
 @every_method
-def test_its_schema_is_json_schema_and_its_defaults_fit_it(chosen: Method) -> None:
+def test_the_schema_is_valid_and_accepts_the_defaults(chosen: Method) -> None:
     schema = chosen.Params.model_json_schema()
     jsonschema.Draft202012Validator.check_schema(schema)
     assert schema["additionalProperties"] is False
@@ -67,7 +67,7 @@ def test_its_schema_is_json_schema_and_its_defaults_fit_it(chosen: Method) -> No
 
 
 @every_method
-def test_every_parameter_can_be_shown_in_a_form(chosen: Method) -> None:
+def test_every_parameter_has_what_a_form_shows(chosen: Method) -> None:
     for name, field in fields(chosen).items():
         assert field["title"] and len(field["description"]) > 10, name
         assert field["group"], name
@@ -80,7 +80,7 @@ def test_every_parameter_can_be_shown_in_a_form(chosen: Method) -> None:
 
 
 @every_method
-def test_its_examples_are_valid_and_differ(chosen: Method) -> None:
+def test_examples_are_valid_and_distinct(chosen: Method) -> None:
     assert len({example.name for example in chosen.examples}) == len(chosen.examples)
     made = [parse_params(chosen, example.params) for example in chosen.examples]
     assert all(params != chosen.Params() for params in made)
@@ -90,7 +90,7 @@ def test_its_examples_are_valid_and_differ(chosen: Method) -> None:
 
 
 @every_built_in_method
-def test_what_a_step_needs_goes_by_the_size_of_frames_and_not_by_their_number(chosen: Method) -> None:
+def test_resources_depend_on_the_frame_size_and_not_on_the_length(chosen: Method) -> None:
     def asked(step: str, width: int, height: int, frames: int = 100) -> int:
         context = PlanContext(chosen.Params(), 0, VideoInfo(width, height, frames, 25.0, frames / 25))
         needs = chosen.resources(step, context)
@@ -111,14 +111,14 @@ def numbers(chosen: Method) -> list[str]:
 
 
 @every_method
-def test_numbers_that_are_none_are_refused_by_name(chosen: Method) -> None:
+def test_invalid_numbers_are_rejected_by_name(chosen: Method) -> None:
     for name in numbers(chosen):
         for value in (math.nan, math.inf, -math.inf, "NaN", None, "wide"):
             refused(chosen, {name: value}, name)
 
 
 @every_method
-def test_numbers_out_of_range_are_refused_and_limits_are_not(chosen: Method) -> None:
+def test_numbers_out_of_range_are_rejected_and_limits_accepted(chosen: Method) -> None:
     for name, field in fields(chosen).items():
         if field.get("type") not in ("number", "integer"):
             continue
@@ -129,26 +129,26 @@ def test_numbers_out_of_range_are_refused_and_limits_are_not(chosen: Method) -> 
 
 
 @every_method
-def test_a_choice_that_there_is_not_is_refused(chosen: Method) -> None:
+def test_an_unknown_choice_is_rejected(chosen: Method) -> None:
     for name, field in fields(chosen).items():
         if "enum" in field:
             refused(chosen, {name: "no such choice"}, name)
 
 
 @every_method
-def test_an_unknown_parameter_is_refused_with_the_known_ones(chosen: Method) -> None:
+def test_an_unknown_parameter_is_rejected_with_the_known_ones(chosen: Method) -> None:
     fault = refused(chosen, {"speling": 1}, "speling")
     assert next(iter(fields(chosen))) in fault.remedy
 
 
 @every_method
-def test_parameters_cannot_be_changed_afterwards(chosen: Method) -> None:
+def test_parameters_are_immutable(chosen: Method) -> None:
     params = chosen.Params()
     with pytest.raises(ValueError, match="frozen"):
         setattr(params, next(iter(fields(chosen))), 1)
 
 
-def test_an_unknown_method_is_refused_with_the_known_ones() -> None:
+def test_an_unknown_method_is_rejected_with_the_known_ones() -> None:
     with pytest.raises(BadParameter) as caught:
         method("abstracton")
     assert caught.value.field == "method" and all(name in caught.value.remedy for name in methods())
@@ -165,7 +165,7 @@ def refused(chosen: Method, values: dict[str, Any], name: str) -> BadParameter:
 
 
 @every_method
-def test_tasks_are_named_for_files_and_urls_and_frames_are_emitted_once(chosen: Method) -> None:
+def test_task_keys_are_valid_and_frames_are_emitted_once(chosen: Method) -> None:
     context = Recorder(chosen.Params(), shot())
     tasks = run_plan(chosen, context)
     for listed in tasks.values():
@@ -218,7 +218,7 @@ def test_the_same_request_gives_the_same_bytes_in_any_order(chosen: Method) -> N
 
 
 @every_method
-def test_a_container_that_lies_about_its_frames_changes_nothing(chosen: Method) -> None:
+def test_a_wrong_frame_count_in_the_container_changes_nothing(chosen: Method) -> None:
     honest, lying = (LocalContext(chosen.Params(), shot()) for _ in range(2))
     lying.video = VideoInfo(*SIZE, frames=1, fps=25.0, duration_s=0.04)
     for context in (honest, lying):
@@ -227,7 +227,7 @@ def test_a_container_that_lies_about_its_frames_changes_nothing(chosen: Method) 
 
 
 @every_method
-def test_a_video_without_frames_is_refused(chosen: Method) -> None:
+def test_a_video_without_frames_is_rejected(chosen: Method) -> None:
     with pytest.raises(BadInput) as caught:
         run_plan(chosen, LocalContext(chosen.Params(), []))
     assert caught.value.field == "inputs.video" and caught.value.remedy
@@ -246,7 +246,7 @@ def test_a_live_session_paints_what_a_job_paints(chosen: Method) -> None:
 # -- random numbers
 
 
-def test_random_numbers_depend_on_seed_and_purpose_alone() -> None:
+def test_random_numbers_depend_on_seed_and_purpose_only() -> None:
     drawn = {key: tuple(seeded(*key).integers(0, 1 << 30, 4)) for key in ((0, 1), (0, 2), (1, 1), (0, 1, 0))}
     assert len(set(drawn.values())) == 4
     assert tuple(seeded(0, 1).integers(0, 1 << 30, 4)) == drawn[0, 1]

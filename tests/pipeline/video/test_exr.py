@@ -1,4 +1,4 @@
-"""EXR: every kind of file read, passes found by name, velocities with the right sign."""
+"""EXR files: channel types, passes by name, and signs of velocities."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_a_data_window_smaller_than_the_picture(tmp_path: Path) -> None:
     assert (image.planes["Z"][1:3, 2:4] == 1).all()
 
 
-def test_what_is_no_exr_or_cut_off_or_too_large_is_refused(tmp_path: Path) -> None:
+def test_invalid_truncated_and_too_large_files_are_rejected(tmp_path: Path) -> None:
     path = write(tmp_path / "a.exr", {"Z": np.ones((40, 50), np.float32)})
     whole = path.read_bytes()
     for wrong in (b"", b"\x76\x2f\x31\x01 and no more", whole[:200], whole[:-1]):
@@ -102,7 +102,7 @@ def vectors(index: int, convention: str) -> tuple[Exr, np.ndarray]:
 
 @pytest.mark.parametrize("told", [True, False], ids=["told", "guessed"])
 @pytest.mark.parametrize("convention", ["cycles", "eevee", "nuke"])
-def test_velocities_have_the_right_sign_whoever_wrote_them(convention: Any, told: bool) -> None:
+def test_velocities_have_the_right_sign_for_each_convention(convention: Any, told: bool) -> None:
     first, second = vectors(3, convention), vectors(4, convention)
     factors, says = factors_of(convention if told else "auto", first, second)
     truth = scene("shapes", SIZE, frames=12, fps=12).frame(4)

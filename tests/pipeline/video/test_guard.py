@@ -1,4 +1,4 @@
-"""Hostile files are decoded in a child: same pictures, and whatever the child does, we go on."""
+"""Decoding of hostile files in child processes: equal results, limits, and replacement of failed processes."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def same(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> bool:
     return a.dtype == b.dtype and np.array_equal(a, b)
 
 
-def test_it_is_a_reader(clip: Path, tmp_path: Path) -> None:
+def test_a_guarded_reader_reads_the_same_frames(clip: Path, tmp_path: Path) -> None:
     for path in (clip, make_zip(tmp_path / "a.zip", png_frames(5))):
         with VideoReader(path) as plain, GuardedReader(path) as guarded:
             for name in ("size", "rotation_deg", "pixel_format", "frames", "time_base", "fps", "position"):
@@ -61,7 +61,7 @@ def test_it_is_a_reader(clip: Path, tmp_path: Path) -> None:
                 assert plain.position == guarded.position
 
 
-def test_frames_are_our_own(clip: Path) -> None:
+def test_frames_are_copies(clip: Path) -> None:
     with GuardedReader(clip) as reader:
         first, second = reader.read(0, 2)
         kept = first.copy()
@@ -70,7 +70,7 @@ def test_frames_are_our_own(clip: Path) -> None:
         first[...] = 0
 
 
-def test_a_read_that_is_given_up_is_forgotten(clip: Path) -> None:
+def test_an_abandoned_read_does_not_affect_the_next(clip: Path) -> None:
     with GuardedReader(clip) as reader, VideoReader(clip) as plain:
         walk = reader.read(0, 10)
         next(walk)
@@ -80,7 +80,7 @@ def test_a_read_that_is_given_up_is_forgotten(clip: Path) -> None:
             reader.read(5, 4)
 
 
-def test_what_is_wrong_with_a_file_is_said_as_ever(tmp_path: Path) -> None:
+def test_errors_of_a_file_are_those_of_the_plain_reader(tmp_path: Path) -> None:
     bad = tmp_path / "a.mp4"
     bad.write_bytes(b"\0\0\0\x18ftypmp42" + b"rubbish" * 100)
     with pytest.raises(UnreadableMedia) as guarded:
@@ -132,9 +132,7 @@ def test_joining(tiny_clip: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSEGV])
-def test_a_decoder_that_dies_is_an_error_and_no_more(
-    clip: Path, how: signal.Signals, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_decoder_that_dies_raises_an_error(clip: Path, how: signal.Signals, monkeypatch: pytest.MonkeyPatch) -> None:
     with GuardedReader(clip) as reader:
         frames = reader.read()
         next(frames)
@@ -153,7 +151,7 @@ def test_a_decoder_that_dies_is_an_error_and_no_more(
         assert len(list(reader.read())) == 12
 
 
-def test_a_decoder_that_somebody_killed_is_replaced(clip: Path, tmp_path: Path) -> None:
+def test_a_killed_decoder_is_replaced(clip: Path, tmp_path: Path) -> None:
     with VideoReader(clip) as plain, GuardedReader(clip) as reader:
         for index, (frame, other) in enumerate(zip(plain.read(2), reader.read(2), strict=True)):
             assert same(frame, other)
@@ -185,7 +183,7 @@ def gone(process: psutil.Process, timeout_s: float = 5.0) -> bool:
     return False
 
 
-def test_a_child_has_little_and_may_little(clip: Path) -> None:
+def test_a_child_has_few_resources_and_permissions(clip: Path) -> None:
     with GuardedReader(clip) as reader:
         child = psutil.Process(reader._child._pid)
         assert child.rlimit(psutil.RLIMIT_FSIZE) == (0, 0) and child.rlimit(psutil.RLIMIT_CORE) == (0, 0)
@@ -197,13 +195,13 @@ def test_a_child_has_little_and_may_little(clip: Path) -> None:
         )
 
 
-def test_too_much_memory_is_refused_to_it(clip: Path) -> None:
+def test_a_child_cannot_allocate_too_much_memory(clip: Path) -> None:
     with pytest.raises(UnreadableMedia):
         DecoderProcess("probe", {"path": str(clip), "limits": {}}, 1, memory_bytes=1 << 20)
     assert probe_guarded(clip).frames == 12
 
 
-def test_a_closed_reader_leaves_nobody(clip: Path) -> None:
+def test_a_closed_reader_leaves_no_process(clip: Path) -> None:
     reader = GuardedReader(clip)
     child = psutil.Process(reader._child._pid)
     reader.close()
@@ -223,7 +221,7 @@ def test_a_decoder_server_that_died_is_started_again(clip: Path) -> None:
         assert len(list(reader.read())) == 12
 
 
-def test_a_decoder_server_that_dies_at_this_moment_is_replaced(clip: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_decoder_server_that_dies_during_a_request_is_replaced(clip: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It takes the request and dies before it has forked."""
     GuardedReader(clip).close()
     (server,) = [p for p in psutil.Process().children() if "pipeline.video.guard.server_main" in " ".join(p.cmdline())]
@@ -250,7 +248,7 @@ def test_a_decoder_server_that_hangs_is_replaced(clip: Path, monkeypatch: pytest
     assert not server.is_running()
 
 
-def test_nobody_outlives_us(clip: Path) -> None:
+def test_child_processes_end_with_the_parent(clip: Path) -> None:
     code = f"""
 import os, sys
 from pathlib import Path
@@ -288,7 +286,7 @@ def answering(*said: Callable[[socket.socket], None]) -> DecoderProcess:
     return child
 
 
-def test_a_child_that_was_taken_over_gains_nothing() -> None:
+def test_a_compromised_child_cannot_affect_the_parent() -> None:
     """It can lie about pictures. It cannot make us run, open or allocate anything."""
     with pytest.raises(UnreadableMedia):
         answering(lambda wire: wire.sendall(struct.pack("!II", 1 << 31, 0))).ask({})
@@ -325,7 +323,7 @@ def test_every_role_is_used() -> None:
 # -- pictures of a shot
 
 
-def test_pictures_are_what_they_are_in_our_own_process(tmp_path: Path) -> None:
+def test_guarded_pictures_equal_those_decoded_in_process(tmp_path: Path) -> None:
     gray = np.arange(40 * 30, dtype=np.uint16).reshape(30, 40) * 40
     data = cv2.imencode(".png", gray)[1].tobytes()
     assert same(guarded_raw(data, "a.png"), decode_raw(data, Limits(), "a.png"))
@@ -336,7 +334,7 @@ def test_pictures_are_what_they_are_in_our_own_process(tmp_path: Path) -> None:
     assert all(np.array_equal(image.planes[name], plain.planes[name]) for name in planes)
 
 
-def test_a_bad_picture_is_named_and_the_next_one_comes_through() -> None:
+def test_an_invalid_picture_does_not_affect_the_next() -> None:
     data = cv2.imencode(".png", np.zeros((32, 32), np.uint8))[1].tobytes()
     guarded_raw(data, "good.png")
     pid = _DECODER.child._pid if _DECODER.child else 0
@@ -347,7 +345,7 @@ def test_a_bad_picture_is_named_and_the_next_one_comes_through() -> None:
     assert _DECODER.child and _DECODER.child._pid == pid, "it was not at fault"
 
 
-def test_a_killed_decoder_of_pictures_is_replaced() -> None:
+def test_a_killed_picture_decoder_is_replaced() -> None:
     data = cv2.imencode(".png", np.zeros((32, 32), np.uint8))[1].tobytes()
     guarded_raw(data, "good.png")
     assert _DECODER.child

@@ -40,7 +40,7 @@ def test_ten_thousand_images_are_probed(tmp_path: Path) -> None:
     assert (info.kind, info.frames) == ("archive", 10_000)
 
 
-def test_overlapping_entries_are_refused(tmp_path: Path) -> None:
+def test_overlapping_entries_are_rejected(tmp_path: Path) -> None:
     path = _zip(tmp_path / "a.zip", 100)
     data = bytearray(path.read_bytes())
     with zipfile.ZipFile(path) as archive:

@@ -1,4 +1,4 @@
-"""Segments, the joined file and its sound: right pictures, right times, the same bytes each time."""
+"""Segments, the joined file and its sound: frames, times, and reproducible bytes."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def source(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("container", ["mp4", "webm", "png"])
-def test_the_same_frames_come_back_and_the_bytes_are_the_same(container: Format, source: Path, tmp_path: Path) -> None:
+def test_frames_survive_encoding_and_bytes_are_reproducible(container: Format, source: Path, tmp_path: Path) -> None:
     first = render(source, tmp_path / "one.out", container)
     again = render(source, tmp_path / "two.out", container)
     assert first.read_bytes() == again.read_bytes()
@@ -61,7 +61,7 @@ def test_the_same_frames_come_back_and_the_bytes_are_the_same(container: Format,
     assert worst == 0 if container == "png" else worst < 4
 
 
-def test_mp4_is_what_browsers_play(source: Path, tmp_path: Path) -> None:
+def test_mp4_has_properties_that_browsers_support(source: Path, tmp_path: Path) -> None:
     out = render(source, tmp_path / "out.mp4", "mp4")
     data = out.read_bytes()
     assert data.find(b"moov") < data.find(b"mdat")
@@ -97,7 +97,7 @@ def test_hd_is_tagged_bt709(tmp_path: Path) -> None:
     ],
 )
 @pytest.mark.parametrize("start_s", [0.0, 0.24])
-def test_sound_stays_in_step(
+def test_sound_stays_synchronous(
     container: Format, name: str, codec: str, kept: str, start_s: float, tmp_path: Path
 ) -> None:
     frames = [picture(i) for i in range(30)]
@@ -111,7 +111,7 @@ def test_sound_stays_in_step(
     assert probe(out).duration_s == pytest.approx(1.2, abs=0.03)
 
 
-def test_sound_keeps_step_with_a_late_picture(tmp_path: Path) -> None:
+def test_sound_stays_synchronous_with_a_late_first_picture(tmp_path: Path) -> None:
     frames = [picture(i) for i in range(25)]
     made = make_video(tmp_path / "late.mkv", frames, pts=list(range(10, 35)), click_s=[0.6, 0.9])
     with VideoReader(made) as reader:
@@ -130,7 +130,7 @@ def test_variable_rate_is_kept(container: Format, tmp_path: Path) -> None:
         assert [round(float(t * reader.time_base) * 1000) for t in reader.timestamps] == pts
 
 
-def test_odd_sides_grow_by_a_repeated_edge_in_h264_only(tmp_path: Path) -> None:
+def test_odd_sides_are_padded_in_h264_only(tmp_path: Path) -> None:
     frame = picture(0, 97, 63)
     for container, size in (("mp4", (98, 64)), ("webm", (97, 63)), ("png", (97, 63))):
         spec = SegmentSpec(container, (97, 63), Fraction(1, 25), 25.0, 10)  # type: ignore[arg-type]
@@ -148,7 +148,7 @@ def test_pngs_are_numbered_from_0000(source: Path, tmp_path: Path) -> None:
         assert archive.namelist() == [f"{index:04d}.png" for index in range(30)]
 
 
-def test_wrong_use_is_refused(tmp_path: Path) -> None:
+def test_invalid_arguments_are_rejected(tmp_path: Path) -> None:
     spec = SegmentSpec("mp4", (96, 64), Fraction(1, 25), 25.0)
     with segment_writer(tmp_path / "s", spec) as writer, pytest.raises(BadFrame):
         writer.write(0, picture(0, 64, 64), 0, 1)
@@ -179,5 +179,5 @@ def test_fit_never_enlarges() -> None:
     assert fit(picture(0), 4000).shape == (64, 96, 3)
 
 
-def test_what_probing_found_is_json() -> None:
+def test_media_info_is_json() -> None:
     assert MediaInfo("json", "application/json").as_json()["kind"] == "json"

@@ -1,4 +1,4 @@
-"""Every kind of bad upload is refused with field and remedy; every good one is described."""
+"""Probing: invalid files are rejected with field and remedy, valid ones are described."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ BAD: dict[str, tuple[Callable[[Path], bytes], type[BadMedia]]] = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_media_is_refused_with_a_remedy(name: str, tmp_path: Path) -> None:
+def test_invalid_media_are_rejected_with_a_remedy(name: str, tmp_path: Path) -> None:
     make, kind = BAD[name]
     file = tmp_path / "upload.mp4"
     file.write_bytes(make(tmp_path))
@@ -129,7 +129,7 @@ def test_bad_media_is_refused_with_a_remedy(name: str, tmp_path: Path) -> None:
     assert caught.value.remedy
 
 
-def test_a_damaged_entry_is_refused(tmp_path: Path) -> None:
+def test_a_damaged_entry_is_rejected(tmp_path: Path) -> None:
     data = bytearray(zipped(tmp_path, {"frame_1.png": noise_png()}))
     data[2000:2400] = bytes(400)
     file = tmp_path / "damaged.zip"
@@ -138,7 +138,7 @@ def test_a_damaged_entry_is_refused(tmp_path: Path) -> None:
         probe(file)
 
 
-def test_a_video_is_described_whatever_its_name(tmp_path: Path) -> None:
+def test_a_video_is_probed_regardless_of_its_name(tmp_path: Path) -> None:
     made = make_video(tmp_path / "a.mp4", [picture(i) for i in range(10)], click_s=[0.1])
     info = probe(made.rename(tmp_path / "innocent.txt"))
     assert (info.kind, info.media_type, info.width, info.height) == ("video", "video/mp4", 96, 64)
@@ -167,13 +167,13 @@ def test_an_archive_is_a_sequence(tmp_path: Path) -> None:
     assert (info.kind, info.frames, info.width, info.height, info.fps) == ("archive", 12, 96, 64, 24.0)
 
 
-def test_json_is_json(tmp_path: Path) -> None:
+def test_a_json_file_is_probed(tmp_path: Path) -> None:
     file = tmp_path / "histogram.json"
     file.write_text('{"hue": [1, 2, 3]}')
     assert (probe(file).kind, probe(file).media_type) == ("json", "application/json")
 
 
-def test_limits_hold(tmp_path: Path) -> None:
+def test_limits_are_enforced(tmp_path: Path) -> None:
     file = make_video(tmp_path / "a.mp4", [picture(i) for i in range(30)])
     for limits in (
         Limits(size_bytes=100),
@@ -187,7 +187,7 @@ def test_limits_hold(tmp_path: Path) -> None:
     assert probe(file, Limits(pixels=96 * 64, side_px=96, seconds=1.2, frames=30)).frames == 30
 
 
-def test_the_guarded_probe_answers_the_same(tmp_path: Path) -> None:
+def test_the_guarded_probe_gives_the_same_result(tmp_path: Path) -> None:
     good = make_video(tmp_path / "a.mp4", [picture(i) for i in range(3)])
     assert probe_guarded(good) == probe(good)
     bad = tmp_path / "bad.png"

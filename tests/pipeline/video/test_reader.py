@@ -1,4 +1,4 @@
-"""Exact frames from every kind of container, whatever order they are asked for in."""
+"""Exact frames of every kind of container, in any order of reads."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def levels(frames: list[Frame]) -> NDArray[np.float64]:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_any_order_gives_what_a_read_from_the_start_gives(kind: str, tmp_path: Path) -> None:
+def test_frames_do_not_depend_on_the_order_of_reads(kind: str, tmp_path: Path) -> None:
     name, codec, pixel_format, options = KINDS[kind]
     path = make_video(tmp_path / name, [picture(i) for i in range(36)], codec, pixel_format, options=options)
     with VideoReader(path) as reader:
@@ -58,7 +58,7 @@ def test_any_order_gives_what_a_read_from_the_start_gives(kind: str, tmp_path: P
         assert reader.errors == []
 
 
-def test_reading_on_does_not_seek(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_consecutive_reads_do_not_seek(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = make_video(tmp_path / "a.mp4", [picture(i) for i in range(30)], options={"g": "10"})
     opened: list[int] = []
     make = clip.Pass
@@ -98,7 +98,7 @@ def test_rotation_is_applied(ccw: int, corner: tuple[int, int], tmp_path: Path) 
     assert sum(map(sum, quarters)) == 1
 
 
-def test_pixels_become_square(tmp_path: Path) -> None:
+def test_non_square_pixels_are_resampled(tmp_path: Path) -> None:
     path = make_video(tmp_path / "w.mp4", [picture(0)] * 2, aspect=Fraction(4, 3))
     with VideoReader(path) as reader:
         assert reader.size == (128, 64)
@@ -117,7 +117,7 @@ def test_odd_sizes(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("matrix", [1, 6, 9])
 @pytest.mark.parametrize("levels_range", [1, 2])
-def test_matrix_and_range_are_those_of_the_stream(matrix: int, levels_range: int, tmp_path: Path) -> None:
+def test_colour_matrix_and_range_of_the_stream_are_used(matrix: int, levels_range: int, tmp_path: Path) -> None:
     frame = np.zeros((64, 96, 3), np.uint8)
     for number, colour in enumerate([(200, 40, 40), (40, 200, 40), (40, 40, 200), (230, 230, 60)]):
         frame[:, number * 24 : number * 24 + 24] = colour
@@ -127,7 +127,7 @@ def test_matrix_and_range_are_those_of_the_stream(matrix: int, levels_range: int
     assert abs(shown.astype(int) - frame).max() <= 5
 
 
-def test_untagged_video_is_709_from_720_lines_up(tmp_path: Path) -> None:
+def test_untagged_video_is_bt709_from_720_rows(tmp_path: Path) -> None:
     for height, matrix in ((718, 6), (720, 1)):
         frame = np.full((height, 96, 3), (200, 60, 40), np.uint8)
         tagged = make_video(tmp_path / "t.mkv", [frame], "ffv1", "yuv444p", tags=(matrix, 1))
@@ -156,7 +156,7 @@ def test_alpha_is_composited_over_white(name: str, tmp_path: Path) -> None:
     assert np.allclose(shown[32, [8, 48, 80]], [(255, 255, 255), (227, 127, 127), (200, 0, 0)], atol=2)
 
 
-def test_damage_in_the_middle_is_noted_and_passed_over(tmp_path: Path) -> None:
+def test_damage_in_the_middle_is_reported_and_skipped(tmp_path: Path) -> None:
     frames = [picture(i) for i in range(30)]
     path = make_video(tmp_path / "d.avi", frames, "mjpeg", "yuvj420p")
     data = bytearray(path.read_bytes())
@@ -173,7 +173,7 @@ def test_damage_in_the_middle_is_noted_and_passed_over(tmp_path: Path) -> None:
     assert all(np.array_equal(a, b) for a, b in zip(parts, every[12:16] + every[20:24], strict=True))
 
 
-def test_a_cut_off_file_plays_to_where_it_ends(tmp_path: Path) -> None:
+def test_a_truncated_file_is_read_up_to_its_end(tmp_path: Path) -> None:
     path = make_video(tmp_path / "c.mkv", [picture(i) for i in range(36)], options={"g": "6", "bf": "0"})
     path.write_bytes(path.read_bytes()[: path.stat().st_size * 6 // 10])
     with VideoReader(path) as reader:
@@ -182,7 +182,7 @@ def test_a_cut_off_file_plays_to_where_it_ends(tmp_path: Path) -> None:
     assert np.allclose(levels(frames)[:-1], range(len(frames) - 1), atol=1)
 
 
-def test_a_folder_a_zip_and_a_still_are_videos_too(tmp_path: Path) -> None:
+def test_a_folder_a_zip_and_a_still_image_are_videos(tmp_path: Path) -> None:
     entries = png_frames(12)
     for name, data in entries.items():
         (tmp_path / name).write_bytes(data)
@@ -209,7 +209,7 @@ def test_json_is_not_a_video(tmp_path: Path) -> None:
         VideoReader(tmp_path / "a.json")
 
 
-def test_a_turned_photograph_stands_upright(tmp_path: Path) -> None:
+def test_exif_rotation_is_applied(tmp_path: Path) -> None:
     encoded = cv2.imencode(".jpg", picture(0))[1].tobytes()
     exif = b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0"
     (tmp_path / "p.jpg").write_bytes(

@@ -41,13 +41,13 @@ def encoded(path: Path, container: Format, quality: int) -> str:
 
 
 @pytest.mark.parametrize("container", FORMATS)
-def test_the_same_frames_give_the_same_bytes_every_time(container: Format, tmp_path: Path) -> None:
+def test_the_same_frames_give_the_same_bytes_in_each_run(container: Format, tmp_path: Path) -> None:
     found = Counter(encoded(tmp_path / "segment", container, quality=20) for _ in range(TestSettings().encoder_runs))
     assert len(found) == 1, f"{len(found)} different files in {found.total()} runs: {sorted(found.values())}"
 
 
 @pytest.mark.parametrize("container", FORMATS)
-def test_encoders_at_work_on_other_threads_change_nothing(container: Format, tmp_path: Path) -> None:
+def test_concurrent_encoders_do_not_change_the_bytes(container: Format, tmp_path: Path) -> None:
     """Four at once on a machine of any size: threads are interrupted everywhere."""
     with ThreadPoolExecutor(4) as pool:
         found = set(pool.map(lambda number: encoded(tmp_path / f"{number}", container, quality=20), range(24)))

@@ -1,4 +1,4 @@
-"""Shots: found, read, and what is wrong with one is named by layer and frame."""
+"""Shots: detection, reading, and faults named by layer and frame."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ def test_a_shot_is_a_video_of_its_frames_for_any_method(tmp_path: Path, root: st
     assert "frames/0000.png" in ShotFiles(path)
 
 
-def test_plain_numbered_images_are_no_shot() -> None:
+def test_plain_numbered_images_are_not_a_shot() -> None:
     assert not is_shot(["clip/frames/1.png", "clip/frames/2.png"]) and not is_shot(["1.png"])
     assert pictures_of(["b/10.png", "b/2.png"]) == ["b/2.png", "b/10.png"]
 
 
-def test_numbers_may_begin_anywhere() -> None:
+def test_frame_numbers_may_start_anywhere() -> None:
     names = [f"frames/{n}.png" for n in (101, 102, 103)] + ["keyframes/key_102.png"]
     layout = read_shot(dict.fromkeys(names, b""))
     assert layout.frames == 3 and list(layout.whole.passes["keyframes"]) == [1]
@@ -127,7 +127,7 @@ def lonely(files: Files) -> None:
     ],
     ids=lambda value: getattr(value, "__name__", ""),
 )  # fmt: skip
-def test_what_is_wrong_is_named(change: Callable[[Files], None], words: list[str]) -> None:
+def test_a_fault_is_named_with_layer_and_frame(change: Callable[[Files], None], words: list[str]) -> None:
     files = edited(change)
     with pytest.raises(BadMedia) as caught:
         check_pictures(files, read_shot(files), SIZE)
@@ -136,12 +136,12 @@ def test_what_is_wrong_is_named(change: Callable[[Files], None], words: list[str
     assert caught.value.remedy
 
 
-def test_a_wrong_shot_is_refused_when_it_is_uploaded(tmp_path: Path) -> None:
+def test_an_invalid_shot_is_rejected_at_upload(tmp_path: Path) -> None:
     with pytest.raises(BadMedia, match="front"):
         probe(zipped(tmp_path / "a.zip", edited(lose)))
 
 
-def test_a_folder_on_disk_is_read_as_its_archive_is(tmp_path: Path) -> None:
+def test_a_folder_is_read_like_its_archive(tmp_path: Path) -> None:
     folder = tmp_path / "shot"
     for name, data in scene_files().items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
