@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import resource
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,8 +18,6 @@ from enum import IntEnum
 log = logging.getLogger(__name__)
 
 SWEEP_S = 1.0
-MAX_DESCRIPTORS = 65_536
-"""More are not asked for: some libraries loop over all possible descriptors."""
 RESERVED_SHARE, MIN_RESERVED = 0.25, 128
 BUSY = (
     b"HTTP/1.1 503 Service Unavailable\r\nRetry-After: 5\r\nConnection: close\r\nContent-Length: 0\r\n"
@@ -127,17 +124,6 @@ class ConnectionGuard:
         while True:
             await asyncio.sleep(SWEEP_S)
             self.sweep()
-
-
-def raise_descriptor_limit() -> int:
-    """Raise the soft limit of open files to the hard one (at most `MAX_DESCRIPTORS`). Returns the limit in force."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    infinite = resource.RLIM_INFINITY
-    most = MAX_DESCRIPTORS if hard == infinite else min(hard, MAX_DESCRIPTORS)
-    if soft != infinite and soft < most:
-        resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
-        return most
-    return MAX_DESCRIPTORS if soft == infinite else soft
 
 
 def connection_limit(descriptors: int, wanted: int) -> int:

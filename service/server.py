@@ -17,10 +17,11 @@ from fastapi import FastAPI
 
 from pipeline.errors import BadParameter
 from service.app import create_app
-from service.connections import ConnectionGuard, connection_limit, raise_descriptor_limit
+from service.connections import ConnectionGuard, connection_limit
 from service.repeats import RepeatFilter
 from service.settings import Settings
 from service.sockets import guarded
+from workers.descriptors import raise_descriptor_limit
 from workers.farm import Farm, open_farm
 from workers.logs import set_up_logs
 

@@ -64,6 +64,7 @@ def worker(options: WorkerOptions) -> None:
     """
     from impasto.settings import load
     from service.settings import Settings
+    from workers.descriptors import raise_descriptor_limit
     from workers.logs import set_up_logs
     from workers.pools.ray_node import RayNode
 
@@ -78,6 +79,7 @@ def worker(options: WorkerOptions) -> None:
         s3_endpoint_url=options.s3_endpoint,
     )
     set_up_logs(settings)
+    raise_descriptor_limit()
     if options.ray_address is not None:
         node = RayNode(
             options.ray_address, options.name or socket.gethostname(), settings.workers, options.gpus, options.memory

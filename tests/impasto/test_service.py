@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import resource
 import socket
 import subprocess
 import sys
@@ -18,6 +19,7 @@ from impasto.cli.app import run
 from impasto.problems import JobFailed, NotAllowed
 from pipeline.errors import BadParameter, UnreadableMedia
 from tests.conftest import TINY_FRAMES
+from workers.descriptors import MAX_DESCRIPTORS
 from workers.errors import IdempotencyMismatch, NotFound
 
 Serve = Callable[..., str]
@@ -197,3 +199,17 @@ def free_port() -> int:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
+
+
+def test_a_worker_may_open_as_many_files_as_the_machine_allows(home: Path) -> None:
+    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    program = (
+        f"import resource, sys; resource.setrlimit(resource.RLIMIT_NOFILE, (256, {hard}));"
+        f"from impasto.cli.app import run; sys.exit(run(['worker', '--home', {str(home)!r}]))"
+    )
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as worker:
+        assert worker.stdout is not None and worker.stdout.readline().startswith("dsp_")
+        limits = Path(f"/proc/{worker.pid}/limits").read_text()
+        worker.terminate()
+    soft = next(line.split()[3] for line in limits.splitlines() if line.startswith("Max open files"))
+    assert int(soft) == min(hard, MAX_DESCRIPTORS)

@@ -257,7 +257,7 @@ class AttemptContext:
         self._check_cancelled()
         now = time.monotonic()
         if now - self._last_report >= _REPORT_EVERY_S:
-            self._last_report, self._done = now, min(max(done, 0.0), 1.0)
+            self._last_report, self._done = now, min(max(0.0, done), 1.0)  # NaN: 0
             self._report(self._done)
 
     def _check_cancelled(self) -> None:

@@ -11,22 +11,22 @@ import socket
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 
 from pipeline.errors import ImpastoError, StorageError
 from workers import state_machine as machine
 from workers.faults import failed_outcome, fault_from, is_final, is_resource_away
 from workers.frame_window import window_inputs
-from workers.log_context import About, about
+from workers.log_context import about
 from workers.model import Fault, TaskOutcome
 from workers.operations import DrainScope, Slot, WorkerInfo
 from workers.pools.base import Pool, Report
+from workers.scheduling.flights import Flight, facts_of, log_end, lost_outcome, stalled_outcome
 from workers.scheduling.orders import Orders
 from workers.scheduling.planning import plan_step
 from workers.scheduling.process_lock import ProcessLock
 from workers.settings import FarmSettings
-from workers.store import Claim, Heartbeat, StepToPlan, Store
+from workers.store import Claim, ClaimFailed, Heartbeat, StepToPlan, Store
 
 log = logging.getLogger(__name__)
 
@@ -47,23 +47,6 @@ _RESOURCE_AWAY_S = 3.0
 _PLANS_AT_ONCE = 4
 _SKIP_S = 60.0
 """A step whose plan can neither be stored nor recorded as failed is not tried again for this long."""
-
-
-@dataclass
-class _Flight:
-    """An attempt that is with the pool."""
-
-    last_report_s: float
-    """When it last reported, monotonic s."""
-    job_id: str
-    task_id: str
-    last_step: bool
-    progress: float = 0.0
-    preview: str = ""
-    worker: str = ""
-    reported: bool = True
-    """Whether the store knows `progress` and `preview`."""
-    revoked: bool = False
 
 
 class Dispatcher:
@@ -94,15 +77,21 @@ class Dispatcher:
         self._check_space = check_space
         self._collect = collect
         self._orders = Orders(store, pool.shares_memory)
-        self._flights: dict[str, _Flight] = {}
+        self._flights: dict[str, Flight] = {}
         self._skipped: dict[str, float] = {}
-        """Job id -> monotonic time until which its plan is not tried again."""
+        """Job id -> monotonic time until which it is neither planned nor claimed from: something is wrong with it."""
         self._reports: deque[Report] = deque()
+        self._aside: deque[tuple[float, Flight, Report]] = deque()
+        """Reports that could not be handled, and when each is tried again, monotonic s."""
         self._wake = threading.Event()
         self._stopping = False
         self._draining = False
         self._slots: tuple[Slot, ...] | None = None
         """Those that the store knows."""
+        self._running_parts = (
+            self._handle_reports, self._keep_leases, self._enrol, self._write_progress, self._revoke,
+        )  # fmt: skip
+        """What looks after running attempts in each turn. Repeatable: an exception in the middle loses nothing."""
         self._thread = threading.Thread(target=self._run, name="impasto-dispatcher", daemon=True)
         self._process_lock: ProcessLock | None = None
         self._last_renewal = self._progress_written = self._last_look = self._last_idle = float("-inf")
@@ -170,14 +159,12 @@ class Dispatcher:
             self._wake.clear()
             self._last_turn = time.monotonic()
             try:
-                self._check_running()
-                if (
-                    woken
-                    or back_off
-                    or self._last_turn - searched >= (_IDLE_TICK_S if self._has_free_slot() else _FULL_TICK_S)
-                ):
-                    self._find_work()
+                parts: list[Callable[[], None]] = [*self._running_parts]
+                rest_s = _IDLE_TICK_S if self._has_free_slot() else _FULL_TICK_S
+                if woken or back_off or self._last_turn - searched >= rest_s:
+                    parts += [self._plan, self._fill]
                     searched = self._last_turn
+                run_each(parts)
                 back_off, self.trouble = 0.0, ""
             except Exception as error:
                 back_off = min(_MAX_BACK_OFF_S, max(0.5, 2 * back_off))
@@ -193,19 +180,6 @@ class Dispatcher:
         else:
             log.exception("dispatcher failed; it tries again")
 
-    def _check_running(self) -> None:
-        """Look after what runs. Repeatable: an exception in the middle loses nothing."""
-        self._handle_reports()
-        self._keep_leases()
-        self._enrol()
-        self._write_progress()
-        self._revoke()
-
-    def _find_work(self) -> None:
-        """Find new work. Repeatable as well."""
-        self._plan()
-        self._fill()
-
     # -- reports from the pool
 
     def _receive(self, report: Report) -> None:
@@ -215,9 +189,30 @@ class Dispatcher:
             self._wake.set()
 
     def _handle_reports(self) -> None:
+        """Handle the reports in order. One that cannot be handled is set aside for a while, so that it neither blocks
+        the others nor occupies a slot."""
+        self._bring_back()
         while self._reports:
-            self._take(self._reports[0])
+            try:
+                self._take(self._reports[0])
+            except StorageError:
+                raise
+            except Exception:
+                log.exception("a report cannot be handled; it is set aside for %.0f s", _SKIP_S)
+                self._set_aside(self._reports[0])
             self._reports.popleft()
+
+    def _set_aside(self, report: Report) -> None:
+        flight = self._flights.pop(report.attempt_id, None)
+        if flight is not None:
+            self._aside.append((time.monotonic() + _SKIP_S, flight, report))
+
+    def _bring_back(self) -> None:
+        """Try reports again that were set aside long enough ago."""
+        while self._aside and self._aside[0][0] <= time.monotonic():
+            _, flight, report = self._aside.popleft()
+            self._flights[report.attempt_id] = flight
+            self._reports.append(report)
 
     def _take(self, report: Report) -> None:
         flight = self._flights.get(report.attempt_id)
@@ -227,14 +222,14 @@ class Dispatcher:
         if report.worker and report.worker != flight.worker:
             flight.worker, flight.reported = report.worker, False
         if report.lost:
-            self._settle(report.attempt_id, flight, _lost(report))
+            self._settle(report.attempt_id, flight, lost_outcome(report))
         elif report.outcome is not None:
             self._settle(report.attempt_id, flight, report.outcome)
         elif (report.progress, report.preview or flight.preview) != (flight.progress, flight.preview):
             flight.progress, flight.preview = report.progress, report.preview or flight.preview
             flight.reported = False
 
-    def _settle(self, attempt_id: str, flight: _Flight, outcome: TaskOutcome) -> None:
+    def _settle(self, attempt_id: str, flight: Flight, outcome: TaskOutcome) -> None:
         """Write an outcome to the store. The attempt is forgotten here only after that has succeeded.
 
         An outcome that cannot be written (a NaN, an object that is not JSON) fails its attempt; if even that cannot be
@@ -245,22 +240,22 @@ class Dispatcher:
         except StorageError:
             raise
         except Exception as error:
-            log.exception("the outcome cannot be stored", extra=_about(attempt_id, flight))
+            log.exception("the outcome cannot be stored", extra=facts_of(attempt_id, flight))
             counted = self._commit_unstorable(attempt_id, flight, error)
         self._flights.pop(attempt_id, None)
-        _log_end(attempt_id, flight, outcome, counted)
+        log_end(attempt_id, flight, outcome, counted)
         jobs = self._store.jobs
         over = jobs.succeeded(flight.job_id) if counted and flight.last_step else not jobs.exists(flight.job_id)
         if over:
             self._collect(flight.job_id)
 
-    def _commit_unstorable(self, attempt_id: str, flight: _Flight, error: Exception) -> bool:
+    def _commit_unstorable(self, attempt_id: str, flight: Flight, error: Exception) -> bool:
         try:
             return self._commit(failed_outcome(attempt_id, error), flight.worker)
         except StorageError:
             raise
         except Exception:
-            log.exception("the failure cannot be stored either", extra=_about(attempt_id, flight))
+            log.exception("the failure cannot be stored either", extra=facts_of(attempt_id, flight))
             return self._store.queue.put_off(attempt_id, _SKIP_S, "The outcome could not be stored.")
 
     def _commit(self, outcome: TaskOutcome, worker: str) -> bool:
@@ -281,12 +276,13 @@ class Dispatcher:
         if not news or now - self._progress_written < _BUSY_TICK_S * self._pace():
             return
         self._progress_written = now
-        self._store.queue.progress(
-            {
-                attempt_id: Heartbeat(flight.progress, flight.worker, flight.preview)
-                for attempt_id, flight in news.items()
-            }
-        )
+        heartbeats = {name: Heartbeat(flight.progress, flight.worker, flight.preview) for name, flight in news.items()}
+        try:
+            self._store.queue.progress(heartbeats)
+        except StorageError:
+            raise
+        except Exception:  # the next report of each attempt is written again
+            log.exception("progress cannot be written")
         for flight in news.values():
             flight.reported = True
 
@@ -328,17 +324,23 @@ class Dispatcher:
                 flight.revoked = True
                 self._pool.cancel(attempt_id)
             if now - flight.last_report_s > self._settings.stall_s:
+                self._receive(Report(attempt_id, outcome=stalled_outcome(attempt_id, self._settings.stall_s)))
                 self._pool.abandon(attempt_id)
-                self._receive(Report(attempt_id, outcome=_stalled(attempt_id, self._settings.stall_s)))
 
     # -- new work
 
     def _plan(self) -> None:
-        now = time.monotonic()
-        self._skipped = {job_id: until for job_id, until in self._skipped.items() if until > now}
+        self._forget_skipped()
         for todo in self._store.plans.to_plan(_PLANS_AT_ONCE + len(self._skipped)):
             if todo.job_id not in self._skipped:
                 self._plan_one(todo)
+
+    def _skip(self, job_id: str) -> None:
+        self._skipped[job_id] = time.monotonic() + _SKIP_S
+
+    def _forget_skipped(self) -> None:
+        now = time.monotonic()
+        self._skipped = {job_id: until for job_id, until in self._skipped.items() if until > now}
 
     def _plan_one(self, todo: StepToPlan) -> None:
         """Plan a step and store its tasks. Whatever goes wrong fails this job only; if that cannot be recorded, the job
@@ -359,26 +361,31 @@ class Dispatcher:
             raise
         except Exception:
             log.exception("a failed plan cannot be recorded; the job is skipped", extra=about(job=todo.job_id))
-            self._skipped[todo.job_id] = time.monotonic() + _SKIP_S
+            self._skip(todo.job_id)
 
     def _plan_and_store(self, todo: StepToPlan) -> None:
-        plans, inputs = self._store.plans, self._store.task_inputs
+        plans, inputs, request = self._store.plans, self._store.task_inputs, todo.request
         results, _ = inputs.before(todo.job_id, todo.step)
-        info = window_inputs(inputs.input_info(todo.request.inputs), todo.request.frames)
-        plans.planned(todo.job_id, todo.step, plan_step(todo.step, todo.request, todo.params, info, results))
+        info = window_inputs(inputs.input_info(request.inputs), request.frames)
+        plans.planned(todo.job_id, todo.step, plan_step(todo.step, request, todo.params, info, results))
 
     def _fill(self) -> None:
         assert self._process_lock is not None
         self._pool.drain([drain.name for drain in self._store.workers.drains() if drain.place is DrainScope.NODE])
         while self._has_free_slot() and not (self._stopping or self._draining):
             self._check_space()
-            claim = self._store.queue.claim(self._process_lock.id, self._settings.lease_s)
+            try:
+                claim = self._store.queue.claim(self._process_lock.id, self._settings.lease_s, self._skipped)
+            except ClaimFailed as error:
+                log.exception("no task of the job can be claimed; it is skipped", extra=about(job=error.job_id))
+                self._skip(error.job_id)
+                continue
             if claim is None:
                 return
             last = claim.step_name == machine.ASSEMBLE
-            flight = _Flight(time.monotonic(), claim.job_id, str(claim.task["id"]), last)
+            flight = Flight(time.monotonic(), claim.job_id, str(claim.task["id"]), last)
             self._flights[claim.attempt_id] = flight
-            log.info("attempt begins", extra=_about(claim.attempt_id, flight, step=claim.step_name))
+            log.info("attempt begins", extra=facts_of(claim.attempt_id, flight, step=claim.step_name))
             self._send(claim)
 
     def _has_free_slot(self) -> bool:
@@ -406,30 +413,23 @@ class Dispatcher:
         self._flights.clear()
 
 
-def _about(attempt_id: str, flight: _Flight, **more: str) -> dict[str, About]:
-    return about(job=flight.job_id, task=flight.task_id, attempt=attempt_id, **more)
-
-
-def _log_end(attempt_id: str, flight: _Flight, outcome: TaskOutcome, counted: bool) -> None:
-    """How an attempt ended, and whether that still counted."""
-    facts = _about(attempt_id, flight, worker=flight.worker, counted=str(counted).lower())
-    if outcome.fault is not None:
-        log.warning("attempt failed, %s: %s", outcome.fault.code, outcome.fault.message, extra=facts)
-    else:
-        log.info("attempt was cancelled" if outcome.cancelled else "attempt succeeded", extra=facts)
+def run_each(parts: Sequence[Callable[[], None]]) -> None:
+    """Call every part. An unexpected exception of one does not keep the others from their work; it is raised at the
+    end. StorageError is raised at once, because without a store no part can work."""
+    failed: list[Exception] = []
+    for part in parts:
+        try:
+            part()
+        except StorageError:
+            raise
+        except Exception as error:
+            failed.append(error)
+    if len(failed) == 1:
+        raise failed[0]
+    if failed:
+        raise ExceptionGroup("several parts of the dispatcher failed", failed)
 
 
 def _is_ours(error: Exception) -> bool:
     """Whether the error says enough by itself; others are logged with a traceback."""
     return isinstance(error, ImpastoError)
-
-
-def _lost(report: Report) -> TaskOutcome:
-    fault = Fault("worker-lost", "The worker died while it ran this task.", "Look for a lack of memory, then retry.")
-    log_text = f"The worker {report.worker or '(unknown)'} died."
-    return TaskOutcome(report.attempt_id, {}, {}, {}, None, {}, log_text, fault)
-
-
-def _stalled(attempt_id: str, seconds: float) -> TaskOutcome:
-    fault = Fault("stalled", f"The task reported nothing for {seconds:.0f} s.", "See the log of the task, then retry.")
-    return TaskOutcome(attempt_id, {}, {}, {}, None, {}, "", fault)

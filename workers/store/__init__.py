@@ -15,7 +15,7 @@ from workers.store.plans import Plans, StepToPlan
 from workers.store.projects import Projects
 from workers.store.statistics import Statistics
 from workers.store.task_inputs import TaskInputs
-from workers.store.task_queue import Claim, Heartbeat, TaskQueue
+from workers.store.task_queue import Claim, ClaimFailed, Heartbeat, TaskQueue
 from workers.store.tasks import Tasks
 from workers.store.webhooks import Webhooks
 from workers.store.workers import Workers
@@ -58,4 +58,4 @@ class Store:
         self._db.close()
 
 
-__all__ = ["Accepted", "Claim", "Heartbeat", "StepToPlan", "Store", "StorePolicy"]
+__all__ = ["Accepted", "Claim", "ClaimFailed", "Heartbeat", "StepToPlan", "Store", "StorePolicy"]

@@ -10,6 +10,7 @@ over an index of just those jobs; what is at work is counted from running attemp
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
@@ -56,14 +57,20 @@ def lanes(connection: Connection, most: int | None = None) -> list[Lane]:
     return sorted((lane for lane in made if lane.most is None or lane.running < lane.most), key=lambda lane: lane.order)
 
 
-def job_in(connection: Connection, lane: Lane, now: float, wait: bool) -> RowMapping | None:
+def job_in(
+    connection: Connection, lane: Lane, now: float, wait: bool, skipped: Collection[str] = ()
+) -> RowMapping | None:
     """The lane's next job with a task that is due, under lock.
 
     Args:
         wait: for the lock, if another dispatcher has it; otherwise such a job is passed over.
+        skipped: ids of jobs that are passed over.
     """
-    values = {"priority": lane.priority, "owner": lane.owner, **moment(now)}
-    return connection.execute(_JOB_IN[wait], values).mappings().first()
+    values: dict[str, Any] = {"priority": lane.priority, "owner": lane.owner, **moment(now)}
+    if not skipped:
+        return connection.execute(_JOB_IN[wait], values).mappings().first()
+    query = _JOB_IN[wait].where(schema.jobs.c.id.not_in(list(skipped)))
+    return connection.execute(query, values).mappings().first()
 
 
 def due() -> tuple[Any, ...]:

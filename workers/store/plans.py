@@ -36,7 +36,12 @@ class StepToPlan:
     steps: int
     method: str
     params: Json
-    request: JobRequest
+    stored_request: Json
+
+    @property
+    def request(self) -> JobRequest:
+        """Read when it is needed, so that a request that cannot be read concerns its own job only."""
+        return request_of(self.stored_request)
 
 
 class Plans(StorePart):
@@ -77,8 +82,7 @@ class Plans(StorePart):
 
 
 def _step_to_plan(row: Any) -> StepToPlan:
-    request = request_of(row["request"])
-    return StepToPlan(row["id"], row["step"], row["step_count"], row["method"], row["params"], request)
+    return StepToPlan(row["id"], row["step"], row["step_count"], row["method"], row["params"], row["request"])
 
 
 def _task_rows(job: JobTransaction, step: int, tasks: Sequence[Task]) -> list[dict[str, Any]]:

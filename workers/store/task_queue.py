@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -9,8 +10,10 @@ from typing import Any
 
 from sqlalchemy import Connection, RowMapping, bindparam, delete, func, insert, or_, select, update
 
+from pipeline.errors import ImpastoError, StorageError
 from workers import state_machine as machine
 from workers.ids import new_id
+from workers.log_context import about
 from workers.model import TaskOutcome, TaskState
 from workers.operations import DrainScope
 from workers.state_machine import StateEvent
@@ -24,6 +27,8 @@ from workers.store.job_views import meters_of
 from workers.store.progress import job_eta_s, job_progress
 from workers.store.records import fault_to_json
 from workers.store.workers import is_drained
+
+log = logging.getLogger(__name__)
 
 _CLAIM_TRIES = 8
 """How often a claim looks again when others were quicker."""
@@ -43,6 +48,16 @@ class Claim:
     """The row of the task."""
     job: Mapping[str, Any]
     """The row of its job."""
+
+
+class ClaimFailed(ImpastoError):
+    """An unexpected error, its cause, when a task of the job `job_id` was claimed. Other jobs may be claimed from."""
+
+    code = "claim-failed"
+
+    def __init__(self, job_id: str) -> None:
+        super().__init__(f"No task of the job {job_id} can be claimed.", field="job", value=job_id)
+        self.job_id = job_id
 
 
 @dataclass(frozen=True)
@@ -69,29 +84,44 @@ class TaskQueue(StorePart):
 
     # -- claiming
 
-    def claim(self, dispatcher: str, lease_s: float) -> Claim | None:
-        """The next task to run; None if there is none that may run now. See `fair_scheduler` for the order."""
+    def claim(self, dispatcher: str, lease_s: float, skipped: Collection[str] = ()) -> Claim | None:
+        """The next task to run; None if there is none that may run now. See `fair_scheduler` for the order.
+
+        Args:
+            skipped: ids of jobs that are passed over.
+
+        Raises:
+            ClaimFailed: the job whose turn it is cannot be claimed from, because of an unexpected error.
+        """
         for _ in range(_CLAIM_TRIES):
-            with self._db.write() as connection:
-                self._enlist(connection, dispatcher, lease_s)
-                row = None if is_drained(connection, dispatcher) else self._next_job(connection)
+            row: RowMapping | None = None
+            try:
+                with self._db.write() as connection:
+                    self._enlist(connection, dispatcher, lease_s)
+                    row = None if is_drained(connection, dispatcher) else self._next_job(connection, skipped)
+                    if row is None:
+                        return None
+                    job = JobTransaction(connection, row, self._now(), self._policy)
+                    claim = _claim_in(job, dispatcher)
+                    job.close()
+            except StorageError:
+                raise
+            except Exception as error:
                 if row is None:
-                    return None
-                job = JobTransaction(connection, row, self._now(), self._policy)
-                claim = _claim_in(job, dispatcher)
-                job.close()
+                    raise
+                raise ClaimFailed(row["id"]) from error
             if claim is not None:
                 self._notifier.notify(claim.job_id, job.seq)
                 return claim
         return None
 
-    def _next_job(self, connection: Connection) -> RowMapping | None:
-        """A job with a task to start, under lock. One that another dispatcher is at is waited for only if there is no
-        other: two dispatchers with one job both have work."""
+    def _next_job(self, connection: Connection, skipped: Collection[str]) -> RowMapping | None:
+        """A job with a task to start, under lock. One that another dispatcher has locked is waited for only if there is
+        no other: two dispatchers with one job both have work."""
         lanes = fair_scheduler.lanes(connection, self._policy.owner_tasks)
         for wait in (False,) if self._db.is_sqlite else (False, True):
             for lane in lanes:
-                if (row := fair_scheduler.job_in(connection, lane, self._now(), wait)) is not None:
+                if (row := fair_scheduler.job_in(connection, lane, self._now(), wait, skipped)) is not None:
                     return row
         return None
 
@@ -183,12 +213,22 @@ class TaskQueue(StorePart):
         with self._db.read() as connection:
             ids = connection.execute(query).scalars().all()
         log = "The process that ran this attempt has died or was cut off."
-        given_back = sum(self.finish(TaskOutcome(i, {}, {}, {}, None, {}, log), machine.Interrupted()) for i in ids)
+        given_back = sum(self._interrupt_one(TaskOutcome(i, {}, {}, {}, None, {}, log)) for i in ids)
         with self._db.write() as connection:
             gone = or_(leases.c.id.in_(dispatchers), leases.c.lease_until < now - _FORGOTTEN_S)
             if connection.execute(delete(leases).where(gone)).rowcount:
                 _forget_drains(connection)
         return given_back
+
+    def _interrupt_one(self, outcome: TaskOutcome) -> bool:
+        """One attempt that cannot be given back does not keep the others from it."""
+        try:
+            return self.finish(outcome, machine.Interrupted())
+        except StorageError:
+            raise
+        except Exception:
+            log.exception("the attempt cannot be given back", extra=about(attempt=outcome.attempt_id))
+            return False
 
     def put_off(self, attempt_id: str, seconds: float, log: str) -> bool:
         """Give an attempt back without blame, to be claimed again in a while (storage was away)."""

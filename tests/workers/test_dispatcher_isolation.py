@@ -1,0 +1,143 @@
+"""An unexpected error about one job never stalls the queue, other jobs or other owners: by fault injection."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.workers.conftest import finished, request_on, until
+from workers.farm import Farm
+from workers.model import Job, RunState
+from workers.pools.local_pool import LocalPool
+from workers.store import plans, task_queue
+from workers.store.task_queue import TaskQueue
+
+SKIP_S = 0.5
+
+
+@pytest.fixture(autouse=True)
+def quick_skip(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("workers.scheduling.dispatcher._SKIP_S", SKIP_S)
+
+
+@pytest.fixture
+def farm(open_farm: Callable[..., Farm]) -> Farm:
+    """One worker, so that a job that occupied it would be noticed."""
+    return open_farm(start=False, workers=1)
+
+
+class Faults:
+    """Raises in place of a function, while it is about the broken job."""
+
+    def __init__(self, about_it: Callable[..., bool]) -> None:
+        self.active, self.count = True, 0
+        self._about_it = about_it
+
+    def around(self, act: Callable[..., Any]) -> Callable[..., Any]:
+        def wrapped(*args: Any, **named: Any) -> Any:
+            if self.active and self._about_it(*args, **named):
+                self.count += 1
+                raise RuntimeError("injected")
+            return act(*args, **named)
+
+        return wrapped
+
+
+def jobs_of(farm: Farm, data: Path) -> tuple[Job, list[Job]]:
+    """The job that is to be broken, first in every order; and two of its own owner and of another one."""
+    broken = farm.jobs.submit(request_on(farm, data, name="broken", priority=9), owner="anna")
+    others = [farm.jobs.submit(request_on(farm, data, name=owner), owner=owner) for owner in ("anna", "ben")]
+    return broken, others
+
+
+def assert_others_end(farm: Farm, others: list[Job], faults: Faults) -> None:
+    for job in others:
+        assert finished(farm, job.id, 15).state is RunState.SUCCEEDED
+    assert faults.count > 0
+
+
+def test_a_job_that_cannot_be_claimed_from_is_skipped_for_a_while(
+    farm: Farm, data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken, others = jobs_of(farm, data)
+    faults = Faults(lambda job, dispatcher: job.job_id == broken.id)
+    monkeypatch.setattr(task_queue, "_claim_in", faults.around(task_queue._claim_in))
+    farm.start()
+    assert_others_end(farm, others, faults)
+    assert farm.jobs.get(broken.id).state is RunState.QUEUED
+    faults.active = False
+    assert finished(farm, broken.id).state is RunState.SUCCEEDED
+
+
+def test_a_request_that_cannot_be_read_fails_its_own_job(
+    farm: Farm, data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken, others = jobs_of(farm, data)
+    faults = Faults(lambda value: value["name"] == "broken")
+    monkeypatch.setattr(plans, "request_of", faults.around(plans.request_of))
+    farm.start()
+    assert_others_end(farm, others, faults)
+    error = finished(farm, broken.id).error
+    assert error is not None and error.code == "internal-error"
+
+
+def test_an_outcome_that_cannot_be_stored_at_all_occupies_no_slot(
+    farm: Farm, data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken, others = jobs_of(farm, data)
+
+    def is_broken(queue: TaskQueue, first: Any, *_: Any, **__: Any) -> bool:
+        attempt_id = first if isinstance(first, str) else first.attempt_id
+        running = farm.tasks.page(broken.id, "running").items
+        return any(attempt["id"] == attempt_id for task in running for attempt in task.attempts)
+
+    faults = Faults(is_broken)
+    for name in ("finish", "put_off"):
+        monkeypatch.setattr(TaskQueue, name, faults.around(getattr(TaskQueue, name)))
+    farm.start()
+    assert_others_end(farm, others, faults)
+    assert farm.jobs.get(broken.id).state is RunState.RUNNING
+    faults.active = False
+    assert finished(farm, broken.id).state is RunState.SUCCEEDED
+
+
+def test_an_order_that_the_pool_refuses_fails_its_own_job(
+    farm: Farm, data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken, others = jobs_of(farm, data)
+    faults = Faults(lambda pool, order: order.job_id == broken.id)
+    monkeypatch.setattr(LocalPool, "submit", faults.around(LocalPool.submit))
+    farm.start()
+    assert_others_end(farm, others, faults)
+    assert finished(farm, broken.id).state is RunState.FAILED
+
+
+def test_an_attempt_that_cannot_be_given_back_delays_nothing(
+    farm: Farm, data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two attempts of a dead dispatcher, of which one cannot be interrupted."""
+    broken, others = jobs_of(farm, data)
+    store = farm._store
+    for todo in store.plans.to_plan(10):
+        farm._dispatcher._plan_one(todo)  # type: ignore[union-attr]
+    claims = [store.queue.claim("dsp_dead@here", -1.0) for _ in range(3)]
+    stuck = next(claim for claim in claims if claim is not None and claim.job_id == broken.id)
+    faults = Faults(lambda queue, outcome, *_, **__: outcome.attempt_id == stuck.attempt_id)
+    monkeypatch.setattr(TaskQueue, "finish", faults.around(TaskQueue.finish))
+    farm.start()
+    assert_others_end(farm, others, faults)
+
+
+@pytest.mark.parametrize("part", ["progress", "mine", "renew"])
+def test_no_part_of_a_turn_keeps_the_others_from_their_work(
+    part: str, farm: Farm, data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    faults = Faults(lambda *_: True)
+    monkeypatch.setattr(TaskQueue, part, faults.around(getattr(TaskQueue, part)))
+    jobs = [farm.jobs.submit(request_on(farm, data, params={"tasks": 1, "sleep_s": 0.6}, seed=i)) for i in range(2)]
+    farm.start()
+    assert_others_end(farm, jobs, faults)
+    assert until(lambda: farm.jobs.get(jobs[0].id).progress == 1.0)
