@@ -15,7 +15,7 @@ from benchmarks.analogy_renders import Memory, render
 from benchmarks.clips import clip
 from pipeline.frames import Frame
 from pipeline.methods.analogy import AnalogyParams
-from pipeline.methods.analogy.exemplar import paint_in_strokes
+from pipeline.methods.analogy.style_images import paint_in_strokes
 from pipeline.scenes import scene
 
 SIZES = ((640, 480), (1280, 720), (1920, 1080))

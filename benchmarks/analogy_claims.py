@@ -25,7 +25,7 @@ from benchmarks.analogy_renders import Memory, render, some
 from benchmarks.clips import MEDIA
 from pipeline.frames import Frame
 from pipeline.methods.analogy import AnalogyParams
-from pipeline.methods.analogy.exemplar import paint_in_strokes
+from pipeline.methods.analogy.style_images import paint_in_strokes
 from pipeline.scenes import scene
 from pipeline.scenes.shot import shot_files
 from pipeline.video.reader import VideoReader

@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 
 from pipeline.frames import Frame
-from pipeline.methods.analogy.exemplar import paint_in_strokes
 from pipeline.methods.analogy.propagation import Propagator
+from pipeline.methods.analogy.style_images import paint_in_strokes
 from pipeline.scenes import scene
 
 SIZE = (480, 270)

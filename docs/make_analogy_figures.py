@@ -20,7 +20,7 @@ from docs import parameters
 from docs.pictures import CLIPS, DOCS, MEDIA, frames, grid, painting, save
 from pipeline.frames import Frame
 from pipeline.methods.analogy import AnalogyParams
-from pipeline.methods.analogy.exemplar import paint_in_strokes
+from pipeline.methods.analogy.style_images import paint_in_strokes
 from pipeline.methods.multistyle import MultistyleParams, MultistyleSession
 from pipeline.scenes import scene
 from pipeline.scenes.shot import shot_files

@@ -12,7 +12,7 @@ from pipeline.synthesis.images import NOWHERE, Bytes, Offsets
 
 
 @dataclass(frozen=True)
-class Place:
+class AtlasImage:
     """Position (rows from the top) and size of an image in an atlas, px."""
 
     top: int
@@ -25,52 +25,57 @@ class Atlas:
     """Layout of an atlas.
 
     Attributes:
-        places: position and size of each image.
+        images: position and size of each image.
         size: (width, height) of the atlas, px, multiples of 2^(levels - 1).
     """
 
-    places: tuple[Place, ...]
+    images: tuple[AtlasImage, ...]
     size: tuple[int, int]
 
-    def lay(self, images: Sequence[NDArray[np.generic]]) -> NDArray[np.generic]:
-        """Compose the atlas from the images; gaps repeat the border of the image above or to the left."""
-        ends = [place.top for place in self.places[1:]] + [self.size[1]]
+    def compose(self, pictures: Sequence[NDArray[np.generic]]) -> NDArray[np.generic]:
+        """Compose the atlas from the pictures; gaps repeat the border of the picture above or to the left."""
+        ends = [image.top for image in self.images[1:]] + [self.size[1]]
         parts = []
-        for image, place, end in zip(images, self.places, ends, strict=True):
-            grow = ((0, end - place.top - place.height), (0, self.size[0] - place.width))
-            parts.append(np.pad(image, (*grow, *((0, 0),) * (image.ndim - 2)), "edge"))
+        for picture, image, end in zip(pictures, self.images, ends, strict=True):
+            margins = ((0, end - image.top - image.height), (0, self.size[0] - image.width))
+            parts.append(np.pad(picture, (*margins, *((0, 0),) * (picture.ndim - 2)), "edge"))
         return np.ascontiguousarray(np.concatenate(parts))
 
     def usable(self, masks: Sequence[Bytes | None]) -> Bytes:
         """1 at the pixels of images whose mask is not 0, otherwise 0, uint8 (h, w); mask None = the whole image."""
         out = np.zeros((self.size[1], self.size[0]), np.uint8)
-        for place, mask in zip(self.places, masks, strict=True):
-            box = out[place.top : place.top + place.height, : place.width]
+        for image, mask in zip(self.images, masks, strict=True):
+            box = out[image.top : image.top + image.height, : image.width]
             box[...] = 1 if mask is None else mask > 0
         return out
 
     def identity(self, index: int, painted: Bytes | None) -> Offsets:
         """Offsets that reproduce image `index`; NOWHERE where `painted` is 0."""
-        place = self.places[index]
-        y, x = np.mgrid[: place.height, : place.width].astype(np.float32)
-        found = np.stack([x, y + np.float32(place.top)], -1)
+        image = self.images[index]
+        y, x = np.mgrid[: image.height, : image.width].astype(np.float32)
+        offsets = np.stack([x, y + np.float32(image.top)], -1)
         if painted is not None:
-            found[painted == 0] = NOWHERE
-        return np.ascontiguousarray(found)
+            offsets[painted == 0] = NOWHERE
+        return np.ascontiguousarray(offsets)
 
 
 def atlas(sizes: Sequence[tuple[int, int]], levels: int, gutter_px: int) -> Atlas:
-    """Lay out images of the given (width, height), at least `gutter_px` apart at the coarsest of `levels` levels."""
+    """Arrange images of these (width, height) in an atlas.
+
+    Args:
+        levels: number of levels of the pyramid.
+        gutter_px: minimum distance of two images at the coarsest level, px.
+    """
     unit = 1 << (levels - 1)
 
-    def up(value: int) -> int:
+    def round_up(value: int) -> int:
         return -(-value // unit) * unit
 
-    places, top = [], 0
+    images, top = [], 0
     for width, height in sizes:
-        places.append(Place(top, width, height))
-        top += up(height) + gutter_px * unit
-    return Atlas(tuple(places), (up(max(width for width, _ in sizes)), top))
+        images.append(AtlasImage(top, width, height))
+        top += round_up(height) + gutter_px * unit
+    return Atlas(tuple(images), (round_up(max(width for width, _ in sizes)), top))
 
 
 def downscaled_offsets(offsets: Offsets, levels: int) -> Offsets:

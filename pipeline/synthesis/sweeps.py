@@ -159,7 +159,7 @@ class Sweep(Generic[T]):
         return NeighbourAppearance(then.packed, self.ops.margined(seen_bytes, self.style.energy.radius))
 
 
-def carried_ribbons(
+def trace_ribbons(
     ops: Operations[T], style: LoadedStyle[T], shot: Animation, frames: Iterable[int], start: Offsets
 ) -> Iterator[tuple[int, Offsets]]:
     """Trace the pixels of a keyframe from frame to frame: for each pixel, its position in the keyframe as an offset.

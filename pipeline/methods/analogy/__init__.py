@@ -1,21 +1,23 @@
 """analogy: stylising animation by example (benard2013stylizing).
 
 The input is a painting, or a plain picture and its painting. Every output pixel is a pixel of the painting, chosen by
-guided texture synthesis and held along the motion of the scene. Sweeps also go backward in time, so a live stream is
-not supported.
+guided texture synthesis and kept temporally coherent along the motion of the scene. Sweeps also go backward in time, so
+a live stream is not supported.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from pipeline.frames import Frame
+from pipeline.methods.analogy.keyframe_synthesizer import run_interval
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.plan import plan_composite, plan_synthesis, run_frames
 from pipeline.methods.analogy.propagation import Propagator
 from pipeline.methods.analogy.scan import plan_scan, run_scan
-from pipeline.methods.analogy.steps import run_composite, run_synthesis
+from pipeline.methods.analogy.shot_layers import run_composite
+from pipeline.methods.analogy.synthesizer import run_sweeps
 from pipeline.methods.base import (
     Example,
     InputSpec,
@@ -26,6 +28,9 @@ from pipeline.methods.base import (
     Resources,
     Session,
     Step,
+    Task,
+    TaskContext,
+    TaskResult,
     resources_per_pixel,
 )
 
@@ -40,6 +45,11 @@ def _guide(name: str) -> tuple[InputSpec, InputSpec]:
         InputSpec(f"style_guide_{name}", "image", False, f"Guide {name} of the style",
                   f"The counterpart of guide {name} for the painting; it must have the size of the painting."),
     )  # fmt: skip
+
+
+def _run_synthesis(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult:
+    """Run a task of the step `synthesise`: an interval between keyframes, or sweeps over a run of frames."""
+    return run_interval(task, context) if "interval" in task.args else run_sweeps(task, context)
 
 
 class Analogy(Method):
@@ -62,7 +72,7 @@ class Analogy(Method):
             "frame of the video in strokes and uses that as the style.",
         ),
         InputSpec(
-            "style", "image", False, "What the painting is of",
+            "style", "image", False, "Scene of the painting",
             "The picture that the painting shows, registered with the painting. Without it, the smoothed lightness and "
             "colour of the painting are used.",
         ),
@@ -88,27 +98,26 @@ class Analogy(Method):
         ),
         *_guide("a"), *_guide("b"), *_guide("c"),
     )  # fmt: skip
-    steps: ClassVar[tuple[Step[Any], ...]] = (
+    steps: ClassVar[tuple[Step[AnalogyParams], ...]] = (
         Step("scan", "Find the shots", plan_scan, run_scan, weight=0.05),
-        Step("synthesise", "Paint", plan_synthesis, run_synthesis),
-        Step("composite", "Lay layers over each other", plan_composite, run_composite, weight=0.0),
+        Step("synthesise", "Paint", plan_synthesis, _run_synthesis),
+        Step("composite", "Composite layers", plan_composite, run_composite, weight=0.0),
     )
     artefacts: ClassVar[tuple[str, ...]] = ()
     examples: ClassVar[tuple[Example, ...]] = (
-        Example("loose", "Broad brush", {"guide_weight": 1.5, "coherence_weight": 60}),
+        Example("loose", "Broad brush strokes", {"guide_weight": 1.5, "coherence_weight": 60}),
         Example("close", "Close to the scene", {"guide_weight": 10, "coherence_weight": 5}),
         Example("turning", "Strokes that follow shapes", {"rotation": "on"}),
-        Example("varied", "No repeats", {"variety_weight": 200}),
-        Example("frames", "Each frame on its own", {"temporal": "off"}),
+        Example("varied", "No repetitions", {"variety_weight": 200}),
+        Example("frames", "Independent frames", {"temporal": "off"}),
     )
 
-    def single_frame_params(self, params: Any) -> AnalogyParams:
+    def single_frame_params(self, params: AnalogyParams) -> AnalogyParams:
         """Parameters of a single frame: without temporal coherence."""
-        alone: AnalogyParams = params.model_copy(update={"temporal": "off"})
-        return alone
+        return params.model_copy(update={"temporal": "off"})
 
     def propagator(self, params: AnalogyParams, frames: Sequence[Frame], seed: int) -> KeyPropagator | None:
-        """Carries an edited keyframe along the motion; None without temporal coherence, where nothing is carried."""
+        """Propagates an edited keyframe along the motion; None without temporal coherence."""
         return Propagator(frames, params, seed) if params.temporal == "on" else None
 
     def resources(self, step: str, context: PlanContext[AnalogyParams]) -> Resources:
@@ -117,11 +126,11 @@ class Analogy(Method):
         It covers the working images and the old and new offset fields of a run. All steps except the scan use the
         compute device.
         """
-        at_work = 60 if step == "scan" else 400 + 24 * run_frames((context.video.width, context.video.height))
-        return resources_per_pixel(context.video, at_work, device=step != "scan")
+        bytes_per_pixel = 60 if step == "scan" else 400 + 24 * run_frames((context.video.width, context.video.height))
+        return resources_per_pixel(context.video, bytes_per_pixel, device=step != "scan")
 
     def stream(
-        self, params: Any, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]
+        self, params: AnalogyParams, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]
     ) -> Session | None:
         """None: the method has no live form, since its sweeps also go backward in time."""
         return None

@@ -1,4 +1,4 @@
-"""Every parameter of the analogy method, with unit, range and the paper's symbol."""
+"""Parameters of the analogy method, with unit, range and the paper's symbol."""
 
 from __future__ import annotations
 
@@ -16,155 +16,203 @@ class AnalogyParams(Params):
     # -- likeness
     guide_weight: float = number(
         4, 0, 50, "Likeness to the scene",
-        "How much a place's look in the video must be like the style input's: higher keeps the subject, lower keeps "
-        "the brush strokes.", "per squared gray level", "Likeness", "w_in",
+        "Weight of the difference between the video and the style input at the chosen position. Larger values show the "
+        "subject more clearly, smaller values keep brush strokes whole.", "per squared gray level", "Likeness", "w_in",
     )  # fmt: skip
     colour_weight: float = number(
-        0.25, 0, 4, "Likeness in colour", "Weight of the guides' hue beside their lightness.", "ratio", "Likeness"
-    )
+        0.25, 0, 4, "Likeness in colour",
+        "Weight of hue differences relative to lightness differences. Larger values bind the colours of the style to "
+        "the hues of the scene.", "ratio", "Likeness",
+    )  # fmt: skip
     texture_weight: float = number(
         1, 0, 50, "Likeness to the style",
-        "How much each neighbourhood of the result must look like one of the style's.",
+        "Weight of the difference between a neighbourhood of the result and one of the style. Larger values reproduce "
+        "the texture of the style more faithfully.",
         "per squared gray level", "Likeness", "w_out",
     )  # fmt: skip
     coherence_weight: float = number(
-        15, 0, 500, "Whole strokes", "How much neighbours should come from neighbouring places of the style.",
-        "per px^2", "Likeness", "w_sc",
+        15, 0, 500, "Spatial coherence",
+        "Penalty if neighbouring pixels do not come from neighbouring positions of the style. Larger values keep "
+        "larger pieces of the style whole.", "per px^2", "Likeness", "w_sc",
     )  # fmt: skip
     coherence_limit: float = number(
-        16, 1, 400, "Reach of whole strokes", "Squared distance in the style beyond which it does not matter how far.",
-        "px^2", "Likeness", "r_max",
+        16, 1, 400, "Limit of spatial coherence",
+        "Squared distance in the style above which that penalty no longer grows. Larger values make breaks between "
+        "pieces of the style rarer.", "px^2", "Likeness", "r_max",
     )  # fmt: skip
     variety_weight: float = number(
-        0, 0, 5000, "Variety", "Penalty on using the same place of the style again and again; 0 = off.",
-        "per use", "Likeness", "h_s",
+        0, 0, 5000, "Variety",
+        "Penalty on the repeated use of one position of the style; 0 = off. Larger values use more of the painting and "
+        "repeat less.", "per use", "Likeness", "h_s",
     )  # fmt: skip
     variety_limit: float = number(
-        2, 0, 100, "Uses that are free",
-        "How often a place may be used without penalty, as a multiple of what is even.", "ratio", "Likeness", "h_tau",
+        2, 0, 100, "Free uses",
+        "Number of uses of a position without penalty, as a multiple of the mean. Larger values permit more "
+        "repetition.", "ratio", "Likeness", "h_tau",
     )  # fmt: skip
     colours: Literal["rgb", "lab"] = choice(
-        "rgb", "Colour space", "What differences between the result's and the style's colours are measured in.",
-        "Likeness",
-    )  # fmt: skip
+        "rgb", "Colour space", "Colour space in which the result is compared with the style.", "Likeness"
+    )
     rotation: Switch = choice(
-        "off", "Turn strokes",
-        "on = patches turn by the smallest angle that aligns the style's direction with the picture's.", "Likeness",
+        "off", "Rotate strokes",
+        "on = neighbourhoods are rotated by the smallest angle that aligns the direction of the style with that of the "
+        "picture, so that strokes follow shapes; takes a third longer.", "Likeness",
     )  # fmt: skip
     rotation_sigma: float = number(
-        3, 0.5, 20, "Smoothness of directions", "Of the Gaussian that directions are averaged with.", "px", "Likeness"
-    )
+        3, 0.5, 20, "Smoothness of directions",
+        "Standard deviation of the Gaussian that averages directions. Larger values give calmer directions with less "
+        "detail.", "px", "Likeness",
+    )  # fmt: skip
 
     # -- style
     tone_match: Literal["auto", "on", "off"] = choice(
         "auto", "Match tones",
-        "Give the video's guide the lightness and hue of the style's. auto = unless a style input was given.", "Style",
+        "on = the lightness and hue of the video are mapped to the distribution of the style, so that all tones of the "
+        "painting are used. auto = on unless a style input is given.", "Style",
     )  # fmt: skip
     style_smoothing: float = number(
         1, 0, 10, "Smoothing of the style input",
-        "Where no style input is given: of the painting that takes its place.", "px", "Style",
+        "Smoothing with which the style input is derived from the painting if none is given. Larger values remove "
+        "broader strokes.", "px", "Style",
     )  # fmt: skip
-    guide_a_weight: float = number(4, 0, 50, "Weight of guide a", "Weight of the input guide_a.",
-                                    "per squared gray level", "Style")  # fmt: skip
-    guide_b_weight: float = number(4, 0, 50, "Weight of guide b", "Weight of the input guide_b.",
-                                    "per squared gray level", "Style")  # fmt: skip
-    guide_c_weight: float = number(4, 0, 50, "Weight of guide c", "Weight of the input guide_c.",
-                                    "per squared gray level", "Style")  # fmt: skip
+    guide_a_weight: float = number(
+        4, 0, 50, "Weight of guide a", "Weight of differences in the input guide_a. Larger values follow it more "
+        "closely.", "per squared gray level", "Style",
+    )  # fmt: skip
+    guide_b_weight: float = number(
+        4, 0, 50, "Weight of guide b", "Weight of differences in the input guide_b. Larger values follow it more "
+        "closely.", "per squared gray level", "Style",
+    )  # fmt: skip
+    guide_c_weight: float = number(
+        4, 0, 50, "Weight of guide c", "Weight of differences in the input guide_c. Larger values follow it more "
+        "closely.", "per squared gray level", "Style",
+    )  # fmt: skip
 
     # -- lines
     lines_weight: float = number(
         200, 0, 5000, "Lines",
-        "How firmly lines of the input `lines` are drawn as those of `style_lines` are painted; 0 = off.",
+        "Weight of the difference between the distances to the nearest line in the video and in the style; 0 = off. "
+        "Larger values draw the lines of the video more firmly with the lines of the style.",
         "per px^2", "Lines", "w_dt",
     )  # fmt: skip
     lines_reach: float = number(
-        10, 1, 100, "Reach of lines", "Distance from a line beyond which it does not matter.", "px", "Lines", "d_max"
-    )
+        10, 1, 100, "Reach of lines",
+        "Limit of that difference. Larger values influence a wider band along the lines.", "px", "Lines", "d_max",
+    )  # fmt: skip
 
     # -- time
     temporal: Switch = choice(
-        "on", "Temporal coherence", "off = every frame on its own: the honest baseline, and it flickers.", "Time"
-    )
+        "on", "Temporal coherence",
+        "on = paint moves with the scene; off = every frame is synthesised independently and flickers, for comparison.",
+        "Time",
+    )  # fmt: skip
     steadiness: float = number(
-        1.5, 0, 100, "Steadiness", "How little a place's colour may change along the motion.",
+        1.5, 0, 100, "Steadiness",
+        "Penalty on changes of colour along the motion. Larger values flicker less and adapt less to changes of the "
+        "scene.",
         "per squared gray level", "Time", "w_tc",
     )  # fmt: skip
-    flow: FlowName = choice("dis-medium", "Optical flow", "How motion is found where no velocities are given.", "Time")
+    flow: FlowName = choice(
+        "dis-medium", "Optical flow", "Method that estimates motion if no velocities are given.", "Time"
+    )
     vectors: Literal["auto", "cycles", "eevee", "nuke"] = choice(
         "auto", "Sign of motion vectors",
-        "How a renderer's vectors are stored. auto = all signs are tried on two frames, and the job says which fit.",
+        "Convention in which the renderer stores motion vectors. auto = all signs are tried on two frames, and the "
+        "result of the scan states the best one.",
         "Time",
     )  # fmt: skip
     occlusion: Switch = choice(
-        "on", "Occlusion", "off = nothing is taken to be hidden, and what appears drags trails (for comparison).",
+        "on", "Occlusion",
+        "on = temporal coherence ignores pixels that are hidden in the neighbouring frame; off = moving objects leave "
+        "trails, for comparison.",
         "Time",
     )  # fmt: skip
     occlusion_epsilon: float = number(
-        2, 0.1, 100, "Occlusion tolerance", "Squared disagreement of both motions beyond which a place was hidden.",
+        2, 0.1, 100, "Occlusion tolerance",
+        "Squared difference of forward and backward motion above which a pixel counts as hidden. Larger values detect "
+        "less occlusion.",
         "px^2", "Time", "epsilon",
     )  # fmt: skip
     boil: float = number(
         0, 0, 1, "Boil",
-        "Deliberate flicker: the share of the picture whose strokes are chosen afresh in each frame.", "ratio", "Time",
+        "Deliberate flicker: the fraction of the picture that is chosen anew in each frame. Larger values look more "
+        "like drawn animation; 0 = off.", "ratio", "Time",
     )  # fmt: skip
     on_twos: Switch = choice(
-        "off", "On twos", "on = each painting is shown for two frames; painted keyframes stay where they are.", "Time"
+        "off", "On twos", "on = each painting is shown for two frames; painted keyframes keep their frames.", "Time"
     )
     cut_sensitivity: float = number(
-        1, 0, 3, "Cut sensitivity", "How readily a hard cut is called, at which all begins afresh; 0 = never.",
+        1, 0, 3, "Cut sensitivity",
+        "Sensitivity of the detection of hard cuts, at which synthesis starts anew. Larger values detect more cuts; "
+        "0 = no cuts.",
         "ratio", "Time",
     )  # fmt: skip
 
     # -- keyframes
     key_guide_weight: float = number(
-        2, 0, 50, "Likeness between keys", "`guide_weight` where painted keys are the style.",
+        2, 0, 50, "Likeness between keys", "Replaces `guide_weight` where painted keyframes are the style.",
         "per squared gray level", "Keyframes", "w_in",
     )  # fmt: skip
     key_colour_weight: float = number(
         2, 0, 4, "Likeness in colour between keys",
-        "`colour_weight` where painted keys are the style: what was painted and what comes have the same hues.",
+        "Replaces `colour_weight` where painted keyframes are the style. It is larger, because keyframes and frames "
+        "have the same hues.",
         "ratio", "Keyframes",
     )  # fmt: skip
     change_weight: float = number(
-        0.2, 0, 50, "Change as the scene does", "Between keys: the style changes as the scene does.",
+        0.2, 0, 50, "Change with the scene",
+        "Weight with which the positions in the style change as the scene changes, relative to the likeness. Larger "
+        "values follow changes of light between keyframes more closely.",
         "ratio to the likeness", "Keyframes", "w_din",
     )  # fmt: skip
     change_out_weight: float = number(
-        0.1, 0, 50, "Change as the style does", "Between keys: the result changes as the style does from place to "
-        "place.", "per squared gray level", "Keyframes", "w_dout",
+        0.1, 0, 50, "Change with the style",
+        "Weight with which the result changes as the style changes between positions. Its effect is small, as the "
+        "paper notes.", "per squared gray level", "Keyframes", "w_dout",
     )  # fmt: skip
-
     key_iterations: int = Field(
         1, ge=1, le=20, title="Iterations between keys",
-        description="`iterations` where painted keys are the style: they start near the result.",
+        description="Replaces `iterations` where painted keyframes are the style. One suffices, because frames start "
+        "from advected keyframes; larger values take longer.",
         json_schema_extra={"unit": "rounds", "group": "Keyframes"},
     )  # fmt: skip
-
     key_search_radius: float = number(
-        8, 1, 4096, "Search radius between keys", "`search_radius` where painted keys are the style.", "px", "Keyframes"
-    )
+        8, 1, 4096, "Search radius between keys",
+        "Replaces `search_radius` where painted keyframes are the style.", "px", "Keyframes",
+    )  # fmt: skip
 
     # -- search
     patch_radius: int = Field(
-        4, ge=1, le=7, title="Patch radius", description="Neighbourhoods are 2 radius + 1 px wide.",
+        4, ge=1, le=7, title="Patch radius",
+        description="Radius of the compared neighbourhoods, which are 2 radius + 1 px wide. Larger values reproduce "
+        "coarser texture and take longer.",
         json_schema_extra={"unit": "px", "group": "Search", "symbol": "Omega"},
     )  # fmt: skip
     patch_sigma: float = number(
-        3, 0.5, 10, "Patch fall-off", "Of the Gaussian that a patch's pixels are weighted with.", "px", "Search",
-        "sigma",
+        3, 0.5, 10, "Patch fall-off",
+        "Standard deviation of the Gaussian that weights the pixels of a neighbourhood. Larger values weight its "
+        "border more.", "px", "Search", "sigma",
     )  # fmt: skip
     levels: int = Field(
-        4, ge=1, le=7, title="Levels", description="Sizes, each half the next, from coarse to fine.",
+        4, ge=1, le=7, title="Levels",
+        description="Number of resolutions from coarse to fine, each twice the one before. Larger values match larger "
+        "structures of the style.",
         json_schema_extra={"unit": "levels", "group": "Search"},
     )  # fmt: skip
     iterations: int = Field(
-        4, ge=1, le=20, title="Iterations", description="Rounds of PatchMatch a frame, level and sweep.",
+        4, ge=1, le=20, title="Iterations",
+        description="Rounds of PatchMatch per frame, level and sweep. Larger values find better positions and take "
+        "longer.",
         json_schema_extra={"unit": "rounds", "group": "Search"},
     )  # fmt: skip
     sweeps: int = Field(
-        1, ge=1, le=4, title="Sweeps", description="Pairs of passes backward and forward through time a level.",
+        1, ge=1, le=4, title="Sweeps",
+        description="Pairs of sweeps, backward and forward through time, per level. Larger values agree better over "
+        "long shots and take longer.",
         json_schema_extra={"unit": "pairs", "group": "Search"},
     )  # fmt: skip
     search_radius: float = number(
-        128, 1, 4096, "Search radius", "Of the random search at all but the coarsest level.", "px", "Search"
-    )
+        128, 1, 4096, "Search radius",
+        "Radius of the random search in the style at all but the coarsest level. Larger values find positions farther "
+        "away.", "px", "Search",
+    )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The plan of a job: scan, synthesise, composite.
+"""The plan of a job: how the steps scan, synthesise and composite are divided into tasks.
 
 scan         one pass over the video and its layers: frame count, cuts, tones, keyframes
 synthesise   layers, shots and intervals between keyframes are independent of each other.
@@ -6,7 +6,11 @@ synthesise   layers, shots and intervals between keyframes are independent of ea
              in runs of frames. One task is one run of one sweep; it starts from the artefacts of the run before, so a
              restart repeats at most one run. The coarse levels of a short shot (a sixteenth of its work) are one task.
              Independent frames (temporal = off, stills): runs without dependencies
-composite    lays the layers over each other, in runs of frames; no tasks without layers
+composite    composites the layers, in runs of frames; no tasks without layers
+
+Intervals (section 4 of benard2013stylizing): keyframes are hard constraints, so frames before the first key, between
+two keys and after the last key are independent. A long interval is divided into parts: each part starts from the last
+frame of the part before it, which is fixed like a keyframe.
 """
 
 from __future__ import annotations
@@ -14,55 +18,73 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
-from typing import Any
 
-from pipeline.methods.analogy.interval import KeyInterval, interval_frames, split_intervals
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.base import PlanContext, Task, TaskResult
 
-RUN_BYTES = 160 << 20
+MAX_RUN_FRAMES = 32
+MAX_RUN_BYTES = 160 << 20
 """Maximum memory of the offsets of a run at the finest level; it determines the number of frames of a run."""
-MOST_RUN = 32
-_BYTES_A_PIXEL = 11
-_COARSE = 2
+_OFFSET_BYTES = 11
+"""Memory of the offsets of a frame, bytes per pixel."""
+_GROUPED_LEVEL = 2
 """Levels from this one on are grouped into one task if the shot fits into one run."""
+MAX_INTERVAL_FRAMES = 48
+"""Maximum number of frames of an interval; a task holds all of them at one level. The paper has a key every 10 to
+20."""
+_MIN_INTERVAL_FRAMES = 8
+MAX_INTERVAL_BYTES = 3 << 30
+_INTERVAL_FRAME_BYTES = 60
+"""Memory of one frame of an interval at the finest level, bytes per pixel: offsets, pictures, motion in both
+directions, two ribbons."""
 
 
 @dataclass(frozen=True)
 class SweepTask:
-    """Work of a task: one sweep at one level over the frames [start, stop) of the shot [begin, end)."""
+    """Work of a task: one sweep at one level over the frames [start, stop) of the shot [begin, end).
+
+    Attributes:
+        level: level of the pyramid, 0 = finest; -1 = all levels, each frame independently.
+        forward: whether the sweep goes forward in time.
+        first: whether this is the first sweep of the coarsest level, which has no previous result.
+        last: whether this is the last sweep of the finest level, which emits the frames.
+        previous: task that has saved the previous result of these frames; "" = none.
+        neighbour: task that has saved the neighbouring frame in time; "" = none.
+        from_coarser: whether the previous result is of the next coarser level.
+        sweep: number of the sweep within its level.
+        layer: number of the layer; -1 = the whole picture.
+    """
 
     begin: int
     end: int
     start: int
     stop: int
     level: int = -1
-    """-1 = all levels, each frame independently."""
     forward: bool = True
     first: bool = False
-    """Whether this is the first sweep of the coarsest level, which has no previous result."""
     last: bool = False
-    """Whether this is the last sweep of the finest level, which emits the frames."""
-    known: str = ""
-    """Task that has saved the previous result of these frames."""
+    previous: str = ""
     neighbour: str = ""
-    """Task that has saved the neighbouring frame in time."""
-    coarser: bool = False
-    """Whether the previous result is of the next coarser level."""
+    from_coarser: bool = False
     sweep: int = 0
     layer: int = -1
 
-    def args(self) -> dict[str, Any]:
+    def args(self) -> TaskResult:
+        """The attributes as JSON values."""
         return asdict(self)
+
+
+Sweeps = Iterator[tuple[str, SweepTask]]
+"""(task key, sweep), in the order in which they depend on each other."""
 
 
 def run_frames(size: tuple[int, int]) -> int:
     """Number of frames of a run at a frame size (width, height) px."""
-    return max(2, min(MOST_RUN, RUN_BYTES // (size[0] * size[1] * _BYTES_A_PIXEL)))
+    return max(2, min(MAX_RUN_FRAMES, MAX_RUN_BYTES // (size[0] * size[1] * _OFFSET_BYTES)))
 
 
-def _step(params: AnalogyParams, size: tuple[int, int]) -> int:
-    """Frames a run; an even number on twos, so that both frames that show a painting are in one run."""
+def _run_length(params: AnalogyParams, size: tuple[int, int]) -> int:
+    """Number of frames of a run; even on twos, so that both frames that show a painting are in one run."""
     return run_frames(size) // 2 * 2 if params.on_twos == "on" else run_frames(size)
 
 
@@ -70,122 +92,202 @@ def plan_synthesis(context: PlanContext[AnalogyParams]) -> list[Task]:
     scan = context.results["scan"]["video"]
     layers = scan["layers"]
     if not layers:
-        return _layer(context, scan, scan["keys"], -1)
-    return [task for number, layer in enumerate(layers) for task in _layer(context, scan, layer["keys"], number)]
+        return _layer_tasks(context, scan, scan["keys"], -1)
+    return [
+        task for number, layer in enumerate(layers) for task in _layer_tasks(context, scan, layer["keys"], number)
+    ]  # fmt: skip
 
 
-def _layer(context: PlanContext[AnalogyParams], scan: TaskResult, painted: list[Any], layer: int) -> list[Task]:
-    """The tasks of one layer (-1 = the whole picture)."""
+def _layer_tasks(
+    context: PlanContext[AnalogyParams], scan: TaskResult, keyframes: list[tuple[int, bool]], layer: int
+) -> list[Task]:
+    """The tasks of one layer (-1 = the whole picture).
+
+    Args:
+        scan: result of the step scan.
+        keyframes: (frame number, whether it is painted everywhere) of each keyframe.
+    """
     size = (context.video.width, context.video.height)
     tasks: list[Task] = []
     for begin, end in pairwise([0, *scan["cuts"], scan["frames"]]):
-        keys = [(int(index), bool(full)) for index, full in painted if begin <= index < end]
+        keys = [(int(index), bool(full)) for index, full in keyframes if begin <= index < end]
         if keys:
-            tasks += [
-                _keyed(key, interval)
-                for key, interval in split_intervals(begin, end, keys, interval_frames(size), layer)
-            ]
+            intervals = split_intervals(begin, end, keys, interval_frames(size), layer)
+            tasks += [_interval_task(key, interval) for key, interval in intervals]
             continue
-        alone = context.params.temporal == "off" or end - begin == 1
-        jobs = _alone(context.params, begin, end, size) if alone else _chain(context.params, begin, end, size)
-        tasks += [_task(group) for group in _grouped(_of_layer(jobs, layer), end - begin <= run_frames(size))]
+        independent = context.params.temporal == "off" or end - begin == 1
+        sweeps = (_independent_runs if independent else _chained_sweeps)(context.params, begin, end, size)
+        tasks += [_sweep_task(group) for group in _grouped(_of_layer(sweeps, layer), end - begin <= run_frames(size))]
     return tasks
 
 
-def _grouped(jobs: Iterator[tuple[str, SweepTask]], short: bool) -> Iterator[list[tuple[str, SweepTask]]]:
+def _grouped(sweeps: Sweeps, short: bool) -> Iterator[list[tuple[str, SweepTask]]]:
     """Group sweeps into tasks: the coarse levels of a short shot are one task, since each task has a fixed overhead."""
     coarse: list[tuple[str, SweepTask]] = []
-    for key, job in jobs:
-        if short and job.level >= _COARSE:
-            coarse.append((key, job))
+    for key, sweep in sweeps:
+        if short and sweep.level >= _GROUPED_LEVEL:
+            coarse.append((key, sweep))
             continue
         if coarse:
             yield coarse
             coarse = []
-        yield [(key, job)]
+        yield [(key, sweep)]
     if coarse:
         yield coarse
 
 
-def _of_layer(jobs: Iterator[tuple[str, SweepTask]], layer: int) -> Iterator[tuple[str, SweepTask]]:
+def _of_layer(sweeps: Sweeps, layer: int) -> Sweeps:
+    """Assign sweeps to a layer: its number, and task keys with its prefix."""
     prefix = f"layer-{layer}-" if layer >= 0 else ""
 
-    def named(key: str) -> str:
+    def prefixed(key: str) -> str:
         return prefix + key if key else ""
 
-    for key, job in jobs:
-        yield named(key), replace(job, layer=layer, known=named(job.known), neighbour=named(job.neighbour))
+    for key, sweep in sweeps:
+        previous, neighbour = prefixed(sweep.previous), prefixed(sweep.neighbour)
+        yield prefixed(key), replace(sweep, layer=layer, previous=previous, neighbour=neighbour)
 
 
 def plan_composite(context: PlanContext[AnalogyParams]) -> list[Task]:
     """Runs of frames; none without layers."""
     scan = context.results["scan"]["video"]
-    step = run_frames((context.video.width, context.video.height))
-    starts = range(0, scan["frames"], step) if scan["layers"] else ()
-    runs = [(start, min(start + step, scan["frames"])) for start in starts]
+    length = run_frames((context.video.width, context.video.height))
+    starts = range(0, scan["frames"], length) if scan["layers"] else ()
+    runs = [(start, min(start + length, scan["frames"])) for start in starts]
     return [
         Task(f"frames-{start:07d}", {"layers": len(scan["layers"])}, (), (start, stop), 0.05 * (stop - start))
         for start, stop in runs
     ]
 
 
-def _keyed(key: str, interval: KeyInterval) -> Task:
+def _interval_task(key: str, interval: KeyInterval) -> Task:
     frames = interval.last - interval.first
     emits = (interval.first, interval.last) if interval.layer < 0 else None
-    return Task(key, interval.args(), (interval.task,) if interval.task else (), emits, weight=1.3 * frames)
+    after = (interval.fixed_task,) if interval.fixed_task else ()
+    return Task(key, {"interval": asdict(interval)}, after, emits, weight=1.3 * frames)
 
 
-def _task(group: list[tuple[str, SweepTask]]) -> Task:
+def _sweep_task(group: list[tuple[str, SweepTask]]) -> Task:
     """A task that runs sweeps one after the other, named after the last."""
-    *before, (key, job) = group
-    inside = {name for name, _ in before}
-    names = (name for _, each in group for name in (each.known, each.neighbour))
-    after = tuple(dict.fromkeys(name for name in names if name and name not in inside))
-    emits = (job.start, job.stop) if job.layer < 0 and (job.level < 0 or job.last) else None
-    args = job.args() | ({"before": [[name, each.args()] for name, each in before]} if before else {})
-    return Task(key, args, after, emits, weight=sum(_cost(each) for _, each in group))
+    *earlier, (key, last) = group
+    inside = {name for name, _ in earlier}
+    needed = (name for _, sweep in group for name in (sweep.previous, sweep.neighbour))
+    after = tuple(dict.fromkeys(name for name in needed if name and name not in inside))
+    emits = (last.start, last.stop) if last.layer < 0 and (last.level < 0 or last.last) else None
+    args = last.args() | ({"earlier": [[name, sweep.args()] for name, sweep in earlier]} if earlier else {})
+    return Task(key, args, after, emits, weight=sum(_weight(sweep) for _, sweep in group))
 
 
-def _cost(job: SweepTask) -> float:
-    return (job.stop - job.start) * (1.0 if job.level < 0 else 0.375 * 0.25**job.level)
+def _weight(sweep: SweepTask) -> float:
+    return (sweep.stop - sweep.start) * (1.0 if sweep.level < 0 else 0.375 * 0.25**sweep.level)
 
 
-def _alone(params: AnalogyParams, begin: int, end: int, size: tuple[int, int]) -> Iterator[tuple[str, SweepTask]]:
-    step = _step(params, size)
-    for start in range(begin, end, step):
-        yield f"frames-{start:07d}", SweepTask(begin, end, start, min(start + step, end))
+def _independent_runs(params: AnalogyParams, begin: int, end: int, size: tuple[int, int]) -> Sweeps:
+    """Runs of frames that are synthesised independently."""
+    length = _run_length(params, size)
+    for start in range(begin, end, length):
+        yield f"frames-{start:07d}", SweepTask(begin, end, start, min(start + length, end))
 
 
-def _chain(params: AnalogyParams, begin: int, end: int, size: tuple[int, int]) -> Iterator[tuple[str, SweepTask]]:
+def _chained_sweeps(params: AnalogyParams, begin: int, end: int, size: tuple[int, int]) -> Sweeps:
     """All sweeps of a shot, run by run, with the tasks that each depends on."""
-    step = _step(params, size)
-    runs = [(start, min(start + step, end)) for start in range(begin, end, step)]
+    length = _run_length(params, size)
+    runs = [(start, min(start + length, end)) for start in range(begin, end, length)]
     sweeps = [(level, sweep) for level in reversed(range(params.levels)) for sweep in range(2 * params.sweeps)]
     before: tuple[int, int] | None = None
     for level, sweep in sweeps:
-        forward = forward_in(sweep)
+        forward = is_forward(sweep)
         ordered = runs if forward else runs[::-1]
         for place, (start, stop) in enumerate(ordered):
-            yield _key(level, sweep, start), SweepTask(
+            yield _sweep_key(level, sweep, start), SweepTask(
                 begin, end, start, stop, level, forward,
                 first=before is None, last=(level, sweep) == sweeps[-1],
-                known=_key(*before, start) if before else "",
-                neighbour=_key(level, sweep, ordered[place - 1][0]) if place else "",
-                coarser=before is not None and before[0] != level, sweep=sweep,
+                previous=_sweep_key(*before, start) if before else "",
+                neighbour=_sweep_key(level, sweep, ordered[place - 1][0]) if place else "",
+                from_coarser=before is not None and before[0] != level, sweep=sweep,
             )  # fmt: skip
         before = (level, sweep)
 
 
-def forward_in(sweep: int) -> bool:
+def is_forward(sweep: int) -> bool:
     """Whether a sweep goes forward in time: the second of each pair.
 
     Departure: the paper goes forward, then backward. Here the last sweep is the forward one, because viewers compare
-    each
-    frame with the frame before it, and optical flow is not symmetric. Measured flicker (a person signing, 300 rows,
-    Delaunay): 1.55 instead of 1.64.
+    each frame with the frame before it, and optical flow is not symmetric. Measured flicker (a person signing, 300
+    rows, Delaunay): 1.55 instead of 1.64.
     """
     return sweep % 2 == 1
 
 
-def _key(level: int, sweep: int, start: int) -> str:
-    return f"level-{level}-{'forth' if forward_in(sweep) else 'back'}-{sweep // 2}-{start:07d}"
+def _sweep_key(level: int, sweep: int, start: int) -> str:
+    return f"level-{level}-{'forth' if is_forward(sweep) else 'back'}-{sweep // 2}-{start:07d}"
+
+
+# -- intervals between keyframes
+
+
+@dataclass(frozen=True)
+class KeyInterval:
+    """Frames [start, stop) to synthesise, of which [first, last) are emitted.
+
+    Attributes:
+        keys: frame numbers of the keyframes that are the style: those at the ends, and partial ones in between.
+        fixed_frame: a frame that an earlier task has already synthesised and that is fixed here; -1 = none.
+        fixed_task: the task that has saved that frame; "" = none.
+        layer: number of the layer; -1 = the whole picture.
+    """
+
+    start: int
+    stop: int
+    first: int
+    last: int
+    keys: tuple[int, ...]
+    fixed_frame: int = -1
+    fixed_task: str = ""
+    layer: int = -1
+
+
+def interval_frames(size: tuple[int, int]) -> int:
+    """Maximum number of frames of an interval at a frame size (width, height) px: 24 at 1080p."""
+    fitting = MAX_INTERVAL_BYTES // (size[0] * size[1] * _INTERVAL_FRAME_BYTES)
+    return max(_MIN_INTERVAL_FRAMES, min(MAX_INTERVAL_FRAMES, fitting))
+
+
+def split_intervals(
+    begin: int, end: int, keys: list[tuple[int, bool]], most: int = MAX_INTERVAL_FRAMES, layer: int = -1
+) -> Iterator[tuple[str, KeyInterval]]:
+    """Split the frames [begin, end) of a shot at its full keyframes; yields (task key, interval).
+
+    Args:
+        keys: (frame number, whether the keyframe is painted everywhere).
+        most: maximum number of frames of an interval.
+        layer: number of the layer; -1 = the whole picture.
+    """
+    full = [index for index, whole in keys if whole]
+    edges = sorted({begin, *full, end})
+    for left, right in pairwise(edges):
+        stop = right + 1 if right in full else right
+        inside = tuple(index for index, _ in keys if left <= index < stop)
+        style = inside or tuple(index for index, _ in keys)
+        backward = left not in full and right in full
+        for key, part in _interval_parts(left, right, stop, style, backward, most):
+            prefix = f"layer-{layer}-" if layer >= 0 else ""
+            task = prefix + part.fixed_task if part.fixed_task else ""
+            yield prefix + key, replace(part, fixed_task=task, layer=layer)
+
+
+def _interval_parts(
+    left: int, right: int, stop: int, keys: tuple[int, ...], backward: bool, most: int
+) -> Iterator[tuple[str, KeyInterval]]:
+    """Divide one interval into parts of at most `most` frames, starting at its key.
+
+    Neighbouring parts share a frame.
+    """
+    starts = list(range(left, right, most))
+    fixed: tuple[int, str] = (-1, "")
+    for start in reversed(starts) if backward else starts:
+        inner = min(start + most, right)
+        key = f"keyed-{start:07d}"
+        part_stop = stop if inner == right and not backward else inner + 1
+        yield key, KeyInterval(start, part_stop, start, inner, keys, *fixed)
+        fixed = (start if backward else inner), key

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray, Arrays
 from pipeline.compute import device
 from pipeline.frames import Frame
-from pipeline.methods.analogy.device_memory import operations
-from pipeline.methods.analogy.layers import LayerStatistics, paint_name
-from pipeline.methods.analogy.level_frames import Boil, LevelAnimation, LevelFrames, levels_of, matching
+from pipeline.methods.analogy.inputs import StylePair, SynthesisInputs
+from pipeline.methods.analogy.layer_inputs import inputs_of
+from pipeline.methods.analogy.level_animation import Boil, LevelAnimation, LevelFrames, levels_of, tone_matching
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.plan import SweepTask
-from pipeline.methods.analogy.sources import Source, StylePair
-from pipeline.methods.analogy.style_pyramid import StylePyramid, energy_of
-from pipeline.methods.base import Arrays, TaskContext, TaskResult
+from pipeline.methods.analogy.shot_layers import LayerStatistics, paint_artefact
+from pipeline.methods.analogy.style_images import StylePyramid, energy_of
+from pipeline.methods.base import Task, TaskContext, TaskResult
+from pipeline.synthesis.device_memory import operations
 from pipeline.synthesis.images import Bytes, Offsets, pack_offsets, unpack_offsets
 from pipeline.synthesis.operations import FrameState, LoadedStyle
 from pipeline.synthesis.refine import colours
@@ -27,51 +28,71 @@ COARSE_ROUNDS = 2
 """Factor of iterations at the coarsest level, which starts from random offsets and costs little."""
 STEP = "synthesise"
 
+PreviousOffsets = Callable[[int, FrameState[Any]], Any]
+"""Offsets of a frame from the sweep before, or from the coarser level; None = there are none."""
+
+
+def run_sweeps(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult:
+    """Run the sweeps of a task over a run of frames, or synthesise the frames independently."""
+    args = dict(task.args)
+    earlier = [(key, SweepTask(**each)) for key, each in args.pop("earlier", [])]
+    last = SweepTask(**args)
+    synthesizer = Synthesizer(context, inputs_of(context, last.layer))
+    synthesizer.run_sweeps([*earlier, (task.key, last)])
+    return synthesizer.result(last.stop - last.start)
+
 
 class Synthesizer:
     """Runs the sweeps of a task: holds its style at every level and the operations of the device."""
 
-    keyed = False
+    keyframe_style = False
+    """Whether the keyframes are the style."""
 
-    def __init__(self, context: TaskContext[AnalogyParams], source: Source, pair: StylePair | None = None) -> None:
-        self.context, self.source = context, source
-        self.params: AnalogyParams = source.params
+    def __init__(
+        self, context: TaskContext[AnalogyParams], inputs: SynthesisInputs, pair: StylePair | None = None
+    ) -> None:
+        self.context, self.inputs = context, inputs
+        self.params: AnalogyParams = inputs.params
         with context.clock("style"):
-            self.pair = pair or source.pair()
+            self.pair = pair or inputs.style_pair()
             self.pyramid = StylePyramid(self.pair, self.params)
         self.levels = levels_of(self.params, context.size, min(self.pair.output.shape[:2]))
-        self.ops, self.message = operations(device(), context.size, self.pair.output, self._frames_held())
+        self.ops, self.message = operations(device(), context.size, self.pair.output, self._frames_on_device())
         self._loaded: dict[int, LoadedStyle[Any]] = {}
         self._part, self._parts = 0, 1
-        self._between: dict[str, Arrays] = {}
-        """Results that a sweep of this task leaves for a later sweep of the same task."""
+        self._unsaved: dict[str, Arrays] = {}
+        """Results that a sweep of this task passes to a later sweep of the same task."""
 
-    def _frames_held(self) -> int:
+    def _frames_on_device(self) -> int:
         """Number of frames whose offsets are in device memory at the same time."""
         return 2
 
     def result(self, frames: int) -> TaskResult:
         """The result of the task."""
-        return {"frames": frames} | ({"says": self.message} if self.message else {})
+        return {"frames": frames} | ({"message": self.message} if self.message else {})
 
     def style(self, level: int) -> LoadedStyle[Any]:
+        """The style at a level, in device memory."""
         if level not in self._loaded:
             with self.context.clock("style"):
-                colours_ = self.pair.output.shape[2]
-                energy = energy_of(self.params, self.source.guides, level, colours=colours_, keyed=self.keyed)
+                channels = self.pair.output.shape[2]
+                energy = energy_of(
+                    self.params, self.inputs.guides, level, colours=channels, keyframe_style=self.keyframe_style
+                )
                 self._loaded[level] = self.ops.load(self.pyramid.at(level, energy), energy)
         return self._loaded[level]
 
-    def match(self) -> Callable[[Bytes], Bytes]:
-        found = LayerStatistics.of(self.context.load("scan", self.source.statistics_artefact))
-        return matching(self.params, self.pair, found.tones)
+    def tone_matching(self) -> Callable[[Bytes], Bytes]:
+        """The function that maps a guide of the video to the tones of the style."""
+        statistics = LayerStatistics.of(self.context.load("scan", self.inputs.statistics_artefact))
+        return tone_matching(self.params, self.pair, statistics.tones)
 
     def level_frames(self, start: int, stop: int, level: int, match: Callable[[Bytes], Bytes]) -> LevelFrames:
-        return LevelFrames(self.source, self.context.clock, start, stop, level, match)
+        return LevelFrames(self.inputs, self.context.clock, start, stop, level, match)
 
-    def shot(self, level_frames: LevelFrames) -> LevelAnimation:
-        first = self.style(level_frames.level).style.first
-        return LevelAnimation(level_frames, self.context.clock, first, boil=self.boil(level_frames.level))
+    def animation(self, level_frames: LevelFrames) -> LevelAnimation:
+        usable = self.style(level_frames.level).style.first
+        return LevelAnimation(level_frames, self.context.clock, usable, boil=self.boil(level_frames.level))
 
     def boil(self, level: int) -> Boil | None:
         """The deliberate flicker at a level; None = off."""
@@ -81,28 +102,29 @@ class Synthesizer:
         """The frame whose painting is shown at frame `index`: itself, or the even one before it on twos."""
         return index - (index - begin) % 2 if self.params.on_twos == "on" else index
 
-    def rounds(self, level: int, stream: int) -> SearchSchedule:
+    def schedule(self, level: int, stream: int) -> SearchSchedule:
+        """Effort of the search at a level; `stream` is the random stream of the sweep."""
         coarsest = level == self.levels - 1
         iterations = self._iterations(level) * (COARSE_ROUNDS if coarsest else 1)
-        reach = float(max(self.style(level).size)) if coarsest else self._search_px()
-        return SearchSchedule(iterations, reach, self.context.seed & 0xFFFFFFFF, stream)
+        search_px = float(max(self.style(level).size)) if coarsest else self._search_px()
+        return SearchSchedule(iterations, search_px, self.context.seed & 0xFFFFFFFF, stream)
 
     def _iterations(self, level: int) -> int:
-        """Rounds of PatchMatch a frame and sweep at a level."""
+        """Rounds of PatchMatch per frame and sweep at a level."""
         return self.params.iterations
 
     def _search_px(self) -> float:
         """Radius of the random search at all but the coarsest level, px."""
         return self.params.search_radius
 
-    def run_sweeps(self, jobs: Sequence[tuple[str, SweepTask]]) -> None:
+    def run_sweeps(self, sweeps: Sequence[tuple[str, SweepTask]]) -> None:
         """Run the sweeps of a task, (key, sweep), in order. Only the last one saves its result as an artefact."""
-        for self._part, (key, job) in enumerate(jobs):
-            self._parts = len(jobs)
-            if job.level < 0:
-                self.synthesise_independently(job)
-            elif job.level < self.levels:
-                self.sweep(key, job)
+        for self._part, (key, sweep) in enumerate(sweeps):
+            self._parts = len(sweeps)
+            if sweep.level < 0:
+                self.synthesise_independently(sweep)
+            elif sweep.level < self.levels:
+                self.run_sweep(key, sweep)
             else:
                 self._progress(1.0)  # a level coarser than fits
 
@@ -111,133 +133,141 @@ class Synthesizer:
         self.context.progress((self._part + done) / self._parts)
 
     @property
-    def _last_part(self) -> bool:
+    def _is_last_part(self) -> bool:
         return self._part + 1 == self._parts
 
-    # -- each frame on its own
+    # -- independent frames
 
-    def synthesise_independently(self, job: SweepTask) -> None:
-        """Synthesise each frame independently, from coarse to fine, and emit it."""
-        match = self.match()
-        for index in range(job.start, job.stop):
+    def synthesise_independently(self, run: SweepTask) -> None:
+        """Synthesise each frame of a run independently, from coarse to fine, and emit it."""
+        match = self.tone_matching()
+        for index in range(run.start, run.stop):
             level_frames = [self.level_frames(index, index + 1, level, match) for level in range(self.levels)]
-            if self.shown(index, job.begin) == index:
-                offsets = self._still(index, level_frames, (index - job.start) / (job.stop - job.start))
+            if self.shown(index, run.begin) == index:
+                offsets = self._all_levels(index, level_frames, (index - run.start) / (run.stop - run.start))
             self.emit_frame(index, offsets, level_frames[0])
-            self.context.progress((index + 1 - job.start) / (job.stop - job.start))
+            self.context.progress((index + 1 - run.start) / (run.stop - run.start))
 
-    def _still(self, index: int, level_frames: list[LevelFrames], done: float) -> Offsets:
-        above: tuple[int, SolvedFrame[Any]] | None = None
+    def _all_levels(self, index: int, level_frames: list[LevelFrames], done: float) -> Offsets:
+        """Offsets of one frame at full size."""
+        coarser: tuple[int, SolvedFrame[Any]] | None = None
         for level in reversed(range(self.levels)):
-            known = self._upsampled(above)
-            rounds = self.rounds(level, 64 + level)
-            sweep = Sweep(self.ops, self.style(level), self.shot(level_frames[level]), known, rounds, True)
+            previous, schedule = self._upsampled(coarser), self.schedule(level, 64 + level)
+            animation = self.animation(level_frames[level])
+            sweep = Sweep(self.ops, self.style(level), animation, previous, schedule, True)
             with self.context.clock("synthesis"):
-                above = level, next(sweep.run([index]))
+                coarser = level, next(sweep.run([index]))
                 self.ops.finish()
             self.context.progress(done)
-        assert above is not None
-        found: Offsets = self.ops.fetch(above[1].offsets)
-        return found
+        assert coarser is not None
+        offsets: Offsets = self.ops.fetch(coarser[1].offsets)
+        return offsets
 
-    def _upsampled(self, above: tuple[int, SolvedFrame[Any]] | None) -> Callable[[int, FrameState[Any]], Any]:
-        def known(_: int, state: FrameState[Any]) -> Any:
-            if above is None:
+    def _upsampled(self, coarser: tuple[int, SolvedFrame[Any]] | None) -> PreviousOffsets:
+        """Offsets upsampled from a frame of the next coarser level, (level, frame)."""
+
+        def previous(_: int, state: FrameState[Any]) -> Any:
+            if coarser is None:
                 return None
-            level, seen = above
-            return self.ops.upsample(self.style(level), seen.state, seen.offsets, self.style(level - 1), state)
+            level, solved = coarser
+            return self.ops.upsample(self.style(level), solved.state, solved.offsets, self.style(level - 1), state)
 
-        return known
+        return previous
 
     def emit_frame(self, index: int, offsets: Offsets, level_frames: LevelFrames) -> None:
         """Emit a finished frame, or save it for the step `composite` if it is a layer."""
-        shown = colours(self.style(0).style, offsets)
-        if self.source.layer < 0:
-            self.context.emit(index, np.ascontiguousarray(shown[..., :3]))
+        painting = colours(self.style(0).style, offsets)
+        if self.inputs.layer < 0:
+            self.context.emit(index, np.ascontiguousarray(painting[..., :3]))
             return
-        region, mask = level_frames.regions.get(index), level_frames.masks.get(index)
-        if shown.shape[2] == 4:
-            alpha = shown[..., 3] if region is None else np.where(region > 0, shown[..., 3], 0)
+        paintable, silhouette = level_frames.paintable.get(index), level_frames.silhouettes.get(index)
+        if painting.shape[2] == 4:
+            alpha = painting[..., 3] if paintable is None else np.where(paintable > 0, painting[..., 3], 0)
         else:
-            alpha = np.full(shown.shape[:2], 255) if mask is None else np.where(mask > 0, 255, 0)
-        rgba = np.dstack([shown[..., :3], alpha.astype(np.uint8)])
-        self.context.save(paint_name(self.source.layer, index), {"rgba": rgba})
+            alpha = np.full(painting.shape[:2], 255) if silhouette is None else np.where(silhouette > 0, 255, 0)
+        rgba = np.dstack([painting[..., :3], alpha.astype(np.uint8)])
+        self.context.save(paint_artefact(self.inputs.layer, index), {"rgba": rgba})
 
     def preview(self, level: int, offsets: Offsets) -> None:
         """Show the picture of a coarse level as a preview."""
-        shown: Frame = np.ascontiguousarray(colours(self.style(level).style, offsets)[..., :3])
-        self.context.show(shown)
+        picture: Frame = np.ascontiguousarray(colours(self.style(level).style, offsets)[..., :3])
+        self.context.show(picture)
 
     # -- a run of a sweep
 
-    def sweep(self, key: str, job: SweepTask) -> None:
-        """Run one sweep over frames [start, stop), starting from the artefacts of earlier tasks; save or emit the
-        result."""
-        edge = job.start - 1 if job.forward else job.stop
-        first = max(job.start - 1, job.begin) if job.forward else job.start
-        last = job.stop if job.forward else min(job.stop + 1, job.end)
-        match = self.match()
-        level_frames = self.level_frames(first, last, job.level, match)
-        before = self._before(job, match)
+    def run_sweep(self, key: str, task: SweepTask) -> None:
+        """Run one sweep over frames [start, stop), starting from the artefacts of earlier tasks.
+
+        The result is saved as an artefact, or emitted after the last sweep.
+        """
+        edge = task.start - 1 if task.forward else task.stop
+        first = max(task.start - 1, task.begin) if task.forward else task.start
+        last = task.stop if task.forward else min(task.stop + 1, task.end)
+        match = self.tone_matching()
+        level_frames = self.level_frames(first, last, task.level, match)
+        previous = self._previous_offsets(task, match)
         sweep = Sweep(
-            self.ops, self.style(job.level), self.shot(level_frames), before,
-            self.rounds(job.level, job.level * 8 + job.sweep), job.forward, keep_first=job.sweep > 0,
+            self.ops, self.style(task.level), self.animation(level_frames), previous,
+            self.schedule(task.level, task.level * 8 + task.sweep), task.forward, keep_first=task.sweep > 0,
         )  # fmt: skip
-        if job.neighbour:
-            state = self.ops.prepare(self.style(job.level), level_frames.target(edge))
-            sweep.last = SolvedFrame(edge, state, self._restore(f"{job.neighbour}-edge", edge, job.level))
-        found = self._collect(sweep, job)
-        self._save_or_emit(key, job, found, level_frames)
+        if task.neighbour:
+            state = self.ops.prepare(self.style(task.level), level_frames.target(edge))
+            sweep.last = SolvedFrame(edge, state, self._load_edge(task.neighbour, edge, task.level))
+        found = self._collect(sweep, task)
+        self._save_or_emit(key, task, found, level_frames)
 
-    def _before(self, job: SweepTask, match: Callable[[Bytes], Bytes]) -> Callable[[int, FrameState[Any]], Any]:
-        """The previous result of a frame: of the sweep before, or of the coarser level."""
-        if job.first or not job.known or (job.coarser and job.level + 1 >= self.levels):
+    def _previous_offsets(self, task: SweepTask, match: Callable[[Bytes], Bytes]) -> PreviousOffsets:
+        """The previous result of each frame: of the sweep before, or of the coarser level."""
+        if task.first or not task.previous or (task.from_coarser and task.level + 1 >= self.levels):
             return lambda index, state: None
-        saved = self._between[job.known] if job.known in self._between else self.context.load(STEP, job.known)
-        if not job.coarser:
-            return lambda index, state: self.ops.upload(self._offsets(saved, index, job.level))
-        above = self.level_frames(job.start, job.stop, job.level + 1, match)
+        unsaved = self._unsaved.get(task.previous)
+        saved = self.context.load(STEP, task.previous) if unsaved is None else unsaved
+        if not task.from_coarser:
+            return lambda index, state: self.ops.upload(self._unpacked(saved, index, task.level))
+        coarse_frames = self.level_frames(task.start, task.stop, task.level + 1, match)
 
-        def known(index: int, state: FrameState[Any]) -> Any:
-            coarse = self.ops.prepare(self.style(job.level + 1), above.target(index))
-            seen = SolvedFrame(index, coarse, self.ops.upload(self._offsets(saved, index, job.level + 1)))
-            return self._upsampled((job.level + 1, seen))(index, state)
+        def previous(index: int, state: FrameState[Any]) -> Any:
+            coarse = self.ops.prepare(self.style(task.level + 1), coarse_frames.target(index))
+            solved = SolvedFrame(index, coarse, self.ops.upload(self._unpacked(saved, index, task.level + 1)))
+            return self._upsampled((task.level + 1, solved))(index, state)
 
-        return known
+        return previous
 
-    def _longest(self, level: int) -> int:
+    def _style_side(self, level: int) -> int:
+        """Longer side of the style at a level, px."""
         return max(self.style(level).size)
 
-    def _offsets(self, saved: Mapping[str, NDArray[Any]], index: int, level: int) -> Offsets:
-        return unpack_offsets(saved[str(index)], self._longest(level))
+    def _unpacked(self, saved: Arrays, index: int, level: int) -> Offsets:
+        return unpack_offsets(saved[str(index)], self._style_side(level))
 
-    def _restore(self, name: str, index: int, level: int) -> Any:
-        return self.ops.upload(self._offsets(self.context.load(STEP, name), index, level))
+    def _load_edge(self, task: str, index: int, level: int) -> Any:
+        """Offsets of the edge frame of another run, in device memory."""
+        return self.ops.upload(self._unpacked(self.context.load(STEP, f"{task}-edge"), index, level))
 
-    def _collect(self, sweep: Sweep[Any], job: SweepTask) -> dict[int, Offsets]:
+    def _collect(self, sweep: Sweep[Any], task: SweepTask) -> dict[int, Offsets]:
         """Run a sweep and download its offsets, by frame number."""
         found: dict[int, Offsets] = {}
-        count = job.stop - job.start
-        steps = iter(sweep.run(order(job.start, job.stop, job.forward)))
+        count = task.stop - task.start
+        solved_frames = iter(sweep.run(order(task.start, task.stop, task.forward)))
         for done in range(count):
             with self.context.clock("synthesis"):
-                seen = next(steps)
-                found[seen.index] = self.ops.fetch(seen.offsets)
+                solved = next(solved_frames)
+                found[solved.index] = self.ops.fetch(solved.offsets)
             self._progress((done + 1) / count)
         return found
 
-    def _save_or_emit(self, key: str, job: SweepTask, found: dict[int, Offsets], level_frames: LevelFrames) -> None:
-        longest = self._longest(job.level)
-        edge = job.stop - 1 if job.forward else job.start
-        if (job.stop < job.end) if job.forward else (job.start > job.begin):
-            self.context.save(f"{key}-edge", {str(edge): pack_offsets(found[edge], longest)})
-        if job.last:
-            for index in range(job.start, job.stop):
-                self.emit_frame(index, found[self.shown(index, job.begin)], level_frames)
+    def _save_or_emit(self, key: str, task: SweepTask, found: dict[int, Offsets], level_frames: LevelFrames) -> None:
+        side = self._style_side(task.level)
+        edge = task.stop - 1 if task.forward else task.start
+        if (task.stop < task.end) if task.forward else (task.start > task.begin):
+            self.context.save(f"{key}-edge", {str(edge): pack_offsets(found[edge], side)})
+        if task.last:
+            for index in range(task.start, task.stop):
+                self.emit_frame(index, found[self.shown(index, task.begin)], level_frames)
             return
-        arrays = {str(index): pack_offsets(offsets, longest) for index, offsets in found.items()}
-        if self._last_part:
+        arrays: dict[str, AnyArray] = {str(index): pack_offsets(offsets, side) for index, offsets in found.items()}
+        if self._is_last_part:
             self.context.save(key, arrays)
         else:
-            self._between[key] = arrays
-        self.preview(job.level, found[edge])
+            self._unsaved[key] = arrays
+        self.preview(task.level, found[edge])

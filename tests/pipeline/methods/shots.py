@@ -1,4 +1,4 @@
-"""Shots in memory: scenes with every pass, as `LocalContext` hands them out."""
+"""Shots in memory: scenes with all render passes, for `LocalContext`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ QUICK = {"levels": 3, "iterations": 3}
 
 
 def png(image: np.ndarray) -> bytes:
-    """RGB, RGBA or gray."""
+    """Encode an RGB, RGBA or gray image as PNG."""
     code = {3: cv2.COLOR_RGB2BGR, 4: cv2.COLOR_RGBA2BGRA}.get(image.shape[2] if image.ndim == 3 else 0)
     return cv2.imencode(".png", image if code is None else cv2.cvtColor(image, code))[1].tobytes()
 

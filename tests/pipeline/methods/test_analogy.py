@@ -1,4 +1,4 @@
-"""Analogy: nothing but the style's colours, keys as painted, steadier than frame by frame, trails gone with chi."""
+"""Analogy: output colours are colours of the style, keyframes are exact, motion is coherent, inputs are validated."""
 
 from __future__ import annotations
 
@@ -14,13 +14,12 @@ from pipeline.compute import Device, device
 from pipeline.errors import BadInput, DeviceError
 from pipeline.frames import Frame
 from pipeline.methods import method, parse_params
-from pipeline.methods.analogy.device_memory import operations
-from pipeline.methods.analogy.exemplar import paint_in_strokes
-from pipeline.methods.analogy.interval import MAX_INTERVAL_FRAMES, split_intervals
-from pipeline.methods.analogy.plan import run_frames
+from pipeline.methods.analogy.plan import MAX_INTERVAL_FRAMES, run_frames, split_intervals
+from pipeline.methods.analogy.style_images import paint_in_strokes
 from pipeline.methods.local import LocalContext, run_plan
 from pipeline.scenes import scene
 from pipeline.scenes.shot import shot_files
+from pipeline.synthesis.device_memory import operations
 from tests.pipeline.methods.frames import painted
 
 pytestmark = pytest.mark.real("opencl")
@@ -53,43 +52,43 @@ def palette(*pictures: np.ndarray) -> set[bytes]:
 
 
 @pytest.mark.parametrize("params", [{}, {"rotation": "on"}, {"temporal": "off"}, {"colours": "lab"}], ids=str)
-def test_every_colour_of_the_result_is_one_of_the_style(params: dict[str, Any]) -> None:
+def test_every_output_colour_is_a_colour_of_the_style(params: dict[str, Any]) -> None:
     assert palette(rendered(**params)) <= palette(painting())
 
 
-def test_the_scene_reads_in_the_paint() -> None:
+def test_the_result_correlates_with_the_scene() -> None:
     out, source = rendered()[2].astype(float).mean(-1), shot()[2].astype(float).mean(-1)
     assert np.corrcoef(out.ravel(), source.ravel())[0, 1] > 0.6
 
 
-def test_frames_of_a_shot_are_steadier_than_frames_on_their_own() -> None:
+def test_a_still_shot_flickers_less_than_independent_frames() -> None:
     still = [shot()[0]] * 4
-    held, alone = (
+    coherent, independent = (
         np.abs(np.diff(rendered(frames=still, temporal=t).astype(int), axis=0)).mean() for t in ("on", "off")
     )
-    assert held < 0.2 * alone
+    assert coherent < 0.2 * independent
 
 
-def test_a_still_is_a_clip_of_one_frame() -> None:
+def test_a_single_frame_is_synthesised() -> None:
     assert rendered(frames=shot()[:1]).shape == (1, SIZE[1], SIZE[0], 3)
 
 
-def test_trails_vanish_with_the_occlusion_term() -> None:
-    """Of exact masks: where the background has just come out, what was in front of it is not held on to."""
+def test_the_occlusion_term_reduces_trails() -> None:
+    """Disoccluded background, known from exact masks, does not keep the paint of the object in front of it."""
     from benchmarks.analogy_claims import trail
 
     made = scene("shapes", (160, 120), frames=6, fps=12)
     files = dict(shot_files(made))
     del files["shot.json"]
     source = [made.image(index) for index in range(6)]
-    wrong = {}
+    errors = {}
     for name in ("on", "off"):
         given = {"style": source[:1], "style_output": source[:1], "video.entries": files}
-        wrong[name] = trail(made, source, list(rendered(given, source, occlusion=name, steadiness=20)))
-    assert wrong["on"] < 0.85 * wrong["off"]
+        errors[name] = trail(made, source, list(rendered(given, source, occlusion=name, steadiness=20)))
+    assert errors["on"] < 0.85 * errors["off"]
 
 
-def test_on_twos_each_painting_is_shown_for_two_frames_and_keys_stay() -> None:
+def test_on_twos_each_painting_is_shown_for_two_frames_and_keyframes_keep_theirs() -> None:
     ones, twos = rendered(frames=shot(5)), rendered(frames=shot(5), on_twos="on")
     np.testing.assert_array_equal(twos, ones[[0, 0, 2, 2, 4]])
     keys = {1: key(1, 1), 4: key(4, 1)}
@@ -98,11 +97,11 @@ def test_on_twos_each_painting_is_shown_for_two_frames_and_keys_stay() -> None:
     np.testing.assert_array_equal(out[4], keys[4])
 
 
-def test_boil_is_deliberate_flicker_that_repeats_exactly() -> None:
+def test_boil_adds_flicker_that_is_reproducible() -> None:
     still = [shot()[0]] * 4
-    held, boiling, again = (rendered(frames=still, boil=b) for b in (0.0, 0.7, 0.7))
+    coherent, boiling, again = (rendered(frames=still, boil=b) for b in (0.0, 0.7, 0.7))
     np.testing.assert_array_equal(boiling, again)
-    flicker = [np.abs(np.diff(out.astype(int), axis=0)).mean() for out in (held, boiling)]
+    flicker = [np.abs(np.diff(out.astype(int), axis=0)).mean() for out in (coherent, boiling)]
     assert flicker[1] > 3 * flicker[0]
     assert palette(boiling) <= palette(painting())
 
@@ -111,11 +110,11 @@ def test_boil_is_deliberate_flicker_that_repeats_exactly() -> None:
 
 
 def key(index: int, shift: int) -> Frame:
-    """A painting over a frame: its colours turned and coarsened."""
+    """A painting of a frame: its channels rolled by `shift`, and its colours quantised."""
     return np.ascontiguousarray(np.roll(shot(12)[index], shift, axis=-1) // 16 * 16)
 
 
-def test_painted_keys_are_matched_and_nothing_else_is_used() -> None:
+def test_keyframes_are_reproduced_exactly_and_are_the_only_style() -> None:
     keys = {2: key(2, 1), 7: key(7, 1)}
     out = rendered({"keyframes": keys}, shot(10))
     for index, image in keys.items():
@@ -123,7 +122,7 @@ def test_painted_keys_are_matched_and_nothing_else_is_used() -> None:
     assert palette(out) <= palette(*keys.values())
 
 
-def test_what_is_painted_of_a_partial_key_is_matched_and_the_rest_is_found() -> None:
+def test_painted_pixels_of_a_partial_keyframe_are_exact_and_the_others_are_synthesised() -> None:
     alpha = np.zeros((SIZE[1], SIZE[0], 1), np.uint8)
     alpha[20:60, 10:80] = 255
     image = np.dstack([key(3, 1), alpha])
@@ -133,12 +132,12 @@ def test_what_is_painted_of_a_partial_key_is_matched_and_the_rest_is_found() -> 
 
 
 def drawn(frames: list[Frame]) -> list[Frame]:
-    """Line art of frames: black where a contour is."""
+    """Line drawings of frames: contours are black."""
     return [np.where(cv2.Canny(f, 50, 150)[..., None] > 0, 0, 255).astype(np.uint8).repeat(3, 2) for f in frames]
 
 
-@pytest.mark.parametrize("both", [False, True], ids=["keys alone", "a painting as well"])
-def test_keys_and_lines_together_give_the_same_bytes_again(both: bool) -> None:
+@pytest.mark.parametrize("both", [False, True], ids=["keyframes only", "keyframes and a painting"])
+def test_keyframes_with_lines_are_reproducible(both: bool) -> None:
     keys = {1: key(1, 1), 5: key(5, 1)}
     inputs: dict[str, Any] = {"keyframes": keys, "lines": drawn(shot(7))}
     if both:
@@ -150,7 +149,7 @@ def test_keys_and_lines_together_give_the_same_bytes_again(both: bool) -> None:
     assert (first != rendered(inputs | {"lines": drawn(shot(8)[1:])}, shot(7))).any()
 
 
-def test_the_step_across_a_key_is_no_larger_than_elsewhere() -> None:
+def test_the_change_at_a_keyframe_is_no_larger_than_elsewhere() -> None:
     out = rendered({"keyframes": {0: key(0, 1), 6: key(6, 1), 11: key(11, 1)}}, shot(12)).astype(int)
     steps = np.abs(np.diff(out, axis=0)).mean((1, 2, 3))
     assert max(steps[5:7]) < 1.5 * np.median(steps)
@@ -165,7 +164,7 @@ def test_the_step_across_a_key_is_no_larger_than_elsewhere() -> None:
     ],
     ids=["no such frame", "another size", "nothing painted"],
 )
-def test_a_wrong_key_is_named(keys: dict[int, np.ndarray], field: str, word: str) -> None:
+def test_an_invalid_keyframe_is_reported(keys: dict[int, np.ndarray], field: str, word: str) -> None:
     with pytest.raises(BadInput) as caught:
         rendered({"keyframes": keys})
     assert caught.value.field == field and word in str(caught.value) and caught.value.remedy
@@ -181,7 +180,7 @@ def test_a_wrong_key_is_named(keys: dict[int, np.ndarray], field: str, word: str
     ],
     ids=str,
 )
-def test_pieces_cover_a_shot_once_and_hold_on_to_their_neighbours(
+def test_intervals_emit_every_frame_once_and_start_from_their_neighbour(
     begin: int, end: int, keys: list[tuple[int, bool]]
 ) -> None:
     found = dict(split_intervals(begin, end, keys))
@@ -196,48 +195,49 @@ def test_pieces_cover_a_shot_once_and_hold_on_to_their_neighbours(
             <= interval.start + MAX_INTERVAL_FRAMES + 1
         )
         assert interval.keys
-        if interval.task:
-            other = found[interval.task]
-            assert interval.held in (other.start, other.last) and interval.start <= interval.held < interval.stop
+        if interval.fixed_task:
+            other = found[interval.fixed_task]
+            assert interval.fixed_frame in (other.start, other.last)
+            assert interval.start <= interval.fixed_frame < interval.stop
 
 
 # -- style and guides
 
 
-def test_a_style_without_its_painting_is_refused() -> None:
+def test_a_style_input_without_a_painting_is_rejected() -> None:
     with pytest.raises(BadInput) as caught:
         rendered({"style": [painting()]})
     assert caught.value.field == "inputs.style_output"
 
 
-def test_a_pair_of_two_sizes_is_refused() -> None:
+def test_a_style_pair_of_different_sizes_is_rejected() -> None:
     with pytest.raises(BadInput) as caught:
         rendered({"style_output": [painting()], "style": [painting()[:50]]})
     assert caught.value.field == "inputs.style" and "200x160" in caught.value.remedy
 
 
-def test_a_guide_of_the_users_decides_what_goes_where() -> None:
-    """The style's left half is marked dark, its right half bright; so the mark puts either where it is asked for."""
+def test_a_guide_determines_the_positions_in_the_style() -> None:
+    """The guide is dark in the left half of the style and bright in the right half, and selects between the two."""
     style = np.zeros((64, 96, 3), np.uint8)
     style[:, :48], style[:, 48:] = (200, 40, 40), (40, 40, 200)
-    mark = np.where(np.arange(96) < 48, 0, 255).astype(np.uint8)[None, :, None].repeat(64, 0).repeat(3, 2)
-    wish = np.zeros((SIZE[1], SIZE[0], 3), np.uint8)
-    wish[:30] = 255
+    style_guide = np.where(np.arange(96) < 48, 0, 255).astype(np.uint8)[None, :, None].repeat(64, 0).repeat(3, 2)
+    guide = np.zeros((SIZE[1], SIZE[0], 3), np.uint8)
+    guide[:30] = 255
     out = rendered(
-        {"style_output": [style], "style_guide_a": [mark], "guide_a": [wish]},
+        {"style_output": [style], "style_guide_a": [style_guide], "guide_a": [guide]},
         shot()[:1], guide_weight=0, guide_a_weight=4,
     )[0]  # fmt: skip
     assert (out[:26, :, 2] == 200).mean() > 0.97 and (out[34:, :, 0] == 200).mean() > 0.97
 
 
-def test_a_guide_without_its_counterpart_is_refused() -> None:
+def test_a_guide_without_style_counterpart_is_rejected() -> None:
     with pytest.raises(BadInput) as caught:
         rendered({"style_output": [painting()], "guide_b": shot()})
     assert caught.value.field == "inputs.style_guide_b"
 
 
 def test_lines_are_drawn_with_the_strokes_of_the_style() -> None:
-    """A dark stroke down the middle of an even style: it goes where the video's line is."""
+    """The dark stroke in the middle of a uniform style appears at the line of the video."""
     style = np.full((64, 96, 3), 220, np.uint8)
     style[:, 44:52] = (90, 20, 20)
     marks = np.full_like(style, 255)
@@ -252,14 +252,14 @@ def test_lines_are_drawn_with_the_strokes_of_the_style() -> None:
     assert dark[28:34].min() > 0.9 and dark[:20].max() < 0.1 and dark[42:].max() < 0.1
 
 
-def test_lines_of_the_video_alone_are_refused() -> None:
+def test_lines_without_style_lines_are_rejected() -> None:
     with pytest.raises(BadInput) as caught:
         rendered({"style_output": [painting()], "lines": shot()})
     assert caught.value.field == "inputs.style_lines"
 
 
 @pytest.mark.parametrize("params", [{}, {"rotation": "on", "variety_weight": 50}, {"temporal": "off"}], ids=str)
-def test_a_frame_that_does_not_fit_is_painted_in_bands_to_the_same_bytes(
+def test_a_frame_that_exceeds_device_memory_is_synthesised_in_bands_with_the_same_bytes(
     params: dict[str, Any], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     whole = rendered(**params)
@@ -270,12 +270,10 @@ def test_a_frame_that_does_not_fit_is_painted_in_bands_to_the_same_bytes(
 
 
 SMALL_BYTES = 2_250_000
-"""Of a device on which the painting and half a frame fit."""
+"""Memory of a device that holds the painting and half a frame."""
 
 
-def test_keyframes_are_matched_in_bands_as_well(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_keyframes_are_exact_in_bands(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
     keys = {0: key(0, 1), 3: key(3, 1)}
     whole = rendered({"keyframes": keys}, shot(4), rotation="on")
     monkeypatch.setattr(device(), "memory_bytes", 1_750_000)
@@ -286,8 +284,8 @@ def test_keyframes_are_matched_in_bands_as_well(
     assert all((banded[index] == image).all() for index, image in keys.items())
 
 
-def test_what_does_not_fit_into_the_device_in_any_way_is_said() -> None:
-    small = cast(Device, SimpleNamespace(name="a card", memory_bytes=16 << 20))
+def test_a_style_that_exceeds_device_memory_is_rejected() -> None:
+    small = cast(Device, SimpleNamespace(name="a GPU", memory_bytes=16 << 20))
     style = np.zeros((800, 1000, 3), np.uint8)
     with pytest.raises(DeviceError, match="1920x1080") as caught:
         operations(small, (1920, 1080), style, 20)
@@ -298,9 +296,9 @@ def test_the_coarse_levels_of_a_short_shot_are_one_task() -> None:
     chosen = method("analogy")
     context = LocalContext(parse_params(chosen, QUICK), shot(), {"style_output": [painting()]})
     tasks = run_plan(chosen, context)["synthesise"]
-    assert len(tasks) == 5 and len(tasks[0].args["before"]) == 1
-    assert not [name for _, name in context.kept if name.endswith("-edge")], "nothing is kept that no task asks for"
+    assert len(tasks) == 5 and len(tasks[0].args["earlier"]) == 1
+    assert not [name for _, name in context.kept if name.endswith("-edge")], "no artefact is saved that no task loads"
 
 
-def test_a_run_has_as_many_frames_as_memory_allows() -> None:
+def test_the_length_of_a_run_depends_on_the_frame_size() -> None:
     assert run_frames((320, 180)) == 32 and 2 <= run_frames((3840, 2160)) < run_frames((1920, 1080)) < 32

@@ -1,4 +1,4 @@
-"""Layers: each in its own style, moved by its own velocities, over each other; and what is wrong is named."""
+"""Layers: each has its own style, velocities and keyframes; they are composited, and invalid shots are reported."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ import pytest
 from pipeline.errors import BadInput, ImpastoError
 from pipeline.frames import Frame
 from pipeline.methods import method
-from pipeline.methods.analogy.exemplar import paint_in_strokes
-from pipeline.methods.analogy.layer_source import LayerSource, source_of
-from pipeline.methods.analogy.layers import LayerStatistics, layered_shot
-from pipeline.methods.analogy.sources import id_colours
+from pipeline.methods.analogy.inputs import id_colours
+from pipeline.methods.analogy.layer_inputs import LayerInputs, inputs_of
+from pipeline.methods.analogy.shot_layers import LayerStatistics, layered_shot
+from pipeline.methods.analogy.style_images import paint_in_strokes
 from pipeline.methods.local import LocalContext, run_plan
 from pipeline.scenes import scene
 from pipeline.synthesis.distance import nearest, within_reach
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.real("opencl")
 
 
 def texture(seed: int, tint: tuple[int, int, int]) -> np.ndarray:
-    """A style of one tint, so that one sees whose paint it is."""
+    """A style of one tint, so that the layer of a pixel can be recognised."""
     made = paint_in_strokes(scene("portrait", (480, 320), frames=1).image(0))[40:140, 60:180] // 3
     return np.ascontiguousarray(made // 2 + np.array(tint, np.uint8) + np.uint8(seed))
 
@@ -53,7 +53,7 @@ def colours(image: np.ndarray) -> set[bytes]:
     return {pixel.tobytes() for pixel in np.unique(image[..., :3].reshape(-1, 3), axis=0)}
 
 
-def test_each_layer_is_painted_in_its_own_style_and_where_it_is() -> None:
+def test_each_layer_has_its_own_style_within_its_silhouette() -> None:
     out = painted(rendered(styled()))
     for index in range(4):
         mask = front(index)
@@ -61,7 +61,7 @@ def test_each_layer_is_painted_in_its_own_style_and_where_it_is() -> None:
         assert colours(out[index][~mask][None]) <= colours(RED)
 
 
-def test_layers_are_independent_tasks_whose_order_changes_nothing() -> None:
+def test_layers_are_independent_tasks_with_the_same_bytes_in_any_order() -> None:
     chosen = method("analogy")
     first, second = shot_context(styled()), shot_context(styled())
     tasks = run_plan(chosen, first)["synthesise"]
@@ -72,39 +72,38 @@ def test_layers_are_independent_tasks_whose_order_changes_nothing() -> None:
     assert all(layers[name] == layers[task.key] for task in tasks for name in task.after)
 
 
-def test_a_coarse_picture_is_shown_before_anything_is_emitted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_coarse_preview_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
     context, shown = shot_context(styled()), list[Frame]()
     monkeypatch.setattr(context, "show", shown.append)
     run_plan(method("analogy"), context)
     assert shown
 
 
-def test_velocities_of_the_renderer_are_used_and_go_on_outside_the_silhouette() -> None:
+def test_rendered_velocities_are_extrapolated_beyond_the_silhouette() -> None:
     context = shot_context(styled())
     context.step = "scan"
-    method("analogy").steps[0].run(method("analogy").steps[0].plan(_brief(context))[0], context)
-    source = source_of(context, 1)
-    known = source.velocities(1)
+    method("analogy").steps[0].run(method("analogy").steps[0].plan(_plan_context(context))[0], context)
+    velocities = inputs_of(context, 1).velocities(1)
     truth, mask = scene("shapes", SIZE, frames=4, fps=24).frame(1), front(1)
-    assert known is not None
-    np.testing.assert_allclose(known[0][mask], truth.velocity_next[mask], atol=1e-5)
+    assert velocities is not None
+    np.testing.assert_allclose(velocities[0][mask], truth.velocity_next[mask], atol=1e-5)
     near = nearest(mask)
     around = within_reach(near, 20) & ~mask
     expected = truth.velocity_next[near[around][:, 1], near[around][:, 0]]
-    np.testing.assert_allclose(known[0][around], expected, atol=1e-5)
+    np.testing.assert_allclose(velocities[0][around], expected, atol=1e-5)
 
 
-def _brief(context: LocalContext) -> Any:
+def _plan_context(context: LocalContext) -> Any:
     from pipeline.methods.base import PlanContext
 
     return PlanContext(context.params, 0, context.video)
 
 
-# -- keys of a layer
+# -- keyframes of a layer
 
 
 def key_of(index: int, reach: int, tint: tuple[int, int, int]) -> np.ndarray:
-    """A layer painted in one colour with noise, `reach` px beyond its outline, clear elsewhere."""
+    """A layer painted in one colour with noise, up to `reach` px beyond its outline, transparent elsewhere."""
     mask = front(index)
     noise = np.random.default_rng(3).integers(0, 40, (*mask.shape, 3), dtype=np.uint8)
     image = noise + np.array(tint, np.uint8)
@@ -117,7 +116,7 @@ def keyed() -> dict[str, bytes]:
 
 
 def test_overpaint_moves_with_its_layer() -> None:
-    """Paint up to 5 px outside the silhouette at the key is there, around the moved silhouette, three frames later."""
+    """Paint up to 5 px outside the silhouette surrounds the moved silhouette three frames later."""
     context = rendered(keyed())
     key = key_of(0, 5, (30, 200, 30))
     first = context.kept["synthesise", "paint-1-0000000"]["rgba"]
@@ -128,17 +127,17 @@ def test_overpaint_moves_with_its_layer() -> None:
     assert (last & truth).sum() / (last | truth).sum() > 0.93
 
 
-def test_a_key_of_a_layer_is_matched_exactly_in_the_whole() -> None:
+def test_a_keyframe_of_a_layer_is_exact_in_the_composited_frame() -> None:
     out = painted(rendered(keyed()))
     key = key_of(0, 5, (30, 200, 30))
-    seen = key[..., 3] > 0
-    np.testing.assert_array_equal(out[0][seen], key[seen][:, :3])
+    opaque = key[..., 3] > 0
+    np.testing.assert_array_equal(out[0][opaque], key[opaque][:, :3])
 
 
-# -- one layer, and none
+# -- shots without layers, guides, parameters
 
 
-def test_a_shot_without_layers_uses_its_vectors_and_emits_at_once() -> None:
+def test_a_shot_without_layers_uses_its_vectors_and_emits_its_frames() -> None:
     files = {name: data for name, data in scene_files().items() if name != "shot.json"}
     context = rendered({**files, "style/output.png": png(RED)})
     assert colours(painted(context)) <= colours(RED)
@@ -146,33 +145,33 @@ def test_a_shot_without_layers_uses_its_vectors_and_emits_at_once() -> None:
     assert len(context.kept["scan", "tones"]["factors"]) == 3
 
 
-def test_a_guide_of_a_shot_needs_its_counterpart() -> None:
+def test_a_guide_of_a_shot_without_style_counterpart_is_rejected() -> None:
     files = {**styled(), **{f"layers/front/guides/heat/{k:04d}.png": png(pictures()[k]) for k in range(4)}}
     with pytest.raises(BadInput) as caught:
         rendered(files)
     assert "heat" in str(caught.value) and "front" in str(caught.value)
 
 
-def test_normals_are_a_guide_where_the_style_shows_them() -> None:
+def test_normals_are_a_guide_if_the_style_has_them() -> None:
     normals = np.full((100, 120, 3), 127, np.uint8)
     context = shot_context({**styled(), "layers/front/style/normals.png": png(normals)})
     run_plan(method("analogy"), context)
     shot = layered_shot(context)
     assert shot is not None
-    found = LayerStatistics.of(context.load("scan", "tones-1"))
-    assert [guide.name for guide in LayerSource(context, shot.layers[1], found).guides] == ["normals"]
-    assert [guide.name for guide in LayerSource(context, shot.layers[0], found).guides] == []
+    statistics = LayerStatistics.of(context.load("scan", "tones-1"))
+    assert [guide.name for guide in LayerInputs(context, shot.layers[1], statistics).guides] == ["normals"]
+    assert [guide.name for guide in LayerInputs(context, shot.layers[0], statistics).guides] == []
 
 
-def test_parameters_of_a_layer_are_checked_by_their_place() -> None:
-    says = json.loads(scene_files()["shot.json"])
-    says["layers"][1]["params"] = {"guide_weight": -3}
+def test_invalid_parameters_of_a_layer_are_reported_with_their_path() -> None:
+    manifest = json.loads(scene_files()["shot.json"])
+    manifest["layers"][1]["params"] = {"guide_weight": -3}
     with pytest.raises(ImpastoError) as caught:
-        rendered({**styled(), "shot.json": json.dumps(says).encode()})
+        rendered({**styled(), "shot.json": json.dumps(manifest).encode()})
     assert caught.value.field == "shot.json: layers.front.params.guide_weight"
 
 
-def test_numbers_of_objects_become_colours_that_lie_apart() -> None:
+def test_object_numbers_become_well_separated_colours() -> None:
     found = id_colours(np.arange(64)).astype(int)
-    apart = np.abs(found[:, None] - found[None]).max(-1)[np.triu_indices(64, 1)]
-    assert apart.min() >= 32
+    differences = np.abs(found[:, None] - found[None]).max(-1)[np.triu_indices(64, 1)]
+    assert differences.min() >= 32

@@ -1,4 +1,4 @@
-"""Interactive propagation: the key's colours alone, local edits stay local, equal bytes whatever came before."""
+"""Interactive propagation: output colours are colours of the key, edits stay local, calls are reproducible."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from pipeline.frames import Frame
-from pipeline.methods.analogy.exemplar import paint_in_strokes
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.propagation import Propagator
+from pipeline.methods.analogy.style_images import paint_in_strokes
 from pipeline.scenes import scene
 
 pytestmark = pytest.mark.real("opencl")
@@ -32,22 +32,21 @@ def palette(*pictures: Frame) -> set[bytes]:
     return {colour.tobytes() for picture in pictures for colour in np.unique(picture.reshape(-1, 3), axis=0)}
 
 
-def test_neighbours_come_nearest_first_in_colours_of_the_key(shot: list[Frame], painting: Frame) -> None:
+def test_nearest_neighbours_come_first_and_have_colours_of_the_key(shot: list[Frame], painting: Frame) -> None:
     found = list(Propagator(shot).repaint(KEY, painting))
     assert [index for index, _ in found] == [3, 4, 2, 5, 1]
     np.testing.assert_array_equal(found[0][1], painting)
     assert palette(*(picture for _, picture in found)) <= palette(painting)
 
 
-def test_the_paint_follows_the_scene(shot: list[Frame], painting: Frame) -> None:
+def test_paint_follows_the_motion(shot: list[Frame], painting: Frame) -> None:
     found = dict(Propagator(shot).repaint(KEY, painting))
     for index in (1, 5):
-        apart = np.abs(found[index].astype(int) - paint_in_strokes(shot[index])).mean()
-        still = np.abs(painting.astype(int) - paint_in_strokes(shot[index])).mean()
-        assert apart < still
+        truth = paint_in_strokes(shot[index])
+        assert np.abs(found[index].astype(int) - truth).mean() < np.abs(painting.astype(int) - truth).mean()
 
 
-def test_a_local_edit_repaints_what_shows_it_and_nothing_else(shot: list[Frame], painting: Frame) -> None:
+def test_a_local_edit_repaints_only_pixels_that_show_it(shot: list[Frame], painting: Frame) -> None:
     propagator = Propagator(shot)
     before = dict(propagator.repaint(KEY, painting))
     edit = cv2.circle(painting.copy(), (20, 50), 6, (255, 0, 255), -1)
@@ -67,32 +66,32 @@ def test_equal_calls_give_equal_bytes(shot: list[Frame], painting: Frame) -> Non
         np.testing.assert_array_equal(picture, second[index])
 
 
-def test_a_painting_of_another_size_is_refused(shot: list[Frame], painting: Frame) -> None:
+def test_a_painting_of_another_size_is_rejected(shot: list[Frame], painting: Frame) -> None:
     with pytest.raises(ValueError, match="keyframe"):
         next(Propagator(shot).repaint(KEY, painting[:-1]))
 
 
-def test_an_abandoned_call_leaves_no_stale_result(shot: list[Frame], painting: Frame) -> None:
+def test_an_abandoned_call_leaves_no_outdated_result(shot: list[Frame], painting: Frame) -> None:
     first = cv2.circle(painting.copy(), (20, 50), 6, (255, 0, 255), -1)
     second = cv2.circle(first.copy(), (70, 20), 6, (0, 255, 255), -1)
     propagator = Propagator(shot)
     list(propagator.repaint(KEY, painting))
-    next(propagator.repaint(KEY, first))  # overtaken before any neighbour was repainted
+    next(propagator.repaint(KEY, first))  # abandoned before any neighbour was repainted
     found = dict(propagator.repaint(KEY, second))
     assert (found[KEY + 1] == (255, 0, 255)).all(-1).any(), "the edit of the abandoned call is searched, too"
 
 
-def test_transparent_pixels_show_what_another_key_painted_there(shot: list[Frame], painting: Frame) -> None:
+def test_transparent_pixels_show_the_paint_of_another_key(shot: list[Frame], painting: Frame) -> None:
     propagator = Propagator(shot)
     shown = dict(propagator.repaint(KEY, painting))[KEY + 1]
-    clear = np.zeros((*painting.shape[:2], 4), np.uint8)
-    clear[:10, :10] = 255
-    filled = dict(propagator.repaint(KEY + 1, clear))[KEY + 1]
+    partial = np.zeros((*painting.shape[:2], 4), np.uint8)
+    partial[:10, :10] = 255
+    filled = dict(propagator.repaint(KEY + 1, partial))[KEY + 1]
     np.testing.assert_array_equal(filled[10:], shown[10:])
     assert (filled[:10, :10] == 255).all()
 
 
-def test_what_is_kept_is_counted_and_bounded(shot: list[Frame], painting: Frame) -> None:
+def test_cached_memory_is_counted_and_bounded(shot: list[Frame], painting: Frame) -> None:
     propagator = Propagator(shot)
     assert propagator.size_bytes == 0
     list(propagator.repaint(KEY, painting))

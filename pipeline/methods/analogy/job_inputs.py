@@ -1,4 +1,4 @@
-"""Source of a job without layers: video, style pair, guides a to c, lines, painted keyframes."""
+"""Inputs of a job without layers: video, style pair, guides a to c, lines, painted keyframes."""
 
 from __future__ import annotations
 
@@ -11,40 +11,41 @@ import numpy as np
 from pipeline.compute import device
 from pipeline.errors import BadInput
 from pipeline.frames import Flow, Frame, Plane
-from pipeline.methods.analogy.exemplar import default_pair
-from pipeline.methods.analogy.keyframes import Keyframe, read_keyframe
+from pipeline.methods.analogy.inputs import WHOLE, Guide, InputFrame, Keyframe, StylePair, read_keyframe
 from pipeline.methods.analogy.params import AnalogyParams
-from pipeline.methods.analogy.sources import WHOLE, Guide, SourceFrame, StylePair
+from pipeline.methods.analogy.style_images import default_pair
 from pipeline.methods.base import TaskContext
 from pipeline.synthesis.distance import distance
 from pipeline.synthesis.images import Bytes, stacked
 from pipeline.synthesis.tone_matching import derived_guide, lab_guide
 
 GUIDES = ("a", "b", "c")
-LONGEST_PX = 16000
-DARK = 128
+MAX_PAINTING_PX = 16000
+"""Maximum length of a side of the painting, px."""
+LINE_GRAY = 128
+"""Gray level below which a pixel of a line drawing belongs to a line."""
 GRAY_TOLERANCE = 8
 """Maximum channel difference of a gray picture, gray levels: video codecs tint gray slightly."""
 
 
-class JobSource:
-    """`sources.Source` of a job without layers.
+class JobInputs:
+    """`SynthesisInputs` of a job without layers.
 
     Args:
-        keyed: whether keyframes are the style.
+        keyframe_style: whether the keyframes are the style.
     """
 
     layer = WHOLE
 
-    def __init__(self, context: TaskContext[AnalogyParams], keyed: bool = False) -> None:
+    def __init__(self, context: TaskContext[AnalogyParams], keyframe_style: bool = False) -> None:
         self.params: AnalogyParams = context.params
-        self._context, self._keyed = context, keyed
+        self._context, self._keyframe_style = context, keyframe_style
 
     @property
     def statistics_artefact(self) -> str:
         return "tones"
 
-    # -- the video
+    # -- frames
 
     @cached_property
     def guides(self) -> tuple[Guide, ...]:
@@ -67,7 +68,7 @@ class JobSource:
             BadInput: only one of `lines` and `style_lines` is given.
         """
         given = {name for name in ("lines", "style_lines") if self._context.has(name)}
-        if len(given) == 1 and not (self._keyed and "lines" in given):
+        if len(given) == 1 and not (self._keyframe_style and "lines" in given):
             missing = ({"lines", "style_lines"} - given).pop()
             raise BadInput(
                 "Lines need two inputs: lines and style_lines.", field=f"inputs.{missing}",
@@ -75,33 +76,36 @@ class JobSource:
             )  # fmt: skip
         return bool(given) and self.params.lines_weight > 0
 
-    def pictures(self, start: int, stop: int) -> Iterator[SourceFrame]:
-        sources = {guide: self._context.frames(f"guide_{guide.name}", start, stop) for guide in self.guides}
-        drawn = self._context.frames("lines", start, stop) if self.has_lines else None
+    def frames(self, start: int, stop: int) -> Iterator[InputFrame]:
+        guides = {guide: self._context.frames(f"guide_{guide.name}", start, stop) for guide in self.guides}
+        drawings = self._context.frames("lines", start, stop) if self.has_lines else None
         for frame in self._context.frames("video", start, stop):
-            planes = [guide_plane(_next(s, f"guide_{g.name}", frame), g.channels) for g, s in sources.items()]
-            lines = None if drawn is None else line_distance(_next(drawn, "lines", frame))
-            yield SourceFrame(frame, stacked(planes) if planes else None, lines)
+            planes = [
+                guide_plane(_next(pictures, f"guide_{guide.name}", frame), guide.channels)
+                for guide, pictures in guides.items()
+            ]
+            distance_px = None if drawings is None else line_distance(_next(drawings, "lines", frame))
+            yield InputFrame(frame, stacked(planes) if planes else None, distance_px)
 
     def velocities(self, first: int) -> tuple[Flow, Flow] | None:
         return None
 
     # -- keyframes
 
-    def key_frames(self) -> tuple[int, ...]:
+    def keyframe_numbers(self) -> tuple[int, ...]:
         return tuple(self._context.images("keyframes")) if self._context.has("keyframes") else ()
 
-    def key(self, index: int) -> Keyframe:
+    def keyframe(self, index: int) -> Keyframe:
         masks = self._context.images("masks") if self._context.has("masks") else {}
         image = self._context.images("keyframes")[index]
         return read_keyframe(index, image, self._context.size, masks.get(index), "inputs.keyframes")
 
     # -- the style
 
-    def has_pair(self) -> bool:
+    def has_style_pair(self) -> bool:
         return self._context.has("style_output")
 
-    def pair(self) -> StylePair:
+    def style_pair(self) -> StylePair:
         """The given style pair, or the default pair.
 
         Raises:
@@ -115,18 +119,20 @@ class JobSource:
                     remedy="Give style_output too, or give the painting alone as style_output.",
                 )  # fmt: skip
             plain, painting = default_pair(context)
-            return StylePair(painting, lab_guide(plain), True, self._extra(painting), None, self._lines(painting))
+            guides, lines = self._style_guides(painting), self._style_lines(painting)
+            return StylePair(painting, lab_guide(plain), True, guides, None, lines)
         painting = context.image("style_output")
-        check_length(painting, "inputs.style_output")
-        plain_given = same_size(context.image("style"), painting, "inputs.style") if context.has("style") else None
-        return as_pair(painting, plain_given, self.params.style_smoothing, self._extra(painting), self._lines(painting))
+        check_painting_size(painting, "inputs.style_output")
+        plain_picture = same_size(context.image("style"), painting, "inputs.style") if context.has("style") else None
+        guides, lines = self._style_guides(painting), self._style_lines(painting)
+        return make_style_pair(painting, plain_picture, self.params.style_smoothing, guides, lines)
 
-    def _lines(self, painting: Frame) -> Plane | None:
+    def _style_lines(self, painting: Frame) -> Plane | None:
         if not self.has_lines or not self._context.has("style_lines"):
             return None
         return line_distance(same_size(self._context.image("style_lines"), painting, "inputs.style_lines"))
 
-    def _extra(self, painting: Frame) -> Bytes | None:
+    def _style_guides(self, painting: Frame) -> Bytes | None:
         """Style counterparts of the given guides, uint8 (h, w, n)."""
         planes = []
         for guide in self.guides:
@@ -141,27 +147,35 @@ class JobSource:
         return stacked(planes) if planes else None
 
 
-def as_pair(
-    painting: Bytes, plain: Frame | None, smoothing_px: float, extra: Bytes | None, lines: Plane | None
+def make_style_pair(
+    painting: Bytes, plain: Frame | None, smoothing_px: float, guides: Bytes | None, line_distance: Plane | None
 ) -> StylePair:
-    """A style pair from a painting (RGB or RGBA) and its plain picture; without one, S is derived from the painting."""
+    """A style pair from a painting and the plain picture that it shows.
+
+    Args:
+        painting: uint8 (h, w, 3), or (h, w, 4) with opacity.
+        plain: uint8 (h, w, 3); None = S is derived from the painting.
+        smoothing_px: smoothing of the derived S, px.
+        guides: extra guides, uint8 (h, w, n); None = no extra guides.
+        line_distance: float32 (h, w), distance to the lines of the painting, px; None = no lines.
+    """
     opaque = np.ascontiguousarray(painting[..., :3])
     guide = derived_guide(opaque, smoothing_px) if plain is None else lab_guide(plain)
-    return StylePair(painting, guide, plain is None, extra, None, lines)
+    return StylePair(painting, guide, plain is None, guides, None, line_distance)
 
 
-def check_length(painting: Bytes, field: str) -> None:
-    if max(painting.shape[:2]) > LONGEST_PX:
+def check_painting_size(painting: Bytes, field: str) -> None:
+    if max(painting.shape[:2]) > MAX_PAINTING_PX:
         raise BadInput(
             "The painting is too large.", field=field, value=f"{painting.shape[1]}x{painting.shape[0]}",
-            remedy=f"At most {LONGEST_PX} px a side.",
+            remedy=f"At most {MAX_PAINTING_PX} px per side.",
         )  # fmt: skip
 
 
 def is_gray(picture: Frame) -> bool:
     """Whether all channels of a picture are equal within `GRAY_TOLERANCE`."""
-    wide = picture.astype(np.int16)
-    return int(np.abs(wide - wide[..., :1]).max()) <= GRAY_TOLERANCE
+    levels = picture.astype(np.int16)
+    return int(np.abs(levels - levels[..., :1]).max()) <= GRAY_TOLERANCE
 
 
 def guide_plane(picture: Frame, channels: int) -> Bytes:
@@ -170,12 +184,16 @@ def guide_plane(picture: Frame, channels: int) -> Bytes:
 
 
 def line_distance(picture: Frame) -> Plane:
-    """Distance to the nearest dark pixel (gray < 128) of a line drawing, px, float32 (h, w)."""
-    return distance(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY) < DARK, device())
+    """Distance to the nearest dark pixel (gray < `LINE_GRAY`) of a line drawing, px, float32 (h, w)."""
+    return distance(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY) < LINE_GRAY, device())
 
 
 def same_size(image: Frame, painting: Bytes, field: str) -> Frame:
-    """Return `image` unchanged; `BadInput` if its size differs from the painting's."""
+    """Return `image` unchanged.
+
+    Raises:
+        BadInput: its size differs from the painting's.
+    """
     if image.shape[:2] != painting.shape[:2]:
         raise BadInput(
             "The picture must have the size of the painting.", field=field, value=f"{image.shape[1]}x{image.shape[0]}",
@@ -184,13 +202,17 @@ def same_size(image: Frame, painting: Bytes, field: str) -> Frame:
     return image
 
 
-def _next(source: Iterator[Frame], name: str, frame: Frame) -> Frame:
-    """The next frame of an input that accompanies the video."""
-    found = next(source, None)
+def _next(frames: Iterator[Frame], name: str, frame: Frame) -> Frame:
+    """The next frame of an input that accompanies the video.
+
+    Raises:
+        BadInput: the input has fewer frames than the video, or another size.
+    """
+    found = next(frames, None)
     if found is None or found.shape != frame.shape:
-        fault = "ends before the video" if found is None else f"is {found.shape[1]}x{found.shape[0]}"
+        problem = "ends before the video" if found is None else f"is {found.shape[1]}x{found.shape[0]}"
         raise BadInput(
-            f"The input {name} {fault}.", field=f"inputs.{name}",
+            f"The input {name} {problem}.", field=f"inputs.{name}",
             remedy=f"Give as many frames of {frame.shape[1]}x{frame.shape[0]} as the video has.",
         )  # fmt: skip
     return found

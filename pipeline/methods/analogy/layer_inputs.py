@@ -1,0 +1,301 @@
+"""Inputs of a layer of a shot, or of the whole shot: render passes as guides, exact velocities, its own style.
+
+Outside a layer's silhouette its colours, guides and velocities are those of the nearest pixel inside, so that paint
+beyond the outline is compared with, and moves with, what it was painted on (section 4 of benard2013stylizing).
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Iterator
+from functools import cached_property
+
+import numpy as np
+
+from pipeline.arrays import AnyArray
+from pipeline.compute import device
+from pipeline.errors import BadInput
+from pipeline.frames import Flow, Frame, Mask, Plane
+from pipeline.methods.analogy.inputs import (
+    GUIDE_WEIGHT,
+    WHOLE,
+    Guide,
+    InputFrame,
+    Keyframe,
+    StylePair,
+    SynthesisInputs,
+    eight_bit,
+    id_colours,
+    read_keyframe,
+)
+from pipeline.methods.analogy.job_inputs import (
+    JobInputs,
+    check_painting_size,
+    guide_plane,
+    is_gray,
+    line_distance,
+    make_style_pair,
+    same_size,
+)
+from pipeline.methods.analogy.params import AnalogyParams
+from pipeline.methods.analogy.shot_layers import (
+    Layer,
+    LayerStatistics,
+    RenderPasses,
+    as_rgb,
+    layer_params,
+    layered_shot,
+)
+from pipeline.methods.analogy.style_images import default_pair
+from pipeline.methods.base import TaskContext
+from pipeline.synthesis.distance import Sites, extrapolated, nearest, within_reach
+from pipeline.synthesis.images import Bytes, stacked
+from pipeline.video.exr import signed
+from pipeline.video.guard.pictures import guarded_raw
+
+EXTRAPOLATED_PX = 64
+"""Distance beyond the paint to which a layer's colours are extrapolated, px: the reach of a patch at the coarsest
+level."""
+STYLE_OVERPAINT_PX = 24.0
+"""Maximum distance of paint outside the silhouette when only the style, and no keyframe, has opacity, px."""
+_MAX_CACHED_SITES = 8
+"""Number of frames whose nearest silhouette pixels are in memory."""
+
+
+class LayerInputs:
+    """`SynthesisInputs` of a layer.
+
+    Args:
+        statistics: results of the step `scan` for the layer; None during the scan.
+        keyframe_style: whether the keyframes are the style.
+    """
+
+    def __init__(
+        self,
+        context: TaskContext[AnalogyParams],
+        layer: Layer,
+        statistics: LayerStatistics | None,
+        keyframe_style: bool = False,
+    ) -> None:
+        self.layer, self.params = layer.number, layer_params(context.params, layer)
+        self._context, self._layer, self._keyframe_style = context, layer, keyframe_style
+        self._passes = RenderPasses(layer, context.size)
+        self._statistics = statistics
+        self._sites: OrderedDict[int, Sites] = OrderedDict()
+
+    @property
+    def statistics_artefact(self) -> str:
+        return self._layer.statistics_artefact
+
+    # -- frames
+
+    @cached_property
+    def guides(self) -> tuple[Guide, ...]:
+        """Passes that have a counterpart in the style (with keyframes as style: all passes), and the user's guides."""
+        weights = self._layer.files.settings.guides if self._layer.files.settings else {}
+        names = [*self._passes.guide_names(), *(["mask"] if self.masked else [])]
+        for name in weights:
+            if name not in names:
+                raise BadInput(
+                    f"{self._layer.where} has no guide named {name}.", field=f"layers.{self._layer.name}.guides",
+                    value=name,
+                    remedy=f"It has: {', '.join(names) or 'none'}.",
+                )  # fmt: skip
+        chosen = [name for name in names if weights.get(name, GUIDE_WEIGHT) > 0 and self._in_style(name)]
+        return tuple(Guide(name, weights.get(name, GUIDE_WEIGHT), self._channels(name)) for name in chosen)
+
+    def _in_style(self, name: str) -> bool:
+        """Whether the style has a counterpart of the guide.
+
+        Raises:
+            BadInput: a user's guide has no counterpart.
+        """
+        found = self._keyframe_style or name in self._layer.style
+        if not found and name not in ("mask", "ids", "normals"):
+            raise BadInput(
+                f"{self._layer.where}: the guide {name} has no counterpart in the style.",
+                field=f"guides.{name}", remedy=f"Put {name}.png of the painting's size into style/.",
+            )  # fmt: skip
+        return found
+
+    def _channels(self, name: str) -> int:
+        if name in ("mask", "ids", "normals"):
+            return 1 if name == "mask" else 3
+        picture = self._passes.guide(name, 0) if self._keyframe_style else self._style_picture(name)
+        return 1 if is_gray(picture) else 3
+
+    @property
+    def masked(self) -> bool:
+        """Whether the layer covers only a part of the picture."""
+        return self._passes.masked
+
+    @property
+    def has_lines(self) -> bool:
+        """Whether lines are drawn: the style has lines, or the keyframes are the style and their frames have lines."""
+        in_style = self._keyframe_style or {"lines", "output"} <= self._layer.style.keys()
+        return in_style and self._passes.has("lines") and self.params.lines_weight > 0
+
+    def frames(self, start: int, stop: int) -> Iterator[InputFrame]:
+        for index in range(start, min(stop, self._layer.frames)):
+            yield self._frame(index)
+
+    def _frame(self, index: int) -> InputFrame:
+        frame, mask = self._passes.frame(index), self._passes.mask(index)
+        distance_px = line_distance(self._passes.lines(index)) if self.has_lines else None
+        planes = [self._guide_plane(guide, index, mask) for guide in self.guides]
+        if mask is None:
+            return InputFrame(frame, stacked(planes) if planes else None, distance_px)
+        sites = self._sites_of(index, mask)
+        guides = [
+            plane if guide.name == "mask" else extrapolated(plane, sites)
+            for guide, plane in zip(self.guides, planes, strict=True)
+        ]
+        paintable = within_reach(sites, self._reach_px)
+        return InputFrame(
+            extrapolated(frame, sites), stacked(guides) if guides else None, distance_px, paintable, mask
+        )  # fmt: skip
+
+    def _guide_plane(self, guide: Guide, index: int, mask: Mask | None) -> Bytes:
+        if guide.name == "mask" and mask is not None:
+            return np.where(mask, 255, 0).astype(np.uint8)
+        return guide_plane(self._passes.guide(guide.name, index), guide.channels)
+
+    @property
+    def _reach_px(self) -> float:
+        """Maximum distance of paint beyond the silhouette, px."""
+        return 0.0 if self._statistics is None else self._statistics.reach_px
+
+    def _sites_of(self, index: int, mask: Mask) -> Sites:
+        """The nearest pixel of the silhouette for each pixel near it, see `nearest`."""
+        if index not in self._sites:
+            self._sites[index] = nearest(mask, device(), int(self._reach_px) + EXTRAPOLATED_PX)
+            if len(self._sites) > _MAX_CACHED_SITES:
+                self._sites.popitem(last=False)
+        return self._sites[index]
+
+    # -- velocities
+
+    def velocities(self, first: int) -> tuple[Flow, Flow] | None:
+        if self._statistics is None or self._statistics.factors is None:
+            return None
+        plus = signed(*self._passes.vectors(first), self._statistics.factors).plus
+        minus = signed(*self._passes.vectors(first + 1), self._statistics.factors).minus
+        if plus is None or minus is None:
+            return None
+        return self._extrapolated_velocity(plus, first), self._extrapolated_velocity(minus, first + 1)
+
+    def _extrapolated_velocity(self, velocity: Flow, index: int) -> Flow:
+        """Velocity extrapolated beyond the silhouette (section 4 of benard2013stylizing)."""
+        mask = self._passes.mask(index)
+        return velocity if mask is None else extrapolated(velocity, self._sites_of(index, mask))
+
+    # -- keyframes
+
+    def keyframe_numbers(self) -> tuple[int, ...]:
+        own = tuple(self._layer.files.passes["keyframes"])
+        return own or (JobInputs(self._context).keyframe_numbers() if self.layer == WHOLE else ())
+
+    def keyframe(self, index: int) -> Keyframe:
+        """A keyframe. Alpha is opacity for a layer with a silhouette; otherwise it marks the painted pixels."""
+        paths = self._layer.files.passes
+        if index not in paths["keyframes"]:
+            return JobInputs(self._context).keyframe(index)
+        painted = self._raw(paths["painted"][index]) if index in paths["painted"] else None
+        image, where = self._raw(paths["keyframes"][index]), paths["keyframes"][index]
+        if not self.masked:
+            return read_keyframe(index, image, self._context.size, painted, where)
+        pixels = eight_bit(image)
+        key = read_keyframe(index, as_rgb(pixels), self._context.size, painted, where)
+        opacity = pixels[..., 3] if pixels.ndim == 3 and pixels.shape[2] == 4 else self._silhouette(index)
+        return Keyframe(index, np.ascontiguousarray(np.dstack([key.colours, opacity])), key.painted)
+
+    def _silhouette(self, index: int) -> Bytes:
+        """Silhouette of the layer, uint8 (h, w): 255 inside, 0 outside."""
+        mask = self._passes.mask(index)
+        assert mask is not None
+        return np.where(mask, 255, 0).astype(np.uint8)
+
+    def overpaint_px(self) -> float:
+        """Maximum distance of paint beyond the silhouette, px."""
+        settings = self._layer.files.settings
+        if settings is not None and settings.overpaint_px is not None:
+            return settings.overpaint_px
+        if not self.masked:
+            return 0.0
+        if not self.keyframe_numbers():
+            return STYLE_OVERPAINT_PX if self.has_style_pair() and self.style_pair().output.shape[2] == 4 else 0.0
+        return max(self._overpaint_of_key(index) for index in self.keyframe_numbers())
+
+    def _overpaint_of_key(self, index: int) -> float:
+        """Maximum distance of a keyframe's paint beyond the silhouette, px."""
+        mask, paint = self._passes.mask(index), self.keyframe(index).colours[..., 3] > 0
+        if mask is None or not mask.any() or not paint.any():
+            return 0.0
+        sites = nearest(mask, device())
+        y, x = np.nonzero(paint)
+        return float(np.ceil(np.hypot(sites[y, x, 0] - x, sites[y, x, 1] - y).max())) + 1
+
+    # -- the style
+
+    def has_style_pair(self) -> bool:
+        return "output" in self._layer.style or self._context.has("style_output")
+
+    def style_pair(self) -> StylePair:
+        style = self._layer.style
+        if "output" not in style:
+            return self._style_pair_of_job()
+        painting = eight_bit(self._raw(style["output"]))
+        painting = np.dstack([painting] * 3) if painting.ndim == 2 else painting
+        check_painting_size(painting, style["output"])
+        if not self.masked:
+            painting = np.ascontiguousarray(painting[..., :3])
+        plain = same_size(self._style_picture("input"), painting, style["input"]) if "input" in style else None
+        lines = self._style_lines(painting) if self.has_lines and "lines" in style else None
+        return make_style_pair(painting, plain, self.params.style_smoothing, self._style_guides(painting), lines)
+
+    def _style_pair_of_job(self) -> StylePair:
+        """The style pair of the job, or the default pair; without guides."""
+        if "input" in self._layer.style:
+            raise BadInput(
+                f"{self._layer.where}: the style has an input but no output (the painting).", field="style/output.png",
+                remedy="Put the painting of style/input.png there.",
+            )  # fmt: skip
+        if self._context.has("style_output") or self._context.has("style"):
+            return JobInputs(self._context).style_pair()
+        plain, painting = default_pair(self._context)
+        return make_style_pair(painting, plain, 0.0, None, None)
+
+    def _style_lines(self, painting: Bytes) -> Plane:
+        return line_distance(same_size(self._style_picture("lines"), painting, self._layer.style["lines"]))
+
+    def _style_guides(self, painting: Bytes) -> Bytes | None:
+        """Style counterparts of the guides, uint8 (h, w, n)."""
+        planes = [guide_plane(self._style_guide(guide.name, painting), guide.channels) for guide in self.guides]
+        return stacked(planes) if planes else None
+
+    def _style_guide(self, name: str, painting: Bytes) -> Frame:
+        path = self._layer.style[name]
+        raw = self._raw(path)
+        picture = id_colours(raw) if name == "ids" and raw.ndim == 2 else self._style_picture(name)
+        return same_size(picture, painting, path)
+
+    def _style_picture(self, stem: str) -> Frame:
+        return as_rgb(eight_bit(self._raw(self._layer.style[stem])))
+
+    def _raw(self, path: str) -> AnyArray:
+        """Decoded image of a file of the shot: uint8 or uint16, gray, RGB or RGBA."""
+        return guarded_raw(self._layer.contents[path], path)
+
+
+def inputs_of(context: TaskContext[AnalogyParams], layer: int, keyframe_style: bool = False) -> SynthesisInputs:
+    """Inputs of a layer (-1 = the whole picture), with the results of the step `scan`.
+
+    Args:
+        keyframe_style: whether the keyframes are the style.
+    """
+    shot = layered_shot(context)
+    if shot is None:
+        return JobInputs(context, keyframe_style)
+    chosen = shot.layer(layer)
+    statistics = LayerStatistics.of(context.load("scan", chosen.statistics_artefact))
+    return LayerInputs(context, chosen, statistics, keyframe_style)

@@ -1,0 +1,308 @@
+"""The animation at one level of the pyramid: frames, guides, motion, keyframes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.compute import device
+from pipeline.flow import estimate
+from pipeline.flow.gray import Gray, to_gray
+from pipeline.frames import Flow, Frame, Mask, Plane
+from pipeline.methods.analogy.inputs import InputFrame, StylePair, SynthesisInputs
+from pipeline.methods.analogy.params import AnalogyParams
+from pipeline.methods.base import Clock
+from pipeline.methods.fields import FlowName
+from pipeline.synthesis.atlas import downscaled_offsets
+from pipeline.synthesis.distance import extrapolated, nearest
+from pipeline.synthesis.images import NOWHERE, Bytes, Offsets, Target, halved, stacked
+from pipeline.synthesis.motion import Motion, downscaled_velocity, motions_between, suppress_small_motion
+from pipeline.synthesis.orientation import orientation
+from pipeline.synthesis.tone_matching import ToneMatch, ToneStatistics, lab_guide, tone_statistics
+
+MIN_LEVEL_PX = 24
+"""Minimum shorter side of the coarsest level, px: smaller pictures have nothing to match and no reliable flow."""
+_EXTRAPOLATED_VELOCITY_PX = 600
+"""Maximum distance from a silhouette to which velocities are extrapolated, px."""
+_BOIL_BLOCK_PX = 32
+"""Side of the blocks that boil, px at full size."""
+_MAX_BOIL_BLOCKS = 256
+"""Number of blocks along a side; suffices for frames of up to 8192 px."""
+
+
+def levels_of(params: AnalogyParams, size: tuple[int, int], style_px: int) -> int:
+    """Number of pyramid levels for a frame size and a style of `style_px` px on its shorter side."""
+    fits = int(math.log2(max(1, min(*size, style_px) / MIN_LEVEL_PX)))
+    return max(1, min(params.levels, fits + 1))
+
+
+def tone_matching(params: AnalogyParams, pair: StylePair, tones: ToneStatistics) -> Callable[[Bytes], Bytes]:
+    """The function that maps a guide of the video to the tones of the style; the identity if matching is off."""
+    if params.tone_match == "off" or (params.tone_match == "auto" and not pair.derived):
+        return lambda guide: guide
+    return ToneMatch(tones, tone_statistics([pair.guide]))
+
+
+class LevelFrames:
+    """Frames [start, stop) of the inputs, reduced to a level, with their guides.
+
+    Attributes:
+        frames: uint8 (h, w, 3), by frame number.
+        guides: CIELAB and extra guides, uint8 (h, w, channels).
+        line_distances: float32 (h, w), distance to the nearest line, px of the level; empty without lines.
+        paintable: uint8 (h, w), 1 = the pixel may be painted; empty if the layer covers the frame.
+        silhouettes: uint8 (h, w), 1 = pixel of the layer; empty if the layer covers the frame.
+
+    Args:
+        match: maps a guide to the tones of the style.
+        level: 0 = full size; each level halves it.
+    """
+
+    def __init__(
+        self, inputs: SynthesisInputs, clock: Clock, start: int, stop: int, level: int,
+        match: Callable[[Bytes], Bytes],
+    ) -> None:  # fmt: skip
+        self.inputs, self.level = inputs, level
+        self.frames: dict[int, Frame] = {}
+        self.guides: dict[int, Bytes] = {}
+        self.line_distances: dict[int, Plane] = {}
+        self.paintable: dict[int, Bytes] = {}
+        self.silhouettes: dict[int, Bytes] = {}
+        frames = inputs.frames(start, stop)
+        for index in range(start, stop):
+            with clock("guides"):
+                if (frame := next(frames, None)) is None:
+                    return
+                self._add(index, frame, match)
+
+    def _add(self, index: int, frame: InputFrame, match: Callable[[Bytes], Bytes]) -> None:
+        level = self.level
+        guide = match(lab_guide(frame.frame))
+        guide = guide if frame.guides is None else stacked([guide, frame.guides])
+        self.frames[index], self.guides[index] = _reduced(frame.frame, level), _reduced(guide, level)
+        if frame.line_distance is not None:
+            self.line_distances[index] = _reduced_distances(frame.line_distance, level)
+        if frame.paintable is not None and frame.silhouette is not None:
+            self.paintable[index] = _reduced_mask(frame.paintable, level)
+            self.silhouettes[index] = _reduced_mask(frame.silhouette, level)
+
+    def target(self, index: int) -> Target:
+        """Frame `index` as the target of the synthesis."""
+        guide, params = self.guides[index], self.inputs.params
+        gray = np.ascontiguousarray(guide[..., 0])
+        bins = orientation(gray, params.rotation_sigma) if params.rotation == "on" else None
+        return Target(guide, bins, self.line_distances.get(index))
+
+
+def _reduced(image: Bytes, level: int) -> Bytes:
+    for _ in range(level):
+        image = np.asarray(halved(image), np.uint8)
+    return image
+
+
+def _reduced_mask(mask: Mask, level: int) -> Bytes:
+    reduced = mask.astype(np.uint8)
+    for _ in range(level):
+        reduced = np.asarray(halved(reduced, nearest=True), np.uint8)
+    return reduced
+
+
+def _reduced_distances(distances: Plane, level: int) -> Plane:
+    """Distances in px of the level: they halve with each level."""
+    for _ in range(level):
+        distances = np.asarray(halved(distances), np.float32) / np.float32(2)
+    return distances
+
+
+def estimated_velocities(inputs: SynthesisInputs, clock: Clock, start: int, stop: int) -> dict[int, tuple[Flow, Flow]]:
+    """Optical flow at full size, once for all levels: frame number -> (V+ of the frame, V- of the next), px.
+
+    Empty if the inputs have velocities.
+    """
+    if stop - start < 2 or inputs.velocities(start) is not None:
+        return {}
+    found: dict[int, tuple[Flow, Flow]] = {}
+    before: Gray | None = None
+    for index, frame in zip(range(start, stop), inputs.frames(start, stop), strict=False):
+        gray = to_gray(frame.frame)
+        if before is not None:
+            with clock("flow"):
+                found[index - 1] = _estimated(before, gray, inputs.params.flow)
+        before = gray
+    return found
+
+
+def _estimated(first: Gray, second: Gray, flow: FlowName) -> tuple[Flow, Flow]:
+    """(V+ of the first frame, V- of the second), px."""
+    plus = suppress_small_motion(estimate(first, second, flow), first, second)
+    return plus, suppress_small_motion(-estimate(second, first, flow), second, first)
+
+
+@dataclass(frozen=True)
+class Boil:
+    """Deliberate flicker: in each frame, some blocks of the picture lose their temporal coherence.
+
+    Attributes:
+        share: fraction of the blocks, 0..1.
+        seed: random seed.
+        level: 0 = full size.
+    """
+
+    share: float
+    seed: int
+    level: int
+
+    def coherent(self, first: int, size: tuple[int, ...]) -> Bytes:
+        """1 where frames `first` and `first` + 1 stay coherent, uint8 (h, w). The same blocks at every level."""
+        block = max(1, _BOIL_BLOCK_PX >> self.level)
+        height, width = size[:2]
+        shape = (-(-height // block), -(-width // block))
+        draws = np.random.Generator(np.random.Philox(key=[self.seed, first])).random(
+            (_MAX_BOIL_BLOCKS, _MAX_BOIL_BLOCKS)
+        )
+        coherent = (draws >= self.share).astype(np.uint8)[: shape[0], : shape[1]]
+        return np.ascontiguousarray(coherent.repeat(block, 0).repeat(block, 1)[:height, :width])
+
+
+class LevelAnimation:
+    """The `pipeline.synthesis.sweeps.Animation` of decoded frames. Motion: given velocities, or optical flow.
+
+    Args:
+        usable_position: a usable position (x, y) of the style, assigned to pixels that may not be painted.
+        velocities: as `estimated_velocities` returns them; frames that it lacks are estimated at this level.
+        boil: seeded removal of temporal coherence; see `Boil`.
+    """
+
+    def __init__(
+        self, level_frames: LevelFrames, clock: Clock, usable_position: tuple[int, int] = (0, 0),
+        velocities: Mapping[int, tuple[Flow, Flow]] | None = None, boil: Boil | None = None,
+    ) -> None:  # fmt: skip
+        self._frames, self._clock, self._usable_position = level_frames, clock, usable_position
+        self._velocities, self._boil = velocities or {}, boil
+        self._motions: dict[int, tuple[Motion, Motion]] = {}
+
+    def target(self, index: int) -> Target:
+        with self._clock("guides"):
+            return self._frames.target(index)
+
+    def motion(self, index: int, other: int) -> Motion:
+        first = min(index, other)
+        if first not in self._motions:
+            with self._clock("flow"):
+                self._motions = {first: self._between(first)}
+        return self._motions[first][0 if index < other else 1]
+
+    def _between(self, first: int) -> tuple[Motion, Motion]:
+        """Motion from frame `first` to the next frame, and back."""
+        level_frames, params = self._frames, self._frames.inputs.params
+        epsilon = params.occlusion_epsilon if params.occlusion == "on" else math.inf
+        level, full_size = level_frames.level, level_frames.inputs.velocities(first) or self._velocities.get(first)
+        if full_size is None:
+            gray = [to_gray(level_frames.frames[k]) for k in (first, first + 1)]
+            plus, minus = _estimated(gray[0], gray[1], params.flow)
+        else:
+            plus, minus = (downscaled_velocity(velocity, level) for velocity in full_size)
+            epsilon *= 0.25**level
+        if level_frames.inputs.velocities(first) is None:
+            plus, minus = self._extrapolated(plus, first), self._extrapolated(minus, first + 1)
+        forth, back = motions_between(plus, minus, epsilon)
+        return (
+            self._with_boil(self._within_paintable(forth, first + 1), first),
+            self._with_boil(self._within_paintable(back, first), first),
+        )
+
+    def _with_boil(self, motion: Motion, first: int) -> Motion:
+        """Mark the blocks that boil as not visible in the neighbouring frame."""
+        if self._boil is None:
+            return motion
+        return Motion(motion.displacement, motion.visible & self._boil.coherent(first, motion.visible.shape))
+
+    def _extrapolated(self, velocity: Flow, index: int) -> Flow:
+        """Extrapolate a layer's velocity beyond its silhouette (benard2013stylizing, section 4)."""
+        silhouette = self._frames.silhouettes.get(index)
+        if silhouette is None:
+            return velocity
+        return extrapolated(velocity, nearest(silhouette > 0, device(), _EXTRAPOLATED_VELOCITY_PX))
+
+    def _within_paintable(self, motion: Motion, other: int) -> Motion:
+        """Mark pixels as not visible in the other frame if they may not be painted there."""
+        paintable = self._frames.paintable.get(other)
+        if paintable is None:
+            return motion
+        return Motion(motion.displacement, motion.visible & warp_nearest(paintable, motion.displacement))
+
+    def fixed_offsets(self, index: int) -> Offsets | None:
+        """Fixed offsets for pixels that may not be painted."""
+        paintable = self._frames.paintable.get(index)
+        if paintable is None:
+            return None
+        free = (paintable > 0)[..., None]
+        return np.where(free, NOWHERE, np.asarray(self._usable_position, np.float32)).astype(np.float32)
+
+    def share(self, index: int, forward: bool) -> float:
+        return 0.5
+
+    def ribbons(self, index: int) -> Offsets | None:
+        return None
+
+
+class KeyframeAnimation(LevelAnimation):
+    """The frames of an interval at one level, with their keyframes.
+
+    Attributes:
+        full: sorted frame numbers of the keyframes that are painted everywhere.
+        ribbon_offsets: frame number -> offsets of each pixel in the previous and the next keyframe, float32
+            (2, h, w, 2).
+
+    Args:
+        painted: frame number -> offsets of its painted pixels, at the finest level.
+        velocities: as `estimated_velocities` returns them.
+    """
+
+    def __init__(
+        self, level_frames: LevelFrames, clock: Clock, usable_position: tuple[int, int],
+        painted: dict[int, Offsets], velocities: Mapping[int, tuple[Flow, Flow]], boil: Boil | None = None,
+    ) -> None:  # fmt: skip
+        super().__init__(level_frames, clock, usable_position, velocities, boil)
+        self._painted, self._level = painted, level_frames.level
+        self.full = sorted(i for i, offsets in painted.items() if (offsets[..., 0] > NOWHERE).all())
+        self.ribbon_offsets: dict[int, Offsets] = {}
+        self._all_motions: dict[int, tuple[Motion, Motion]] = {}
+
+    def motion(self, index: int, other: int) -> Motion:
+        first = min(index, other)
+        if first not in self._all_motions:
+            super().motion(index, other)
+            self._all_motions[first] = self._motions.pop(first)
+        return self._all_motions[first][0 if index < other else 1]
+
+    def fixed_offsets(self, index: int) -> Offsets | None:
+        outside = super().fixed_offsets(index)
+        if index not in self._painted:
+            return outside
+        painted = downscaled_offsets(self._painted[index], self._level)
+        return painted if outside is None else np.where(painted > NOWHERE, painted, outside)
+
+    def share(self, index: int, forward: bool) -> float:
+        """Probability of the neighbour's offset in the random merge (section 4.1): biased towards the nearer key."""
+        last = max((i for i in self.full if i <= index), default=None)
+        following = min((i for i in self.full if i >= index), default=None)
+        if last is None or following is None or last == following:
+            return 0.5
+        from_last = (following - index) / (following - last)
+        return from_last if forward else 1 - from_last
+
+    def ribbons(self, index: int) -> Offsets | None:
+        return self.ribbon_offsets.get(index)
+
+
+def warp_nearest(image: Bytes, displacement: Flow) -> Bytes:
+    """Nearest-neighbour warp: the image at p + displacement(p), 0 outside. uint8 (h, w)."""
+    height, width = image.shape
+    x = np.rint(displacement[..., 0] + np.arange(width, dtype=np.float32)).astype(np.int64)
+    y = np.rint(displacement[..., 1] + np.arange(height, dtype=np.float32)[:, None]).astype(np.int64)
+    inside = (x >= 0) & (y >= 0) & (x < width) & (y < height)
+    return np.where(inside, image[y.clip(0, height - 1), x.clip(0, width - 1)], np.uint8(0))

@@ -1,0 +1,396 @@
+"""Layers of a shot: their files, parameters, statistics and render passes, and the step `composite`."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.arrays import AnyArray, Arrays, State
+from pipeline.errors import BadInput, BadParameter
+from pipeline.frames import Flow, Frame, Mask
+from pipeline.methods.analogy.inputs import OPAQUE, eight_bit, id_colours
+from pipeline.methods.analogy.params import AnalogyParams
+from pipeline.methods.base import Task, TaskContext, TaskResult
+from pipeline.synthesis.images import Bytes
+from pipeline.synthesis.tone_matching import ToneStatistics
+from pipeline.video.archive import number_of
+from pipeline.video.exr import EXR_MAGIC, Exr, normals, object_ids, pixels, raw_vectors
+from pipeline.video.guard.pictures import guarded_exr, guarded_raw
+from pipeline.video.shot import LayerFiles, ShotJson, ShotLayout, read_shot
+from pipeline.video.shot_files import FRAMES, Files, is_shot
+
+Factors = tuple[float, float, float]
+_REPLACED_INPUTS = ("guide_a", "guide_b", "guide_c", "lines", "masks")
+"""Inputs of a job that a shot replaces by files of its own."""
+
+
+@dataclass(frozen=True)
+class Layer:
+    """One layer; files that it lacks come from the shot as a whole.
+
+    Attributes:
+        number: order from back to front; -1 = the whole picture.
+        files: paths of the layer's own files.
+        whole: paths of the files of the shot as a whole.
+        frames: number of frames of the shot.
+        contents: bytes of all files of the shot, by path.
+        vectors: convention of the motion vectors in shot.json; None = not given.
+    """
+
+    number: int
+    files: LayerFiles
+    whole: LayerFiles
+    frames: int
+    contents: Files
+    vectors: Any
+
+    @property
+    def name(self) -> str:
+        return self.files.name
+
+    @property
+    def where(self) -> str:
+        """Name of the layer for error texts."""
+        return self.files.where.capitalize()
+
+    @property
+    def style(self) -> Mapping[str, str]:
+        """The layer's own style, otherwise the shot's; the two are not mixed."""
+        return self.files.style if "output" in self.files.style else {**self.whole.style, **self.files.style}
+
+    @property
+    def statistics_artefact(self) -> str:
+        """Name of the artefact with the layer's `LayerStatistics`."""
+        return "tones" if self.number < 0 else f"tones-{self.number}"
+
+
+@dataclass(frozen=True)
+class LayerStatistics:
+    """Results of the step `scan` for one layer.
+
+    Attributes:
+        factors: sign factors of its motion vectors; None = no vectors.
+        reach_px: maximum distance of paint beyond the silhouette, px.
+    """
+
+    tones: ToneStatistics
+    factors: Factors | None = None
+    reach_px: float = 0.0
+
+    def arrays(self) -> State:
+        """The statistics as arrays, for storage."""
+        factors = np.array(self.factors if self.factors else (), np.float64)
+        return {**vars(self.tones), "factors": factors, "reach": np.array(self.reach_px)}
+
+    @staticmethod
+    def of(arrays: Arrays) -> LayerStatistics:
+        """Restore what `arrays` returned."""
+        tones = ToneStatistics(*(arrays[name] for name in ("lightness", "hue_mean", "hue_spread")))
+        factors = tuple(float(f) for f in arrays["factors"])
+        return LayerStatistics(tones, (factors[0], factors[1], factors[2]) if factors else None, float(arrays["reach"]))
+
+
+@dataclass(frozen=True)
+class LayeredShot:
+    """A shot: the whole picture and its layers from back to front.
+
+    Attributes:
+        settings: contents of shot.json.
+    """
+
+    whole: Layer
+    layers: tuple[Layer, ...]
+    settings: ShotJson
+
+    def layer(self, number: int) -> Layer:
+        """The layer `number`; -1 = the whole picture."""
+        return self.whole if number < 0 else self.layers[number]
+
+
+def layered_shot(context: TaskContext[AnalogyParams]) -> LayeredShot | None:
+    """The shot given as the input `video`; a sequence of EXR images counts as one. None = the video is no shot.
+
+    Raises:
+        BadInput: the job also has inputs that a shot replaces.
+        UnreadableMedia: see `pipeline.video.shot.read_shot`.
+    """
+    files = context.entries("video")
+    layout = _layout(files)
+    if layout is None:
+        return None
+    for name in _REPLACED_INPUTS:
+        if context.has(name) or context.has(f"style_{name}"):
+            raise BadInput(
+                f"A shot contains its {name.replace('_', ' ')}; the separate input is not allowed.",
+                field=f"inputs.{name}",
+                remedy="Put the pictures into the shot's folders and remove this input.",
+            )  # fmt: skip
+    if layout.layers and context.has("keyframes"):
+        raise BadInput(
+            "A shot with layers has keyframes in its layers; the input `keyframes` is not allowed.",
+            field="inputs.keyframes",
+            remedy="Put them in layers/LAYER/keyframes/.",
+        )  # fmt: skip
+    files = files if is_shot(files) else _NumberedFrames(files)
+    settings = layout.settings
+    whole, *layers = (
+        Layer(number, layer, layout.whole, layout.frames, files, settings.vectors)
+        for number, layer in enumerate((layout.whole, *layout.layers), -1)
+    )
+    return LayeredShot(whole, tuple(layers), settings)
+
+
+def _layout(files: Files) -> ShotLayout | None:
+    """Layout of a shot; None = the files are no shot."""
+    if not files:
+        return None
+    if is_shot(files):
+        return read_shot(files)
+    if not all(name.lower().endswith(".exr") and number_of(name) is not None for name in files):
+        return None
+    return read_shot(_NumberedFrames(files))
+
+
+class _NumberedFrames(dict[str, bytes]):
+    """Numbered images presented as the frames of a shot. Contents are read on access."""
+
+    def __init__(self, files: Files) -> None:
+        super().__init__((f"{FRAMES}/{name.rpartition('/')[2]}", b"") for name in files)
+        self._files = {f"{FRAMES}/{name.rpartition('/')[2]}": name for name in files}
+        self._source = files
+
+    def __getitem__(self, name: str) -> bytes:
+        return self._source[self._files[name]]
+
+
+def layer_params(params: AnalogyParams, layer: Layer) -> AnalogyParams:
+    """The job's parameters, overridden by the layer's `params` in shot.json.
+
+    Raises:
+        BadParameter: an unknown name or a value out of range; the field names the place in shot.json.
+    """
+    settings = layer.files.settings
+    if settings is None or not settings.params:
+        return params
+    from pipeline.methods import method, parse_params
+
+    try:
+        changed = parse_params(method("analogy"), {**params.model_dump(), **settings.params})
+    except BadParameter as error:
+        raise BadParameter(
+            error.message, field=f"shot.json: layers.{layer.name}.{error.field}", value=error.value, remedy=error.remedy
+        ) from None
+    assert isinstance(changed, AnalogyParams)
+    return changed
+
+
+def paint_artefact(layer: int, index: int) -> str:
+    """Name of the artefact with a layer's painted frame: "rgba", uint8 (h, w, 4), straight alpha."""
+    return f"paint-{layer}-{index:07d}"
+
+
+# -- render passes
+
+_MAX_CACHED_EXR = 3
+"""Number of decoded EXR images in memory: a frame and its two neighbours."""
+
+
+class RenderPasses:
+    """Reads the render passes of a layer frame by frame.
+
+    A pass comes from separate files, from channels of the layer's EXR frames, or from those of the shot.
+
+    Attributes:
+        masked: whether the layer covers only a part of the picture.
+    """
+
+    def __init__(self, layer: Layer, size: tuple[int, int]) -> None:
+        self._layer, self._size = layer, size
+        self._images: OrderedDict[str, Exr] = OrderedDict()
+        self._object_ids = layer.files.settings.ids if layer.files.settings else ()
+        self.masked = layer.number >= 0 and self._is_part()
+
+    def _is_part(self) -> bool:
+        own = self._layer.files.passes
+        if own["masks"] or self._object_ids:
+            return True
+        return bool(own[FRAMES]) and self._frame(0).shape[2] == 4
+
+    def has(self, kind: str) -> bool:
+        """Whether the layer or the shot has separate files of a pass."""
+        return bool(self._paths(kind))
+
+    def _paths(self, kind: str) -> Any:
+        return self._layer.files.passes[kind] or self._layer.whole.passes[kind]
+
+    # -- pictures
+
+    def frame(self, index: int) -> Frame:
+        """Frame `index` of the layer: uint8 (h, w, 3)."""
+        return np.ascontiguousarray(self._frame(index)[..., :3])
+
+    def _frame(self, index: int) -> Bytes:
+        path = self._paths(FRAMES)[index]
+        found = pixels(self._exr(path)) if self._is_exr(path) else eight_bit(self._raw(path))
+        if found is None:
+            raise BadInput("The EXR file contains no picture.", field=path, remedy="Render R, G and B into it.")
+        sized = np.dstack([found] * 3) if found.ndim == 2 else found
+        if (sized.shape[1], sized.shape[0]) != self._size:
+            raise BadInput(
+                f"{self._layer.where} has a frame of a different size.", field=path,
+                value=f"{sized.shape[1]}x{sized.shape[0]}", remedy=f"Make it {self._size[0]}x{self._size[1]}.",
+            )  # fmt: skip
+        return sized
+
+    def mask(self, index: int) -> Mask | None:
+        """Silhouette of the layer from its masks, its objects, or the opacity of its frames; None = everywhere."""
+        if not self.masked:
+            return None
+        own = self._layer.files.passes
+        if own["masks"]:
+            mask = eight_bit(self._raw(own["masks"][index]))
+            return np.asarray((mask if mask.ndim == 2 else mask[..., 0]) >= OPAQUE)
+        if self._object_ids:
+            return np.isin(self.ids(index), self._object_ids)
+        return np.asarray(self._frame(index)[..., 3] >= OPAQUE)
+
+    def lines(self, index: int) -> Frame:
+        """Line drawing of frame `index`: uint8 (h, w, 3)."""
+        return as_rgb(eight_bit(self._raw(self._paths("lines")[index])))
+
+    # -- guides
+
+    def guide_names(self) -> list[str]:
+        """Names of the available guides, in a fixed order."""
+        named = [kind for kind in ("normals", "ids") if self.has(kind) or self._in_frames(kind)]
+        return named + sorted({*self._layer.files.guides, *self._layer.whole.guides})
+
+    def guide(self, name: str, index: int) -> Frame:
+        """A guide as a picture, uint8 (h, w, 3)."""
+        if name == "ids":
+            return id_colours(self.ids(index))
+        if name == "normals":
+            return self._normals(index)
+        paths = self._layer.files.guides.get(name) or self._layer.whole.guides[name]
+        return as_rgb(eight_bit(self._raw(paths[index])))
+
+    def ids(self, index: int) -> NDArray[np.int32]:
+        """Object number of each pixel, int32 (h, w).
+
+        Raises:
+            BadInput: the layer has no pass `ids`.
+        """
+        paths = self._paths("ids")
+        if paths and not self._is_exr(paths[index]):
+            raw = self._raw(paths[index])
+            return (raw if raw.ndim == 2 else raw[..., 0]).astype(np.int32)
+        for exr in self._images_of("ids", index):
+            if (found := object_ids(exr)) is not None:
+                return found
+        raise BadInput(
+            f"{self._layer.where} is defined by object numbers, but the shot has no pass ids.", field="ids",
+            remedy="Put ids/0001.png beside frames/, or render IndexOB into the EXR frames.",
+        )  # fmt: skip
+
+    def _normals(self, index: int) -> Frame:
+        paths = self._paths("normals")
+        if paths and not self._is_exr(paths[index]):
+            return as_rgb(eight_bit(self._raw(paths[index])))
+        for exr in self._images_of("normals", index):
+            if (found := normals(exr)) is not None:
+                return np.asarray(np.rint((np.nan_to_num(found).clip(-1, 1) + 1) * 127.5), np.uint8)
+        raise BadInput(f"{self._layer.where} has no normals in frame {index}.", field="normals",
+                       remedy="Render the pass for every frame.")  # fmt: skip
+
+    def _in_frames(self, kind: str) -> bool:
+        find = normals if kind == "normals" else object_ids
+        return any(find(exr) is not None for exr in self._images_of(kind, 0))
+
+    # -- vectors
+
+    def has_vectors(self) -> bool:
+        """Whether the layer has motion vectors in both directions."""
+        return all(field is not None for field in self.vectors(0))
+
+    def vectors(self, index: int) -> tuple[Flow | None, Flow | None]:
+        """Vectors as stored: (to the next frame, from the previous frame); None = missing."""
+        for exr in self._images_of("vectors", index):
+            _, forth, back = raw_vectors(exr)
+            if forth is not None or back is not None:
+                return forth, back
+        return None, None
+
+    def vector_image(self, index: int) -> Exr:
+        """The EXR image that contains the motion vectors of a frame."""
+        return next(
+            exr for exr in self._images_of("vectors", index) if any(f is not None for f in raw_vectors(exr)[1:])
+        )
+
+    def _images_of(self, kind: str, index: int) -> list[Exr]:
+        """EXR images that may contain a pass, the most likely first."""
+        own, whole = self._layer.files.passes, self._layer.whole.passes
+        paths = [p[k][index] for p in (own, whole) for k in (kind, FRAMES) if index in p.get(k, {})]
+        return [self._exr(path) for path in dict.fromkeys(paths) if self._is_exr(path)]
+
+    # -- files
+
+    def _raw(self, path: str) -> AnyArray:
+        return guarded_raw(self._layer.contents[path], path)
+
+    @staticmethod
+    def _is_exr(path: str) -> bool:
+        return path.lower().endswith(".exr")
+
+    def _exr(self, path: str) -> Exr:
+        if path not in self._images:
+            data = self._layer.contents[path]
+            if not data.startswith(EXR_MAGIC):
+                raise BadInput(
+                    "The file is named .exr but is not an OpenEXR file.", field=path, remedy="Save it as OpenEXR."
+                )
+            self._images[path] = guarded_exr(data, path)
+            if len(self._images) > _MAX_CACHED_EXR:
+                self._images.popitem(last=False)
+        return self._images[path]
+
+
+def as_rgb(image: AnyArray) -> AnyArray:
+    """Convert a gray, RGB or RGBA image to RGB: (h, w, 3), same dtype."""
+    return np.dstack([image] * 3) if image.ndim == 2 else np.ascontiguousarray(image[..., :3])
+
+
+# -- compositing
+
+
+def run_composite(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult:
+    """Composite the painted layers of a run of frames over the background colour of shot.json; emit the frames."""
+    assert task.emits is not None
+    shot = layered_shot(context)
+    assert shot is not None
+    start, stop = task.emits
+    for index in range(start, stop):
+        canvas = plain_canvas(context.size, shot.settings.background)
+        for layer in range(task.args["layers"]):
+            painted = context.load("synthesise", paint_artefact(layer, index))["rgba"]
+            with context.clock("composite"):
+                canvas = composite_over(painted, canvas)
+        context.emit(index, canvas)
+        context.progress((index + 1 - start) / (stop - start))
+    return {"frames": stop - start}
+
+
+def plain_canvas(size: tuple[int, int], colour: str) -> Frame:
+    """A canvas of one colour "#rrggbb", uint8 (h, w, 3)."""
+    return np.full((size[1], size[0], 3), list(bytes.fromhex(colour[1:])), np.uint8)
+
+
+def composite_over(painted: Bytes, below: Frame) -> Frame:
+    """Composite straight-alpha RGBA over a frame, rounded to nearest; opaque pixels are copied exactly."""
+    alpha = painted[..., 3:].astype(np.uint16)
+    mixed = painted[..., :3].astype(np.uint16) * alpha + below.astype(np.uint16) * (255 - alpha) + 127
+    return np.asarray(mixed // 255, np.uint8)
