@@ -11,7 +11,7 @@ from pathlib import Path
 
 import psycopg
 
-from tests.real.processes import as_user, end, folder_of, nobody_special, start, until
+from tests.real.processes import as_user, delete_later, end, folder_of, nobody_special, start, until
 from workers.store import Store
 
 _PLACES = "/usr/lib/postgresql"
@@ -108,5 +108,5 @@ class Postgres:
     def close(self) -> None:
         """Stop it for good, and forget its folder."""
         self.stop(signal.SIGQUIT)
-        shutil.rmtree(self.folder, ignore_errors=True)
+        delete_later(self.folder)
         self._log.unlink(missing_ok=True)

@@ -29,6 +29,11 @@ def end(process: subprocess.Popen[bytes], how: signal.Signals = signal.SIGKILL) 
         process.wait(30)
 
 
+def delete_later(folder: Path) -> None:
+    """Delete a folder in the background: that of a database server has tens of thousands of files."""
+    subprocess.Popen(["rm", "-rf", str(folder)], stdin=subprocess.DEVNULL, start_new_session=True)
+
+
 def until(ready: Callable[[], bool], process: subprocess.Popen[bytes], log: Path, timeout_s: float = 30.0) -> None:
     """Wait until a server is ready; fail with its log if it is not in time, or has died."""
     deadline = time.monotonic() + timeout_s

@@ -10,7 +10,6 @@ import importlib.util
 import itertools
 import os
 import pwd
-import shutil
 import signal
 import subprocess
 import sys
@@ -22,7 +21,7 @@ from typing import Any
 import boto3
 from botocore.config import Config
 
-from tests.real.processes import end, free_port, listens, start, until
+from tests.real.processes import delete_later, end, free_port, listens, start, until
 
 ROOT = Path(__file__).resolve().parents[2]
 ACCESS_KEY, SECRET_KEY, REGION = "test:tester", "testing", "us-east-1"
@@ -157,7 +156,7 @@ class Swift:
     def close(self) -> None:
         """Stop it for good, and forget its folder."""
         self.stop()
-        shutil.rmtree(self.folder, ignore_errors=True)
+        delete_later(self.folder)
 
     def client(self) -> Any:
         """A plain client with the right keys: what a test looks at the server with."""
