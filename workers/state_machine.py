@@ -1,4 +1,4 @@
-"""The state machine of jobs and tasks: pure, `advance(state, event) -> (state, effects)`. The store applies it.
+"""The state machine of jobs and tasks: a pure function, `advance(state, event) -> (state, effects)`.
 
 A job, as its user sees it (`RunState`):
 
@@ -38,10 +38,66 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import Any
 
 from workers.errors import Conflict
 from workers.model import Fault, RunState, TaskState
+from workers.state_events import (
+    AnnounceState,
+    BackOff,
+    Cancel,
+    CancelTasks,
+    Claimed,
+    ClearError,
+    Done,
+    Effect,
+    Effects,
+    Failed,
+    FreeDependents,
+    Interrupted,
+    Pause,
+    PlanFailed,
+    Planned,
+    Released,
+    Requeue,
+    RestartTasks,
+    Resume,
+    Retry,
+    SetError,
+    StateEvent,
+)
+
+__all__ = [
+    "ASSEMBLE",
+    "AnnounceState",
+    "BackOff",
+    "Cancel",
+    "CancelTasks",
+    "Claimed",
+    "ClearError",
+    "Counts",
+    "Done",
+    "Effect",
+    "Effects",
+    "Failed",
+    "FreeDependents",
+    "Interrupted",
+    "JobSnapshot",
+    "Limits",
+    "Pause",
+    "PlanFailed",
+    "Planned",
+    "Released",
+    "Requeue",
+    "RestartTasks",
+    "Resume",
+    "Retry",
+    "SetError",
+    "State",
+    "StateEvent",
+    "TaskSnapshot",
+    "advance",
+]
 
 ASSEMBLE = "assemble"
 """The platform's own last step: join what was emitted, make poster and contact sheet. One task of the same key."""
@@ -112,136 +168,6 @@ class State:
     job: JobSnapshot
     task: TaskSnapshot | None = None
     limits: Limits = Limits()
-
-
-# -- events: what happened ------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Planned:
-    """The current step has its tasks: so many may start, so many wait for others."""
-
-    ready: int
-    waiting: int
-
-
-@dataclass(frozen=True)
-class PlanFailed:
-    fault: Fault
-
-
-@dataclass(frozen=True)
-class Claimed:
-    """A dispatcher took the task; an attempt begins."""
-
-
-@dataclass(frozen=True)
-class Done:
-    """The attempt succeeded, and `frees` tasks have nothing left to wait for."""
-
-    frees: int = 0
-
-
-@dataclass(frozen=True)
-class Failed:
-    """The attempt failed or its worker died. `final`: trying again cannot help."""
-
-    fault: Fault
-    final: bool = False
-
-
-@dataclass(frozen=True)
-class Interrupted:
-    """The attempt died with its dispatcher (kill -9, power loss): nobody's fault, as long as it stays rare."""
-
-
-@dataclass(frozen=True)
-class Released:
-    """The attempt was given back unfinished: an orderly shutdown, or storage was away. It does not count."""
-
-
-@dataclass(frozen=True)
-class Pause:
-    pass
-
-
-@dataclass(frozen=True)
-class Resume:
-    pass
-
-
-@dataclass(frozen=True)
-class Cancel:
-    pass
-
-
-@dataclass(frozen=True)
-class Retry:
-    """Start what failed or was cancelled again; `blocked_failed` and `blocked_cancelled` of those must wait."""
-
-    blocked_failed: int = 0
-    blocked_cancelled: int = 0
-
-
-@dataclass(frozen=True)
-class Requeue:
-    """Start this one failed or cancelled task again."""
-
-
-StateEvent: TypeAlias = (
-    Planned | PlanFailed | Claimed | Done | Failed | Interrupted | Released | Pause | Resume | Cancel | Retry | Requeue
-)
-
-
-# -- effects: what the store does in the same transaction -----------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class FreeDependents:
-    """Tasks that waited for this one only become ready."""
-
-
-@dataclass(frozen=True)
-class CancelTasks:
-    """Every unfinished task of the step becomes cancelled; running attempts end here and are told."""
-
-
-@dataclass(frozen=True)
-class RestartTasks:
-    """Every failed or cancelled task of the step becomes ready or waiting, with a fresh budget."""
-
-
-@dataclass(frozen=True)
-class BackOff:
-    """The task may not be claimed for a while; longer after each failure."""
-
-    failures: int
-
-
-@dataclass(frozen=True)
-class SetError:
-    """The job's error, unless it has one."""
-
-    fault: Fault
-
-
-@dataclass(frozen=True)
-class ClearError:
-    """The job has no error any more."""
-
-
-@dataclass(frozen=True)
-class AnnounceState:
-    """The job's state changed: an event, and a webhook message when it is final."""
-
-    run: RunState
-
-
-Effect: TypeAlias = FreeDependents | CancelTasks | RestartTasks | BackOff | SetError | ClearError | AnnounceState
-Effects: TypeAlias = tuple[Effect, ...]
-
-
-# -- transitions ----------------------------------------------------------------------------------------------------
 
 
 def advance(state: State, event: StateEvent) -> tuple[State, Effects]:
