@@ -116,10 +116,10 @@ class Client:
         self,
         method: str,
         inputs: Mapping[str, str],
-        params: Mapping[str, Any] | None = None,
+        params: Mapping[str, object] | None = None,
         *,
         idempotency_key: str = "",
-        **more: Any,
+        **more: object,
     ) -> Json:
         """Submit a job. `inputs`: input name -> asset id. `more`: seed, frames, output, priority, name, labels,
         webhook, on_damage.
@@ -134,7 +134,7 @@ class Client:
     def job(self, job_id: str) -> Json:
         return self._json("GET", f"/jobs/{job_id}")
 
-    def jobs(self, **filters: Any) -> list[Json]:
+    def jobs(self, **filters: object) -> list[Json]:
         """The newest jobs. `filters`: state, method, label, limit, cursor."""
         return self._items("/jobs", **filters)
 
@@ -225,7 +225,7 @@ class Client:
 
     # -- HTTP
 
-    def _items(self, path: str, **query: Any) -> list[Json]:
+    def _items(self, path: str, **query: object) -> list[Json]:
         found = self._json("GET", path, params={k: v for k, v in query.items() if v is not None})
         items: list[Json] = found["items"]
         return items

@@ -6,9 +6,9 @@ import json
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import httpx
+from pydantic import JsonValue
 
 from impasto.problems import error_of
 
@@ -23,7 +23,7 @@ class ServerEvent:
 
     seq: int
     type: str
-    data: Any
+    data: JsonValue
 
 
 class NotAStream(Exception):

@@ -18,15 +18,15 @@ from pathlib import Path
 from typing import Any, Literal, cast, overload
 
 import numpy as np
-from numpy.typing import NDArray
 
 from impasto.delivery import Target, deliver, output_faults, same_file, target
+from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput, BadParameter, did_you_mean
 from pipeline.frames import Frame, check_frame, same_size
 from pipeline.methods import method as find_method
 from pipeline.methods import parse_params
-from pipeline.methods.base import Arrays, InputSpec, Method, VideoInfo
-from pipeline.methods.local import DEFAULT_FPS, FrameSource, LocalContext, iterate_plan
+from pipeline.methods.base import AnyParams, Arrays, InputSpec, Method, VideoInfo
+from pipeline.methods.local import DEFAULT_FPS, FrameSource, Input, LocalContext, iterate_plan
 from pipeline.video.headers import sniff
 from pipeline.video.join import join
 from pipeline.video.numbered import NumberedImages
@@ -48,20 +48,21 @@ class DamagedSource(UserWarning):
 
 @overload
 def render(
-    method: str, source: Source, output: None = None, *, inputs: Mapping[str, Any] | None = None, seed: int = 0,
+    method: str, source: Source, output: None = None, *, inputs: Mapping[str, object] | None = None, seed: int = 0,
     fps: float = DEFAULT_FPS, on_damage: OnDamage = "warn", **params: Any,
 ) -> Iterator[Frame]: ...  # fmt: skip
 
 
 @overload
 def render(
-    method: str, source: Source, output: str | Path, *, inputs: Mapping[str, Any] | None = None, seed: int = 0,
-    fps: float = DEFAULT_FPS, quality: int = 20, overwrite: bool = False, on_damage: OnDamage = "warn", **params: Any,
+    method: str, source: Source, output: str | Path, *, inputs: Mapping[str, object] | None = None, seed: int = 0,
+    fps: float = DEFAULT_FPS, quality: int = 20, overwrite: bool = False, on_damage: OnDamage = "warn",
+    **params: Any,
 ) -> Path: ...  # fmt: skip
 
 
 def render(
-    method: str, source: Source, output: str | Path | None = None, *, inputs: Mapping[str, Any] | None = None,
+    method: str, source: Source, output: str | Path | None = None, *, inputs: Mapping[str, object] | None = None,
     seed: int = 0, fps: float = DEFAULT_FPS, quality: int = 20, overwrite: bool = False,
     on_damage: OnDamage = "warn", **params: Any,
 ) -> Iterator[Frame] | Path:  # fmt: skip
@@ -131,7 +132,7 @@ def render(
     return where.path
 
 
-def _check_names(chosen: Method, inputs: Mapping[str, Any]) -> None:
+def _check_names(chosen: Method, inputs: Mapping[str, object]) -> None:
     known = [spec.name for spec in chosen.inputs if spec.name != "video"]
     for name in inputs:
         if name not in known:
@@ -149,7 +150,7 @@ def _check_names(chosen: Method, inputs: Mapping[str, Any]) -> None:
             )
 
 
-def _checked_output(output: str | Path, source: Source, inputs: Mapping[str, Any], overwrite: bool) -> Target:
+def _checked_output(output: str | Path, source: Source, inputs: Mapping[str, object], overwrite: bool) -> Target:
     where = target(str(output), field="output")
     for given in (source, *inputs.values()):
         if isinstance(given, str | Path) and same_file(where.path, Path(given)):
@@ -165,13 +166,13 @@ class _Rendering:
     """One call of `render`. `stack` closes what the frames are made from."""
 
     def __init__(
-        self, chosen: Method, params: Any, seed: int, fps: float, stack: ExitStack, damage: InputDamage
+        self, chosen: Method, params: AnyParams, seed: int, fps: float, stack: ExitStack, damage: InputDamage
     ) -> None:
         self._method, self._params, self._seed, self._fps, self._stack = chosen, params, seed, fps, stack
         self._damage = damage
         self._specs = {spec.name: spec for spec in chosen.inputs}
 
-    def frames(self, source: Source, inputs: Mapping[str, Any]) -> Iterator[Frame]:
+    def frames(self, source: Source, inputs: Mapping[str, object]) -> Iterator[Frame]:
         """The finished frames. Closing the iterator, or its end, frees everything."""
         with self._stack:
             if all(self._specs[name].kind in PICTURES for name in inputs):
@@ -187,7 +188,7 @@ class _Rendering:
                     source = chain([first], arriving)
             yield from self._planned(source, inputs)
 
-    def _stream(self, first: Frame, rest: Iterator[Frame], inputs: Mapping[str, Any]) -> Iterator[Frame] | None:
+    def _stream(self, first: Frame, rest: Iterator[Frame], inputs: Mapping[str, object]) -> Iterator[Frame] | None:
         size = (first.shape[1], first.shape[0])
         references = {name: _checked(self._open_frames(name, _many(given))) for name, given in inputs.items()}
         session = self._method.stream(self._params, size, self._seed, references)
@@ -201,7 +202,7 @@ class _Rendering:
             return iter(source)
         return _read(self._stack.enter_context(VideoReader(Path(source))), name, self._damage)
 
-    def _planned(self, source: Source, inputs: Mapping[str, Any]) -> Iterator[Frame]:
+    def _planned(self, source: Source, inputs: Mapping[str, object]) -> Iterator[Frame]:
         folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory(prefix="impasto-")))
         given: dict[str, Any] = {}
         for name, value in inputs.items():
@@ -313,10 +314,12 @@ class SpooledFrames:
             yield np.array(self._frames[index])
 
 
-class _DiskContext(LocalContext[Any]):
+class _DiskContext(LocalContext[AnyParams]):
     """A context whose artefacts lie in a folder, so that memory does not grow with the length of the video."""
 
-    def __init__(self, params: Any, video: FrameSource, inputs: Mapping[str, Any], seed: int, *, folder: Path) -> None:
+    def __init__(
+        self, params: AnyParams, video: FrameSource, inputs: Mapping[str, Input], seed: int, *, folder: Path
+    ) -> None:
         super().__init__(params, video, inputs, seed)
         self._folder = folder
 
@@ -325,7 +328,7 @@ class _DiskContext(LocalContext[Any]):
         with self._path(self.step, name).open("wb") as file:
             write_arrays(file, arrays)
 
-    def load(self, step: str, name: str) -> dict[str, NDArray[Any]]:
+    def load(self, step: str, name: str) -> dict[str, AnyArray]:
         super().load(step, name)  # whether the task may
         with self._path(step, name).open("rb") as file:
             return read_arrays(file.read())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 from urllib.parse import quote
 
 from workers.model import Json
@@ -17,7 +16,7 @@ class Ops:
         tell: the same for answers without a body.
     """
 
-    def __init__(self, ask: Callable[..., Json], tell: Callable[..., Any]) -> None:
+    def __init__(self, ask: Callable[..., Json], tell: Callable[..., object]) -> None:
         self._ask, self._tell = ask, tell
 
     def snapshot(self) -> Json:
@@ -64,7 +63,7 @@ class Ops:
         """End a live session within seconds. Raises NotFound."""
         self._tell("POST", f"/ops/live/{quote(session_id, safe='')}/end")
 
-    def _all(self, path: str, **query: Any) -> list[Json]:
+    def _all(self, path: str, **query: object) -> list[Json]:
         items, cursor = [], None
         while True:
             page = self._ask("GET", path, params=_given(cursor=cursor, **query))
@@ -79,5 +78,5 @@ def _path(place: str) -> str:
     return f"/ops/{'workers' if place.startswith('dsp_') else 'nodes'}/{quote(place, safe='')}"
 
 
-def _given(**query: Any) -> Json:
+def _given(**query: object) -> Json:
     return {name: value for name, value in query.items() if value is not None}

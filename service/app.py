@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from typing import Any
 
 from fastapi import FastAPI
 from prometheus_client import CollectorRegistry
@@ -46,6 +45,7 @@ from service.uploads.routes import router as uploads
 from service.webhooks.routes import router as webhooks
 from service.webhooks.secrets import WebhookSecrets
 from workers.farm import Farm
+from workers.model import Json
 
 ROUTERS = (
     methods,
@@ -148,7 +148,7 @@ def _describe(app: FastAPI) -> None:
     """Add the problem's schema, which every route refers to, to the OpenAPI document."""
     plain = app.openapi
 
-    def openapi() -> dict[str, Any]:
+    def openapi() -> Json:
         document = plain()
         schemas = document.setdefault("components", {}).setdefault("schemas", {})
         schemas["Problem"] = errors.Problem.model_json_schema()

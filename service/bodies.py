@@ -9,8 +9,9 @@ import re
 import time
 from collections.abc import AsyncIterator, Sequence
 from itertools import accumulate
-from typing import Any, NoReturn
+from typing import NoReturn
 
+from pydantic import JsonValue
 from starlette.datastructures import Headers
 from starlette.requests import ClientDisconnect, Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -129,14 +130,14 @@ def _too_large(max_bytes: int, value: object) -> NoReturn:
     raise BodyTooLarge(f"The body is larger than {max_bytes} bytes.", field="body", value=value, remedy="Send less.")
 
 
-def strict_json(body: bytes) -> Any:
+def strict_json(body: bytes) -> JsonValue:
     """Parse JSON by RFC 8259: no NaN or Infinity, numbers within float64, valid Unicode without NUL, bounded depth.
 
     Raises: BadJson.
     """
     _check_depth(body)
     try:
-        parsed = json.loads(body, parse_constant=_no_constant, parse_float=_finite)
+        parsed: JsonValue = json.loads(body, parse_constant=_no_constant, parse_float=_finite)
         text = json.dumps(parsed, ensure_ascii=False)
         text.encode()
     except (ValueError, RecursionError) as error:

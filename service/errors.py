@@ -28,6 +28,7 @@ from starlette.responses import JSONResponse, Response
 from pipeline.errors import BadParameter, ImpastoError, together
 from workers.errors import NotFound
 from workers.live.worker import NoLiveWorker
+from workers.model import Json
 from workers.projects.faults import BadProject
 from workers.projects.model import VersionMismatch
 
@@ -209,7 +210,7 @@ class Problem(BaseModel):
     """Every fault of the request or document, if there are several; absent otherwise."""
 
 
-PROBLEM_RESPONSES: dict[int | str, dict[str, Any]] = {
+PROBLEM_RESPONSES: dict[int | str, Json] = {
     family: {
         "description": text,
         "content": {PROBLEM_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}},
@@ -308,7 +309,7 @@ def from_validation(error: RequestValidationError) -> ImpastoError:
     return together([_from_detail(found) for found in error.errors()])
 
 
-def _from_detail(found: Mapping[str, Any]) -> ImpastoError:
+def _from_detail(found: Json) -> ImpastoError:
     where, *names = (str(part) for part in found["loc"])
     field = ".".join(names) or where
     if found["type"] == "json_invalid":

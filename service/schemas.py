@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, Generic, TypeVar
+from typing import Annotated, Generic, TypeVar
 
 from fastapi import Path, Query
 
+from workers.model import Json
+
 Item = TypeVar("Item")
-Responses = dict[int | str, dict[str, Any]]
+Responses = dict[int | str, Json]
 """OpenAPI of a route's answers, by status."""
 
 ID = r"^[A-Za-z0-9_-]{1,100}$"

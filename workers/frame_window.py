@@ -15,15 +15,17 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
+from pydantic import JsonValue
 
 from pipeline.video.index import Index
+from workers.model import Json
 
 T = TypeVar("T")
 Span = tuple[int, int]
 """[first frame, one past the last)"""
 
 
-def window_info(info: Mapping[str, Any], frames: Span | None) -> dict[str, Any]:
+def window_info(info: Json, frames: Span | None) -> Json:
     """Facts of a video's asset for the piece: `frames` and `duration_s` changed. None: unchanged."""
     if frames is None:
         return dict(info)
@@ -32,7 +34,7 @@ def window_info(info: Mapping[str, Any], frames: Span | None) -> dict[str, Any]:
     return {**info, "frames": count, "duration_s": seconds * count / whole if whole else 0.0}
 
 
-def window_inputs(info: Mapping[str, Mapping[str, Any]], frames: Span | None) -> dict[str, dict[str, Any]]:
+def window_inputs(info: Mapping[str, Json], frames: Span | None) -> dict[str, Json]:
     """Facts of a job's inputs by name; those of `video` are the piece's."""
     return {name: window_info(facts, frames if name == "video" else None) for name, facts in info.items()}
 
@@ -66,22 +68,26 @@ class WindowImages(Mapping[int, T]):
         return sum(1 for _ in self)
 
 
-def window_document(value: Any, frames: Span | None) -> Any:
+def window_document(value: JsonValue, frames: Span | None) -> JsonValue:
     """The JSON document of the piece. None: unchanged."""
     if frames is None:
         return value
     if isinstance(value, dict):
-        return {name: window_document(member, frames) for name, member in value.items()}
+        return _members(value, frames)
     if isinstance(value, list | tuple):
         return _list_within(list(value), frames)
     return value
 
 
-def _list_within(items: list[Any], frames: Span) -> list[Any]:
+def _members(value: Json, frames: Span) -> dict[str, JsonValue]:
+    return {name: window_document(member, frames) for name, member in value.items()}
+
+
+def _list_within(items: list[Any], frames: Span) -> list[JsonValue]:
     start, stop = frames
     if not items or not all(isinstance(item, dict) and type(item.get("frame")) is int for item in items):
         return [window_document(item, frames) for item in items]
-    latest: dict[Any, int] = {}
+    latest: dict[object, int] = {}
     for item in items:
         if item["frame"] <= start:
             group = item.get("region")
@@ -90,4 +96,4 @@ def _list_within(items: list[Any], frames: Span) -> list[Any]:
         item for item in items
         if start < item["frame"] < stop or (item["frame"] <= start and item["frame"] == latest[item.get("region")])
     ]  # fmt: skip
-    return [{**window_document(item, frames), "frame": max(0, item["frame"] - start)} for item in kept]
+    return [{**_members(item, frames), "frame": max(0, item["frame"] - start)} for item in kept]

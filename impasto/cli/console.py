@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import typer
 from rich.console import Console
@@ -34,7 +33,7 @@ class Interrupted(ImpastoError):
     code = "interrupted"
 
 
-def emit(value: Any) -> None:
+def emit(value: object) -> None:
     """Print `value` as one line of JSON on stdout."""
     typer.echo(json.dumps(value, allow_nan=False))
 

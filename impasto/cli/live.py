@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 import signal
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -181,7 +181,7 @@ def _closing(source: Source) -> Iterator[Source]:
 
 
 @contextmanager
-def _status(quiet: bool) -> Iterator[Any]:
+def _status(quiet: bool) -> Iterator[Callable[[Json], None]]:
     """A line on a terminal, once a second; elsewhere only what the service has to say."""
     if quiet:
         yield lambda message: None
@@ -192,7 +192,7 @@ def _status(quiet: bool) -> Iterator[Any]:
             yield lambda message: line.update(_line(message)) if message["type"] == "stats" else _print_change(message)
 
 
-def _line(stats: Mapping[str, Any]) -> str:
+def _line(stats: Json) -> str:
     latency = stats["latency_ms"]
     return (
         f"{stats['fps']:.0f} frames/s at {stats['width']}x{stats['height']}, "
@@ -200,7 +200,7 @@ def _line(stats: Mapping[str, Any]) -> str:
     )
 
 
-def _print_change(message: Mapping[str, Any]) -> None:
+def _print_change(message: Json) -> None:
     if message["type"] == "resolution":
         print_status(f"Works at {message['width']}x{message['height']} now ({message['reason']}).")
     elif message["type"] == "replaced":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.padding import Padding
@@ -151,5 +151,5 @@ def _indented(text: str) -> None:
         out.print(Padding(Text(text), (0, 2, 0, 6)), soft_wrap=False)
 
 
-def _shown(value: Any) -> str:
+def _shown(value: object) -> str:
     return "none" if value is None else "on" if value is True else "off" if value is False else str(value)

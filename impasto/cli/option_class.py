@@ -23,7 +23,7 @@ def takes_options(options: type[Options]) -> Callable[[Callable[[Options], None]
     parameters = [_parameter(field, hints[field.name]) for field in dataclasses.fields(options)]  # type: ignore[arg-type]
 
     def decorate(function: Callable[[Options], None]) -> Callable[..., None]:
-        def command(**values: Any) -> None:
+        def command(**values: object) -> None:
             function(options(**values))
 
         command.__name__, command.__doc__, command.__module__ = function.__name__, function.__doc__, function.__module__

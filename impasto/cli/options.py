@@ -6,9 +6,10 @@ import json
 from collections.abc import Callable, Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
+from pydantic import JsonValue
 
 from pipeline.errors import BadInput, BadParameter
 from workers.model import Json
@@ -142,8 +143,9 @@ def _pairs(options: Sequence[str], flag: str, example: str, read: Callable[[str]
     return found
 
 
-def _json_or_text(text: str) -> Any:
+def _json_or_text(text: str) -> JsonValue:
     try:
-        return json.loads(text)
+        value: JsonValue = json.loads(text)
+        return value
     except ValueError:
         return text

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
 from impasto.library import OnDamage, render
 from impasto.y4m import StreamFormat, Y4mReader, Y4mWriter, raw_frames, write_raw
@@ -36,7 +35,7 @@ class PipeOrder:
     source: str
     output: str
     method: str
-    params: Mapping[str, Any]
+    params: Mapping[str, object]
     inputs: Mapping[str, Path]
     seed: int
     quality: int

@@ -19,15 +19,14 @@ import tempfile
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from rich.progress import track
 
 from impasto.cli.console import err
 from impasto.delivery import deliver, forget, swap, target
+from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput
 from pipeline.scenes import Scene, SceneFrame
 from pipeline.video.join import join
@@ -83,7 +82,7 @@ def _draw_passes(scene: Scene, folder: Path, quiet: bool) -> None:
         forget(part)
 
 
-def _passes(frame: SceneFrame) -> Iterator[tuple[str, NDArray[Any]]]:
+def _passes(frame: SceneFrame) -> Iterator[tuple[str, AnyArray]]:
     """Pass name -> what is saved: integers as PNG, floats as they are."""
     yield "image", frame.image[..., ::-1]
     yield "ids", frame.ids.astype(np.uint16)
@@ -96,7 +95,7 @@ def _passes(frame: SceneFrame) -> Iterator[tuple[str, NDArray[Any]]]:
     yield "orientation", frame.orientation
 
 
-def _save(folder: Path, index: int, data: NDArray[Any]) -> None:
+def _save(folder: Path, index: int, data: AnyArray) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     if np.issubdtype(data.dtype, np.floating):
         np.save(folder / f"{index:04d}.npy", data)

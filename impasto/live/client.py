@@ -65,7 +65,7 @@ class LiveOptions:
     size: tuple[int, int]
     fps: float = 30.0
     method: str = "abstraction"
-    params: Mapping[str, Any] = field(default_factory=dict)
+    params: Mapping[str, object] = field(default_factory=dict)
     inputs: Mapping[str, str] = field(default_factory=dict)
     """Input name -> asset id."""
     seed: int = 0
@@ -243,7 +243,9 @@ class LiveClient:
 
     # -- messages
 
-    def change(self, params: Mapping[str, Any] | None = None, inputs: Mapping[str, str | None] | None = None) -> None:
+    def change(
+        self, params: Mapping[str, object] | None = None, inputs: Mapping[str, str | None] | None = None
+    ) -> None:
         """Change parameters or references from the next frame on; the service answers to `on_message`."""
         self.options = replace(
             self.options, params={**self.options.params, **(params or {})},

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from workers.model import Job, JobRequest, OutputSpec
+from workers.model import Job, JobRequest, Json, OutputSpec
 
 MAX_SEED = 2**53 - 1
 """The largest integer that every JSON parser represents exactly."""
@@ -39,7 +39,7 @@ class Work(_Body):
 
     method: str = Field(min_length=1, max_length=64)
     inputs: dict[Name, AssetRef] = Field(max_length=64, description="Input name -> asset id.")
-    params: dict[str, Any] = Field(default_factory=dict, max_length=256)
+    params: Json = Field(default_factory=dict, max_length=256)
     seed: int = Field(default=0, ge=0, le=MAX_SEED)
 
 
@@ -67,7 +67,7 @@ class JobIn(Work):
 class PreviewIn(Work):
     frame: int = Field(default=0, ge=0, le=10_000_000, description="Which frame of the video, from 0.")
     max_side_px: int = Field(default=640, ge=16, le=2048)
-    design: dict[str, Any] | None = Field(default=None, description="A design document, instead of the input `design`.")
+    design: Json | None = Field(default=None, description="A design document, instead of the input `design`.")
     artefacts_of: str | None = Field(
         default=None, max_length=100, description="A job of the same method whose artefacts this preview builds on."
     )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from pipeline.errors import BadInput
 from service.live.closing import Ending
@@ -15,7 +14,7 @@ from service.live.sessions import LiveSession
 from workers.errors import NotFound
 from workers.live.sessions import LiveSessions
 from workers.live.stream import Stream
-from workers.model import Asset
+from workers.model import Asset, Json
 
 MAX_WAITING = 64
 
@@ -27,7 +26,7 @@ Find = Callable[[Mapping[str, str]], Awaitable[dict[str, Asset]]]
 class _Wanted:
     """Parameters and references to apply."""
 
-    params: dict[str, Any]
+    params: Json
     inputs: dict[str, str]
     """Asset ids."""
     keys: Mapping[str, str]

@@ -14,7 +14,6 @@ import asyncio
 import time
 from collections import deque
 from collections.abc import Coroutine, Mapping
-from typing import Any
 
 from starlette.concurrency import run_in_threadpool
 from starlette.websockets import WebSocket
@@ -132,7 +131,7 @@ class Connection:
         await self._race(stream.finish(), self._discard_messages())
 
     @staticmethod
-    async def _race(*works: Coroutine[Any, Any, None]) -> None:
+    async def _race(*works: Coroutine[object, None, None]) -> None:
         """Run until the first is done, cancel the others, and raise what the first raised."""
         tasks = [asyncio.create_task(work) for work in works]
         try:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Coroutine
 from contextlib import suppress
-from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
@@ -62,7 +61,7 @@ class MessageSender:
             if abort is not None:
                 abort["call"]()
 
-    async def _within(self, sending: Coroutine[Any, Any, None]) -> None:
+    async def _within(self, sending: Coroutine[object, None, None]) -> None:
         try:
             async with asyncio.timeout(self._slow_s):
                 await sending

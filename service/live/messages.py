@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from pipeline.errors import BadParameter, ImpastoError
 from service.bodies import strict_json
 from service.errors import BadJson, BadMessage, Problem
+from workers.model import Json
 
 VERSION = 1
 MAX_SEED = 2**63 - 1
@@ -24,7 +25,7 @@ class Hello(_Message):
 
     type: Literal["hello"]
     method: str = "abstraction"
-    params: dict[str, Any] = {}
+    params: Json = {}
     inputs: dict[str, str] = {}
     """Asset ids by input name."""
     seed: int = Field(default=0, ge=0, le=MAX_SEED)
@@ -39,7 +40,7 @@ class Hello(_Message):
 
 class ParamsIn(_Message):
     type: Literal["params"]
-    params: dict[str, Any] = {}
+    params: Json = {}
     inputs: dict[str, str | None] = {}
 
 
@@ -75,7 +76,7 @@ class ReadyOut(BaseModel):
     session: str
     resumed: bool
     method: str
-    params: dict[str, Any]
+    params: Json
     send: Sending
     receive: Receiving
     width: int
@@ -86,7 +87,7 @@ class ReadyOut(BaseModel):
 
 class ParamsOut(BaseModel):
     type: Literal["params"] = "params"
-    params: dict[str, Any]
+    params: Json
     inputs: dict[str, str]
 
 

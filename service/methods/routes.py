@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Path
 from starlette.responses import Response
@@ -15,6 +15,7 @@ from service.methods.schemas import MethodOut, MethodsOut, method_out
 from service.methods.thumbnail import thumbnail
 from service.schemas import Responses
 from workers.errors import NotFound
+from workers.model import Json
 
 router = APIRouter(prefix="/v1/methods", tags=["methods"])
 
@@ -47,7 +48,7 @@ def get_thumbnail(name: Name, _caller: Reader) -> Response:
 
 
 @router.get("/{name}/inputs/{input_name}/schema")
-def get_input_schema(name: Name, input_name: InputName, _caller: Reader) -> dict[str, Any]:
+def get_input_schema(name: Name, input_name: InputName, _caller: Reader) -> Json:
     """The JSON Schema of a document that the method takes as input."""
     schemas = _find(name).input_schemas
     if input_name not in schemas:

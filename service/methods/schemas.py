@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from pipeline.methods.base import Example, InputSpec, Method
+from workers.model import Json
 
 
 @dataclass(frozen=True)
@@ -22,9 +22,9 @@ class MethodOut:
     paper: str
     """Key of the paper in references.bib."""
     inputs: tuple[InputSpec, ...]
-    params_schema: dict[str, Any]
+    params_schema: Json
     """JSON Schema; properties have the keywords `unit` and `symbol` (the paper's) where they apply."""
-    defaults: dict[str, Any]
+    defaults: Json
     examples: tuple[Example, ...]
     artefacts: tuple[str, ...]
     """Optional artefacts, for `output.artefacts` of a job."""

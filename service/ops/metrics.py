@@ -6,7 +6,6 @@ import logging
 import time
 from collections import Counter as Counts
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
@@ -14,6 +13,7 @@ from prometheus_client.metrics_core import Metric
 from prometheus_client.registry import Collector
 
 from workers.farm import Farm
+from workers.model import Json
 from workers.operations import DrainScope
 
 log = logging.getLogger(__name__)
@@ -94,7 +94,7 @@ def _ready(parts: Mapping[str, str]) -> Iterator[Metric]:
     yield _gauge("impasto_ready", "1 where a part of the farm works.", "part", words)
 
 
-def _families(snapshot: Mapping[str, Any]) -> Iterator[Metric]:
+def _families(snapshot: Json) -> Iterator[Metric]:
     queue = snapshot.get("queue", {})
     yield _gauge("impasto_jobs", "Jobs.", "state", snapshot.get("jobs", {}))
     yield _gauge("impasto_tasks", "Tasks of all jobs.", "state", snapshot.get("tasks", {}))
@@ -118,7 +118,7 @@ def _families(snapshot: Mapping[str, Any]) -> Iterator[Metric]:
     yield _single("impasto_webhooks_waiting", "Messages in the outbox.", snapshot.get("webhooks_waiting", 0))
 
 
-def _workers(pool: Mapping[str, Any]) -> Iterator[Metric]:
+def _workers(pool: Json) -> Iterator[Metric]:
     """Worker processes of this process: existing, configured and busy."""
     here = int(pool.get("workers", 0))
     yield _single("impasto_workers", "Workers that are there.", here)

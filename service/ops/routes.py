@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from http import HTTPStatus
-from typing import Any
 
 from fastapi import APIRouter, Response
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 
 from service.access.depends import Admin, Context, Reader
+from workers.model import Json
 
 router = APIRouter(tags=["ops"])
 
@@ -50,6 +50,6 @@ def metrics(context: Context, _caller: Reader) -> Response:
 
 
 @router.get("/v1/ops/snapshot")
-def snapshot(context: Context, _caller: Admin) -> dict[str, Any]:
+def snapshot(context: Context, _caller: Admin) -> Json:
     """Current state of queue, tasks, workers and throughput."""
     return context.farm.snapshot()

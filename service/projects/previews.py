@@ -8,7 +8,7 @@ The first record has the type "begin", the last "end", "overtaken" or "error".
 from __future__ import annotations
 
 from collections.abc import AsyncIterator, Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 from fastapi import APIRouter
 from pydantic import Base64Bytes, BaseModel, ConfigDict, Field
@@ -22,6 +22,7 @@ from service.errors import problem
 from service.projects.lookup import find_project
 from service.projects.schemas import ProjectId
 from service.schemas import Responses
+from workers.model import Json
 from workers.previews.model import MEDIA_TYPE, PreviewQuery, Record
 from workers.previews.service import PreviewRun
 from workers.projects.document import FrameNumber, FrameRange, Id
@@ -44,8 +45,8 @@ class QueryIn(BaseModel):
     channel: Text = "stage"
     seq: int = Field(default=0, ge=0, le=2**53 - 1, description="Overtakes lower ones of this client and channel.")
     version: int | None = Field(default=None, ge=1, description="None: the newest, or `document`.")
-    document: dict[str, Any] | None = Field(default=None, description="Instead of a stored version.")
-    change: list[dict[str, Any]] | dict[str, Any] | None = Field(
+    document: Json | None = Field(default=None, description="Instead of a stored version.")
+    change: list[Json] | Json | None = Field(
         default=None, description="JSON Patch, or JSON Merge Patch, on the stored version."
     )
     shot: Id
@@ -68,7 +69,7 @@ class CardIn(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     id: Text
-    set: dict[str, Any] = Field(description="JSON Merge Patch on the layer.")
+    set: Json = Field(description="JSON Merge Patch on the layer.")
 
 
 class StylesIn(QueryIn):
@@ -155,14 +156,14 @@ async def preview_styles(
 
 
 @router.get("/state")
-def preview_state(project_id: ProjectId, context: Context, caller: Submitter) -> dict[str, Any]:
+def preview_state(project_id: ProjectId, context: Context, caller: Submitter) -> Json:
     """How much is kept warm, and where previews are made."""
     find_project(context, caller, project_id)
     return context.farm.previews.state()
 
 
 async def _answer(
-    context: ServiceContext, caller: Principal, project_id: str, what: str, body: QueryIn, options: dict[str, Any]
+    context: ServiceContext, caller: Principal, project_id: str, what: str, body: QueryIn, options: Json
 ) -> StreamingResponse:
     query = await run_in_threadpool(_query, context, caller, project_id, what, body, options)
     run = context.farm.previews.start(query)
@@ -192,7 +193,7 @@ def _encoded(run: PreviewRun, path: str) -> Iterator[bytes]:
 
 
 def _query(
-    context: ServiceContext, caller: Principal, project_id: str, what: str, body: QueryIn, options: dict[str, Any]
+    context: ServiceContext, caller: Principal, project_id: str, what: str, body: QueryIn, options: Json
 ) -> PreviewQuery:
     project = find_project(context, caller, project_id)
     value = _document(context, project_id, body)
@@ -202,18 +203,18 @@ def _query(
     return PreviewQuery(what, project_id, body.client, body.channel, body.seq, layers, body.max_side_px, options)
 
 
-def _document(context: ServiceContext, project_id: str, body: QueryIn) -> dict[str, Any]:
+def _document(context: ServiceContext, project_id: str, body: QueryIn) -> Json:
     if body.document is not None:
         return body.document
     _, value = context.farm.projects.document(project_id, body.version)
     if body.change is None:
         return value
     changed = patched(value, body.change) if isinstance(body.change, list) else merged(value, body.change)
-    return dict(changed)
+    return cast(Json, changed)
 
 
 def _cards(
-    context: ServiceContext, project_id: str, value: dict[str, Any], body: StylesIn, caller: Principal
+    context: ServiceContext, project_id: str, value: Json, body: StylesIn, caller: Principal
 ) -> list[tuple[str, Any]]:
     """(id, layer) of every card; one whose changes are wrong is the request's fault."""
     project = find_project(context, caller, project_id)
@@ -225,7 +226,7 @@ def _cards(
     return made
 
 
-def _with_card(shot: dict[str, Any], body: StylesIn, card: CardIn) -> dict[str, Any]:
+def _with_card(shot: Json, body: StylesIn, card: CardIn) -> Json:
     layers = shot.get("layers", [])
     wanted = body.layer or next((layer["id"] for layer in layers if layer.get("visible", True)), None)
     return {**shot, "layers": [merged(own, card.set) if own.get("id") == wanted else own for own in layers]}

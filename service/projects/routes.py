@@ -13,6 +13,7 @@ from service.projects.lookup import IfMatch, etag, expected_version, find_projec
 from service.projects.schemas import ProblemsOut, ProjectId, ProjectIn, ProjectOut, project_out
 from service.schemas import Cursor, Limit, Listing, Responses
 from service.serving import not_modified
+from workers.model import Json
 from workers.projects.document import empty, json_schema
 from workers.projects.model import Project
 from workers.projects.parsing import parse_document
@@ -57,7 +58,7 @@ def create_project(body: ProjectIn, response: Response, context: Context, caller
 
 
 @router.get("/schema")
-def get_schema(_caller: Reader) -> dict[str, Any]:
+def get_schema(_caller: Reader) -> Json:
     """JSON Schema of the document."""
     return json_schema()
 
@@ -77,7 +78,7 @@ def get_project(project_id: ProjectId, request: Request, response: Response, con
 @router.put("/{project_id}")
 def put_project(
     project_id: ProjectId,
-    document: Annotated[dict[str, Any], Body(description="The whole document.")],
+    document: Annotated[Json, Body(description="The whole document.")],
     response: Response,
     context: Context,
     caller: Submitter,
@@ -137,7 +138,7 @@ def check_project(project_id: ProjectId, context: Context, caller: Reader) -> Pr
     return ProblemsOut(version.version, tuple(found))
 
 
-def _changed(document: dict[str, Any], change: Any, kind: str) -> Any:
+def _changed(document: Json, change: Any, kind: str) -> Any:
     if kind == JSON_PATCH:
         return patched(document, change)
     if kind == MERGE_PATCH:

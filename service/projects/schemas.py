@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import Path
 from pydantic import BaseModel, ConfigDict, Field
 
 from service.jobs.schemas import JobOut, job_out
-from workers.model import Job
+from workers.model import Job, Json
 from workers.projects.document import FrameRange, Id, Output
 from workers.projects.faults import DocumentFault
 from workers.projects.model import Project, ProjectJob
@@ -25,7 +25,7 @@ class _In(BaseModel):
 
 class ProjectIn(_In):
     name: str = Field(default="Untitled", min_length=1, max_length=200)
-    document: dict[str, Any] | None = Field(default=None, description="None: an empty one with this name.")
+    document: Json | None = Field(default=None, description="None: an empty one with this name.")
 
 
 class LabelIn(_In):
@@ -63,10 +63,10 @@ class ProjectOut(Project):
     """A project; `document` only where the route says so."""
 
     links: ProjectLinks
-    document: dict[str, Any] | None = None
+    document: Json | None = None
 
 
-def project_out(project: Project, document: dict[str, Any] | None = None) -> ProjectOut:
+def project_out(project: Project, document: Json | None = None) -> ProjectOut:
     at = f"/v1/projects/{project.id}"
     own = {field.name: getattr(project, field.name) for field in fields(Project)}
     links = ProjectLinks(at, f"{at}/versions", f"{at}/jobs", f"{at}/export")
@@ -84,7 +84,7 @@ class VersionOut:
     label: str
     size_bytes: int
     jobs: tuple[str, ...]
-    document: dict[str, Any]
+    document: Json
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,8 @@ import hashlib
 import hmac
 import json
 from dataclasses import asdict, dataclass
-from typing import Any
+
+from workers.model import Json
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ def verify(token: str, secret: bytes, now: float) -> Claims | None:
         return None
     if not hmac.compare_digest(mac, _mac(body, secret)):
         return None
-    payload: dict[str, Any] = json.loads(body)
+    payload: Json = json.loads(body)
     claims = Claims(**payload)
     return claims if now < claims.expires_at else None
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from itertools import islice
 from pathlib import Path
-from typing import Any, BinaryIO, cast
+from typing import BinaryIO, cast
 
 from boto3.s3.transfer import TransferConfig
 from botocore.exceptions import ClientError
@@ -25,7 +25,7 @@ from pipeline.errors import StorageError
 from workers.blobs.base import Content, Direct
 from workers.blobs.keys import check_key
 from workers.blobs.local_copies import Copies
-from workers.blobs.s3_client import S3Options, as_storage_error, client_for, code_of
+from workers.blobs.s3_client import Answer, S3Client, S3Options, as_storage_error, client_for, code_of
 from workers.blobs.s3_direct import S3Direct
 from workers.ids import new_id
 
@@ -158,13 +158,13 @@ class S3Blobs:
     # -- requests
 
     @property
-    def _client(self) -> Any:
+    def _client(self) -> S3Client:
         return client_for(self.options)
 
     def _name(self, key: str) -> str:
         return self.options.prefix + check_key(key)
 
-    def _head(self, key: str) -> dict[str, Any]:
+    def _head(self, key: str) -> Answer:
         name = self._name(key)
         with as_storage_error(key):
             return dict(self._client.head_object(Bucket=self.options.bucket, Key=name))
@@ -181,7 +181,7 @@ class S3Blobs:
         how = TransferConfig(multipart_threshold=part, multipart_chunksize=part, max_concurrency=4)
         self._client.upload_fileobj(stream, self.options.bucket, name, Config=how)
 
-    def _open(self, name: str, start: int, stop: int | None, etag: str = "") -> dict[str, Any] | None:
+    def _open(self, name: str, start: int, stop: int | None, etag: str = "") -> Answer | None:
         """The answer to a GET of [start, stop); None if the blob ends before that."""
         more: dict[str, str] = {"IfMatch": etag} if etag else {}
         if start or stop is not None:
@@ -194,7 +194,7 @@ class S3Blobs:
                 return None
             raise
 
-    def _pieces(self, name: str, answer: dict[str, Any], start: int, stop: int | None, chunk: int) -> Iterator[bytes]:
+    def _pieces(self, name: str, answer: Answer, start: int, stop: int | None, chunk: int) -> Iterator[bytes]:
         end = start + answer["ContentLength"]
         at, resumes = start, 0
         while at < end:

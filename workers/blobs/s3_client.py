@@ -7,7 +7,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeAlias
 
 import boto3
 from boto3.exceptions import Boto3Error
@@ -58,10 +58,14 @@ class S3Options:
 
 
 _lock = threading.Lock()
-_clients: dict[tuple[int, S3Options, bool], Any] = {}
+S3Client: TypeAlias = Any
+"""A client of boto3, which ships no types."""
+Answer: TypeAlias = dict[str, Any]
+"""What a call of boto3 returns."""
+_clients: dict[tuple[int, S3Options, bool], S3Client] = {}
 
 
-def client_for(options: S3Options, hasty: bool = False) -> Any:
+def client_for(options: S3Options, hasty: bool = False) -> S3Client:
     """This process's client; thread-safe. `hasty`: gives up after seconds, to say whether the store is there."""
     key = (os.getpid(), options, hasty)
     with _lock:
@@ -70,7 +74,7 @@ def client_for(options: S3Options, hasty: bool = False) -> Any:
         return _clients[key]
 
 
-def _new_client(options: S3Options, hasty: bool) -> Any:
+def _new_client(options: S3Options, hasty: bool) -> S3Client:
     when = "when_supported" if options.checksums else "when_required"
     config = Config(
         signature_version="s3v4",

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
 from urllib.parse import quote
 
 from pipeline.errors import BadInput
 from workers.blobs.keys import check_key
-from workers.blobs.s3_client import S3Options, as_storage_error, client_for
+from workers.blobs.s3_client import Answer, S3Client, S3Options, as_storage_error, client_for
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,7 @@ class S3Direct:
         with suppress(KeyError), as_storage_error(key):
             self._client.abort_multipart_upload(**self._at(key), UploadId=upload_id)
 
-    def _parts(self, key: str, upload_id: str) -> list[dict[str, Any]]:
+    def _parts(self, key: str, upload_id: str) -> list[Answer]:
         pages = self._client.get_paginator("list_parts")
         with as_storage_error(key):
             found = list(pages.paginate(**self._at(key), UploadId=upload_id).search("Parts[]"))
@@ -60,5 +59,5 @@ class S3Direct:
         return {"Bucket": self.options.bucket, "Key": self.options.prefix + check_key(key)}
 
     @property
-    def _client(self) -> Any:
+    def _client(self) -> S3Client:
         return client_for(self.options)

@@ -16,8 +16,8 @@ from functools import lru_cache
 from typing import IO, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.methods.base import Arrays
 from pipeline.video.writer import zip_entry
 
@@ -47,7 +47,7 @@ def write_arrays(stream: IO[bytes], arrays: Arrays) -> None:
             _write(target, stream, f"{name}.npy", np.asarray(arrays[name], order="C"))
 
 
-def _write(target: zipfile.ZipFile, stream: IO[bytes], name: str, array: NDArray[Any]) -> None:
+def _write(target: zipfile.ZipFile, stream: IO[bytes], name: str, array: AnyArray) -> None:
     head, entry = _head(array.shape, array.dtype), zip_entry(name)
     entry.file_size = len(head) + array.nbytes
     if _repeats(array):
@@ -76,7 +76,7 @@ def _padding(at: int) -> bytes:
     return struct.pack("<HH", _PADDING, padding) + bytes(padding)
 
 
-def _repeats(array: NDArray[Any]) -> bool:
+def _repeats(array: AnyArray) -> bool:
     if array.dtype.kind in "fcO":
         return False
     flat = array.reshape(-1)
@@ -86,7 +86,7 @@ def _repeats(array: NDArray[Any]) -> bool:
     return same >= REPEATS * sum(piece.size for piece in pieces)
 
 
-def read_arrays(data: bytes) -> dict[str, NDArray[Any]]:
+def read_arrays(data: bytes) -> dict[str, AnyArray]:
     """What `write_arrays` wrote; the arrays can be written to. Raises ValueError or BadZipFile for what is damaged."""
     whole = memoryview(bytearray(data))
     with zipfile.ZipFile(io.BytesIO(data)) as source:
@@ -107,7 +107,7 @@ def _member(source: zipfile.ZipFile, entry: zipfile.ZipInfo, whole: memoryview) 
     return found
 
 
-def _array(data: memoryview) -> NDArray[Any]:
+def _array(data: memoryview) -> AnyArray:
     head = bytes(data[: 10 + int.from_bytes(data[8:10], "little")])
     shape, dtype = _announced(head)
     found = np.frombuffer(data, dtype, count=math.prod(shape), offset=len(head))

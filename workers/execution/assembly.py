@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import IO
 
 from pipeline.errors import UnreadableMedia
 from pipeline.methods.base import TaskResult
@@ -23,7 +23,7 @@ from workers.blobs.base import Blobs
 from workers.execution.context import PART
 from workers.execution.decoders import Decoders
 from workers.frame_window import window_index
-from workers.model import TaskOrder
+from workers.model import Json, TaskOrder
 
 Files = dict[str, tuple[str, str]]
 """Downloadable name -> (blob key, media type)."""
@@ -112,7 +112,7 @@ class Assembly:
                     report.add(frame, before, after)
         return report
 
-    def _report(self, result: TaskResult) -> dict[str, Any]:
+    def _report(self, result: TaskResult) -> Json:
         order = self._order
         return {
             "method": order.method,
@@ -159,7 +159,7 @@ def _add_part(target: zipfile.ZipFile, name: str, part: Path) -> None:
             shutil.copyfileobj(stream, out, _COPY_BYTES)
 
 
-def _entries(name: str, part: Path) -> Iterator[tuple[str, Any]]:
+def _entries(name: str, part: Path) -> Iterator[tuple[str, IO[bytes]]]:
     if not zipfile.is_zipfile(part):
         yield name, part.open("rb")
         return

@@ -9,13 +9,13 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack
 from functools import partial
 from pathlib import Path
-from typing import Any
 
-from numpy.typing import NDArray
+from pydantic import JsonValue
 
+from pipeline.arrays import AnyArray
 from pipeline.errors import BadParameter, Cancelled
 from pipeline.frames import Frame
-from pipeline.methods.base import Arrays
+from pipeline.methods.base import AnyParams, Arrays
 from pipeline.video.guard.files import GuardedImages
 from pipeline.video.headers import sniff
 from pipeline.video.index import Index
@@ -55,7 +55,7 @@ class AttemptContext:
     def __init__(
         self,
         order: TaskOrder,
-        params: Any,
+        params: AnyParams,
         blobs: Blobs,
         decoders: Decoders,
         scratch: Path,
@@ -128,13 +128,13 @@ class AttemptContext:
     def image(self, name: str) -> Frame:
         return next(self.frames(name, 0, 1))
 
-    def json(self, name: str) -> Any:
+    def json(self, name: str) -> JsonValue:
         try:
             return window_document(json.loads(self._blobs.get(self._input(name))), self._order.frames)
         except ValueError as error:
             raise BadParameter(f"The input is not JSON: {error}.", field=f"inputs.{name}") from None
 
-    def images(self, name: str) -> Mapping[int, NDArray[Any]]:
+    def images(self, name: str) -> Mapping[int, AnyArray]:
         path = self._exit_stack.enter_context(self._blobs.local(self._input(name)))
         found = GuardedImages(path, f"inputs.{name}")
         self._exit_stack.callback(found.close)
@@ -166,7 +166,7 @@ class AttemptContext:
             self._blobs.put(key, partial(write_arrays, arrays=arrays))
         self._keep(name, key)
 
-    def load(self, step: str, name: str) -> dict[str, NDArray[Any]]:
+    def load(self, step: str, name: str) -> dict[str, AnyArray]:
         with self.stages.waiting("store"):
             return read_arrays(self._blobs.get(self._order.artefacts[f"{step}/{name}"]))
 

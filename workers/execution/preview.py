@@ -8,14 +8,14 @@ from collections.abc import Callable, Container, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from threading import Lock
-from typing import Any
 
-from numpy.typing import NDArray
+from pydantic import JsonValue
 
+from pipeline.arrays import AnyArray
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame
 from pipeline.methods import method, parse_params
-from pipeline.methods.base import Method, PreviewRequest
+from pipeline.methods.base import AnyParams, Method, PreviewRequest
 from pipeline.methods.local import LocalContext, run_plan
 from pipeline.video.contact import fit
 from pipeline.video.guard.files import GuardedImages
@@ -90,12 +90,12 @@ class Previews:
             return encode_png(painted)
 
     def _by_method(
-        self, chosen: Method, params: Any, seed: int, keys: Mapping[str, str], lead: _Lead, ask: PreviewAsk
+        self, chosen: Method, params: AnyParams, seed: int, keys: Mapping[str, str], lead: _Lead, ask: PreviewAsk
     ) -> Frame | None:
         """By the method's own way of drawing one frame, if it has one."""
         kinds = {spec.name: spec.kind for spec in chosen.inputs}
         with ExitStack() as exit_stack:
-            images: dict[str, Mapping[int, NDArray[Any]]] = {}
+            images: dict[str, Mapping[int, AnyArray]] = {}
             for name in (name for name in keys if kinds.get(name) == "images"):
                 guarded = GuardedImages(exit_stack.enter_context(self._blobs.local(keys[name])), f"inputs.{name}")
                 exit_stack.callback(guarded.close)
@@ -106,7 +106,7 @@ class Previews:
             return chosen.preview(request)
 
     def _last(
-        self, chosen: Method, params: Any, seed: int, keys: Mapping[str, str], frames: list[Frame], side_px: int
+        self, chosen: Method, params: AnyParams, seed: int, keys: Mapping[str, str], frames: list[Frame], side_px: int
     ) -> Frame | None:
         """By a causal method."""
         size = (frames[0].shape[1], frames[0].shape[0])
@@ -116,7 +116,7 @@ class Previews:
         return None if session is None else [session.step(frame) for frame in frames][-1]
 
     def _alone(
-        self, chosen: Method, params: Any, seed: int, keys: Mapping[str, str], frame: Frame, number: int
+        self, chosen: Method, params: AnyParams, seed: int, keys: Mapping[str, str], frame: Frame, number: int
     ) -> Frame:
         """By a method that needs the whole film."""
         with self._decoders.reader(keys["video"]) as reader:
@@ -152,11 +152,12 @@ def _refuse_inputs_without_effect(chosen: Method, given: Container[str]) -> None
             )  # fmt: skip
 
 
-def _json(data: bytes, name: str) -> Any:
+def _json(data: bytes, name: str) -> JsonValue:
     try:
-        return json.loads(data)
+        parsed: JsonValue = json.loads(data)
     except ValueError as error:
         raise BadParameter(f"The input is not JSON: {error}.", field=f"inputs.{name}") from None
+    return parsed
 
 
 def _archive(exit_stack: ExitStack, blobs: Blobs, key: str) -> Mapping[str, bytes]:
@@ -179,7 +180,9 @@ class ZipEntries(Mapping[str, bytes]):
         return len(self._archive.namelist())
 
 
-def _alone_in_memory(chosen: Method, params: Any, seed: int, frame: Frame, pictures: Mapping[str, Frame]) -> Frame:
+def _alone_in_memory(
+    chosen: Method, params: AnyParams, seed: int, frame: Frame, pictures: Mapping[str, Frame]
+) -> Frame:
     """The frame painted by the method's whole plan, as if it were the whole video.
 
     Args:

@@ -11,13 +11,13 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 import cv2
 
 from pipeline.errors import BadFrame, BadInput, BadParameter, Cancelled
 from pipeline.methods import method, parse_params
-from pipeline.methods.base import Method, Params, Step, Task
+from pipeline.methods.base import AnyParams, Method, Params, Step, Task
 from pipeline.video.guard.decoder_server import start_decoder_server
 from workers.blobs.base import Blobs
 from workers.errors import NotFound
@@ -159,7 +159,7 @@ def remote_renderer(settings: FarmSettings, blobs: Blobs, scratch: Path | None) 
     return Renderer(blobs, scratch)
 
 
-def _step_of(chosen: Method, params: Params, name: str) -> Step[Any]:
+def _step_of(chosen: Method, params: Params, name: str) -> Step[AnyParams]:
     for step in chosen.steps_of(params):
         if step.name == name:
             return step

@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 from collections.abc import Awaitable, Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 from workers.live.channel import FrameStages
 from workers.live.model import FrameRequest, LiveOrder, RenderedFrame
@@ -53,7 +53,7 @@ class LocalLiveWorker:
         self._paint.shutdown(wait=False)
 
     @staticmethod
-    def _here(pool: ThreadPoolExecutor, work: Callable[..., T], *args: Any) -> Awaitable[T]:
+    def _here(pool: ThreadPoolExecutor, work: Callable[..., T], *args: object) -> Awaitable[T]:
         return asyncio.get_running_loop().run_in_executor(pool, work, *args)
 
 

@@ -15,7 +15,7 @@ import threading
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 import ray
 from ray.exceptions import RayActorError, RayError, RayTaskError
@@ -28,6 +28,7 @@ from workers.live.renderer import LiveRenderer
 from workers.live.worker import LiveWorker, LiveWorkerLost
 from workers.model import Json
 from workers.pools.actors import LiveActor
+from workers.pools.ray_types import RAY, Actor, ObjectRef
 
 log = logging.getLogger(__name__)
 
@@ -38,14 +39,14 @@ T = TypeVar("T")
 class _Warm:
     """An actor, and a reference to where its post is, which is there once it is warm."""
 
-    actor: Any
-    address: Any
+    actor: Actor
+    address: ObjectRef
 
 
 class RayLiveWorker:
     """A `LiveRenderer` in an actor."""
 
-    def __init__(self, actor: Any, channel: LiveWorkerClient, give_back: Callable[[bool], None]) -> None:
+    def __init__(self, actor: Actor, channel: LiveWorkerClient, give_back: Callable[[bool], None]) -> None:
         self._actor, self._channel, self._give_back = actor, channel, give_back
 
     def open(self, order: LiveOrder) -> Awaitable[None]:
@@ -76,7 +77,7 @@ LEAVE_WITHIN_S = 5.0
 """An actor that does not let go of its stream in this time is killed."""
 
 
-async def _answer(ref: Any) -> Any:
+async def _answer(ref: ObjectRef) -> Any:
     """What an actor's method returns, or what it raised itself; LiveWorkerLost if the actor is gone."""
     try:
         return await ref
@@ -98,7 +99,7 @@ class RayLiveWorkers:
 
     def __init__(self, blobs: Blobs, spares: int, make_painter: Callable[[], SessionRenderer] | None = None) -> None:
         self._spares = spares
-        self._make_painter: bytes = cast(Any, ray.cloudpickle).dumps(
+        self._make_painter: bytes = RAY.cloudpickle.dumps(
             make_painter or partial(LiveRenderer, blobs, threads=OPENCV_THREADS)
         )
         self._secret = secrets.token_bytes(SECRET_BYTES)

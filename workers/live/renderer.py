@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from queue import Queue
-from typing import Any
 
 import cv2
 import numpy as np
@@ -43,7 +42,7 @@ class _Analysis:
     """The result of the analysis thread for one frame."""
 
     session: Session
-    value: Any
+    value: object
     key: bool
     stages_s: dict[str, float]
 

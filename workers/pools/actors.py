@@ -10,7 +10,7 @@ import socket
 import threading
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any, cast
+from typing import cast
 
 import ray
 from ray.exceptions import RayError
@@ -23,6 +23,7 @@ from workers.model import Json, TaskOrder, TaskOutcome
 from workers.pools.artefact_cache import ArtefactCache
 from workers.pools.attempt_monitor import AttemptMonitor
 from workers.pools.local_pool import Runner
+from workers.pools.ray_types import RAY, Actor, ObjectRef
 
 CONTROL = "control"
 RENDER_NICENESS = 10
@@ -44,7 +45,9 @@ class _RenderActor:
         warm_up = partial(self._runner.warm_up, lambda: False)
         threading.Thread(target=warm_up, name="impasto-warm-up", daemon=True).start()
 
-    def run(self, order: TaskOrder, given: Mapping[str, Any]) -> tuple[TaskOutcome, dict[str, tuple[Any, int]]]:
+    def run(
+        self, order: TaskOrder, given: Mapping[str, ObjectRef]
+    ) -> tuple[TaskOutcome, dict[str, tuple[ObjectRef, int]]]:
         """The outcome; and of what others of its step will load, by blob key: a reference, and how many bytes.
 
         Args:
@@ -69,7 +72,7 @@ class _RenderActor:
         self._monitor.cancel(attempt_id)
 
 
-def _fetch(reference: Any) -> bytes | None:
+def _fetch(reference: ObjectRef) -> bytes | None:
     """What was put; None if it was lost with the actor that had put it."""
     try:
         return cast(bytes, ray.get(reference, timeout=FETCH_S))
@@ -98,7 +101,7 @@ class _LiveActor:
         thread = threading.Thread(target=self._get_ready, name="impasto-warm-up")
         thread.start()
         thread.join()
-        self._server = LiveWorkerServer(self._here, cast(Any, ray.util).get_node_ip_address(), self._secret)
+        self._server = LiveWorkerServer(self._here, RAY.util.get_node_ip_address(), self._secret)
         return self._server.address
 
     def _get_ready(self) -> None:
@@ -125,7 +128,5 @@ class _LiveActor:
         self._here.close()
 
 
-RenderActor: Any = cast(Any, ray.remote)(max_restarts=0, max_task_retries=0, concurrency_groups={CONTROL: 1})(
-    _RenderActor
-)
-LiveActor: Any = cast(Any, ray.remote)(num_cpus=0, max_restarts=0, max_task_retries=0)(_LiveActor)
+RenderActor: Actor = RAY.remote(max_restarts=0, max_task_retries=0, concurrency_groups={CONTROL: 1})(_RenderActor)
+LiveActor: Actor = RAY.remote(num_cpus=0, max_restarts=0, max_task_retries=0)(_LiveActor)

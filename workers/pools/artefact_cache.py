@@ -13,7 +13,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 from workers.blobs.base import Blobs, Content, Direct
 
@@ -128,10 +128,10 @@ class SharedArtefacts:
     def __init__(self, most_bytes: int) -> None:
         self._most = most_bytes
         self._lock = threading.Lock()
-        self._left: OrderedDict[str, tuple[Any, int]] = OrderedDict()
+        self._left: OrderedDict[str, tuple[object, int]] = OrderedDict()
         self._bytes = 0
 
-    def add(self, made: Mapping[str, tuple[Any, int]]) -> None:
+    def add(self, made: Mapping[str, tuple[object, int]]) -> None:
         """By blob key: what leads to the bytes, and how many there are."""
         with self._lock:
             for key, (way, size) in made.items():
@@ -141,7 +141,7 @@ class SharedArtefacts:
                 _, (_, size) = self._left.popitem(last=False)
                 self._bytes -= size
 
-    def of(self, keys: Iterable[str]) -> dict[str, Any]:
+    def of(self, keys: Iterable[str]) -> dict[str, object]:
         """Those that are there."""
         with self._lock:
             return {key: self._left[key][0] for key in keys if key in self._left}

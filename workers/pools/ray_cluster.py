@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import logging
 import signal
-from typing import Any
 
 import ray
 from ray.exceptions import RayError
 
 from pipeline.errors import StorageError
+from workers.model import Json
 from workers.settings import FarmSettings
 
 _OBJECT_STORE_BYTES = 256 << 20
@@ -25,7 +25,7 @@ _LOCAL = {
 def connect(settings: FarmSettings) -> None:
     """`ray.init`, without losing the process's own SIGTERM handler to it."""
     local = settings.ray_address == "local"
-    own: dict[str, Any] = _LOCAL | {"num_cpus": settings.workers} if local else {}
+    own: Json = _LOCAL | {"num_cpus": settings.workers} if local else {}
     handler = signal.getsignal(signal.SIGTERM)
     try:
         ray.init(

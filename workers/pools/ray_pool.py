@@ -16,7 +16,6 @@ import time
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, cast
 
 import ray
 from ray.exceptions import RayError
@@ -27,7 +26,7 @@ from workers.blobs.disk import DiskBlobs
 from workers.errors import NoCapacity
 from workers.execution.renderer import remote_renderer
 from workers.faults import failed_outcome
-from workers.model import TaskOrder, TaskOutcome
+from workers.model import Json, TaskOrder, TaskOutcome
 from workers.operations import Slot
 from workers.pools.actors import RenderActor
 from workers.pools.artefact_cache import SharedArtefacts
@@ -35,6 +34,7 @@ from workers.pools.base import Report
 from workers.pools.capacity import Capacity, Machines, capacity_for, default_capacity, machines_with, shortage
 from workers.pools.local_pool import Listen, Runner
 from workers.pools.ray_cluster import connect
+from workers.pools.ray_types import RAY, Actor, ObjectRef
 from workers.settings import FarmSettings
 
 log = logging.getLogger(__name__)
@@ -52,8 +52,8 @@ spill them took a seventh of two processors."""
 class _Worker:
     """An actor and what it does."""
 
-    actor: Any
-    hello: Any
+    actor: Actor
+    hello: ObjectRef
     """Reference to its greeting, until that has come."""
     capacity: Capacity
     """What it has from Ray."""
@@ -66,7 +66,7 @@ class _Worker:
     """Since when it has waited for a machine without having been helped."""
     hopeless_since: float | None = None
     """Since when no machine of the cluster could hold it, however idle."""
-    answer: Any = None
+    answer: ObjectRef = None
     """Reference to the outcome of the attempt."""
 
     @property
@@ -225,9 +225,9 @@ class RayPool:
             self._take(ref, awaited[ref])
         return True
 
-    def _take(self, ref: Any, worker: _Worker) -> None:
+    def _take(self, ref: ObjectRef, worker: _Worker) -> None:
         try:
-            value = ray.get(ref)
+            value = RAY.get(ref)
         except ray.exceptions.RayTaskError as error:  # the actor lives; our own code has raised
             value = failed_outcome(worker.attempt_id, error.cause or error), {}
         except RayError as error:
@@ -245,7 +245,7 @@ class RayPool:
             worker.name, worker.node, worker.hello, worker.hopeless_since = name, node, None, None
         self._listen(Report("", worker=name))
 
-    def _answered(self, worker: _Worker, outcome: TaskOutcome, made: dict[str, tuple[Any, int]]) -> None:
+    def _answered(self, worker: _Worker, outcome: TaskOutcome, made: dict[str, tuple[ObjectRef, int]]) -> None:
         self._handed.add(made)
         with self._lock:
             worker.attempt_id, worker.answer = "", None
@@ -267,7 +267,7 @@ class RayPool:
         for ref in come:
             self._report_progress(ref, asked[ref])
 
-    def _report_progress(self, ref: Any, worker: _Worker) -> None:
+    def _report_progress(self, ref: ObjectRef, worker: _Worker) -> None:
         try:
             attempt_id, done, preview = ray.get(ref)
         except RayError:
@@ -365,17 +365,17 @@ class RayPool:
 
 def _node_names() -> dict[str, str]:
     """By the id of every Ray node: the name that it was started with, else its host's."""
-    return {node["NodeID"]: _node_name(node) for node in cast(Any, ray).nodes()}
+    return {node["NodeID"]: _node_name(node) for node in RAY.nodes()}
 
 
-def _node_name(node: dict[str, Any]) -> str:
+def _node_name(node: Mapping[str, Json]) -> str:
     named = node["NodeName"] and node["NodeName"] != node["NodeManagerAddress"]
     return str(node["NodeName"] if named else node["NodeManagerHostname"])
 
 
 def _machines() -> list[tuple[str, Capacity]]:
     """What each node that is alive has to give, if nothing runs there."""
-    return [(_node_name(node), _has(node["Resources"])) for node in cast(Any, ray).nodes() if node["Alive"]]
+    return [(_node_name(node), _has(node["Resources"])) for node in RAY.nodes() if node["Alive"]]
 
 
 def _has(resources: Mapping[str, float]) -> Capacity:

@@ -19,7 +19,7 @@ class ByteCache:
 
     def __init__(self, limit_bytes: int) -> None:
         self.limit_bytes = limit_bytes
-        self._values: OrderedDict[Hashable, tuple[Any, int]] = OrderedDict()
+        self._values: OrderedDict[Hashable, tuple[object, int]] = OrderedDict()
         self._bytes = 0
         self._lock = threading.Lock()
         self._making: dict[Hashable, threading.Lock] = {}
@@ -50,7 +50,7 @@ class ByteCache:
             self._values.move_to_end(key)
             return self._values[key][0]
 
-    def put(self, key: Hashable, value: Any, size_bytes: int) -> None:
+    def put(self, key: Hashable, value: object, size_bytes: int) -> None:
         """Keep a value, instead of an earlier one of this key."""
         with self._lock:
             self._bytes -= self._values.pop(key, (None, 0))[1]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import Any
 
 from pipeline.frames import Frame
 from pipeline.video.stills import encode_jpeg, encode_png
+from workers.model import Json
 from workers.previews.byte_cache import ByteCache
 from workers.previews.memory import Check
 from workers.previews.model import PreviewQuery, Record
@@ -31,10 +31,10 @@ class PreviewContext:
     began: float
 
     @property
-    def options(self) -> Any:
+    def options(self) -> Json:
         return self.query.options
 
-    def picture(self, frame: int, image: Frame, *, final: bool, **more: Any) -> Record:
+    def picture(self, frame: int, image: Frame, *, final: bool, **more: object) -> Record:
         """A record of type "frame"."""
         jpeg = not final or self.options.get("format") == "jpeg"
         info = self.frames.info(self.query.layers[0].video)

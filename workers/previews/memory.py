@@ -4,21 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
-from typing import Any
 
 from pipeline.frames import Frame
-from pipeline.methods.base import Method
-from pipeline.methods.local import LocalContext, iterate_plan
+from pipeline.methods.base import AnyParams, Method
+from pipeline.methods.local import FrameSource, Input, LocalContext, iterate_plan
 
 Check = Callable[[], None]
 """Raises Overtaken or Cancelled once nobody waits for the answer any more."""
 
 
-class PreviewTaskContext(LocalContext[Any]):
+class PreviewTaskContext(LocalContext[AnyParams]):
     """A task context in memory that asks `check` whenever the method measures time or reports progress."""
 
-    def __init__(self, check: Check, *args: Any, **more: Any) -> None:
-        super().__init__(*args, **more)
+    def __init__(
+        self, check: Check, params: AnyParams, video: Sequence[Frame] | FrameSource, inputs: Mapping[str, Input],
+        seed: int, artefacts: frozenset[str] = frozenset(),
+    ) -> None:  # fmt: skip
+        super().__init__(params, video, inputs, seed, artefacts)
         self._check = check
 
     def clock(self, stage: str) -> AbstractContextManager[None]:
@@ -30,7 +32,7 @@ class PreviewTaskContext(LocalContext[Any]):
 
 
 def painted(
-    chosen: Method, params: Any, seed: int, video: Sequence[Frame], inputs: Mapping[str, Any], check: Check
+    chosen: Method, params: AnyParams, seed: int, video: Sequence[Frame], inputs: Mapping[str, Input], check: Check
 ) -> Iterator[tuple[int, Frame]]:
     """(index in `video`, frame) as the plan emits them.
 

@@ -8,10 +8,12 @@ import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+
+from pydantic import JsonValue
 
 from pipeline.compositing import Blend
 from pipeline.errors import ImpastoError
+from workers.model import Json
 
 MEDIA_TYPE = "application/vnd.impasto.records"
 
@@ -29,12 +31,12 @@ class LayerSources:
 
     id: str
     method: str
-    params: Mapping[str, Any]
+    params: Mapping[str, object]
     seed: int
     video: str
     files: Mapping[str, str] = field(default_factory=dict)
     images: Mapping[str, Mapping[int, str | bytes]] = field(default_factory=dict)
-    documents: Mapping[str, Any] = field(default_factory=dict)
+    documents: Mapping[str, JsonValue] = field(default_factory=dict)
     opacity: float = 1.0
     blend: Blend = "over"
     matte: str | None = None
@@ -69,14 +71,14 @@ class PreviewQuery:
     seq: int
     layers: tuple[LayerSources, ...]
     side_px: int
-    options: Mapping[str, Any] = field(default_factory=dict)
+    options: Json = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Record:
     """A piece of an answer: a JSON header, of which `type` says what it is, and bytes."""
 
-    header: Mapping[str, Any]
+    header: Mapping[str, object]
     payload: bytes = b""
 
     def encode(self) -> bytes:

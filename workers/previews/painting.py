@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.compositing import covers, lay_over
 from pipeline.frames import Frame
 from pipeline.methods import method, parse_params
-from pipeline.methods.base import Method, PreviewRequest
+from pipeline.methods.base import AnyParams, Method, PreviewRequest, Session
 from workers.frame_window import window_document
+from workers.model import Json
 from workers.previews.memory import Check, painted
 from workers.previews.model import LayerSources
 from workers.previews.warm import WarmFrames
@@ -68,7 +69,7 @@ class LayerPainter:
             yield from self.planned(start, stop, side_px, {})
 
     def planned(
-        self, start: int, stop: int, side_px: int, images: Mapping[str, Mapping[int, NDArray[Any]]]
+        self, start: int, stop: int, side_px: int, images: Mapping[str, Mapping[int, AnyArray]]
     ) -> Iterator[tuple[int, Frame]]:
         """Frames [start, stop) by the method's plan over them, with the drawings of these frames.
 
@@ -98,13 +99,13 @@ class LayerPainter:
     def _by_method(self, lead: Sequence[Frame], number: int, total: int) -> Frame | None:
         return self._method.preview(self._request(lead, number, total))
 
-    def _request(self, lead: Sequence[Frame], number: int, total: int) -> PreviewRequest[Any]:
+    def _request(self, lead: Sequence[Frame], number: int, total: int) -> PreviewRequest[AnyParams]:
         images = {name: self._images(name, 0, total) for name in self._layer.images}
         return PreviewRequest(
             self._params, self._layer.seed, lead, number, total, self._documents(), images, self._artefacts
         )
 
-    def _from_session(self, session: Any, start: int, stop: int, side_px: int) -> Iterator[tuple[int, Frame]]:
+    def _from_session(self, session: Session, start: int, stop: int, side_px: int) -> Iterator[tuple[int, Frame]]:
         first = max(0, start - LEAD_FRAMES)
         for number, frame in enumerate(self._frames.frames(self._layer.video, first, stop, side_px), first):
             self._check()
@@ -112,7 +113,7 @@ class LayerPainter:
             if number >= start:
                 yield number, picture
 
-    def _session(self, size: tuple[int, int], side_px: int) -> Any:
+    def _session(self, size: tuple[int, int], side_px: int) -> Session | None:
         references = {name: self._reference(key, side_px) for name, key in sorted(self._layer.files.items())
                       if self._kinds[name] not in ("json", "images")}  # fmt: skip
         return self._method.stream(self._params, size, self._layer.seed, references)
@@ -134,9 +135,9 @@ class LayerPainter:
         info = self._frames.info(self._layer.video)
         return float(max(frame.shape) / max(info.width, info.height))
 
-    def _files(self, start: int, stop: int, scale: float) -> dict[str, Any]:
+    def _files(self, start: int, stop: int, scale: float) -> Json:
         """The inputs that are files, scaled as the video is: strokes keep their size relative to the picture."""
-        found: dict[str, Any] = {}
+        found: Json = {}
         for name, key in self._layer.files.items():
             if self._kinds[name] in ("image", "image-or-video"):
                 found[name] = [self._shrunk(key, 0, scale)]
@@ -148,17 +149,17 @@ class LayerPainter:
         info = self._frames.info(key)
         return self._frames.frame(key, number, max(1, round(max(info.width, info.height) * scale)))
 
-    def _documents(self) -> dict[str, Any]:
+    def _documents(self) -> Json:
         given = {name: self._frames.document(key, f"inputs.{name}") for name, key in self._layer.files.items()
                  if self._kinds[name] == "json"}  # fmt: skip
         return {**given, **self._layer.documents}
 
-    def _images(self, name: str, start: int, stop: int) -> dict[int, NDArray[Any]]:
+    def _images(self, name: str, start: int, stop: int) -> dict[int, AnyArray]:
         found = self._layer.images.get(name, {})
         return {frame: self._frames.image(found[frame], f"inputs.{name}") for frame in found if start <= frame < stop}
 
 
-def resized(image: NDArray[Any], size: tuple[int, int]) -> NDArray[Any]:
+def resized(image: AnyArray, size: tuple[int, int]) -> AnyArray:
     """A drawing at (width, height): colours are averaged; gray values (labels, masks) are the nearest pixel's."""
     if (image.shape[1], image.shape[0]) == size:
         return image

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from typing import Any
 
-from numpy.typing import NDArray
+from pydantic import JsonValue
 
+from pipeline.arrays import AnyArray
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame
 from pipeline.methods.base import VideoInfo
@@ -71,17 +71,18 @@ class WarmFrames:
         with self._decoders.reader(key, start) as reader:
             yield from reader.read(start, stop)
 
-    def image(self, source: str | bytes, field: str) -> NDArray[Any]:
+    def image(self, source: str | bytes, field: str) -> AnyArray:
         """A drawing as it is stored, 8 or 16 bit, alpha kept. `source`: blob key, or the file's bytes."""
         data = source if isinstance(source, bytes) else self._blobs.get(source)
         return guarded_raw(data, field)
 
-    def document(self, key: str, field: str) -> Any:
+    def document(self, key: str, field: str) -> JsonValue:
         """A JSON file."""
         try:
-            return json.loads(self._blobs.get(key))
+            parsed: JsonValue = json.loads(self._blobs.get(key))
         except ValueError as error:
             raise BadParameter(f"The input is not JSON: {error}.", field=field) from None
+        return parsed
 
     def _decode(self, key: str, start: int, stop: int, side_px: int) -> Iterator[tuple[int, Frame]]:
         with self._decoders.reader(key, start) as reader:

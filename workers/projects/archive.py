@@ -15,13 +15,13 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO, NoReturn
+from typing import IO, BinaryIO, NoReturn
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from pipeline.errors import UnreadableMedia
 from pipeline.video.writer import zip_entry
-from workers.model import Asset
+from workers.model import Asset, Json
 from workers.projects.document import MAX_DOCUMENT_BYTES
 
 MANIFEST = "project.json"
@@ -46,12 +46,12 @@ class Manifest(BaseModel):
     model_config = ConfigDict(extra="ignore", frozen=True)
 
     format: int
-    document: dict[str, Any]
+    document: Json
     assets: dict[str, PackedAsset]
 
 
 def write_archive(
-    path: Path, document: Mapping[str, Any], assets: Mapping[str, Asset], read: Callable[[str], Iterator[bytes]]
+    path: Path, document: Mapping[str, object], assets: Mapping[str, Asset], read: Callable[[str], Iterator[bytes]]
 ) -> None:
     """Write the archive.
 
@@ -77,7 +77,7 @@ class ProjectArchive:
     _archive: zipfile.ZipFile
 
     @property
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Json:
         return self.manifest.document
 
     def extract(self, asset_id: str, path: Path) -> str:
@@ -132,7 +132,7 @@ def _manifest(archive: zipfile.ZipFile, limit_bytes: int) -> Manifest:
     return manifest
 
 
-def _copy(source: Any, target: BinaryIO, size_bytes: int) -> None:
+def _copy(source: IO[bytes], target: BinaryIO, size_bytes: int) -> None:
     """Copy what the entry's header announces; a damaged entry may hold more."""
     left = size_bytes
     while left > 0 and (piece := source.read(min(_COPY_BYTES, left))):

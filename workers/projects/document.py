@@ -8,11 +8,12 @@ loses nothing. Members named `ui` belong to the page.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline.compositing import Blend, covers
+from workers.model import Json
 
 SCHEMA = 1
 MAX_DOCUMENT_BYTES = 4 << 20
@@ -26,7 +27,7 @@ Title = Annotated[str, Field(max_length=200)]
 FrameNumber = Annotated[int, Field(ge=0, le=10_000_000)]
 FrameRange = Annotated[tuple[FrameNumber, FrameNumber], Field(description="[first frame, one past the last)")]
 Ratio = Annotated[float, Field(ge=0, le=1)]
-Ui = Annotated[dict[str, Any], Field(description="For the page; not read by the service.")]
+Ui = Annotated[Json, Field(description="For the page; not read by the service.")]
 
 
 class Part(BaseModel):
@@ -83,7 +84,7 @@ class Layer(Part):
     id: Id
     name: Title = ""
     method: str = Field(min_length=1, max_length=64)
-    params: dict[str, Any] = Field(default={}, max_length=256)
+    params: Json = Field(default={}, max_length=256)
     seed: int = Field(default=0, ge=0, le=MAX_SEED)
     visible: bool = True
     opacity: Ratio = 1.0
@@ -92,16 +93,16 @@ class Layer(Part):
     matte: AssetName | None = Field(default=None, description="Gray pictures: white where the layer is.")
     inputs: dict[InputName, AssetName] = Field(default={}, max_length=64, description="Files by the method's inputs.")
     keys: tuple[PaintedKey, ...] = Field(default=(), max_length=1000)
-    regions: dict[str, Any] = {}
-    styles: dict[str, Any] = {}
-    style_keys: tuple[Any, ...] = ()
-    directions: tuple[Any, ...] = ()
+    regions: Json = {}
+    styles: Json = {}
+    style_keys: tuple[object, ...] = ()
+    directions: tuple[object, ...] = ()
     region_maps: tuple[Drawing, ...] = Field(default=(), max_length=1000)
     scribbles: tuple[Drawing, ...] = Field(default=(), max_length=1000)
     labels: tuple[Drawing, ...] = Field(default=(), max_length=1000)
-    label_styles: dict[str, Any] = {}
+    label_styles: Json = {}
     importance: tuple[Drawing, ...] = Field(default=(), max_length=1000)
-    histogram: dict[str, Any] | None = None
+    histogram: Json | None = None
     ui: Ui = {}
 
     @property
@@ -110,7 +111,7 @@ class Layer(Part):
         return covers(self.opacity, self.blend, self.matte is not None)
 
     @property
-    def design(self) -> dict[str, Any] | None:
+    def design(self) -> Json | None:
         """Regions, styles, style keys and directions as one design document; None if there are none."""
         parts = {
             "regions": self.regions, "styles": self.styles, "keys": list(self.style_keys),
@@ -137,7 +138,7 @@ class Variant(Part):
     name: Title = ""
     shot: Id
     layer: Id
-    set: dict[str, Any] = Field(default={}, description="JSON Merge Patch (RFC 7396) on the layer.")
+    set: Json = Field(default={}, description="JSON Merge Patch (RFC 7396) on the layer.")
     frame: FrameNumber | None = None
     image: AssetName | None = None
     ui: Ui = {}
@@ -170,11 +171,11 @@ class Document(Part):
         return frozenset(ref.id for ref in self.assets.values())
 
 
-def empty(name: str) -> dict[str, Any]:
+def empty(name: str) -> Json:
     """A new document without shots."""
     return {"schema": SCHEMA, "name": name}
 
 
-def json_schema() -> dict[str, Any]:
+def json_schema() -> Json:
     """JSON Schema of the document."""
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Document.model_json_schema(by_alias=True)}

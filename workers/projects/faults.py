@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from pipeline.errors import BadInput, ImpastoError
 
@@ -63,7 +62,7 @@ class BadProject(BadInput):
         super().__init__(f"{first.message}{more}", field=first.field, value=first.value, remedy=first.remedy)
         self.errors = tuple(errors)
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[object, ...]:
         return BadProject, (self.errors,)
 
 

@@ -11,7 +11,6 @@ import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from pipeline.video.headers import sniff
 from pipeline.video.writer import zip_entry
@@ -38,7 +37,7 @@ class JsonValue:
     text: str
 
     @staticmethod
-    def of(value: Any) -> JsonValue:
+    def of(value: object) -> JsonValue:
         return JsonValue(json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False))
 
 

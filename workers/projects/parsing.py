@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from typing import Any
+from collections.abc import Hashable, Iterable, Iterator
 
 from pydantic import ValidationError
+from pydantic_core import ErrorDetails
 
 from workers.projects.document import Document, Drawing, Layer, Shot
 from workers.projects.faults import BadProject, DocumentFault, Path, fault, refuse_if_any
@@ -13,7 +13,7 @@ from workers.projects.faults import BadProject, DocumentFault, Path, fault, refu
 _DRAWINGS = ("region_maps", "scribbles", "labels", "importance")
 
 
-def parse_document(value: Any) -> Document:
+def parse_document(value: object) -> Document:
     """The document.
 
     Raises:
@@ -28,7 +28,7 @@ def parse_document(value: Any) -> Document:
     return document
 
 
-def _fault(error: Any) -> DocumentFault:
+def _fault(error: ErrorDetails) -> DocumentFault:
     path: Path = tuple(part for part in error["loc"] if part != "[key]")
     if error["type"] == "missing":
         return fault(path, f"{path[-1]} is missing.", remedy="Give it.")
@@ -66,8 +66,8 @@ def _of_shot(shot: Shot, path: Path) -> Iterator[DocumentFault]:
             yield from _twice((drawing.frame for drawing in getattr(layer, part)), (*at, part), "frame")
 
 
-def _twice(values: Iterable[Any], path: Path, member: str = "id") -> Iterator[DocumentFault]:
-    earlier: set[Any] = set()
+def _twice(values: Iterable[Hashable], path: Path, member: str = "id") -> Iterator[DocumentFault]:
+    earlier: set[Hashable] = set()
     for index, value in enumerate(values):
         if value in earlier:
             yield fault((*path, index, member), f"This {member} is used twice.", value=value, remedy="Use it once.")

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from jsonpatch import JsonPatch, JsonPatchException
 from jsonpointer import JsonPointerException
+from pydantic import JsonValue
 
 from pipeline.errors import BadInput
+from workers.model import Json
 
 MAX_OPERATIONS = 10_000
 
@@ -18,7 +18,7 @@ class BadPatch(BadInput):
     code = "bad-patch"
 
 
-def patched(document: Any, operations: Any) -> Any:
+def patched(document: Json, operations: object) -> JsonValue:
     """The document after the operations of a JSON Patch; all of them or none.
 
     Raises:
@@ -30,14 +30,15 @@ def patched(document: Any, operations: Any) -> Any:
             remedy='For example [{"op": "replace", "path": "/name", "value": "Swan"}].',
         )  # fmt: skip
     try:
-        return JsonPatch(operations).apply(document)
+        changed: JsonValue = JsonPatch(operations).apply(document)
+        return changed
     except (JsonPatchException, JsonPointerException, TypeError, ValueError) as error:
         raise BadPatch(
             f"The patch cannot be applied: {error}.", field="body", remedy="Load the document and send a new patch."
         ) from None
 
 
-def merged(document: Any, patch: Any) -> Any:
+def merged(document: JsonValue, patch: JsonValue) -> JsonValue:
     """The document after a JSON Merge Patch: objects are merged member by member, null removes, all else replaces."""
     if not isinstance(patch, dict):
         return patch

@@ -13,7 +13,7 @@ from workers.errors import NotFound
 from workers.farm_parts.assets import FarmAssets
 from workers.farm_parts.files import FarmFiles
 from workers.farm_parts.jobs import FarmJobs
-from workers.model import Asset, Job, JobRequest, Page, Submitted
+from workers.model import Asset, Job, JobRequest, Json, Page, Submitted
 from workers.previews.model import LayerSources
 from workers.projects.archive import ProjectArchive, open_project, write_archive
 from workers.projects.checking import problems, shot_problems
@@ -61,7 +61,7 @@ class Projects:
 
     # -- documents
 
-    def create(self, document: dict[str, Any], owner: str, author: str = "") -> Project:
+    def create(self, document: Json, owner: str, author: str = "") -> Project:
         """A new project. Raises BadProject (structure)."""
         return self._store.create(_draft(document, author or owner), owner)
 
@@ -73,11 +73,11 @@ class Projects:
         """Project items, the most recently changed first."""
         return self._store.page(owner, deleted, cursor, limit)
 
-    def document(self, project_id: str, version: int | None = None) -> tuple[ProjectVersion, dict[str, Any]]:
+    def document(self, project_id: str, version: int | None = None) -> tuple[ProjectVersion, Json]:
         """A version (None: the newest) and its document. Raises NotFound."""
         return self._store.document(project_id, version)
 
-    def save(self, project_id: str, expected: int, document: dict[str, Any], author: str) -> Project:
+    def save(self, project_id: str, expected: int, document: Json, author: str) -> Project:
         """Store the document as the version after `expected`. Raises BadProject, VersionMismatch, NotFound."""
         return self._store.save(project_id, expected, _draft(document, author))
 
@@ -184,7 +184,7 @@ class Projects:
 
     # -- previews
 
-    def layer_sources(self, project: Project, value: dict[str, Any], shot_id: str, layer_id: str | None) -> Sources:
+    def layer_sources(self, project: Project, value: Json, shot_id: str, layer_id: str | None) -> Sources:
         """What previews of a shot are made of: one layer, or all visible ones.
 
         Args:
@@ -252,7 +252,7 @@ def _one(items: Iterable[Any], wanted: str, field: str) -> Any:
     raise NotFound(f"The project has no such {field}.", field=field, value=wanted, remedy=f"Name a {field} of it.")
 
 
-def _draft(value: dict[str, Any], author: str) -> Draft:
+def _draft(value: Json, author: str) -> Draft:
     document = parse_document(value)
     draft = Draft(value, document.name, document.asset_ids, author)
     if draft.size_bytes > MAX_DOCUMENT_BYTES:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from pipeline.methods import methods
-from workers.model import asset_key
+from workers.model import Json, asset_key
 from workers.previews.model import LayerSources
 from workers.projects.document import Document, Layer, Shot
 from workers.projects.submissions import parts_used
@@ -19,7 +17,7 @@ def layer_sources(document: Document, shot: Shot, layer: Layer) -> LayerSources:
         return asset_key(document.assets[name].id)
 
     names = {spec.name for spec in chosen.inputs}
-    documents: dict[str, Any] = {}
+    documents: Json = {}
     for spec in chosen.inputs:
         if spec.part and spec.kind == "json" and spec.name not in layer.inputs and (value := getattr(layer, spec.part)):
             documents[spec.name] = value

@@ -10,7 +10,7 @@ from workers.frame_window import window_inputs
 from workers.model import JobRequest, Json, TaskOrder, asset_key
 from workers.state_machine import ASSEMBLE
 from workers.store import Claim, Store
-from workers.store.records import request_of
+from workers.store.records import emitted_run, request_of
 
 _REMEMBERED = 32
 
@@ -52,7 +52,7 @@ class Orders:
             method=request.method,
             key=task["key"],
             args=task["args"],
-            emits=None if task["emit_start"] is None else (task["emit_start"], task["emit_stop"]),
+            emits=emitted_run(task),
             params=claim.job["params"],
             seed=request.seed,
             inputs={name: asset_key(asset_id) for name, asset_id in request.inputs.items()},

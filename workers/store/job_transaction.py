@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from typing import Any
+from typing import cast
 
 from sqlalchemy import Connection, RowMapping, and_, bindparam, delete, insert, or_, select, update
 
@@ -19,7 +19,7 @@ from workers.job_warnings import merged_warnings
 from workers.model import JobWarning, Json, RunState, TaskState
 from workers.state_machine import Counts, JobSnapshot, Limits, State, StateEvent, TaskSnapshot
 from workers.store import schema, task_states
-from workers.store.records import counts_of, fault_to_json
+from workers.store.records import TaskRow, Values, counts_of, fault_to_json
 
 _PRUNE_EVERY = 100
 RUNNING = "running"
@@ -56,7 +56,7 @@ class JobTransaction:
         self.now = now
         self.row = dict(row)
         self._policy = policy
-        self._changes: dict[str, Any] = {}
+        self._changes: Values = {}
         self._events: list[Json] = []
 
     @classmethod
@@ -74,17 +74,17 @@ class JobTransaction:
     def changed(self) -> bool:
         return bool(self._events or self._changes)
 
-    def task(self, task_id: str) -> dict[str, Any]:
+    def task(self, task_id: str) -> TaskRow:
         """The row of a task of this job."""
         row = self.connection.execute(_TASK, {"id": task_id, "job_id": self.job_id}).mappings().first()
         if row is None:
             raise NotFound(f"There is no task {task_id}.", field="task", value=task_id)
-        return dict(row)
+        return cast(TaskRow, dict(row))
 
     def step_row(self, step: int) -> RowMapping:
         return self.connection.execute(_STEP, {"job_id": self.job_id, "step": step}).mappings().one()
 
-    def apply(self, event: StateEvent, task: dict[str, Any] | None = None) -> State:
+    def apply(self, event: StateEvent, task: TaskRow | None = None) -> State:
         """Apply `event` (about the row `task`, if given), write what follows. Raises Conflict."""
         before = State(self._job_snapshot(), _task_snapshot(task), self._policy.limits)
         after, effects = machine.advance(before, event)
@@ -100,7 +100,7 @@ class JobTransaction:
         seq = self.seq + 1
         self._events.append({"job_id": self.job_id, "seq": seq, "at": self.now, "type": kind, "data": data})
 
-    def add_task_event(self, task: dict[str, Any], state: TaskState, **more: Any) -> None:
+    def add_task_event(self, task: TaskRow, state: TaskState, **more: object) -> None:
         self.add_event("task.state", {"task_id": task["id"], "key": task["key"], "state": state.value, **more})
 
     def add_warnings(self, warnings: Sequence[JobWarning]) -> None:
@@ -151,7 +151,7 @@ class JobTransaction:
         if after.run is not before.run:
             self._set(finished_at=self.now if after.run.final else None)
 
-    def _set(self, **values: Any) -> None:
+    def _set(self, **values: object) -> None:
         changed = {name: value for name, value in values.items() if self.row[name] != value}
         self.row.update(changed)
         self._changes.update(changed)
@@ -162,8 +162,8 @@ class JobTransaction:
         where = (steps.c.job_id == self.job_id, steps.c.step == step)
         self.connection.execute(update(steps).where(*where).values(values))
 
-    def _write_task(self, task: dict[str, Any], snapshot: TaskSnapshot) -> None:
-        values: dict[str, Any] = {
+    def _write_task(self, task: TaskRow, snapshot: TaskSnapshot) -> None:
+        values: TaskRow = {
             "state": snapshot.state.value,
             "failures": snapshot.failures,
             "interruptions": snapshot.interruptions,
@@ -175,7 +175,7 @@ class JobTransaction:
 
     # -- effects
 
-    def _apply(self, effect: machine.Effect, task: dict[str, Any] | None) -> None:
+    def _apply(self, effect: machine.Effect, task: TaskRow | None) -> None:
         match effect:
             case machine.FreeDependents():
                 self._free_dependents(_required_task(task)["id"])
@@ -193,7 +193,7 @@ class JobTransaction:
             case machine.AnnounceState(run):
                 self._announce(run)
 
-    def delay(self, task: dict[str, Any], seconds: float) -> None:
+    def delay(self, task: TaskRow, seconds: float) -> None:
         """Let nobody claim the task for a while."""
         where = schema.tasks.c.id == task["id"]
         self.connection.execute(update(schema.tasks).where(where).values(ready_at=self.now + seconds))
@@ -244,7 +244,7 @@ class JobTransaction:
         if run.final and url:
             self.connection.execute(insert(schema.deliveries).values(self._message(run, url, error)))
 
-    def _message(self, run: RunState, url: str, error: Json | None) -> dict[str, Any]:
+    def _message(self, run: RunState, url: str, error: Json | None) -> Values:
         request = self.row["request"]
         data = {"job_id": self.job_id, "state": run.value, "error": error}
         data |= {name: request[name] for name in ("name", "method", "labels")}
@@ -262,7 +262,7 @@ class JobTransaction:
         }
 
 
-def _task_snapshot(task: dict[str, Any] | None) -> TaskSnapshot | None:
+def _task_snapshot(task: TaskRow | None) -> TaskSnapshot | None:
     if task is None:
         return None
     return TaskSnapshot(TaskState(task["state"]), task["blockers"], task["failures"], task["interruptions"])
@@ -274,6 +274,6 @@ def _all_done(before: JobSnapshot) -> Counts:
     return Counts(succeeded=counts.open + counts.succeeded)
 
 
-def _required_task(task: dict[str, Any] | None) -> dict[str, Any]:
+def _required_task(task: TaskRow | None) -> TaskRow:
     assert task is not None, "the machine asks this only for events about a task"
     return task

@@ -11,7 +11,7 @@ from sqlalchemy import BindParameter, Connection, bindparam, func, select
 from workers.model import Job, RunState, StepView, TaskState
 from workers.store import schema
 from workers.store.progress import StepMeter, job_eta_s, job_progress
-from workers.store.records import Row, fault_of, request_of, warnings_of
+from workers.store.records import AnySelect, Row, fault_of, request_of, warnings_of
 
 ByJob = dict[str, list[Row]]
 
@@ -71,7 +71,7 @@ def _just_ended(connection: Connection, ids: Sequence[str]) -> dict[str, int]:
     return {job_id: int(n) for job_id, n in connection.execute(_ENDED, {"ids": ids})} if ids else {}
 
 
-def _grouped(connection: Connection, query: Any, ids: Sequence[str]) -> ByJob:
+def _grouped(connection: Connection, query: AnySelect, ids: Sequence[str]) -> ByJob:
     found: ByJob = defaultdict(list)
     if ids:
         for row in connection.execute(query, {"ids": ids}).mappings():

@@ -5,9 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import dataclass, fields
-from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, bindparam, delete, func, insert, select, text
+from sqlalchemy import ColumnElement, Connection, Table, bindparam, delete, func, insert, select, text
 from sqlalchemy.exc import IntegrityError
 
 from pipeline.errors import BadParameter
@@ -19,7 +18,7 @@ from workers.store import schema, task_states
 from workers.store.base import StorePart
 from workers.store.event_notifier import GONE
 from workers.store.job_views import job_views
-from workers.store.records import Row, pack_cursor, request_to_json, unpack_cursor
+from workers.store.records import Row, Values, pack_cursor, request_to_json, unpack_cursor
 
 ACTIVE_JOBS = (
     select(func.count())
@@ -293,7 +292,7 @@ def _job_of_task(connection: Connection, task_id: str) -> str:
     return str(job_id)
 
 
-def _step_rows(job_id: str, accepted: Accepted) -> list[dict[str, Any]]:
+def _step_rows(job_id: str, accepted: Accepted) -> list[Values]:
     weights = accepted.weights or (1.0,) * len(accepted.steps)
     return [
         {"job_id": job_id, "step": i, "name": name, "title": title, "expected": weight}
@@ -301,10 +300,10 @@ def _step_rows(job_id: str, accepted: Accepted) -> list[dict[str, Any]]:
     ]
 
 
-def _pairs(job_id: str, values: dict[str, str], column: str) -> list[dict[str, Any]]:
+def _pairs(job_id: str, values: dict[str, str], column: str) -> list[Values]:
     return [{"job_id": job_id, "name": name, column: value} for name, value in values.items()]
 
 
-def _insert_all(connection: Connection, table: Any, rows: list[dict[str, Any]]) -> None:
+def _insert_all(connection: Connection, table: Table, rows: list[Values]) -> None:
     if rows:
         connection.execute(insert(table), rows)

@@ -11,13 +11,12 @@ import zlib
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 from sqlalchemy import ColumnElement, Connection, delete, insert, select, update
 
 from workers.errors import NotFound
 from workers.ids import new_id
-from workers.model import Page
+from workers.model import Json, Page
 from workers.projects.model import Project, ProjectJob, ProjectVersion, VersionMismatch
 from workers.store import schema
 from workers.store.base import StorePart
@@ -37,7 +36,7 @@ class Draft:
         author: owner of the key that saves it.
     """
 
-    document: Mapping[str, Any]
+    document: Json
     name: str
     asset_ids: Collection[str]
     author: str
@@ -95,7 +94,7 @@ class Projects(StorePart):
         items = tuple(_project(row) for row in rows[:limit])
         return Page(items, pack_cursor(items[-1].updated_at, items[-1].id) if len(rows) > limit else None)
 
-    def document(self, project_id: str, version: int | None = None) -> tuple[ProjectVersion, dict[str, Any]]:
+    def document(self, project_id: str, version: int | None = None) -> tuple[ProjectVersion, Json]:
         """A version and its document; None: the newest. Raises NotFound (unknown, or thinned out)."""
         table = schema.project_versions
         with self._db.read() as connection:
@@ -287,8 +286,8 @@ def _same(connection: Connection, project_id: str, version: int, draft: Draft) -
     return zlib.decompress(connection.execute(query).scalar_one()) == draft.body
 
 
-def _unpacked(body: bytes) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(zlib.decompress(body))
+def _unpacked(body: bytes) -> Json:
+    found: Json = json.loads(zlib.decompress(body))
     return found
 
 

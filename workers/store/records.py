@@ -5,9 +5,10 @@ from __future__ import annotations
 import base64
 import json
 from dataclasses import asdict
-from typing import Any
+from typing import Any, TypeAlias, TypedDict
 
-from sqlalchemy import RowMapping
+from pydantic import JsonValue
+from sqlalchemy import RowMapping, Select
 
 from pipeline.errors import BadParameter
 from workers.model import (
@@ -25,7 +26,42 @@ from workers.model import (
 )
 from workers.state_machine import Counts
 
-Row = RowMapping | dict[str, Any]
+Row: TypeAlias = RowMapping | dict[str, Any]
+"""A row as read: column -> value."""
+Values: TypeAlias = dict[str, object]
+"""A row as written: column -> value."""
+AnySelect: TypeAlias = Select[Any]
+"""A query whose columns differ from place to place."""
+
+
+class TaskRow(TypedDict, total=False):
+    """A row of `tasks`."""
+
+    id: str
+    job_id: str
+    step: int
+    position: int
+    key: str
+    args: Json
+    emit_start: int | None
+    """First frame and, in `emit_stop`, one past the last; None: it emits none."""
+    emit_stop: int | None
+    weight: float
+    chained: bool
+    needs: Json | None
+    state: str
+    blockers: int
+    failures: int
+    interruptions: int
+    ready_at: float
+    progress: float
+    attempt_id: str | None
+
+
+def emitted_run(task: TaskRow) -> tuple[int, int] | None:
+    """Frames [first, end) that the task emits; None: none."""
+    start, stop = task["emit_start"], task["emit_stop"]
+    return None if start is None or stop is None else (start, stop)
 
 
 def asset_of(row: Row) -> Asset:
@@ -78,7 +114,7 @@ def counts_of(row: Row) -> Counts:
     return Counts(**{state.value: row[state.value] for state in TaskState})
 
 
-def pack_cursor(*parts: Any) -> str:
+def pack_cursor(*parts: JsonValue) -> str:
     return base64.urlsafe_b64encode(json.dumps(parts).encode()).decode().rstrip("=")
 
 

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import cast
 
 from sqlalchemy import Connection, RowMapping, bindparam, delete, func, insert, or_, select, update
 
@@ -14,7 +14,7 @@ from pipeline.errors import ImpastoError, StorageError
 from workers import state_machine as machine
 from workers.ids import new_id
 from workers.log_context import about
-from workers.model import TaskOutcome, TaskState
+from workers.model import Json, TaskOutcome, TaskState
 from workers.operations import DrainScope
 from workers.state_machine import StateEvent
 from workers.store import fair_scheduler, schema
@@ -25,7 +25,7 @@ from workers.store.event_notifier import EventNotifier
 from workers.store.job_transaction import ACTIVE, RUNNING, JobTransaction, StorePolicy
 from workers.store.job_views import meters_of
 from workers.store.progress import job_eta_s, job_progress
-from workers.store.records import fault_to_json
+from workers.store.records import Row, TaskRow, emitted_run, fault_to_json
 from workers.store.workers import is_drained
 
 log = logging.getLogger(__name__)
@@ -44,9 +44,9 @@ class Claim:
     attempt_id: str
     job_id: str
     step_name: str
-    task: Mapping[str, Any]
+    task: TaskRow
     """The row of the task."""
-    job: Mapping[str, Any]
+    job: Json
     """The row of its job."""
 
 
@@ -201,9 +201,8 @@ class TaskQueue(StorePart):
     def _count(self, current: _CurrentAttempt, event: StateEvent) -> None:
         code = event.fault.code if isinstance(event, machine.Failed) else ""
         task, seconds = current.task, self._now() - current.attempt["started_at"]
-        emitted = isinstance(event, machine.Done) and task["emit_start"] is not None
-        frames = task["emit_stop"] - task["emit_start"] if emitted else 0
-        self._counters.ended(_OUTCOMES[type(event)], code, current.job.row["method"], frames, seconds)
+        start, stop = (emitted_run(task) if isinstance(event, machine.Done) else None) or (0, 0)
+        self._counters.ended(_OUTCOMES[type(event)], code, current.job.row["method"], stop - start, seconds)
 
     def interrupt(self, dispatchers: Collection[str]) -> int:
         """Give back what dispatchers that are dead, or silent beyond their lease, were running; say how much."""
@@ -259,8 +258,8 @@ class _CurrentAttempt:
     """A running attempt under the lock of its job."""
 
     job: JobTransaction
-    task: dict[str, Any]
-    attempt: dict[str, Any]
+    task: TaskRow
+    attempt: Row
 
 
 def _find_current(job: JobTransaction, attempt_id: str) -> _CurrentAttempt | None:
@@ -306,13 +305,13 @@ def _claim_in(job: JobTransaction, dispatcher: str) -> Claim | None:
     return Claim(attempt_id, job.job_id, job.step_row(task["step"])["name"], task, job.row)
 
 
-def _first_ready(job: JobTransaction) -> dict[str, Any] | None:
+def _first_ready(job: JobTransaction) -> TaskRow | None:
     row = (
         job.connection.execute(_FIRST_READY, {"job_id": job.job_id, **fair_scheduler.moment(job.now)})
         .mappings()
         .first()
     )
-    return None if row is None else dict(row)
+    return None if row is None else cast(TaskRow, dict(row))
 
 
 def _next_number(connection: Connection, task_id: str) -> int:
@@ -388,7 +387,7 @@ def _keep_file(job: JobTransaction, name: str, key: str, media_type: str) -> Non
         job.connection.execute(insert(files).values(job_id=job.job_id, name=name, **row))
 
 
-def _add_measures(job: JobTransaction, task: dict[str, Any], stages: Mapping[str, float], seconds: float) -> None:
+def _add_measures(job: JobTransaction, task: TaskRow, stages: Mapping[str, float], seconds: float) -> None:
     steps = schema.steps
     step = job.step_row(task["step"])
     summed = {name: step["stages"].get(name, 0.0) + stages.get(name, 0.0) for name in {*step["stages"], *stages}}

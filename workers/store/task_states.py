@@ -6,8 +6,6 @@ job of a hundred thousand tasks takes as long as one of ten. All that reads the 
 
 from __future__ import annotations
 
-from typing import Any
-
 from sqlalchemy import ColumnElement, case
 
 from workers.model import RunState, TaskState
@@ -16,7 +14,7 @@ from workers.store import schema
 UNBEGUN = (TaskState.WAITING, TaskState.READY)
 
 
-def of_task(job_state: Any) -> ColumnElement[str]:
+def of_task(job_state: ColumnElement[str]) -> ColumnElement[str]:
     """The state of a row of `tasks` whose job is in `job_state` (a column)."""
     tasks = schema.tasks
     follows = (job_state == RunState.CANCELLED.value) & tasks.c.state.in_([state.value for state in UNBEGUN])

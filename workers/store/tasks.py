@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection
-from typing import Any
+from collections.abc import Collection, Sequence
 
-from sqlalchemy import ColumnElement, Connection, select, union_all
+from sqlalchemy import ColumnElement, CompoundSelect, Connection, select, union_all
 
 from workers.errors import NotFound
 from workers.model import Json, Page, RunState, TaskState, TaskView
 from workers.store import schema, task_states
 from workers.store.base import StorePart
 from workers.store.jobs import known_state
-from workers.store.records import Row, pack_cursor, unpack_cursor
+from workers.store.records import AnySelect, Row, pack_cursor, unpack_cursor
 
 
 class Tasks(StorePart):
@@ -59,7 +58,7 @@ class Tasks(StorePart):
         )
 
 
-def _tasks() -> Any:
+def _tasks() -> AnySelect:
     tasks, steps, jobs = schema.tasks, schema.steps, schema.jobs
     columns = (tasks.c.id, tasks.c.job_id, tasks.c.key, tasks.c.progress, tasks.c.position)
     return (
@@ -69,7 +68,7 @@ def _tasks() -> Any:
     )
 
 
-def _first(job_id: str, stored: Collection[TaskState], after: int, limit: int) -> Any:
+def _first(job_id: str, stored: Collection[TaskState], after: int, limit: int) -> CompoundSelect[str] | list[str]:
     """Ids of the first tasks of each of these states: by the index of states, however many there are."""
     table = schema.tasks
     each = [
@@ -83,7 +82,7 @@ def _first(job_id: str, stored: Collection[TaskState], after: int, limit: int) -
     return union_all(*(select(one.c.id) for one in each)) if each else []
 
 
-def _task_views(connection: Connection, rows: Any) -> list[TaskView]:
+def _task_views(connection: Connection, rows: Sequence[Row]) -> list[TaskView]:
     attempts = schema.attempts
     columns = [column for column in attempts.c if column.name != "log"]
     query = select(*columns).where(attempts.c.task_id.in_([row["id"] for row in rows])).order_by(attempts.c.number)

@@ -5,12 +5,10 @@ Retries follow the schedule of Standard Webhooks 1.0.0: at once, 5 s, 5 min, 30 
 
 from __future__ import annotations
 
-from typing import Any
-
 from sqlalchemy import select, update
 
 from workers.errors import NotFound
-from workers.model import Delivery
+from workers.model import Delivery, Json
 from workers.store import schema
 from workers.store.base import StorePart
 from workers.store.records import delivery_of
@@ -62,7 +60,7 @@ class Webhooks(StorePart):
             return [delivery_of(row) for row in connection.execute(query).mappings()]
 
 
-def _after_try(tries: int, status: int | None, error: str, now: float) -> dict[str, Any]:
+def _after_try(tries: int, status: int | None, error: str, now: float) -> Json:
     if status is not None and 200 <= status < 300:
         return {"tries": tries, "state": "delivered", "next_at": None, "last_error": ""}
     reason = error or ("no answer" if status is None else f"HTTP {status}")

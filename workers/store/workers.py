@@ -7,10 +7,10 @@ from collections.abc import Collection, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from sqlalchemy import Connection, bindparam, delete, insert, or_, select, tuple_, update
+from sqlalchemy import ColumnElement, Connection, Table, bindparam, delete, insert, or_, select, tuple_, update
 
 from workers.errors import NotFound
-from workers.model import Page
+from workers.model import Json, Page
 from workers.operations import (
     AttemptLogView,
     Drain,
@@ -27,7 +27,7 @@ from workers.operations import (
 from workers.store import schema, task_states
 from workers.store.base import StorePart
 from workers.store.job_transaction import RUNNING
-from workers.store.records import Row, pack_cursor, unpack_cursor
+from workers.store.records import AnySelect, Row, Values, pack_cursor, unpack_cursor
 
 LIVE_KEPT_S = 30.0
 """A process that says nothing of its live sessions for this long has none."""
@@ -287,7 +287,7 @@ def _at_work(
     )  # fmt: skip
     found: dict[str, list[RunningAttempt]] = defaultdict(list)
     for row in connection.execute(query).mappings():
-        values: dict[str, Any] = dict(row)
+        values: Json = dict(row)
         worker = values.pop("dispatcher")
         found[worker].append(RunningAttempt(**values, node=nodes.get((worker, values["slot"]), "")))
     return found
@@ -296,7 +296,7 @@ def _at_work(
 # -- failures and timelines
 
 
-def _failed() -> Any:
+def _failed() -> AnySelect:
     attempts, tasks, jobs, steps = schema.attempts, schema.tasks, schema.jobs, schema.steps
     return (
         select(
@@ -315,7 +315,7 @@ def _failed() -> Any:
     )  # fmt: skip
 
 
-def _bars(job_id: str) -> Any:
+def _bars(job_id: str) -> AnySelect:
     attempts, tasks, steps = schema.attempts, schema.tasks, schema.steps
     return (
         select(
@@ -338,11 +338,11 @@ def _live_view(row: Row) -> LiveView:
     return LiveView(**{name: row[name] for name in LiveView.__dataclass_fields__})
 
 
-def _before(columns: Sequence[Any], values: Sequence[Any]) -> Any:
+def _before(columns: Sequence[ColumnElement[Any]], values: Sequence[object]) -> ColumnElement[bool]:
     """Rows that come after these values in a listing that runs backwards."""
     return tuple_(*columns) < tuple_(*values)
 
 
-def _insert_all(connection: Connection, table: Any, rows: list[dict[str, Any]]) -> None:
+def _insert_all(connection: Connection, table: Table, rows: list[Values]) -> None:
     if rows:
         connection.execute(insert(table), rows)

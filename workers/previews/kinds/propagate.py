@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Generator, Iterator
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput, BadParameter, Cancelled
 from pipeline.methods import method
 from workers.previews.context import PreviewContext
@@ -91,7 +91,7 @@ def _key_image(context: PreviewContext, layer: LayerSources, name: str, side_px:
     return key_at_size(context.frames.image(source, "image"), shown, size)
 
 
-def key_at_size(drawing: NDArray[Any], mask: NDArray[Any] | None, size: tuple[int, int]) -> NDArray[np.uint8]:
+def key_at_size(drawing: AnyArray, mask: AnyArray | None, size: tuple[int, int]) -> NDArray[np.uint8]:
     """A drawing as uint8 RGB, or RGBA if it has opacity or a mask, at `size` (width, height).
 
     Args:
@@ -120,7 +120,7 @@ def _shrunk(colours: NDArray[np.uint8], opacity: NDArray[np.uint8], size: tuple[
     return np.dstack([mean, np.rint(total * 255)]).astype(np.uint8)
 
 
-def _eight_bit(image: NDArray[Any]) -> NDArray[np.uint8]:
+def _eight_bit(image: AnyArray) -> NDArray[np.uint8]:
     return np.asarray(image if image.dtype == np.uint8 else image >> 8, np.uint8)
 
 
