@@ -15,7 +15,7 @@ from workers.model import Json
 
 
 class DrainScope(StrEnum):
-    """What can be told to start nothing new."""
+    """What can be told to start nothing new: the whole queue, a worker process, or a node."""
 
     QUEUE = "queue"
     """All of it."""
@@ -33,12 +33,12 @@ class Slot:
     cpus: float = 1.0
     gpus: float = 0.0
     memory_bytes: int = 0
-    """What is set aside for it; 0: nothing in particular."""
+    """Memory reserved for it; 0: none."""
 
 
 @dataclass(frozen=True)
 class WorkerInfo:
-    """Who a worker is, told once at its start."""
+    """Identity of a worker process, recorded at its start."""
 
     host: str
     role: str
@@ -63,7 +63,7 @@ class Drain:
 
 @dataclass(frozen=True)
 class RunningAttempt:
-    """What a slot runs now."""
+    """The attempt that a slot runs now."""
 
     attempt_id: str
     task_id: str
@@ -92,7 +92,7 @@ class WorkerView:
     "drained"."""
     started_at: float
     seen_at: float
-    """Its last sign of life."""
+    """Time of its last heartbeat."""
     slots: tuple[Slot, ...]
     at_work: tuple[RunningAttempt, ...]
     drain: Drain | None = None

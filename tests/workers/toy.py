@@ -17,7 +17,6 @@ from typing import Any, ClassVar
 from pydantic import Field
 
 from pipeline.errors import BadInput, Cancelled, StorageError, StorageFull
-from pipeline.methods import method, parse_params
 from pipeline.methods.base import (
     InputSpec,
     Method,
@@ -29,6 +28,7 @@ from pipeline.methods.base import (
     TaskResult,
     seeded,
 )
+from tests.workers.relay_method import Relay
 from workers.blobs.base import Blobs
 from workers.faults import failed_outcome
 from workers.model import TaskOrder, TaskOutcome
@@ -120,9 +120,13 @@ class Toy(Method):
     artefacts: ClassVar[tuple[str, ...]] = ("svg",)
 
 
+METHODS: dict[str, type[Method]] = {"toy": Toy, "relay": Relay}
+"""By name: a worker on a Ray cluster has its own registry of methods."""
+
+
 class _Context:
     def __init__(self, blobs: Blobs, order: TaskOrder, report: Tell, cancelled: Callable[[], bool]):
-        self.params = parse_params(method(order.method), order.params)
+        self.params = METHODS[order.method].Params(**order.params)
         self.seed = order.seed
         self.artefacts: dict[str, str] = {}
         self.segment: bytes | None = None
@@ -161,7 +165,7 @@ class ToyRunner:
     def _step(self, order: TaskOrder, report: Tell, cancelled: Callable[[], bool]) -> TaskOutcome:
         began = time.monotonic()
         context = _Context(self._blobs, order, report, cancelled)
-        step = next(step for step in method(order.method).steps if step.name == order.step)
+        step = next(step for step in METHODS[order.method].steps if step.name == order.step)
         task = Task(order.key, order.args, order.after, order.emits)
         result = step.run(task, context)
         key = f"jobs/{order.job_id}/{order.attempt_id}/segment" if context.segment is not None else None

@@ -1,9 +1,9 @@
-"""Frames to a painter in another process, and back: a socket of its own beside the calls of Ray.
+"""Frames to a worker in another process and back, over a socket of their own instead of Ray's calls.
 
-A call of an actor takes 2 ms and 1.5 ms of both cores' time before anything is done (measured, 2.60, two a frame); a
-message here a tenth of that. A frame is one message. Its answers are two: that it was analyzed, then its painting, or
-what was raised. The first bytes are a secret that the service gave to the process when it started it; without them the
-connection is closed.
+A call of a Ray actor costs 2 ms of latency and 1.5 ms of processor time on both sides (measured with Ray 2.60; a frame
+needs two); a message here costs a tenth of that. A frame is one message with two answers: the first when it has been
+analyzed, the second with the painted frame or the error. A connection starts with a secret that the service gave to the
+process; without it the connection is closed.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from workers.live.worker import LiveWorkerLost
 Address = tuple[str, int]
 
 GREET_S = 2.0
-"""Who connects must say the secret in this time: one is served at a time."""
+"""Seconds within which a new connection must send the secret. Connections are served one at a time."""
 CONNECT_S = 5.0
 SECRET_BYTES = 32
 _BUFFER_BYTES = 1 << 22
@@ -40,7 +40,7 @@ class FrameStages(Protocol):
 
 
 class LiveWorkerServer:
-    """The painter's end, in its process: serves one connection after another, on threads of its own.
+    """The worker's end of the channel: serves one connection after another, on its own threads.
 
     Args:
         host: this machine's address, as the service reaches it.
@@ -89,7 +89,7 @@ class LiveWorkerServer:
         return hmac.compare_digest(received, self._secret)
 
     def _analyze(self, wire: socket.socket) -> None:
-        """Look at what comes; another thread paints."""
+        """Analyze frames as they arrive; another thread paints them."""
         tickets: SimpleQueue[bool] = SimpleQueue()
         sending = threading.Lock()
         painting = threading.Thread(target=self._paint, args=(wire, sending, tickets), name="impasto-live-paint")

@@ -38,7 +38,7 @@ def painted_of(message: Message, data: bytes) -> RenderedFrame:
 
 
 def of_error(error: Exception) -> bytes:
-    """Of our own all that they say; of others their name and words."""
+    """Errors of this package are sent with all their fields; of other errors, the class name and the message."""
     if not isinstance(error, ImpastoError):
         return packed({"error": "", "message": f"{type(error).__name__}: {error}"})
     parts = {"message": error.message, "field": error.field, "value": error.value, "remedy": error.remedy}

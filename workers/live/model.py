@@ -19,7 +19,7 @@ class Packet:
     timestamp: int
     """The client's, of any meaning; comes back unchanged."""
     size: Size
-    """As its header says."""
+    """Width and height according to its header."""
     key: bool
     data: bytes
     at_s: float
@@ -62,7 +62,8 @@ class FrameRequest:
     """One frame to paint."""
 
     payloads: tuple[bytes, ...]
-    """The frame last; before it those that it is built on and that are not painted themselves (video codecs)."""
+    """Payloads: last the frame to paint; before it the frames that it is built on and that are not painted (video
+    codecs)."""
     size: Size
     """Of the frame's picture."""
     work_size: Size

@@ -1,13 +1,13 @@
-"""Which frame next: the newest wins. Pure: told what happens, says what to do.
+"""Which frame is painted next: the newest. Pure: methods record what has happened and return what to do.
 
-    arrive ──► waiting (one; with video codecs also what it is built on) ──► analyze ──► paint ──► unsent ──► sent
+    arrive ──► waiting (one; with video codecs also the frames it is built on) ──► analyze ──► paint ──► unsent ──► sent
                   │ another arrives
                   ▼
                dropped
 
-A frame may begin when no finished answer waits unsent, and at most one other frame is in work, which is past its
-`analyze`. The analysis of a frame may overlap the painting of the frame before, and nothing ever queues. While frames
-are painted quicker than they come, none begins before the last is painted: two at once would only hold each other up.
+A frame may begin if no finished answer is still unsent and at most one other frame is in work, past its `analyze`. The
+analysis of a frame may overlap the painting of the frame before; there is no queue. While frames are painted faster
+than they arrive, a frame begins only after the one before is painted, because two at once would slow each other down.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class FramePolicy:
         return not self.pending and not self.unsent
 
     def arrive(self, packet: Packet) -> bool:
-        """A frame came. True: ask the client for a key frame, since nothing can be made of what it sends."""
+        """A frame has arrived. True: ask the client for a keyframe, because its frames cannot be decoded."""
         self.received += 1
         if not self.built_on or packet.key:
             self._drop_waiting()
@@ -117,7 +117,7 @@ class FramePolicy:
         return begun
 
     def analyzed(self, begun: Start) -> None:
-        """The first half of a frame is done. Nothing, if the frame has been lost or finished meanwhile."""
+        """The analysis of a frame is done. No effect if the frame has been lost or finished since."""
         if self._looking is begun.frame:
             self._painting.append(begun.frame)
             self._looking = None
@@ -142,13 +142,13 @@ class FramePolicy:
         return self.restart()
 
     def restart(self) -> bool:
-        """Decoding begins anew. What waits goes on only if it begins with a key frame; True: ask for one."""
+        """Decoding starts again. The waiting frame is kept only if it starts with a keyframe; True: ask for one."""
         if not self.built_on or (self._waiting and self._waiting[0].key):
             return False
         return self._give_up()
 
     def leave(self) -> None:
-        """The client is gone: nothing waits any more and nothing will be sent."""
+        """The client has disconnected: forget the waiting and the finished frames."""
         self._drop_waiting()
         self.dropped += self.unsent
         self.unsent = 0

@@ -1,9 +1,9 @@
-"""Seats on a Ray cluster: a dedicated actor a session, so that one session's death or load is no other's.
+"""Workers on a Ray cluster: one dedicated actor per session, so that a crash or load of one session affects no other.
 
-Actors are kept warm: they have imported everything and let their methods practise before a session takes them. So a
-session begins at once, and one whose actor has died goes on within a second. At first there are `spares` of them, and
-another is made whenever the last is taken: making one costs whoever is at work a second. One that a session gives back
-is used again.
+Actors are kept warm: before a session takes one, it has imported everything and run its methods once. So a session
+starts at once, and a session whose actor has died continues within a second. `spares` actors are started at first, and
+another whenever the last one is taken, because a start costs the running sessions a second of processor time. A
+returned actor is used again.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ LEAVE_WITHIN_S = 5.0
 
 
 async def _answer(ref: ObjectRef) -> Any:
-    """What an actor's method returns, or what it raised itself; LiveWorkerLost if the actor is gone."""
+    """The return value of an actor's method, or the error that it raised; LiveWorkerLost if the actor has died."""
     try:
         return await ref
     except RayTaskError as error:  # the actor lives; our own code has raised

@@ -1,9 +1,9 @@
-"""`LiveRenderer`: the work of one session, wherever it runs. No loop, no Ray: called from two threads.
+"""`LiveRenderer`: the work of one session, in any process. No event loop, no Ray; called from two threads.
 
     analysis thread    open, analyze, change, close    decode, scale, `session.analyze`
     paint thread       paint                           `session.paint`, encode
 
-The result of `analyze` is handed to `paint` inside the process, so that no picture is copied between processes. Every
+The result of `analyze` is passed to `paint` within the process, so that no frame is copied between processes. Every
 `analyze` is followed by one `paint`, in the same order; `paint` raises the errors of both.
 """
 
@@ -77,9 +77,11 @@ class LiveRenderer:
         warm_up_process()
 
     def open(self, order: LiveOrder) -> None:
-        """Begin a stream; of a stream that is open, go on with it for another connection.
+        """Start a stream; if one is open, continue it for another connection.
 
-        Raises: BadParameter, BadMedia, BadInput (method, parameters, a reference), NotFound (a reference is gone).
+        Raises:
+            BadParameter, BadMedia, BadInput: the method, its parameters or a reference cannot be used.
+            NotFound: a reference no longer exists.
         """
         self._renew_threads()
         before = self._order

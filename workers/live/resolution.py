@@ -1,12 +1,12 @@
-"""At which size to work: it falls rather than the delay growing. Pure: told the time.
+"""At which size to paint: the size is reduced before the delay grows. Pure: times are arguments.
 
-Down, when frames miss their deadline: at once when two in a row took more than two periods, else when of those of two
-seconds more than two, and more than one in twenty, were late, or of those of ten seconds more than one in a hundred. Or
-when one of the two halves of the work takes more than a period, at the median of half a second, so that frames are
-dropped. A step may skip rungs.
+Step down: after two consecutive frames that took more than two periods; or when more than two frames and more than one
+in twenty of the last two seconds were late, or more than three and one in a hundred of the last ten seconds; or when
+one half of the work (analysis, painting) takes longer than a period, at the median of half a second, so that frames are
+dropped. One step may skip rungs.
 
-Up by one rung, when the next size up is expected to fit well for some seconds, the slowest twentieth of its frames
-too; twice as many for each time that this size was tried and did not hold.
+Step up by one rung: when the next larger size is expected to fit for some seconds, its slowest twentieth of frames
+included; the time doubles with each failed attempt at that size.
 
 The cost of a frame without decoding is assumed to grow with the side length to the power of 1.2. Measured between
 352x288 and 640x480, it grows with the number of pixels to the power of 0.5 to 0.7. If one step down does not suffice,
@@ -28,24 +28,24 @@ Reason = Literal["slow", "room"]
 SCALES = (1.0, 0.75, 0.5, 0.375, 0.25)
 """Rungs of the ladder: factors of both sides."""
 SETTLE_S = 0.3
-"""The first frames of a stream are no measure: pictures are segmented from nothing, memory is touched for the first
-time."""
+"""Seconds at the start of a stream that are not measured: the first frames are segmented without history, and memory is
+touched for the first time."""
 NOTICED_S = 1 / 30
-"""A delay below this is worth no pixels."""
+"""A delay below this (seconds) does not justify a smaller size."""
 LOOK_BACK_S = 0.5
 LATE_WINDOWS = ((2.0, 2, 0.05), (10.0, 3, 0.01))
-"""(seconds, late frames, share of all): so that in the long run fewer than one in a hundred frames are late."""
+"""(seconds, late frames, share of all frames): in the long run less than one frame in a hundred is late."""
 MARGIN = 0.85
-"""A size is chosen so that frames are expected to take this part of what they may."""
+"""A size fits if its frames are expected to take at most this share of the time they may take."""
 TAIL = 0.95
 AIM = 0.9
-"""Frames that took longer than this part of the deadline count as late: sending takes time as well, and so do tries of
-a larger size."""
+"""Frames that took longer than this share of the deadline count as late, because sending and attempts at a larger size
+need time as well."""
 PATIENCE_S, MOST_PATIENCE_S = 3.0, 120.0
 STABLE_S = 60.0
-"""A step up that is taken back sooner has failed; one that lasts this long makes up for those that did."""
+"""Seconds. A step up that is taken back earlier has failed; one that lasts this long clears the earlier failures."""
 ENOUGH = 4
-"""Frames, for a median."""
+"""Frames needed for a median."""
 MIN_SIDE_PX = 16
 _LATE_PERIODS = 2.0
 _RATE_WINDOW_S = 1.0
@@ -149,11 +149,11 @@ class ResolutionLadder:
         return SCALES[self.rung]
 
     def painted(self, now_s: float, period_s: float, latency_s: float, cost: FrameCost, rung: int) -> Reason | None:
-        """A frame that was begun at `rung` is finished. Says why if the rung has changed.
+        """A frame that was begun at `rung` is finished. Returns the reason if the rung has changed.
 
         Args:
-            period_s: of the client's frames.
-            latency_s: from its arrival until it was painted.
+            period_s: between frames of the client.
+            latency_s: from the arrival of the frame until it was painted.
         """
         if rung != self.rung:
             return None
@@ -170,12 +170,13 @@ class ResolutionLadder:
         return self._rise(now_s) if self._has_spare_time(now_s, period_s) else None
 
     def hurried(self, now_s: float, period_s: float) -> bool:
-        """Whether a frame takes so long that the next must begin before it is painted; False until that is known."""
+        """Whether the next frame must begin before this one is painted to keep the rate; False until enough is
+        measured."""
         costs = [sample.cost.whole_s for sample in self._samples if sample.at_s >= now_s - LOOK_BACK_S]
         return len(costs) >= ENOUGH and median(costs) > MARGIN * period_s
 
     def restart(self) -> None:
-        """Another worker goes on: what was measured before says nothing of its first frames."""
+        """Another worker has taken over: discard the measurements."""
         self._measure_anew(None)
 
     def _keep(self, sample: _Sample) -> None:
@@ -217,7 +218,7 @@ class ResolutionLadder:
         return usual.at(growth).fits(period_s) and self._tail_s(now_s) * growth <= AIM * deadline_s(period_s)
 
     def _tail_s(self, now_s: float) -> float:
-        """What one in twenty of the latest frames took longer than, from arrival to answer."""
+        """95th percentile of the latency of recent frames, from arrival to answer."""
         latest = sorted(sample.latency_s for sample in self._samples if sample.at_s >= now_s - PATIENCE_S)
         return latest[int(TAIL * (len(latest) - 1))]
 
@@ -236,7 +237,7 @@ class ResolutionLadder:
         return "slow"
 
     def _fitting(self, now_s: float, period_s: float) -> int:
-        """The first rung below that is expected to hold."""
+        """The first lower rung at which frames are expected to meet the deadline."""
         usual = self._usual(0.5, now_s)
         below = range(self.rung + 1, len(SCALES))
         return next((r for r in below if usual.at(SCALES[r] / self.scale).fits(period_s)), len(SCALES) - 1)

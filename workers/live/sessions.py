@@ -1,7 +1,5 @@
-"""Live as a service sees it: what can be done, how much room there is, and a `Stream` for a checked order.
-
-For one loop, but for what only reads numbers.
-"""
+"""The live sessions of a service: methods, limits, free places, and a `Stream` for a checked order. For one event loop,
+except for reading numbers."""
 
 from __future__ import annotations
 
@@ -29,7 +27,7 @@ _FITS: Mapping[InputKind, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class LiveLimits:
-    """What is taken."""
+    """Limits of a session's frames."""
 
     side_px: int
     """Longest side of a frame."""
@@ -39,7 +37,7 @@ class LiveLimits:
 
 
 class SessionSlot:
-    """Room for one session, until it is released."""
+    """A reserved place for one session."""
 
     def __init__(self, live: LiveSessions) -> None:
         self._live: LiveSessions | None = live
@@ -52,10 +50,11 @@ class SessionSlot:
 
 
 class LiveSessions:
-    """
+    """All live sessions of this process.
+
     Args:
-        seats: where sessions are painted.
-        settings: how many there may be, and what they may send.
+        workers: where sessions are painted.
+        settings: the number of sessions, and the limits of their frames.
     """
 
     receives = CODECS
@@ -85,7 +84,7 @@ class LiveSessions:
         return tuple(name for name, found in methods().items() if _causal(found))
 
     def place(self) -> SessionSlot:
-        """Room for a session, at once. Raises NoLiveWorker."""
+        """Reserve a place for a session. Raises NoLiveWorker if all are taken."""
         if not self.free:
             raise NoLiveWorker(
                 f"All {self.capacity} live sessions are taken.",
@@ -139,7 +138,7 @@ class LiveSessions:
         return {given: asset_key(asset.id) for given, asset in assets.items()}
 
     def stream(self, order: LiveOrder, adaptive: bool) -> Stream:
-        """A session at work, to be opened. Its place has been taken before."""
+        """A session to be opened. Its place has been reserved before."""
         return Stream(self._workers, order, adaptive)
 
     def _check_size(self, size: Size) -> None:

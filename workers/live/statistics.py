@@ -56,7 +56,7 @@ class FrameStatistics:
             self._stages[name] = self._stages.get(name, 0.0) + seconds
 
     def as_json(self, now_s: float) -> Json:
-        """As the `stats` message says it."""
+        """The fields of the `stats` message."""
         return {
             "received": self.received,
             "painted": self.painted,

@@ -1,6 +1,6 @@
-"""One session at work: frames in, answers out, on a seat that may die.
+"""One running session: frames in, answers out, on a worker that may die.
 
-The decisions are `FramePolicy`'s and `ResolutionLadder`'s; here they are carried out. For one loop only.
+`FramePolicy` and `ResolutionLadder` decide; this module acts. For one event loop only.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from workers.model import Json
 log = logging.getLogger(__name__)
 
 WORKER_WITHIN_S = 60.0
-"""A seat must be had in this time: on a machine that has never run them, kernels are compiled first."""
+"""Seconds until a worker must be ready. On a machine that has never run the kernels, they are compiled first."""
 LEAVE_WITHIN_S = 10.0
 
 
@@ -50,7 +50,7 @@ class Resized:
 
 @dataclass(frozen=True)
 class Replaced:
-    """The worker died; another goes on."""
+    """The worker died; another continues."""
 
     reason: str
 
@@ -66,11 +66,12 @@ Item = Answer | Resized | Replaced | KeyframeNeeded
 
 
 class Stream:
-    """
+    """One session.
+
     Args:
-        seats: where to take a seat from, and another when it dies.
+        workers: the source of the session's worker, and of another if that dies.
         order: what to paint; its size is that of the frames to come.
-        adaptive: whether a smaller size may be worked at.
+        adaptive: whether frames may be painted at a smaller size.
         clock: seconds; `Packet.at_s` is of the same clock.
     """
 
@@ -106,11 +107,11 @@ class Stream:
     # -- life
 
     async def open(self) -> None:
-        """Take a seat and begin. Raises NoLiveWorker, or what `LivePainter.open` raises."""
+        """Take a worker and begin. Raises NoLiveWorker, or what `LiveRenderer.open` raises."""
         self._worker = await self._take()
 
     async def aclose(self) -> None:
-        """Stop, and give the seat back. What is in work is finished first, for nobody."""
+        """Stop and give the worker back, after it has finished the frames in work (their answers are dropped)."""
         self._suspend("closed")
         self._wake()
         if self._replacing is not None:
@@ -122,7 +123,7 @@ class Stream:
             await worker.leave()
 
     def detach(self) -> None:
-        """The connection is gone: what waits is dropped, what is in work is painted for nobody."""
+        """The connection is lost: drop the waiting frame; frames in work are finished and their answers dropped."""
         self._suspend("away")
         self._items.clear()
         self._policy.leave()
@@ -202,8 +203,8 @@ class Stream:
         )
 
     async def _on_worker(self, call: Callable[[LiveWorker], Awaitable[None]], order: LiveOrder) -> None:
-        """Do something on the seat while nothing is in work; from then on `order` is in force. A seat that dies of it
-        is replaced by one that begins with the order as it was, and it is tried there."""
+        """Call the worker while no frame is in work; then `order` is in force. If the worker dies in the call, the call
+        is repeated on a new worker, which starts with the previous order."""
         async with self._idle():
             try:
                 await call(self._open_worker())
@@ -280,7 +281,7 @@ class Stream:
         self._policy.alone = not self._ladder.hurried(now, self._pace.period_s)
 
     def _show(self, size: Size) -> None:
-        """Say that answers have another size, before the first that has."""
+        """Announce another size of answers before the first answer of that size."""
         if size != self._shown_size:
             self._shown_size = size
             self._put(Resized(size, self._ladder.scale, self._why_resized))
@@ -311,7 +312,7 @@ class Stream:
             raise NoLiveWorker("No live worker got ready in time.", remedy="Try again in a minute.") from None
 
     def _lose(self, worker: LiveWorker, reason: str) -> None:
-        """The seat has died: forget what it had in work, take another. Told by everything that it had in work."""
+        """The worker has died: drop its frames and take another. Called once by each of its frames."""
         if worker is not self._worker or "closed" in self._suspended_by:
             return
         self._worker = None
@@ -360,7 +361,7 @@ class Stream:
         self._moved.set()
 
     async def _until(self, true: Callable[[], bool]) -> None:
-        """Wait for it; raise what has ended the stream."""
+        """Wait until the condition holds; raise the error that has ended the stream."""
         while not true():
             if self._failure is not None:
                 raise self._failure

@@ -1,4 +1,5 @@
-"""Where the work of sessions runs: a *seat* a session. Threads of this process (`local_seats`), or Ray actors."""
+"""The interface of live workers, one per session: threads of this process (`local_workers`) or Ray actors
+(`ray_workers`)."""
 
 from __future__ import annotations
 
@@ -11,13 +12,13 @@ from workers.model import Json
 
 
 class LiveWorkerLost(ImpastoError):
-    """The process of a seat died. What it had in work is lost; the session may take another seat."""
+    """The worker's process died. Its frames are lost; the session may take another worker."""
 
     code = "worker-lost"
 
 
 class NoLiveWorker(ImpastoError):
-    """Every seat is taken."""
+    """Every live worker is taken."""
 
     code = "busy"
 
@@ -27,10 +28,10 @@ class NoLiveWorker(ImpastoError):
 
 
 class LiveWorker(Protocol):
-    """A `LiveRenderer` in this process or another. Calls are submitted at once and run in the order of the calls; they
-    raise what the renderer raises, or `LiveWorkerLost`. For one event loop only.
+    """A `LiveRenderer` in this process or another. For one event loop only.
 
-    `analyze` and `paint` of a frame are called together; `paint` waits for `analyze` in the worker.
+    Calls start at once and run in order. They raise what the renderer raises, or `LiveWorkerLost`. `analyze` and
+    `paint` of a frame are called together; `paint` waits for `analyze` in the worker.
     """
 
     def open(self, order: LiveOrder) -> Awaitable[None]: ...
@@ -51,7 +52,7 @@ class LiveWorkers(Protocol):
         ...
 
     async def take(self) -> LiveWorker:
-        """A seat, warm if there is one. Raises NoLiveWorker: none can be had in time."""
+        """A worker, a warm one if there is any. Raises NoLiveWorker if none is ready in time."""
         ...
 
     def stop(self) -> None: ...

@@ -35,7 +35,7 @@ LOWEST = 19
 
 
 class _RenderActor:
-    """Runs one order at a time; answers in between, from a thread of its own, how far it is."""
+    """Runs one order at a time; another thread answers questions about its progress."""
 
     def __init__(self, make_runner: Callable[[Blobs], Runner], blobs: Blobs) -> None:
         os.nice(RENDER_NICENESS)
@@ -73,7 +73,7 @@ class _RenderActor:
 
 
 def _fetch(reference: ObjectRef) -> bytes | None:
-    """What was put; None if it was lost with the actor that had put it."""
+    """The bytes of an artefact; None if they were lost with the actor that stored them."""
     try:
         return cast(bytes, ray.get(reference, timeout=FETCH_S))
     except (RayError, TimeoutError):
@@ -81,11 +81,11 @@ def _fetch(reference: ObjectRef) -> bytes | None:
 
 
 class _LiveActor:
-    """A `LivePainter`. Frames come and go on its `LiveWorkerServer`, on threads of their own; calls are for all else.
+    """An actor with a `LiveRenderer`. Frames use its `LiveWorkerServer` and its threads; everything else is a call.
 
     Args:
-        make_painter: pickled, so that what it needs is imported by `warm_up`.
-        secret: what connections to the post must say.
+        make_painter: pickled, so that its imports happen in `warm_up`.
+        secret: what connections must send first.
     """
 
     def __init__(self, make_painter: bytes, secret: bytes) -> None:
@@ -94,9 +94,9 @@ class _LiveActor:
         self._server: LiveWorkerServer | None = None
 
     def warm_up(self) -> Address:
-        """Returns where its post is, once a first frame costs what others do.
+        """Import and compile everything; then return the address of the frame server.
 
-        It gets ready behind those who are at work: seconds of imports and practice would cost a session its frames.
+        This runs at a low priority: seconds of imports and compilation would delay the frames of running sessions.
         """
         thread = threading.Thread(target=self._get_ready, name="impasto-warm-up")
         thread.start()

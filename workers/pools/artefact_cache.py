@@ -1,8 +1,8 @@
-"""What the tasks of a step hand to each other, at hand: blobs stay the truth, this only saves fetching them.
+"""Artefacts passed between the tasks of a step in memory. Blobs remain the truth; this saves fetching them.
 
-A chain of tasks passes its state on: an artefact that one saves is loaded by the next, often on another machine. Where
-there is a quicker way than the blob store (Ray's shared memory), the bytes go by it as well; if they are lost on it,
-the blob is read. Nothing depends on the shelf but time.
+A chain of tasks passes its state on: an artefact that one task saves is loaded by the next, often on another machine.
+Where there is a faster way than the blob store (Ray's shared memory), the bytes use it as well. If they are lost there,
+the blob is read, so only speed depends on the cache.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from workers.blobs.base import Blobs, Content, Direct
 ARTEFACT = ".npz"
 """What keys of artefacts end with."""
 MOST_BYTES = 16 << 20
-"""Of one artefact on the shelf; larger ones go by the blob store only."""
+"""Largest artefact in the cache, bytes; larger ones use the blob store only."""
 
 Fetch = Callable[[], bytes | None]
 """The bytes, or None: they are not there any more."""
 
 
 class ArtefactCache(Blobs):
-    """A blob store of which some blobs are at hand. For one attempt after another, of which each calls `begin`.
+    """A blob store with some blobs in memory. It serves one attempt after another; each calls `begin`.
 
     Args:
         blobs: the store itself.
@@ -40,11 +40,11 @@ class ArtefactCache(Blobs):
         self._made: dict[str, bytes] | None = None
 
     def begin(self, given: Mapping[str, Fetch], keep: bool) -> None:
-        """An attempt begins.
+        """Start an attempt.
 
         Args:
-            given: blobs that are at hand, by key.
-            keep: whether others wait for its artefacts.
+            given: blobs in memory, by key.
+            keep: whether other tasks wait for its artefacts.
         """
         self._given = given
         self._made = {} if keep else None
@@ -142,6 +142,6 @@ class SharedArtefacts:
                 self._bytes -= size
 
     def of(self, keys: Iterable[str]) -> dict[str, object]:
-        """Those that are there."""
+        """References of those keys that are in memory."""
         with self._lock:
             return {key: self._left[key][0] for key in keys if key in self._left}

@@ -1,4 +1,4 @@
-"""How far an attempt is, and whether it is to stop: asked and told from another thread than the one that works."""
+"""Progress and cancellation of an attempt, used from another thread than the one that runs it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _REMEMBERED = 64
 
 
 class AttemptMonitor:
-    """Stands beside a runner. Thread-safe."""
+    """Runs attempts and reports on the current one. Thread-safe."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()

@@ -1,7 +1,7 @@
-"""Where attempts run: the muscle. `local_pool` runs them in this process, `ray_pool` on a Ray cluster.
+"""The interface of pools, which run attempts: `local_pool` in this process, `ray_pool` on a Ray cluster.
 
-A pool is at-least-once and forgetful: it may lose an attempt (its `Report` then says so) and it keeps nothing over a
-restart. What is true is in the store; attempt ids fence late answers.
+A pool delivers at least once and stores nothing: it may lose an attempt (its `Report` then says so), and after a
+restart it knows none. The database is the truth; attempt ids reject late answers.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from workers.operations import Slot
 
 @dataclass(frozen=True)
 class Report:
-    """What a pool tells the dispatcher about an attempt."""
+    """A pool's message to the dispatcher about an attempt."""
 
     attempt_id: str
     progress: float = 0.0
@@ -30,7 +30,7 @@ class Report:
 
 
 class Tell(Protocol):
-    """How a runner says how far it is, a few times a second."""
+    """Reports progress, a few times a second."""
 
     def __call__(self, done: float, preview: str = "") -> None:
         """
@@ -56,11 +56,11 @@ class Pool(Protocol):
 
     @property
     def shares_memory(self) -> bool:
-        """Whether tasks of a step have a quicker way to each other than the blob store: see `shelf`."""
+        """Whether tasks of a step share artefacts faster than through the blob store: see `artefact_cache`."""
         ...
 
     def drain(self, nodes: Collection[str]) -> None:
-        """Let nothing begin on these nodes until the next call; what runs there goes on."""
+        """Start nothing on these nodes until the next call; running attempts continue."""
         ...
 
     def slots(self) -> tuple[Slot, ...]:

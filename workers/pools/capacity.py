@@ -1,4 +1,4 @@
-"""Room for tasks: what one needs of a machine, against what workers have and machines offer. Pure; knows no cluster."""
+"""Capacity: what a task needs, compared with what workers have and machines offer. Pure; knows no cluster."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _LEAST_BYTES = 512 << 20
 
 @dataclass(frozen=True)
 class Capacity:
-    """So much of a machine."""
+    """Processors, GPUs and memory of a machine, or a part of it."""
 
     cpus: float
     gpus: float
@@ -31,15 +31,13 @@ class Capacity:
 
 
 def default_capacity(settings: FarmSettings) -> Capacity:
-    """What a worker has that waits for whatever comes. No GPU: it would keep others from it, or stand idle without."""
+    """Capacity of an idle worker. No GPU: it would be blocked for others, or unused."""
     return Capacity(settings.task_cpus, 0.0, settings.task_memory_bytes)
 
 
 def capacity_for(resources: Resources | None, settings: FarmSettings) -> Capacity:
-    """What a task is given: what it needs, and by the farm's settings where it does not say.
-
-    Memory is rounded up, and never less than the farm gives to every task.
-    """
+    """Capacity for a task: what it declares, and the farm's settings for the rest. Memory is rounded up, to at least
+    the farm's value for every task."""
     given = resources or Resources()
     return Capacity(
         settings.task_cpus if given.cpus is None else given.cpus,
@@ -63,7 +61,7 @@ Machines = Iterable[tuple[str, Capacity]]
 
 
 def machines_with(wanted: Capacity, machines: Machines) -> set[str]:
-    """Names of the machines that have so much."""
+    """Names of the machines that have this capacity."""
     return {name for name, machine in machines if machine.covers(wanted)}
 
 

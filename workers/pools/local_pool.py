@@ -30,7 +30,7 @@ class Runner(Protocol):
 
 
 class LocalPool:
-    """`workers` threads, each with a runner of its own, made in the thread at its first order."""
+    """`workers` threads; each makes its own runner at its first order."""
 
     shares_memory = False
 

@@ -1,4 +1,4 @@
-"""The way into a Ray cluster: one of our own on this machine, or one that is there."""
+"""Connects to a Ray cluster: an existing one, or one started on this machine."""
 
 from __future__ import annotations
 

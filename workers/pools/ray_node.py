@@ -17,12 +17,13 @@ STOP_S = 20.0
 
 
 class RayNode:
-    """A raylet, from `with` to its end. Raises StorageError if it does not come up, or goes.
+    """A Ray node of an existing cluster, for the duration of a `with` block. Raises StorageError if it does not start,
+    or ends.
 
     Args:
         address: host:port of the cluster's head.
         name: as operators know the node.
-        cpus: tasks that may run here at once, of one processor each.
+        cpus: tasks that may run here at once, one processor each.
         gpus: to offer; None: those that Ray finds.
         memory_gib: to offer; None: what Ray finds free, less its object store.
     """
@@ -65,7 +66,7 @@ class RayNode:
         self._output.close()
 
     def check(self) -> None:
-        """Raise StorageError if the node has gone: the head may have."""
+        """Raise StorageError if the node has ended, for example because the head has."""
         assert self._process is not None
         if self._process.poll() is not None:
             self._output.seek(0)

@@ -1,11 +1,12 @@
-"""Attempts on a Ray cluster: one actor a worker. Ray is muscle: it retries nothing and keeps nothing for us.
+"""Attempts on a Ray cluster: one actor per worker. Ray only runs code: it retries nothing and stores nothing for us.
 
-An actor counts as capacity once it has said hello, so that a cluster with fewer processors than workers simply does
-less at once. When an actor dies its attempt is reported as lost and another actor takes its place.
+An actor counts as capacity after it has started, so that a cluster with fewer processors than workers runs fewer tasks
+at once. When an actor dies its attempt is reported as lost, and another actor replaces it.
 
-An actor has its room (processors, part of a GPU, memory) from Ray, so that no machine is given more than it has. A
-task that fits into no idle actor's room takes the place of one with an actor of its own, which waits for a machine with
-room: an autoscaler may make one. If none of now could ever hold it, the task says so while it waits, and fails at last.
+Ray reserves an actor's capacity (processors, part of a GPU, memory), so that no machine is overcommitted. A task that
+fits into no idle actor gets an actor of its own in the place of an idle one. That actor waits for a machine that is
+large enough, because an autoscaler may add one. If no machine of the cluster could hold it, the task's status says so,
+and after `capacity_wait_s` the task fails.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ log = logging.getLogger(__name__)
 _TICK_S = 0.25
 """How often progress is asked for while something runs."""
 _PATIENCE_S = 3.0
-"""How long an actor waits for room before an idle one makes it: as long as one takes to start."""
+"""Seconds that a starting actor waits for capacity before an idle actor is ended for it: as long as a start takes."""
 _HANDED_BYTES = 64 << 20
 """Of artefacts in Ray's shared memory, over all nodes: with those just made far below what Ray begins to spill at. To
 spill them took a seventh of two processors."""
@@ -50,13 +51,13 @@ spill them took a seventh of two processors."""
 
 @dataclass
 class _Worker:
-    """An actor and what it does."""
+    """An actor and its current attempt."""
 
     actor: Actor
     hello: ObjectRef
     """Reference to its greeting, until that has come."""
     capacity: Capacity
-    """What it has from Ray."""
+    """What Ray has reserved for it."""
     avoids: frozenset[str] = frozenset()
     """Ids of Ray nodes where it was not to begin."""
     name: str = ""
@@ -65,7 +66,7 @@ class _Worker:
     patient_since: float = field(default_factory=time.monotonic)
     """Since when it has waited for a machine without having been helped."""
     hopeless_since: float | None = None
-    """Since when no machine of the cluster could hold it, however idle."""
+    """Since when no machine of the cluster could hold it, even if idle; monotonic s."""
     answer: ObjectRef = None
     """Reference to the outcome of the attempt."""
 
@@ -75,11 +76,11 @@ class _Worker:
 
 
 class RayPool:
-    """`settings.workers` actors on the cluster at `settings.ray_address` ("local": one of its own, on this machine).
+    """`settings.workers` actors on the cluster at `settings.ray_address` ("local": a cluster on this machine).
 
     Args:
-        blobs: pickled to the actors as it is; on several machines S3, or a folder that they share.
-        make_runner: from the blobs, called once an actor; None: a Renderer.
+        blobs: pickled to the actors: S3, or a folder that all machines share.
+        make_runner: makes an actor's runner from the blobs; None: a Renderer.
     """
 
     def __init__(
@@ -105,9 +106,9 @@ class RayPool:
         """What keeps every worker from starting, in words."""
         self._drained: frozenset[str] = frozenset()
         self._avoided: frozenset[str] = frozenset()
-        """Ids of the nodes that are held."""
+        """Ids of the drained nodes."""
         self._owed = 0
-        """Actors that were ended to make room for others."""
+        """Number of idle actors that were ended to free capacity and are to be replaced."""
 
     @property
     def capacity(self) -> int:
@@ -128,7 +129,7 @@ class RayPool:
         return tuple(Slot(w.name, w.node, w.capacity.cpus, w.capacity.gpus, w.capacity.memory_bytes) for w in there)
 
     def drain(self, nodes: Collection[str]) -> None:
-        """Idle actors of these nodes move to others, as far as there is room."""
+        """Idle actors of these nodes move to others, as far as there is capacity."""
         if self._drained == frozenset(nodes):
             return
         names = _node_names()
@@ -214,7 +215,7 @@ class RayPool:
                 self._news.wait(1.0)
 
     def _collect(self, timeout_s: float) -> bool:
-        """Take what has come within `timeout_s`; False at once if nothing is awaited."""
+        """Handle the answers that arrive within `timeout_s`; False at once if none is expected."""
         with self._lock:
             awaited = {w.hello if w.hello is not None else w.answer: w for w in self._workers}
         awaited.pop(None, None)
@@ -278,7 +279,7 @@ class RayPool:
     # -- actors
 
     def _free_capacity(self) -> None:
-        """End an idle actor where one that has waited a while could begin; once nobody waits, make up for it."""
+        """End idle actors for actors that have waited for capacity; start them again once none waits."""
         now = time.monotonic()
         with self._lock:
             unborn = [worker for worker in self._workers if not worker.name]
@@ -294,7 +295,7 @@ class RayPool:
             self._update_shortage(machines)
 
     def _check_waiting(self, worker: _Worker, machines: Machines, now: float) -> None:
-        """See to an actor that waits for room."""
+        """Free capacity for a waiting actor, or fail its attempt if no machine is large enough."""
         suitable = machines_with(worker.capacity, machines)
         if suitable:
             worker.hopeless_since = None
@@ -317,7 +318,7 @@ class RayPool:
         self._listen(Report(attempt_id, outcome=failed_outcome(attempt_id, error), worker="none"))
 
     def _update_shortage(self, machines: Machines) -> None:
-        """Operators are told, once, when no worker can start on any machine."""
+        """Log once for operators when no worker can start on any machine."""
         with self._lock:
             hopeless = bool(self._workers) and all(worker.hopeless_since is not None for worker in self._workers)
         message = f"{shortage(self._usual, machines)}: no worker can start." if hopeless else ""
@@ -364,7 +365,7 @@ class RayPool:
 
 
 def _node_names() -> dict[str, str]:
-    """By the id of every Ray node: the name that it was started with, else its host's."""
+    """Names of Ray's nodes by id: the name given at the start, else the host name."""
     return {node["NodeID"]: _node_name(node) for node in RAY.nodes()}
 
 
