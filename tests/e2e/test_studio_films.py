@@ -5,12 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 import httpx
+import numpy as np
 import pytest
 from playwright.sync_api import expect
 
 from tests.e2e.studio import (
     SOON_MS,
+    asset,
     choose_style,
+    decoded,
     draw,
     frames_of,
     layer_of,
@@ -21,10 +24,11 @@ from tests.e2e.studio import (
     result,
     saved,
     service,
+    start_painting,
     stored,
     video,
 )  # fmt: skip
-from tests.e2e.test_page import FPS, FRAMES, Watched, browser, clip, make_clip, watched
+from tests.e2e.test_page import FPS, FRAMES, HEIGHT, WIDTH, Watched, browser, clip, make_clip, watched
 
 __all__ = ["browser", "clip", "service", "video", "watched"]
 
@@ -109,3 +113,34 @@ def test_a_region_is_picked_split_merged_and_painted(
     assert [(key["region"], key["frame"]) for key in layer["style_keys"]] == [("region-2", 4), ("region-2", FRAMES - 1)]
     assert [key["region"] for key in layer["directions"]] == ["rest"]
     assert result(service, render(page)) == rendered_by_command(service, project, tmp_path)
+
+
+def test_a_frame_of_the_result_is_corrected_and_the_film_has_both_keys(
+    watched: Watched, service: str, video: str, tmp_path: Path
+) -> None:
+    page = watched.page
+    asked: list[dict[str, object]] = []
+    page.on("request", lambda request: request.url.endswith("/propagate") and asked.append(request.post_data_json))
+    project = open_project(page, service, video, "analogy", params={}, inputs={})
+    start_painting(page)
+    draw(page, (0.1, 0.2), (0.9, 0.2))
+    saved(page)
+    expect(page.get_by_role("group", name="Frames painted from this key").get_by_role("button")).to_have_count(
+        7, timeout=90_000
+    )
+    assert {body["around"] for body in asked} == {3}, "what is prepared is what is used"
+    page.get_by_role("button", name="Frame 7", exact=True).click()
+    page.get_by_role("button", name="Correct this frame").click()
+    expect(page.get_by_role("button", name="Key at frame 7")).to_be_visible(timeout=SOON_MS)
+    expect(page.get_by_role("button", name="Painted frame", exact=True)).to_be_visible()
+    draw(page, (0.2, 0.8), (0.8, 0.8))
+    saved(page)
+    document = stored(service, project)
+    first, second = layer_of(document)["keys"]
+    assert (first["frame"], second["frame"]) == (4, 6)
+    pictures = [decoded(asset(service, document, key["image"])) for key in (first, second)]
+    row, column = int(0.2 * HEIGHT), WIDTH // 2
+    assert pictures[1][row, column, 2] > 180, "the first key's stroke is in the corrected frame"
+    film = frames_of(result(service, render(page)))
+    for key, picture in zip((first, second), pictures, strict=True):
+        assert np.array_equal(film[key["frame"]], picture)

@@ -21,6 +21,10 @@ from workers.previews.warm import WarmFrames
 
 LEAD_FRAMES = 2
 """Frames before the wanted one that a causal method sees first, so that motion and memory count."""
+KEY_REACH_FRAMES = 12
+"""Frames from a painted key in which a preview of one frame is painted from it; the film reaches further."""
+KEYS = "keys.image"
+"""The part of a layer that painted keys are."""
 REFERENCE_FRAMES = 24
 Artefacts = Mapping[str, Mapping[str, bytes]]
 
@@ -41,14 +45,16 @@ class LayerPainter:
         self._kinds = {spec.name: spec.kind for spec in self._method.inputs}
 
     def frame(self, number: int, side_px: int) -> Frame:
-        """Frame `number`, scaled to fit, painted: by the method's own preview, its stream, or its plan over this frame
-        alone, in which painted keys have no part."""
+        """Frame `number`, scaled to fit, painted: by the method's own preview, by its plan from the nearest painted key
+        to this frame, by its stream, or by its plan over this frame alone."""
         total = self._frames.info(self._layer.video).frames
         number = min(number, total - 1)
         lead = self._frames.frames(self._layer.video, number - LEAD_FRAMES, number + 1, side_px)
         self._check()
         if (own := self._by_method(lead, number, total)) is not None:
             return own
+        if (key := self._nearest_key(number)) is not None:
+            return dict(self.planned(min(key, number), max(key, number) + 1, side_px, {}))[number]
         if (streamed := self._streamed(lead, side_px)) is not None:
             return streamed
         params = self._method.single_frame_params(self._params)
@@ -87,6 +93,13 @@ class LayerPainter:
             inputs[name] = window_document(value, (start, stop))
         for index, picture in painted(self._method, self._params, self._layer.seed, video, inputs, self._check):
             yield start + index, picture
+
+    def _nearest_key(self, number: int) -> int | None:
+        """The painted key that is nearest to a frame; None if there is none within `KEY_REACH_FRAMES`."""
+        painted = {frame for spec in self._method.inputs if spec.part == KEYS
+                   for frame in self._layer.images.get(spec.name, {})}  # fmt: skip
+        reached = [frame for frame in painted if abs(frame - number) <= KEY_REACH_FRAMES]
+        return min(reached, key=lambda frame: (abs(frame - number), frame), default=None)
 
     def directions(self, number: int, side_px: int) -> tuple[NDArray[np.float32] | None, tuple[int, int]]:
         """Stroke directions of a frame (see `Method.directions`), and its size (width, height)."""

@@ -14,13 +14,11 @@ from pipeline.errors import BadInput, BadParameter, Cancelled
 from pipeline.methods import method
 from workers.previews.context import PreviewContext
 from workers.previews.model import LayerSources, Overtaken, Record
-from workers.previews.painting import LayerPainter, resized
+from workers.previews.painting import KEYS, LayerPainter, resized
 from workers.previews.propagators import PROXY_SIDE_PX, forget_propagator, propagator_of
 
 _LOG = logging.getLogger(__name__)
 
-KEYS = "keys.image"
-"""The part of a layer that painted keys are."""
 MASKS = "keys.mask"
 """The part of a layer that says where they are painted."""
 

@@ -133,6 +133,14 @@ class Designer {
     this.keys.png(frame).then((picture) => this.previews.prepare(frame, picture), notify);
   }
 
+  /** Make the shown frame, as it is painted now, a key to be corrected by hand. */
+  async correctFrame(): Promise<void> {
+    const { store } = this;
+    const frame = store.frame.value;
+    await this.keys.correct(frame, await this.previews.full(frame));
+    if (store.frame.value === frame) store.tool.value = "brush";
+  }
+
   async saveAll(): Promise<boolean> {
     await this.keys.flush();
     return this.saver.flush();
@@ -192,7 +200,12 @@ function DesignerPage({ designer, reload }: { designer: Designer; reload(): void
         </div>
         <Filmstrip store={store} playback={designer.playback} />
       </div>
-      <Panel store={store} keys={designer.keys} saveAll={() => designer.saveAll()} />
+      <Panel
+        store={store}
+        keys={designer.keys}
+        saveAll={() => designer.saveAll()}
+        correct={() => designer.correctFrame()}
+      />
     </>
   );
 }

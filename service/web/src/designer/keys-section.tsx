@@ -9,12 +9,26 @@ import type { PaintedKeys } from "./keys";
 import type { Result, Store } from "./store";
 import { changePictureLayer, type KeyPicture, type PictureLayer } from "./strokes";
 
-export function KeysSection({ store, keys }: { store: Store; keys: PaintedKeys }) {
+export interface KeysSectionProps {
+  store: Store;
+  keys: PaintedKeys;
+  /** Make the shown frame, as it is painted now, a key. */
+  correct(): Promise<void>;
+}
+
+export function KeysSection({ store, keys, correct }: KeysSectionProps) {
+  const [waiting, setWaiting] = useState(false);
   const frame = store.frame.value;
   const frames = keyFrames(store);
   const here = frames.includes(frame);
   const paint = () => {
     store.tool.value = "brush";
+  };
+  const takeResult = () => {
+    setWaiting(true);
+    correct()
+      .catch(notify)
+      .finally(() => setWaiting(false));
   };
   return (
     <section class="side-section" aria-labelledby="keys-title">
@@ -27,6 +41,18 @@ export function KeysSection({ store, keys }: { store: Store; keys: PaintedKeys }
           <Icon name="brush" />
           {here ? "Paint on this key" : `Paint frame ${frame + 1}`}
         </button>
+        {!here && frames.length > 0 && store.previews.value && (
+          <button
+            type="button"
+            class="button small"
+            disabled={waiting}
+            title="The frame as it is painted now becomes a key, for you to paint over"
+            onClick={takeResult}
+          >
+            <Icon name="brush" />
+            {waiting ? "Painting it…" : "Correct this frame"}
+          </button>
+        )}
         <ImportButton store={store} keys={keys} />
         <button type="button" class="button small" onClick={() => exportFrame(store, keys)}>
           <Icon name="download" />

@@ -167,6 +167,15 @@ export class PaintedKeys {
     });
   }
 
+  /** Make a painted frame the lowest layer of a key, to be corrected by hand. */
+  async correct(frame: number, painted: Blob): Promise<void> {
+    const asset = await upload(new File([painted], `frame-${frame}.png`, { type: "image/png" }));
+    this.raster.setBase(asset.id, await createImageBitmap(painted));
+    this.edit("Correct a frame", frame, {
+      layers: [emptyLayer("result", "Painted frame", asset.id), emptyLayer(PAINT_LAYER, "Paint", null)],
+    });
+  }
+
   remove(frame: number): void {
     const key = pictureKey(this.store.layer.value.id, frame);
     const place = this.store.place;

@@ -22,9 +22,11 @@ export interface PanelProps {
   keys: PaintedKeys;
   /** Save everything; false if that failed. */
   saveAll(): Promise<boolean>;
+  /** Make the shown frame, as it is painted now, a key. */
+  correct(): Promise<void>;
 }
 
-export function Panel({ store, keys, saveAll }: PanelProps) {
+export function Panel({ store, keys, saveAll, correct }: PanelProps) {
   const method = store.method.value;
   return (
     <aside class="panel designer-panel" aria-label="Settings">
@@ -36,7 +38,13 @@ export function Panel({ store, keys, saveAll }: PanelProps) {
           <Embedded key={`cards-${store.layer.value.id}-${store.layer.value.method}`} make={() => methodCards(store)} />
         </details>
         {method && (
-          <MethodParts key={`${store.layer.value.id}-${method.name}`} store={store} keys={keys} method={method} />
+          <MethodParts
+            key={`${store.layer.value.id}-${method.name}`}
+            store={store}
+            keys={keys}
+            method={method}
+            correct={correct}
+          />
         )}
       </div>
       <SubmitBar store={store} saveAll={saveAll} />
@@ -44,11 +52,15 @@ export function Panel({ store, keys, saveAll }: PanelProps) {
   );
 }
 
-function MethodParts({ store, keys, method }: { store: Store; keys: PaintedKeys; method: Method }) {
+interface MethodPartsProps extends Omit<PanelProps, "saveAll"> {
+  method: Method;
+}
+
+function MethodParts({ store, keys, method, correct }: MethodPartsProps) {
   return (
     <>
       <Embedded make={() => inputSlots(store, method)} />
-      {method.name === "analogy" && <KeysSection store={store} keys={keys} />}
+      {method.name === "analogy" && <KeysSection store={store} keys={keys} correct={correct} />}
       {method.name === "patches" && <ScribblesSection store={store} keys={keys} />}
       {method.name === "multistyle" && <RegionsSection store={store} />}
       <Embedded make={() => settings(store, method)} />

@@ -16,6 +16,8 @@ const AROUND = 3;
 export interface Previews {
   /** Repaint the frames around a key from it. */
   propagate(frame: number): void;
+  /** A frame as the film will have it, painted at the video's size; PNG. Keys further than a dozen frames do not count. */
+  full(frame: number): Promise<Blob>;
   /** Let the service prepare for that, with a first picture of the frame that is about to be painted. */
   prepare(frame: number, picture: Blob): void;
   close(): void;
@@ -25,6 +27,7 @@ export function startPreviews(store: Store): Previews {
   let timer = 0;
   let running = new AbortController();
   let around = new AbortController();
+  const life = new AbortController();
   let ready = false;
 
   hasPreviews(store.projectId).then((found) => {
@@ -152,7 +155,30 @@ export function startPreviews(store: Store): Previews {
     }).catch((error) => isAbort(error) || console.info("Impasto: no preparation.", error));
   }
 
+  async function full(frame: number): Promise<Blob> {
+    const { width, height } = store.size;
+    const layer = shownAlone(store.shot.value, store.layerId.value);
+    const place = { document: store.document.value, shot: store.shot.value.id, layer };
+    let found: Blob | null = null;
+    store.busy.value = "Painting this frame at full size…";
+    await preview({
+      project: store.projectId,
+      what: "paint",
+      channel: "full",
+      body: { ...place, frame, coarse: false, max_side_px: Math.max(width, height) },
+      signal: life.signal,
+      onrecord({ header, payload }) {
+        if (header.type === "frame" && header.final) found = new Blob([payload], { type: header.media_type });
+      },
+    }).finally(() => {
+      store.busy.value = "";
+    });
+    if (!found) throw new legacy.Problem({ detail: "The frame could not be painted.", remedy: "Try it again." });
+    return found;
+  }
+
   return {
+    full,
     prepare: (frame, picture) => void prepare(frame, picture),
     propagate: (frame) => void propagate(frame),
     close() {
@@ -160,6 +186,7 @@ export function startPreviews(store: Store): Previews {
       clearTimeout(timer);
       running.abort();
       around.abort();
+      life.abort();
     },
   };
 }
