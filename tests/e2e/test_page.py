@@ -71,14 +71,14 @@ def serve(home: Path, **settings: str) -> Iterator[str]:
         server = subprocess.Popen(command, cwd=ROOT, stdout=sink, stderr=sink, env=env)
     try:
         address = f"http://127.0.0.1:{port}"
-        _wait_ready(address, server, log)
+        wait_ready(address, server, log)
         yield address
     finally:
         server.terminate()
         server.wait(20)
 
 
-def _wait_ready(address: str, server: subprocess.Popen[bytes], log: Path) -> None:
+def wait_ready(address: str, server: subprocess.Popen[bytes], log: Path) -> None:
     deadline = time.monotonic() + 60
     while time.monotonic() < deadline and server.poll() is None:
         try:

@@ -36,6 +36,9 @@ export interface Saver {
   close(): void;
 }
 
+/** Whether the same request may succeed later: the service is away or overloaded. */
+export const isPassing = ({ code, status }: Problem): boolean => code === "offline" || status >= 500 || status === 429;
+
 const DELAY_MS = 400;
 const RETRY_MS = 3000;
 
@@ -111,7 +114,7 @@ export function createSaver({
     if (problem.status === 412) {
       conflict = true;
       onstate({ name: "conflict" });
-    } else if (problem.code === "offline" || problem.status >= 500 || problem.status === 429) {
+    } else if (isPassing(problem)) {
       onstate({ name: "offline", problem });
       schedule(RETRY_MS);
     } else {

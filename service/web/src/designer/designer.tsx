@@ -6,7 +6,7 @@ import { useEffect, useRef } from "preact/hooks";
 import * as shared from "../shared/api";
 import { notify } from "../shared/notices";
 import type { Asset, Method, View as PageView } from "../shared/types";
-import { type Project, saveProject } from "./api";
+import { type Project, readProject, saveProject } from "./api";
 import { createSaver, type Saver } from "./autosave";
 import { createDirectionTool } from "./direction-tool";
 import { type ProjectDocument, pruneAssets } from "./document";
@@ -21,23 +21,9 @@ import { createLassoTool, createRegionTool, type RegionTool } from "./region-too
 import { SaveNote } from "./save-note";
 import { installShortcuts } from "./shortcuts";
 import { mountStage, type Stage, type StageParts } from "./stage";
-import { PAINT_TOOLS, Store, type Tool } from "./store";
+import { PAINT_TOOLS, type State, Store, type Tool } from "./store";
 import { StageBar, Toolbar, toolsOf } from "./toolbar";
-
-const draftKey = (id: string): string => `impasto.project:${id}`;
-
-interface Draft {
-  version: number;
-  document: ProjectDocument;
-}
-
-/** Changes that a crashed page could not save, if they follow the stored version. */
-function keptDraft(project: Project): ProjectDocument | null {
-  const text = localStorage.getItem(draftKey(project.id));
-  if (!text) return null;
-  const draft: Draft = JSON.parse(text);
-  return draft.version === project.version ? draft.document : null;
-}
+import { dropUnsaved, readUnsaved, type Unsaved, writeUnsaved } from "./unsaved";
 
 class Designer {
   readonly store: Store;
@@ -51,6 +37,9 @@ class Designer {
   stage: Stage | null = null;
   private readonly previews: Previews;
   private prepared = false;
+  private readonly restored: Unsaved | null;
+  /** The document, while it is not saved. */
+  private unsaved: ProjectDocument | null = null;
   private readonly closers: (() => void)[] = [];
 
   constructor(project: Project, asset: Asset, methods: readonly Method[]) {
@@ -68,6 +57,7 @@ class Designer {
     };
     this.parts = { store, frames: this.frames, keys: this.keys, paint: this.paint, tools };
     this.playback = createPlayback(store);
+    this.restored = readUnsaved(project.id);
     this.saver = this.startSaving(project);
     this.previews = startPreviews(store);
     this.closers.push(this.followFrame(), this.followDocument());
@@ -78,28 +68,61 @@ class Designer {
       tools: () => toolsOf(store.layer.value.method, store.previews.value),
     };
     this.closers.push(installShortcuts(shortcuts));
-    const draft = keptDraft(project);
-    if (draft) store.editDocument("Restore unsaved changes", () => draft);
+    if (this.restored) store.edit("Restore unsaved changes", (state) => withUnsaved(state, this.restored));
+    this.closers.push(
+      this.keepWhenClosed(),
+      effect(() => this.keepUnsaved(this.keys.pending())),
+    );
   }
 
+  /** Unsaved changes that follow another version than the stored one are a conflict, which the page shows. */
   private startSaving(project: Project): Saver {
-    const { store } = this;
     return createSaver({
-      version: project.version,
+      version: this.restored?.version ?? project.version,
       document: project.document,
-      save: (document, version) => saveProject(project.id, pruneAssets(document), version),
+      save: (document, version) => this.save(pruneAssets(document), version),
       asProblem: shared.asProblem,
       onstate: (state) => {
-        store.saving.value = state;
+        this.store.saving.value = state;
       },
-      keep: (document) => this.keepDraft(document),
+      keep: (document) => {
+        this.unsaved = document;
+        this.keepUnsaved(this.keys.pending());
+      },
     });
   }
 
-  private keepDraft(document: ProjectDocument | null): void {
-    const key = draftKey(this.store.projectId);
-    if (document) localStorage.setItem(key, JSON.stringify({ version: this.saver?.version ?? 0, document }));
-    else localStorage.removeItem(key);
+  /** Save; a version with the very same document, of which the answer was lost, is as good. */
+  private async save(document: ProjectDocument, version: number): Promise<number> {
+    try {
+      return await saveProject(this.store.projectId, document, version);
+    } catch (error) {
+      if (!(error instanceof shared.Problem) || error.status !== 412) throw error;
+      const stored = await readProject(this.store.projectId);
+      if (JSON.stringify(stored.document) !== JSON.stringify(document)) throw error;
+      return stored.version;
+    }
+  }
+
+  private keepUnsaved(pictures: Unsaved["pictures"]): void {
+    const { projectId, document } = this.store;
+    if (!this.unsaved && !Object.keys(pictures).length) {
+      dropUnsaved(projectId);
+      return;
+    }
+    const unsaved = { version: this.saver?.version ?? 0, document: this.unsaved ?? document.peek(), pictures };
+    try {
+      writeUnsaved(projectId, unsaved);
+    } catch (error) {
+      console.info("Impasto: this browser has no room for unsaved changes.", error);
+    }
+  }
+
+  /** A stroke under the pen is kept, too, when the page closes. */
+  private keepWhenClosed(): () => void {
+    const settle = () => this.paint.settle();
+    window.addEventListener("pagehide", settle);
+    return () => window.removeEventListener("pagehide", settle);
   }
 
   private followDocument(): () => void {
@@ -143,7 +166,7 @@ class Designer {
 
   async saveAll(): Promise<boolean> {
     await this.keys.flush();
-    return this.saver.flush();
+    return (await this.saver.flush()) && !this.store.uploading.value;
   }
 
   close(): void {
@@ -157,6 +180,9 @@ class Designer {
     this.stage?.close();
   }
 }
+
+const withUnsaved = (state: State, unsaved: Unsaved | null): State =>
+  unsaved ? { document: unsaved.document, pictures: { ...state.pictures, ...unsaved.pictures } } : state;
 
 export interface DesignerOptions {
   project: Project;
@@ -183,7 +209,7 @@ export function createDesigner({ project, asset, methods, reload }: DesignerOpti
 function DesignerPage({ designer, reload }: { designer: Designer; reload(): void }) {
   const { store } = designer;
   const discard = () => {
-    localStorage.removeItem(draftKey(store.projectId));
+    dropUnsaved(store.projectId);
     reload();
   };
   return (

@@ -26,6 +26,22 @@ export function openFrames(asset: Asset, onshown: () => void): FrameSource {
   return mayPlay(asset) ? browserFrames(asset, onshown) : serviceFrames(asset, onshown);
 }
 
+const COPY_TIMEOUT_MS = 20_000;
+
+/** A picture of any frame at the video's size, whichever the stage shows. */
+export function copyFrame(asset: Asset, frame: number): Promise<ImageBitmap> {
+  return new Promise((resolve, reject) => {
+    const problem = () => new api.Problem({ detail: `Frame ${frame + 1} cannot be read.`, remedy: "Try it again." });
+    const timer = setTimeout(() => finish(Promise.reject(problem())), COPY_TIMEOUT_MS);
+    const source = openFrames(asset, () => source.shown === frame && finish(source.copy()));
+    const finish = (copied: Promise<ImageBitmap>) => {
+      clearTimeout(timer);
+      copied.then(resolve, reject).finally(() => source.close());
+    };
+    source.seek(frame);
+  });
+}
+
 const sizeOf = (asset: Asset): Size => ({ width: asset.info.width ?? 16, height: asset.info.height ?? 9 });
 
 function browserFrames(asset: Asset, onshown: () => void): FrameSource {

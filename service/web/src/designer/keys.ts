@@ -7,6 +7,7 @@ import { effect } from "@preact/signals";
 import * as api from "../shared/api";
 import type { Asset } from "../shared/types";
 import { upload } from "../shared/upload";
+import { isPassing } from "./autosave";
 import {
   addAsset,
   changeLayer,
@@ -19,7 +20,7 @@ import {
   removeAtFrame,
   shotOf,
 } from "./document";
-import type { FrameSource } from "./frames";
+import { copyFrame, type FrameSource } from "./frames";
 import { PictureRaster } from "./raster";
 import { pictureKey, type State, type Store } from "./store";
 import type { KeyPicture, PictureLayer, Stroke } from "./strokes";
@@ -29,6 +30,9 @@ import { rewrite } from "./undo";
 export const FRAME_LAYER = "frame";
 export const PAINT_LAYER = "paint";
 const REST_MS = 250;
+const RETRY_MS = 3000;
+/** How often to look, every 30 ms, whether the stage shows the frame. */
+const SHOWN_TRIES = 40;
 
 const baseOf = (layer: string, frame: number): string => `${FRAME_LAYER}:${layer}:${frame}`;
 
@@ -89,9 +93,9 @@ export class PaintedKeys {
   private async basePicture(base: string): Promise<ImageBitmap> {
     if (!base.startsWith(`${FRAME_LAYER}:`)) return readPicture(base);
     const frame = Number(base.split(":").at(-1));
-    for (let tries = 0; this.frames.shown !== frame && tries < 100; tries++)
-      await new Promise((done) => setTimeout(done, 30));
-    return this.frames.copy();
+    const coming = () => this.store.frame.peek() === frame && this.frames.shown !== frame;
+    for (let tries = 0; coming() && tries < SHOWN_TRIES; tries++) await new Promise((done) => setTimeout(done, 30));
+    return this.frames.shown === frame ? this.frames.copy() : copyFrame(this.store.asset, frame);
   }
 
   private isStored(frame: number): boolean {
@@ -198,8 +202,29 @@ export class PaintedKeys {
 
   /** Upload every painted key that has changed; resolves when all are in the document. */
   flush(): Promise<void> {
-    this.running = this.running.then(() => this.uploadAll()).catch((error) => this.onproblem(api.asProblem(error)));
+    clearTimeout(this.timer);
+    this.running = this.running
+      .then(() => this.uploadAll())
+      .then(
+        () => {
+          this.store.uploadsWait.value = false;
+        },
+        (error) => this.failed(api.asProblem(error)),
+      );
     return this.running;
+  }
+
+  /** Try again later if that may help. */
+  private failed(problem: api.Problem): void {
+    this.store.uploadsWait.value = isPassing(problem);
+    if (isPassing(problem)) this.timer = window.setTimeout(() => this.flush(), RETRY_MS);
+    else this.onproblem(problem);
+  }
+
+  /** Pictures that are not uploaded yet. */
+  pending(): Record<string, KeyPicture> {
+    const all = Object.entries(this.store.history.value.present.pictures);
+    return Object.fromEntries(all.filter(([, picture]) => !this.uploaded.has(picture)));
   }
 
   private async uploadAll(): Promise<void> {

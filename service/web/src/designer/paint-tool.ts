@@ -23,6 +23,8 @@ const LEAST_DISTANCE_PX = 0.5;
 export interface PaintTool extends StageTool {
   /** The key's picture and the stroke under the pen, for the stage to draw; null while the frame is not open. */
   shown(): { picture: KeyPicture; live: LiveStroke | undefined } | null;
+  /** End the stroke under the pen, if there is one: the page is about to close. */
+  settle(): void;
   /** Load the frame's key, or prepare a new one, so that the first stroke is not delayed. */
   prepare(frame: number): void;
 }
@@ -119,6 +121,7 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
     down,
     move,
     up,
+    settle: () => live && up(),
     prepare: (frame) => void prepare(frame),
     shown() {
       const picture = present();

@@ -133,8 +133,9 @@ export function startPreviews(store: Store): Previews {
         },
       });
     } catch (error) {
+      if (isAbort(error)) return;
       const problem = asProblem(error);
-      if (!isAbort(error) && problem.status !== 404 && problem.status !== 503) store.problem.value = problem.message;
+      if (problem.status !== 404 && problem.status !== 503) store.problem.value = problem.message;
     }
   }
 

@@ -29,7 +29,7 @@ export function SaveNote({ store, saver, reload }: SaveNoteProps) {
       </div>
     );
   }
-  if (state.name === "offline") {
+  if (state.name === "offline" || store.uploadsWait.value) {
     return (
       <p class="save-note wrong" role="alert">
         Not saved: the service does not answer. Your changes are kept in this browser, and saved when it is back.

@@ -68,6 +68,8 @@ export class Store {
   readonly saving = signal<SaveState>({ name: "saved" });
   /** Painted keys that are not uploaded yet. */
   readonly uploading = signal(0);
+  /** Whether the service could not be reached when they were to be uploaded. */
+  readonly uploadsWait = signal(false);
 
   constructor(
     project: Project,

@@ -1,0 +1,130 @@
+"""Nothing that was drawn is lost: without a network, when the page is closed in a stroke, when the server is killed."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+from playwright.sync_api import Page, expect
+
+from service import bundle
+from tests.e2e.studio import (
+    SOON_MS,
+    asset,
+    decoded,
+    draw,
+    layer_of,
+    on_stage,
+    open_project,
+    saved,
+    service,
+    start_painting,
+    stored,
+    until,
+    video,
+)  # fmt: skip
+from tests.e2e.test_page import HEIGHT, ROOT, WIDTH, Watched, browser, clip, free_port, wait_ready, watched
+
+__all__ = ["browser", "clip", "service", "video", "watched"]
+
+pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(240)]
+
+
+def expect_stroke(page: Page, service: str, project: str) -> None:
+    """The stored key of frame 4 has a blue stroke across its middle."""
+    saved(page)
+    until(page, lambda: bool(layer_of(stored(service, project)).get("keys")))
+    document = stored(service, project)
+    (key,) = layer_of(document)["keys"]
+    assert key["frame"] == 4
+    picture = decoded(asset(service, document, key["image"]))
+    assert picture[int(0.3 * HEIGHT), WIDTH // 2, 2] > 220
+    assert abs(int(picture[2, 2, 1]) - 140) < 12, "beside it is the video's frame"
+
+
+def test_a_stroke_without_a_network_is_saved_when_it_is_back(watched: Watched, service: str, video: str) -> None:
+    page = watched.page
+    project = open_project(page, service, video, "analogy")
+    start_painting(page)
+    page.context.set_offline(True)
+    draw(page, (0.2, 0.3), (0.8, 0.3))
+    expect(page.get_by_role("alert").filter(has_text="kept in this browser")).to_be_visible(timeout=SOON_MS)
+    assert "keys" not in layer_of(stored(service, project))
+    page.context.set_offline(False)
+    expect_stroke(page, service, project)
+
+
+def test_a_stroke_that_was_not_uploaded_survives_a_crash_of_the_page(
+    watched: Watched, service: str, video: str
+) -> None:
+    page = watched.page
+    project = open_project(page, service, video, "analogy")
+    start_painting(page)
+    page.context.route("**/v1/assets", lambda route: route.abort())
+    draw(page, (0.2, 0.3), (0.8, 0.3))
+    expect(page.get_by_role("alert").filter(has_text="kept in this browser")).to_be_visible(timeout=SOON_MS)
+    page.goto("about:blank")
+    page.context.unroute("**/v1/assets")
+    page.goto(f"{service}/#/projects/{project}")
+    expect(page.get_by_role("button", name="Key at frame 5")).to_be_visible(timeout=SOON_MS)
+    expect_stroke(page, service, project)
+
+
+def test_a_stroke_under_the_pen_survives_a_reload(watched: Watched, service: str, video: str) -> None:
+    page = watched.page
+    project = open_project(page, service, video, "analogy")
+    start_painting(page)
+    page.mouse.move(*on_stage(page, 0.2, 0.3))
+    page.mouse.down()
+    page.mouse.move(*on_stage(page, 0.8, 0.3), steps=8)
+    page.reload()
+    expect(page.get_by_role("button", name="Key at frame 5")).to_be_visible(timeout=SOON_MS)
+    expect_stroke(page, service, project)
+
+
+class Server:
+    """A service that can be killed and started again at the same address."""
+
+    def __init__(self, home: Path) -> None:
+        self._home, self._port = home, free_port()
+        self.address = f"http://127.0.0.1:{self._port}"
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def start(self) -> None:
+        log = self._home.with_suffix(".log")
+        words = ["serve", "--port", str(self._port), "--home", str(self._home), "--workers", "1"]
+        with log.open("ab") as sink:
+            command = [sys.executable, "-m", "impasto", *words]
+            self._process = subprocess.Popen(command, cwd=ROOT, stdout=sink, stderr=sink, env=dict(os.environ))
+        wait_ready(self.address, self._process, log)
+
+    def kill(self) -> None:
+        assert self._process is not None
+        self._process.kill()
+        self._process.wait(20)
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[Server]:
+    bundle.build()
+    made = Server(tmp_path / "home")
+    made.start()
+    yield made
+    made.kill()
+
+
+def test_a_killed_server_loses_nothing_that_was_drawn(watched: Watched, server: Server, clip: Path) -> None:
+    page = watched.page
+    answer = httpx.post(f"{server.address}/v1/assets", files={"file": (clip.name, clip.read_bytes())})
+    project = open_project(page, server.address, str(answer.json()["id"]), "analogy")
+    start_painting(page)
+    server.kill()
+    draw(page, (0.2, 0.3), (0.8, 0.3))
+    expect(page.get_by_role("alert").filter(has_text="does not answer")).to_be_visible(timeout=SOON_MS)
+    server.start()
+    expect_stroke(page, server.address, project)
