@@ -28,9 +28,9 @@ Array = AnyArray
 
 @dataclass
 class BandStyle(LoadedStyle[Array]):
-    """A style in host memory and in device memory."""
+    """A style in host memory, and the same style in device memory."""
 
-    there: LoadedStyle[DeviceArray] | None = None
+    on_device: LoadedStyle[DeviceArray] | None = None
 
 
 class Bands(Reference):
@@ -47,20 +47,20 @@ class Bands(Reference):
         self._pixels = pixels
 
     def load(self, style: Style, energy: Energy) -> LoadedStyle[Array]:
-        here = super().load(style, energy)
-        return BandStyle(**vars(here), there=self._kernels.load(style, energy))
+        on_host = super().load(style, energy)
+        return BandStyle(**vars(on_host), on_device=self._kernels.load(style, energy))
 
     def improve(
         self, style: LoadedStyle[Array], state: FrameState[Array], offsets: Array, penalty: Array | None, search: Search
     ) -> Array:
-        assert isinstance(style, BandStyle) and style.there is not None
-        crowding = None if penalty is None else self._kernels.upload(penalty)
+        assert isinstance(style, BandStyle) and style.on_device is not None
+        penalty_on_device = None if penalty is None else self._kernels.upload(penalty)
         out = np.empty_like(offsets)
         for start, stop in bands(state.size, self._pixels):
             first, last = max(0, start - FARTHEST_PX), min(state.size[1], stop + FARTHEST_PX)
             band = self._band(state, first, last, style.energy.radius)
-            known = self._kernels.upload(offsets[first:last])
-            found = self._kernels.improve(style.there, band, known, crowding, replace(search, top=first))
+            before = self._kernels.upload(offsets[first:last])
+            found = self._kernels.improve(style.on_device, band, before, penalty_on_device, replace(search, top=first))
             out[start:stop] = self._kernels.fetch(found)[start - first : stop - first]
         return out
 
@@ -70,15 +70,16 @@ class Bands(Reference):
         def rows(plane: Array | None) -> DeviceArray | None:
             return None if plane is None else self._kernels.upload(plane[first:last])
 
-        def wide(plane: Array) -> DeviceArray:
+        def padded_rows(plane: Array) -> DeviceArray:
             flat = plane[first : last + 2 * radius].reshape(-1)
             return self._kernels.upload(np.concatenate([flat, np.zeros(TAIL, plane.dtype)]))
 
-        past = state.neighbour
+        neighbour = state.neighbour
         return FrameState(
-            (state.size[0], last - first), wide(state.packed), wide(state.field), rows(state.bins),
+            (state.size[0], last - first), padded_rows(state.packed), padded_rows(state.field), rows(state.bins),
             rows(state.distance), rows(state.advected), rows(state.advected_colours),
-            None if past is None else NeighbourAppearance(wide(past.packed), wide(past.visible)),
+            None if neighbour is None
+            else NeighbourAppearance(padded_rows(neighbour.packed), padded_rows(neighbour.visible)),
             None if state.ribbons is None else self._kernels.upload(state.ribbons[:, first:last]),
             rows(state.fixed),
         )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Chooses how a task uses the device: whole frames, or bands of rows when memory is short."""
+"""Choice between synthesis of whole frames and of bands of rows, by the memory of the device."""
 
 from __future__ import annotations
 
@@ -14,57 +14,57 @@ from pipeline.synthesis.operations import Operations
 
 _LOG = logging.getLogger(__name__)
 
-BYTES_AT_WORK = 120
-"""Bytes a pixel of the current frame: packed colours and guides, offsets before and after, motion, ribbons, costs."""
-BYTES_HELD = 12
-BYTES_OF_STYLE = 28
-"""Bytes a pixel of the style: packed pixels, directions, distances, histogram."""
-_LEAST_ROWS = 64
-"""Minimum rows of a band; a smaller band would consist mostly of its margin."""
+FRAME_BYTES = 120
+"""Memory of the current frame, bytes per pixel: packed colours and guides, offsets before and after, motion, ribbons,
+costs."""
+OFFSET_BYTES = 12
+"""Memory of the offsets of every other frame, bytes per pixel."""
+STYLE_BYTES = 28
+"""Memory of the style, bytes per pixel: packed pixels, directions, distances, histogram."""
+_MIN_ROWS = 64
+"""Minimum number of rows of a band; a smaller band would consist mostly of its margin."""
 
 
-def operations(on: Device, size: tuple[int, int], style: Bytes, held: int) -> tuple[Operations[Any], str]:
-    """The operations for a task (whole frames, or bands of rows), and a message if bands are used.
+def operations(device: Device, size: tuple[int, int], style: Bytes, frames: int) -> tuple[Operations[Any], str]:
+    """The operations for a task, and a message if the frames are synthesised in bands of rows.
 
-    Both give the same bytes.
+    Whole frames and bands give the same bytes.
 
     Args:
         size: (width, height) of the frames, px.
-        style: at full size.
-        held: number of frames whose offsets are in device memory at the same time.
+        style: style output at full size, uint8 (h, w, channels).
+        frames: number of frames whose offsets are in device memory at the same time.
 
     Raises:
-        DeviceError: the style and a few rows do not fit.
+        DeviceError: the style and 64 rows do not fit.
     """
-    needed, there = _with_levels(size[0] * size[1] * (BYTES_AT_WORK + held * BYTES_HELD) + _of(style)), on.memory_bytes
-    if needed <= there:
-        return Kernels(on), ""
-    pixels = (there * 3 // 4 - _of(style)) // BYTES_AT_WORK
-    least = _with_levels(size[0] * _LEAST_ROWS * BYTES_AT_WORK + _of(style))
-    if there < least:
+    style_bytes = int(style.shape[0] * style.shape[1]) * STYLE_BYTES
+    needed = _all_levels(size[0] * size[1] * (FRAME_BYTES + frames * OFFSET_BYTES) + style_bytes)
+    available = device.memory_bytes
+    if needed <= available:
+        return Kernels(device), ""
+    pixels = (available * 3 // 4 - style_bytes) // FRAME_BYTES
+    least = _all_levels(size[0] * _MIN_ROWS * FRAME_BYTES + style_bytes)
+    if available < least:
         raise DeviceError(
-            f"Frames of {size[0]}x{size[1]} with this style do not fit into the memory of {on.name}, not even in bands "
-            "of rows.",
-            field="device", value=f"{_mib(least)} needed, {_mib(there)} available",
-            remedy="Give a smaller painting, paint fewer keys for one shot, or use the CPU.",
+            f"Frames of {size[0]}x{size[1]} with this style do not fit into the memory of {device.name}, not even in "
+            "bands of rows.",
+            field="device", value=f"{_mib(least)} needed, {_mib(available)} available",
+            remedy="Use a smaller painting, fewer keyframes per shot, or the CPU.",
         )  # fmt: skip
     count = sum(1 for _ in bands(size, pixels))
     message = (
-        f"Frames of {size[0]}x{size[1]} with this style need {_mib(needed)}, and {on.name} has {_mib(there)}: each "
-        f"waits in main memory and is painted in {count} {'band' if count == 1 else 'bands'} of rows, one after the "
-        "other. That takes longer and changes nothing in the result."
+        f"Frames of {size[0]}x{size[1]} with this style need {_mib(needed)}, and {device.name} has {_mib(available)}. "
+        f"They stay in main memory and are synthesised in {count} {'band' if count == 1 else 'bands'} of rows, one "
+        "after the other. This takes longer and does not change the result."
     )
     _LOG.warning(message)
-    return Bands(on, pixels), message
+    return Bands(device, pixels), message
 
 
-def _with_levels(finest: int) -> int:
-    """Memory of all levels of a pyramid."""
+def _all_levels(finest: int) -> int:
+    """Memory of all levels of a pyramid, bytes, from that of the finest."""
     return 4 * finest // 3
-
-
-def _of(style: Bytes) -> int:
-    return int(style.shape[0] * style.shape[1]) * BYTES_OF_STYLE
 
 
 def _mib(count: int) -> str:

@@ -1,6 +1,6 @@
-/* Exact Euclidean distance transform: for each pixel, the nearest one of a set. The specification: distance.py. */
+/* Exact Euclidean distance transform: the nearest pixel of a set for each pixel. The specification is distance.py. */
 
-/* The row of the nearest set pixel in the same column (the upper one of two), -1 where the column has none. */
+/* Row of the nearest pixel of the set in the same column, the upper one of two; -1 = the column has none. */
 kernel void columns(
     global const uchar *set /* height * width */, global int *rows /* height * width */, const int width,
     const int height)
@@ -24,8 +24,8 @@ kernel void columns(
     }
 }
 
-/* The nearest set pixel less than sqrt(most) away, (-1, -1) where there is none: columns from here outward, the left
-   one first. */
+/* Position (x, y) of the nearest pixel of the set at a squared distance below `most`, px^2; (-1, -1) = there is none.
+   Columns are searched outward, the left one first. */
 kernel void nearest(
     global const int *rows /* height * width */, global int2 *out /* height * width */, const int most,
     const int width, const int height)

@@ -13,13 +13,14 @@ from pipeline.frames import Mask, Plane
 from pipeline.jit import kernel
 
 _SOURCE = Path(__file__).with_suffix(".cl")
-_FAR_PX = 46340
+_MAX_DISTANCE_PX = 46340
+"""Largest distance whose square fits into 32 bits, px."""
 Values = TypeVar("Values", bound="NDArray[np.generic]")
 Sites = NDArray[np.int32]
 """Position (x, y) of the nearest True pixel for each pixel, int32 (h, w, 2); (-1, -1) = no such pixel."""
 
 
-def nearest(mask: Mask, device: Device | None = None, reach_px: int = _FAR_PX) -> Sites:
+def nearest(mask: Mask, device: Device | None = None, reach_px: int = _MAX_DISTANCE_PX) -> Sites:
     """The nearest True pixel of each pixel: exact Euclidean distance; ties go to the left, then to the upper pixel.
 
     Args:
@@ -27,7 +28,7 @@ def nearest(mask: Mask, device: Device | None = None, reach_px: int = _FAR_PX) -
         device: compute device; None = the reference implementation. Both give the same result.
         reach_px: maximum distance of the search, px.
     """
-    most = min(reach_px, _FAR_PX) ** 2 + 1
+    most = min(reach_px, _MAX_DISTANCE_PX) ** 2 + 1
     marked = np.ascontiguousarray(mask, np.uint8)
     height, width = marked.shape
     if device is None:

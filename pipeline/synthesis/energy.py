@@ -16,14 +16,14 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-TURNS = 64
-"""Number of direction steps in 180 degrees: 2.8 degrees each, a quarter of a pixel at the edge of a 9x9 patch."""
+DIRECTIONS = 64
+"""Number of directions in 180 degrees, in steps of 2.8 degrees: a quarter of a pixel at the edge of a 9x9 patch."""
 NO_DIRECTION = 255
 SCALE_SHIFT = 4
-STEP_SCALE = 16
-_LANES, _MOST = 8, 2**32 - 1
-_MOST_SCALE = 32.0
-SHARE_UNIT = 128
+TAP_WEIGHT_SCALE = 16
+_LANES, _MAX_SUM = 8, 2**32 - 1
+_MAX_SCALE = 32.0
+CHANGE_SHARE_UNIT = 128
 
 Shorts: TypeAlias = NDArray[np.int16]
 
@@ -33,33 +33,42 @@ class Energy:
     """Weights and parameters of the terms of eq. 2 and 10. Weights are relative to squared gray levels (0..255).
 
     The weight of a guide is divided among its channels, and so is the weight of the output colour.
+
+    Attributes:
+        colours: channels of the output: 3, or 4 with opacity.
+        radius: patch radius, px; patches are 2 radius + 1 px wide.
+        sigma_px: standard deviation of the Gaussian that weights the taps of a patch, px.
+        w_out: weight of the output colour.
+        guides: weight of each guide channel (w_in).
+        w_sc: weight of spatial coherence (eq. 5), per px^2.
+        r_max_px2: limit of the squared distance in eq. 5, px^2.
+        w_tc: weight of temporal coherence (eq. 6 and 7).
+        w_h: weight of the histogram penalty (eq. 8), per use of a style pixel in excess of the limit; includes h_s.
+        h_limit: h_tau, number of uses without penalty, as a multiple of the mean number of uses of a style pixel.
+        w_dt: weight of the distance to lines (eq. 9), per px^2.
+        d_max_px: limit of the difference in eq. 9, px.
+        w_din: weight of the change of the guides (eq. 10), relative to the weight of the guides.
+        w_dout: weight of the change of the output colour.
     """
 
     colours: int = 3
-    """Channels of the output: 3, or 4 with opacity."""
     radius: int = 4
-    """Patch radius, px; patches are 2 radius + 1 px wide."""
     sigma_px: float = 3.0
     w_out: float = 1.0
     guides: tuple[float, ...] = (1.0,)
-    """Weight of each guide CHANNEL (w_in)."""
     w_sc: float = 0.0
-    """Weight of spatial coherence, per px^2."""
     r_max_px2: float = 16.0
     w_tc: float = 0.0
     w_h: float = 0.0
-    """Weight of the histogram penalty, per use of a style pixel in excess of the limit (includes h_s)."""
     h_limit: float = 1.0
-    """h_tau: number of uses without penalty, as a multiple of the mean number of uses of a style pixel."""
     w_dt: float = 0.0
-    """Weight of the distance to lines, per px^2."""
     d_max_px: float = 10.0
     w_din: float = 0.0
-    """Weight of the change of the guides (eq. 10), relative to the weight of the guides."""
     w_dout: float = 0.0
 
     @property
     def side(self) -> int:
+        """Width of a patch, px."""
         return 2 * self.radius + 1
 
     @property
@@ -79,27 +88,29 @@ class Energy:
         return -(-self.side * self.channels // 16)
 
     @property
-    def keyed(self) -> bool:
+    def has_change_terms(self) -> bool:
+        """Whether the energy has the terms of eq. 10, which need the neighbouring frame's appearance."""
         return self.w_din > 0 or self.w_dout > 0
-
-
-MOST_GUIDES = 12
 
 
 @dataclass(frozen=True)
 class Tables:
-    """The weights of an energy function as integers."""
+    """The weights of an energy function as integers.
+
+    Attributes:
+        weights: multiplier of each byte of the rows of a patch, (side, 16 vectors).
+        change_share: share of eq. 10 in the weight of each byte of a row, in units of 1/128, (16 vectors,).
+        unit: cost of one squared gray level at the centre tap with weight 1.
+        centre: cost of the value 1 in a centre term: the sum of the patch weights, as eq. 2 sums the term over the
+            patch.
+        tap_weights: weight of each tap of a row in eq. 5, (side, 16).
+    """
 
     weights: Shorts
-    """Multiplier of each byte of the rows of a patch, shape (side, 16 vectors)."""
-    share: Shorts
-    """Share of eq. 10 in the weight of each byte of a row, in units of 1/128, shape (16 vectors,)."""
+    change_share: Shorts
     unit: float
-    """Cost of one squared gray level at the centre tap with weight 1."""
     centre: float
-    """Cost of the value 1 in a centre term: the sum of the patch weights, as eq. 2 sums the term over the patch."""
-    step_weights: NDArray[np.int32]
-    """Weight of each tap of a row in eq. 5, shape (side, 16)."""
+    tap_weights: NDArray[np.int32]
 
 
 @cache
@@ -107,16 +118,16 @@ def tables(energy: Energy) -> Tables:
     """The tables of an energy function."""
     falloff = _falloff(energy)
     plain = _bytes(energy, falloff, (energy.w_out, energy.guides))
-    keyed = _bytes(energy, falloff, (energy.w_dout, tuple(energy.w_din * w for w in energy.guides)))
-    both = plain + keyed
-    scale = _scale(both, 2 if energy.keyed else 1)
+    change = _bytes(energy, falloff, (energy.w_dout, tuple(energy.w_din * w for w in energy.guides)))
+    both = plain + change
+    scale = _scale(both, 2 if energy.has_change_terms else 1)
     unit = scale**2 / (1 << SCALE_SHIFT)
     steps = np.zeros((energy.side, 16), np.int32)
-    steps[:, : energy.side] = np.rint(falloff * STEP_SCALE)
+    steps[:, : energy.side] = np.rint(falloff * TAP_WEIGHT_SCALE)
     weights = np.rint(scale * np.sqrt(both)).astype(np.int16)
     middle = energy.radius
-    share = np.rint(SHARE_UNIT * keyed[middle] / np.maximum(both[middle], 1e-12)).astype(np.int16)
-    return Tables(weights, share, unit, float(falloff.sum()) * unit, steps)
+    change_share = np.rint(CHANGE_SHARE_UNIT * change[middle] / np.maximum(both[middle], 1e-12)).astype(np.int16)
+    return Tables(weights, change_share, unit, float(falloff.sum()) * unit, steps)
 
 
 def _falloff(energy: Energy) -> NDArray[np.float64]:
@@ -136,37 +147,37 @@ def _bytes(
     return rows
 
 
-def _scale(weights: NDArray[np.float64], reach: int) -> float:
+def _scale(weights: NDArray[np.float64], max_difference: int) -> float:
     """The largest scale of the weights at which no 32-bit sum and no 16-bit product overflows.
 
     Args:
-        reach: maximum difference of two bytes, as a multiple of 255; 2 if eq. 10 shifts the target.
+        max_difference: maximum difference of two bytes, as a multiple of 255; 2 if eq. 10 shifts the target.
     """
-    lanes = reach**2 * weights.reshape(len(weights), -1, _LANES, 2).sum((0, 1, 3))
-    by_sum = math.sqrt(0.9 * _MOST / (255**2 * max(float(lanes.max()), 1e-9)))
-    return min(by_sum, _MOST_SCALE / math.sqrt(max(float(weights.max()), 1e-9)))
+    lanes = max_difference**2 * weights.reshape(len(weights), -1, _LANES, 2).sum((0, 1, 3))
+    by_sum = math.sqrt(0.9 * _MAX_SUM / (255**2 * max(float(lanes.max()), 1e-9)))
+    return min(by_sum, _MAX_SCALE / math.sqrt(max(float(weights.max()), 1e-9)))
 
 
 @cache
 def cosines() -> NDArray[np.float32]:
-    """(cos, sin) of each turn. A turn is the smallest rotation between two directions, in (-90, 90] degrees."""
-    steps = np.arange(TURNS)
-    angles = np.where(steps > TURNS // 2, steps - TURNS, steps) * (np.pi / TURNS)
+    """(cos, sin) of each rotation between two directions, float32 (64, 2); rotations are in (-90, 90] degrees."""
+    steps = np.arange(DIRECTIONS)
+    angles = np.where(steps > DIRECTIONS // 2, steps - DIRECTIONS, steps) * (np.pi / DIRECTIONS)
     return np.ascontiguousarray(np.stack([np.cos(angles), np.sin(angles)], -1), np.float32)
 
 
 @cache
 def taps(radius: int) -> NDArray[np.int32]:
-    """Positions of the patch taps in the style for each turn: (64, side, side, 2), (x, y) px from the centre."""
+    """Positions of the patch taps in the style for each rotation: (64, side, side, 2), (x, y) px from the centre."""
     span = np.arange(-radius, radius + 1, dtype=np.float32)
     dx, dy = np.meshgrid(span, span)
     c, s = (part[:, None, None] for part in cosines().T)
     return np.stack([np.rint(c * dx - s * dy), np.rint(s * dx + c * dy)], -1).astype(np.int32)
 
 
-def steps_table(radius: int, rotate: bool) -> Shorts:
-    """`taps` in the layout of the coherence term: shorts (turns, side, 32) with alternating x and y."""
-    found = taps(radius)[: TURNS if rotate else 1]
+def tap_table(radius: int, rotate: bool) -> Shorts:
+    """`taps` in the layout of the coherence term: int16 (rotations, side, 32) with alternating x and y."""
+    found = taps(radius)[: DIRECTIONS if rotate else 1]
     out = np.zeros((*found.shape[:2], 32), np.int16)
     out[..., : 2 * found.shape[2]] = found.reshape(*found.shape[:2], -1)
     return out

@@ -1,27 +1,29 @@
-/* Offset fields: made, moved, refined, merged and shown. The specification is reference.py.
+/* Operations on offset fields: random initialisation, rendering, advection, upsampling, merging. The specification is
+   reference.py.
 
-   Compile-time: RADIUS, CHANNELS, COLOURS (3, or 4 with opacity), PAD (of the style image), ROTATE, HOLES. */
+   Macros: RADIUS of the patch, CHANNELS per pixel, COLOURS (3, or 4 with opacity), PAD (margin of the style image, px),
+   ROTATE (1 = patches rotate), MASKED (1 = some style pixels must not be used). */
 
-static int usable(const int2 at, global const uchar *holes, const int style_width, const int style_height)
+static int usable(const int2 at, global const uchar *usable_mask, const int style_width, const int style_height)
 {
     if (at.x < 0 || at.y < 0 || at.x >= style_width || at.y >= style_height)
         return 0;
-#if HOLES
-    return holes[at.y * style_width + at.x] != 0;
+#if MASKED
+    return usable_mask[at.y * style_width + at.x] != 0;
 #else
     return 1;
 #endif
 }
 
-/* A random place of the style: eight tries, then the first one there is. */
-static float2 anywhere(const int x, const int y, const uint seed, const uint stream, global const uchar *holes,
+/* A random usable position of the style: at most eight tries, then the first usable one. */
+static float2 random_position(const int x, const int y, const uint seed, const uint stream, global const uchar *usable_mask,
                        const int2 first, const int style_width, const int style_height)
 {
     for (int k = 0; k < 8; k++) {
         const uint4 words = philox((uint4)(x, y, k, 0x5CA77E12u), (uint2)(seed, stream));
         const int2 at = clamped((int2)((int)(unit(words.x) * style_width), (int)(unit(words.y) * style_height)),
                                style_width, style_height);
-        if (usable(at, holes, style_width, style_height))
+        if (usable(at, usable_mask, style_width, style_height))
             return convert_float2(at);
     }
     return convert_float2(first);
@@ -29,7 +31,7 @@ static float2 anywhere(const int x, const int y, const uint seed, const uint str
 
 kernel void random_offsets(
     global float2 *offsets /* height * width */,
-    global const uchar *holes /* HOLES * style_height * style_width */, const uint seed, const uint stream,
+    global const uchar *usable_mask /* MASKED * style_height * style_width */, const uint seed, const uint stream,
     const int first_x, const int first_y, const int style_width, const int style_height, const int width,
     const int height)
 {
@@ -37,11 +39,11 @@ kernel void random_offsets(
     if (x >= width || y >= height)
         return;
     offsets[y * width + x] =
-        anywhere(x, y, seed, stream, holes, (int2)(first_x, first_y), style_width, style_height);
+        random_position(x, y, seed, stream, usable_mask, (int2)(first_x, first_y), style_width, style_height);
 }
 
-/* Colours of the offsets into the target's first COLOURS channels, and the rounded offsets, both with a margin of
-   RADIUS px: beyond the frame each border pixel's texture goes on. */
+/* Writes the style colours at the offsets into the first COLOURS channels of the target, and the rounded offsets into
+   the field. Both have a margin of RADIUS px, which continues the texture of the border pixels. */
 kernel void render(
     global const float2 *offsets /* height * width */, global const uchar *bins /* ROTATE * height * width */,
     global const uchar *style /* (style_height + 2 * PAD) * (style_width + 2 * PAD) * CHANNELS */,
@@ -59,15 +61,15 @@ kernel void render(
     if (here.x != inside.x || here.y != inside.y)
         offset = extrapolated_offset(offset, convert_float2(here - inside), ROTATE ? bins[index] : 255, style_bins, cosines,
                          style_width, style_height);
-    const int2 at = rounded(offset), shown = clamped(at, style_width, style_height);
-    global const uchar *from = style + ((shown.y + PAD) * (style_width + 2 * PAD) + shown.x + PAD) * CHANNELS;
+    const int2 at = rounded(offset), nearest = clamped(at, style_width, style_height);
+    global const uchar *from = style + ((nearest.y + PAD) * (style_width + 2 * PAD) + nearest.x + PAD) * CHANNELS;
     global uchar *to = target + (y * stride + x) * CHANNELS;
     for (int c = 0; c < COLOURS; c++)
         to[c] = from[c];
     field[y * stride + x] = convert_short2(at);
 }
 
-/* How often each pixel of the style is shown: eq. 8's histogram. Integers, so that order does not matter. */
+/* Counts the uses of each style pixel: the histogram of eq. 8. Integers, so that the order does not matter. */
 kernel void count(
     global const float2 *offsets /* height * width */,
     volatile global int *counts /* style_height * style_width */, const int style_width, const int style_height,
@@ -80,7 +82,8 @@ kernel void count(
     atomic_inc(counts + at.y * style_width + at.x);
 }
 
-/* Binomial 1 6 15 20 15 6 1 over 64 along x; the second pass is along y. */
+/* Filters with the binomial kernel 1 6 15 20 15 6 1 along x. `histogram_penalty` does the pass along y; each has a sum
+   of 64. */
 kernel void blur_counts(
     global const int *counts /* height * width */, global float *out /* height * width */, const int width,
     const int height)
@@ -95,7 +98,7 @@ kernel void blur_counts(
                                  + row[max(x - 3, 0)] + row[min(x + 3, last)]);
 }
 
-/* The penalty of eq. 8 for each pixel of the style. */
+/* The penalty of eq. 8 for each style pixel: slope times the blurred number of uses in excess of the threshold. */
 kernel void histogram_penalty(
     global const float *rows /* height * width */, global float *out /* height * width */,
     const float threshold, const float slope, const int width, const int height)
@@ -111,12 +114,13 @@ kernel void histogram_penalty(
     out[y * width + x] = slope * fmax(0.0f, sum * 2.44140625e-4f - threshold);
 }
 
-/* The other frame's offsets, carried here: nearest sample, then extrapolated; NOWHERE where nothing came from. */
+/* Advects the offsets of another frame to this one: nearest sample, then extrapolated. NOWHERE at pixels that are not
+   visible in the other frame. */
 kernel void advect(
     global const float2 *offsets /* height * width */, global const uchar *bins /* ROTATE * height * width */,
     global const float2 *displacement /* height * width */, global const uchar *visible /* height * width */,
     global const uchar *style_bins /* ROTATE * style_height * style_width */, constant float2 *cosines /* 64 */,
-    global const uchar *holes /* HOLES * style_height * style_width */, global float2 *out /* height * width */,
+    global const uchar *usable_mask /* MASKED * style_height * style_width */, global float2 *out /* height * width */,
     const int style_width, const int style_height, const int width, const int height)
 {
     const int x = get_global_id(0), y = get_global_id(1);
@@ -131,19 +135,19 @@ kernel void advect(
         if (offsets[index].x > NOWHERE)
             found = extrapolated_offset(offsets[index], from - convert_float2(near), ROTATE ? bins[index] : 255, style_bins,
                             cosines, style_width, style_height);
-        if (!usable(rounded(found), holes, style_width, style_height))
+        if (!usable(rounded(found), usable_mask, style_width, style_height))
             found = (float2)(NOWHERE);
     }
     out[here] = found;
 }
 
-/* A coarser level's offsets at twice the size, extrapolated from the nearest sample. Style sizes are the coarse one's
-   for the directions and the fine one's for what may be used. */
+/* Upsamples the offsets of the next coarser level by 2, extrapolated from the nearest sample. `style_bins` has the size
+   of the coarse style, `usable_mask` that of the fine style. */
 kernel void upsample(
     global const float2 *coarse /* coarse_height * coarse_width */,
     global const uchar *bins /* ROTATE * coarse_height * coarse_width */,
     global const uchar *style_bins /* ROTATE * coarse_style_height * coarse_style_width */,
-    constant float2 *cosines /* 64 */, global const uchar *holes /* HOLES * style_height * style_width */,
+    constant float2 *cosines /* 64 */, global const uchar *usable_mask /* MASKED * style_height * style_width */,
     global float2 *out /* height * width */, const int coarse_style_width, const int coarse_style_height,
     const int coarse_width, const int coarse_height, const int style_width, const int style_height,
     const int width, const int height)
@@ -159,19 +163,19 @@ kernel void upsample(
     if (offset.x > NOWHERE) {
         found = extrapolated_offset(offset, from - convert_float2(near), ROTATE ? bins[index] : 255, style_bins, cosines,
                         coarse_style_width, coarse_style_height) * 2.0f + 0.5f;
-        if (!usable(rounded(found), holes, style_width, style_height))
+        if (!usable(rounded(found), usable_mask, style_width, style_height))
             found = offset * 2.0f;
-        if (!usable(rounded(found), holes, style_width, style_height))
+        if (!usable(rounded(found), usable_mask, style_width, style_height))
             found = (float2)(NOWHERE);
     }
     out[y * width + x] = found;
 }
 
-/* Of two fields, each pixel's offset from the first with probability `share`; what is nowhere in one is taken from
-   the other, and anywhere where it is nowhere in both. */
+/* Random merge: the offset of the first field with probability `share`, otherwise of the second. If only one of the two
+   has an offset, that one is used; if neither has one, a random position. */
 kernel void merge(
     global const float2 *first /* height * width */, global const float2 *second /* height * width */,
-    global const uchar *holes /* HOLES * style_height * style_width */, global float2 *out /* height * width */,
+    global const uchar *usable_mask /* MASKED * style_height * style_width */, global float2 *out /* height * width */,
     const float share, const uint seed, const uint stream, const int first_x, const int first_y,
     const int style_width, const int style_height, const int width, const int height)
 {
@@ -180,13 +184,13 @@ kernel void merge(
         return;
     const float2 a = first[y * width + x], b = second[y * width + x];
     const uint4 words = philox((uint4)(x, y, 0, 0x3E26E000u), (uint2)(seed, stream));
-    float2 taken = b.x <= NOWHERE || (a.x > NOWHERE && unit(words.x) < share) ? a : b;
-    if (taken.x <= NOWHERE)
-        taken = anywhere(x, y, seed, stream, holes, (int2)(first_x, first_y), style_width, style_height);
-    out[y * width + x] = taken;
+    float2 merged = b.x <= NOWHERE || (a.x > NOWHERE && unit(words.x) < share) ? a : b;
+    if (merged.x <= NOWHERE)
+        merged = random_position(x, y, seed, stream, usable_mask, (int2)(first_x, first_y), style_width, style_height);
+    out[y * width + x] = merged;
 }
 
-/* What the pixels looked like before: the advected offsets' colours, and whether there are any. */
+/* Style colours at the offsets; the fourth channel is 255 if there is an offset, otherwise 0. */
 kernel void colours_at(
     global const float2 *offsets /* height * width */,
     global const uchar *style /* (style_height + 2 * PAD) * (style_width + 2 * PAD) * CHANNELS */,
@@ -202,14 +206,14 @@ kernel void colours_at(
     out[y * width + x] = (uchar4)(from[0], from[1], from[2], offset.x > NOWHERE ? 255 : 0);
 }
 
-/* Offsets that are given (painted pixels) over those that were found. */
-kernel void impose(
-    global const float2 *given /* height * width */, global float2 *offsets /* height * width */,
+/* Overwrites offsets by the fixed ones, at pixels that have one. */
+kernel void apply_fixed(
+    global const float2 *fixed_offsets /* height * width */, global float2 *offsets /* height * width */,
     const int width, const int height)
 {
     const int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)
         return;
-    if (given[y * width + x].x > NOWHERE)
-        offsets[y * width + x] = given[y * width + x];
+    if (fixed_offsets[y * width + x].x > NOWHERE)
+        offsets[y * width + x] = fixed_offsets[y * width + x];
 }

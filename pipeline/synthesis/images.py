@@ -23,26 +23,31 @@ TAIL = 64
 
 @dataclass(frozen=True)
 class Style:
-    """A style image, or an atlas of several, at one level."""
+    """A style image, or an atlas of several, at one level.
+
+    Attributes:
+        colours: style output S^, whose colours form the result: uint8 (h, w, 3), or (h, w, 4) with straight alpha.
+        features: S^ in the colour space of the patch comparison, then the guides of S, then zeros; uint8
+            (h, w, channels).
+        bins: direction of each pixel, uint8 (h, w); None = patches are not rotated.
+        usable: uint8 (h, w), 0 = the pixel must not be used; None = all pixels may be used.
+        distance: float32 (h, w), distance to the nearest line of the style, px; None = no lines.
+    """
 
     colours: Bytes
-    """Style output S^, whose colours form the result: uint8 (h, w, 3), or (h, w, 4) with straight alpha."""
     features: Bytes
-    """S^ in the colour space of the patch comparison, then the guides of S, then zeros; uint8 (h, w, channels)."""
     bins: Bytes | None = None
-    """Direction of each pixel, uint8 (h, w); None = patches are not rotated."""
     usable: Bytes | None = None
-    """0 = the pixel must not be used; None = all pixels may be used."""
     distance: Plane | None = None
-    """Distance to the nearest line of the style, px; None = no lines."""
 
     @property
     def size(self) -> tuple[int, int]:
+        """(width, height), px."""
         return self.colours.shape[1], self.colours.shape[0]
 
     @property
-    def first(self) -> tuple[int, int]:
-        """Position of a usable pixel."""
+    def first_usable(self) -> tuple[int, int]:
+        """Position (x, y) of the first usable pixel."""
         if self.usable is None:
             return 0, 0
         y, x = np.unravel_index(int(self.usable.argmax()), self.usable.shape)
@@ -51,15 +56,21 @@ class Style:
 
 @dataclass(frozen=True)
 class Target:
-    """A frame at one level."""
+    """A frame at one level.
+
+    Attributes:
+        guides: guides of the input I, uint8 (h, w, guide channels).
+        bins: direction of each pixel, uint8 (h, w); None = patches are not rotated.
+        distance: float32 (h, w), distance to the nearest line, px; None = no lines.
+    """
 
     guides: Bytes
-    """Guides of the input I, uint8 (h, w, guide channels)."""
     bins: Bytes | None = None
     distance: Plane | None = None
 
     @property
     def size(self) -> tuple[int, int]:
+        """(width, height), px."""
         return self.guides.shape[1], self.guides.shape[0]
 
 
@@ -95,14 +106,6 @@ def halved(image: NDArray[np.generic], nearest: bool = False) -> NDArray[np.gene
         return np.asarray((sums + 2) >> 2, np.uint8)
     size = (even.shape[1] // 2, even.shape[0] // 2)
     return np.asarray(cv2.resize(even, size, interpolation=cv2.INTER_AREA))
-
-
-def halvings(image: Bytes, levels: int) -> list[Bytes]:
-    """The image at `levels` levels, finest first."""
-    out = [image]
-    for _ in range(levels - 1):
-        out.append(np.asarray(halved(out[-1]), np.uint8))
-    return out
 
 
 def stacked(planes: Sequence[Bytes]) -> Bytes:

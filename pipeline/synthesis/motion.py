@@ -14,12 +14,15 @@ from pipeline.synthesis.images import Bytes, halved
 
 @dataclass(frozen=True)
 class Motion:
-    """Motion from a frame to the next or the previous frame."""
+    """Motion from a frame to the next or the previous frame.
+
+    Attributes:
+        displacement: float32 (h, w, 2), from each pixel to its position in the other frame, px.
+        visible: uint8 (h, w), chi of benard2013stylizing: 1 = visible in the other frame, 0 = occluded.
+    """
 
     displacement: Flow
-    """Displacement from each pixel to its position in the other frame, px, float32 (h, w, 2)."""
     visible: Bytes
-    """chi of benard2013stylizing: 1 = visible in the other frame, 0 = occluded; uint8 (h, w)."""
 
 
 def motions_between(velocity_plus: Flow, velocity_minus: Flow, epsilon_px2: float) -> tuple[Motion, Motion]:
@@ -36,25 +39,27 @@ def motions_between(velocity_plus: Flow, velocity_minus: Flow, epsilon_px2: floa
 
 
 STILL_PX = 0.1
-BARELY_PX = 0.5
-STILL_LEVELS = 2.0
-"""Maximum mean gray difference over 5x5 px at which velocities below `BARELY_PX` are set to 0, gray levels."""
+"""Speed below which a velocity is set to 0, px per frame."""
+SLOW_PX = 0.5
+"""Speed below which a velocity is set to 0 where the images do not differ, px per frame."""
+MAX_STILL_DIFFERENCE = 2.0
+"""Mean difference over 5x5 px up to which the images do not differ, gray levels."""
 
 
-def suppress_small_motion(velocity: Flow, here: Bytes, there: Bytes) -> Flow:
+def suppress_small_motion(velocity: Flow, first: Bytes, second: Bytes) -> Flow:
     """Set estimated velocities to exactly 0 in static regions.
 
     Args:
         velocity: estimated velocity, px, float32 (h, w, 2).
-        here, there: gray images of both frames, uint8 (h, w).
+        first, second: gray images of both frames, uint8 (h, w).
 
     Departure from the paper: optical flow is a few hundredths of a pixel in static regions, which would make advected
-    strokes jitter by a pixel. Velocities below `STILL_PX` are set to 0, and velocities below `BARELY_PX` if the images
+    strokes jitter by a pixel. Velocities below `STILL_PX` are set to 0, and velocities below `SLOW_PX` if the images
     do not differ there. Untextured parts of faster objects keep their velocity.
     """
     squares = np.square(velocity).sum(-1)
-    apart = cv2.boxFilter(cv2.absdiff(here, there), cv2.CV_32F, (5, 5))
-    still = (squares < STILL_PX**2) | ((squares < BARELY_PX**2) & (apart <= STILL_LEVELS))
+    difference = cv2.boxFilter(cv2.absdiff(first, second), cv2.CV_32F, (5, 5))
+    still = (squares < STILL_PX**2) | ((squares < SLOW_PX**2) & (difference <= MAX_STILL_DIFFERENCE))
     return np.where(still[..., None], np.float32(0), velocity)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray
 from pipeline.compute import Device, DeviceArray, Launch
-from pipeline.synthesis.energy import SCALE_SHIFT, Energy, cosines, steps_table, tables, taps
+from pipeline.synthesis.energy import SCALE_SHIFT, Energy, cosines, tables, tap_table, taps
 from pipeline.synthesis.images import TAIL, Bytes, Style, Target, padded
 from pipeline.synthesis.images import packed as pack
 from pipeline.synthesis.operations import FrameState, LoadedStyle, RandomKey, Search, iteration, words
@@ -46,7 +46,7 @@ class Kernels:
     def _tables(self, energy: Energy) -> tuple[DeviceArray, ...]:
         if energy not in self._constants:
             made = tables(energy)
-            arrays = (made.weights, made.share, made.step_weights)
+            arrays = (made.weights, made.change_share, made.tap_weights)
             self._constants[energy] = tuple(self.upload(a) for a in arrays)
         return self._constants[energy]
 
@@ -54,12 +54,12 @@ class Kernels:
         """Upload a style: features padded for patches, and patch taps as pixel indices of the padded image."""
         width = style.size[0] + 2 * energy.pad
         found = taps(energy.radius)
-        turns = np.ascontiguousarray(found[..., 1] * width + found[..., 0], np.int32)
+        tap_indices = np.ascontiguousarray(found[..., 1] * width + found[..., 0], np.int32)
         return LoadedStyle(
             style, energy,
             self.upload(padded(style.features, energy.pad)),
             self._or_nothing(style.bins), self._or_nothing(style.usable), self._or_nothing(style.distance),
-            self.upload(turns), self.upload(steps_table(energy.radius, style.bins is not None)),
+            self.upload(tap_indices), self.upload(tap_table(energy.radius, style.bins is not None)),
         )  # fmt: skip
 
     def _or_nothing(self, array: AnyArray | None) -> DeviceArray:
@@ -86,7 +86,7 @@ class Kernels:
             "COLOURS": style.energy.colours,
             "PAD": style.energy.pad,
             "ROTATE": int(style.style.bins is not None),
-            "HOLES": int(style.style.usable is not None),
+            "MASKED": int(style.style.usable is not None),
         }
 
     def _at(
@@ -99,7 +99,7 @@ class Kernels:
     def random_offsets(self, style: LoadedStyle[DeviceArray], size: Size, key: RandomKey) -> DeviceArray:
         """Uniformly random offsets, float32 (h, w, 2)."""
         out = self.device.empty((size[1], size[0], 2))
-        args = (out, style.usable, *map(np.uint32, words(key)), *style.style.first, *style.size)
+        args = (out, style.usable, *map(np.uint32, words(key)), *style.style.first_usable, *style.size)
         self.device.run(self._at(style, "random_offsets", size, *args))
         return out
 
@@ -118,9 +118,9 @@ class Kernels:
         energy, (width, height) = style.energy, style.size
         counts = self.device.zeros((height, width), np.int32)
         rows, out = self.device.empty((height, width)), self.device.empty((height, width))
-        alike = max(1.0, size[0] * size[1] / _usable_area(style.style))
-        threshold = np.float32(energy.h_limit * alike)
-        slope = np.float32(energy.w_h / alike * tables(energy).centre)
+        mean_uses = max(1.0, size[0] * size[1] / _usable_area(style.style))
+        threshold = np.float32(energy.h_limit * mean_uses)
+        slope = np.float32(energy.w_h / mean_uses * tables(energy).centre)
         self.device.run(self._at(style, "count", size, offsets, counts, width, height))
         self.device.run(self._at(style, "blur_counts", style.size, counts, rows))
         self.device.run(self._at(style, "histogram_penalty", style.size, rows, out, threshold, slope))
@@ -133,15 +133,15 @@ class Kernels:
         """One PatchMatch iteration: the best offset of each pixel among neighbours, ribbons and random candidates."""
         out = self.device.empty((state.size[1], state.size[0], 2))
         self.costs = self.device.empty((state.size[1], state.size[0]))
-        weights, share, step_weights = self._tables(style.energy)
+        weights, change_share, tap_weights = self._tables(style.energy)
         neighbour, none = state.neighbour, self._nothing
         kernel = self.device.kernel(_PATCHES, "improve", self._terms(style, state, penalty), _COMMON)
         self.device.run(kernel.at(
             state.size, iteration(style, state.size, search), offsets, out, self.costs, state.packed, state.field,
-            state.bins or none, style.features, style.bins, style.usable, style.distance, weights, style.turns,
-            self._cosines, style.steps, step_weights, state.advected_colours or none, penalty or none,
+            state.bins or none, style.features, style.bins, style.usable, style.distance, weights, style.tap_indices,
+            self._cosines, style.tap_positions, tap_weights, state.advected_colours or none, penalty or none,
             state.distance or none, state.advected or none, neighbour.packed if neighbour else none,
-            neighbour.visible if neighbour else none, share, state.ribbons or none, state.fixed or none,
+            neighbour.visible if neighbour else none, change_share, state.ribbons or none, state.fixed or none,
         ))  # fmt: skip
         return out
 
@@ -154,12 +154,12 @@ class Kernels:
             "TEMPORAL": state.advected_colours is not None,
             "HISTOGRAM": penalty is not None,
             "LINES": state.distance is not None and style.style.distance is not None,
-            "KEYED": state.neighbour is not None,
+            "KEYFRAMES": state.neighbour is not None,
             "RIBBONS": state.ribbons is not None,
-            "FROZEN": state.fixed is not None,
+            "FIXED": state.fixed is not None,
         }
         shape = {"VECTORS": style.energy.vectors, "SCALE_SHIFT": SCALE_SHIFT}
-        return self._defines(style) | shape | {name: int(there) for name, there in present.items()}
+        return self._defines(style) | shape | {name: int(used) for name, used in present.items()}
 
     def advect(
         self, style: LoadedStyle[DeviceArray], state: FrameState[DeviceArray], offsets: DeviceArray,
@@ -214,7 +214,7 @@ class Kernels:
             out,
             np.float32(share),
             *map(np.uint32, words(key)),
-            *style.style.first,
+            *style.style.first_usable,
             *style.size,
         )
         self.device.run(self._at(style, "merge", size, *args))
@@ -226,11 +226,11 @@ class Kernels:
         self.device.run(self._at(style, "colours_at", size, offsets, style.features, out, *style.size))
         return out
 
-    def impose(
-        self, style: LoadedStyle[DeviceArray], size: Size, given: DeviceArray, offsets: DeviceArray
+    def apply_fixed(
+        self, style: LoadedStyle[DeviceArray], size: Size, fixed: DeviceArray, offsets: DeviceArray
     ) -> DeviceArray:
-        """Overwrite `offsets` in place by the `given` offsets, at pixels that have one."""
-        self.device.run(self._at(style, "impose", size, given, offsets))
+        """Overwrite `offsets` in place by the `fixed` offsets, at pixels that have one."""
+        self.device.run(self._at(style, "apply_fixed", size, fixed, offsets))
         return offsets
 
 

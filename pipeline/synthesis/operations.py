@@ -11,7 +11,7 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 
 from pipeline.arrays import AnyArray
-from pipeline.synthesis.energy import STEP_SCALE, Energy, tables
+from pipeline.synthesis.energy import TAP_WEIGHT_SCALE, Energy, tables
 from pipeline.synthesis.images import Style, Target
 
 T = TypeVar("T")
@@ -21,18 +21,22 @@ RandomKey = tuple[int, int]
 
 @dataclass
 class LoadedStyle(Generic[T]):
-    """A style, in arrays of the implementation."""
+    """A style, in arrays of the implementation.
+
+    Attributes:
+        features: style features, padded by `energy.pad` px.
+        tap_indices: patch taps of each rotation, as pixel indices of the padded style.
+        tap_positions: patch taps of each rotation, see `energy.tap_table`.
+    """
 
     style: Style
     energy: Energy
     features: T
-    """Style features, padded by `energy.pad` px."""
     bins: T
     usable: T
     distance: T
-    turns: T
-    """Patch taps of each turn, as pixel indices of the padded style."""
-    steps: T
+    tap_indices: T
+    tap_positions: T
 
     @property
     def size(self) -> tuple[int, int]:
@@ -41,50 +45,65 @@ class LoadedStyle(Generic[T]):
 
 @dataclass
 class FrameState(Generic[T]):
-    """A frame, in arrays of the implementation, with all data that its cost depends on. Absent terms are None."""
+    """A frame, in arrays of the implementation, with all data that its cost depends on. Absent terms are None.
+
+    Attributes:
+        size: (width, height), px.
+        packed: colours of the most recently rendered offsets, and guides, with a margin of `energy.radius` px.
+        field: the most recently rendered offsets, rounded to int16, with the same margin.
+        bins: direction of each pixel, uint8 (h, w).
+        distance: distance to the nearest line, px, float32 (h, w).
+        advected: advected offsets; NOWHERE = none.
+        advected_colours: advected colours for eq. 6 and 7, uint8 (h, w, 4); the fourth channel is 0 at pixels without
+            a colour.
+        neighbour: appearance of the neighbouring frame, for eq. 10.
+        ribbons: corresponding positions in the style for the previous and the next keyframe, float32 (2, h, w, 2).
+        fixed: fixed offsets; NOWHERE = the pixel is free.
+    """
 
     size: tuple[int, int]
     packed: T
-    """Colours of the most recently rendered offsets, and guides, with a margin of `energy.radius` px."""
     field: T
-    """The most recently rendered offsets, rounded to shorts, with the same margin."""
     bins: T | None = None
     distance: T | None = None
     advected: T | None = None
-    """Advected offsets; NOWHERE = none."""
     advected_colours: T | None = None
-    """Advected colours for eq. 6 and 7, uint8 (h, w, 4); the fourth channel is 0 at pixels without a colour."""
     neighbour: NeighbourAppearance[T] | None = None
     ribbons: T | None = None
-    """Corresponding positions in the style for the previous and the next keyframe, float32 (2, h, w, 2)."""
     fixed: T | None = None
-    """Fixed offsets; NOWHERE = the pixel is free."""
 
 
 @dataclass
 class NeighbourAppearance(Generic[T]):
-    """Appearance of the neighbouring frame, which eq. 10 compares with."""
+    """Appearance of the neighbouring frame, which eq. 10 compares with.
+
+    Attributes:
+        packed: colours and guides of the other frame, warped to this one, with a margin.
+        visible: uint8 for each byte of `packed`: 255 = the pixel is visible in the other frame, 0 = it is not.
+    """
 
     packed: T
-    """Colours and guides of the other frame, warped to this one, with a margin."""
     visible: T
-    """uint8 for each byte of `packed`: 255 = the pixel is visible in the other frame, 0 = it is not."""
 
 
 @dataclass(frozen=True)
 class Search:
-    """Parameters of one iteration: its candidates, and the key of its random numbers."""
+    """Parameters of one iteration: its candidates, and the key of its random numbers.
+
+    Attributes:
+        round: number of the iteration.
+        jump: distance of four further neighbours that propose candidates besides the four direct ones, px; 1 = none.
+        search_px: radius of the first random candidate, px.
+        ribbon_px: radius of the random candidates around a ribbon's end, px.
+        top: first row of a band within the frame; random numbers depend on the row within the frame.
+    """
 
     key: RandomKey
     round: int = 0
     jump: int = 1
-    """Distance of four further neighbours that propose candidates besides the four direct ones, px; 1 = none."""
     search_px: float = 8.0
-    """Radius of the first random candidate, px."""
     ribbon_px: float = 3.0
-    """Radius of the random candidates around a ribbon's end, px."""
     top: int = 0
-    """First row of a band within the frame; random numbers depend on the row within the frame."""
 
 
 class Operations(Protocol[T]):
@@ -112,11 +131,12 @@ class Operations(Protocol[T]):
         self, style: LoadedStyle[T], size: tuple[int, int], first: T, second: T, share: float, key: RandomKey
     ) -> T: ...
     def colours_at(self, style: LoadedStyle[T], size: tuple[int, int], offsets: T) -> T: ...
-    def impose(self, style: LoadedStyle[T], size: tuple[int, int], given: T, offsets: T) -> T: ...
+    def apply_fixed(self, style: LoadedStyle[T], size: tuple[int, int], fixed: T, offsets: T) -> T: ...
 
 
 ITERATION = np.dtype(
-    [("reach", "i4"), *((name, "f4") for name in ("coherence", "steadiness", "line_limit", "line_weight")),
+    [("coherence_limit", "i4"), ("coherence_weight", "f4"), ("temporal_weight", "f4"), ("line_limit", "f4"),
+     ("line_weight", "f4"),
      ("jump", "i4"), ("search_px", "f4"), ("ribbon_px", "f4"), ("seed", "u4"), ("stream", "u4"), ("round", "u4"),
      *((name, "i4") for name in ("top", "style_width", "style_height", "width", "height"))]
 )  # fmt: skip
@@ -127,7 +147,7 @@ def iteration(style: LoadedStyle[T], size: tuple[int, int], search: Search) -> n
     """The parameters of an iteration as a record, for the kernel and the reference implementation."""
     energy, made = style.energy, tables(style.energy)
     values = (
-        round(energy.r_max_px2), energy.w_sc * made.unit / STEP_SCALE, energy.w_tc / energy.colours * made.centre,
+        round(energy.r_max_px2), energy.w_sc * made.unit / TAP_WEIGHT_SCALE, energy.w_tc / energy.colours * made.centre,
         energy.d_max_px, energy.w_dt * made.centre, search.jump, search.search_px, search.ribbon_px,
         *words(search.key), search.round, search.top, *style.size, *size,
     )  # fmt: skip

@@ -1,44 +1,48 @@
-/* Parallel PatchMatch on the goal function of benard2013stylizing. The specification is reference.py: same operations
-   in the same order, and integers wherever sums are long, so that both agree to the last bit.
+/* One iteration of parallel PatchMatch on the energy function of benard2013stylizing. The specification is
+   reference_energy.py: the same operations in the same order, with integers in all long sums, so that both agree
+   bit for bit.
 
-   A work item improves one pixel. It is vectorised inside, over the bytes of a patch's rows, not across work items:
-   neighbouring pixels leave off comparing at different rows, and their style patches lie anywhere.
+   A work item improves one pixel. It is vectorised over the bytes of the rows of a patch, not across work items, because
+   neighbouring pixels stop comparing at different rows, and their style patches are at unrelated positions.
 
-   Compile-time: RADIUS of the patch, CHANNELS a pixel (4, 8 or 16), VECTORS of 16 a row, PAD of the style,
-   SCALE_SHIFT, and 0 or 1 for each of ROTATE, COHERENT, TEMPORAL, HISTOGRAM, LINES, HOLES, KEYED, RIBBONS, FROZEN. */
+   Macros: RADIUS of the patch, CHANNELS per pixel (4, 8 or 16), VECTORS of 16 bytes per row, PAD (margin of the style
+   image, px), SCALE_SHIFT, and 0 or 1 for each of ROTATE, COHERENT, TEMPORAL, HISTOGRAM, LINES, MASKED, KEYFRAMES,
+   RIBBONS, FIXED. */
 
 #define SIDE (2 * RADIUS + 1)
 #define WORDS (CHANNELS / 4)
 #define ROW (16 * VECTORS)
 #define INFINITE 3.0e38f
 
-/* Everything about the pixel being improved and the images around it. */
+/* Data of the pixel that is improved, and of the images around it. */
 typedef struct {
-    global const uchar *target;      /* its patch's top left byte */
-    int target_row;                  /* bytes */
-    global const uchar *style;       /* padded style, top left byte */
-    int style_width, style_height;   /* without padding */
-    constant short16 *weights;       /* SIDE * VECTORS */
-    global const uchar *style_bins;  /* direction of each style pixel, 0..63, 255 = none */
-    global const int *turns;         /* 64 * SIDE * SIDE: tap -> pixels from the centre in the padded style */
-    int bin;                         /* direction of this pixel */
-    global const short *field;       /* rounded offsets, padded as the target: patch's top left */
-    int field_row;                   /* shorts */
-    global const short16 *steps;     /* 64 (or 1) * SIDE * 2: where each tap is expected, from the centre */
-    constant int8 *step_weights;     /* SIDE * 2 */
-    int reach;                       /* r_max */
-    float coherence;
-    int4 advected_colour;                   /* advected colour, w = known */
-    float steadiness;
-    global const float *penalty;     /* of each style pixel, eq. 8 */
-    global const float *style_distance;
-    float distance, line_limit, line_weight;
-    global const uchar *holes;       /* 0 = may not be used */
-#if KEYED
-    const short16 *expected;         /* SIDE * VECTORS: the target with the change of eq. 10 added */
+    global const uchar *target;          /* top left byte of its patch */
+    int target_row;                      /* bytes per row */
+    global const uchar *style;           /* padded style, top left byte */
+    int style_width, style_height;       /* without padding */
+    constant short16 *weights;           /* SIDE * VECTORS: multiplier of each byte */
+    global const uchar *style_bins;      /* direction of each style pixel, 0..63, 255 = none */
+    global const int *tap_indices;       /* 64 * SIDE * SIDE: pixels from the centre to each tap in the padded style */
+    int bin;                             /* direction of this pixel */
+    global const short *field;           /* rounded offsets, padded as the target: top left of its patch */
+    int field_row;                       /* shorts per row */
+    global const short16 *tap_positions; /* 64 (or 1) * SIDE * 2: position of each tap from the centre */
+    constant int8 *tap_weights;          /* SIDE * 2: weight of each tap in eq. 5 */
+    int coherence_limit;                 /* r_max of eq. 5, px^2 */
+    float coherence_weight;              /* w_sc */
+    int4 advected_colour;                /* w = 0: no advected colour */
+    float temporal_weight;               /* w_tc */
+    global const float *penalty;         /* of each style pixel, eq. 8 */
+    global const float *style_distance;  /* to the nearest line of the style, px */
+    float distance;                      /* to the nearest line of the frame, px */
+    float line_limit, line_weight;       /* d_max and w_dt of eq. 9 */
+    global const uchar *usable_mask;     /* 0 = the style pixel must not be used */
+#if KEYFRAMES
+    const short16 *expected;             /* SIDE * VECTORS: the target with the change of eq. 10 added */
 #endif
 } Patch;
 
+/* Sum of the lanes, scaled down so that it is exact in float. */
 static uint total(const uint8 lanes)
 {
     const uint8 part = lanes >> SCALE_SHIFT;
@@ -47,6 +51,7 @@ static uint total(const uint8 lanes)
     return two.x + two.y;
 }
 
+/* Squares of 16 differences, summed in pairs. */
 static uint8 squares(const short16 e)
 {
     const int16 square = convert_int16(e) * convert_int16(e);
@@ -54,8 +59,8 @@ static uint8 squares(const short16 e)
 }
 
 #if ROTATE
-/* Sixteen bytes of a rotated patch's row: 16 / CHANNELS pixels from the tap on. */
-static uchar16 turned(global const uint *centre, global const int *taps, const int tap, const int row_end)
+/* Sixteen bytes of a row of a rotated patch: 16 / CHANNELS pixels from `tap` on. */
+static uchar16 rotated_row(global const uint *centre, global const int *taps, const int tap, const int row_end)
 {
 #if WORDS == 1
     const uint4 found = (uint4)(centre[taps[tap]], centre[taps[min(tap + 1, row_end)]],
@@ -70,51 +75,53 @@ static uchar16 turned(global const uint *centre, global const int *taps, const i
 }
 #endif
 
-static uint8 row_difference(const Patch *patch, const int2 at, const int turn, const int row, uint8 lanes)
+/* Adds the weighted squared differences of one row of the patch to `lanes` (eq. 3, 4 and 10). */
+static uint8 row_difference(const Patch *patch, const int2 at, const int rotation, const int row, uint8 lanes)
 {
     const int width = patch->style_width + 2 * PAD;
-    global const uchar *mine = patch->target + row * patch->target_row;
+    global const uchar *target_row = patch->target + row * patch->target_row;
 #if ROTATE
     global const uint *centre = (global const uint *)patch->style + ((at.y + PAD) * width + at.x + PAD) * WORDS;
-    global const int *taps = patch->turns + turn * SIDE * SIDE + row * SIDE;
+    global const int *taps = patch->tap_indices + rotation * SIDE * SIDE + row * SIDE;
 #else
-    global const uchar *theirs =
+    global const uchar *style_row =
         patch->style + ((at.y + PAD + row - RADIUS) * width + at.x + PAD - RADIUS) * CHANNELS;
 #endif
     for (int v = 0; v < VECTORS; v++) {
 #if ROTATE
-        const short16 style = convert_short16(turned(centre, taps, v * 16 / CHANNELS, SIDE - 1));
+        const short16 style = convert_short16(rotated_row(centre, taps, v * 16 / CHANNELS, SIDE - 1));
 #else
-        const short16 style = convert_short16(vload16(v, theirs));
+        const short16 style = convert_short16(vload16(v, style_row));
 #endif
-#if KEYED
+#if KEYFRAMES
         const short16 difference = patch->expected[row * VECTORS + v] - style;
 #else
-        const short16 difference = convert_short16(vload16(v, mine)) - style;
+        const short16 difference = convert_short16(vload16(v, target_row)) - style;
 #endif
         lanes += squares(difference * patch->weights[row * VECTORS + v]);
     }
     return lanes;
 }
 
-/* Eq. 5: how far the neighbours are from where this offset would have them. */
-static uint incoherence(const Patch *patch, const int2 at, const int turn)
+/* Eq. 5: squared distances of the neighbours' offsets from their positions extrapolated from this offset, limited and
+   weighted. */
+static uint incoherence(const Patch *patch, const int2 at, const int rotation)
 {
     const short2 here = convert_short2(at);
     const short16 base = (short16)(here, here, here, here, here, here, here, here);
     uint8 sum = 0;
     for (int row = 0; row < SIDE; row++)
         for (int v = 0; v < 2; v++) {
-            const short16 off = vload16(v, patch->field + row * patch->field_row) - base - patch->steps[(turn * SIDE + row) * 2 + v];
+            const short16 off = vload16(v, patch->field + row * patch->field_row) - base - patch->tap_positions[(rotation * SIDE + row) * 2 + v];
             const short16 near = clamp(off, (short16)(-255), (short16)(255));
-            sum += as_uint8(min(as_int8(squares(near)), (int8)(patch->reach)) * patch->step_weights[row * 2 + v]);
+            sum += as_uint8(min(as_int8(squares(near)), (int8)(patch->coherence_limit)) * patch->tap_weights[row * 2 + v]);
         }
     const uint4 four = sum.lo + sum.hi;
     const uint2 two = four.lo + four.hi;
     return two.x + two.y;
 }
 
-/* The terms that look at the centre alone: eq. 6 to 9. */
+/* Terms of the centre pixel only: eq. 6 to 9. */
 static float centre_cost(const Patch *patch, const int2 at)
 {
     float cost = 0.0f;
@@ -123,59 +130,61 @@ static float centre_cost(const Patch *patch, const int2 at)
     global const uchar *pixel =
         patch->style + ((at.y + PAD) * (patch->style_width + 2 * PAD) + at.x + PAD) * CHANNELS;
     const int3 off = (int3)(pixel[0], pixel[1], pixel[2]) - patch->advected_colour.xyz;
-    cost += patch->advected_colour.w ? patch->steadiness * (float)(off.x * off.x + off.y * off.y + off.z * off.z) : 0.0f;
+    cost += patch->advected_colour.w ? patch->temporal_weight * (float)(off.x * off.x + off.y * off.y + off.z * off.z) : 0.0f;
 #endif
 #if HISTOGRAM
     cost += patch->penalty[index];
 #endif
 #if LINES
-    const float apart = fmin(fabs(patch->distance - patch->style_distance[index]), patch->line_limit);
-    cost += patch->line_weight * (apart * apart);
+    const float difference = fmin(fabs(patch->distance - patch->style_distance[index]), patch->line_limit);
+    cost += patch->line_weight * (difference * difference);
 #endif
     return cost;
 }
 
-/* Eq. 1 at this pixel for one offset, or something not below `limit`. */
+/* Eq. 1 at this pixel for one offset, or a value not below `limit`. */
 static float patch_cost(const Patch *patch, const int2 at, const float limit)
 {
     float cost = centre_cost(patch, at);
     if (cost >= limit)
         return cost;
-    const int turn = turn_between(patch->style_bins, at.y * patch->style_width + at.x, patch->bin);
-    uint8 lanes = row_difference(patch, at, turn, RADIUS, (uint8)(0));
-    for (int out = 1; out <= RADIUS; out++) {
-        lanes = row_difference(patch, at, turn, RADIUS - out, lanes);
-        lanes = row_difference(patch, at, turn, RADIUS + out, lanes);
-        const float so_far = cost + (float)total(lanes);
-        if (so_far >= limit)
-            return so_far;
+    const int rotation = rotation_between(patch->style_bins, at.y * patch->style_width + at.x, patch->bin);
+    uint8 lanes = row_difference(patch, at, rotation, RADIUS, (uint8)(0));
+    for (int distance = 1; distance <= RADIUS; distance++) {
+        lanes = row_difference(patch, at, rotation, RADIUS - distance, lanes);
+        lanes = row_difference(patch, at, rotation, RADIUS + distance, lanes);
+        const float partial = cost + (float)total(lanes);
+        if (partial >= limit)
+            return partial;
     }
     cost += (float)total(lanes);
 #if COHERENT
     if (cost < limit)
-        cost += patch->coherence * (float)incoherence(patch, at, turn);
+        cost += patch->coherence_weight * (float)incoherence(patch, at, rotation);
 #endif
     return cost;
 }
 
+/* The best candidate so far: its offset, the rounded offset, its cost; and the candidate that was rejected last. */
 typedef struct {
     float2 offset;
     int2 at;
     float cost;
-    int2 refused;
+    int2 rejected;
 } Best;
 
 static int same(const int2 a, const int2 b) { return a.x == b.x && a.y == b.y; }
 
+/* Replaces the best candidate by `offset` if its cost is lower. */
 static void consider(const Patch *patch, Best *best, const float2 offset)
 {
     const int2 at = rounded(offset);
     if (at.x < 0 || at.y < 0 || at.x >= patch->style_width || at.y >= patch->style_height)
         return;
-    if (same(at, best->at) || same(at, best->refused))
+    if (same(at, best->at) || same(at, best->rejected))
         return;
-#if HOLES
-    if (!patch->holes[at.y * patch->style_width + at.x])
+#if MASKED
+    if (!patch->usable_mask[at.y * patch->style_width + at.x])
         return;
 #endif
     const float cost = patch_cost(patch, at, best->cost);
@@ -184,54 +193,55 @@ static void consider(const Patch *patch, Best *best, const float2 offset)
         best->at = at;
         best->cost = cost;
     } else
-        best->refused = at;
+        best->rejected = at;
 }
 
-#if KEYED
-/* The patch that the style is compared with where eq. 10 holds: the target, moved by `share` / 128 of the difference
-   between the style at the advected offset and the neighbouring frame. Two squares with a common variable are one
-   square plus a constant, so that eq. 3, 4 and 10 together cost as much as eq. 3 and 4. */
-static void expect(const Patch *patch, const float2 advected, global const uchar *neighbour,
-                   global const uchar *visible, constant short16 *share, short16 *expected)
+#if KEYFRAMES
+/* Computes the patch that the style is compared with where eq. 10 applies: the target plus `change_share` / 128 of the
+   difference between the style at the advected offset and the neighbouring frame. Two squares with a common variable
+   equal one square plus a constant, so that eq. 3, 4 and 10 together cost as much as eq. 3 and 4. */
+static void compute_expected(const Patch *patch, const float2 advected, global const uchar *neighbour,
+                   global const uchar *visible, constant short16 *change_share, short16 *expected)
 {
     const int2 at = clamped(rounded(advected), patch->style_width, patch->style_height);
     const int width = patch->style_width + 2 * PAD, known = advected.x > NOWHERE;
-    const int turn = turn_between(patch->style_bins, at.y * patch->style_width + at.x, patch->bin);
+    const int rotation = rotation_between(patch->style_bins, at.y * patch->style_width + at.x, patch->bin);
     for (int row = 0; row < SIDE; row++) {
-        global const uchar *now = patch->target + row * patch->target_row;
-        global const uchar *then = neighbour + row * patch->target_row;
-        global const uchar *seen = visible + row * patch->target_row;
+        global const uchar *target_row = patch->target + row * patch->target_row;
+        global const uchar *neighbour_row = neighbour + row * patch->target_row;
+        global const uchar *visible_row = visible + row * patch->target_row;
 #if ROTATE
         global const uint *centre =
             (global const uint *)patch->style + ((at.y + PAD) * width + at.x + PAD) * WORDS;
-        global const int *taps = patch->turns + turn * SIDE * SIDE + row * SIDE;
+        global const int *taps = patch->tap_indices + rotation * SIDE * SIDE + row * SIDE;
 #else
-        global const uchar *theirs =
+        global const uchar *style_row =
             patch->style + ((at.y + PAD + row - RADIUS) * width + at.x + PAD - RADIUS) * CHANNELS;
 #endif
         for (int v = 0; v < VECTORS; v++) {
-            const short16 target = convert_short16(vload16(v, now));
+            const short16 target = convert_short16(vload16(v, target_row));
 #if ROTATE
-            const short16 style = convert_short16(turned(centre, taps, v * 16 / CHANNELS, SIDE - 1));
+            const short16 style = convert_short16(rotated_row(centre, taps, v * 16 / CHANNELS, SIDE - 1));
 #else
-            const short16 style = convert_short16(vload16(v, theirs));
+            const short16 style = convert_short16(vload16(v, style_row));
 #endif
-            const short16 mask = convert_short16(as_char16(vload16(v, seen)));
-            const short16 change = (style - convert_short16(vload16(v, then))) & mask;
-            expected[row * VECTORS + v] = known ? target + ((change * share[v] + (short16)(64)) >> 7) : target;
+            const short16 mask = convert_short16(as_char16(vload16(v, visible_row)));
+            const short16 change = (style - convert_short16(vload16(v, neighbour_row))) & mask;
+            expected[row * VECTORS + v] = known ? target + ((change * change_share[v] + (short16)(64)) >> 7) : target;
         }
     }
 }
 #endif
 
+/* Considers the extrapolated offsets of the four direct neighbours and of the four at distance `jump`, px. */
 static void propagate(const Patch *patch, Best *best, global const float2 *offsets, global const uchar *bins,
                       constant float2 *cosines, const int jump, const int x, const int y, const int width,
                       const int height)
 {
     for (int k = 0; k < (jump > 1 ? 8 : 4); k++) {
-        const int far = k < 4 ? 1 : jump;
-        const int dx = (k & 3) == 0 ? -far : (k & 3) == 1 ? far : 0;
-        const int dy = (k & 3) == 2 ? -far : (k & 3) == 3 ? far : 0;
+        const int step = k < 4 ? 1 : jump;
+        const int dx = (k & 3) == 0 ? -step : (k & 3) == 1 ? step : 0;
+        const int dy = (k & 3) == 2 ? -step : (k & 3) == 3 ? step : 0;
         if (x + dx < 0 || x + dx >= width || y + dy < 0 || y + dy >= height)
             continue;
         const int other = (y + dy) * width + x + dx;
@@ -241,31 +251,34 @@ static void propagate(const Patch *patch, Best *best, global const float2 *offse
     }
 }
 
-/* Around the best so far, `far` px and less: two draws for each number of Philox, each span half the last. */
-static void search(const Patch *patch, Best *best, float far, const uint4 counter, const uint2 key)
+/* Random search around the best candidate within `radius` px: two draws for each block of random words; each radius is
+   half the one before. */
+static void search(const Patch *patch, Best *best, float radius, const uint4 counter, const uint2 key)
 {
-    for (int step = 0; far >= 1.0f; far *= 0.25f, step++) {
+    for (int step = 0; radius >= 1.0f; radius *= 0.25f, step++) {
         const uint4 words = philox(counter + (uint4)(0, 0, 0, step), key);
         for (int k = 0; k < 2; k++) {
             const float2 draw = (float2)(unit(k ? words.z : words.x), unit(k ? words.w : words.y)) * 2.0f - 1.0f;
-            const int2 step_px = convert_int2_rte(draw * (k ? far * 0.5f : far));
+            const int2 step_px = convert_int2_rte(draw * (k ? radius * 0.5f : radius));
             consider(patch, best, convert_float2(best->at + step_px));
         }
     }
 }
 
-/* The numbers of an iteration; energy.py has the same layout as a structured dtype. */
+/* Scalar parameters of an iteration; `ITERATION` in operations.py has the same layout. */
 typedef struct {
-    int reach;                       /* r_max of eq. 5, px^2 */
-    float coherence, steadiness;
+    int coherence_limit;                 /* r_max of eq. 5, px^2 */
+    float coherence_weight, temporal_weight;
     float line_limit, line_weight;
     int jump;
     float search_px, ribbon_px;
     uint seed, stream, round;
-    int top;                         /* row of the frame that is the first one here */
+    int top;                             /* first row of a band within the frame */
     int style_width, style_height, width, height;
 } Iteration;
 
+/* One iteration: the best offset of each pixel among its own, those of its neighbours in time and space, its ribbons and
+   random candidates. */
 __attribute__((vec_type_hint(short16))) kernel void
 improve(
     const Iteration it, global const float2 *offsets /* height * width */,
@@ -275,27 +288,27 @@ improve(
     global const uchar *bins /* ROTATE * height * width */,
     global const uchar *style /* (style_height + 2 * PAD) * (style_width + 2 * PAD) * CHANNELS + 64 */,
     global const uchar *style_bins /* ROTATE * style_height * style_width */,
-    global const uchar *holes /* HOLES * style_height * style_width */,
+    global const uchar *usable_mask /* MASKED * style_height * style_width */,
     global const float *style_distance /* LINES * style_height * style_width */,
     constant short16 *weights /* (2 * RADIUS + 1) * VECTORS */,
-    global const int *turns /* 64 * (2 * RADIUS + 1) * (2 * RADIUS + 1) */, constant float2 *cosines /* 64 */,
-    global const short16 *steps /* (63 * ROTATE + 1) * (2 * RADIUS + 1) * 2 */,
-    constant int8 *step_weights /* (2 * RADIUS + 1) * 2 */,
+    global const int *tap_indices /* 64 * (2 * RADIUS + 1) * (2 * RADIUS + 1) */, constant float2 *cosines /* 64 */,
+    global const short16 *tap_positions /* (63 * ROTATE + 1) * (2 * RADIUS + 1) * 2 */,
+    constant int8 *tap_weights /* (2 * RADIUS + 1) * 2 */,
     global const uchar4 *advected_colours /* TEMPORAL * height * width */,
     global const float *penalty /* HISTOGRAM * style_height * style_width */,
     global const float *distance /* LINES * height * width */,
-    global const float2 *advected /* (TEMPORAL or KEYED) * height * width */,
-    global const uchar *neighbour /* KEYED * ((height + 2 * RADIUS) * (width + 2 * RADIUS) * CHANNELS + 64) */,
-    global const uchar *visible /* KEYED * ((height + 2 * RADIUS) * (width + 2 * RADIUS) * CHANNELS + 64) */,
-    constant short16 *share /* VECTORS */, global const float2 *ribbons /* RIBBONS * 2 * height * width */,
-    global const float2 *fixed /* FROZEN * height * width */)
+    global const float2 *advected /* (TEMPORAL or KEYFRAMES) * height * width */,
+    global const uchar *neighbour /* KEYFRAMES * ((height + 2 * RADIUS) * (width + 2 * RADIUS) * CHANNELS + 64) */,
+    global const uchar *visible /* KEYFRAMES * ((height + 2 * RADIUS) * (width + 2 * RADIUS) * CHANNELS + 64) */,
+    constant short16 *change_share /* VECTORS */, global const float2 *ribbons /* RIBBONS * 2 * height * width */,
+    global const float2 *fixed /* FIXED * height * width */)
 {
     const int x = get_global_id(0), y = get_global_id(1);
     const int width = it.width, height = it.height, style_width = it.style_width, style_height = it.style_height;
     if (x >= width || y >= height)
         return;
     const int here = y * width + x, stride = width + 2 * RADIUS, corner = y * stride + x;
-#if FROZEN
+#if FIXED
     if (fixed[here].x > NOWHERE) {
         improved[here] = fixed[here];
         costs[here] = 0.0f;
@@ -310,35 +323,35 @@ improve(
     patch.style_height = style_height;
     patch.weights = weights;
     patch.style_bins = style_bins;
-    patch.turns = turns;
+    patch.tap_indices = tap_indices;
     patch.bin = ROTATE ? bins[here] : 255;
     patch.field = field + corner * 2;
     patch.field_row = stride * 2;
-    patch.steps = steps;
-    patch.step_weights = step_weights;
-    patch.reach = it.reach;
-    patch.coherence = it.coherence;
-    patch.steadiness = it.steadiness;
+    patch.tap_positions = tap_positions;
+    patch.tap_weights = tap_weights;
+    patch.coherence_limit = it.coherence_limit;
+    patch.coherence_weight = it.coherence_weight;
+    patch.temporal_weight = it.temporal_weight;
     patch.penalty = penalty;
     patch.style_distance = style_distance;
     patch.line_limit = it.line_limit;
     patch.line_weight = it.line_weight;
-    patch.holes = holes;
+    patch.usable_mask = usable_mask;
 #if TEMPORAL
     patch.advected_colour = convert_int4(advected_colours[here]);
 #endif
 #if LINES
     patch.distance = distance[here];
 #endif
-#if KEYED
+#if KEYFRAMES
     short16 expected[SIDE * VECTORS];
-    expect(&patch, advected[here], neighbour + corner * CHANNELS, visible + corner * CHANNELS, share, expected);
+    compute_expected(&patch, advected[here], neighbour + corner * CHANNELS, visible + corner * CHANNELS, change_share, expected);
     patch.expected = expected;
 #endif
     Best best;
     best.offset = offsets[here];
     best.at = clamped(rounded(best.offset), style_width, style_height);
-    best.refused = (int2)(-1);
+    best.rejected = (int2)(-1);
     best.cost = patch_cost(&patch, best.at, INFINITE);
 #if TEMPORAL
     if (advected[here].x > NOWHERE)

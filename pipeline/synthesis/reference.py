@@ -21,8 +21,8 @@ Size = tuple[int, int]
 _NONE = np.zeros(0, np.uint8)
 _BINOMIAL = (20, 15, 6, 1)
 _NOWHERE = NOWHERE
-_WHOLE = ("reach", "jump", "seed", "stream", "round")
-_SCATTER, _MERGE = 0x5CA77E12, 0x3E26E000
+_WHOLE = ("coherence_limit", "jump", "seed", "stream", "round")
+_RANDOM_POSITION, _MERGE = 0x5CA77E12, 0x3E26E000
 
 
 def _spread(image: Array, margin: int) -> Array:
@@ -50,13 +50,13 @@ class Reference:
         """Return immediately: all operations are synchronous."""
 
     def load(self, style: Style, energy: Energy) -> LoadedStyle[Array]:
-        def there(array: Array | None, like: type[np.generic] = np.uint8) -> Array:
+        def or_empty(array: Array | None, like: type[np.generic] = np.uint8) -> Array:
             return np.zeros((0, 0), like) if array is None else array
 
         features = _spread(style.features, energy.pad)
-        distance = there(style.distance, np.float32)
+        distance = or_empty(style.distance, np.float32)
         return LoadedStyle(
-            style, energy, features, there(style.bins), there(style.usable), distance, taps(energy.radius), _NONE
+            style, energy, features, or_empty(style.bins), or_empty(style.usable), distance, taps(energy.radius), _NONE
         )
 
     def margined(self, plane: Array, margin_px: int) -> Array:
@@ -70,7 +70,7 @@ class Reference:
 
     def random_offsets(self, style: LoadedStyle[Array], size: Size, key: RandomKey) -> Array:
         out = np.full((size[1], size[0], 2), NOWHERE, np.float32)
-        _merge(out, out, out, np.float32(0), style.usable, words(key), style.style.first, style.size)
+        _merge(out, out, out, np.float32(0), style.usable, words(key), style.style.first_usable, style.size)
         return out
 
     def render(self, style: LoadedStyle[Array], state: FrameState[Array], offsets: Array) -> None:
@@ -87,9 +87,9 @@ class Reference:
         counts = np.bincount(index.ravel(), minlength=width * height).reshape(height, width).astype(np.float32)
         sum_ = _binomial(_binomial(counts, 1), 0)
         area = width * height if style.style.usable is None else max(1, int(np.count_nonzero(style.style.usable)))
-        alike = max(1.0, size[0] * size[1] / area)
-        threshold = np.float32(energy.h_limit * alike)
-        slope = np.float32(energy.w_h / alike * tables(energy).centre)
+        mean_uses = max(1.0, size[0] * size[1] / area)
+        threshold = np.float32(energy.h_limit * mean_uses)
+        slope = np.float32(energy.w_h / mean_uses * tables(energy).centre)
         return np.asarray(slope * np.maximum(np.float32(0), sum_ * np.float32(2.44140625e-4) - threshold), np.float32)
 
     def improve(
@@ -102,10 +102,10 @@ class Reference:
         bytes2, bytes3 = np.zeros((0, 0), np.uint8), np.zeros((0, 0, 0), np.uint8)
         inputs = Inputs(
             offsets, state.packed, state.field, _or(state.bins, bytes2), style.features, style.bins, style.usable,
-            style.distance, made.weights, style.turns, cosines(), made.step_weights,
+            style.distance, made.weights, style.tap_indices, cosines(), made.tap_weights,
             _or(state.advected_colours, bytes3), _or(penalty, flat), _or(lines, flat),
             _or(state.advected, deep), neighbour.packed if neighbour else bytes3,
-            neighbour.visible if neighbour else bytes3, made.share,
+            neighbour.visible if neighbour else bytes3, made.change_share,
             _or(state.ribbons, np.zeros((0, 0, 0, 0), np.float32)), _or(state.fixed, deep),
         )  # fmt: skip
         improve(inputs, self._iteration(style, state.size, search), out)
@@ -123,10 +123,12 @@ class Reference:
         visible: Array,
     ) -> Array:  # fmt: skip
         out = np.empty((state.size[1], state.size[0], 2), np.float32)
-        there = _or(bins, np.zeros((0, 0), np.uint8))
-        turned = style.bins if style.style.bins is not None else np.zeros((0, 0), np.uint8)
+        other_bins = _or(bins, np.zeros((0, 0), np.uint8))
+        style_bins = style.bins if style.style.bins is not None else np.zeros((0, 0), np.uint8)
         usable = style.usable if style.style.usable is not None else np.zeros((0, 0), np.uint8)
-        _advect(offsets, there, displacement, visible, StyleDirections(turned, cosines(), *style.size), usable, out)
+        _advect(
+            offsets, other_bins, displacement, visible, StyleDirections(style_bins, cosines(), *style.size), usable, out
+        )
         return out
 
     def upsample(
@@ -138,15 +140,17 @@ class Reference:
         to: FrameState[Array],
     ) -> Array:
         out = np.empty((to.size[1], to.size[0], 2), np.float32)
-        there = _or(state.bins, np.zeros((0, 0), np.uint8))
-        _upsample(offsets, there, StyleDirections(coarse.bins, cosines(), *coarse.size), style.usable, out, style.size)
+        coarse_bins = _or(state.bins, np.zeros((0, 0), np.uint8))
+        _upsample(
+            offsets, coarse_bins, StyleDirections(coarse.bins, cosines(), *coarse.size), style.usable, out, style.size
+        )
         return out
 
     def merge(
         self, style: LoadedStyle[Array], size: Size, first: Array, second: Array, share: float, key: RandomKey
     ) -> Array:
         out = np.empty((size[1], size[0], 2), np.float32)
-        _merge(first, second, out, np.float32(share), style.usable, words(key), style.style.first, style.size)
+        _merge(first, second, out, np.float32(share), style.usable, words(key), style.style.first_usable, style.size)
         return out
 
     def colours_at(self, style: LoadedStyle[Array], size: Size, offsets: Array) -> Array:
@@ -155,8 +159,8 @@ class Reference:
         known = np.where(offsets[..., 0] > NOWHERE, np.uint8(255), np.uint8(0))
         return np.dstack([style.features[y + pad, x + pad, :3], known])
 
-    def impose(self, style: LoadedStyle[Array], size: Size, given: Array, offsets: Array) -> Array:
-        np.copyto(offsets, given, where=given[..., :1] > NOWHERE)
+    def apply_fixed(self, style: LoadedStyle[Array], size: Size, fixed: Array, offsets: Array) -> Array:
+        np.copyto(offsets, fixed, where=fixed[..., :1] > NOWHERE)
         return offsets
 
 
@@ -197,7 +201,7 @@ def _merge(
             if found_x <= _NOWHERE:
                 found_x, found_y = np.float32(start[0]), np.float32(start[1])
                 for k in range(8):
-                    words = philox(x, y, k, _SCATTER, seed, stream)
+                    words = philox(x, y, k, _RANDOM_POSITION, seed, stream)
                     tx = min(int(unit(words[0]) * np.float32(width)), width - 1)
                     ty = min(int(unit(words[1]) * np.float32(height)), height - 1)
                     if _usable(tx, ty, usable, width, height):

@@ -35,16 +35,16 @@ class Inputs(NamedTuple):
     usable: Array
     style_distance: Array
     weights: Array
-    taps: Array
+    tap_positions: Array
     cosines: Array
-    step_weights: Array
+    tap_weights: Array
     advected_colours: Array
     penalty: Array
     distance: Array
     advected: Array
     neighbour: Array
     visible: Array
-    share: Array
+    change_share: Array
     ribbons: Array
     fixed: Array
 
@@ -52,9 +52,9 @@ class Inputs(NamedTuple):
 class Iteration(NamedTuple):
     """Scalar arguments of an iteration: the struct of this name in patchmatch.cl, and the shape of packed pixels."""
 
-    reach: int
-    coherence: np.float32
-    steadiness: np.float32
+    coherence_limit: int
+    coherence_weight: np.float32
+    temporal_weight: np.float32
     line_limit: np.float32
     line_weight: np.float32
     jump: int
@@ -84,7 +84,7 @@ class StyleDirections(NamedTuple):
 
     Attributes:
         bins: uint8 (height, width), direction of each style pixel; length 0 = offsets are not rotated.
-        cosines: float32 (64, 2), cosine and sine of each turn.
+        cosines: float32 (64, 2), cosine and sine of each rotation.
         width, height: size of the style image, px.
     """
 
@@ -95,8 +95,8 @@ class StyleDirections(NamedTuple):
 
 
 @kernel
-def turn_between(style_bins: Array, x: int, y: int, direction: int) -> int:
-    """Index of the turn, 0..63, from the pixel's `direction` to the style's direction at (x, y)."""
+def rotation_between(style_bins: Array, x: int, y: int, direction: int) -> int:
+    """Index of the rotation, 0..63, from the pixel's `direction` to the style's direction at (x, y)."""
     if style_bins.size == 0:
         return 0
     there = style_bins[y, x]
@@ -114,8 +114,8 @@ def extrapolated_offset(
         return x + dx, y + dy
     at_x = min(max(int(np.rint(x)), 0), style.width - 1)
     at_y = min(max(int(np.rint(y)), 0), style.height - 1)
-    turn = turn_between(style.bins, at_x, at_y, direction)
-    c, s = style.cosines[turn, 0], style.cosines[turn, 1]
+    rotation = rotation_between(style.bins, at_x, at_y, direction)
+    c, s = style.cosines[rotation, 0], style.cosines[rotation, 1]
     return x + (c * dx - s * dy), y + (s * dx + c * dy)
 
 
@@ -134,24 +134,24 @@ def _centre_cost(at_x: int, at_y: int, pixel: Pixel, inputs: Inputs, it: Iterati
         for c in range(3):
             off = int(inputs.style[at_y + it.pad, at_x + it.pad, c]) - int(inputs.advected_colours[y, x, c])
             total += off * off
-        cost += it.steadiness * np.float32(total) if inputs.advected_colours[y, x, 3] else np.float32(0)
+        cost += it.temporal_weight * np.float32(total) if inputs.advected_colours[y, x, 3] else np.float32(0)
     if inputs.penalty.size:
         cost += inputs.penalty[at_y, at_x]
     if inputs.distance.size:
-        apart = min(abs(inputs.distance[y, x] - inputs.style_distance[at_y, at_x]), it.line_limit)
-        cost += it.line_weight * (apart * apart)
+        difference = min(abs(inputs.distance[y, x] - inputs.style_distance[at_y, at_x]), it.line_limit)
+        cost += it.line_weight * (difference * difference)
     return cost
 
 
 @kernel
-def _incoherence(at_x: int, at_y: int, turn: int, pixel: Pixel, inputs: Inputs, reach: int) -> int:
-    sum_, side = 0, inputs.taps.shape[1]
+def _incoherence(at_x: int, at_y: int, rotation: int, pixel: Pixel, inputs: Inputs, coherence_limit: int) -> int:
+    sum_, side = 0, inputs.tap_positions.shape[1]
     for row in range(side):
         for tap in range(side):
-            ox = int(inputs.field[pixel.y + row, pixel.x + tap, 0]) - at_x - inputs.taps[turn, row, tap, 0]
-            oy = int(inputs.field[pixel.y + row, pixel.x + tap, 1]) - at_y - inputs.taps[turn, row, tap, 1]
+            ox = int(inputs.field[pixel.y + row, pixel.x + tap, 0]) - at_x - inputs.tap_positions[rotation, row, tap, 0]
+            oy = int(inputs.field[pixel.y + row, pixel.x + tap, 1]) - at_y - inputs.tap_positions[rotation, row, tap, 1]
             ox, oy = min(max(ox, -255), 255), min(max(oy, -255), 255)
-            sum_ += min(ox * ox + oy * oy, reach) * inputs.step_weights[row, tap]
+            sum_ += min(ox * ox + oy * oy, coherence_limit) * inputs.tap_weights[row, tap]
     return sum_
 
 
@@ -160,16 +160,16 @@ def _patch_cost(at_x: int, at_y: int, limit: np.float32, pixel: Pixel, inputs: I
     cost = _centre_cost(at_x, at_y, pixel, inputs, it)
     if cost >= limit:
         return cost
-    turn = turn_between(inputs.style_bins, at_x, at_y, pixel.direction)
-    side = inputs.taps.shape[1]
+    rotation = rotation_between(inputs.style_bins, at_x, at_y, pixel.direction)
+    side = inputs.tap_positions.shape[1]
     radius, total, lanes = side // 2, 0, pixel.lanes
     lanes[:] = 0
     for out in range(radius + 1):
         for sign in range(1 if out == 0 else 2):
             row = radius + (out if sign else -out)
             for tap in range(side):
-                sx = at_x + it.pad + inputs.taps[turn, row, tap, 0]
-                sy = at_y + it.pad + inputs.taps[turn, row, tap, 1]
+                sx = at_x + it.pad + inputs.tap_positions[rotation, row, tap, 0]
+                sy = at_y + it.pad + inputs.tap_positions[rotation, row, tap, 1]
                 for c in range(it.channels):
                     j = tap * it.channels + c
                     e = (pixel.expected[row, j] - int(inputs.style[sy, sx, c])) * int(inputs.weights[row, j])
@@ -180,15 +180,15 @@ def _patch_cost(at_x: int, at_y: int, limit: np.float32, pixel: Pixel, inputs: I
         if out and cost + np.float32(total) >= limit:
             return cost + np.float32(total)
     cost += np.float32(total)
-    if it.coherence > 0 and cost < limit:
-        cost += it.coherence * np.float32(_incoherence(at_x, at_y, turn, pixel, inputs, it.reach))
+    if it.coherence_weight > 0 and cost < limit:
+        cost += it.coherence_weight * np.float32(_incoherence(at_x, at_y, rotation, pixel, inputs, it.coherence_limit))
     return cost
 
 
 @kernel
-def _expect(pixel: Pixel, inputs: Inputs, channels: int, pad: int) -> None:
+def _compute_expected(pixel: Pixel, inputs: Inputs, channels: int, pad: int) -> None:
     """Write the expected patch: the target's patch, shifted according to eq. 10 where the neighbour is visible."""
-    x, y, side = pixel.x, pixel.y, inputs.taps.shape[1]
+    x, y, side = pixel.x, pixel.y, inputs.tap_positions.shape[1]
     for row in range(side):
         for tap in range(side):
             for c in range(channels):
@@ -198,15 +198,18 @@ def _expect(pixel: Pixel, inputs: Inputs, channels: int, pad: int) -> None:
     height, width = inputs.style.shape[0] - 2 * pad, inputs.style.shape[1] - 2 * pad
     at_x = min(max(int(np.rint(inputs.advected[y, x, 0])), 0), width - 1)
     at_y = min(max(int(np.rint(inputs.advected[y, x, 1])), 0), height - 1)
-    turn = turn_between(inputs.style_bins, at_x, at_y, pixel.direction)
+    rotation = rotation_between(inputs.style_bins, at_x, at_y, pixel.direction)
     for row in range(side):
         for tap in range(side):
-            sx, sy = at_x + pad + inputs.taps[turn, row, tap, 0], at_y + pad + inputs.taps[turn, row, tap, 1]
+            sx, sy = (
+                at_x + pad + inputs.tap_positions[rotation, row, tap, 0],
+                at_y + pad + inputs.tap_positions[rotation, row, tap, 1],
+            )
             for c in range(channels):
                 if inputs.visible[y + row, x + tap, c]:
                     change = int(inputs.style[sy, sx, c]) - int(inputs.neighbour[y + row, x + tap, c])
                     j = tap * channels + c
-                    pixel.expected[row, j] += (change * int(inputs.share[j]) + 64) >> 7
+                    pixel.expected[row, j] += (change * int(inputs.change_share[j]) + 64) >> 7
 
 
 @kernel
@@ -292,7 +295,7 @@ def _best(pixel: Pixel, inputs: Inputs, it: Iteration, candidates: Array) -> tup
 def improve(inputs: Inputs, it: Iteration, improved: Array) -> None:
     """One iteration over every pixel."""
     height, width, _ = inputs.offsets.shape
-    side = inputs.taps.shape[1]
+    side = inputs.tap_positions.shape[1]
     lanes, expected = np.zeros(8, np.int64), np.zeros((side, side * it.channels), np.int64)
     candidates = np.empty((16, 2), np.float32)
     for y in range(height):
@@ -302,5 +305,5 @@ def improve(inputs: Inputs, it: Iteration, improved: Array) -> None:
                 continue
             direction = int(inputs.bins[y, x]) if inputs.bins.size else int(NO_DIRECTION)
             pixel = Pixel(x, y, direction, expected, lanes)
-            _expect(pixel, inputs, it.channels, it.pad)
+            _compute_expected(pixel, inputs, it.channels, it.pad)
             improved[y, x, 0], improved[y, x, 1] = _best(pixel, inputs, it, candidates)

@@ -40,12 +40,7 @@ def refine(
 
 
 def colours(style: Style, offsets: Offsets) -> Bytes:
-    """Render offsets: I^(p) = S^(M(p)), uint8 (h, w, 3)."""
+    """Render offsets: I^(p) = S^(M(p)), uint8 (h, w, 3), or (h, w, 4) if the style has opacity."""
     at = np.rint(offsets).astype(np.int64)
     x, y = np.clip(at[..., 0], 0, style.size[0] - 1), np.clip(at[..., 1], 0, style.size[1] - 1)
     return np.ascontiguousarray(style.colours[y, x])
-
-
-def show(ops: Operations[T], style: LoadedStyle[T], offsets: T) -> Bytes:
-    """Render offsets that are arrays of `ops`, and download the picture, uint8 (h, w, 3 or 4)."""
-    return colours(style.style, ops.fetch(offsets))

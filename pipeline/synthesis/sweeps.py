@@ -8,7 +8,7 @@ the motion. It is then refined; the temporal terms keep it coherent with the nei
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Generic, Protocol
 
 import numpy as np
@@ -23,7 +23,10 @@ from pipeline.synthesis.refine import refine
 class Animation(Protocol):
     """The animation at one level. A sweep requests each frame about once, in the order of the sweep."""
 
-    def target(self, index: int) -> Target: ...
+    def target(self, index: int) -> Target:
+        """Frame `index` as the target of the synthesis."""
+        ...
+
     def motion(self, index: int, other: int) -> Motion:
         """Motion from frame `index` to its neighbour `other` (index - 1 or index + 1)."""
         ...
@@ -32,7 +35,7 @@ class Animation(Protocol):
         """Fixed offsets of painted pixels, float32 (h, w, 2), NOWHERE elsewhere; None = no pixel is painted."""
         ...
 
-    def share(self, index: int, forward: bool) -> float:
+    def merge_probability(self, index: int, forward: bool) -> float:
         """Probability, 0..1, with which the random merge takes the neighbour's offset."""
         ...
 
@@ -70,97 +73,100 @@ class Sweep(Generic[T]):
 
     Args:
         style: the style at this level.
-        known: returns the previous result of a frame: offsets of the sweep before or of the coarser level; None = none.
-        keep_first: whether to keep the known offsets of the first frame, because the sweep before ended with it.
+        previous: returns the previous result of a frame: offsets of the sweep before or of the coarser level; None =
+            there is none.
+        schedule: effort of the search.
+        forward: direction in time.
+        keep_first: whether to keep the previous offsets of the first frame, because the sweep before ended with it.
+        last: neighbour of the first frame: the last frame of the run before this one; None = there is no such run.
     """
 
     ops: Operations[T]
     style: LoadedStyle[T]
-    shot: Animation
-    known: Callable[[int, FrameState[T]], T | None]
-    rounds: SearchSchedule
+    animation: Animation
+    previous: Callable[[int, FrameState[T]], T | None]
+    schedule: SearchSchedule
     forward: bool
     keep_first: bool = False
     last: SolvedFrame[T] | None = None
-    """Neighbour of the first frame: the last frame of the run before this one; None = there is no such run."""
-    tick: Callable[[], None] = field(default=lambda: None)
 
     def run(self, frames: Iterable[int]) -> Iterator[SolvedFrame[T]]:
         """Solve frames in the given order; yields each as soon as it is solved."""
         for index in frames:
-            self.tick()
-            state = self.ops.prepare(self.style, self.shot.target(index))
-            offsets = self._visit(index, state)
+            state = self.ops.prepare(self.style, self.animation.target(index))
+            offsets = self._solve(index, state)
             self.last = SolvedFrame(index, state, offsets)
             yield self.last
 
-    def _visit(self, index: int, state: FrameState[T]) -> T:
-        given = self.shot.fixed_offsets(index)
-        fixed = None if given is None else self.ops.upload(given)
-        known = self.known(index, state)
-        if self.last is None and self.keep_first and known is not None:
-            return known if fixed is None else self._impose(state, fixed, known)
+    def _solve(self, index: int, state: FrameState[T]) -> T:
+        """Offsets of frame `index`."""
+        painted = self.animation.fixed_offsets(index)
+        fixed = None if painted is None else self.ops.upload(painted)
+        previous = self.previous(index, state)
+        if self.last is None and self.keep_first and previous is not None:
+            return previous if fixed is None else self._with_fixed(state, fixed, previous)
         advected = self._advected(index, state)
-        start = self._merged(index, state, known, advected)
+        start = self._merged(index, state, previous, advected)
         if fixed is not None:
             state.fixed = fixed
-            start = self._impose(state, fixed, start)
-        if given is not None and (given[..., 0] > NOWHERE).all():
+            start = self._with_fixed(state, fixed, start)
+        if painted is not None and (painted[..., 0] > NOWHERE).all():
             return start
-        self._remember(index, state, advected)
-        rounds, key = self.rounds, self.rounds.key(index)
-        return refine(self.ops, self.style, state, start, key, rounds.iterations, rounds.search_px)
+        self._add_temporal_terms(index, state, advected)
+        schedule, key = self.schedule, self.schedule.key(index)
+        return refine(self.ops, self.style, state, start, key, schedule.iterations, schedule.search_px)
 
-    def _impose(self, state: FrameState[T], fixed: T, offsets: T) -> T:
-        return self.ops.impose(self.style, state.size, fixed, offsets)
+    def _with_fixed(self, state: FrameState[T], fixed: T, offsets: T) -> T:
+        return self.ops.apply_fixed(self.style, state.size, fixed, offsets)
 
     def _advected(self, index: int, state: FrameState[T]) -> T | None:
+        """Offsets of the neighbouring frame, advected to this one; None = this is the first frame."""
         if self.last is None:
             return None
-        motion, there = self.shot.motion(index, self.last.index), self.last
+        motion, neighbour = self.animation.motion(index, self.last.index), self.last
         displacement, visible = self.ops.upload(motion.displacement), self.ops.upload(motion.visible)
-        return self.ops.advect(self.style, state, there.offsets, there.state.bins, displacement, visible)
+        return self.ops.advect(self.style, state, neighbour.offsets, neighbour.state.bins, displacement, visible)
 
-    def _merged(self, index: int, state: FrameState[T], known: T | None, advected: T | None) -> T:
-        """Initial offsets (section 3.3): random merge of advected and known offsets; random offsets without either."""
-        key = self.rounds.key(index)
-        if known is None and advected is None:
+    def _merged(self, index: int, state: FrameState[T], previous: T | None, advected: T | None) -> T:
+        """Initial offsets (section 3.3): random merge of advected and previous offsets; random ones without either."""
+        key = self.schedule.key(index)
+        if previous is None and advected is None:
             return self.ops.random_offsets(self.style, state.size, key)
-        if known is None or advected is None:
-            only = advected if known is None else known
+        if previous is None or advected is None:
+            only = advected if previous is None else previous
             assert only is not None
             return self.ops.merge(self.style, state.size, only, only, 1.0, key)
-        share = self.shot.share(index, self.forward)
-        return self.ops.merge(self.style, state.size, advected, known, share, key)
+        probability = self.animation.merge_probability(index, self.forward)
+        return self.ops.merge(self.style, state.size, advected, previous, probability, key)
 
-    def _remember(self, index: int, state: FrameState[T], advected: T | None) -> None:
+    def _add_temporal_terms(self, index: int, state: FrameState[T], advected: T | None) -> None:
         """Store in `state` the advected data that the temporal terms compare with."""
         energy = self.style.energy
-        if advected is not None and (energy.w_tc > 0 or energy.keyed):
+        if advected is not None and (energy.w_tc > 0 or energy.has_change_terms):
             state.advected = advected
         if advected is not None and energy.w_tc > 0:
             state.advected_colours = self.ops.colours_at(self.style, state.size, advected)
-        if advected is not None and energy.keyed:
-            state.neighbour = self._past(index, advected)
-        ribbons = self.shot.ribbons(index)
+        if advected is not None and energy.has_change_terms:
+            state.neighbour = self._neighbour_appearance(index, advected)
+        ribbons = self.animation.ribbons(index)
         if ribbons is not None:
             state.ribbons = self.ops.upload(ribbons)
 
-    def _past(self, index: int, advected: T) -> NeighbourAppearance[T]:
+    def _neighbour_appearance(self, index: int, advected: T) -> NeighbourAppearance[T]:
         """The neighbour's colours and guides warped to this frame; eq. 10 measures the change from them."""
         assert self.last is not None
-        motion = self.shot.motion(index, self.last.index)
-        guides = fetch(self.shot.target(self.last.index).guides, motion.displacement)
-        seen = guides[..., None] if guides.ndim == 2 else guides
-        then = self.ops.prepare(self.style, Target(np.asarray(seen, np.uint8)))
-        then.bins = self.last.state.bins
-        self.ops.render(self.style, then, advected)
-        seen_bytes = np.repeat((motion.visible * np.uint8(255))[..., None], self.style.energy.channels, axis=2)
-        return NeighbourAppearance(then.packed, self.ops.margined(seen_bytes, self.style.energy.radius))
+        motion = self.animation.motion(index, self.last.index)
+        guides = fetch(self.animation.target(self.last.index).guides, motion.displacement)
+        warped = guides[..., None] if guides.ndim == 2 else guides
+        neighbour = self.ops.prepare(self.style, Target(np.asarray(warped, np.uint8)))
+        neighbour.bins = self.last.state.bins
+        self.ops.render(self.style, neighbour, advected)
+        visible = np.repeat((motion.visible * np.uint8(255))[..., None], self.style.energy.channels, axis=2)
+        return NeighbourAppearance(neighbour.packed, self.ops.margined(visible, self.style.energy.radius))
 
 
 def trace_ribbons(
-    ops: Operations[T], style: LoadedStyle[T], shot: Animation, frames: Iterable[int], start: Offsets
+    ops: Operations[T], style: LoadedStyle[T], animation: Animation, frames: Iterable[int], start: Offsets
 ) -> Iterator[tuple[int, Offsets]]:
     """Trace the pixels of a keyframe from frame to frame: for each pixel, its position in the keyframe as an offset.
 
@@ -180,7 +186,7 @@ def trace_ribbons(
         if before is None:
             found = ops.upload(start)
         else:
-            motion = shot.motion(index, before[0])
+            motion = animation.motion(index, before[0])
             state = FrameState((start.shape[1], start.shape[0]), before[1], before[1])
             displacement, visible = ops.upload(motion.displacement), ops.upload(motion.visible)
             found = ops.advect(plain, state, before[1], None, displacement, visible)

@@ -87,7 +87,12 @@ class KeyframeSynthesizer(Synthesizer):
         interval, style = self.interval, self.style(level)
         level_frames = self.level_frames(interval.start, interval.stop, level, lambda guide: guide)
         animation = KeyframeAnimation(
-            level_frames, self.context.clock, style.style.first, self._painted, self._velocities, self.boil(level)
+            level_frames,
+            self.context.clock,
+            style.style.first_usable,
+            self._painted,
+            self._velocities,
+            self.boil(level),
         )
         self._trace_ribbons(animation, level)
         solved = coarser

@@ -242,7 +242,7 @@ class LevelAnimation:
         free = (paintable > 0)[..., None]
         return np.where(free, NOWHERE, np.asarray(self._usable_position, np.float32)).astype(np.float32)
 
-    def share(self, index: int, forward: bool) -> float:
+    def merge_probability(self, index: int, forward: bool) -> float:
         return 0.5
 
     def ribbons(self, index: int) -> Offsets | None:
@@ -286,7 +286,7 @@ class KeyframeAnimation(LevelAnimation):
         painted = downscaled_offsets(self._painted[index], self._level)
         return painted if outside is None else np.where(painted > NOWHERE, painted, outside)
 
-    def share(self, index: int, forward: bool) -> float:
+    def merge_probability(self, index: int, forward: bool) -> float:
         """Probability of the neighbour's offset in the random merge (section 4.1): biased towards the nearer key."""
         last = max((i for i in self.full if i <= index), default=None)
         following = min((i for i in self.full if i >= index), default=None)

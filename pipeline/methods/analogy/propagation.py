@@ -219,7 +219,7 @@ class _Neighbourhood:
         """Initial offsets of pixels to which nothing is advected: the same position in the keyframe."""
         return self._propagator.upload(self._identity)
 
-    def share(self, index: int, forward: bool) -> float:
+    def merge_probability(self, index: int, forward: bool) -> float:
         return 1.0
 
     def ribbons(self, index: int) -> Offsets | None:

@@ -91,7 +91,7 @@ class Synthesizer:
         return LevelFrames(self.inputs, self.context.clock, start, stop, level, match)
 
     def animation(self, level_frames: LevelFrames) -> LevelAnimation:
-        usable = self.style(level_frames.level).style.first
+        usable = self.style(level_frames.level).style.first_usable
         return LevelAnimation(level_frames, self.context.clock, usable, boil=self.boil(level_frames.level))
 
     def boil(self, level: int) -> Boil | None:

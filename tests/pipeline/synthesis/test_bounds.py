@@ -1,4 +1,4 @@
-"""Kernels stay inside their arrays: guard bands, and equal results whatever lies outside."""
+"""Kernels stay inside their arrays: guard bands are unchanged, and results do not depend on bytes outside."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from pipeline.synthesis.opencl import Kernels
 from pipeline.synthesis.operations import Operations
 from pipeline.synthesis.reference import Reference
 from pipeline.synthesis.refine import refine
-from tests.pipeline.synthesis.test_parity import ENERGIES, a_style, a_target, worked
+from tests.pipeline.synthesis.test_parity import ENERGIES, random_style, random_target, run_operations
 
 pytestmark = pytest.mark.real("opencl")
 
 
-@pytest.mark.parametrize("turned", [False, True], ids=["straight", "turned"])
+@pytest.mark.parametrize("rotate", [False, True], ids=["not rotated", "rotated"])
 @pytest.mark.parametrize("name", ["plain", "eight guides", "all", "large patch"])
-def test_kernels_neither_read_nor_write_outside_their_arrays(name: str, turned: bool) -> None:
+def test_kernels_neither_read_nor_write_outside_their_arrays(name: str, rotate: bool) -> None:
     found = []
     for fill in (0x00, 0xA5):
         guarded = GuardedDevice(choose(), fill)
-        found.append(worked(Kernels(guarded), ENERGIES[name], turned, holes=True, rounds=2))
+        found.append(run_operations(Kernels(guarded), ENERGIES[name], rotate, masked=True, rounds=2))
         guarded.check_bands()
     for array in found[0]:
         np.testing.assert_array_equal(found[0][array], found[1][array], err_msg=array)
 
 
-def test_guard_bands_notice_a_write_outside() -> None:
+def test_guard_bands_detect_a_write_outside() -> None:
     guarded = GuardedDevice(choose(), 0)
     mask = np.zeros((5, 7), bool)
     mask[2, 3] = True
@@ -48,14 +48,16 @@ def test_guard_bands_notice_a_write_outside() -> None:
         guarded.check_bands()
 
 
-def lines_of_target_only(ops: Operations[Any]) -> np.ndarray:
+def offsets_with_lines_of_the_target_only(ops: Operations[Any]) -> np.ndarray:
     energy = replace(Energy(guides=(4.0, 0.5, 0.5)), w_dt=20.0)
-    style = ops.load(replace(a_style(energy, False, False), distance=None), energy)
-    target: Target = a_target(energy, False)
+    style = ops.load(replace(random_style(energy, False, False), distance=None), energy)
+    target: Target = random_target(energy, False)
     state = ops.prepare(style, target)
     offsets = refine(ops, style, state, ops.random_offsets(style, state.size, (1, 2)), (3, 4), 2, 24.0)
     return np.asarray(ops.fetch(offsets))
 
 
-def test_lines_of_a_frame_alone_are_left_out_where_the_style_has_none() -> None:
-    np.testing.assert_array_equal(lines_of_target_only(Kernels(device())), lines_of_target_only(Reference()))
+def test_lines_of_a_frame_are_ignored_if_the_style_has_none() -> None:
+    np.testing.assert_array_equal(
+        offsets_with_lines_of_the_target_only(Kernels(device())), offsets_with_lines_of_the_target_only(Reference())
+    )

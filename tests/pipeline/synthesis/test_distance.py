@@ -1,4 +1,4 @@
-"""Distances are exact, and kernels agree with their specification."""
+"""Distances are exact, and kernels equal the reference implementation."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from pipeline.synthesis.distance import distance, extrapolated, nearest, within_
 SIZES = [(1, 1), (1, 9), (9, 1), (17, 23), (40, 31)]
 
 
-def a_mask(size: tuple[int, int], share: float = 0.03) -> np.ndarray:
+def random_mask(size: tuple[int, int], share: float = 0.03) -> np.ndarray:
     return np.random.default_rng(size[0]).random(size) < share
 
 
 @pytest.mark.parametrize("size", SIZES, ids=str)
-def test_distances_are_those_of_the_nearest_of_all(size: tuple[int, int]) -> None:
-    mask = a_mask(size)
+def test_distances_are_exact(size: tuple[int, int]) -> None:
+    mask = random_mask(size)
     mask[size[0] // 2, size[1] // 3] = True
     places = np.argwhere(mask)
     y, x = np.indices(size)
@@ -28,16 +28,16 @@ def test_distances_are_those_of_the_nearest_of_all(size: tuple[int, int]) -> Non
 @pytest.mark.real("opencl")
 @pytest.mark.parametrize("size", SIZES, ids=str)
 @pytest.mark.parametrize("share", [0, 0.03, 0.6])
-def test_kernels_do_what_their_specification_says(size: tuple[int, int], share: float) -> None:
-    mask = a_mask(size, share)
+def test_kernels_equal_the_reference(size: tuple[int, int], share: float) -> None:
+    mask = random_mask(size, share)
     np.testing.assert_array_equal(nearest(mask, device()), nearest(mask))
 
 
-def test_where_nothing_is_set_everything_is_as_far_as_can_be() -> None:
+def test_without_known_pixels_the_distance_is_the_diagonal() -> None:
     assert (distance(np.zeros((3, 4), bool)) == 5).all()
 
 
-def test_a_field_goes_on_beyond_what_is_known_of_it() -> None:
+def test_a_field_is_extrapolated_from_the_nearest_known_pixel() -> None:
     field = np.zeros((8, 10, 2), np.float32)
     field[:, 2], field[:, 7] = (1, 2), (3, 4)
     known = np.zeros((8, 10), bool)
@@ -49,8 +49,8 @@ def test_a_field_goes_on_beyond_what_is_known_of_it() -> None:
 
 @pytest.mark.real("opencl")
 @pytest.mark.parametrize("reach", [1, 4])
-def test_beyond_its_reach_nothing_is_found(reach: int) -> None:
-    mask = a_mask((40, 31), 0.01)
+def test_pixels_beyond_the_reach_have_no_nearest_pixel(reach: int) -> None:
+    mask = random_mask((40, 31), 0.01)
     found = nearest(mask, reach_px=reach)
     np.testing.assert_array_equal(found[..., 0] >= 0, distance(mask) <= reach)
     np.testing.assert_array_equal(found, nearest(mask, device(), reach))

@@ -1,4 +1,4 @@
-"""Kernels against their specification, to the last bit: odd sizes, every term, one to three iterations."""
+"""Kernels agree with the reference implementation bit for bit: odd sizes, every term, one to three iterations."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ ENERGIES = {
     "temporal": replace(PLAIN, w_tc=2.0),
     "histogram": replace(PLAIN, w_h=100.0, h_limit=0.5),
     "lines": replace(PLAIN, w_dt=20.0),
-    "keyed": replace(PLAIN, w_din=1.0, w_dout=0.5),
+    "change": replace(PLAIN, w_din=1.0, w_dout=0.5),
     "all": replace(FULL, w_din=1.0, w_dout=0.5),
     "small patch": replace(FULL, radius=2),
     "large patch": replace(FULL, radius=6),
@@ -42,95 +42,100 @@ def smooth(rng: np.random.Generator, height: int, width: int, channels: int) -> 
     return np.asarray(cv2.GaussianBlur(noise, (0, 0), 1.2)).reshape(height, width, channels)
 
 
-def a_style(energy: Energy, turned: bool, holes: bool) -> Style:
+def random_style(energy: Energy, rotate: bool, masked: bool) -> Style:
     rng = np.random.default_rng(3)
     colours, guides = smooth(rng, 37, 45, energy.colours), smooth(rng, 37, 45, len(energy.guides))
     bins = rng.integers(0, 64, (37, 45), dtype=np.uint8)
     bins[:5] = 255
-    usable = (rng.random((37, 45)) < 0.8).astype(np.uint8) if holes else None
+    usable = (rng.random((37, 45)) < 0.8).astype(np.uint8) if masked else None
     distance = rng.random((37, 45), np.float32) * 20 if energy.w_dt else None
-    return Style(colours, packed(energy, colours, guides), bins if turned else None, usable, distance)
+    return Style(colours, packed(energy, colours, guides), bins if rotate else None, usable, distance)
 
 
-def a_target(energy: Energy, turned: bool, seed: int = 4) -> Target:
+def random_target(energy: Energy, rotate: bool, seed: int = 4) -> Target:
     rng = np.random.default_rng(seed)
-    bins = rng.integers(0, 64, (23, 31), dtype=np.uint8) if turned else None
+    bins = rng.integers(0, 64, (23, 31), dtype=np.uint8) if rotate else None
     distance = rng.random((23, 31), np.float32) * 20 if energy.w_dt else None
     return Target(smooth(rng, 23, 31, len(energy.guides)), bins, distance)
 
 
-def a_way() -> np.ndarray:
+def random_motion() -> np.ndarray:
     return (np.random.default_rng(5).random((23, 31, 2), np.float32) - np.float32(0.5)) * np.float32(4)
 
 
-def seen_bytes(visible: np.ndarray, energy: Energy) -> np.ndarray:
+def visible_bytes(visible: np.ndarray, energy: Energy) -> np.ndarray:
     return np.repeat((visible * np.uint8(255))[..., None], energy.channels, axis=2)
 
 
-def worked(ops: Operations[Any], energy: Energy, turned: bool, holes: bool, rounds: int) -> dict[str, np.ndarray]:
-    """Every operation once, and `rounds` iterations, with all that a goal asks for."""
-    style = ops.load(a_style(energy, turned, holes), energy)
-    before, now = ops.prepare(style, a_target(energy, turned, 7)), ops.prepare(style, a_target(energy, turned))
+def run_operations(
+    ops: Operations[Any], energy: Energy, rotate: bool, masked: bool, rounds: int
+) -> dict[str, np.ndarray]:
+    """Results of every operation, and of `rounds` iterations, with all data that the energy needs."""
+    style = ops.load(random_style(energy, rotate, masked), energy)
+    before, now = (
+        ops.prepare(style, random_target(energy, rotate, 7)),
+        ops.prepare(style, random_target(energy, rotate)),
+    )
     visible = (np.random.default_rng(6).random((23, 31)) < 0.8).astype(np.uint8)
     old = ops.random_offsets(style, before.size, (1, 2))
-    advected = ops.advect(style, now, old, before.bins, ops.upload(a_way()), ops.upload(visible))
+    advected = ops.advect(style, now, old, before.bins, ops.upload(random_motion()), ops.upload(visible))
     offsets = ops.merge(style, now.size, advected, ops.random_offsets(style, now.size, (3, 4)), 0.5, (5, 6))
     found = {"old": old, "advected": advected, "merged": offsets}
-    if energy.w_tc or energy.keyed:
+    if energy.w_tc or energy.has_change_terms:
         now.advected = advected
     if energy.w_tc:
         now.advected_colours = found["before"] = ops.colours_at(style, now.size, advected)
-    if energy.keyed:
+    if energy.has_change_terms:
         ops.render(style, before, advected)
-        now.neighbour = NeighbourAppearance(before.packed, ops.margined(seen_bytes(visible, energy), energy.radius))
-        ribbons = np.stack([a_way() * 8 + 20, a_way() * 6 + 15])
+        now.neighbour = NeighbourAppearance(before.packed, ops.margined(visible_bytes(visible, energy), energy.radius))
+        ribbons = np.stack([random_motion() * 8 + 20, random_motion() * 6 + 15])
         ribbons[:, :4] = NOWHERE
         now.ribbons = ops.upload(ribbons)
-        given = np.full((23, 31, 2), NOWHERE, np.float32)
-        given[3:9, 5:11] = 7.0
-        now.fixed = ops.upload(given)
+        fixed = np.full((23, 31, 2), NOWHERE, np.float32)
+        fixed[3:9, 5:11] = 7.0
+        now.fixed = ops.upload(fixed)
     found["offsets"] = offsets = refine(ops, style, now, offsets, (7, 8), rounds, 24.0)
     if energy.w_h:
         found["penalty"] = ops.penalty(style, now.size, offsets)
-    fine = ops.load(a_style(energy, turned, False), energy)
+    fine = ops.load(random_style(energy, rotate, False), energy)
     finer = replace(now, size=(61, 46))
     found["upsampled"] = ops.upsample(style, now, offsets, fine, finer)
     return {name: ops.fetch(array) for name, array in found.items()}
 
 
-def same(energy: Energy, turned: bool, holes: bool, rounds: int, ops: Operations[Any] | None = None) -> None:
-    kernels = worked(ops or Kernels(device()), energy, turned, holes, rounds)
-    for name, expected in worked(Reference(), energy, turned, holes, rounds).items():
+def check_parity(energy: Energy, rotate: bool, masked: bool, rounds: int, ops: Operations[Any] | None = None) -> None:
+    kernels = run_operations(ops or Kernels(device()), energy, rotate, masked, rounds)
+    for name, expected in run_operations(Reference(), energy, rotate, masked, rounds).items():
         np.testing.assert_array_equal(kernels[name], expected, err_msg=name)
 
 
 @pytest.mark.parametrize("pixels", [1, 31 * 20, 31 * 23])
-def test_a_frame_in_bands_of_rows_is_the_same_frame(pixels: int) -> None:
-    same(ENERGIES["all"], True, True, 3, Bands(device(), pixels))
+def test_bands_of_rows_give_the_bytes_of_the_whole_frame(pixels: int) -> None:
+    check_parity(ENERGIES["all"], True, True, 3, Bands(device(), pixels))
 
 
 @pytest.mark.parametrize(("pixels", "expected"), [(100 * 90, 1), (100 * 46, 3), (100 * 17, 90), (1, 90)])
-def test_bands_cover_every_row_once_and_fit(pixels: int, expected: int) -> None:
+def test_bands_cover_every_row_once_and_fit_into_memory(pixels: int, expected: int) -> None:
     found = list(bands((100, 90), pixels))
     assert [row for start, stop in found for row in range(start, stop)] == list(range(90)) and len(found) == expected
     if 1 < expected < 90:
         assert all((stop - start + 2 * FARTHEST_PX) * 100 <= pixels for start, stop in found)
 
 
-@pytest.mark.parametrize("turned", [False, True], ids=["straight", "turned"])
+@pytest.mark.parametrize("rotate", [False, True], ids=["not rotated", "rotated"])
 @pytest.mark.parametrize("energy", ENERGIES.values(), ids=ENERGIES.keys())
-def test_kernels_do_what_their_specification_says(energy: Energy, turned: bool) -> None:
-    same(energy, turned, holes=energy.keyed, rounds=2)
+def test_kernels_equal_the_reference(energy: Energy, rotate: bool) -> None:
+    check_parity(energy, rotate, masked=energy.has_change_terms, rounds=2)
 
 
 @pytest.mark.parametrize("rounds", [1, 3])
-def test_and_so_they_do_after_any_number_of_iterations(rounds: int) -> None:
-    same(ENERGIES["all"], True, True, rounds)
+def test_kernels_equal_the_reference_after_several_iterations(rounds: int) -> None:
+    check_parity(ENERGIES["all"], True, True, rounds)
 
 
-def test_a_piece_of_the_style_is_found_in_it() -> None:
+def test_a_crop_of_the_style_is_found_at_its_position() -> None:
     ops, energy = Reference(), replace(PLAIN, w_sc=5.0)
-    source = a_style(energy, False, False)
+    source = random_style(energy, False, False)
     style = ops.load(source, energy)
     state = ops.prepare(style, Target(np.ascontiguousarray(source.features[6:29, 8:39, 3:6])))
     offsets = refine(ops, style, state, ops.random_offsets(style, state.size, (1, 1)), (1, 2), 8, 40.0)
