@@ -1,4 +1,4 @@
-"""Every error Impasto raises on purpose.
+"""All errors that Impasto raises on purpose.
 
     ImpastoError                    code, message, field, value, remedy
     ├── BadInput                    the user's input is invalid: HTTP 4xx, exit status 2

@@ -1,4 +1,4 @@
-/* Arithmetic, a work-group barrier and a bounds check: what every kernel of Impasto needs. */
+/* Test kernel: arithmetic, a work-group barrier and a bounds check. */
 kernel void probe(global const float *in, global float *out, const int count)
 {
     local float shared[8];

@@ -148,9 +148,9 @@ class Method:
         return None
 
     def preview(self, request: PreviewRequest[AnyParams]) -> Frame | None:
-        """The last frame of the request, painted; None if the platform shall run the stream or the plan for it.
+        """Paint the last frame of the request; None if the platform should use the stream or the plan instead.
 
-        Raises: BadParameter, if a document or an image is unsound, with the path of the fault.
+        Raises: BadParameter, if a document or an image is invalid, with the path of the fault.
         """
         return None
 
@@ -168,8 +168,8 @@ class Method:
         return None
 
     def propagator(self, params: AnyParams, frames: Sequence[Frame], seed: int) -> KeyPropagator | None:
-        """Repaints the frames around a painted key while somebody edits it; None if the method has no quick way for
-        these parameters: the platform then runs the plan over those frames.
+        """Repaints the frames around a painted key while a user edits it; None if the method has no fast
+        implementation for these parameters: the platform then runs the plan for those frames.
 
         Args:
             frames: of the shot at preview size, uint8 (height, width, 3); each is decoded when it is asked for.
@@ -177,7 +177,7 @@ class Method:
         return None
 
     def single_frame_params(self, params: AnyParams) -> AnyParams:
-        """The parameters with which the plan paints a frame on its own: what needs other frames is switched off."""
+        """Parameters for painting a single frame with the plan: without the parts that use other frames."""
         return params
 
     def resources(self, step: str, context: PlanContext[AnyParams]) -> Resources | None:

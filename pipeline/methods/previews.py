@@ -17,7 +17,7 @@ from pipeline.methods.fields import P_co
 
 @dataclass(frozen=True)
 class PreviewRequest(Generic[P_co]):
-    """A preview of one frame, for a method that has a way of its own to draw one (`Method.preview`).
+    """Request for a preview of one frame, for methods that implement `Method.preview`.
 
     Attributes:
         frames: uint8 (height, width, 3), consecutive; the last one is to be painted, the others come before it.
@@ -51,9 +51,9 @@ class FrameRegions:
 
 
 class KeyPropagator(Protocol):
-    """Repaints the frames around a painted key while somebody edits it (`Method.propagator`).
+    """Repaints the frames around a painted key while a user edits it (`Method.propagator`).
 
-    It keeps what an edit does not change, such as motion and earlier results, from call to call. Not thread-safe: one
+    It keeps data that an edit does not change, such as motion and earlier results, between calls. Not thread-safe: one
     call of `prepare`, or one iteration over `repaint`, at a time. An iteration may be abandoned at any frame.
     """
 
@@ -83,7 +83,7 @@ class KeyPropagator(Protocol):
 
 @dataclass(frozen=True)
 class InputFault:
-    """A fault of a JSON document that a method takes.
+    """A fault in a JSON input of a method.
 
     Attributes:
         path: members and indices from the document's root.
@@ -96,10 +96,10 @@ class InputFault:
 
 
 class InputCheck(Protocol):
-    """Checks a JSON document that a method takes, before anything runs."""
+    """Checks a JSON input of a method before a job runs."""
 
     def __call__(self, document: object, *, frames: int | None, masks: bool | None) -> Sequence[InputFault]:
-        """Every fault of the document.
+        """Find all faults of the document.
 
         Args:
             frames: frame count of the video; None: frame numbers are not checked.

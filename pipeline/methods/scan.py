@@ -1,4 +1,4 @@
-"""The scan of a video that every plan begins with: the true number of frames, and where shots begin."""
+"""Scan of a video, the first step of a plan: number of decodable frames, and first frames of the shots."""
 
 from __future__ import annotations
 

@@ -11,6 +11,9 @@ from pipeline.segmentation.regions import Lab8, Means, Sums, means_of, move
 
 _BINS = 1400
 _BINS_PER_UNIT = 4.0
+"""Number of buckets of the queue, and buckets per CIELAB unit."""
+_PIXEL, _LABEL, _NEXT = range(3)
+"""Columns of the queue's entries: flat index, label, and next entry of the bucket."""
 
 
 @kernel
@@ -84,7 +87,7 @@ def _grow(
     width = labels.shape[1]
     there, colours = labels.reshape(labels.size), lab.reshape(labels.size, 3)
     closed, most = blocked.reshape(labels.size), limit.reshape(labels.size)
-    entries = np.empty((4 * pixels.size, 3), np.int32)  # pixel, label, next in its bucket
+    entries = np.empty((4 * pixels.size, 3), np.int32)
     head = np.full(_BINS, -1, np.int32)
     tail = np.full(_BINS, -1, np.int32)
     used = 0
@@ -114,7 +117,7 @@ def _grow(
         if entry < 0:
             lowest += 1
             continue
-        at, label, head[lowest] = entries[entry, 0], entries[entry, 1], entries[entry, 2]
+        at, label, head[lowest] = entries[entry, _PIXEL], entries[entry, _LABEL], entries[entry, _NEXT]
         if there[at] != 0:
             continue
         there[at] = label
@@ -145,12 +148,12 @@ def _enqueue(
     entries: NDArray[np.int32], head: NDArray[np.int32], tail: NDArray[np.int32], used: int, error: np.float32,
     at: int, label: int | np.int32,
 ) -> int:  # fmt: skip
-    """Put entry number `used` at the end of its bucket; returns the bucket."""
+    """Append entry number `used` to its bucket; returns the bucket."""
     bucket = min(_BINS - 1, int(error * _BINS_PER_UNIT))
-    entries[used, 0], entries[used, 1], entries[used, 2] = at, label, -1
+    entries[used, _PIXEL], entries[used, _LABEL], entries[used, _NEXT] = at, label, -1
     if head[bucket] < 0:
         head[bucket] = used
     else:
-        entries[tail[bucket], 2] = used
+        entries[tail[bucket], _NEXT] = used
     tail[bucket] = used
     return bucket

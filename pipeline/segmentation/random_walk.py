@@ -147,6 +147,10 @@ def _boxes(
     return found
 
 
+_TOP, _LEFT, _BOTTOM, _RIGHT = range(4)
+"""Columns of the bounding boxes of labels, px, inclusive."""
+
+
 @kernel
 def _bound(choices: NDArray[np.int32], weights: NDArray[np.float32], bounds: NDArray[np.int32]) -> None:
     for k in range(choices.shape[0]):
@@ -154,5 +158,6 @@ def _bound(choices: NDArray[np.int32], weights: NDArray[np.float32], bounds: NDA
             for x in range(choices.shape[2]):
                 label = choices[k, y, x]
                 if label > 0 and weights[k, y, x] > 0:
-                    bounds[label, 0], bounds[label, 1] = min(bounds[label, 0], y), min(bounds[label, 1], x)
-                    bounds[label, 2], bounds[label, 3] = max(bounds[label, 2], y), max(bounds[label, 3], x)
+                    own = bounds[label]
+                    own[_TOP], own[_LEFT] = min(own[_TOP], y), min(own[_LEFT], x)
+                    own[_BOTTOM], own[_RIGHT] = max(own[_BOTTOM], y), max(own[_RIGHT], x)

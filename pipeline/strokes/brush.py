@@ -17,6 +17,8 @@ Canvas: TypeAlias = NDArray[np.float32]
 """A painting in progress, `float32` (height, width, 7): paint colour RGB in 0..255; paint height in px; target colour
 RGB, which is the paint colour without shift, jitter and bristle texture. The error that calls for finer strokes is
 measured on the target colour, otherwise strongly shifted colours would never count as painted."""
+HEIGHT, TARGET = 3, 4
+"""Channels of `Canvas`: paint height, and red of the target colour, followed by green and blue."""
 
 Direction: TypeAlias = NDArray[np.float32]
 """Orientation per pixel, `float32` (height, width, 2): (cos 2a, sin 2a) of the stroke angle a; (0, 0) = undefined."""
@@ -183,5 +185,5 @@ def _shift(
 def blank(reference: Frame) -> Canvas:
     """Make a canvas that has the reference's colours and paint of height 0."""
     out = np.zeros((*reference.shape[:2], 7), np.float32)
-    out[..., :3] = out[..., 4:] = reference
+    out[..., :3] = out[..., TARGET:] = reference
     return out

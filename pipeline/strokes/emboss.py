@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Plane
 from pipeline.jit import kernel
-from pipeline.strokes.brush import Canvas
+from pipeline.strokes.brush import HEIGHT, Canvas
 from pipeline.strokes.random import Purpose, draws
 from pipeline.strokes.seeds import StyleField
 
@@ -21,6 +21,8 @@ WEAVE = 64
 """Side of the weave's tile, px; a power of two, and a multiple of the thread width."""
 
 _HALF, _ONE, _ZERO = np.float32(0.5), np.float32(1.0), np.float32(0.0)
+_STRENGTH, _GLOSS, _WEAVE = range(3)
+"""Channels of the terms that `_emboss` reads."""
 
 
 @dataclass(frozen=True)
@@ -88,14 +90,14 @@ def weave(seed: int = 0) -> Plane:
 def _emboss(
     canvas: NDArray[np.float32], lx: np.float32, ly: np.float32, terms: NDArray[np.float32], cloth: Plane, out: Frame
 ) -> None:
-    """`terms` float32 (h, w, 3) or (1, 1, 3): strength, gloss, weave height."""
+    """`terms`: float32 (h, w, 3) or (1, 1, 3), see `_STRENGTH`."""
     height, width = canvas.shape[:2]
     last_y, last_x = terms.shape[0] - 1, terms.shape[1] - 1
     level = np.empty((3, width + 2), np.float32)
     for y in range(-1, height + 1):
         row, sy = level[(y + 1) % 3], min(max(y, 0), height - 1)
         for x in range(width):
-            paint, weave_px = canvas[sy, x, 3], terms[min(sy, last_y), min(x, last_x), 2]
+            paint, weave_px = canvas[sy, x, HEIGHT], terms[min(sy, last_y), min(x, last_x), _WEAVE]
             row[x + 1] = paint + weave_px * cloth[sy & 63, x & 63] / (_ONE + paint + paint)
         row[0], row[width + 1] = row[1], row[width]
         if y < 1:
@@ -103,7 +105,7 @@ def _emboss(
         above, own, below = level[(y - 1) % 3], level[y % 3], level[(y + 1) % 3]
         for x in range(width):
             term = terms[min(y - 1, last_y), min(x, last_x)]
-            strength, gloss = term[0], term[1]
+            strength, gloss = term[_STRENGTH], term[_GLOSS]
             rise_x, rise_y = (own[x + 2] - own[x]) * _HALF, (below[x + 1] - above[x + 1]) * _HALF
             slope = -(rise_x * lx + rise_y * ly)
             shade = min(max(_ONE + strength * slope, np.float32(0.5)), np.float32(1.6))

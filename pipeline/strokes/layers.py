@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import AnyArray
 from pipeline.frames import Frame, Plane
 from pipeline.jit import kernel
-from pipeline.strokes.brush import Brush, Canvas, Direction, blank, colours_at
+from pipeline.strokes.brush import TARGET, Brush, Canvas, Direction, blank, colours_at
 from pipeline.strokes.raster import StrokeProfile, paint
 from pipeline.strokes.seeds import Points, Seeds, StyleField, as_plane, place, sample
 from pipeline.strokes.trace import TraceRules, trace
@@ -22,7 +22,7 @@ FARTHEST = 442.0
 
 @dataclass(frozen=True)
 class LayerScheme:
-    """How the layers of a style relate to each other.
+    """Relation of the layers of a style to each other.
 
     Attributes:
         most: largest number of layers.
@@ -77,9 +77,9 @@ def _error(reference: Frame, canvas: Canvas, out: Plane) -> None:
     height, width = out.shape
     for y in range(height):
         for x in range(width):
-            r = np.float32(reference[y, x, 0]) - canvas[y, x, 4]
-            g = np.float32(reference[y, x, 1]) - canvas[y, x, 5]
-            b = np.float32(reference[y, x, 2]) - canvas[y, x, 6]
+            r = np.float32(reference[y, x, 0]) - canvas[y, x, TARGET]
+            g = np.float32(reference[y, x, 1]) - canvas[y, x, TARGET + 1]
+            b = np.float32(reference[y, x, 2]) - canvas[y, x, TARGET + 2]
             out[y, x] = np.sqrt(r * r + g * g + b * b)
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pipeline.frames import Frame, Plane
 from pipeline.jit import kernel
 from pipeline.strokes.bristles import BristleArgs, bristle_args, hair, tile
-from pipeline.strokes.brush import Canvas, GuideArgs, StrokeArrays, Strokes, guide_args
+from pipeline.strokes.brush import HEIGHT, TARGET, Canvas, GuideArgs, StrokeArrays, Strokes, guide_args
 from pipeline.strokes.random import Ids, Purpose, draws
 
 _HALF, _ONE, _ZERO = np.float32(0.5), np.float32(1.0), np.float32(0.0)
@@ -25,6 +25,8 @@ _TIP = np.float32(0.3)
 
 Profiles: TypeAlias = NDArray[np.float32]
 """Profile of each stroke, `float32` (n, 5): taper at start and end, streaks, dry, soft; see `StrokeProfile`."""
+TAPER_START, TAPER_END, STREAKS, DRY, SOFT = range(5)
+"""Columns of `Profiles`."""
 
 
 @dataclass(frozen=True)
@@ -173,10 +175,10 @@ def _paint(
                         u = (before + p) / total
                         if u < _TIP:
                             q = _ONE - u / _TIP
-                            w = r * (_ONE - profile[k, 0] * q * q)
+                            w = r * (_ONE - profile[k, TAPER_START] * q * q)
                         elif u > _ONE - _TIP:
                             q = _ONE - (_ONE - u) / _TIP
-                            w = r * (_ONE - profile[k, 1] * q * q)
+                            w = r * (_ONE - profile[k, TAPER_END] * q * q)
                     c = min(w + _HALF - d, _ONE)
                     if c > cover[y, x]:
                         cover[y, x] = c
@@ -211,16 +213,16 @@ def _paint(
                 shade, ridge = _ZERO, _ONE - t * t * t * t
                 if g > _ZERO:
                     trace = hair(bristles.tile, along[y, x], t, r, oa, ob)
-                    shade = g * profile[k, 2] * (trace - _HALF)
+                    shade = g * profile[k, STREAKS] * (trace - _HALF)
                     ridge *= _ONE - g * (_ONE - trace)
                     if total > _ZERO:
                         late = (along[y, x] / total - _HALF) * np.float32(2.0)
                         if late > _ZERO:
-                            a *= _ONE - g * profile[k, 3] * late * (_ONE if trace < _HALF * late else _ZERO)
+                            a *= _ONE - g * profile[k, DRY] * late * (_ONE if trace < _HALF * late else _ZERO)
                 canvas[y, x, 0] += a * (red + shade - canvas[y, x, 0])
                 canvas[y, x, 1] += a * (green + shade - canvas[y, x, 1])
                 canvas[y, x, 2] += a * (blue + shade - canvas[y, x, 2])
-                canvas[y, x, 3] += a * (thick * ridge - canvas[y, x, 3])
-                canvas[y, x, 4] += a * (target_r - canvas[y, x, 4])
-                canvas[y, x, 5] += a * (target_g - canvas[y, x, 5])
-                canvas[y, x, 6] += a * (target_b - canvas[y, x, 6])
+                canvas[y, x, HEIGHT] += a * (thick * ridge - canvas[y, x, HEIGHT])
+                canvas[y, x, TARGET] += a * (target_r - canvas[y, x, TARGET])
+                canvas[y, x, TARGET + 1] += a * (target_g - canvas[y, x, TARGET + 1])
+                canvas[y, x, TARGET + 2] += a * (target_b - canvas[y, x, TARGET + 2])

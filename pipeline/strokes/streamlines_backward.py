@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from pipeline.frames import Frame, Plane
 from pipeline.jit import kernel
 from pipeline.strokes.bristles import BristleArgs, bristle_args, hair, tile
-from pipeline.strokes.brush import Canvas, Direction, GuideArgs, StrokeArrays, Strokes, guide_args
-from pipeline.strokes.raster import profiles
+from pipeline.strokes.brush import HEIGHT, TARGET, Canvas, Direction, GuideArgs, StrokeArrays, Strokes, guide_args
+from pipeline.strokes.raster import STREAKS, profiles
 from pipeline.strokes.seeds import StyleField, as_plane
 from pipeline.strokes.streamlines_forward import RasterOptions, in_bands
 from pipeline.strokes.trace import tangent
@@ -38,7 +38,7 @@ _LONGEST = np.float32(1.15)
 
 
 class _Walk(NamedTuple):
-    """What a walk along a streamline reads.
+    """Input of a walk along a streamline.
 
     Attributes:
         discs: the stamped discs, C_0.
@@ -92,7 +92,7 @@ def streamlines_backward(
     _tangents(field, tangents)
     walk = _Walk(discs, tangents, lengths, _gap(discs), step)
     bristles = bristle_args(tile(options.seed), starts.ids, options.seed)
-    streaks = np.ascontiguousarray(profiles(options.profile, len(starts))[:, 2])
+    streaks = np.ascontiguousarray(profiles(options.profile, len(starts))[:, STREAKS])
 
     def paint_band(top: int, bottom: int) -> None:
         _walk_rows(walk, starts.arrays, order, bristles, guide, streaks, (canvas, out), (top, bottom))
@@ -256,5 +256,5 @@ def _composite(
         ridge *= _ONE - g * (_ONE - trace)
     for c in range(3):
         pixel[c] += a * (strokes.colours[k, c] + shade - pixel[c])
-        pixel[4 + c] += a * (strokes.targets[k, c] - pixel[4 + c])
-    pixel[3] += a * (strokes.relief_px[k] * ridge - pixel[3])
+        pixel[TARGET + c] += a * (strokes.targets[k, c] - pixel[TARGET + c])
+    pixel[HEIGHT] += a * (strokes.relief_px[k] * ridge - pixel[HEIGHT])

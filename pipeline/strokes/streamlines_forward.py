@@ -23,13 +23,15 @@ from numpy.typing import NDArray
 from pipeline.frames import Frame
 from pipeline.jit import kernel
 from pipeline.strokes.bristles import BristleArgs, bristle_args, fine_tile, soft_hair
-from pipeline.strokes.brush import Direction, GuideArgs, StrokeArrays, Strokes, guide_args
-from pipeline.strokes.raster import Profiles, StrokeProfile, profiles
+from pipeline.strokes.brush import HEIGHT, Direction, GuideArgs, StrokeArrays, Strokes, guide_args
+from pipeline.strokes.raster import DRY, SOFT, STREAKS, TAPER_END, TAPER_START, Profiles, StrokeProfile, profiles
 from pipeline.strokes.trace import trace_from
 
 FrontToBack: TypeAlias = NDArray[np.float32]
 """Front-to-back compositing buffer, `float32` (height, width, 5): premultiplied red, green, blue and paint height, and
 the transmittance, which is 1 where nothing is painted."""
+TRANSMITTANCE = 4
+"""Channel of `FrontToBack`; the paint height is channel `HEIGHT`."""
 
 _HALF, _ONE, _ZERO = np.float32(0.5), np.float32(1.0), np.float32(0.0)
 _HAIRS, _FINEST, _PULL = np.float32(5.0), np.float32(0.9), np.float32(1.7)
@@ -63,7 +65,7 @@ class RasterOptions:
 def empty_buffer(shape: tuple[int, ...]) -> FrontToBack:
     """Make a buffer without paint."""
     out = np.zeros((*shape[:2], 5), np.float32)
-    out[..., 4] = 1
+    out[..., TRANSMITTANCE] = 1
     return out
 
 
@@ -121,10 +123,10 @@ def _composite(buffer: FrontToBack, ground: NDArray[np.float32], out: NDArray[np
     height, width = buffer.shape[:2]
     for y in range(height):
         for x in range(width):
-            left = buffer[y, x, 4]
+            left = buffer[y, x, TRANSMITTANCE]
             for c in range(3):
                 out[y, x, c] = buffer[y, x, c] + left * ground[y, x, c]
-            out[y, x, 3] = buffer[y, x, 3]
+            out[y, x, HEIGHT] = buffer[y, x, HEIGHT]
 
 
 @kernel
@@ -169,7 +171,8 @@ def _paint_strokes(
     line = np.empty((points.shape[1], 2), np.float32)
     for k in order:
         r, tolerance = strokes.radius_px[k], guide.tolerances[k]
-        taper_start, taper_end, dry, soft = profile[k, 0], profile[k, 1], profile[k, 3], profile[k, 4]
+        taper_start, taper_end = profile[k, TAPER_START], profile[k, TAPER_END]
+        dry, soft = profile[k, DRY], profile[k, SOFT]
         n = _simplify(points[k], strokes.counts[k], line)
         inner2 = tolerance * tolerance
         outer2 = inner2 * np.float32(1.5625)
@@ -238,7 +241,7 @@ def _paint_strokes(
                 box = row * columns - first_column
                 s_row, t_row = fy * ay, fy * ax
                 for x in range(start, final + 1):
-                    if buffer[y, x, 4] <= _OPAQUE:
+                    if buffer[y, x, TRANSMITTANCE] <= _OPAQUE:
                         continue
                     fx = np.float32(x) - x0
                     s, t = fx * ax + s_row, t_row - fx * ay
@@ -298,14 +301,14 @@ def _paint_strokes(
                 shade, ridge = _ZERO, _ONE - t * t * t * t
                 if g > _ZERO:
                     trace = soft_hair(bristles.tile, along * pull, t * spread, oa, ob)
-                    shade = g * profile[k, 2] * (trace - _HALF)
+                    shade = g * profile[k, STREAKS] * (trace - _HALF)
                     ridge *= _ONE - g * (_ONE - trace)
                     late = (along * part - _HALF) * np.float32(2.0)
                     if late > _ZERO:
                         a *= _ONE - g * dry * late * (_ONE if trace < _HALF * late else _ZERO)
-                a *= buffer[y, x, 4]
+                a *= buffer[y, x, TRANSMITTANCE]
                 buffer[y, x, 0] += a * (red + shade)
                 buffer[y, x, 1] += a * (green + shade)
                 buffer[y, x, 2] += a * (blue + shade)
-                buffer[y, x, 3] += a * thick * ridge
-                buffer[y, x, 4] -= a
+                buffer[y, x, HEIGHT] += a * thick * ridge
+                buffer[y, x, TRANSMITTANCE] -= a

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Frame
 from pipeline.jit import kernel
-from pipeline.strokes.brush import Brush, Canvas, Direction, Strokes, discs
+from pipeline.strokes.brush import TARGET, Brush, Canvas, Direction, Strokes, discs
 from pipeline.strokes.seeds import Points, Seeds, sample
 
 MAX_POINTS = 48
@@ -21,7 +21,7 @@ _HALF, _ONE, _ZERO = np.float32(0.5), np.float32(1.0), np.float32(0.0)
 
 @dataclass(frozen=True)
 class TraceRules:
-    """How streamlines bend, and where they end.
+    """Rules for the curvature and the ends of streamlines.
 
     Attributes:
         reference: uint8 (h, w, 3), what is painted. A stroke ends where the picture is further than `edge` from the
@@ -161,7 +161,7 @@ def _trace(
                         wanted = np.float32(reference[py, px, c])
                         own += (wanted - starts.targets[k, c]) * (wanted - starts.targets[k, c])
                         if rules.covered:
-                            other += (wanted - canvas[py, px, 4 + c]) * (wanted - canvas[py, px, 4 + c])
+                            other += (wanted - canvas[py, px, TARGET + c]) * (wanted - canvas[py, px, TARGET + c])
                     enough = np.float32(i) >= rules.min_length * np.float32(steps)
                     if own > rules.edge2 or (rules.covered and enough and other < own):
                         break

@@ -56,10 +56,10 @@ def find_borders(labels: Labels) -> Borders:
 def align_borders(borders: Borders, labels: Labels, lab: NDArray[np.uint8], flow: Flow) -> Borders:
     """Borders in motion, moved to where the colours change, with sub-pixel precision.
 
-    Across every edge, four pixels are read as mixtures of the colours just beyond them on either side; the border is
-    where the mixtures say that the first colour ends. A border that moves by a fraction of a pixel then moves in the
-    picture, too, rather than waiting for a pixel to change its label. Weak contrast counts less (`_CONTRAST`). Borders
-    that stand still stay on the lattice: noise would move them.
+    Across each edge, four pixels are interpreted as mixtures of the two colours beyond them, and the border is placed
+    where the mixtures change from one colour to the other. A border then moves by fractions of a pixel, before a pixel
+    changes its label. Low contrast reduces the displacement (`_CONTRAST`). Still borders stay on the lattice, since
+    noise would move them.
 
     Args:
         borders: of `labels`, not smoothed yet.
@@ -86,7 +86,7 @@ def _count_edges(labels: Labels) -> int:
 
 @kernel
 def _find(labels: Labels, edges: NDArray[np.void], lattice: NDArray[np.int32], rows: NDArray[np.int32]) -> int:
-    """Fill `edges`, `lattice` and `rows`; the number of nodes."""
+    """Write `edges`, `lattice` and `rows`; return the number of nodes."""
     height, width = labels.shape
     here = np.full(width + 1, -1, np.int32)
     below = np.full(width + 1, -1, np.int32)
@@ -164,7 +164,7 @@ def _align(
 def _offset(
     labels: Labels, lab: NDArray[np.uint8], x: int, y: int, axis: int, height: int, width: int
 ) -> np.float32:  # fmt: skip
-    """Where the border lies beyond the edge at lattice position (x, y), -1..1 px along `axis`."""
+    """Displacement of the border from the edge at lattice position (x, y), -1..1 px along `axis`."""
     step_x, step_y = (1, 0) if axis == 0 else (0, 1)
     before, after = labels[y - step_y, x - step_x], labels[y, x]
     first, last = 1, 0  # pixels on either side that belong to the two regions: 1 - first, ..., last

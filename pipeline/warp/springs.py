@@ -23,6 +23,9 @@ MOST_ITERATIONS = 10
 STEP = 1.4
 """Step length of a corner, as a multiple of its force divided by the sum of the acting stiffnesses."""
 
+_STIFFNESS = 2
+"""Channel of the sum of stiffnesses in arrays of forces; channels 0 and 1 are the force along x and y."""
+
 Positions = NDArray[np.float32]
 """float32 (h, w, 2): position (x, y) of each pixel of a rectangle in the target, px."""
 
@@ -199,10 +202,10 @@ def _strain(
                 stiff += np.float32(1.0)
                 force[ny, nx, 0] -= pull * ax
                 force[ny, nx, 1] -= pull * ay
-                force[ny, nx, 2] += np.float32(1.0)
+                force[ny, nx, _STIFFNESS] += np.float32(1.0)
             force[y, x, 0] += fx
             force[y, x, 1] += fy
-            force[y, x, 2] += stiff
+            force[y, x, _STIFFNESS] += stiff
     return energy
 
 
@@ -238,9 +241,9 @@ def _steps(total: NDArray[np.float32], step: NDArray[np.float32]) -> float:
     result = 0.0
     for i in range(total.shape[0]):
         for j in range(total.shape[1]):
-            if total[i, j, 2] > 0:
-                step[i, j, 0] = total[i, j, 0] / total[i, j, 2]
-                step[i, j, 1] = total[i, j, 1] / total[i, j, 2]
+            if total[i, j, _STIFFNESS] > 0:
+                step[i, j, 0] = total[i, j, 0] / total[i, j, _STIFFNESS]
+                step[i, j, 1] = total[i, j, 1] / total[i, j, _STIFFNESS]
                 result += total[i, j, 0] * total[i, j, 0] + total[i, j, 1] * total[i, j, 1]
     return result
 

@@ -1,7 +1,7 @@
-"""What the analyzer passes to the painter for one frame: all strokes, and the orientation field.
+"""Result of the analysis of one frame, the input of the painter: all strokes, and the orientation field.
 
-With it a frame can be painted without its past, except for the few previous paintings of temporal accumulation. So
-runs of frames of one shot can be painted concurrently, in any order.
+A frame can be painted from it without its past, except for the few previous paintings of temporal accumulation. Runs
+of frames of one shot can therefore be painted concurrently, in any order.
 """
 
 from __future__ import annotations

@@ -40,11 +40,11 @@ flow says, and following each of them would flicker."""
 
 
 def zero_resting_flow(flow: Flow, before: NDArray[np.uint8], gray: NDArray[np.uint8], tolerance: float) -> Flow:
-    """Set the flow to exactly 0 where things rest, in place; return it: float32 (h, w, 2), px.
+    """Set the flow of still pixels to exactly 0, in place; return it: float32 (h, w, 2), px.
 
-    A pixel that does not change may rest, or belong to a flat surface that moves, such as the sky in a pan. An
-    unchanged flat pixel therefore rests only if textured pixels around it do not change either. Where some do and some
-    do not, it rests only if the flow moves it little.
+    A pixel that does not change may be still, or belong to a flat surface that moves, such as the sky in a pan. An
+    unchanged flat pixel is therefore still only if textured pixels around it do not change either. If some of them do,
+    it is still only if the flow moves it little.
 
     Args:
         before, gray: uint8 (h, w), the previous frame and this one.

@@ -13,7 +13,7 @@ from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.styles import STYLES, pigment
 from pipeline.methods.tasks import Clock, no_clock
 from pipeline.strokes.accumulation import Painting, accumulate
-from pipeline.strokes.brush import Canvas, Direction
+from pipeline.strokes.brush import HEIGHT, TARGET, Canvas, Direction
 from pipeline.strokes.emboss import Lighting, emboss
 from pipeline.strokes.paper import settle_pigment
 from pipeline.strokes.raster import paint
@@ -154,7 +154,7 @@ class Painter:
         """The ground, whose target colour is the picture."""
         canvas = np.zeros((*ground.shape[:2], 7), np.float32)
         canvas[..., :3] = ground
-        canvas[..., 4:] = _enlarged(analysis.picture, self.size)
+        canvas[..., TARGET:] = _enlarged(analysis.picture, self.size)
         return canvas
 
     def _guide(self, analysis: FrameAnalysis, layer: StrokeLayer) -> Frame:
@@ -186,7 +186,7 @@ def _round_off(canvas: Canvas) -> None:
     """Blur the paint height, in place."""
     sigma = ROUNDING * canvas.shape[0]
     if sigma > LEAST_ROUNDING_PX:
-        canvas[..., 3] = cv2.GaussianBlur(np.ascontiguousarray(canvas[..., 3]), (0, 0), sigma)
+        canvas[..., HEIGHT] = cv2.GaussianBlur(np.ascontiguousarray(canvas[..., HEIGHT]), (0, 0), sigma)
 
 
 def _enlarged(image: AnyArray, size: tuple[int, int]) -> AnyArray:

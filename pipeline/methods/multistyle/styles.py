@@ -70,7 +70,7 @@ def vector(style: Style) -> NDArray[np.float32]:
 
 
 class Technique(BaseModel):
-    """How a style is painted, beside `Style`."""
+    """Parameters of a style that are not in `Style`."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
