@@ -168,7 +168,7 @@ def apply(
     Returns: float64 (n, 3), H in [0, 360), S and V clipped to [0, 1].
     """
     hue, saturation, value = np.asarray(hsv_regions, np.float64).reshape(-1, 3).T
-    shifted = _look_up(hue_table(stats_reference) if table is None else table, hue)
+    shifted = _interpolate(hue_table(stats_reference) if table is None else table, hue)
     spread = _quotient(stats_reference.saturation_std, stats_frame.saturation_std)
     matched = stats_reference.saturation_mean + (saturation - stats_frame.saturation_mean) * spread
     trust = _smoothstep(saturation / achromatic) if achromatic > 0 else 1.0
@@ -254,7 +254,7 @@ def _count_hues(sample: Frame) -> NDArray[np.int64]:
     return np.bincount(np.rint(coloured).astype(np.intp) % HUES, minlength=HUES)
 
 
-def _look_up(table: HueTable, hue: NDArray[np.float64]) -> NDArray[np.float64]:
+def _interpolate(table: HueTable, hue: NDArray[np.float64]) -> NDArray[np.float64]:
     """Apply a hue table with linear interpolation of the shifts; the identity table leaves hues exactly unchanged."""
     shift = _wrapped(table.astype(np.float64) - np.arange(HUES))
     whole = np.floor(hue)

@@ -196,7 +196,7 @@ def _sailing(x: float, y: float, speed: float, size: float, phase: float) -> Mot
 
     def motion(t: float) -> Pose:
         bob = 0.008 * size * math.sin(1.9 * t + phase)
-        roll = Pose.turn(0.055 * math.sin(1.5 * t + phase + 0.6))
+        roll = Pose.rotate(0.055 * math.sin(1.5 * t + phase + 0.6))
         return _camera(0.6)(t) @ Pose.shift(x + speed * t, y + bob) @ roll @ Pose.scale(size * (1 + 0.03 * t))
 
     return motion
@@ -245,7 +245,10 @@ def _flight(x: float, y: float, speed: float, size: float, phase: float) -> Moti
         facing = Pose.scale(math.copysign(size, speed), size)
         rise = 0.025 * math.sin(1.7 * t + phase)
         return (
-            _camera(0.5)(t) @ Pose.shift(x + speed * t, y + rise) @ Pose.turn(0.12 * math.cos(1.7 * t + phase)) @ facing
+            _camera(0.5)(t)
+            @ Pose.shift(x + speed * t, y + rise)
+            @ Pose.rotate(0.12 * math.cos(1.7 * t + phase))
+            @ facing
         )
 
     return motion
@@ -257,7 +260,7 @@ def _gull(thing: str, motion: Motion) -> list[CutOut]:
     feather = p.blend("#f3f5f8", "#55606f", lambda s: p.ramp(-s.y, 0.55, 0.98))
 
     def wing(lag: float, lean: float) -> Motion:
-        return lambda t: motion(t) @ Pose.turn(lean) @ Pose.scale(1.0, 0.4 + 0.6 * math.sin(7.5 * t + lag))
+        return lambda t: motion(t) @ Pose.rotate(lean) @ Pose.scale(1.0, 0.4 + 0.6 * math.sin(7.5 * t + lag))
 
     shape = polygon((-0.26, 0.05), (0.24, 0.05), (0.10, -0.55), (-0.16, -1.02), (-0.20, -0.5), corner=0.03)
     bounds = (-0.35, -1.1, 0.35, 0.15)
@@ -288,7 +291,7 @@ def _gull(thing: str, motion: Motion) -> list[CutOut]:
 
 def _shore(seed: int) -> list[CutOut]:
     def sway(x: float, y: float, amount: float, phase: float) -> Motion:
-        return lambda t: _camera(1.3)(t) @ Pose.shift(x, y) @ Pose.turn(amount * math.sin(1.3 * t + phase))
+        return lambda t: _camera(1.3)(t) @ Pose.shift(x, y) @ Pose.rotate(amount * math.sin(1.3 * t + phase))
 
     bark = p.shaded(p.grainy(p.flat("#5e4331"), 0.35, 0.14, seed + 70), (1, 0), 0.3, 0.03)
     grass = p.grainy(p.vertical("#86a24a", "#3b5a31", 0.0, 0.22), 0.28, 0.14, seed + 71)

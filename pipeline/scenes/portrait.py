@@ -27,17 +27,17 @@ def cutouts(seed: int) -> list[CutOut]:
     return [*_room(seed), *_hair_behind(seed), *_body(seed), *_head(seed), *_face(seed), *_hair(seed)]
 
 
-def _turn(t: float) -> float:
+def _yaw_rad(t: float) -> float:
     """Rotation of the head about its vertical axis, rad."""
     return 0.42 * math.sin(1.55 * t)
 
 
 def _body_motion(t: float) -> Pose:
-    return Pose.shift(0.012 * math.sin(1.2 * t), 0.006 * math.sin(2.4 * t)) @ Pose.turn(0.012 * math.sin(1.2 * t))
+    return Pose.shift(0.012 * math.sin(1.2 * t), 0.006 * math.sin(2.4 * t)) @ Pose.rotate(0.012 * math.sin(1.2 * t))
 
 
 def _head_motion(t: float) -> Pose:
-    nod = Pose.turn(0.05 * math.sin(1.1 * t + 0.5))
+    nod = Pose.rotate(0.05 * math.sin(1.1 * t + 0.5))
     return _body_motion(t) @ Pose.shift(0.0, 0.70) @ nod @ Pose.shift(0.0, -0.27)
 
 
@@ -49,7 +49,7 @@ def _part(x: float, y: float, depth: float, width: float = 0.5) -> Motion:
     """
 
     def motion(t: float) -> Pose:
-        angle = _turn(t)
+        angle = _yaw_rad(t)
         across = x * math.cos(angle) + depth * math.sin(angle)
         return _head_motion(t) @ Pose.shift(across, y) @ Pose.scale(1 - width + width * math.cos(angle), 1.0)
 
@@ -267,7 +267,7 @@ def _hair(seed: int) -> list[CutOut]:
             "hair clip",
             box(0, 0, 0.03, 0.009, 0.009),
             clip,
-            lambda t: _part(0.135, -0.175, 0.09)(t) @ Pose.turn(0.7),
+            lambda t: _part(0.135, -0.175, 0.09)(t) @ Pose.rotate(0.7),
             (-0.035, -0.015, 0.035, 0.015),
             bulge=0.009,
         ),

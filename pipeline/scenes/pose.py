@@ -27,7 +27,7 @@ class Pose:
         return cls(tx=x, ty=y)
 
     @classmethod
-    def turn(cls, angle_rad: float) -> Pose:
+    def rotate(cls, angle_rad: float) -> Pose:
         """Rotation about the origin; positive angles are clockwise on the screen, since y points down."""
         cos, sin = math.cos(angle_rad), math.sin(angle_rad)
         return cls(cos, -sin, sin, cos)

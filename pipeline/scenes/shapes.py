@@ -68,8 +68,8 @@ def _paint(code: str, seed: int) -> Paint:
 
 def _line(x: float, y: float, vx: float, vy: float, spin: float = 0.0) -> Motion:
     """Linear motion from (x, y) at (vx, vy), picture heights per second, with rotation at `spin`, rad per second."""
-    return lambda t: Pose.shift(x + vx * t, y + vy * t) @ Pose.turn(spin * t)
+    return lambda t: Pose.shift(x + vx * t, y + vy * t) @ Pose.rotate(spin * t)
 
 
 def _growing(t: float) -> Pose:
-    return Pose.shift(-0.42 + 0.05 * t, 0.70) @ Pose.turn(0.3 * math.sin(2 * t)) @ Pose.scale(1 + 0.22 * t)
+    return Pose.shift(-0.42 + 0.05 * t, 0.70) @ Pose.rotate(0.3 * math.sin(2 * t)) @ Pose.scale(1 + 0.22 * t)

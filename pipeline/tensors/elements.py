@@ -75,8 +75,8 @@ def basis_field(element: Element, size: tuple[int, int]) -> OrientationField:
     towards = offset if winding >= 0 else offset.conj()
     pattern = (towards / np.sqrt(radius**2 + 1)) ** abs(winding)
     tensors = element.strength * np.exp(-element.decay_per_px * radius) * pattern
-    turn_rad = element.angle_rad + TILT_RAD.get(element.pattern, 0.0)
-    return rotated(np.stack([tensors.real, tensors.imag]).astype(np.float32), turn_rad)
+    rotation_rad = element.angle_rad + TILT_RAD.get(element.pattern, 0.0)
+    return rotated(np.stack([tensors.real, tensors.imag]).astype(np.float32), rotation_rad)
 
 
 def design_field(edges: OrientationField, elements: Iterable[Element], edge_weight: float) -> OrientationField:

@@ -35,8 +35,8 @@ def field_of(angle_rad: AnyArray | float, strength: AnyArray | float = 1.0) -> O
 def angle_of(field: OrientationField) -> Plane:
     """Stroke angles, float32 (h, w) in [0, pi); 0 where the field is 0."""
     half = (np.arctan2(field[1], field[0]) / 2).astype(np.float32)
-    turned = np.where(half < 0, half + np.float32(math.pi), half)
-    return np.where(turned >= np.float32(math.pi), np.float32(0), turned).astype(np.float32)
+    positive = np.where(half < 0, half + np.float32(math.pi), half)
+    return np.where(positive >= np.float32(math.pi), np.float32(0), positive).astype(np.float32)
 
 
 def strength_of(field: OrientationField) -> Plane:

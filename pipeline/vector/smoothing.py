@@ -28,11 +28,11 @@ def smooth_borders(borders: Borders, sigma_px: float, limit_px: float) -> Border
     """
     positions = borders.positions.copy()
     if sigma_px > 0:
-        neighbours, shares = _neighbours(borders.edges, len(positions))
+        neighbours, inverse_degrees = _neighbours(borders.edges, len(positions))
         fixed = _fixed(borders.lattice, np.array(borders.size))
         steps = diffusion_steps(sigma_px)
-        once = _diffuse(positions, neighbours, shares, fixed, steps)
-        twice = _diffuse(once, neighbours, shares, fixed, steps)
+        once = _diffuse(positions, neighbours, inverse_degrees, fixed, steps)
+        twice = _diffuse(once, neighbours, inverse_degrees, fixed, steps)
         _sharpen(once, twice, borders.lattice, np.float32(limit_px), positions)
     return Borders(positions, borders.lattice, borders.edges, borders.rows, borders.size)
 
@@ -63,11 +63,11 @@ def _neighbours(edges: NDArray[np.void], count: int) -> tuple[NDArray[np.int32],
             neighbours[b, degrees[b]] = a
             degrees[a] += 1
             degrees[b] += 1
-    shares = np.zeros(count, np.float32)
+    inverse_degrees = np.zeros(count, np.float32)
     for n in range(count):
         if degrees[n] > 0:
-            shares[n] = np.float32(1) / np.float32(degrees[n])
-    return neighbours, shares
+            inverse_degrees[n] = np.float32(1) / np.float32(degrees[n])
+    return neighbours, inverse_degrees
 
 
 @kernel
@@ -83,13 +83,13 @@ def _fixed(lattice: NDArray[np.int32], size: NDArray[np.int64]) -> NDArray[np.ui
 
 @kernel
 def _diffuse(
-    positions: Positions, neighbours: NDArray[np.int32], shares: NDArray[np.float32], fixed: NDArray[np.uint8],
+    positions: Positions, neighbours: NDArray[np.int32], inverse_degrees: NDArray[np.float32], fixed: NDArray[np.uint8],
     steps: NDArray[np.float32],
 ) -> Positions:  # fmt: skip
     now, then = positions.copy(), np.empty_like(positions)
     for step in steps:
         for n in range(now.shape[0]):
-            x, y, share = now[n, 0], now[n, 1], shares[n]
+            x, y, share = now[n, 0], now[n, 1], inverse_degrees[n]
             a, b, c, d = neighbours[n, 0], neighbours[n, 1], neighbours[n, 2], neighbours[n, 3]
             # Unused columns contribute 0 to the sum of differences.
             across = (now[a, 0] - x) + (now[b, 0] - x) + (now[c, 0] - x) + (now[d, 0] - x)

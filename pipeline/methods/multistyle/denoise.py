@@ -22,7 +22,7 @@ MOVING_SHARE = 0.25
 LEAST, LIKELY, PLAIN = 6.0, 20.0, 30.0
 """Change of the mean colour around a pixel, gray levels, see `changes`. Above the first the new picture is followed
 slowly, from the second on increasingly fast, above the third at once: another surface is visible."""
-TURN_SHARE = 0.3
+DIRECTION_SHARE = 0.3
 """Largest weight of new directions a frame."""
 MARGIN, NOISY = 1.4, 2.5
 """The tolerance is at least MARGIN times the median difference, and at most NOISY times the requested tolerance."""
@@ -158,7 +158,7 @@ def denoise_directions(
     u, v = cv2.split(fresh - advected)
     difference = np.asarray(cv2.boxFilter(np.sqrt(u * u + v * v), -1, (3, 3)), np.float32)
     out = np.empty_like(fresh)
-    limits = np.float32(tolerance), np.float32(TURN_SHARE)
+    limits = np.float32(tolerance), np.float32(DIRECTION_SHARE)
     _blend(fresh, advected, back, difference, np.zeros_like(difference), limits, out)
     return np.ascontiguousarray(out.transpose(2, 0, 1))
 

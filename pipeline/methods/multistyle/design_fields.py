@@ -85,7 +85,7 @@ class DesignFields:
             else:
                 weights = self._weights(placed.map, keys) if weights is None else weights
                 own = np.array([*column[keys], base], np.float32)
-                out[name] = mix(weights, _same_turn(own) if name == "hue" else own)
+                out[name] = mix(weights, _unwrapped(own) if name == "hue" else own)
         return out
 
     def table(self, frame: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
@@ -205,12 +205,12 @@ def _difference(one: AnyArray, other: AnyArray) -> AnyArray:
     return out
 
 
-def _same_turn(hues_deg: NDArray[np.float32]) -> NDArray[np.float32]:
+def _unwrapped(hues_deg: NDArray[np.float32]) -> NDArray[np.float32]:
     """Hues shifted by whole turns, so that each is within half a turn of the first one."""
     return np.asarray(hues_deg[0] + _shorter(hues_deg - hues_deg[0]), np.float32)
 
 
 def _shorter(difference_deg: AnyArray) -> AnyArray:
     """A difference of hues, limited to half a turn: -180..180; what is within it stays exactly the same."""
-    turns = np.where(np.abs(difference_deg) > 180, np.round(difference_deg / 360), 0)
-    return np.asarray(difference_deg - 360 * turns, difference_deg.dtype)
+    revolutions = np.where(np.abs(difference_deg) > 180, np.round(difference_deg / 360), 0)
+    return np.asarray(difference_deg - 360 * revolutions, difference_deg.dtype)

@@ -17,9 +17,9 @@ def texture(seed: int) -> np.ndarray:
 @pytest.mark.parametrize("motion", [(3.0, -2.0), (0.5, 0.25), (0.0, 0.0)])
 def test_the_inverse_of_a_uniform_flow_is_its_negative(motion: tuple[float, float]) -> None:
     way = np.full((*SHAPE, 2), motion, np.float32)
-    found, seen = invert_flow(way, texture(1), texture(1))
+    found, visible = invert_flow(way, texture(1), texture(1))
     np.testing.assert_array_equal(found, -way)
-    assert seen[6:-6, 6:-6].all()
+    assert visible[6:-6, 6:-6].all()
 
 
 def test_pixels_covered_by_a_moving_square_are_hidden() -> None:
@@ -28,10 +28,10 @@ def test_pixels_covered_by_a_moving_square_are_hidden() -> None:
     here[10:20, 16:26] = 200  # where it is now
     back = np.zeros((*SHAPE, 2), np.float32)
     back[10:20, 16:26] = (-6, 0)
-    back[10:20, 10:16] = (20, 0)  # what it uncovers was not to be seen: the flow there is any
-    found, seen = invert_flow(back, here, there)
+    back[10:20, 10:16] = (20, 0)  # what it uncovers was not to be visible: the flow there is any
+    found, visible = invert_flow(back, here, there)
     np.testing.assert_array_equal(found[10:20, 10:20], np.broadcast_to(np.float32([6, 0]), (10, 10, 2)))
-    assert not seen[10:20, 20:26].any() and seen[25:].all() and (found[25:] == 0).all()
+    assert not visible[10:20, 20:26].any() and visible[25:].all() and (found[25:] == 0).all()
     assert (found[10:20, 20:26] == (6, 0)).all(), "the hidden goes as what is there now came"
     assert (wall == texture(2)).all()
 

@@ -57,17 +57,17 @@ def test_motion_boundaries_lie_at_flow_discontinuities() -> None:
 def test_known_occlusions_are_found() -> None:
     made = scene("shapes", (256, 144), 6, 12.0)
     here, after = made.frame(3), made.frame(4)
-    seen = visible(here.velocity_next, -after.velocity_previous)
-    assert seen[~here.occluded_next].mean() > 0.98
-    assert seen[here.occluded_next].mean() < 0.15
+    mask = visible(here.velocity_next, -after.velocity_previous)
+    assert mask[~here.occluded_next].mean() > 0.98
+    assert mask[here.occluded_next].mean() < 0.15
 
 
 def test_the_visibility_test_separates_visible_from_hidden_points() -> None:
     made = scene("shapes", (256, 144), 6, 12.0)
     here, after = made.frame(3), made.image(4)
-    seen = visible(estimate(here.image, after, "dis-medium"), estimate(after, here.image, "dis-medium"))
-    assert seen[~here.occluded_next].mean() > 0.97
-    assert seen[here.occluded_next].mean() < 0.7
+    mask = visible(estimate(here.image, after, "dis-medium"), estimate(after, here.image, "dis-medium"))
+    assert mask[~here.occluded_next].mean() > 0.97
+    assert mask[here.occluded_next].mean() < 0.7
 
 
 def test_the_residual_is_high_at_hidden_points() -> None:

@@ -19,7 +19,7 @@ class Truth:
     current: Frame
     flow: Flow
     known: Mask
-    """Where the flow is known and its end is seen."""
+    """Pixels whose flow is known and whose end point is visible."""
 
     def error_px(self, flow: Flow) -> float:
         """Mean end-point error."""

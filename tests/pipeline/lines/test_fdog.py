@@ -80,9 +80,9 @@ def test_a_straight_edge_has_the_response_of_plain_dog_in_any_direction(degrees:
 
 def test_rotating_the_picture_rotates_the_lines() -> None:
     gray = cv2.GaussianBlur(128 + noise((37, 53), 2, 60), (0, 0), 1.5)
-    turned = fdog(np.ascontiguousarray(np.rot90(gray)))
+    rotated = fdog(np.ascontiguousarray(np.rot90(gray)))
     # A quarter turn changes roundings, and a nearest pixel that was a tie falls to the other side here and there.
-    differs = np.abs(np.rot90(turned, -1) - fdog(gray)) > 0.01
+    differs = np.abs(np.rot90(rotated, -1) - fdog(gray)) > 0.01
     assert differs.mean() < 0.02
 
 

@@ -198,7 +198,7 @@ def pan() -> list[SceneFrame]:
 
 @pytest.mark.parametrize(("lines", "at_most"), [("off", 0.4), ("dog", 0.6), ("flow", 0.6)])
 def test_temporal_coherence_reduces_flicker(lines: str, at_most: float) -> None:
-    """Differences along the exact motion, where a point is seen in both frames, on a noisy pan."""
+    """Differences along the exact motion, where a point is visible in both frames, on a noisy pan."""
     truth = pan()
     rng = np.random.default_rng(0)
     noisy = [np.clip(t.image + rng.normal(0, 5, t.image.shape), 0, 255).astype(np.uint8) for t in truth]
@@ -212,10 +212,10 @@ def test_temporal_coherence_reduces_flicker(lines: str, at_most: float) -> None:
     assert figures["on"] < at_most * figures["off"]
 
 
-def warp_error(before: Frame, now: Frame, velocity: Flow, seen: Mask) -> float:
+def warp_error(before: Frame, now: Frame, velocity: Flow, visible: Mask) -> float:
     x, y = np.meshgrid(*(np.arange(n, dtype=np.float32) for n in now.shape[1::-1]))
     came = cv2.remap(before.astype(np.float32), x - velocity[..., 0], y - velocity[..., 1], cv2.INTER_LINEAR)
-    return float(np.square(now - came).sum(-1)[seen].mean())
+    return float(np.square(now - came).sum(-1)[visible].mean())
 
 
 def test_a_still_noisy_picture_converges() -> None:
@@ -255,8 +255,8 @@ def test_an_importance_mask_gives_finer_regions_from_its_frame_on() -> None:
     frames = shots()[:1]
     fine, coarse = paint(frames, {0: one})[0], paint(frames, {0: 0 * one})[0]
     assert len(fine.regions.ids) > 1.3 * len(coarse.regions.ids)
-    held = paint([frames[0]] * 2, {0: one}, temporal="off")
-    np.testing.assert_array_equal(held[1].frame, fine.frame)
+    masked = paint([frames[0]] * 2, {0: one}, temporal="off")
+    np.testing.assert_array_equal(masked[1].frame, fine.frame)
 
 
 def test_masks_are_decoded_at_their_frame(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -273,8 +273,8 @@ def test_masks_are_decoded_at_their_frame(monkeypatch: pytest.MonkeyPatch) -> No
     context = LocalContext(AbstractionParams(temporal="off"), shots(), {"importance": masks})
     run_plan(ABSTRACTION, context)
     assert read == [0, 1, 2, 3, 3, 5, 6, 7, 8, 9, 10, 11]
-    by_hand = {n: np.full((SIZE[1], SIZE[0]), 20 * n / 255, np.float32) for n in masks}
-    np.testing.assert_array_equal(painted(context), stacked(paint(shots(), by_hand, temporal="off")))
+    expected_masks = {n: np.full((SIZE[1], SIZE[0]), 20 * n / 255, np.float32) for n in masks}
+    np.testing.assert_array_equal(painted(context), stacked(paint(shots(), expected_masks, temporal="off")))
 
 
 def test_lines_are_drawn_at_edges_and_can_be_switched_off() -> None:

@@ -219,13 +219,13 @@ def test_noise_is_not_painted() -> None:
 def test_large_changes_are_followed_at_once_and_texture_noise_slowly() -> None:
     rng, nowhere = np.random.default_rng(3), np.zeros((80, 120, 2), np.float32)
     past = np.full((80, 120, 3), 100, np.float32)
-    hand, fur = past.copy(), past + rng.normal(0, 12, past.shape).astype(np.float32)
-    hand[30:50, 40:60] += PLAIN + 5
-    held, other = denoise(hand, past, nowhere, 3)
-    np.testing.assert_array_equal(held[32:48, 42:58], hand[32:48, 42:58])
-    assert other[32:48, 42:58].all() and not other[:15].any() and (held[:15] == 100).all()
-    held, other = denoise(fur, past, nowhere, 3)
-    assert not other.any() and np.abs(held - past).mean() < 0.4 * np.abs(fur - past).mean()
+    patch, fur = past.copy(), past + rng.normal(0, 12, past.shape).astype(np.float32)
+    patch[30:50, 40:60] += PLAIN + 5
+    denoised, other = denoise(patch, past, nowhere, 3)
+    np.testing.assert_array_equal(denoised[32:48, 42:58], patch[32:48, 42:58])
+    assert other[32:48, 42:58].all() and not other[:15].any() and (denoised[:15] == 100).all()
+    denoised, other = denoise(fur, past, nowhere, 3)
+    assert not other.any() and np.abs(denoised - past).mean() < 0.4 * np.abs(fur - past).mean()
 
 
 @cache
@@ -611,7 +611,7 @@ def test_a_design_element_follows_a_moving_rotating_object() -> None:
         own = ellipses[str(k)]
         assert math.hypot(own[0] - x, own[1] - y) < 2
         assert abs(math.degrees(own[2] - angle)) < 3
-        seen = context.kept["paint", "analyze-0000000"][f"{k}.field"].astype(np.float32)
-        u, v = seen[int(y / 144 * seen.shape[0]), int(x / 192 * seen.shape[1])]
+        field = context.kept["paint", "analyze-0000000"][f"{k}.field"].astype(np.float32)
+        u, v = field[int(y / 144 * field.shape[0]), int(x / 192 * field.shape[1])]
         apart = math.degrees(math.atan2(v, u) / 2 - angle)
         assert abs((apart + 90) % 180 - 90) < 3

@@ -46,18 +46,18 @@ def test_analyzing_ahead_equals_stepping() -> None:
     frames = scene(4)
     plain = run(AbstractionSession(AbstractionParams(), SIZE), frames)
     session = AbstractionSession(AbstractionParams(), SIZE)
-    seen = [session.analyze(frame) for frame in frames]
-    assert all(np.array_equal(a, session.paint(b)) for a, b in zip(plain, seen, strict=True))
+    analyses = [session.analyze(frame) for frame in frames]
+    assert all(np.array_equal(a, session.paint(b)) for a, b in zip(plain, analyses, strict=True))
 
 
 def test_a_helper_thread_does_not_change_the_bytes() -> None:
     frames = scene(12)
     plain = run(AbstractionSession(AbstractionParams(), SIZE), frames)
     session = AbstractionSession(AbstractionParams(), SIZE)
-    with ThreadPoolExecutor(1) as helper, ThreadPoolExecutor(1) as eye:
+    with ThreadPoolExecutor(1) as helper, ThreadPoolExecutor(1) as analyzer:
         session.use_helper(helper)
-        seen = [eye.submit(session.analyze, frame) for frame in frames[:8]]
-        painted = [session.paint(later.result()) for later in seen]
+        analyses = [analyzer.submit(session.analyze, frame) for frame in frames[:8]]
+        painted = [session.paint(later.result()) for later in analyses]
         session = session.reconfigure(AbstractionParams(), SIZE)
         painted += run(session, frames[8:])
     assert all(np.array_equal(a, b) for a, b in zip(plain, painted, strict=True))
@@ -69,12 +69,12 @@ def test_a_change_of_size_keeps_regions_and_colours(before: tuple[int, int], aft
     session = AbstractionSession(AbstractionParams(), before)
     last = run(session, [small(f, before) for f in frames[:5]])[-1]
     ids = set(_ids(session))
-    turned = session.reconfigure(AbstractionParams(), after)
-    painted = turned.step(small(frames[5], after))
+    resized = session.reconfigure(AbstractionParams(), after)
+    painted = resized.step(small(frames[5], after))
     afresh = AbstractionSession(AbstractionParams(), after).step(small(frames[5], after))
     assert painted.shape == (after[1], after[0], 3)
     assert apart(small(painted), small(last)) < 0.75 * apart(small(afresh), small(last))
-    assert len(ids & set(_ids(turned))) > len(ids) / 2
+    assert len(ids & set(_ids(resized))) > len(ids) / 2
 
 
 def _ids(session: AbstractionSession) -> list[int]:
@@ -102,8 +102,8 @@ def test_sharp_edges_continue_at_another_size() -> None:
     frames = scene(4)
     session = AbstractionSession(AbstractionParams(edges="sharp"), SIZE)
     whole = run(session, frames[:3])[-1]
-    turned = session.reconfigure(AbstractionParams(edges="sharp"), HALF)
-    assert apart(turned.step(small(frames[2])), small(whole)) < 4
+    resized = session.reconfigure(AbstractionParams(edges="sharp"), HALF)
+    assert apart(resized.step(small(frames[2])), small(whole)) < 4
 
 
 def test_a_reference_can_be_added_and_removed() -> None:

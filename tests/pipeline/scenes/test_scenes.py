@@ -176,6 +176,7 @@ def test_invalid_arguments_are_named(arguments: dict[str, object], field: str) -
 
 
 def test_the_portrait_is_found_by_the_face_detector() -> None:
+    cv2.ocl.setUseOpenCL(False)  # a cascade otherwise opens the OpenCL loader, which hides runtimes registered later
     detector = cv2.CascadeClassifier(cv2.data.haarcascades + "haarcascade_frontalface_default.xml")
     made = scene("portrait", (480, 360), 48, 12.0)
     found = [

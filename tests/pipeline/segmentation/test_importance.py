@@ -206,9 +206,9 @@ def test_a_mask_overrides_the_cues_until_the_next_mask() -> None:
     left = np.zeros((240, 320), np.float32)
     left[:, :160] = 0.8
     tracker.step(portrait(), mask=left)
-    held = tracker.step(portrait(), cut=True)
-    assert at(held, (40, 120)) == pytest.approx(0.8)
-    assert at(held, FACE_AT) == 0
+    kept = tracker.step(portrait(), cut=True)
+    assert at(kept, (40, 120)) == pytest.approx(0.8)
+    assert at(kept, FACE_AT) == 0
     assert tracker.step(portrait(), mask=np.ones((240, 320), bool)).min() == pytest.approx(1)
 
 

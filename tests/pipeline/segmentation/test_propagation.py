@@ -17,7 +17,7 @@ from pipeline.segmentation.propagation import REMAINDER_UNIT, propagate, smooth_
 
 SHAPE = (5, 7)
 label_maps = hnp.arrays(np.int32, SHAPE, elements=st.integers(1, 4))
-# Multiples of 1/64 px: sums with carried remainders are exact in float32.
+# Multiples of 1/64 px: sums with propagated remainders are exact in float32.
 flows = hnp.arrays(np.int64, (*SHAPE, 2), elements=st.integers(-130, 130)).map(lambda a: (a / 64).astype(np.float32))
 remainders = hnp.arrays(np.int8, (*SHAPE, 2), elements=st.integers(-32, 32))
 residuals = hnp.arrays(np.uint8, SHAPE, elements=st.sampled_from([0, 47, 48, 49, 254, FAR]))
@@ -35,14 +35,14 @@ def in_words(
         target = (y + int(whole[1]), x + int(whole[0]))
         left_over = (way - whole) * REMAINDER_UNIT if moves else np.zeros(2)
         arrivals[target].append((int(labels[y, x]), [int(v) for v in left_over]))
-    out, carried = np.zeros_like(labels), np.zeros_like(remainder)
+    out, propagated = np.zeros_like(labels), np.zeros_like(remainder)
     for y, x in np.ndindex(*labels.shape):
         here = arrivals.get((y, x), [])
         if here and residual[y, x] / 4 <= error_limit and residual[y, x] != FAR:
-            carried[y, x] = here[0][1]
+            propagated[y, x] = here[0][1]
             if len({label for label, _ in here}) == 1:
                 out[y, x] = here[0][0]
-    return out, carried
+    return out, propagated
 
 
 @settings(max_examples=150, deadline=None)
@@ -50,10 +50,10 @@ def in_words(
 def test_propagation_equals_a_plain_implementation_of_the_paper(
     labels: Labels, flow: Flow, remainder: NDArray[np.int8], residual: NDArray[np.uint8], decay: int
 ) -> None:
-    found, carried = propagate(labels, flow, remainder, residual, 12.0, float(decay))
-    wanted, wanted_carried = in_words(labels, flow, remainder, residual, 12.0, decay)
+    found, propagated = propagate(labels, flow, remainder, residual, 12.0, float(decay))
+    wanted, expected_remainder = in_words(labels, flow, remainder, residual, 12.0, decay)
     np.testing.assert_array_equal(found, wanted)
-    np.testing.assert_array_equal(carried[found > 0], wanted_carried[found > 0])
+    np.testing.assert_array_equal(propagated[found > 0], expected_remainder[found > 0])
 
 
 @pytest.mark.parametrize("limit", [5.0, 12.0, 20.0])
@@ -149,7 +149,7 @@ def one_row(
 
 
 def pan(labels: Labels, speed: float, frames: int, decay: float = 0.9) -> Labels:
-    """`labels` carried along a steady pan; what comes in at the sides takes its neighbour's label."""
+    """`labels` propagated along a steady pan; what comes in at the sides takes its neighbour's label."""
     flow = np.zeros((*labels.shape, 2), np.float32)
     flow[..., 0] = speed
     remainder = zeros(flow)

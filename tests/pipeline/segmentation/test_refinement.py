@@ -52,9 +52,9 @@ def test_measure_is_the_sum_over_each_region(labels: Labels, seed: int) -> None:
 
 
 def test_relabelling_counts_the_pixels_that_keep_their_region() -> None:
-    labels, carried = np.array([[1, 1, 2, 3, 3]], np.int32), np.array([[1, 2, 2, 0, 1]], np.int32)
+    labels, propagated = np.array([[1, 1, 2, 3, 3]], np.int32), np.array([[1, 2, 2, 0, 1]], np.int32)
     names, kept = np.array([0, 2, 1, 1], np.int32), np.array([0, 2, 1], np.int32)
-    np.testing.assert_array_equal(relabel(labels, names, carried, kept, 2), [0, 1, 1])
+    np.testing.assert_array_equal(relabel(labels, names, propagated, kept, 2), [0, 1, 1])
     np.testing.assert_array_equal(labels, [[2, 2, 1, 1, 1]])
     assert not relabel(labels, np.arange(3, dtype=np.int32), NOT_PROPAGATED, kept, 2).any()
 

@@ -133,7 +133,7 @@ def test_no_pixel_is_ever_unlabelled(seed: int, shape: tuple[int, int], noisy: b
     """Random pictures, edges and motion: `check` looks at every frame."""
     rng = np.random.default_rng(seed)
     stream = Stream(importance=float(rng.uniform(0, 1)), shape=shape)
-    seen: set[int] = set()
+    used: set[int] = set()
     for _ in range(4):
         coarse = rng.integers(0, 256, shape if noisy else (4, 5, 3)).astype(np.uint8)
         lab = coarse[..., None].repeat(3, axis=-1) if noisy else cv2.resize(coarse, shape[::-1])
@@ -141,8 +141,8 @@ def test_no_pixel_is_ever_unlabelled(seed: int, shape: tuple[int, int], noisy: b
         flow = rng.normal(0, 2, (*shape, 2)).astype(np.float32)
         made = stream.step(np.ascontiguousarray(lab), flow, outline)
         born = set(made.ids[1:][made.previous[1:] == 0].tolist())
-        assert not born & seen
-        seen |= set(made.ids[1:].tolist())
+        assert not born & used
+        used |= set(made.ids[1:].tolist())
 
 
 # -- over time
@@ -160,7 +160,7 @@ def test_the_labels_of_a_still_picture_are_constant() -> None:
 
 
 def test_alpha_of_a_known_motion() -> None:
-    """Eq. 4: pixels carried from R(i-1) into R(i), over the geometric mean of the two areas."""
+    """Eq. 4: pixels propagated from R(i-1) into R(i), over the geometric mean of the two areas."""
     stream = Stream()
     stream.step(halves(28))
     made = stream.step(halves(34))
@@ -291,7 +291,7 @@ def test_ids_stay_on_their_object(name: str, pure: float) -> None:
     size = (96, 64)
     shot = scene(name, size, frames=8, fps=12)
     stream = Stream(shape=(64, 96), importance=0.4)
-    seen: dict[int, Counter[int]] = defaultdict(Counter)
+    pixels: dict[int, Counter[int]] = defaultdict(Counter)
     at_once = 0
     before: SceneFrame | None = None
     for index in range(8):
@@ -303,12 +303,12 @@ def test_ids_stay_on_their_object(name: str, pure: float) -> None:
         for label in range(1, len(made.ids)):
             inside = Counter(truth.ids[made.labels == label].tolist())
             at_once += inside.most_common(1)[0][1]
-            seen[int(made.ids[label])] += inside
+            pixels[int(made.ids[label])] += inside
     pixels = 8 * 64 * 96
-    over_time = sum(counts.most_common(1)[0][1] for counts in seen.values())
+    over_time = sum(counts.most_common(1)[0][1] for counts in pixels.values())
     assert at_once / pixels > pure
     assert over_time / pixels > at_once / pixels - 0.01
-    assert regions_kept(seen.values(), 64 * 96 // 100)
+    assert regions_kept(pixels.values(), 64 * 96 // 100)
 
 
 def regions_kept(counts: Iterable[Counter[int]], large_px: int) -> bool:

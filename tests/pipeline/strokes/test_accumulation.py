@@ -39,10 +39,10 @@ def test_random_variation_falls_with_the_square_root(count: int) -> None:
 
 
 def test_paintings_are_advected_over_several_frames() -> None:
-    """The picture moves 4 px to the right, then 2 px down, told in px of a picture half as large."""
+    """The picture moves 4 px to the right, then 2 px down, given in px of a picture half as large."""
     big = np.random.default_rng(3).integers(0, 255, (*(side + 40 for side in SHAPE), 3)).astype(np.uint8)
 
-    def seen(x: int, y: int) -> Frame:
+    def picture_at(x: int, y: int) -> Frame:
         return np.ascontiguousarray(big[20 - y : 20 - y + SHAPE[0], 20 - x : 20 - x + SHAPE[1]])
 
     small = np.full((SHAPE[0] // 2, SHAPE[1] // 2, 3), 50, np.uint8)
@@ -50,10 +50,10 @@ def test_paintings_are_advected_over_several_frames() -> None:
     def half(dx: float, dy: float) -> NDArray[np.float32]:
         return np.full((*small.shape[:2], 2), (dx / 2, dy / 2), np.float32)
 
-    past = [Painting(seen(4, 0), small, half(-4, 0)), Painting(seen(0, 0), small, None)]
-    found = accumulate(Painting(seen(4, 2), small, half(0, -2)), past)
+    past = [Painting(picture_at(4, 0), small, half(-4, 0)), Painting(picture_at(0, 0), small, None)]
+    found = accumulate(Painting(picture_at(4, 2), small, half(0, -2)), past)
     inner = (slice(6, -6), slice(8, -8))
-    np.testing.assert_array_equal(found[inner], seen(4, 2)[inner])
+    np.testing.assert_array_equal(found[inner], picture_at(4, 2)[inner])
 
 
 @pytest.mark.parametrize(("apart", "share"), [(0, 0.5), (SAME / WEIGHT, 0.5), (OTHER / WEIGHT + 1, 0.0)])

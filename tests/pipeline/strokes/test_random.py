@@ -28,8 +28,8 @@ def test_philox_gives_its_published_values(
 
 def test_draws_depend_on_the_id_only() -> None:
     ids = np.arange(1000, dtype=np.uint64) << np.uint64(30)
-    turned = draws(ids[::-1].copy(), 3, Purpose.COLOUR)[::-1]
-    np.testing.assert_array_equal(turned, draws(ids, 3, Purpose.COLOUR))
+    rotated = draws(ids[::-1].copy(), 3, Purpose.COLOUR)[::-1]
+    np.testing.assert_array_equal(rotated, draws(ids, 3, Purpose.COLOUR))
 
 
 def test_draws_of_different_seeds_and_purposes_are_independent() -> None:

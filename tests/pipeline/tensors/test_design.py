@@ -110,21 +110,21 @@ def flicker(fields: list[OrientationField]) -> float:
 def test_memory_removes_flicker_but_not_the_edges() -> None:
     clean = 60 * np.sin(np.indices(ODD)[1] / 6).astype(np.float32)
     single: list[OrientationField] = []
-    held: list[OrientationField] = []
+    smoothed: list[OrientationField] = []
     state: Tensors | None = None
     for frame in range(30):
         now = gradient_tensor(clean + 0.1 * noise(frame), 1.5)
         state = now if state is None else smooth_over_time(now, state, None, None, 0.85)
         single.append(edge_field(now))
-        held.append(edge_field(state))
-    assert flicker(held[15:]) < 0.3 * flicker(single[15:])
-    strong = strength_of(held[-1]) > 0.7
+        smoothed.append(edge_field(state))
+    assert flicker(smoothed[15:]) < 0.3 * flicker(single[15:])
+    strong = strength_of(smoothed[-1]) > 0.7
     assert strong.mean() > 0.3
-    assert apart(angle_of(held[-1]), math.pi / 2)[strong].max() < 0.2
+    assert apart(angle_of(smoothed[-1]), math.pi / 2)[strong].max() < 0.2
 
 
 def test_smoothing_follows_the_motion() -> None:
-    """Carried on a panning picture, what is remembered is what is seen."""
+    """On a panning picture, smoothed tensors move with the picture."""
     wide = np.asarray(gradient_tensor(noise(5, (37, 90)), 3.0))
     flow = np.zeros((*ODD, 2), np.float32)
     flow[..., 0] = 2

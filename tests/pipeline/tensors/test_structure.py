@@ -51,8 +51,8 @@ def test_directions_of_a_disc_are_tangential() -> None:
 def test_rotating_the_picture_rotates_the_directions() -> None:
     picture = noise(1)
     field = tangent_field(structure_tensor(picture, 2.0))
-    turned = tangent_field(structure_tensor(np.ascontiguousarray(np.rot90(picture)), 2.0))
-    back = np.rot90(turned, -1)
+    rotated = tangent_field(structure_tensor(np.ascontiguousarray(np.rot90(picture)), 2.0))
+    back = np.rot90(rotated, -1)
     np.testing.assert_allclose(alike(np.dstack([back[..., 1], -back[..., 0]]), field), 1, atol=1e-3)
 
 

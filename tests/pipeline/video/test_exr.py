@@ -100,15 +100,15 @@ def vectors(index: int, convention: str) -> tuple[Exr, np.ndarray]:
     return Exr(SIZE, names), shot.image
 
 
-@pytest.mark.parametrize("told", [True, False], ids=["told", "guessed"])
+@pytest.mark.parametrize("stated", [True, False], ids=["stated", "guessed"])
 @pytest.mark.parametrize("convention", ["cycles", "eevee", "nuke"])
-def test_velocities_have_the_right_sign_for_each_convention(convention: Any, told: bool) -> None:
+def test_velocities_have_the_right_sign_for_each_convention(convention: Any, stated: bool) -> None:
     first, second = vectors(3, convention), vectors(4, convention)
-    factors, says = factors_of(convention if told else "auto", first, second)
+    factors, message = factors_of(convention if stated else "auto", first, second)
     truth = scene("shapes", SIZE, frames=12, fps=12).frame(4)
     _, forth, back = raw_vectors(second[0])
     found = signed(forth, back, factors)
-    assert found.plus is not None and found.minus is not None and says
+    assert found.plus is not None and found.minus is not None and message
     np.testing.assert_allclose(found.plus, truth.velocity_next, atol=1e-6)
     np.testing.assert_allclose(found.minus, truth.velocity_previous, atol=1e-6)
 
@@ -123,8 +123,8 @@ def test_velocities_of_a_rendered_box(media: Path) -> None:
         assert picture is not None
         return read_exr(folder / f"velocity_{index:03d}.exr"), picture
 
-    factors, says = factors_of("auto", read(2), read(3))
-    print(says)
+    factors, message = factors_of("auto", read(2), read(3))
+    print(message)
     _, forth, back = raw_vectors(read(3)[0])
     found = signed(forth, back, factors)
     assert found.plus is not None and found.minus is not None and factors[2] > 0

@@ -118,11 +118,11 @@ def test_joining(tiny_clip: Path, tmp_path: Path) -> None:
     with segment_writer(segment, SegmentSpec("mp4", (96, 64), Fraction(1, 24), 24.0)) as writer:
         for index in range(3):
             writer.write(index, picture(index), index, index + 1)
-    told: list[float] = []
+    reported: list[float] = []
     join([(Fraction(0), segment)], plain, "mp4", tiny_clip)
-    guarded_join([(Fraction(0), segment)], guarded, "mp4", tiny_clip, told.append)
+    guarded_join([(Fraction(0), segment)], guarded, "mp4", tiny_clip, reported.append)
     assert plain.read_bytes() == guarded.read_bytes()
-    assert told == [1.0]
+    assert reported == [1.0]
 
     def stop(done: float) -> None:
         raise Cancelled("enough")
@@ -272,7 +272,7 @@ _KEPT_OPEN: list[socket.socket] = []
 
 
 def answering(*said: Callable[[socket.socket], None]) -> DecoderProcess:
-    """Our side of a child that has been taken over, and says these."""
+    """Our side of a child that has been taken over, and sends these messages."""
     child = DecoderProcess.__new__(DecoderProcess)
     child._wire, theirs = socket.socketpair()
     child._wire.settimeout(5)

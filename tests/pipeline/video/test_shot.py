@@ -96,9 +96,9 @@ def broken(files: Files) -> None:
 
 
 def empty(files: Files) -> None:
-    says = json.loads(files["shot.json"])
-    says["layers"].append({"name": "ghost"})
-    files["shot.json"] = json.dumps(says).encode()
+    manifest = json.loads(files["shot.json"])
+    manifest["layers"].append({"name": "ghost"})
+    files["shot.json"] = json.dumps(manifest).encode()
 
 
 def renamed(files: Files) -> None:
