@@ -23,6 +23,11 @@ class Ops:
         """Queue, tasks by state, failures by code, throughput."""
         return self._ask("GET", "/ops/snapshot")
 
+    def check(self) -> list[Json]:
+        """What contradicts itself in the database: kind, id, message, remedy."""
+        found: list[Json] = self._ask("GET", "/ops/check")["violations"]
+        return found
+
     def queue(self) -> Json:
         """Whether tasks are handed out."""
         return self._ask("GET", "/ops/queue")

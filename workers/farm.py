@@ -27,7 +27,7 @@ from workers.live.renderer import LiveRenderer
 from workers.live.sessions import LiveSessions
 from workers.live.worker import LiveWorkers
 from workers.model import Json
-from workers.operations import DrainScope, WorkerInfo
+from workers.operations import DrainScope, Violation, WorkerInfo
 from workers.pools.base import Pool
 from workers.previews.local_runner import LocalRunner
 from workers.previews.service import PreviewService
@@ -145,6 +145,10 @@ class Farm:
     def ready(self) -> dict[str, str]:
         """Part ("store", "blobs", "pool") -> "ok" or what is wrong."""
         return self._health.verdicts()
+
+    def validate_state(self) -> list[Violation]:
+        """What contradicts itself in the database; empty: nothing. Cheap, and it changes nothing."""
+        return self._store.validation.validate_state()
 
     def snapshot(self) -> Json:
         """Figures for metrics: queue depth and age, tasks by state, workers, throughput. "totals": counts of this

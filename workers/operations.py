@@ -138,6 +138,18 @@ class Failure:
 
 
 @dataclass(frozen=True)
+class Violation:
+    """Something in the database that contradicts itself."""
+
+    kind: str
+    """For example "task-without-attempt"."""
+    id: str
+    """Of the job, task, attempt, message or worker."""
+    message: str
+    remedy: str
+
+
+@dataclass(frozen=True)
 class TimelineBar:
     """One attempt on a job's timeline."""
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from impasto.cli.console import emit, out, print_status, print_table, table
+from impasto.cli.console import FAILED, emit, out, print_status, print_table, table
 from impasto.cli.options import JsonFlag, KeyOption, ServerOption, client_of
 from workers.model import Json
 
@@ -36,6 +36,23 @@ def status(server: ServerOption = None, api_key: KeyOption = None, as_json: Json
     out.print(_queue_line(found), markup=False)
     print_table(_workers(found["workers"]))
     print_table(_nodes(found["nodes"]))
+
+
+@app.command()
+def check(server: ServerOption = None, api_key: KeyOption = None, as_json: JsonFlag = False) -> None:
+    """Check the invariants of the service's database.
+
+    The exit status is 0 if all of them hold, 1 if one is violated.
+    """
+    with client_of(server, api_key) as client:
+        found = client.ops.check()
+    if as_json:
+        emit({"violations": found})
+    for one in () if as_json else found:
+        out.print(f"{one['kind']} {one['id']}: {one['message']} {one['remedy']}", markup=False)
+    if found:
+        raise typer.Exit(FAILED)
+    print_status("No violation found.")
 
 
 @app.command()

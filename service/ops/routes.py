@@ -10,6 +10,7 @@ from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 
 from service.access.depends import Admin, Context, Reader
 from workers.model import Json
+from workers.operations import Violation
 
 router = APIRouter(tags=["ops"])
 
@@ -47,6 +48,19 @@ def readyz(response: Response, context: Context) -> Ready:
 def metrics(context: Context, _caller: Reader) -> Response:
     """Prometheus metrics: totals over all owners, without user data."""
     return Response(generate_latest(context.registry), headers={"Content-Type": CONTENT_TYPE_LATEST})
+
+
+@dataclass(frozen=True)
+class CheckOut:
+    """What contradicts itself in the database."""
+
+    violations: tuple[Violation, ...]
+
+
+@router.get("/v1/ops/check")
+def check(context: Context, _caller: Admin) -> CheckOut:
+    """Check the database's invariants: read-only and bounded."""
+    return CheckOut(tuple(context.farm.validate_state()))
 
 
 @router.get("/v1/ops/snapshot")

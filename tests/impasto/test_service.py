@@ -16,6 +16,7 @@ import pytest
 
 from impasto import Client
 from impasto.cli.app import run
+from impasto.ops import Ops
 from impasto.problems import JobFailed, NotAllowed
 from pipeline.errors import BadParameter, UnreadableMedia
 from tests.conftest import TINY_FRAMES
@@ -213,3 +214,16 @@ def test_a_worker_may_open_as_many_files_as_the_machine_allows(home: Path) -> No
         worker.terminate()
     soft = next(line.split()[3] for line in limits.splitlines() if line.startswith("Max open files"))
     assert int(soft) == min(hard, MAX_DESCRIPTORS)
+
+
+def test_the_check_of_the_database_has_an_exit_status(
+    address: str, impasto: Client, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["ops", "check", "--server", address]) == 0
+    broken = {"kind": "stuck-job", "id": "job_1", "message": "It is stuck.", "remedy": "Cancel it."}
+    monkeypatch.setattr(Ops, "check", lambda ops: [broken])
+    capsys.readouterr()
+    assert run(["ops", "check", "--server", address]) == 1
+    assert capsys.readouterr().out == "stuck-job job_1: It is stuck. Cancel it.\n"
+    assert run(["ops", "check", "--server", address, "--json"]) == 1
+    assert json.loads(capsys.readouterr().out) == {"violations": [broken]}

@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 from fastapi.testclient import TestClient
 from prometheus_client.parser import text_string_to_metric_families
+from sqlalchemy import update
 
 from pipeline.errors import ImpastoError, StorageError
 from service.errors import TABLE
 from tests.service.driven_farm import DrivenFarm
+from workers.store import schema
 
 
 def test_health(client: TestClient, farm: DrivenFarm) -> None:
@@ -25,6 +27,14 @@ def test_health(client: TestClient, farm: DrivenFarm) -> None:
     assert (answer.status_code, answer.json()["status"]) == (503, "unavailable")
     assert answer.json()["parts"]["blobs"] == "The disk is full."
     assert client.get("/healthz").status_code == 200
+
+
+def test_the_check_names_what_contradicts_itself(client: TestClient, farm: DrivenFarm, job: str) -> None:
+    assert client.get("/v1/ops/check").json() == {"violations": []}
+    with farm._store._db.write() as connection:
+        connection.execute(update(schema.jobs).values(finished_at=1.0))
+    (found,) = client.get("/v1/ops/check").json()["violations"]
+    assert (found["kind"], found["id"]) == ("wrong-times", job) and found["message"] and found["remedy"]
 
 
 def test_metrics_have_base_units_and_bounded_labels(client: TestClient, farm: DrivenFarm, job: str) -> None:

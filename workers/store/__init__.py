@@ -17,6 +17,7 @@ from workers.store.statistics import Statistics
 from workers.store.task_inputs import TaskInputs
 from workers.store.task_queue import Claim, ClaimFailed, Heartbeat, TaskQueue
 from workers.store.tasks import Tasks
+from workers.store.validation import Validation
 from workers.store.webhooks import Webhooks
 from workers.store.workers import Workers
 
@@ -49,6 +50,7 @@ class Store:
         self.keys = Keys(*shared)
         self.projects = Projects(*shared)
         self.webhooks = Webhooks(*shared)
+        self.validation = Validation(*shared)
 
     def check(self) -> None:
         """Raise StorageError if the database does not answer now."""

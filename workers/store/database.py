@@ -78,6 +78,20 @@ class Database:
             yield connection
 
     @contextmanager
+    def snapshot(self) -> Iterator[Connection]:
+        """One state of the database for several queries; writing is refused."""
+        options = {} if self.is_sqlite else {"isolation_level": "REPEATABLE READ", "postgresql_readonly": True}
+        with _as_storage_error(), self._engine.connect() as raw:
+            connection = raw.execution_options(**{_READ: True}, **options)
+            if self.is_sqlite:
+                connection.exec_driver_sql("PRAGMA query_only=ON")
+            try:
+                yield connection
+            finally:
+                if self.is_sqlite:
+                    connection.exec_driver_sql("PRAGMA query_only=OFF")
+
+    @contextmanager
     def write(self) -> Iterator[Connection]:
         """A transaction: committed at the end, rolled back by any exception."""
         with _as_storage_error(), self._one_writer, self._engine.begin() as connection:
