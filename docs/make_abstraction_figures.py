@@ -66,7 +66,7 @@ STRIPS: Mapping[str, Strip] = {
     "merge_similar": Strip(*BIRD, (0, 20), "whether shades of one thing stay apart."),
     "edge_threshold": Strip(*BROOK, (25, 700), "low keeps blades of grass apart, high lets colour alone decide."),
     "boundary_smoothing": Strip(*BROOK, (0, 16), "the pixels' outline, or a soft brush.", zoom=(0.4, 0.45, 0.5)),
-    "edges": Strip(*BIRD, ("sharp",), "how wide the edges of regions and lines are.", zoom=(0.3, 0.1, 0.4)),
+    "edges": Strip(*BIRD, ("sharp",), "how wide edges are; at this size auto is soft.", zoom=(0.3, 0.1, 0.4)),
     "temporal": Strip("coffee", 40, ("off",), f"{CHANGE}.", show="change"),
     "flow": Strip("harbour", 60, ("dis-medium", "tvl1"), "the motion they find: direction as hue.", show="flow"),
     "flow_error_limit": Strip(

@@ -19,30 +19,33 @@ RESPONSE_TOLERANCE = np.float32(6)
 """Difference of responses, gray levels, at which the weight of the past is halved."""
 
 
-def line_field(response: Plane, importance: Plane, threshold: float, reach_px: int) -> Plane:
+def line_field(response: Plane, importance: Plane, threshold: float, margin: float, reach_px: int) -> Plane:
     """Signed field whose zero contour outlines the lines, float32 (h, w), gray levels, positive inside.
 
     Args:
         response: difference of Gaussians, float32 (h, w), gray levels, positive on the dark side of an edge.
         importance: float32 (h, w), 0..1.
         threshold: least response of a line, gray levels; it is scaled by 1.25 - 0.75 * importance.
+        margin: distance of the outline above the threshold, gray levels.
         reach_px: radius in which the strongest response is searched, px; about twice the sigma of the narrower
             Gaussian.
     """
     side = 2 * reach_px + 1
     peak = np.asarray(cv2.dilate(response, np.ones((side, side), np.uint8)), np.float32)
     out = np.empty_like(response)
-    _field(response, peak, importance, np.float32(threshold), out)
+    _field(response, peak, importance, np.float32(threshold), np.float32(margin), out)
     return out
 
 
 @kernel
-def _field(response: Plane, peak: Plane, importance: Plane, threshold: np.float32, out: Plane) -> None:
+def _field(
+    response: Plane, peak: Plane, importance: Plane, threshold: np.float32, margin: np.float32, out: Plane
+) -> None:  # fmt: skip
     height, width = out.shape
     share = np.float32(PEAK_SHARE)
     for y in range(height):
         for x in range(width):
-            least = threshold * (np.float32(1.25) - np.float32(0.75) * importance[y, x])
+            least = threshold * (np.float32(1.25) - np.float32(0.75) * importance[y, x]) + margin
             out[y, x] = response[y, x] - max(least, share * peak[y, x])
 
 

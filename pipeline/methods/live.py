@@ -36,14 +36,17 @@ class Session(Protocol):
         ...
 
     def reconfigure(
-        self, params: Any, size: tuple[int, int], references: Mapping[str, Iterator[Frame]] | None = None
-    ) -> Session:
+        self, params: Any, size: tuple[int, int], references: Mapping[str, Iterator[Frame]] | None = None,
+        output_size: tuple[int, int] | None = None,
+    ) -> Session:  # fmt: skip
         """A session that continues this one with other parameters or another frame size, without a visible jump.
 
         Args:
             params: the method's Params.
             size: (width, height) of the following frames, px.
             references: as for `Method.stream`; None keeps those in use.
+            output_size: (width, height) of the outgoing frames, px, where the method can draw them larger than `size`;
+                other methods ignore it, and their outgoing frames have `size`, as with None.
 
         Call it when every analyzed frame has been painted; do not use this session afterwards.
         """

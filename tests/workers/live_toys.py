@@ -67,8 +67,9 @@ class EchoSession:
         """It has nothing to do background."""
 
     def reconfigure(
-        self, params: Any, size: tuple[int, int], references: Mapping[str, Iterator[Frame]] | None = None
-    ) -> EchoSession:
+        self, params: Any, size: tuple[int, int], references: Mapping[str, Iterator[Frame]] | None = None,
+        output_size: tuple[int, int] | None = None,
+    ) -> EchoSession:  # fmt: skip
         green = self.green if references is None else _green(references)
         return EchoSession(params, size, green, self.received)
 

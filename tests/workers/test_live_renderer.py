@@ -92,6 +92,13 @@ def test_another_size_goes_on_with_what_is_known(painter: LiveRenderer) -> None:
     assert np.array_equal(smaller[1:], expected[1:])
 
 
+def test_abstraction_at_a_reduced_working_size_gives_frames_of_full_size(painter: LiveRenderer) -> None:
+    frame = scene(1)[0]
+    painter.open(order("abstraction"))
+    for work_size in (SIZE, (80, 48), (40, 24), SIZE):
+        assert step(painter, work(frame, work_size)).shape == (96, 160, 3)
+
+
 def test_a_change_waits_for_what_was_looked_at(painter: LiveRenderer) -> None:
     frame = scene(1)[0]
     painter.open(order(params={"add": 1}))

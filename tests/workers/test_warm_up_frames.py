@@ -21,9 +21,10 @@ def compiled():
 warm_up_process()
 practised = compiled()
 for method in methods().values():
-    if session := method.stream(method.Params(), (320, 240), 0, {}):
-        for shot in scene("cut", size=(320, 240), frames=6):
-            session.step(shot.image)
+    for size in ((320, 240), (640, 480)):
+        if session := method.stream(method.Params(), size, 0, {}):
+            for shot in scene("cut", size=size, frames=6):
+                session.step(shot.image)
 print(*compiled() - practised, sep="\\n", end="")
 """
 

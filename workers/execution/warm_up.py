@@ -23,6 +23,7 @@ log = logging.getLogger(__name__)
 SIZE = (352, 288)
 """(width, height) of the practice frames, px: large enough that no filter, scaled to the frame, is left out."""
 FRAMES = 4
+"""Practice frames at either size."""
 
 _practised = threading.Event()
 _one_at_a_time = threading.Lock()
@@ -30,6 +31,8 @@ _one_at_a_time = threading.Lock()
 
 def warm_up(chosen: Method, params: Params, stopped: Callable[[], bool] = lambda: False) -> None:
     """Let a causal method practise on a few small frames with the parameters that it will be given.
+
+    Half of the frames are analysed at half the size, as in a live session that works at a reduced size.
 
     What is compiled and loaded then stays in this process, for every thread. A method that is not causal, or that finds
     practice frames too small for its parameters, starts cold.
@@ -44,6 +47,11 @@ def warm_up(chosen: Method, params: Params, stopped: Callable[[], bool] = lambda
                 if stopped():
                     return
                 session.step(frame)
+            session = session.reconfigure(params, (SIZE[0] // 2, SIZE[1] // 2), None, SIZE)
+            for frame in _practice():
+                if stopped():
+                    return
+                session.step(np.ascontiguousarray(frame[::2, ::2]))
 
 
 def warm_up_process(stopped: Callable[[], bool] = lambda: False) -> None:

@@ -70,6 +70,7 @@ class LiveRenderer:
         self._decoder: Decoder | None = None
         self._encoder: tuple[Size, Encoder] | None = None
         self._size: Size = (0, 0)
+        self._output_size: Size = (0, 0)
 
     def warm_up(self) -> None:
         """Load what methods need before their first frame, once a process. Never raises."""
@@ -86,7 +87,7 @@ class LiveRenderer:
         self._renew_threads()
         before = self._order
         if before is None or (before.method, before.seed) != (order.method, order.seed):
-            self._session, self._size = self._begin(order), order.size
+            self._session, self._size, self._output_size = self._begin(order), order.size, order.size
         elif (before.params, before.inputs) != (order.params, order.inputs):
             self.change(order.params, order.inputs)
         self._order = order
@@ -140,7 +141,9 @@ class LiveRenderer:
         chosen = self._find(self._order.method)
         references = None if inputs == self._order.inputs else self._references(inputs)
         self._wait_until_painted()
-        self._session = self._session.reconfigure(parse_params(chosen, params), self._size, references)
+        self._session = self._session.reconfigure(
+            parse_params(chosen, params), self._size, references, self._output_size
+        )
         self._order = replace(self._order, params=dict(params), inputs=dict(inputs))
 
     def close(self) -> None:
@@ -154,7 +157,7 @@ class LiveRenderer:
         began = time.perf_counter()
         frame = self._decode(work)
         decoded = time.perf_counter()
-        session = self._session_for((frame.shape[1], frame.shape[0]))
+        session = self._session_for(work.work_size, work.size)
         value = session.analyze(frame)
         analyzed = time.perf_counter()
         return _Analysis(session, value, work.key, {"decode": decoded - began, "look": analyzed - decoded})
@@ -168,13 +171,13 @@ class LiveRenderer:
             return frame
         return _resized(frame, work.work_size)
 
-    def _session_for(self, size: Size) -> Session:
+    def _session_for(self, size: Size, output_size: Size) -> Session:
         assert self._order is not None and self._session is not None
-        if size != self._size:
+        if (size, output_size) != (self._size, self._output_size):
             self._wait_until_painted()
             params = parse_params(self._find(self._order.method), self._order.params)
-            self._session = self._session.reconfigure(params, size, None)
-            self._size = size
+            self._session = self._session.reconfigure(params, size, None, output_size)
+            self._size, self._output_size = size, output_size
         return self._session
 
     def _wait_until_painted(self) -> None:

@@ -19,6 +19,7 @@ from pipeline.lines.coherent import Ink
 from pipeline.methods.abstraction.line_extractor import LineExtractor
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.sharp_lines import SharpLineExtractor
+from pipeline.methods.abstraction.sizes import Sizes, draws_curves
 from pipeline.methods.tasks import Clock
 from pipeline.segmentation.cuts import is_cut, light_steadiness, thumbnail
 from pipeline.segmentation.edges import edges
@@ -56,12 +57,12 @@ class FrameAnalyzer:
     """Analyses consecutive frames; keeps the previous frame, its denoised version, faces, importance and lines."""
 
     def __init__(
-        self, params: AbstractionParams, size: tuple[int, int], tone: bool, shot: int, clock: Clock,
-        background: Background,
-    ) -> None:  # fmt: skip
+        self, params: AbstractionParams, sizes: Sizes, tone: bool, shot: int, clock: Clock, background: Background
+    ) -> None:
+        size = sizes.work
         self.params, self.size, self.clock, self.shot, self.background = params, size, clock, shot, background
         self.importance = ImportanceTracker(_importance(params), size)
-        self.lines = _line_extractor(params, size)
+        self.lines = _line_extractor(params, sizes)
         self.tone = ToneTracker() if tone else None
         self.gray: NDArray[np.uint8] | None = None
         self.denoised: Lab8 | None = None
@@ -185,10 +186,10 @@ class FrameAnalyzer:
         return sizes | (dict.fromkeys(LINE_STATE, self.lines.small) if self.lines else {})
 
 
-def _line_extractor(params: AbstractionParams, size: tuple[int, int]) -> LineExtractor | None:
+def _line_extractor(params: AbstractionParams, sizes: Sizes) -> LineExtractor | None:
     if params.lines == "off":
         return None
-    return SharpLineExtractor(params, size) if params.edges == "sharp" else LineExtractor(params, size)
+    return SharpLineExtractor(params, sizes) if draws_curves(params, sizes) else LineExtractor(params, sizes.work)
 
 
 def _short_gaussian(sigma_px: float) -> tuple[int, float]:

@@ -9,8 +9,10 @@ import cv2
 import numpy as np
 
 from pipeline.arrays import AnyArray, Arrays, State
+from pipeline.methods.abstraction.sizes import Sizes
 
-PICTURES = ("analyzer.gray", "analyzer.denoised", "compositor.picture")
+PICTURES = ("analyzer.gray", "analyzer.denoised")
+OUTPUT = "compositor.picture"
 LABELS, AREAS, REMAINDER = "regions.segmenter.labels", "regions.segmenter.areas", "regions.segmenter.remainder"
 FACES = "analyzer.importance.faces"
 FACE_COLUMNS = 8
@@ -23,18 +25,21 @@ SEARCH = "analyzer.importance.search."
 TENSORS = "analyzer.lines.tensors"
 
 
-def resample_state(state: Arrays, size: tuple[int, int], coarse: Mapping[str, tuple[int, int]]) -> State:
-    """Resample a state for a session with frames of `size`.
+def resample_state(state: Arrays, sizes: Sizes, coarse: Mapping[str, tuple[int, int]]) -> State:
+    """Resample a state for a session of other sizes.
 
     Args:
         state: from `AbstractionSession.state`, of any frame size.
-        size: (width, height), px.
+        sizes: sizes of the new session.
         coarse: (width, height) of the planes that are coarser than the frame (`COARSE`), by name.
 
     Regions keep their ids and colours. A region that has no pixel at the new size ends like a region that is covered.
     Motion remainders, the tensors of `lines=flow` and a face search in progress are reset.
     """
+    size = sizes.work
     moved = dict(state)
+    if OUTPUT in moved:
+        moved[OUTPUT] = _resample(moved[OUTPUT], sizes.output)
     for name in COARSE:
         if name in moved and moved[name].size and name in coarse:
             moved[name] = _resample(moved[name], coarse[name])

@@ -26,6 +26,7 @@ from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.region_stage import RegionStage
 from pipeline.methods.abstraction.resample_state import resample_state
 from pipeline.methods.abstraction.sharp_compositor import SharpCompositor
+from pipeline.methods.abstraction.sizes import Sizes, draws_curves
 from pipeline.methods.tasks import Clock, no_clock
 
 AHEAD = 6
@@ -41,17 +42,23 @@ class AbstractionSession:
         reference: target colour scheme; None = mean region colours.
         shot: index of the first frame's shot in the video, from 0.
         clock: context manager factory that times a named stage.
+        output_size: (width, height) of the outgoing frames, px; None = `size`. Larger ones are drawn with sharp edges
+            whatever `params.edges`: curves can be drawn at any size.
     """
 
     def __init__(
         self, params: AbstractionParams, size: tuple[int, int], reference: ColourStats | None = None, shot: int = 0,
-        clock: Clock = no_clock,
+        clock: Clock = no_clock, output_size: tuple[int, int] | None = None,
     ) -> None:  # fmt: skip
         self.background = Background()
-        self.analyzer = FrameAnalyzer(params, size, reference is not None, shot, clock, self.background)
+        sizes = Sizes(size, output_size or size)
+        self.analyzer = FrameAnalyzer(params, sizes, reference is not None, shot, clock, self.background)
         self.regions = RegionStage(params, size, reference, clock)
-        compositor = SharpCompositor if params.edges == "sharp" else Compositor
-        self.compositor: Compositor = compositor(params, size, clock, self.background)
+        self.compositor: Compositor
+        if draws_curves(params, sizes):
+            self.compositor = SharpCompositor(params, sizes, clock, self.background)
+        else:
+            self.compositor = Compositor(params, size, clock, self.background)
 
     def step(self, frame: Frame, mask: Plane | None = None) -> Frame:
         """The next frame of the stream, stylised. `mask`: the user's importance from this frame on, 0..1, or None."""
@@ -83,15 +90,15 @@ class AbstractionSession:
 
     def reconfigure(
         self, params: AbstractionParams, size: tuple[int, int],
-        references: Mapping[str, Iterator[Frame]] | None = None,
+        references: Mapping[str, Iterator[Frame]] | None = None, output_size: tuple[int, int] | None = None,
     ) -> AbstractionSession:  # fmt: skip
         """A session that continues this one: regions keep ids, places and colours. See `base.Session`."""
         reference = self.regions.palette.reference
         if references is not None:
             reference = learn(references["reference"]) if "reference" in references else None
-        after = AbstractionSession(params, size, reference, clock=self.analyzer.clock)
+        after = AbstractionSession(params, size, reference, clock=self.analyzer.clock, output_size=output_size)
         after.background.helper = self.background.helper
-        after.restore(resample_state(self.state(), size, after.analyzer.coarse))
+        after.restore(resample_state(self.state(), Sizes(size, output_size or size), after.analyzer.coarse))
         return after
 
     def state(self) -> State:

@@ -10,8 +10,9 @@ from pipeline.methods.abstraction.analysis import FrameAnalysis
 from pipeline.methods.abstraction.compositor import INK, Compositor, Painting
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.region_stage import ColouredRegions
+from pipeline.methods.abstraction.sizes import Sizes, enlarge_flow, enlarge_mask
 from pipeline.methods.tasks import Clock
-from pipeline.segmentation.motion import past_weights
+from pipeline.segmentation.motion import backward_maps, past_weights
 from pipeline.vector.borders import Borders, align_borders, find_borders
 from pipeline.vector.fill import fill_regions
 from pipeline.vector.smoothing import smooth_borders
@@ -19,6 +20,8 @@ from pipeline.vector.smoothing import smooth_borders
 SIGMA_SHARE, LIMIT_SHARE = 0.45, 0.4
 """Standard deviation of the border smoothing, and the largest displacement of a border, as shares of the radius
 `boundary_smoothing`."""
+LEAST_SIGMA_PX = 1.2
+"""Smallest standard deviation when the picture is larger than the label map: enough to hide the label map's pixels."""
 LEAST_LIMIT_PX = 0.75
 """Smallest displacement limit: enough to straighten the steps of a slanting border."""
 
@@ -30,18 +33,31 @@ class SharpCompositor(Compositor):
     leaves no trace. `Painting.labels` are the labels of the segmentation: the borders are smoothed, not the label map.
     """
 
-    def __init__(self, params: AbstractionParams, size: tuple[int, int], clock: Clock, background: Background) -> None:
-        super().__init__(params, size, clock, background)
-        radius_px = params.boundary_smoothing / 1000 * size[1]
+    def __init__(self, params: AbstractionParams, sizes: Sizes, clock: Clock, background: Background) -> None:
+        super().__init__(params, sizes.work, clock, background)
+        self.sizes = sizes
+        radius_px = params.boundary_smoothing / 1000 * sizes.work[1]
         self.sigma_px = SIGMA_SHARE * radius_px
+        if sizes.work != sizes.output:
+            self.sigma_px = max(LEAST_SIGMA_PX, self.sigma_px)
         self.limit_px = max(LEAST_LIMIT_PX, LIMIT_SHARE * radius_px)
+
+    def prepare(self, analysis: FrameAnalysis) -> None:
+        """Start the work that needs no regions: warp the previous output to the current frame."""
+        if self.sizes.work == self.sizes.output:
+            super().prepare(analysis)
+            return
+        self._past, picture, flow = None, self.picture, analysis.flow
+        if flow is not None and picture is not None and self.params.paint_memory:
+            self._past = self.background.offer(
+                lambda: self._warp_back(picture, backward_maps(enlarge_flow(flow, self.sizes)))
+            )
 
     def step(self, coloured: ColouredRegions) -> Painting:
         """Composite a frame, after `prepare` with the analysis of the same frame."""
         analysis, labels, colours = coloured.analysis, coloured.regions.labels, coloured.colours
-        size = (labels.shape[1], labels.shape[0])
         with self.clock("paint"):
-            flat = fill_regions(self._borders(labels, analysis), colours, size, self.background)
+            flat = fill_regions(self._borders(labels, analysis), colours, self.sizes.output, self.background)
             self.picture = self._blend(flat, labels, analysis)
             frame = self.picture.copy()
             ink = None if analysis.ink is None else analysis.ink.result()
@@ -61,5 +77,7 @@ class SharpCompositor(Compositor):
             return picture
         weights = past_weights(self.params.paint_memory * analysis.light_steadiness)
         past = self._past.result()
-        blend_colours(picture, past, analysis.residual, weights, moving_borders(labels, analysis.flow), self.background)
+        residual = enlarge_mask(analysis.residual, self.sizes)
+        moving = enlarge_mask(moving_borders(labels, analysis.flow), self.sizes)
+        blend_colours(picture, past, residual, weights, moving, self.background)
         return past

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -13,24 +15,39 @@ from pipeline.lines.coverage import blend_opacity, blend_response, draw_lines, l
 from pipeline.lines.dog import soft_threshold
 from pipeline.methods.abstraction.line_extractor import LineExtractor
 from pipeline.methods.abstraction.params import AbstractionParams
+from pipeline.methods.abstraction.sizes import Sizes
 
-NEIGHBOURHOOD = np.ones((5, 5), np.uint8)
-"""A line's opacity is that of its strongest pixel within this neighbourhood, so that only its outline fades."""
+NEIGHBOURHOOD, ENLARGED_NEIGHBOURHOOD = np.ones((3, 3), np.uint8), np.ones((5, 5), np.uint8)
+"""A line's opacity is that of its strongest pixel within this neighbourhood, so that only its outline fades. In a frame
+larger than the analysed one, interpolation would otherwise let the opacity fall within the outline; lines are drawn
+wider there, for the same reason."""
+LARGEST_MARGIN = 1.0
+"""Gray levels: bounds how much thinner lines become when `line_sharpness` is low."""
 
 
 class SharpLineExtractor(LineExtractor):
     """Extracts lines like `LineExtractor`, but enlarges the smooth response instead of the ink, and draws its contour.
 
+    The contour lies where the ink of `LineExtractor` has half of its full opacity, so that lines have the same width;
+    in a frame larger than the analysed one, where the ink begins.
+
     Remembers the previous frame's response and opacity in addition to its ink.
     """
 
-    def __init__(self, params: AbstractionParams, size: tuple[int, int]) -> None:
-        super().__init__(params, size)
+    def __init__(self, params: AbstractionParams, sizes: Sizes) -> None:
+        super().__init__(params, sizes.work)
+        self.output_size = sizes.output
+        enlarged = sizes.work != sizes.output
+        self.neighbourhood = ENLARGED_NEIGHBOURHOOD if enlarged else NEIGHBOURHOOD
+        self.margin = 0.0 if enlarged else min(LARGEST_MARGIN, math.atanh(0.5) / params.line_sharpness)
         self.opacity: Ink | None = None
         self.response: Plane | None = None
 
     def step(self, gray: NDArray[np.uint8], importance: Plane, flow: Flow | None) -> Ink:
-        """The line layer of the next frame, uint8 (h, w), 0..255, before `line_opacity`; see `LineExtractor.step`."""
+        """The line layer of the next frame at the output size, uint8 (h, w), 0..255, before `line_opacity`.
+
+        See `LineExtractor.step`.
+        """
         params = self.params
         small = cv2.resize(gray, self.small, interpolation=cv2.INTER_AREA).astype(np.float32)
         weight = np.asarray(cv2.resize(importance, self.small, interpolation=cv2.INTER_LINEAR), np.float32)
@@ -43,12 +60,12 @@ class SharpLineExtractor(LineExtractor):
         keep = keep_strokes(ink, past, weight, self.limits)
         self.last = np.asarray(cv2.bitwise_and(ink, keep), np.uint8)
         self.opacity = self._opacity(self.last, flow)
-        field = line_field(response, weight, params.line_threshold, max(1, round(2 * self.sigma_px)))
-        return draw_lines(field, self.opacity, self.size)
+        field = line_field(response, weight, params.line_threshold, self.margin, max(1, round(2 * self.sigma_px)))
+        return draw_lines(field, self.opacity, self.output_size)
 
     def _opacity(self, ink: Ink, flow: Flow | None) -> Ink:
         """Opacity of the strokes, which appear and vanish gradually."""
-        opacity = np.asarray(cv2.dilate(ink, NEIGHBOURHOOD), np.uint8)
+        opacity = np.asarray(cv2.dilate(ink, self.neighbourhood), np.uint8)
         if flow is None or self.opacity is None or not self.params.paint_memory:
             return opacity
         return blend_opacity(opacity, self.opacity, flow, self.shrink, self.params.paint_memory)

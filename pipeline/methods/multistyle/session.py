@@ -35,9 +35,13 @@ class MultistyleSession:
         self.painter.threads = 2
 
     def reconfigure(
-        self, params: MultistyleParams, size: tuple[int, int], references: Mapping[str, Iterator[Frame]] | None = None
-    ) -> MultistyleSession:
-        """Continue with other parameters: strokes persist, accumulated paintings do not. Another size starts anew."""
+        self, params: MultistyleParams, size: tuple[int, int],
+        references: Mapping[str, Iterator[Frame]] | None = None, output_size: tuple[int, int] | None = None,
+    ) -> MultistyleSession:  # fmt: skip
+        """Continue with other parameters: strokes persist, accumulated paintings do not. Another size starts anew.
+
+        `output_size` is ignored: strokes are made of the pixels of `size`.
+        """
         after = MultistyleSession(params, size, self.seed, self.analyzer.clock)
         after.painter.threads = self.painter.threads
         if size == self.size:

@@ -52,7 +52,7 @@ def test_opacity_scales_the_ink() -> None:
 def test_lines_taper_where_the_response_falls() -> None:
     y, x = np.mgrid[:21, :60].astype(np.float32)
     response = ((1 - x / 60) * 8 * np.exp(-(((y - 10) / 2) ** 2))).astype(np.float32)
-    field = line_field(response, np.full(response.shape, 1 / 3, np.float32), 1.0, 2)
+    field = line_field(response, np.full(response.shape, 1 / 3, np.float32), 1.0, 0.0, 2)
     width = (drawn(field) / FULL).sum(axis=0)
     assert width[2] > width[30] > width[45] > 0 and width[58] == 0
 
@@ -61,13 +61,23 @@ def test_strong_lines_are_no_wider_than_their_peak_share_allows() -> None:
     y = np.mgrid[:41, :40][0].astype(np.float32)
     for strength in (20.0, 200.0):
         response = (strength * np.exp(-(((y - 20) / 4) ** 2))).astype(np.float32)
-        field = line_field(response, np.zeros(response.shape, np.float32), 1.0, 8)
+        field = line_field(response, np.zeros(response.shape, np.float32), 1.0, 0.0, 8)
         assert (drawn(field)[:, 20] / FULL).sum() <= 8 * np.sqrt(-np.log(PEAK_SHARE)) + 1
+
+
+def test_the_outline_lies_the_margin_above_the_threshold() -> None:
+    """On a ramp of one gray level per pixel, a margin of 2 gray levels moves the outline by 2 px."""
+    response = np.broadcast_to(np.arange(20, dtype=np.float32), (12, 20)).copy()
+    thin, wide = (
+        (line_field(response, np.full(response.shape, 1 / 3, np.float32), 5.0, margin, 1) > 0)[6].sum()
+        for margin in (2.0, 0.0)
+    )
+    assert wide - thin == 2
 
 
 def test_more_is_drawn_where_importance_is_high() -> None:
     response = np.full((8, 8), 0.8, np.float32)
-    low, high = (line_field(response, np.full((8, 8), i, np.float32), 1.0, 1) for i in (0.0, 1.0))
+    low, high = (line_field(response, np.full((8, 8), i, np.float32), 1.0, 0.0, 1) for i in (0.0, 1.0))
     assert (low < 0).all() and (high > 0).all()
 
 

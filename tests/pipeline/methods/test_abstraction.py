@@ -21,6 +21,7 @@ from pipeline.methods import method
 from pipeline.methods.abstraction import AbstractionParams, AbstractionSession, plan
 from pipeline.methods.abstraction.compositor import Painting
 from pipeline.methods.abstraction.session import PipelinedRunner
+from pipeline.methods.abstraction.sizes import Sizes, draws_curves
 from pipeline.methods.local import LocalContext, run_plan
 from pipeline.scenes import SceneFrame, scene
 from tests.pipeline.methods.frames import painted
@@ -158,6 +159,17 @@ def test_any_size_is_painted(size: tuple[int, int], edges: Any) -> None:
     session = AbstractionSession(AbstractionParams(edges=edges), size)
     for index in range(3):
         assert session.step(made.image(index)).shape == (size[1], size[0], 3)
+
+
+@pytest.mark.parametrize(
+    ("edges", "work", "output", "curves"),
+    [("soft", 720, 720, False), ("sharp", 120, 120, True), ("auto", 479, 479, False), ("auto", 480, 480, True),
+     ("auto", 120, 240, True), ("soft", 120, 240, True)],
+)  # fmt: skip
+def test_auto_draws_curves_from_480_lines_and_every_mode_where_the_frame_is_enlarged(
+    edges: Any, work: int, output: int, curves: bool
+) -> None:
+    assert draws_curves(AbstractionParams(edges=edges), Sizes((2 * work, work), (2 * output, output))) is curves
 
 
 # -- cuts

@@ -106,6 +106,34 @@ def test_sharp_edges_continue_at_another_size() -> None:
     assert apart(resized.step(small(frames[2])), small(whole)) < 4
 
 
+@pytest.mark.parametrize("edges", ["soft", "sharp"])
+def test_frames_analysed_at_half_the_size_are_drawn_at_full_size(edges: Any) -> None:
+    frames, params = scene(6), AbstractionParams(edges=edges)
+    session = AbstractionSession(params, SIZE)
+    last = run(session, frames[:3])[-1]
+    drawn = run(session.reconfigure(params, HALF, None, SIZE), [small(frame) for frame in frames[3:]])
+    enlarged = [cv2.resize(frame, SIZE) for frame in run(AbstractionSession(params, HALF), [small(f) for f in frames])]
+    assert all(frame.shape == (SIZE[1], SIZE[0], 3) for frame in drawn)
+    assert apart(drawn[0], last) < 12
+    assert steepest(drawn[-1]) > 1.25 * steepest(np.asarray(enlarged[-1], np.uint8))
+
+
+def steepest(frame: Frame) -> float:
+    """Contrast of neighbouring pixels that one in two hundred pairs exceeds, gray levels."""
+    gray = frame.mean(axis=2)
+    return float(np.quantile(np.abs(np.diff(gray, axis=1)), 0.995))
+
+
+def test_a_session_returns_from_half_the_size_to_full_size() -> None:
+    frames = scene(5)
+    session = AbstractionSession(AbstractionParams(edges="sharp"), SIZE)
+    run(session, frames[:2])
+    session = session.reconfigure(AbstractionParams(edges="sharp"), HALF, None, SIZE)
+    last = session.step(small(frames[2]))
+    session = session.reconfigure(AbstractionParams(edges="sharp"), SIZE, None, SIZE)
+    assert apart(session.step(frames[3]), last) < 12
+
+
 def test_a_reference_can_be_added_and_removed() -> None:
     frames = scene(5)
     green = np.full((8, 8, 3), (20, 160, 60), np.uint8)
