@@ -20,7 +20,7 @@ SKIP_S = 0.5
 
 @pytest.fixture(autouse=True)
 def quick_skip(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("workers.scheduling.dispatcher._SKIP_S", SKIP_S)
+    monkeypatch.setattr("workers.scheduling.step_planner.SKIP_S", SKIP_S)
 
 
 @pytest.fixture
@@ -64,7 +64,7 @@ def test_a_job_that_cannot_be_claimed_from_is_skipped_for_a_while(
 ) -> None:
     broken, others = jobs_of(farm, data)
     faults = Faults(lambda job, dispatcher: job.job_id == broken.id)
-    monkeypatch.setattr(task_queue, "_claim_in", faults.around(task_queue._claim_in))
+    monkeypatch.setattr(task_queue, "claim_in", faults.around(task_queue.claim_in))
     farm.start()
     assert_others_end(farm, others, faults)
     assert farm.jobs.get(broken.id).state is RunState.QUEUED
@@ -122,7 +122,7 @@ def test_an_attempt_that_cannot_be_given_back_delays_nothing(
     broken, others = jobs_of(farm, data)
     store = farm._store
     for todo in store.plans.to_plan(10):
-        farm._dispatcher._plan_one(todo)  # type: ignore[union-attr]
+        farm._dispatcher._planner.plan_one(todo)  # type: ignore[union-attr]
     claims = [store.queue.claim("dsp_dead@here", -1.0) for _ in range(3)]
     stuck = next(claim for claim in claims if claim is not None and claim.job_id == broken.id)
     faults = Faults(lambda queue, outcome, *_, **__: outcome.attempt_id == stuck.attempt_id)

@@ -1,7 +1,7 @@
 """The dispatcher: one thread that plans steps, claims tasks for its pool, and brings their outcomes into the store.
 
-It keeps nothing that matters: kill it at any instant and its successor goes on from what the store says. When the
-store or the blobs are away it waits, longer each time, and loses no outcome meanwhile.
+It keeps no state of its own that matters: after a crash at any instant, the next dispatcher continues from the store.
+While the store or the blobs are unreachable it retries with growing intervals, and keeps the outcomes that arrive.
 """
 
 from __future__ import annotations
@@ -13,52 +13,49 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 
-from pipeline.errors import ImpastoError, StorageError
+from pipeline.errors import StorageError
 from workers import state_machine as machine
-from workers.faults import failed_outcome, fault_from, is_final, is_resource_away
-from workers.frame_window import window_inputs
+from workers.faults import failed_outcome, is_final, is_resource_away
 from workers.log_context import about
 from workers.model import Fault, TaskOutcome
 from workers.operations import DrainScope, Slot, WorkerInfo
 from workers.pools.base import Pool, Report
+from workers.scheduling import step_planner
 from workers.scheduling.flights import Flight, facts_of, log_end, lost_outcome, stalled_outcome
 from workers.scheduling.orders import Orders
-from workers.scheduling.planning import plan_step
 from workers.scheduling.process_lock import ProcessLock
+from workers.scheduling.step_planner import StepPlanner, is_ours
 from workers.settings import FarmSettings
-from workers.store import Claim, ClaimFailed, Heartbeat, StepToPlan, Store
+from workers.store import Claim, ClaimFailed, Heartbeat, Store
 
 log = logging.getLogger(__name__)
 
 _BUSY_TICK_S = 0.4
-"""While something runs: how often progress is written and cancelled attempts are looked for."""
+"""Interval of writing progress and of looking for cancelled attempts, while something runs."""
 _PACES = ((4.0, 1), (30.0, 3), (float("inf"), 6))
-"""So long after a rest, progress is written at every tick, then at every third, then every sixth: nobody watches each
-step of long work, and to write it and have it read would cost a fast method percents of its time."""
+"""(Seconds since the dispatcher was last idle, ticks between writes of progress). Frequent writes would cost a fast
+method several percent of its time."""
 _IDLE_TICK_S = 1.0
-"""How soon work that another process has accepted is seen."""
+"""Interval of looking for work that another process has accepted."""
 _FULL_TICK_S = 5.0
-"""The same while there is no place for it."""
+"""The same while every slot is occupied."""
 _LOOK_TICKS = 3
-"""So many ticks lie at most between two looks for attempts that another process has cancelled."""
+"""Most ticks between two checks for attempts that another process has cancelled."""
 _MAX_BACK_OFF_S = 15.0
 _RESOURCE_AWAY_S = 3.0
-"""Wait of a task that met an absent store, a full disk or exhausted descriptors."""
-_PLANS_AT_ONCE = 4
-_SKIP_S = 60.0
-"""A step whose plan can neither be stored nor recorded as failed is not tried again for this long."""
+"""Delay of a task after an unreachable store, a full disk or exhausted descriptors."""
 
 
 class Dispatcher:
     """Runs the jobs of a store on a pool.
 
     Args:
-        store: the truth.
-        pool: started and stopped by this.
+        store: jobs and tasks.
+        pool: started and stopped by the dispatcher.
         settings: capacity, leases, limits.
-        has_room: raises StorageFull when nothing new should begin.
-        tidy: told of a job (its id) that succeeded or was deleted: blobs are needed no more. Quick.
-        who: how operators know it.
+        check_space: raises StorageFull when nothing new should begin.
+        collect: called with the id of a job that succeeded or was deleted, whose blobs can be removed. Quick.
+        who: name and version that operators see.
     """
 
     def __init__(
@@ -78,8 +75,7 @@ class Dispatcher:
         self._collect = collect
         self._orders = Orders(store, pool.shares_memory)
         self._flights: dict[str, Flight] = {}
-        self._skipped: dict[str, float] = {}
-        """Job id -> monotonic time until which it is neither planned nor claimed from: something is wrong with it."""
+        self._planner = StepPlanner(store)
         self._reports: deque[Report] = deque()
         self._aside: deque[tuple[float, Flight, Report]] = deque()
         """Reports that could not be handled, and when each is tried again, monotonic s."""
@@ -87,7 +83,7 @@ class Dispatcher:
         self._stopping = False
         self._draining = False
         self._slots: tuple[Slot, ...] | None = None
-        """Those that the store knows."""
+        """Slots as last written to the store."""
         self._running_parts = (
             self._handle_reports, self._keep_leases, self._enrol, self._write_progress, self._revoke,
         )  # fmt: skip
@@ -97,12 +93,12 @@ class Dispatcher:
         self._last_renewal = self._progress_written = self._last_look = self._last_idle = float("-inf")
         self._last_turn = time.monotonic()
         self.trouble = ""
-        """What keeps it from working now; empty if nothing does."""
+        """Why it cannot work now; empty if it can."""
 
-    # -- life
+    # -- start and stop
 
     def start(self, process_lock: ProcessLock) -> None:
-        """Take up what earlier lives have left, and begin. `stop` ends `process_lock`."""
+        """Start, with the jobs that an earlier dispatcher has left. `stop` releases `process_lock`."""
         self._pool.start(self._receive)
         self._process_lock = process_lock
         self._last_turn = self._last_idle = time.monotonic()
@@ -121,7 +117,7 @@ class Dispatcher:
         self._process_lock = None
 
     def drain(self, timeout_s: float) -> bool:
-        """Take nothing new, and let what runs end; whether all of it did within `timeout_s`. Call `stop` then."""
+        """Start nothing new and wait for running attempts; whether all ended within `timeout_s`. Then call `stop`."""
         self._draining = True
         deadline = time.monotonic() + timeout_s
         while self._flights and time.monotonic() < deadline:
@@ -129,12 +125,12 @@ class Dispatcher:
         return not self._flights
 
     def poke(self) -> None:
-        """Something in the store has changed: look now."""
+        """The store has changed: look for work now."""
         self._last_look = float("-inf")
         self._wake.set()
 
     def check(self) -> None:
-        """Raise StorageError with what keeps it from working, or if its thread hangs or has died."""
+        """Raise StorageError if it cannot work, or if its thread hangs or has died."""
         silent_s = time.monotonic() - self._last_turn
         if not self._thread.is_alive() or silent_s > 4 * _MAX_BACK_OFF_S:
             raise StorageError(f"The dispatcher has been silent for {silent_s:.0f} s.", remedy="Restart the service.")
@@ -143,12 +139,12 @@ class Dispatcher:
 
     @property
     def id(self) -> str:
-        """As the store knows it; empty unless it is started."""
+        """Its id in the store; empty unless it is started."""
         return "" if self._process_lock is None else self._process_lock.id
 
     @property
     def running(self) -> int:
-        """Attempts that are with the pool."""
+        """Number of attempts in the pool."""
         return len(self._flights)
 
     # -- the thread
@@ -198,14 +194,14 @@ class Dispatcher:
             except StorageError:
                 raise
             except Exception:
-                log.exception("a report cannot be handled; it is set aside for %.0f s", _SKIP_S)
+                log.exception("a report cannot be handled; it is set aside for %.0f s", step_planner.SKIP_S)
                 self._set_aside(self._reports[0])
             self._reports.popleft()
 
     def _set_aside(self, report: Report) -> None:
         flight = self._flights.pop(report.attempt_id, None)
         if flight is not None:
-            self._aside.append((time.monotonic() + _SKIP_S, flight, report))
+            self._aside.append((time.monotonic() + step_planner.SKIP_S, flight, report))
 
     def _bring_back(self) -> None:
         """Try reports again that were set aside long enough ago."""
@@ -256,7 +252,7 @@ class Dispatcher:
             raise
         except Exception:
             log.exception("the failure cannot be stored either", extra=facts_of(attempt_id, flight))
-            return self._store.queue.put_off(attempt_id, _SKIP_S, "The outcome could not be stored.")
+            return self._store.queue.put_off(attempt_id, step_planner.SKIP_S, "The outcome could not be stored.")
 
     def _commit(self, outcome: TaskOutcome, worker: str) -> bool:
         work, fault = self._store.queue, outcome.fault
@@ -287,7 +283,7 @@ class Dispatcher:
             flight.reported = True
 
     def _pace(self) -> int:
-        """Ticks from one look at what runs to the next."""
+        """Ticks between two writes of progress."""
         worked_s = time.monotonic() - self._last_idle
         return next(ticks for until_s, ticks in _PACES if worked_s < until_s)
 
@@ -306,7 +302,7 @@ class Dispatcher:
         self._last_renewal = time.monotonic()
 
     def _enrol(self) -> None:
-        """Let operators know of our slots."""
+        """Write the slots for operators."""
         if (slots := self._pool.slots()) != self._slots:
             self._store.workers.enrol(self.id, self._who, slots)
             self._slots = slots
@@ -330,44 +326,8 @@ class Dispatcher:
     # -- new work
 
     def _plan(self) -> None:
-        self._forget_skipped()
-        for todo in self._store.plans.to_plan(_PLANS_AT_ONCE + len(self._skipped)):
-            if todo.job_id not in self._skipped:
-                self._plan_one(todo)
-
-    def _skip(self, job_id: str) -> None:
-        self._skipped[job_id] = time.monotonic() + _SKIP_S
-
-    def _forget_skipped(self) -> None:
-        now = time.monotonic()
-        self._skipped = {job_id: until for job_id, until in self._skipped.items() if until > now}
-
-    def _plan_one(self, todo: StepToPlan) -> None:
-        """Plan a step and store its tasks. Whatever goes wrong fails this job only; if that cannot be recorded, the job
-        is skipped for a while. An absent store is raised, because it concerns every job."""
-        try:
-            self._plan_and_store(todo)
-        except StorageError:
-            raise
-        except Exception as error:
-            log.warning("planning failed: %s", error, extra=about(job=todo.job_id), exc_info=not _is_ours(error))
-            self._record_plan_failure(todo, error)
-        self._wake.set()  # an empty step ends at once, and the next one needs a plan
-
-    def _record_plan_failure(self, todo: StepToPlan, error: Exception) -> None:
-        try:
-            self._store.plans.plan_failed(todo.job_id, todo.step, fault_from(error))
-        except StorageError:
-            raise
-        except Exception:
-            log.exception("a failed plan cannot be recorded; the job is skipped", extra=about(job=todo.job_id))
-            self._skip(todo.job_id)
-
-    def _plan_and_store(self, todo: StepToPlan) -> None:
-        plans, inputs, request = self._store.plans, self._store.task_inputs, todo.request
-        results, _ = inputs.before(todo.job_id, todo.step)
-        info = window_inputs(inputs.input_info(request.inputs), request.frames)
-        plans.planned(todo.job_id, todo.step, plan_step(todo.step, request, todo.params, info, results))
+        if self._planner.plan():
+            self._wake.set()  # an empty step ends at once, and the next one needs a plan
 
     def _fill(self) -> None:
         assert self._process_lock is not None
@@ -375,10 +335,10 @@ class Dispatcher:
         while self._has_free_slot() and not (self._stopping or self._draining):
             self._check_space()
             try:
-                claim = self._store.queue.claim(self._process_lock.id, self._settings.lease_s, self._skipped)
+                claim = self._store.queue.claim(self._process_lock.id, self._settings.lease_s, self._planner.skipped)
             except ClaimFailed as error:
                 log.exception("no task of the job can be claimed; it is skipped", extra=about(job=error.job_id))
-                self._skip(error.job_id)
+                self._planner.skip(error.job_id)
                 continue
             if claim is None:
                 return
@@ -389,27 +349,27 @@ class Dispatcher:
             self._send(claim)
 
     def _has_free_slot(self) -> bool:
-        """An order that cannot be made out takes no place in the pool, and would let us claim without end."""
+        """Counts attempts as well as slots: a task order that fails to build does not occupy a slot."""
         return len(self._flights) < self._pool.capacity and self._pool.free > 0
 
     def _send(self, claim: Claim) -> None:
-        """Hand a claimed task to the pool. Whatever goes wrong is the attempt's outcome, so that its slot is free."""
+        """Submit a claimed task to the pool. An error becomes the attempt's outcome, so that its slot is free."""
         try:
             self._pool.submit(self._orders.order(claim))
         except Exception as error:
-            if not _is_ours(error):
+            if not is_ours(error):
                 log.exception("an order failed", extra=about(job=claim.job_id))
             self._receive(Report(claim.attempt_id, outcome=failed_outcome(claim.attempt_id, error)))
 
     def _leave(self) -> None:
-        """Give back what did not end in time."""
+        """Return attempts that did not end in time to the queue."""
         try:
             self._handle_reports()
             for attempt_id in list(self._flights):
                 self._store.queue.put_off(attempt_id, 0.0, "The service was stopped.")
             self._store.queue.retire(self.id)
         except StorageError as error:
-            log.warning("could not give running attempts back; the next start does: %s", error)
+            log.warning("running attempts could not be returned to the queue; the next start does it: %s", error)
         self._flights.clear()
 
 
@@ -428,8 +388,3 @@ def run_each(parts: Sequence[Callable[[], None]]) -> None:
         raise failed[0]
     if failed:
         raise ExceptionGroup("several parts of the dispatcher failed", failed)
-
-
-def _is_ours(error: Exception) -> bool:
-    """Whether the error says enough by itself; others are logged with a traceback."""
-    return isinstance(error, ImpastoError)

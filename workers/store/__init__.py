@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from workers.store.assets import Assets
 from workers.store.base import Clock
+from workers.store.claims import Claim, ClaimFailed
 from workers.store.counters import AttemptCounters
 from workers.store.database import Database
 from workers.store.event_notifier import EventNotifier
@@ -15,7 +16,7 @@ from workers.store.plans import Plans, StepToPlan
 from workers.store.projects import Projects
 from workers.store.statistics import Statistics
 from workers.store.task_inputs import TaskInputs
-from workers.store.task_queue import Claim, ClaimFailed, Heartbeat, TaskQueue
+from workers.store.task_queue import Heartbeat, TaskQueue
 from workers.store.tasks import Tasks
 from workers.store.validation import Validation
 from workers.store.webhooks import Webhooks

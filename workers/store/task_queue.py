@@ -6,23 +6,22 @@ import logging
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import cast
 
 from sqlalchemy import Connection, RowMapping, bindparam, delete, func, insert, or_, select, update
 
-from pipeline.errors import ImpastoError, StorageError
+from pipeline.errors import StorageError
 from workers import state_machine as machine
-from workers.ids import new_id
 from workers.log_context import about
-from workers.model import Json, TaskOutcome, TaskState
+from workers.model import TaskOutcome, TaskState
 from workers.operations import DrainScope
 from workers.state_machine import StateEvent
 from workers.store import fair_scheduler, schema
 from workers.store.base import Clock, StorePart
+from workers.store.claims import Claim, ClaimFailed, claim_in
 from workers.store.counters import AttemptCounters
 from workers.store.database import Database
 from workers.store.event_notifier import EventNotifier
-from workers.store.job_transaction import ACTIVE, RUNNING, JobTransaction, StorePolicy
+from workers.store.job_transaction import RUNNING, JobTransaction, StorePolicy
 from workers.store.job_views import meters_of
 from workers.store.progress import job_eta_s, job_progress
 from workers.store.records import Row, TaskRow, emitted_run, fault_to_json
@@ -35,29 +34,6 @@ _CLAIM_TRIES = 8
 _FORGOTTEN_S = 3600.0
 _LOG_KEPT = 64 << 10
 """Characters of an attempt's log that are kept: the last ones."""
-
-
-@dataclass(frozen=True)
-class Claim:
-    """A task that this dispatcher runs now."""
-
-    attempt_id: str
-    job_id: str
-    step_name: str
-    task: TaskRow
-    """The row of the task."""
-    job: Json
-    """The row of its job."""
-
-
-class ClaimFailed(ImpastoError):
-    """An unexpected error, its cause, when a task of the job `job_id` was claimed. Other jobs may be claimed from."""
-
-    code = "claim-failed"
-
-    def __init__(self, job_id: str) -> None:
-        super().__init__(f"No task of the job {job_id} can be claimed.", field="job", value=job_id)
-        self.job_id = job_id
 
 
 @dataclass(frozen=True)
@@ -102,7 +78,7 @@ class TaskQueue(StorePart):
                     if row is None:
                         return None
                     job = JobTransaction(connection, row, self._now(), self._policy)
-                    claim = _claim_in(job, dispatcher)
+                    claim = claim_in(job, dispatcher)
                     job.close()
             except StorageError:
                 raise
@@ -279,55 +255,7 @@ def _forget_drains(connection: Connection) -> None:
     connection.execute(delete(drains).where(*gone))
 
 
-# -- claiming
-
-
-def _claim_in(job: JobTransaction, dispatcher: str) -> Claim | None:
-    """Claim the job's first ready task, if it still has one now that the job is under lock."""
-    task = _first_ready(job)
-    if task is None or job.row["doomed"] or job.row["state"] not in ACTIVE:
-        return None
-    job.apply(machine.Claimed(), task)
-    attempt_id, number = new_id("att_"), _next_number(job.connection, task["id"])
-    attempt = {
-        "id": attempt_id,
-        "task_id": task["id"],
-        "job_id": job.job_id,
-        "number": number,
-        "outcome": RUNNING,
-    }
-    attempt |= {"dispatcher": dispatcher, "started_at": job.now}
-    job.connection.execute(insert(schema.attempts).values(attempt))
-    where = schema.tasks.c.id == task["id"]
-    job.connection.execute(update(schema.tasks).where(where).values(attempt_id=attempt_id))
-    task["attempt_id"] = attempt_id
-    job.add_task_event(task, TaskState.RUNNING, attempt=number)
-    return Claim(attempt_id, job.job_id, job.step_row(task["step"])["name"], task, job.row)
-
-
-def _first_ready(job: JobTransaction) -> TaskRow | None:
-    row = (
-        job.connection.execute(_FIRST_READY, {"job_id": job.job_id, **fair_scheduler.moment(job.now)})
-        .mappings()
-        .first()
-    )
-    return None if row is None else cast(TaskRow, dict(row))
-
-
-def _next_number(connection: Connection, task_id: str) -> int:
-    return int(connection.execute(_MADE, {"task_id": task_id}).scalar_one()) + 1
-
-
 # Made once: to put a statement together takes longer than to answer it.
-_FIRST_READY = (
-    select(schema.tasks)
-    .where(schema.tasks.c.job_id == bindparam("job_id"), *fair_scheduler.due())
-    .order_by(schema.tasks.c.position)
-    .limit(1)
-)
-_MADE = select(func.coalesce(func.max(schema.attempts.c.number), 0)).where(
-    schema.attempts.c.task_id == bindparam("task_id")
-)
 _ATTEMPT = select(schema.attempts).where(schema.attempts.c.id == bindparam("id"))
 _MINE = select(schema.attempts.c.id).where(
     schema.attempts.c.dispatcher == bindparam("dispatcher"), schema.attempts.c.outcome == RUNNING

@@ -1,0 +1,73 @@
+"""Plans the next steps of jobs and stores their tasks."""
+
+from __future__ import annotations
+
+import logging
+import time
+
+from pipeline.errors import ImpastoError, StorageError
+from workers.faults import fault_from
+from workers.frame_window import window_inputs
+from workers.log_context import about
+from workers.scheduling.planning import plan_step
+from workers.store import StepToPlan, Store
+
+log = logging.getLogger(__name__)
+
+_PLANS_AT_ONCE = 4
+SKIP_S = 60.0
+"""A job whose state cannot be written is neither planned nor claimed from for this long."""
+
+
+class StepPlanner:
+    """Plans steps. Used by one thread."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self.skipped: dict[str, float] = {}
+        """Job id -> monotonic time until which the job is skipped, because its state could not be written."""
+
+    def plan(self) -> bool:
+        """Plan the steps that are due, most urgent jobs first; whether there was one. Raises StorageError."""
+        now = time.monotonic()
+        self.skipped = {job_id: until for job_id, until in self.skipped.items() if until > now}
+        found = self._store.plans.to_plan(_PLANS_AT_ONCE + len(self.skipped))
+        due = [todo for todo in found if todo.job_id not in self.skipped]
+        for todo in due:
+            self.plan_one(todo)
+        return bool(due)
+
+    def skip(self, job_id: str) -> None:
+        """Leave the job alone for `SKIP_S`."""
+        self.skipped[job_id] = time.monotonic() + SKIP_S
+
+    def plan_one(self, todo: StepToPlan) -> None:
+        """Plan a step and store its tasks. An error fails this job only; if that cannot be recorded, the job is skipped
+        for a while. StorageError is raised, because it concerns every job."""
+        try:
+            self._plan_and_store(todo)
+        except StorageError:
+            raise
+        except Exception as error:
+            log.warning("planning failed: %s", error, extra=about(job=todo.job_id), exc_info=not is_ours(error))
+            self._record_failure(todo, error)
+
+    def _record_failure(self, todo: StepToPlan, error: Exception) -> None:
+        try:
+            self._store.plans.plan_failed(todo.job_id, todo.step, fault_from(error))
+        except StorageError:
+            raise
+        except Exception:
+            log.exception("a failed plan cannot be recorded; the job is skipped", extra=about(job=todo.job_id))
+            self.skip(todo.job_id)
+
+    def _plan_and_store(self, todo: StepToPlan) -> None:
+        plans, inputs, request = self._store.plans, self._store.task_inputs, todo.request
+        results, _ = inputs.before(todo.job_id, todo.step)
+        info = window_inputs(inputs.input_info(request.inputs), request.frames)
+        plans.planned(todo.job_id, todo.step, plan_step(todo.step, request, todo.params, info, results))
+
+
+def is_ours(error: Exception) -> bool:
+    """Whether the message explains the error; others are logged with a traceback."""
+    return isinstance(error, ImpastoError)
