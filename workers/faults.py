@@ -26,8 +26,11 @@ def failed_outcome(attempt_id: str, error: BaseException) -> TaskOutcome:
 
 
 def fault_from(error: BaseException) -> Fault:
-    """An exception as a Fault. An ImpastoError keeps its code, field and remedy; other exceptions are internal errors,
-    except those that a shortage on the machine has caused, directly or further back in the chain of causes."""
+    """An exception as a Fault.
+
+    An ImpastoError keeps its code, field and remedy. Other exceptions are internal errors, unless a shortage of the
+    machine (disk, memory, descriptors) is in their chain of causes.
+    """
     if shortage := _shortage(error):
         return shortage
     if isinstance(error, ImpastoError):

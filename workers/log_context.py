@@ -1,4 +1,4 @@
-"""What a log line is about: job, task, attempt, request. Known to the context that logs, or said with the line."""
+"""The context of log lines: job, task, attempt, request. Set for a block of code, or passed with one line."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ def about(**facts: str | int | float) -> dict[str, About]:
 
 
 def here() -> About:
-    """What the current context works for."""
+    """The context of the current thread or asynchronous task."""
     return _ABOUT.get()
 
 
 def of(record: object) -> About:
-    """What a record is about: what was said with it, over what its context works for. Call it where it was logged."""
+    """The context of a record: what was passed with it, then the current context. Call it in the thread that logged."""
     return {**here(), **getattr(record, _KEY, {})}
 
 
@@ -34,7 +34,7 @@ def belong(facts: About) -> None:
 
 @contextmanager
 def working_for(facts: About) -> Iterator[None]:
-    """The current context works for this, besides what it already works for."""
+    """Add to the context of the current thread or asynchronous task."""
     token = _ABOUT.set({**here(), **facts})
     try:
         yield

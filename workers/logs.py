@@ -1,4 +1,4 @@
-"""Logs: what a process says on stderr, as text or as JSON lines, and what an attempt says, kept with it."""
+"""Logs: those of a process on stderr, as text or JSON lines; those of an attempt, stored with it."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from workers.settings import FarmSettings
 OURS = ("impasto", "service", "workers", "pipeline")
 _RECORDS = 400
 _HEAD_CHARS, _TAIL_CHARS = 1_000, 7_000
-"""What an attempt's log keeps of a long record: its message, and the end of its traceback, where the cause is."""
+"""Characters of a long record in an attempt's log: its message and the end of its traceback, where the cause is."""
 _TRACE_CHARS = 20_000
 
 
 def set_up_logs(settings: FarmSettings) -> None:
-    """Let this process log to stderr as its settings say. At a process's entry, once; again it replaces itself."""
+    """Log to stderr as the settings say. Called at a process's entry; a second call replaces the first."""
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(JsonLines() if settings.log_format == "json" else TextLines())
     handler.setLevel(settings.log_level.upper())
@@ -35,9 +35,9 @@ def set_up_logs(settings: FarmSettings) -> None:
 
 
 class JsonLines(logging.Formatter):
-    """One JSON object a line: time, level, logger, message, what it is about, the exception.
+    """One JSON object per line: time, level, logger, message, context, traceback.
 
-    A newline in a message stays inside its string: nobody can forge a line.
+    A newline in a message stays inside its string, so that nobody can forge a line.
     """
 
     def format(self, record: logging.LogRecord) -> str:
@@ -54,7 +54,7 @@ class JsonLines(logging.Formatter):
 
 
 class TextLines(logging.Formatter):
-    """For people: time, level, logger, message, then what it is about in brackets."""
+    """Text for people: time, level, logger, message, then the context in brackets."""
 
     def __init__(self) -> None:
         super().__init__("%(asctime)s %(levelname)s %(name)s: %(message)s")
@@ -100,7 +100,7 @@ def attempt_facts(job_id: str, task_id: str, attempt_id: str) -> About:
 
 @contextmanager
 def captured(job_id: str, task_id: str, attempt_id: str) -> Iterator[AttemptLog]:
-    """Keep what the current thread, and those that join it by `belong`, log at INFO and above."""
+    """Collect records of level INFO and above from the current thread, and from threads that call `belong`."""
     root, handler = logging.getLogger(), AttemptLog(job_id, task_id, attempt_id)
     root.addHandler(handler)
     try:

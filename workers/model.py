@@ -16,7 +16,7 @@ Json = dict[str, Any]
 
 
 class RunState(StrEnum):
-    """What a user asked of a job and how it stands. Kept apart from the counts of its tasks' states."""
+    """State of a job. The states of its tasks are counted separately."""
 
     QUEUED = "queued"
     RUNNING = "running"
@@ -43,7 +43,7 @@ class TaskState(StrEnum):
 
 @dataclass(frozen=True)
 class Asset:
-    """What a user uploaded. `id` is `ast_` + SHA-256 of the bytes in hex: the same bytes are the same asset."""
+    """An uploaded file. `id` is `ast_` + SHA-256 of the bytes in hex: the same bytes are the same asset."""
 
     id: str
     sha256: str
@@ -66,7 +66,7 @@ def asset_key(asset_id: str) -> str:
 
 @dataclass(frozen=True)
 class OutputSpec:
-    """What the job makes."""
+    """The output of a job."""
 
     format: str = "mp4"
     """"mp4" (H.264, AAC), "webm" (VP9, Opus) or "png" (a zip of lossless frames numbered from 0000)."""
@@ -84,7 +84,7 @@ WARN, FAIL = "warn", "fail"
 
 @dataclass(frozen=True)
 class JobRequest:
-    """What a user submits. `inputs` maps input names of the method to asset ids."""
+    """A submitted job. `inputs` maps input names of the method to asset ids."""
 
     method: str
     inputs: dict[str, str]
@@ -96,7 +96,7 @@ class JobRequest:
     name: str = ""
     labels: dict[str, str] = field(default_factory=dict)
     webhook: str = ""
-    """URL that is told of the job's end, or empty."""
+    """URL that receives a message when the job ends, or empty."""
     frames: tuple[int, int] | None = None
     """[first, end) of the video; None: all. The job's inputs number frames as the whole video does."""
     on_damage: str = WARN
@@ -167,7 +167,7 @@ class Job:
     steps: tuple[StepView, ...]
     error: Fault | None
     results: tuple[str, ...]
-    """Names of files that can be had: "result", "poster", "sheet", "preview", artefact names."""
+    """Names of available files: "result", "poster", "sheet", "preview", artefact names."""
     warnings: tuple[JobWarning, ...]
 
 
@@ -234,7 +234,7 @@ class TaskOrder:
     stages: dict[str, dict[str, float]] = field(default_factory=dict)
     """For "assemble": step -> stage -> seconds, summed over the step's tasks."""
     resources: Resources | None = None
-    """Of a machine; None: what the farm gives to every task."""
+    """Resources of a machine; None: the farm's settings for every task."""
     frames: tuple[int, int] | None = None
     """As in the request. All other frame numbers of the order are counted from its start."""
     leads: bool = False
@@ -245,7 +245,7 @@ class TaskOrder:
 
 @dataclass(frozen=True)
 class TaskOutcome:
-    """What one attempt brought back. Blobs are already committed; nothing counts until the store accepts this."""
+    """Result of one attempt. Its blobs are committed; it counts only once the store has accepted it."""
 
     attempt_id: str
     result: Json
@@ -272,7 +272,7 @@ class Page:
 
 
 SCOPES = ("submit", "read", "admin")
-"""What a key may do; "admin" includes the others."""
+"""Permissions of a key; "admin" includes the others."""
 
 
 @dataclass(frozen=True)
@@ -280,7 +280,7 @@ class ApiKey:
     """A key as operators see it; the secret itself is not kept, only its hash."""
 
     id: str
-    """`key_...`: also the `owner` of what is made with it."""
+    """`key_...`: also the `owner` of everything made with it."""
     name: str
     scopes: frozenset[str]
     """Of SCOPES."""

@@ -1,5 +1,5 @@
-"""What a farm is told at its start. Built once at the process's entry (from flags, a file or the environment) and
-passed down; nothing here reads the environment."""
+"""Settings of a farm. Built once at a process's entry (from flags, a file or the environment) and passed down; nothing
+here reads the environment."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from pipeline.video.media import Limits
 
 
 class FarmSettings(BaseModel):
-    """Where a farm keeps things, how much it does at once, and when it gives up."""
+    """Where a farm stores its data, how many tasks it runs at once, and its limits."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     home: Path = Path(".impasto")
-    """Folder of everything that has no place of its own: database, blobs, scratch files, locks."""
+    """Folder of the database, blobs, scratch files and locks, unless they have a place of their own."""
     database_url: str = Field(default="", repr=False)
     """`postgresql://user:password@host/name`; empty: SQLite in `home`."""
     blob_root: Path | None = None
@@ -46,7 +46,7 @@ class FarmSettings(BaseModel):
     cache_root: Path | None = None
     """Folder for local copies of blobs in S3; None: `home`/copies, on a Ray cluster the temporary folder."""
     cache_bytes: int = Field(default=20 << 30, ge=0)
-    """Local copies that nobody uses are removed above this."""
+    """Local copies of blobs above this size in total are removed when unused, bytes."""
 
     max_asset_bytes: int = Field(default=8 << 30, ge=1024)
     max_pixels: int = Field(default=50_000_000, ge=256)
@@ -62,10 +62,10 @@ class FarmSettings(BaseModel):
     role: Literal["serve", "worker"] = "serve"
     """Shown to operators: whether the process answers requests, too."""
     ray_address: str = "local"
-    """"local" starts a cluster in this machine; else the address of one."""
+    """"local" starts a cluster on this machine; else the address of a cluster."""
 
     task_cpus: float = Field(default=1.0, gt=0, le=256)
-    """What a task has to itself on a Ray cluster, unless it says so itself: processors,"""
+    """Processors that a task on a Ray cluster gets unless its method declares another number,"""
     task_gpus: float = Field(default=0.0, ge=0, le=16)
     """GPUs (0.25: four tasks share one), if it computes on a compute device: with 0, that is a processor,"""
     task_memory_bytes: int = Field(default=1 << 30, ge=0)
@@ -84,19 +84,19 @@ class FarmSettings(BaseModel):
     stall_s: float = Field(default=900.0, gt=0)
     """An attempt that reports nothing for this long counts as lost."""
     live_sessions: int = Field(default_factory=lambda: os.cpu_count() or 1, ge=0, le=1024)
-    """Live sessions at once: the next one is told that it is busy. 0: none."""
+    """Most live sessions at once; further ones are refused as busy. 0: none."""
     live_spares: int = Field(default=2, ge=0, le=16)
-    """Warm workers beyond those in use (Ray), so that a session begins, and goes on after a death, at once."""
+    """Warm live workers beyond those in use (Ray), so that a session starts, or continues after a crash, at once."""
     live_max_side_px: int = Field(default=1920, ge=64, le=8192)
     """Longest side of a live frame."""
     live_max_fps: float = Field(default=120.0, gt=0, le=240)
     live_frame_bytes: int = Field(default=12 << 20, ge=4096)
-    """Of one live frame's payload: room for 1920x1920 in raw RGB."""
+    """Largest payload of a live frame, bytes: 1920x1920 in raw RGB."""
 
     owner_tasks: int | None = Field(default=None, ge=1)
-    """Tasks that one owner may have at work at once; a key may have its own bound. None: any."""
+    """Most tasks of one owner that run at once; a key may have its own limit. None: no limit."""
     sweep_s: float = Field(default=6 * 3600.0, gt=0)
-    """Between two sweeps for blobs that nobody needs: those of jobs that died while they cleared up."""
+    """Interval of sweeps for blobs that no job needs, left by processes that crashed while they removed them."""
 
     preview_bytes: int = Field(default=512 << 20, ge=16 << 20)
     """Frames and other state of projects that are kept warm for previews, at most."""
@@ -108,7 +108,7 @@ class FarmSettings(BaseModel):
     """Every version of a project is kept for this long; after that one an hour, and named ones."""
 
     log_format: Literal["text", "json"] = "text"
-    """What a process says on stderr: for people, or one JSON object a line."""
+    """Format of logs on stderr: text for people, or one JSON object per line."""
     log_level: Literal["debug", "info", "warning", "error"] = "warning"
 
     events_kept: int = Field(default=5000, ge=10)
@@ -116,7 +116,7 @@ class FarmSettings(BaseModel):
 
     @property
     def for_workers(self) -> FarmSettings:
-        """What a process that only renders needs to know: no address and no secret of a store."""
+        """The settings for a process that only renders: without addresses and secrets of stores."""
         return FarmSettings(home=self.home, log_format=self.log_format, log_level=self.log_level)
 
     @property

@@ -7,7 +7,7 @@ from importlib.metadata import version as installed
 
 
 def version() -> str:
-    """As it was installed; "unknown" when it runs from a checkout that nobody installed."""
+    """Version of the installed package; "unknown" in a checkout that is not installed."""
     try:
         return installed("impasto")
     except PackageNotFoundError:

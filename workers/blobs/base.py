@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import BinaryIO, Protocol, TypeAlias
 
 Content: TypeAlias = bytes | BinaryIO | Path | Callable[[BinaryIO], None]
-"""What a blob is to hold: bytes, a stream or a file of them, or what writes them to a file (that can be sought in)."""
+"""Content of a new blob: bytes, a stream, a file, or a function that writes it to a seekable file."""
 
 
 class Direct(Protocol):
-    """Ways in and out of a store that lead past us: URLs that are signed, and good for a while.
+    """Direct access to a store through signed URLs that expire, without this service in between.
 
-    A large upload is begun, its parts are put at URLs, and it is completed; until then there is no blob.
+    A large upload is begun, its parts are sent to URLs, and it is completed; the blob exists only then.
     """
 
     def download_url(self, key: str, filename: str, media_type: str, seconds: int = 3600) -> str:
@@ -43,7 +43,7 @@ class Direct(Protocol):
         ...
 
     def abort(self, key: str, upload_id: str) -> None:
-        """Forget an upload and its parts; nothing happens if there is none."""
+        """Discard an upload and its parts; no effect if there is none."""
         ...
 
 
@@ -94,11 +94,11 @@ class Blobs(Protocol):
         ...
 
     def check_free_space(self, wanted_bytes: int = 0) -> None:
-        """Raise StorageFull unless there is room for `wanted_bytes` more. Cheap."""
+        """Raise StorageFull unless `wanted_bytes` more can be stored. Cheap."""
         ...
 
     def sweep(self, older_than_s: float = 3600.0) -> int:
-        """Remove what writers that died have left unfinished, older than that; say how much. Younger may be in use."""
+        """Remove unfinished leftovers of crashed writers that are older than this; returns their number."""
         ...
 
     @property

@@ -106,7 +106,7 @@ class DiskBlobs:
             )
 
     def sweep(self, older_than_s: float = 3600.0) -> int:
-        """Remove temporary files that a crash left behind; say how many. Younger ones may be in use."""
+        """Remove old temporary files that a crash left behind; returns their number. Younger ones may be in use."""
         before = time.time() - older_than_s
         stale = [file for file in (self.root / _TEMPORARY).glob("*") if file.stat().st_mtime < before]
         for file in stale:

@@ -1,4 +1,4 @@
-"""What a disk's file system says, as errors of ours."""
+"""Errors of the file system as errors of this package."""
 
 from __future__ import annotations
 

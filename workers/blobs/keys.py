@@ -1,4 +1,4 @@
-"""What a blob key is, and that there is nothing under one: in one place for every blob store."""
+"""The format of blob keys, and the error for a missing blob: the same for every blob store."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class NoBlob(KeyError):
 
 
 def check_key(key: str) -> str:
-    """Return `key` if it is one, else raise `BadInput` (a traversal, an empty part, a stray character)."""
+    """Return `key` if it is valid, else raise `BadInput` (a traversal, an empty part, an invalid character)."""
     parts = key.split("/")
     if len(key) <= 900 and all(_PART.fullmatch(part) and part not in (".", "..") for part in parts):
         return key

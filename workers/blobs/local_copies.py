@@ -1,8 +1,8 @@
-"""Local copies of blobs that are far away: decoders want files. Shared by all processes of a machine.
+"""Local copies of remote blobs, because decoders need files. Shared by all processes of a machine.
 
-folder/<name>           a copy; locked shared while somebody uses it, removed oldest first when there are too many
-folder/<name>.lock      held by who fetches it, so that a film is fetched once, not once a worker
-folder/<name>.<x>.part  one that is being fetched; left behind by a crash only
+folder/<name>           a copy; locked shared while in use; the oldest unused copies are removed when there are too many
+folder/<name>.lock      locked by the process that fetches it, so that a film is fetched once and not once per worker
+folder/<name>.<x>.part  a copy that is being fetched; left behind only by a crash
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from workers.blobs.disk_errors import disk_errors
 
 @dataclass(frozen=True)
 class Copies:
-    """A folder of copies, kept below a bound.
+    """A folder of copies with a limited size.
 
     Args:
-        folder: made if missing.
-        most_bytes: copies that nobody uses are removed above this, least recently used first.
-        reserve_bytes: nothing is fetched that would leave less than this free on the disk.
+        folder: created if missing.
+        most_bytes: above this, unused copies are removed, least recently used first.
+        reserve_bytes: free space on the disk that is always left.
     """
 
     folder: Path
@@ -37,7 +37,7 @@ class Copies:
 
     @contextmanager
     def file(self, name: str, size: int, fetch: Callable[[Path], None]) -> Iterator[Path]:
-        """The copy `name`; `fetch` writes it, if there is none, to the path that it is given."""
+        """The copy `name`. If there is none, `fetch` writes it to the path that it receives."""
         self._make_folder()
         place = self.folder / name
         while (handle := _lock(place)) is None:
@@ -63,7 +63,7 @@ class Copies:
             )
 
     def sweep(self, older_than_s: float) -> int:
-        """Remove what crashed fetches have left; say how many."""
+        """Remove the leftovers of crashed fetches; returns their number."""
         before = time.time() - older_than_s
         left = [*self.folder.glob("*.part"), *self.folder.glob("*.lock")]
         stale = [file for file in left if _modified(file) < before]

@@ -11,7 +11,7 @@ from workers.settings import FarmSettings
 
 
 def open_blobs(settings: FarmSettings) -> Blobs:
-    """Blobs in S3 if `blob_url` says so, else in a folder. Asks nobody yet."""
+    """Blobs in S3 if `blob_url` is set, else in a folder. Opens no connection yet."""
     if not settings.blob_url:
         return DiskBlobs(settings.blobs_at, settings.reserve_bytes)
     return S3Blobs(s3_options(settings), Copies(settings.copies_at, settings.cache_bytes, settings.reserve_bytes))

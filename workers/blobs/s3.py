@@ -1,8 +1,6 @@
-"""Blobs in a bucket of S3, or of a server that speaks like it.
-
-A put is atomic there; larger blobs go in parts, which are no blob until the last one is in. Requests that fail are
-tried again after longer and longer waits; a read that breaks off goes on where it was.
-"""
+"""Blobs in a bucket of S3, or of a compatible server. Writes are atomic; larger blobs are sent in parts, and exist only
+after the last one. Failed requests are repeated with growing intervals; an interrupted read continues where it
+stopped."""
 
 from __future__ import annotations
 
@@ -33,9 +31,9 @@ _CHUNK = 1 << 20
 _AT_ONCE = 1000
 """Keys in one request to delete: the protocol's bound."""
 _RESUMES = 4
-"""How often a read goes on after it broke off."""
+"""How often an interrupted read is continued."""
 _SPOOL_BYTES = 32 << 20
-"""What is written piece by piece is kept in memory up to this before it is sent."""
+"""Streams up to this size are kept in memory before they are sent, bytes."""
 _TAKEN = {"PreconditionFailed", "ConditionalRequestConflict", "412"}
 
 
@@ -139,7 +137,7 @@ class S3Blobs:
         self.copies.check_free_space()
 
     def sweep(self, older_than_s: float = 3600.0) -> int:
-        """Abort uploads that nobody completes, so that their parts cost nothing more, and clear up local copies."""
+        """Abort abandoned uploads, so that their parts cost nothing, and remove old local copies."""
         before = datetime.now(UTC) - timedelta(seconds=older_than_s)
         pages = self._client.get_paginator("list_multipart_uploads")
         bucket, swept = self.options.bucket, self.copies.sweep(older_than_s)

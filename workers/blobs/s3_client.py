@@ -66,7 +66,7 @@ _clients: dict[tuple[int, S3Options, bool], S3Client] = {}
 
 
 def client_for(options: S3Options, hasty: bool = False) -> S3Client:
-    """This process's client; thread-safe. `hasty`: gives up after seconds, to say whether the store is there."""
+    """This process's client; thread-safe. `hasty`: gives up after seconds, for health checks."""
     key = (os.getpid(), options, hasty)
     with _lock:
         if key not in _clients:
@@ -99,7 +99,7 @@ def _new_client(options: S3Options, hasty: bool) -> S3Client:
 
 @contextmanager
 def as_storage_error(key: str = "") -> Iterator[None]:
-    """Whatever S3 and its client raise becomes KeyError (there is no such blob), StorageFull or StorageError."""
+    """Errors of S3 and its client become KeyError (no such blob), StorageFull or StorageError."""
     try:
         yield
     except ClientError as error:

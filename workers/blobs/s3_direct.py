@@ -13,7 +13,7 @@ from workers.blobs.s3_client import Answer, S3Client, S3Options, as_storage_erro
 
 @dataclass(frozen=True)
 class S3Direct:
-    """Implements `workers.blobs.base.Direct`. Signing asks nobody: a URL may lead to nothing."""
+    """Implements `workers.blobs.base.Direct`. Signing sends no request: the blob of a URL may not exist."""
 
     options: S3Options
 

@@ -1,8 +1,8 @@
-"""Dictionaries of arrays as bytes: the npz format, without pickle, the same bytes for the same arrays.
+"""Dictionaries of arrays as bytes: the npz format, without pickle; equal arrays give equal bytes.
 
-Integers that repeat from pixel to pixel (labels, masks) shrink much for little time and are deflated; what varies
-(photographs, weights, all floats) does not, and is stored: then it is written from where it lies, and read by being
-looked at where it is. For that it begins at a multiple of `ALIGNED` bytes.
+Integers that repeat from pixel to pixel (labels, masks) compress well and are deflated. Other arrays (photographs,
+weights, all floats) do not and are stored: they are written without a copy, and read as views of the bytes. Therefore
+they begin at a multiple of `ALIGNED` bytes.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ REPEATS = 0.9
 """Part of an array's elements that equal the one before them, from which it is deflated: at ten megabytes a second a
 photograph that shrinks by a third would take longer to pack than to compute."""
 PIECES, PIECE = 16, 4096
-"""So many runs of so many elements, spread over an array, tell for all of it whether it repeats."""
+"""Number and length of the runs of elements that are sampled to decide whether an array is deflated."""
 ALIGNED = 64
-"""Stored arrays begin at a multiple of so many bytes, as NumPy has its own."""
+"""Stored arrays begin at a multiple of this many bytes, as NumPy's own do."""
 _HEADS = 512
 """Heads that are remembered: arrays of a shape come by the hundred, and a head takes longer than a small array."""
 _PADDING = 0xD935
-"""Number of a field in an entry's header that says nothing and makes room, as `zipalign` has it."""
+"""Id of a field in an entry's header that only fills space, as `zipalign` uses it."""
 _LOCAL = struct.Struct("<26xHH")
 """Of an entry's header in the file: the lengths of its name and of its fields."""
 
@@ -61,7 +61,7 @@ def _write(target: zipfile.ZipFile, stream: IO[bytes], name: str, array: AnyArra
 
 @lru_cache(_HEADS)
 def _head(shape: tuple[int, ...], dtype: np.dtype[Any]) -> bytes:
-    """What an npy file begins with; its length is a multiple of `ALIGNED`."""
+    """Header of an npy file; its length is a multiple of `ALIGNED`."""
     if dtype.hasobject:
         raise ValueError("Object arrays cannot be stored.")
     out = io.BytesIO()
@@ -87,7 +87,8 @@ def _repeats(array: AnyArray) -> bool:
 
 
 def read_arrays(data: bytes) -> dict[str, AnyArray]:
-    """What `write_arrays` wrote; the arrays can be written to. Raises ValueError or BadZipFile for what is damaged."""
+    """The arrays that `write_arrays` wrote; they are writable. Raises ValueError or BadZipFile if the bytes are
+    damaged."""
     whole = memoryview(bytearray(data))
     with zipfile.ZipFile(io.BytesIO(data)) as source:
         return {

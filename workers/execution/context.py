@@ -1,4 +1,4 @@
-"""What a step function works at when a worker runs it: `pipeline.methods.base.TaskContext` over blobs."""
+"""The task context of a worker: `pipeline.methods.base.TaskContext` over blobs."""
 
 from __future__ import annotations
 

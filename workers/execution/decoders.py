@@ -1,6 +1,6 @@
-"""Open decoders, kept between the tasks of one worker: the next run of frames goes on without a seek.
+"""Open decoders, kept between the tasks of a worker, so that the next run of frames continues without a seek.
 
-What users brought is decoded by child processes (`pipeline.video.guard`).
+Uploaded files are decoded by child processes (`pipeline.video.guard`).
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ class _Open:
 
 
 class Decoders:
-    """Readers of blobs. An idle reader is lent to one user at a time; the least recently used are closed.
+    """Readers of blobs. An idle reader serves one user at a time; the least recently used are closed.
 
     Args:
-        idle: how many readers stay open while nobody uses them.
+        idle: most readers that stay open without a user.
     """
 
     def __init__(self, blobs: Blobs, limits: Limits | None = None, idle: int = 3) -> None:

@@ -1,4 +1,4 @@
-"""One stylised frame, now: what the page shows while a user moves a slider."""
+"""Previews of one stylised frame, for a page on which a user moves a slider."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a running task has to show: its newest frame, small, about every other second."""
+"""Publishes small pictures of a running task: its newest frame, about every two seconds."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ EVERY_S = 2.0
 SIDE_PX = 640
 """Longest side: 360 lines of a wide picture. Scaling and coding take about 1 ms at 720p; 854 px would take 4."""
 KEPT = 3
-"""Pictures that stay: who was just told of one may still fetch it."""
+"""Number of pictures kept: a client that was told of one may still fetch it."""
 
 
 class PreviewPublisher:

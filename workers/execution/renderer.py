@@ -88,11 +88,13 @@ class Renderer:
         report: Tell = lambda done, preview="": None,
         cancelled: Callable[[], bool] = lambda: False,
     ) -> TaskOutcome:
-        """Run one attempt. What goes wrong is in the outcome, never raised.
+        """Run one attempt. Errors become part of the outcome; nothing is raised.
 
         Args:
-            report: told the fraction done, 0..1, a few times a second, and every other second of a new frame to show.
-            cancelled: asked ten times a second; once it says yes, the outcome is `cancelled`.
+            report: receives the fraction done, 0..1, a few times a second, and about every two seconds the blob key of
+                a
+                preview.
+            cancelled: called about ten times a second; once it returns True, the outcome is `cancelled`.
         """
         with captured(order.job_id, order.task_id, order.attempt_id) as log:
             outcome = TaskOutcome(order.attempt_id, {}, {}, {}, None, {}, "")
@@ -167,8 +169,8 @@ def _step_of(chosen: Method, params: Params, name: str) -> Step[AnyParams]:
 
 
 def _log_failure(order: TaskOrder, error: Exception) -> None:
-    """What the user is to mend is said in a line. All else may be ours to mend: where it broke is said as well, and so
-    it is of an array that is no frame, since here a method has made it."""
+    """User errors are logged as one line, other errors with a traceback. A BadFrame counts as an internal error here,
+    because the frame was made by a method."""
     if isinstance(error, BadInput | NotFound) and not isinstance(error, BadFrame):
         _LOG.warning("step %s, task %s failed: %s", order.step, order.key, error)
     else:

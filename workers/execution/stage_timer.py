@@ -1,4 +1,4 @@
-"""Where an attempt's seconds went. Thread-safe: a method may decode or compute in threads of its own."""
+"""Wall time of an attempt by stage. Thread-safe: a method may decode or compute in its own threads."""
 
 from __future__ import annotations
 

@@ -30,15 +30,14 @@ _one_at_a_time = threading.Lock()
 
 
 def warm_up(chosen: Method, params: Params, stopped: Callable[[], bool] = lambda: False) -> None:
-    """Let a causal method practise on a few small frames with the parameters that it will be given.
+    """Run a causal method on a few small frames with the given parameters, so that its code is compiled and loaded in
+    this process.
 
-    Half of the frames are analysed at half the size, as in a live session that works at a reduced size.
-
-    What is compiled and loaded then stays in this process, for every thread. A method that is not causal, or that finds
-    practice frames too small for its parameters, starts cold.
+    Half of the frames are analyzed at half the size, as in a live session that works at a reduced size. A method that
+    is not causal, or that finds the frames too small for its parameters, is not warmed up.
 
     Args:
-        stopped: asked between frames.
+        stopped: called between frames; True ends the warm-up.
     """
     _practised.set()
     with contextlib.suppress(ImpastoError):
@@ -55,8 +54,8 @@ def warm_up(chosen: Method, params: Params, stopped: Callable[[], bool] = lambda
 
 
 def warm_up_process(stopped: Callable[[], bool] = lambda: False) -> None:
-    """Let every method practise with its defaults, unless something has practised in this process before. Never raises:
-    what is wrong with a method shows when it is used."""
+    """Warm up every method with its defaults, once per process. Never raises: an error of a method shows when it is
+    used."""
     with _one_at_a_time:
         if _practised.is_set():
             return

@@ -17,7 +17,7 @@ from workers.model import Asset, Page, asset_key
 from workers.store import Store
 
 Probe = Callable[[Path, Limits], MediaInfo]
-"""Reads what a media file contains. Raises BadMedia."""
+"""Reads the facts of a media file. Raises BadMedia."""
 
 
 class FarmAssets:

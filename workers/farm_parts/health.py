@@ -1,4 +1,4 @@
-"""Whether the parts of a farm work now, answered within seconds even if a part answers nobody."""
+"""Health checks of a farm's parts, answered within seconds even if a part does not respond."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class HealthChecks:
         self._lock = threading.Lock()
 
     def verdicts(self) -> dict[str, str]:
-        """Part -> "ok" or what is wrong."""
+        """Part -> "ok" or the error."""
         with self._lock:
             for name, check in self._parts.items():
                 if name not in self._asking or self._asking[name].answered.is_set():

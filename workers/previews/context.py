@@ -1,4 +1,4 @@
-"""What a kind of preview works with: the query, warm frames, and a way to notice that nobody waits any more."""
+"""The context of a preview: the query, cached frames, and a check whether the answer is still wanted."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ JPEG_QUALITY = 85
 
 @dataclass(frozen=True)
 class PreviewContext:
-    """What a kind of preview works with.
+    """The context of a preview.
 
     Attributes:
-        check: raises once nobody waits for the answer any more; call it between pieces of work.
+        check: raises once the client has left; call it between pieces of work.
     """
 
     query: PreviewQuery

@@ -1,4 +1,4 @@
-"""Previews made in this process, on the threads of those who wait for them."""
+"""Previews made in this process, on the threads of the callers."""
 
 from __future__ import annotations
 

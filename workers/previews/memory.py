@@ -1,4 +1,4 @@
-"""A method's plan run over a few frames in memory, for previews: stopped as soon as nobody waits for it."""
+"""Runs a method's plan over a few frames in memory, for previews; stops when the client leaves."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pipeline.methods.base import AnyParams, Method
 from pipeline.methods.local import FrameSource, Input, LocalContext, iterate_plan
 
 Check = Callable[[], None]
-"""Raises Overtaken or Cancelled once nobody waits for the answer any more."""
+"""Raises Overtaken or Cancelled once the answer is no longer wanted."""
 
 
 class PreviewTaskContext(LocalContext[AnyParams]):

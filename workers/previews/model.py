@@ -1,4 +1,4 @@
-"""What a preview is asked for, and the records that answer it. Plain data, which travels to another process."""
+"""Preview queries, and the records of an answer. Plain data that is sent between processes."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class PreviewQuery:
 
 @dataclass(frozen=True)
 class Record:
-    """A piece of an answer: a JSON header, of which `type` says what it is, and bytes."""
+    """A record of an answer: a JSON header, whose `type` names its kind, and bytes."""
 
     header: Mapping[str, object]
     payload: bytes = b""

@@ -1,4 +1,4 @@
-"""Frames of layers, painted by whatever way the method has for one frame or a few, and laid over each other."""
+"""Painted frames of layers, composited. Each layer uses the method's fastest way for one frame or a few."""
 
 from __future__ import annotations
 

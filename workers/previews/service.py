@@ -17,7 +17,7 @@ _FORGET = 10_000
 
 
 class Runner(Protocol):
-    """Where previews are made: in this process, or in one of their own."""
+    """Where previews are made: in this process, or in a process of its own."""
 
     def run(self, query: PreviewQuery, check: Check) -> Iterator[Record]:
         """The answer, record by record. `check` raises once it is not wanted any more."""

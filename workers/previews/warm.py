@@ -1,4 +1,4 @@
-"""Frames at proxy size, decoded once and kept while there is room."""
+"""Frames of proxy size, decoded once and cached."""
 
 from __future__ import annotations
 

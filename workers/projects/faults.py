@@ -1,4 +1,4 @@
-"""What is wrong with a project document: every fault at once, each by its place."""
+"""Faults of a project document: all of them at once, each with its place."""
 
 from __future__ import annotations
 

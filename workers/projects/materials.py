@@ -1,6 +1,6 @@
-"""What a job's inputs are made of: uploaded assets, images by frame, JSON. The last two become assets of their own.
+"""The content of a job's inputs: uploaded assets, images by frame, JSON. Images and JSON become new assets.
 
-The same parts give the same bytes, and so the same asset, on every machine.
+Equal content gives equal bytes, and so the same asset, on every machine.
 """
 
 from __future__ import annotations

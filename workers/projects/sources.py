@@ -1,4 +1,4 @@
-"""What a preview of a layer is made of: blob keys instead of assets, nothing uploaded for it."""
+"""The inputs of a layer for a preview: blob keys and documents, without uploads."""
 
 from __future__ import annotations
 

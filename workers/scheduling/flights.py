@@ -1,4 +1,4 @@
-"""Attempts that are with a pool: what the dispatcher remembers of one, and the outcomes that it makes up itself."""
+"""Attempts in a pool: the dispatcher's record of each, and the outcomes of attempts that a worker lost."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Clearing up behind jobs: blobs that nobody needs any more, and what crashes have left. In a thread of its own, since
-a store of blobs that is far away takes its time."""
+"""Garbage collection: removes blobs that no job needs, and leftovers of crashes. In a thread of its own, because a
+remote blob store is slow."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _BACK_OFF_S = 5.0
 
 @dataclass(frozen=True)
 class Removed:
-    """What a sweep has removed."""
+    """Numbers of things that a sweep has removed."""
 
     unfinished: int = 0
     """Files and uploads of writers that died."""
@@ -74,7 +74,8 @@ class GarbageCollector:
         self._jobs.put(job_id)
 
     def job(self, job_id: str) -> int:
-        """Delete what only the job's own tasks needed, or all there is if the job is forgotten; say how much."""
+        """Delete the blobs that only the job's tasks needed, or all its blobs if the job was deleted; returns their
+        number."""
         kept = self._store.jobs.blob_keys(job_id)
         return self._delete(key for key in self._blobs.keys(f"{_JOBS}{job_id}/") if key not in kept)
 
@@ -132,11 +133,11 @@ class GarbageCollector:
         return (job_id for job_id, _ in groupby(found))
 
     def _is_over(self, job_id: str) -> bool:
-        """Failed and cancelled jobs may be retried: what they have done is needed."""
+        """Failed and cancelled jobs may be retried, so their blobs are kept."""
         return self._store.jobs.succeeded(job_id) or not self._store.jobs.exists(job_id)
 
     def _asset(self, key: str) -> bool:
-        """Delete bytes that no asset has; one that is being added is put again by who adds it."""
+        """Delete bytes that belong to no asset. An asset that is added at the same time stores its bytes again."""
         asset_id, gone = f"ast_{key.removeprefix(_ASSETS)}", []
         assert asset_key(asset_id) == key
 

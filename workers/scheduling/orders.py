@@ -17,7 +17,7 @@ _REMEMBERED = 32
 
 @dataclass(frozen=True)
 class _Before:
-    """What a step may know of the job before it; the same for all its tasks."""
+    """Results and inputs of the steps before; the same for all tasks of a step."""
 
     results: dict[str, dict[str, Json]]
     artefacts: dict[str, str]
@@ -39,7 +39,7 @@ class Orders:
         self._known: OrderedDict[tuple[str, int], _Before] = OrderedDict()
 
     def order(self, claim: Claim) -> TaskOrder:
-        """Raises NotFound (an input is gone), StorageError."""
+        """Raises NotFound if an input has been deleted, StorageError."""
         task, request = claim.task, request_of(claim.job["request"])
         step = claim.step_name
         before = self._before(claim.job_id, task["step"], request, step)

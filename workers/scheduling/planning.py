@@ -39,14 +39,14 @@ def plan_step(
     """The checked tasks of step `index`.
 
     Args:
-        index: of `steps_of`; the one after the method's last is the platform's own.
+        index: of `steps_of`; the step after the method's last is the platform's own.
         params: the job's parameters, every default filled in.
         info: input name -> the asset's info.
         results: of finished steps.
 
     Raises:
         PlanError: keys repeat, a dependency is unknown, tasks wait for each other, runs of frames overlap.
-        ImpastoError: what the method itself finds wrong.
+        ImpastoError: an error of the method.
     """
     chosen = method(request.method)
     parsed = parse_params(chosen, params)

@@ -1,5 +1,8 @@
-"""Who is alive on this machine: a locked file per dispatcher. The kernel drops the lock with the process, whatever
-ends it, so that the work of a killed one is taken up at once instead of after its lease."""
+"""Which dispatchers of this machine are alive: a locked file per dispatcher.
+
+The kernel releases the lock when the process ends for any reason, so that others take over the tasks of a killed one at
+once and not only after its lease.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +15,10 @@ from workers.ids import new_id
 
 
 class ProcessLock:
-    """One life of a dispatcher.
+    """The lock of one dispatcher process.
 
     Args:
-        folder: where the lock files of all dispatchers of this home are; on a local disk.
+        folder: of the lock files of all dispatchers of this home, on a local disk.
     """
 
     def __init__(self, folder: Path) -> None:

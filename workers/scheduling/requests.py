@@ -1,4 +1,4 @@
-"""What may be submitted. Everything that can be known to fail is refused here, before anything is accepted."""
+"""Checks of submitted requests. Everything that is known to fail is refused before the job is accepted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Assets in the database. The same bytes are one asset, which several owners may hold."""
+"""Assets in the database. The same bytes are one asset, which may have several owners."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Assets(StorePart):
             return _find(connection, asset_id) is not None
 
     def unless_known(self, asset_id: str, forget: Callable[[], None]) -> None:
-        """Call `forget` if the asset is (still) unknown, while nobody can add it."""
+        """Call `forget` if the asset is unknown, while it cannot be added."""
         with self._db.write() as connection:
             self._db.lock(connection, asset_id)
             if _find(connection, asset_id) is None:

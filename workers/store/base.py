@@ -1,4 +1,4 @@
-"""What every part of the store shares: the database, the clock, the policy, and the bell."""
+"""Base class of the store's parts: database, clock, policy, event notifier."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class StorePart:
 
     @contextmanager
     def _transaction(self, job_id: str) -> Iterator[JobTransaction]:
-        """The job under lock; committed at the end, and the bell rung. Raises NotFound."""
+        """The locked job; committed at the end, then its listeners are notified. Raises NotFound."""
         with self._transaction_if_any(job_id) as job:
             if job is None:
                 raise NotFound(f"There is no job {job_id}.", field="job", value=job_id)

@@ -1,4 +1,4 @@
-"""What has happened since this process began: counts that only rise, for metrics."""
+"""Counters since the start of this process, for metrics."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ _POSTGRES = {
     "tcp_user_timeout": 25_000,
     "options": "-c lock_timeout=20s -c statement_timeout=120s -c idle_in_transaction_session_timeout=120s",
 }
-"""What libpq is told."""
+"""Connection parameters of PostgreSQL."""
 _READ_ONLY = "25006"
 """PostgreSQL's state after a fail-over: we talk to the one that only follows now."""
 

@@ -1,9 +1,8 @@
-"""The bell that wakes who waits for a job's events, in this process or after news from another.
+"""Wakes the threads that wait for a job's events, of this process or of another.
 
-What this process writes rings at once. For what others write, one thread looks every quarter of a second at the jobs
-that somebody waits for, in one query, however many wait; less often, down to once a second, while it finds nothing that
-this process did not know. (PostgreSQL's NOTIFY would be a little sooner; it makes all
-commits queue at one lock, is lost on a fail-over, and does not pass through poolers.)
+Events of this process notify at once. For those of others, a thread queries the database for all awaited jobs, every
+quarter of a second; less often, down to once a second, while it finds nothing new. (PostgreSQL's NOTIFY would be a
+little faster, but it makes all commits queue at one lock, is lost on a fail-over, and does not pass through poolers.)
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ _REMEMBERED = 4096
 _LOOK_EVERY_S = (0.25, 1.0)
 _AWAY_S = 2.0
 _LINGER_S = 5.0
-"""How long the thread stays when nobody waits."""
+"""Seconds for which the thread continues after the last listener has left."""
 
 Newest = Callable[[Collection[str]], Mapping[str, int]]
 """Ids of jobs -> the number of the newest event of each that is there."""
@@ -79,7 +78,7 @@ class EventNotifier:
                     del self._waited[job_id]
 
     def _look(self, newest: Newest) -> None:
-        """Look while somebody waits, and a little longer."""
+        """Query while there are listeners, and a little longer."""
         needed, (soon_s, late_s) = time.monotonic(), _LOOK_EVERY_S
         pause_s = soon_s
         while True:

@@ -1,11 +1,11 @@
-"""Whose turn it is: the job that is served next.
+"""Which job is served next.
 
-Jobs that may start a task stand in lanes, one for each owner and priority. The highest priority goes first; within it
-the owner with the least at work; a lane's jobs in the order in which they came. So nobody waits for another's thousand
-jobs, and what a user asked for first is done first.
+Jobs with a ready task are grouped in lanes, one per owner and priority. The highest priority is served first; within it
+the owner with the fewest running tasks; within a lane the oldest job. So nobody waits for another owner's thousand
+jobs, and an owner's jobs run in the order of submission.
 
-A claim costs the same with one job or ten thousand, with ten tasks or a hundred thousand: lanes are found by hopping
-over an index of just those jobs; what is at work is counted from running attempts: there are no more than workers.
+The cost of a claim depends neither on the number of jobs nor of tasks: lanes are found by jumping through an index of
+just those jobs, and running tasks are counted from running attempts, of which there are no more than workers.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def job_in(
 
 
 def due() -> tuple[Any, ...]:
-    """Of a task: it may run now, as `moment` says."""
+    """Conditions of a task that may run at `moment`."""
     tasks = schema.tasks
     in_time = or_(tasks.c.ready_at <= bindparam("now"), tasks.c.ready_at > bindparam("too_late"))
     return tasks.c.state == TaskState.READY.value, in_time
@@ -125,7 +125,7 @@ def _first(name: str, at: Any = None, same_priority: bool = False) -> ScalarSele
 
 
 def _running(connection: Connection) -> dict[str, int]:
-    """Tasks at work by owner."""
+    """Running tasks by owner."""
     return {owner: int(n) for owner, n in connection.execute(_RUNNING)}
 
 

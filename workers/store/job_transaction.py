@@ -38,13 +38,13 @@ ACTIVE = (RunState.QUEUED.value, RunState.RUNNING.value)
 
 @dataclass(frozen=True)
 class StorePolicy:
-    """When to give up, and how much history to keep."""
+    """Limits of attempts, delays of retries, and length of the history."""
 
     limits: Limits = field(default_factory=Limits)
     retry_delay_s: float = 0.5
     events_kept: int = 5000
     owner_tasks: int | None = None
-    """Tasks that an owner may have at work at once, unless the owner's key says otherwise; None: any."""
+    """Most tasks of an owner that run at once, unless the owner's key has its own limit; None: no limit."""
 
 
 class JobTransaction:
@@ -194,7 +194,7 @@ class JobTransaction:
                 self._announce(run)
 
     def delay(self, task: TaskRow, seconds: float) -> None:
-        """Let nobody claim the task for a while."""
+        """The task cannot be claimed for `seconds`."""
         where = schema.tasks.c.id == task["id"]
         self.connection.execute(update(schema.tasks).where(where).values(ready_at=self.now + seconds))
 

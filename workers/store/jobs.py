@@ -31,7 +31,7 @@ _JOB = select(schema.jobs).where(schema.jobs.c.id == bindparam("id"))
 
 @dataclass(frozen=True)
 class Accepted:
-    """A request that has been checked: what the store needs besides."""
+    """A checked request, completed with what the store needs."""
 
     request: JobRequest
     params: Json
@@ -179,7 +179,7 @@ class Jobs(StorePart):
             return connection.execute(query).mappings().first()
 
     def blob_keys(self, job_id: str) -> set[str]:
-        """Blobs that a user can still ask for; none if the job is gone."""
+        """Blobs that a user can still download; none if the job was deleted."""
         with self._db.read() as connection:
             return set(connection.execute(select(schema.files.c.key).where(schema.files.c.job_id == job_id)).scalars())
 

@@ -24,7 +24,7 @@ _NO_HASH = "0" * 64
 
 
 class Keys(StorePart):
-    """Keys by id. A key's id is the owner of what is made with it."""
+    """Keys by id. A key's id is the owner of everything made with it."""
 
     def create(self, name: str, scopes: Collection[str], quotas: Mapping[str, int] | None = None) -> tuple[ApiKey, str]:
         """A new key and its secret, which cannot be shown again. Raises BadParameter (unknown scope, bad quota)."""

@@ -1,11 +1,11 @@
-"""How far a job is and how long it will take: pure arithmetic on weights, counts and measured seconds.
+"""Progress and remaining time of a job: pure arithmetic on weights, counts and measured seconds.
 
-Weights are in one unit for all steps of a method (`pipeline.methods.base.Task`), so that steps can be added up. A step
-that has no tasks yet counts with the weight that was expected when the job was accepted. When the plan says otherwise,
-what is left of the bar is shared anew and what is done stays done: progress goes back only where work was lost.
+Weights of all steps of a method have one unit (`pipeline.methods.base.Task`), so that steps can be added. A step
+without tasks counts with the weight that was expected when the job was accepted. If the plan differs, the rest of the
+bar is divided again and the finished part stays: progress decreases only if work was lost.
 
-Time left is measured, not guessed: worker seconds a unit of weight so far, times the weight that is left, over what
-runs at once. Neither a pause nor a restart spoils it.
+The remaining time is measured: worker seconds per unit of weight so far, times the remaining weight, divided by the
+number of running attempts. Pauses and restarts do not distort it.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 ENOUGH = 0.01
-"""Share of a job's weight that must be done before its pace says anything."""
+"""Share of a job's weight that must be finished before its speed is used."""
 SETTLED, SETTLED_S = 0.2, 60.0
 """Share of a step, or worker seconds in it, after which its own pace is believed: before, starting up hides it."""
 
 
 @dataclass(frozen=True)
 class StepMeter:
-    """Measures of one step, all of the moment when its tasks last said how far they are."""
+    """Measures of one step at the time of its tasks' last progress report."""
 
     expected: float
     """Its weight as it was expected before it was planned."""
@@ -57,7 +57,7 @@ class StepMeter:
 
     @property
     def seconds(self) -> float:
-        """Worker seconds that went into what is done."""
+        """Worker seconds of the finished weight."""
         return self.busy_s + self.running_s
 
 
@@ -79,7 +79,7 @@ def job_eta_s(steps: Sequence[StepMeter]) -> float | None:
 
 
 def _pace(steps: Sequence[StepMeter], current: StepMeter) -> float | None:
-    """Worker seconds a unit of weight: the current step's, at its beginning those of the steps before it."""
+    """Worker seconds per unit of weight: of the current step; at its beginning, of the steps before."""
     past = [step for step in steps if step.done]
     own, before = _ratio([current]), _ratio(past)
     if own is None or before is None:

@@ -22,8 +22,8 @@ _CHEAP_S, _SHARE = 0.05, 20
 
 
 class CachedCounts:
-    """Counts over all that there ever was. With a long history, they may be as old as twenty times what they cost, so
-    that whoever asks, and however often, takes no more than a twentieth of the database's time. Thread-safe."""
+    """Counts over the whole history. With a long history they may be as old as twenty times the duration of the query,
+    so that queries take at most a twentieth of the database's time, whoever asks. Thread-safe."""
 
     def __init__(self, count: Callable[[Connection], dict[str, int]]) -> None:
         self._count = count

@@ -1,4 +1,4 @@
-"""What a task may know of the work before it: results, artefacts, emitted runs, and its inputs."""
+"""Inputs of a task: results, artefacts and emitted runs of earlier tasks, and the assets of its job."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ _WAITING = select(schema.task_edges.c.task_id).where(schema.task_edges.c.before_
 
 
 class TaskInputs(StorePart):
-    """Read-only; what it says of finished steps never changes."""
+    """Read-only. The data of finished steps never changes."""
 
     def before(self, job_id: str, step: int) -> tuple[dict[str, dict[str, Json]], dict[str, str]]:
-        """Notes (step -> key -> result) and artefacts ("step/name" -> blob key) of the steps before `step`: of each of
-        them, also of one that had no tasks."""
+        """Results (step -> key -> result) and artefacts ("step/name" -> blob key) of the steps before `step`. Every
+        step has an entry, also one that had no tasks."""
         tasks, steps = schema.tasks, schema.steps
         query = (
             select(steps.c.name, tasks.c.key, tasks.c.result, tasks.c.artefacts)

@@ -38,7 +38,7 @@ _LOG_KEPT = 64 << 10
 
 @dataclass(frozen=True)
 class Heartbeat:
-    """A sign of life of a running attempt."""
+    """Progress of a running attempt."""
 
     done: float
     """0..1"""
@@ -92,8 +92,8 @@ class TaskQueue(StorePart):
         return None
 
     def _next_job(self, connection: Connection, skipped: Collection[str]) -> RowMapping | None:
-        """A job with a task to start, under lock. One that another dispatcher has locked is waited for only if there is
-        no other: two dispatchers with one job both have work."""
+        """A job with a ready task, locked. A job that another dispatcher has locked is waited for only if there is no
+        other, so that two dispatchers with one job both have work."""
         lanes = fair_scheduler.lanes(connection, self._policy.owner_tasks)
         for wait in (False,) if self._db.is_sqlite else (False, True):
             for lane in lanes:
@@ -104,7 +104,7 @@ class TaskQueue(StorePart):
     # -- while it runs
 
     def renew(self, dispatcher: str, lease_s: float) -> None:
-        """The dispatcher is alive, and will say so again before `lease_s` have passed."""
+        """Extend the dispatcher's lease to `lease_s` from now."""
         with self._db.write() as connection:
             self._renew(connection, dispatcher, lease_s)
 
@@ -116,12 +116,12 @@ class TaskQueue(StorePart):
         self._enlisted.add(dispatcher)
 
     def _enlist(self, connection: Connection, dispatcher: str, lease_s: float) -> None:
-        """Nobody claims who has no lease."""
+        """A dispatcher needs a lease before it claims."""
         if dispatcher not in self._enlisted:
             self._renew(connection, dispatcher, lease_s)
 
     def retire(self, dispatcher: str) -> None:
-        """The dispatcher ends: what it still has, if anything, is given back by the others at once."""
+        """End the dispatcher's lease: others return its remaining attempts to the queue at once."""
         with self._db.write() as connection:
             connection.execute(delete(schema.dispatchers).where(schema.dispatchers.c.id == dispatcher))
             _forget_drains(connection)
@@ -140,7 +140,7 @@ class TaskQueue(StorePart):
             return set(connection.execute(_MINE, {"dispatcher": dispatcher}).scalars())
 
     def progress(self, heartbeats: Mapping[str, Heartbeat]) -> None:
-        """Note how far attempts are (by id), where, and what there is to see; skips those that no longer count."""
+        """Record progress, worker and preview of attempts, by id; attempts that no longer count are skipped."""
         with self._db.read() as connection:
             rows = connection.execute(_STILL_RUNNING, {"ids": list(heartbeats)}).all()
         for job_id in {row.job_id for row in rows}:
@@ -157,12 +157,12 @@ class TaskQueue(StorePart):
     # -- outcomes
 
     def finish(self, outcome: TaskOutcome, event: StateEvent | None = None, worker: str = "") -> bool:
-        """Bring in an attempt's outcome, once; False if the attempt no longer counts (nothing has changed then).
+        """Record an attempt's outcome, once; False if the attempt no longer counts (then nothing has changed).
 
         Args:
-            outcome: what the attempt brought back; its log and fault are kept even if it failed.
-            event: what happened, if not what `outcome` says by itself (success).
-            worker: who ran it.
+            outcome: the attempt's result; its log and fault are kept even if it failed.
+            event: what happened; None: success.
+            worker: name of the worker that ran it.
         """
         with self._current_attempt(outcome.attempt_id) as current:
             if current is None:
@@ -181,7 +181,8 @@ class TaskQueue(StorePart):
         self._counters.ended(_OUTCOMES[type(event)], code, current.job.row["method"], stop - start, seconds)
 
     def interrupt(self, dispatchers: Collection[str]) -> int:
-        """Give back what dispatchers that are dead, or silent beyond their lease, were running; say how much."""
+        """Return the attempts of dead dispatchers, and of those whose lease has expired, to the queue; returns their
+        number."""
         table, leases, now = schema.attempts, schema.dispatchers, self._now()
         alive = select(leases.c.id).where(leases.c.lease_until >= now, leases.c.id.not_in(dispatchers))
         query = select(table.c.id).where(table.c.outcome == RUNNING, table.c.dispatcher.not_in(alive))
@@ -206,7 +207,8 @@ class TaskQueue(StorePart):
             return False
 
     def put_off(self, attempt_id: str, seconds: float, log: str) -> bool:
-        """Give an attempt back without blame, to be claimed again in a while (storage was away)."""
+        """Return an attempt to the queue without counting a failure; it can be claimed after `seconds` (storage was
+        unreachable)."""
         with self._current_attempt(attempt_id) as current:
             if current is None:
                 return False
@@ -296,7 +298,7 @@ def _record_heartbeat(current: _CurrentAttempt, heartbeat: Heartbeat) -> None:
 
 
 def _keep_result(current: _CurrentAttempt, outcome: TaskOutcome) -> None:
-    """Write what a successful attempt made: result, artefacts, segment, files, and its seconds."""
+    """Store the result of a successful attempt: result, artefacts, segment, files, and its seconds."""
     job, task = current.job, current.task
     made = {"result": outcome.result, "artefacts": outcome.artefacts, "segment": outcome.segment}
     job.connection.execute(update(schema.tasks).where(schema.tasks.c.id == task["id"]).values(made))
@@ -330,7 +332,7 @@ def _frees(connection: Connection, task_id: str) -> int:
 
 
 def _end(current: _CurrentAttempt, event: StateEvent, outcome: TaskOutcome, worker: str = "") -> None:
-    """Close the attempt, let the machine decide what follows, and say it."""
+    """Close the attempt, apply the event to the state machine, and add an event to the history."""
     job, task, attempt = current.job, current.task, current.attempt
     fault = event.fault if isinstance(event, machine.Failed) else None
     ended = {
@@ -347,7 +349,7 @@ def _end(current: _CurrentAttempt, event: StateEvent, outcome: TaskOutcome, work
 
 
 def _storable(log: str) -> str:
-    """Logs have what decoders and drivers say: what no database keeps as text is replaced."""
+    """The log with characters replaced that no database accepts (decoders and drivers print such)."""
     return log.replace("\0", "\N{REPLACEMENT CHARACTER}").encode("utf-8", "replace").decode()
 
 

@@ -22,7 +22,7 @@ def of_task(job_state: ColumnElement[str]) -> ColumnElement[str]:
 
 
 def stored_as(wanted: TaskState, job: RunState) -> tuple[TaskState, ...]:
-    """What rows of `tasks` say that are in the state `wanted`, of a job in the state `job`: none, one, or several."""
+    """Stored states of tasks that count as `wanted` in a job of state `job`: none, one, or several."""
     if job is not RunState.CANCELLED:
         return (wanted,)
     if wanted is TaskState.CANCELLED:

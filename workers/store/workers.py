@@ -30,7 +30,7 @@ from workers.store.job_transaction import RUNNING
 from workers.store.records import AnySelect, Row, Values, pack_cursor, unpack_cursor
 
 LIVE_KEPT_S = 30.0
-"""A process that says nothing of its live sessions for this long has none."""
+"""A process that has not reported its live sessions for this long (seconds) counts as having none."""
 _FAILED = ("failed", "interrupted")
 
 Drained = dict[tuple[str, str], Drain]
@@ -68,7 +68,7 @@ class Workers(StorePart):
         return Page(tuple(views), pack_cursor(views[-1].started_at, views[-1].id) if more else None)
 
     def nodes(self) -> list[NodeView]:
-        """Those where a worker that is not away has slots, and those that are drained; by name."""
+        """Nodes of workers that are not away, and drained nodes; by name."""
         with self._db.read() as connection:
             table = schema.dispatchers
             alive = connection.execute(select(table).where(table.c.lease_until >= self._now())).mappings().all()
@@ -80,7 +80,7 @@ class Workers(StorePart):
     # -- drains
 
     def drains(self) -> list[Drain]:
-        """What is drained now, the queue among it."""
+        """All drains in force, that of the queue included."""
         with self._db.read() as connection:
             return list(_drained(connection).values())
 
@@ -150,7 +150,7 @@ class Workers(StorePart):
     # -- live sessions
 
     def publish_live(self, process: str, sessions: Sequence[LiveView]) -> Collection[str]:
-        """These, and no others, are the live sessions of `process`; the ids of those that are to end."""
+        """Replace the live sessions of `process` by these; returns the ids of those that an operator wants ended."""
         table, now = schema.live_sessions, self._now()
         with self._db.write() as connection:
             wanted = connection.execute(select(table.c.id).where(table.c.process == process, table.c.ending)).scalars()
