@@ -48,7 +48,32 @@ def test_two_seconds_are_painted_first(watched: Watched, service: str, tmp_path:
     assert httpx.get(f"{service}/v1/jobs/{job}").json()["request"]["frames"] == [14, 14 + 2 * FPS]
     assert len(frames_of(result(service, job))) == 2 * FPS
     page.get_by_role("link", name="Change settings").click()
-    expect(page.locator(".stage-canvas")).to_be_visible(timeout=SOON_MS)
+    expect(page.locator(".submit-note")).to_contain_text("about", timeout=SOON_MS)
+
+
+def test_keys_are_suggested_and_shown_on_the_filmstrip(watched: Watched, service: str, video: str) -> None:
+    page = watched.page
+    open_project(page, service, video, "analogy")
+    page.get_by_role("button", name="Suggest keys").click()
+    chips = page.get_by_role("group", name="Suggested keys").get_by_role("button")
+    expect(chips.first).to_have_text("Frame 1", timeout=SOON_MS)
+    expect(page.get_by_role("button", name="Suggested key at frame 1", exact=True)).to_be_visible()
+    chips.first.click()
+    expect(page.locator(".stage-canvas")).to_have_attribute("data-frame", "0", timeout=SOON_MS)
+
+
+def test_a_small_preview_is_shown_at_full_size_on_demand(watched: Watched, service: str, tmp_path: Path) -> None:
+    page = watched.page
+    wide = make_clip(tmp_path / "wide.mp4", size=(1200, 640), frames=6)
+    video = httpx.post(f"{service}/v1/assets", files={"file": (wide.name, wide.read_bytes())}).json()["id"]
+    open_project(page, service, video, "abstraction", frame=2)
+    note = page.locator(".stage-note")
+    expect(note).to_have_text("Preview at 80 % of full size", timeout=SOON_MS)
+    page.get_by_role("button", name="Show at full size").click()
+    expect(note).to_have_text("Preview at 100 % of full size", timeout=SOON_MS)
+    expect(page.get_by_role("button", name="Show at full size")).to_be_hidden()
+    page.get_by_role("button", name="Onion skin").click()
+    expect(page.get_by_role("button", name="Onion skin")).to_have_attribute("aria-pressed", "true")
 
 
 def test_layers_become_the_film_that_the_command_makes(

@@ -9,7 +9,7 @@ import type { Asset, Method, View as PageView } from "../shared/types";
 import { type Project, readProject, saveProject } from "./api";
 import { createSaver, type Saver } from "./autosave";
 import { createDirectionTool } from "./direction-tool";
-import { type ProjectDocument, pruneAssets } from "./document";
+import { type ProjectDocument, pruneAssets, shownAlone } from "./document";
 import { Filmstrip } from "./filmstrip";
 import { type FrameSource, openFrames } from "./frames";
 import { PaintedKeys } from "./keys";
@@ -164,6 +164,18 @@ class Designer {
     if (store.frame.value === frame) store.tool.value = "brush";
   }
 
+  /** Show the present frame as the film will have it, at the video's size. */
+  async showFull(): Promise<void> {
+    const { frame, document, shot, layerId } = this.store;
+    const shown = { frame: frame.value, document: document.value, layer: shownAlone(shot.value, layerId.value) };
+    const picture = await createImageBitmap(await this.previews.full(shown.frame));
+    this.store.showResult({ ...shown, picture, scale: 1, final: true });
+  }
+
+  suggestKeys(): Promise<void> {
+    return this.previews.suggest();
+  }
+
   async saveAll(): Promise<boolean> {
     await this.keys.flush();
     return (await this.saver.flush()) && !this.store.uploading.value;
@@ -219,8 +231,8 @@ function DesignerPage({ designer, reload }: { designer: Designer; reload(): void
           <ProjectName store={store} />
           <SaveNote store={store} saver={designer.saver} reload={discard} />
         </header>
-        <StageBar store={store} />
-        <div class="designer-stage">
+        <StageBar store={store} onfull={() => designer.showFull().catch(notify)} />
+        <div class="designer-stage" style={{ "--ratio": store.size.width / store.size.height }}>
           <Toolbar store={store} stage={() => designer.stage} />
           <StageCanvas designer={designer} />
         </div>
@@ -231,6 +243,7 @@ function DesignerPage({ designer, reload }: { designer: Designer; reload(): void
         keys={designer.keys}
         saveAll={() => designer.saveAll()}
         correct={() => designer.correctFrame()}
+        suggest={() => designer.suggestKeys()}
       />
     </>
   );

@@ -123,6 +123,7 @@ async function thumbnail(assetId: string, frame: number, signal: AbortSignal): P
 
 function KeyMarks({ store }: { store: Store }) {
   const marks = keyFrames(store).filter((frame) => frame < store.frames);
+  const suggested = store.suggested.value.filter((frame) => !marks.includes(frame));
   return (
     <div class="key-marks" role="group" aria-label="Keys">
       {marks.map((frame) => (
@@ -133,6 +134,17 @@ function KeyMarks({ store }: { store: Store }) {
           aria-label={`Key at frame ${frame + 1}`}
           aria-current={frame === store.frame.value ? "true" : undefined}
           title={`Key at frame ${frame + 1}`}
+          style={{ left: `${100 * shareOf(frame + 0.5, store.frames)}%` }}
+          onClick={() => store.goTo(frame)}
+        />
+      ))}
+      {suggested.map((frame) => (
+        <button
+          key={`suggested-${frame}`}
+          type="button"
+          class="key-mark suggested"
+          aria-label={`Suggested key at frame ${frame + 1}`}
+          title={`Suggested key at frame ${frame + 1}`}
           style={{ left: `${100 * shareOf(frame + 0.5, store.frames)}%` }}
           onClick={() => store.goTo(frame)}
         />

@@ -14,9 +14,11 @@ export interface KeysSectionProps {
   keys: PaintedKeys;
   /** Make the shown frame, as it is painted now, a key. */
   correct(): Promise<void>;
+  /** Find frames that are worth a key. */
+  suggest(): Promise<void>;
 }
 
-export function KeysSection({ store, keys, correct }: KeysSectionProps) {
+export function KeysSection({ store, keys, correct, suggest }: KeysSectionProps) {
   const [waiting, setWaiting] = useState(false);
   const frame = store.frame.value;
   const frames = keyFrames(store);
@@ -60,9 +62,46 @@ export function KeysSection({ store, keys, correct }: KeysSectionProps) {
         </button>
         {here && <IconButton name="trash" label="Remove this key" onClick={() => keys.remove(frame)} />}
       </div>
+      {store.previews.value && <Suggestions store={store} known={frames} suggest={suggest} />}
       {here && <PictureLayers store={store} keys={keys} />}
       <Neighbours store={store} />
     </section>
+  );
+}
+
+interface SuggestionsProps {
+  store: Store;
+  /** Frames that have a key. */
+  known: readonly number[];
+  suggest(): Promise<void>;
+}
+
+/** Frames that are worth a key: after cuts, and where much has changed since the last one. */
+function Suggestions({ store, known, suggest }: SuggestionsProps) {
+  const [waiting, setWaiting] = useState(false);
+  const open = store.suggested.value.filter((frame) => !known.includes(frame));
+  const ask = () => {
+    setWaiting(true);
+    suggest()
+      .catch(notify)
+      .finally(() => setWaiting(false));
+  };
+  return (
+    <div class="suggestions">
+      <button type="button" class="button small" disabled={waiting} onClick={ask}>
+        <Icon name="key" />
+        {waiting ? "Comparing the frames…" : "Suggest keys"}
+      </button>
+      {open.length > 0 && (
+        <div class="chips" role="group" aria-label="Suggested keys">
+          {open.map((frame) => (
+            <button key={frame} type="button" class="chip-button" onClick={() => store.goTo(frame)}>
+              Frame {frame + 1}
+            </button>
+          ))}
+        </div>
+      )}
+    </div>
   );
 }
 

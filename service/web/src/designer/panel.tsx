@@ -24,9 +24,11 @@ export interface PanelProps {
   saveAll(): Promise<boolean>;
   /** Make the shown frame, as it is painted now, a key. */
   correct(): Promise<void>;
+  /** Find frames that are worth a key. */
+  suggest(): Promise<void>;
 }
 
-export function Panel({ store, keys, saveAll, correct }: PanelProps) {
+export function Panel({ store, keys, saveAll, correct, suggest }: PanelProps) {
   const method = store.method.value;
   return (
     <aside class="panel designer-panel" aria-label="Settings">
@@ -44,6 +46,7 @@ export function Panel({ store, keys, saveAll, correct }: PanelProps) {
             keys={keys}
             method={method}
             correct={correct}
+            suggest={suggest}
           />
         )}
       </div>
@@ -56,11 +59,11 @@ interface MethodPartsProps extends Omit<PanelProps, "saveAll"> {
   method: Method;
 }
 
-function MethodParts({ store, keys, method, correct }: MethodPartsProps) {
+function MethodParts({ store, keys, method, correct, suggest }: MethodPartsProps) {
   return (
     <>
       <Embedded make={() => inputSlots(store, method)} />
-      {method.name === "analogy" && <KeysSection store={store} keys={keys} correct={correct} />}
+      {method.name === "analogy" && <KeysSection store={store} keys={keys} correct={correct} suggest={suggest} />}
       {method.name === "patches" && <ScribblesSection store={store} keys={keys} />}
       {method.name === "multistyle" && <RegionsSection store={store} />}
       <Embedded make={() => settings(store, method)} />

@@ -18,6 +18,8 @@ export interface Previews {
   propagate(frame: number): void;
   /** A frame as the film will have it, painted at the video's size; PNG. Keys further than a dozen frames do not count. */
   full(frame: number): Promise<Blob>;
+  /** Find frames that are worth a key. */
+  suggest(): Promise<void>;
   /** Let the service prepare for that, with a first picture of the frame that is about to be painted. */
   prepare(frame: number, picture: Blob): void;
   close(): void;
@@ -178,8 +180,26 @@ export function startPreviews(store: Store): Previews {
     return found;
   }
 
+  async function suggest(): Promise<void> {
+    const place = { document: store.document.value, shot: store.shot.value.id, layer: store.layerId.value };
+    await preview({
+      project: store.projectId,
+      what: "keys",
+      channel: "keys",
+      body: place,
+      signal: life.signal,
+      onrecord({ header }) {
+        if (header.type === "progress") store.busy.value = `${header.note}, ${Math.round(100 * header.done)} %`;
+        if (header.type === "keys") store.suggested.value = header.frames;
+      },
+    }).finally(() => {
+      store.busy.value = "";
+    });
+  }
+
   return {
     full,
+    suggest,
     prepare: (frame, picture) => void prepare(frame, picture),
     propagate: (frame) => void propagate(frame),
     close() {

@@ -201,7 +201,9 @@ function StyleKeys({ store }: { store: Store }) {
         </>
       )}
       <p class="hint">
-        {track.length ? `Keys at frames ${track.map((one) => one.frame + 1).join(", ")}. ` : ""}
+        {track.length
+          ? `${track.length > 1 ? "Keys at frames" : "Key at frame"} ${track.map((one) => one.frame + 1).join(", ")}. `
+          : ""}
         {key && !exact ? "A change here makes a key at this frame." : ""}
       </p>
       {exact && (

@@ -11,6 +11,8 @@ import type { PointerSample, StageTool } from "./tool";
 
 const WHEEL_ZOOM = 1.0015;
 const GRAB_PX = 22;
+/** Opacity of the painting over the frame in the view "onion". */
+const ONION_ALPHA = 0.5;
 
 export interface StageParts {
   store: Store;
@@ -98,6 +100,7 @@ export function mountStage(canvas: HTMLCanvasElement, { store, frames, keys, pai
     const { width, height } = store.size;
     const from = view === "compare" ? store.split.value * width : 0;
     context.save();
+    context.globalAlpha = view === "onion" ? ONION_ALPHA : 1;
     context.beginPath();
     context.rect(from, 0, width - from, height);
     context.clip();

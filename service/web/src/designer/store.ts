@@ -34,7 +34,8 @@ export interface Result {
   layer: string | undefined;
 }
 
-export type StageView = "source" | "compare" | "painted";
+/** "onion": the painting, half transparent, over the frame. */
+export type StageView = "source" | "compare" | "onion" | "painted";
 
 export interface Brush {
   color: string;
@@ -61,6 +62,8 @@ export class Store {
   readonly region = signal("");
   readonly results = signal<ReadonlyMap<number, Result>>(new Map());
   readonly neighbours = signal<readonly Result[]>([]);
+  /** Frames that are worth a key, as the service found them. */
+  readonly suggested = signal<readonly number[]>([]);
   /** Whether the service previews projects: regions, style cards and painted keys need it. */
   readonly previews = signal(false);
   readonly busy = signal("");

@@ -60,7 +60,7 @@ function estimateText({ items, jobs_ahead: ahead }: Estimate): string {
     (sum, item) => (sum === null || item.seconds === null ? null : sum + item.seconds),
     0,
   );
-  const time = seconds === null ? "" : `about ${duration(seconds)}`;
+  const time = seconds === null ? "time unknown until a first film is finished" : `about ${duration(seconds)}`;
   return [time, ahead ? `${ahead} ${ahead === 1 ? "job" : "jobs"} ahead` : ""].filter(Boolean).join(" · ");
 }
 

@@ -68,16 +68,17 @@ export function Toolbar({ store, stage }: { store: Store; stage: () => Stage | n
 const VIEWS: [StageView, string][] = [
   ["source", "Original"],
   ["compare", "Compare"],
+  ["onion", "Onion skin"],
   ["painted", "Painted"],
 ];
 
 /** Above the stage: what it shows, or the brush while one paints. */
-export function StageBar({ store }: { store: Store }) {
+export function StageBar({ store, onfull }: { store: Store; onfull(): void }) {
   const painting = store.tool.value === "brush" || store.tool.value === "eraser" || store.tool.value === "fill";
   return (
     <div class="stage-bar">
       {painting ? <BrushSettings store={store} /> : <ViewSwitch store={store} />}
-      <StageState store={store} />
+      <StageState store={store} onfull={onfull} />
     </div>
   );
 }
@@ -178,14 +179,22 @@ function ScribbleSwitch({ store }: { store: Store }) {
 }
 
 /** Whether a preview is on its way, and at which scale the shown one is. */
-function StageState({ store }: { store: Store }) {
+function StageState({ store, onfull }: { store: Store; onfull(): void }) {
   const result = store.results.value.get(store.frame.value);
   const scale =
     result && store.tool.value === "pan" ? `Preview at ${Math.round(100 * result.scale)} % of full size` : "";
   const text = store.problem.value || store.busy.value || scale;
+  const small = text === scale && (result?.scale ?? 1) < 0.999;
   return (
-    <p class={`stage-note ${store.problem.value ? "wrong" : ""}`} role="status">
-      {text}
-    </p>
+    <>
+      <p class={`stage-note ${store.problem.value ? "wrong" : ""}`} role="status">
+        {text}
+      </p>
+      {small && (
+        <button type="button" class="button small" onClick={onfull}>
+          Show at full size
+        </button>
+      )}
+    </>
   );
 }

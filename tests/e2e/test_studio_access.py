@@ -1,0 +1,114 @@
+"""The studio for everyone: no accessibility fault in any state, and from a file to the film by keyboard alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from service import bundle
+from tests.e2e.studio import FILM_MS, SOON_MS, draw, on_stage, open_project, service, start_painting, video
+from tests.e2e.test_page import SLOW_MS, Watched, browser, clip, open_page, watched
+
+__all__ = ["browser", "clip", "service", "video", "watched"]
+
+pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(240)]
+
+
+@pytest.fixture(scope="module")
+def axe() -> str:
+    """The source of axe-core, which checks pages for accessibility."""
+    bundle.install_packages(tools=True)
+    return (bundle.WEB / "node_modules/axe-core/axe.min.js").read_text()
+
+
+def pick_a_region(page: Page) -> None:
+    page.get_by_role("button", name="Pick regions").click()
+    expect(page.get_by_text("Pick one of")).to_be_visible(timeout=SOON_MS)
+    page.mouse.click(*on_stage(page, 0.4, 0.5))
+    page.get_by_role("group", name="Styles").get_by_role("button", name="Watercolor").click()
+    page.get_by_role("group", name="Pattern").get_by_role("button", name="Circles").click()
+    draw(page, (0.3, 0.5), (0.45, 0.5))
+
+
+def paint_a_key(page: Page) -> None:
+    start_painting(page)
+    draw(page, (0.2, 0.3), (0.8, 0.3))
+    group = page.get_by_role("group", name="Frames painted from this key")
+    expect(group.get_by_role("button")).to_have_count(7, timeout=90_000)
+    page.get_by_role("button", name="Suggest keys").click()
+    expect(page.get_by_role("group", name="Suggested keys")).to_be_visible(timeout=SOON_MS)
+
+
+def paint_offline(page: Page) -> None:
+    start_painting(page)
+    page.context.set_offline(True)
+    draw(page, (0.2, 0.3), (0.8, 0.3))
+    expect(page.get_by_role("alert").filter(has_text="kept in this browser")).to_be_visible(timeout=SOON_MS)
+
+
+def open_layer_settings(page: Page) -> None:
+    page.get_by_role("button", name="Add a layer").click()
+    page.get_by_role("list", name="Layers of the shot").get_by_role("button", name="Settings").first.click()
+
+
+STATES: dict[str, tuple[str, Callable[[Page], None]]] = {
+    "region": ("multistyle", pick_a_region),
+    "key": ("analogy", paint_a_key),
+    "offline": ("analogy", paint_offline),
+    "layers": ("abstraction", open_layer_settings),
+}
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("state", STATES)
+def test_no_state_has_an_accessibility_fault(
+    browser: Browser, service: str, video: str, axe: str, state: str, scheme: str
+) -> None:
+    page = open_page(browser, color_scheme=scheme).page
+    method, reach = STATES[state]
+    open_project(page, service, video, method)
+    page.evaluate(axe)
+    reach(page)
+    found = page.evaluate("async () => (await axe.run()).violations")
+    assert [(fault["id"], [node["html"] for node in fault["nodes"]]) for fault in found] == []
+    page.context.close()
+
+
+def tab_to(page: Page, name: str) -> None:
+    """Press Tab until the element with this text or label has the focus."""
+    for _ in range(150):
+        page.keyboard.press("Tab")
+        text = page.evaluate(
+            "(() => { const it = document.activeElement;"
+            " return it.getAttribute('aria-label') || it.innerText || it.labels?.[0]?.innerText || ''; })()"
+        )
+        if name in str(text):
+            return
+    pytest.fail(f"Tab never reached {name!r}")
+
+
+def test_from_a_file_to_the_film_by_keyboard_alone(watched: Watched, service: str, clip: Path) -> None:
+    page = watched.page
+    page.goto(service)
+    expect(page.locator(".drop-large")).to_be_visible(timeout=SOON_MS)
+    with page.expect_file_chooser() as chooser:
+        tab_to(page, "Choose")
+        page.keyboard.press("Enter")
+    chooser.value.set_files(clip)
+    expect(page.locator(".stage.painted")).to_be_visible(timeout=SLOW_MS)
+    tab_to(page, "Draw on it")
+    page.keyboard.press("Enter")
+    expect(page.locator(".stage-canvas")).to_be_visible(timeout=SOON_MS)
+    page.keyboard.press("End")
+    expect(page.locator(".stage-canvas")).to_have_attribute("data-frame", "11", timeout=SOON_MS)
+    tab_to(page, "Paint the film")
+    page.keyboard.press("Enter")
+    page.wait_for_url("**/#/jobs/*", timeout=SOON_MS)
+    expect(page.get_by_role("button", name="Download MP4")).to_be_visible(timeout=FILM_MS)
+    tab_to(page, "Download MP4")
+    with page.expect_download() as film:
+        page.keyboard.press("Enter")
+    assert film.value.suggested_filename.endswith(".mp4")
