@@ -83,7 +83,7 @@ def lines_of(*rows: Found, announce_only: bool = False) -> list[str]:
     return [line for row in made for line in (["?" + row] if announce_only else ["?" + row, row])]
 
 
-def test_after_a_device_that_kills_its_test_the_next_is_tested(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_after_a_device_that_kills_its_test_the_next_is_tested(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     calls: list[int] = []
 
     def child(skip: int, timeout_s: float) -> tuple[list[str], str]:
@@ -93,25 +93,29 @@ def test_after_a_device_that_kills_its_test_the_next_is_tested(monkeypatch: pyte
         return lines_of(found("b")), ""
 
     monkeypatch.setattr(probe, "_child", child)
-    rows, ending = probe._ask_all()
-    asked = probe._parse(rows)
+    monkeypatch.setattr(probe.runtime, "cache_folder", lambda: tmp_path)
+    asked, ending = probe.probe(fresh=True)
     assert calls == [0, 2] and ending == ""
     assert [(f.device, bool(f.fault)) for f in asked] == [("a", False), ("crash", True), ("b", False)]
     assert "signal 11" in asked[1].fault
 
 
-def test_a_listing_that_fails_is_tried_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_listing_that_fails_is_tried_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(probe.runtime, "cache_folder", lambda: tmp_path)
     monkeypatch.setattr(probe, "_child", lambda skip, timeout_s: ([], "was killed by signal 11"))
-    assert probe._ask_all() == ([], "Listing the OpenCL devices failed: was killed by signal 11.")
+    assert probe.probe(fresh=True) == ([], "Listing the OpenCL devices failed: was killed by signal 11.")
 
 
 def test_a_child_that_hangs_is_ended(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     hang = tmp_path / "hang"
-    hang.write_text("#!/bin/sh\necho '?{}'\nexec sleep 60\n")
+    announced = json.dumps(vars(found("slow")))
+    hang.write_text(f"#!/bin/sh\necho '?{announced}'\nexec sleep 60\n")
     hang.chmod(0o755)
     monkeypatch.setattr(probe.sys, "executable", str(hang))
-    out, ending = probe._child(0, 0.5)
-    assert out == ["?{}"] and "did not end within" in ending
+    monkeypatch.setattr(probe.runtime, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(probe, "TIMEOUT_S", 0.0)  # then one second for the child
+    (device,), ending = probe.probe(fresh=True)
+    assert "did not end within 1 s" in device.fault and ending == "Testing the OpenCL devices took too long."
 
 
 @pytest.mark.real("opencl")

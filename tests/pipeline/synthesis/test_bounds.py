@@ -10,7 +10,6 @@ import pytest
 
 from pipeline.compute import device
 from pipeline.compute.choice import choose
-from pipeline.compute.guarded import GuardedDevice
 from pipeline.synthesis.distance import nearest
 from pipeline.synthesis.energy import Energy
 from pipeline.synthesis.images import Target
@@ -18,6 +17,7 @@ from pipeline.synthesis.opencl import Kernels
 from pipeline.synthesis.operations import Operations
 from pipeline.synthesis.reference import Reference
 from pipeline.synthesis.refine import refine
+from tests.pipeline.compute.guarded import GuardedDevice
 from tests.pipeline.synthesis.test_parity import ENERGIES, random_style, random_target, run_operations
 
 pytestmark = pytest.mark.real("opencl")

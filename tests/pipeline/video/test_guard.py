@@ -44,6 +44,11 @@ def clip(tmp_path: Path) -> Path:
     return make_video(tmp_path / "a.mp4", [picture(i) for i in range(12)])
 
 
+def pid_of(guarded: GuardedReader | GuardedImages) -> int:
+    """Process id of the decoder process."""
+    return guarded._child._pid
+
+
 def same(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> bool:
     return a.dtype == b.dtype and np.array_equal(a, b)
 
@@ -144,7 +149,7 @@ def test_a_decoder_that_dies_raises_an_error(clip: Path, how: signal.Signals, mo
             return child
 
         monkeypatch.setattr(reader, "_begin", begin_and_die)
-        os.kill(reader._child._pid, how)
+        os.kill(pid_of(reader), how)
         with pytest.raises(UnreadableMedia, match="crashes"):
             list(frames)
     with GuardedReader(clip) as reader:
@@ -156,17 +161,17 @@ def test_a_killed_decoder_is_replaced(clip: Path, tmp_path: Path) -> None:
         for index, (frame, other) in enumerate(zip(plain.read(2), reader.read(2), strict=True)):
             assert same(frame, other)
             if index in (0, 4):
-                os.kill(reader._child._pid, signal.SIGKILL)
+                os.kill(pid_of(reader), signal.SIGKILL)
     path = make_zip(tmp_path / "a.zip", png_frames(3))
     images = GuardedImages(path, "inputs.masks")
-    os.kill(images._child._pid, signal.SIGKILL)
+    os.kill(pid_of(images), signal.SIGKILL)
     assert images[2].shape == (64, 96, 3)
     images.close()
 
 
 def test_a_decoder_that_hangs_is_killed(clip: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with GuardedReader(clip) as reader:
-        child = psutil.Process(reader._child._pid)
+        child = psutil.Process(pid_of(reader))
         child.suspend()
         reader._child._wire.settimeout(0.2)
         with pytest.raises(UnreadableMedia, match="too long"):
@@ -185,7 +190,7 @@ def gone(process: psutil.Process, timeout_s: float = 5.0) -> bool:
 
 def test_a_child_has_few_resources_and_permissions(clip: Path) -> None:
     with GuardedReader(clip) as reader:
-        child = psutil.Process(reader._child._pid)
+        child = psutil.Process(pid_of(reader))
         assert child.rlimit(psutil.RLIMIT_FSIZE) == (0, 0) and child.rlimit(psutil.RLIMIT_CORE) == (0, 0)
         assert child.rlimit(psutil.RLIMIT_AS)[0] < child.memory_info().vms + (5 << 30)
         assert "NoNewPrivs:\t1" in Path(f"/proc/{child.pid}/status").read_text()
@@ -203,7 +208,7 @@ def test_a_child_cannot_allocate_too_much_memory(clip: Path) -> None:
 
 def test_a_closed_reader_leaves_no_process(clip: Path) -> None:
     reader = GuardedReader(clip)
-    child = psutil.Process(reader._child._pid)
+    child = psutil.Process(pid_of(reader))
     reader.close()
     reader.close()
     assert gone(child)
@@ -213,7 +218,7 @@ def test_a_decoder_server_that_died_is_started_again(clip: Path) -> None:
     GuardedReader(clip).close()
     (server,) = [p for p in psutil.Process().children() if "pipeline.video.guard.server_main" in " ".join(p.cmdline())]
     with GuardedReader(clip) as reader:
-        child = psutil.Process(reader._child._pid)
+        child = psutil.Process(pid_of(reader))
         server.kill()
         server.wait(5)
         assert gone(child), "children do not outlive it"

@@ -1,4 +1,4 @@
-"""A device that surrounds arrays with guard bands, to detect kernels that read or write out of bounds."""
+"""OpenCL device that surrounds arrays with guard bands, to detect kernels that read or write out of bounds."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ BAND_BYTES = 4096
 
 
 class GuardedDevice(Device):
-    """A `Device` for tests.
+    """A `Device` with guard bands.
 
     `check_bands` detects out-of-bounds writes. To detect out-of-bounds reads, run the same work with two values of
     `fill`: the results then differ.
