@@ -59,8 +59,8 @@ def motion_groups(
 
 def _smooth(motion: NDArray[np.float32], free: Mask) -> NDArray[np.float32]:
     """Average the motion over the free pixels of a 3 x 3 window; other pixels are unchanged."""
-    share = cv2.blur(free.astype(np.float32), (3, 3))
-    mean = cv2.blur(np.where(free[..., None], motion, 0), (3, 3)) / np.maximum(share, np.float32(0.1))[..., None]
+    coverage = cv2.blur(free.astype(np.float32), (3, 3))
+    mean = cv2.blur(np.where(free[..., None], motion, 0), (3, 3)) / np.maximum(coverage, np.float32(0.1))[..., None]
     return np.where(free[..., None], mean, motion).astype(np.float32)
 
 

@@ -81,6 +81,6 @@ def atlas(sizes: Sequence[tuple[int, int]], levels: int, gutter_px: int) -> Atla
 def downscaled_offsets(offsets: Offsets, levels: int) -> Offsets:
     """Downscale offsets by `levels` levels: each takes every second pixel of every second row and halves the values."""
     for _ in range(levels):
-        kept = offsets[::2, ::2]
-        offsets = np.where(kept > NOWHERE, (kept - np.float32(0.5)) * np.float32(0.5), NOWHERE)
+        sampled = offsets[::2, ::2]
+        offsets = np.where(sampled > NOWHERE, (sampled - np.float32(0.5)) * np.float32(0.5), NOWHERE)
     return np.ascontiguousarray(offsets, np.float32)

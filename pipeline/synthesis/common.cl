@@ -40,8 +40,9 @@ static int rotation_between(global const uchar *style_bins, const int index, con
 }
 
 /* Extrapolates an offset to the pixel at distance `step`, px: C_t(p, step) of benard2013stylizing. */
-static float2 extrapolated_offset(const float2 offset, const float2 step, const int bin, global const uchar *style_bins,
-                      constant float2 *cosines, const int style_width, const int style_height)
+static float2 extrapolated_offset(const float2 offset, const float2 step, const int bin,
+                                  global const uchar *style_bins, constant float2 *cosines, const int style_width,
+                                  const int style_height)
 {
 #if ROTATE
     const int2 at = clamped(rounded(offset), style_width, style_height);

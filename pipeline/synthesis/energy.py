@@ -23,7 +23,7 @@ SCALE_SHIFT = 4
 TAP_WEIGHT_SCALE = 16
 _LANES, _MAX_SUM = 8, 2**32 - 1
 _MAX_SCALE = 32.0
-CHANGE_SHARE_UNIT = 128
+CHANGE_FRACTION_UNIT = 128
 
 Shorts: TypeAlias = NDArray[np.int16]
 
@@ -99,7 +99,7 @@ class Tables:
 
     Attributes:
         weights: multiplier of each byte of the rows of a patch, (side, 16 vectors).
-        change_share: share of eq. 10 in the weight of each byte of a row, in units of 1/128, (16 vectors,).
+        change_fraction: share of eq. 10 in the weight of each byte of a row, in units of 1/128, (16 vectors,).
         unit: cost of one squared gray level at the centre tap with weight 1.
         centre: cost of the value 1 in a centre term: the sum of the patch weights, as eq. 2 sums the term over the
             patch.
@@ -107,7 +107,7 @@ class Tables:
     """
 
     weights: Shorts
-    change_share: Shorts
+    change_fraction: Shorts
     unit: float
     centre: float
     tap_weights: NDArray[np.int32]
@@ -126,8 +126,8 @@ def tables(energy: Energy) -> Tables:
     steps[:, : energy.side] = np.rint(falloff * TAP_WEIGHT_SCALE)
     weights = np.rint(scale * np.sqrt(both)).astype(np.int16)
     middle = energy.radius
-    change_share = np.rint(CHANGE_SHARE_UNIT * change[middle] / np.maximum(both[middle], 1e-12)).astype(np.int16)
-    return Tables(weights, change_share, unit, float(falloff.sum()) * unit, steps)
+    change_fraction = np.rint(CHANGE_FRACTION_UNIT * change[middle] / np.maximum(both[middle], 1e-12)).astype(np.int16)
+    return Tables(weights, change_fraction, unit, float(falloff.sum()) * unit, steps)
 
 
 def _falloff(energy: Energy) -> NDArray[np.float64]:

@@ -16,8 +16,9 @@ static int usable(const int2 at, global const uchar *usable_mask, const int styl
 }
 
 /* A random usable position of the style: at most eight tries, then the first usable one. */
-static float2 random_position(const int x, const int y, const uint seed, const uint stream, global const uchar *usable_mask,
-                       const int2 first, const int style_width, const int style_height)
+static float2 random_position(const int x, const int y, const uint seed, const uint stream,
+                              global const uchar *usable_mask, const int2 first, const int style_width,
+                              const int style_height)
 {
     for (int k = 0; k < 8; k++) {
         const uint4 words = philox((uint4)(x, y, k, 0x5CA77E12u), (uint2)(seed, stream));
@@ -59,8 +60,8 @@ kernel void render(
     const int index = inside.y * width + inside.x;
     float2 offset = offsets[index];
     if (here.x != inside.x || here.y != inside.y)
-        offset = extrapolated_offset(offset, convert_float2(here - inside), ROTATE ? bins[index] : 255, style_bins, cosines,
-                         style_width, style_height);
+        offset = extrapolated_offset(offset, convert_float2(here - inside), ROTATE ? bins[index] : 255, style_bins,
+                                     cosines, style_width, style_height);
     const int2 at = rounded(offset), nearest = clamped(at, style_width, style_height);
     global const uchar *from = style + ((nearest.y + PAD) * (style_width + 2 * PAD) + nearest.x + PAD) * CHANNELS;
     global uchar *to = target + (y * stride + x) * CHANNELS;
@@ -133,8 +134,8 @@ kernel void advect(
     if (visible[here] && near.x >= 0 && near.y >= 0 && near.x < width && near.y < height) {
         const int index = near.y * width + near.x;
         if (offsets[index].x > NOWHERE)
-            found = extrapolated_offset(offsets[index], from - convert_float2(near), ROTATE ? bins[index] : 255, style_bins,
-                            cosines, style_width, style_height);
+            found = extrapolated_offset(offsets[index], from - convert_float2(near), ROTATE ? bins[index] : 255,
+                                        style_bins, cosines, style_width, style_height);
         if (!usable(rounded(found), usable_mask, style_width, style_height))
             found = (float2)(NOWHERE);
     }
@@ -161,8 +162,8 @@ kernel void upsample(
     const float2 offset = coarse[index];
     float2 found = (float2)(NOWHERE);
     if (offset.x > NOWHERE) {
-        found = extrapolated_offset(offset, from - convert_float2(near), ROTATE ? bins[index] : 255, style_bins, cosines,
-                        coarse_style_width, coarse_style_height) * 2.0f + 0.5f;
+        found = extrapolated_offset(offset, from - convert_float2(near), ROTATE ? bins[index] : 255, style_bins,
+                                    cosines, coarse_style_width, coarse_style_height) * 2.0f + 0.5f;
         if (!usable(rounded(found), usable_mask, style_width, style_height))
             found = offset * 2.0f;
         if (!usable(rounded(found), usable_mask, style_width, style_height))
@@ -171,12 +172,12 @@ kernel void upsample(
     out[y * width + x] = found;
 }
 
-/* Random merge: the offset of the first field with probability `share`, otherwise of the second. If only one of the two
-   has an offset, that one is used; if neither has one, a random position. */
+/* Random merge: the offset of the first field with the given probability, otherwise of the second. If only one of the
+   two has an offset, that one is used; if neither has one, a random position. */
 kernel void merge(
     global const float2 *first /* height * width */, global const float2 *second /* height * width */,
     global const uchar *usable_mask /* MASKED * style_height * style_width */, global float2 *out /* height * width */,
-    const float share, const uint seed, const uint stream, const int first_x, const int first_y,
+    const float probability, const uint seed, const uint stream, const int first_x, const int first_y,
     const int style_width, const int style_height, const int width, const int height)
 {
     const int x = get_global_id(0), y = get_global_id(1);
@@ -184,7 +185,7 @@ kernel void merge(
         return;
     const float2 a = first[y * width + x], b = second[y * width + x];
     const uint4 words = philox((uint4)(x, y, 0, 0x3E26E000u), (uint2)(seed, stream));
-    float2 merged = b.x <= NOWHERE || (a.x > NOWHERE && unit(words.x) < share) ? a : b;
+    float2 merged = b.x <= NOWHERE || (a.x > NOWHERE && unit(words.x) < probability) ? a : b;
     if (merged.x <= NOWHERE)
         merged = random_position(x, y, seed, stream, usable_mask, (int2)(first_x, first_y), style_width, style_height);
     out[y * width + x] = merged;

@@ -46,7 +46,7 @@ class Kernels:
     def _tables(self, energy: Energy) -> tuple[DeviceArray, ...]:
         if energy not in self._constants:
             made = tables(energy)
-            arrays = (made.weights, made.change_share, made.tap_weights)
+            arrays = (made.weights, made.change_fraction, made.tap_weights)
             self._constants[energy] = tuple(self.upload(a) for a in arrays)
         return self._constants[energy]
 
@@ -133,7 +133,7 @@ class Kernels:
         """One PatchMatch iteration: the best offset of each pixel among neighbours, ribbons and random candidates."""
         out = self.device.empty((state.size[1], state.size[0], 2))
         self.costs = self.device.empty((state.size[1], state.size[0]))
-        weights, change_share, tap_weights = self._tables(style.energy)
+        weights, change_fraction, tap_weights = self._tables(style.energy)
         neighbour, none = state.neighbour, self._nothing
         kernel = self.device.kernel(_PATCHES, "improve", self._terms(style, state, penalty), _COMMON)
         self.device.run(kernel.at(
@@ -141,7 +141,7 @@ class Kernels:
             state.bins or none, style.features, style.bins, style.usable, style.distance, weights, style.tap_indices,
             self._cosines, style.tap_positions, tap_weights, state.advected_colours or none, penalty or none,
             state.distance or none, state.advected or none, neighbour.packed if neighbour else none,
-            neighbour.visible if neighbour else none, change_share, state.ribbons or none, state.fixed or none,
+            neighbour.visible if neighbour else none, change_fraction, state.ribbons or none, state.fixed or none,
         ))  # fmt: skip
         return out
 
@@ -199,10 +199,10 @@ class Kernels:
         size: Size,
         first: DeviceArray,
         second: DeviceArray,
-        share: float,
+        probability: float,
         key: RandomKey,
     ) -> DeviceArray:
-        """Random merge: the offset of `first` with probability `share`, otherwise of `second`.
+        """Random merge: the offset of `first` with the given probability, otherwise of `second`.
 
         If only one of the two has an offset at a pixel, that one is used.
         """
@@ -212,7 +212,7 @@ class Kernels:
             second,
             style.usable,
             out,
-            np.float32(share),
+            np.float32(probability),
             *map(np.uint32, words(key)),
             *style.style.first_usable,
             *style.size,

@@ -2,7 +2,7 @@
    reference_energy.py: the same operations in the same order, with integers in all long sums, so that both agree
    bit for bit.
 
-   A work item improves one pixel. It is vectorised over the bytes of the rows of a patch, not across work items, because
+   A work item improves one pixel. It is vectorised over the bytes of the rows of a patch, not across work items:
    neighbouring pixels stop comparing at different rows, and their style patches are at unrelated positions.
 
    Macros: RADIUS of the patch, CHANNELS per pixel (4, 8 or 16), VECTORS of 16 bytes per row, PAD (margin of the style
@@ -112,9 +112,11 @@ static uint incoherence(const Patch *patch, const int2 at, const int rotation)
     uint8 sum = 0;
     for (int row = 0; row < SIDE; row++)
         for (int v = 0; v < 2; v++) {
-            const short16 off = vload16(v, patch->field + row * patch->field_row) - base - patch->tap_positions[(rotation * SIDE + row) * 2 + v];
+            const short16 tap = patch->tap_positions[(rotation * SIDE + row) * 2 + v];
+            const short16 off = vload16(v, patch->field + row * patch->field_row) - base - tap;
             const short16 near = clamp(off, (short16)(-255), (short16)(255));
-            sum += as_uint8(min(as_int8(squares(near)), (int8)(patch->coherence_limit)) * patch->tap_weights[row * 2 + v]);
+            const int8 limited = min(as_int8(squares(near)), (int8)(patch->coherence_limit));
+            sum += as_uint8(limited * patch->tap_weights[row * 2 + v]);
         }
     const uint4 four = sum.lo + sum.hi;
     const uint2 two = four.lo + four.hi;
@@ -130,7 +132,8 @@ static float centre_cost(const Patch *patch, const int2 at)
     global const uchar *pixel =
         patch->style + ((at.y + PAD) * (patch->style_width + 2 * PAD) + at.x + PAD) * CHANNELS;
     const int3 off = (int3)(pixel[0], pixel[1], pixel[2]) - patch->advected_colour.xyz;
-    cost += patch->advected_colour.w ? patch->temporal_weight * (float)(off.x * off.x + off.y * off.y + off.z * off.z) : 0.0f;
+    const float square = (float)(off.x * off.x + off.y * off.y + off.z * off.z);
+    cost += patch->advected_colour.w ? patch->temporal_weight * square : 0.0f;
 #endif
 #if HISTOGRAM
     cost += patch->penalty[index];
@@ -197,11 +200,11 @@ static void consider(const Patch *patch, Best *best, const float2 offset)
 }
 
 #if KEYFRAMES
-/* Computes the patch that the style is compared with where eq. 10 applies: the target plus `change_share` / 128 of the
-   difference between the style at the advected offset and the neighbouring frame. Two squares with a common variable
-   equal one square plus a constant, so that eq. 3, 4 and 10 together cost as much as eq. 3 and 4. */
+/* Computes the patch that the style is compared with where eq. 10 applies: the target plus `change_fraction` / 128 of
+   the difference between the style at the advected offset and the neighbouring frame. Two squares with a common
+   variable equal one square plus a constant, so that eq. 3, 4 and 10 together cost as much as eq. 3 and 4. */
 static void compute_expected(const Patch *patch, const float2 advected, global const uchar *neighbour,
-                   global const uchar *visible, constant short16 *change_share, short16 *expected)
+                   global const uchar *visible, constant short16 *change_fraction, short16 *expected)
 {
     const int2 at = clamped(rounded(advected), patch->style_width, patch->style_height);
     const int width = patch->style_width + 2 * PAD, known = advected.x > NOWHERE;
@@ -227,7 +230,8 @@ static void compute_expected(const Patch *patch, const float2 advected, global c
 #endif
             const short16 mask = convert_short16(as_char16(vload16(v, visible_row)));
             const short16 change = (style - convert_short16(vload16(v, neighbour_row))) & mask;
-            expected[row * VECTORS + v] = known ? target + ((change * change_share[v] + (short16)(64)) >> 7) : target;
+            const short16 shift = (change * change_fraction[v] + (short16)(64)) >> 7;
+            expected[row * VECTORS + v] = known ? target + shift : target;
         }
     }
 }
@@ -246,8 +250,8 @@ static void propagate(const Patch *patch, Best *best, global const float2 *offse
             continue;
         const int other = (y + dy) * width + x + dx;
         consider(patch, best,
-                 extrapolated_offset(offsets[other], (float2)(-dx, -dy), ROTATE ? bins[other] : 255, patch->style_bins, cosines,
-                         patch->style_width, patch->style_height));
+                 extrapolated_offset(offsets[other], (float2)(-dx, -dy), ROTATE ? bins[other] : 255,
+                                     patch->style_bins, cosines, patch->style_width, patch->style_height));
     }
 }
 
@@ -277,8 +281,8 @@ typedef struct {
     int style_width, style_height, width, height;
 } Iteration;
 
-/* One iteration: the best offset of each pixel among its own, those of its neighbours in time and space, its ribbons and
-   random candidates. */
+/* One iteration: the best offset of each pixel among its own, those of its neighbours in time and space, its ribbons
+   and random candidates. */
 __attribute__((vec_type_hint(short16))) kernel void
 improve(
     const Iteration it, global const float2 *offsets /* height * width */,
@@ -300,7 +304,7 @@ improve(
     global const float2 *advected /* (TEMPORAL or KEYFRAMES) * height * width */,
     global const uchar *neighbour /* KEYFRAMES * ((height + 2 * RADIUS) * (width + 2 * RADIUS) * CHANNELS + 64) */,
     global const uchar *visible /* KEYFRAMES * ((height + 2 * RADIUS) * (width + 2 * RADIUS) * CHANNELS + 64) */,
-    constant short16 *change_share /* VECTORS */, global const float2 *ribbons /* RIBBONS * 2 * height * width */,
+    constant short16 *change_fraction /* VECTORS */, global const float2 *ribbons /* RIBBONS * 2 * height * width */,
     global const float2 *fixed /* FIXED * height * width */)
 {
     const int x = get_global_id(0), y = get_global_id(1);
@@ -345,7 +349,8 @@ improve(
 #endif
 #if KEYFRAMES
     short16 expected[SIDE * VECTORS];
-    compute_expected(&patch, advected[here], neighbour + corner * CHANNELS, visible + corner * CHANNELS, change_share, expected);
+    compute_expected(&patch, advected[here], neighbour + corner * CHANNELS, visible + corner * CHANNELS,
+                     change_fraction, expected);
     patch.expected = expected;
 #endif
     Best best;

@@ -105,7 +105,7 @@ class Reference:
             style.distance, made.weights, style.tap_indices, cosines(), made.tap_weights,
             _or(state.advected_colours, bytes3), _or(penalty, flat), _or(lines, flat),
             _or(state.advected, deep), neighbour.packed if neighbour else bytes3,
-            neighbour.visible if neighbour else bytes3, made.change_share,
+            neighbour.visible if neighbour else bytes3, made.change_fraction,
             _or(state.ribbons, np.zeros((0, 0, 0, 0), np.float32)), _or(state.fixed, deep),
         )  # fmt: skip
         improve(inputs, self._iteration(style, state.size, search), out)
@@ -147,10 +147,12 @@ class Reference:
         return out
 
     def merge(
-        self, style: LoadedStyle[Array], size: Size, first: Array, second: Array, share: float, key: RandomKey
+        self, style: LoadedStyle[Array], size: Size, first: Array, second: Array, probability: float, key: RandomKey
     ) -> Array:
         out = np.empty((size[1], size[0], 2), np.float32)
-        _merge(first, second, out, np.float32(share), style.usable, words(key), style.style.first_usable, style.size)
+        _merge(
+            first, second, out, np.float32(probability), style.usable, words(key), style.style.first_usable, style.size
+        )
         return out
 
     def colours_at(self, style: LoadedStyle[Array], size: Size, offsets: Array) -> Array:
@@ -188,7 +190,7 @@ def _usable(x: int, y: int, usable: Array, width: int, height: int) -> bool:
 
 @kernel
 def _merge(
-    first: Offsets, second: Offsets, out: Offsets, share: np.float32, usable: Array, key: tuple[int, int],
+    first: Offsets, second: Offsets, out: Offsets, probability: np.float32, usable: Array, key: tuple[int, int],
     start: tuple[int, int], size: tuple[int, int],
 ) -> None:  # fmt: skip
     (seed, stream), (width, height) = key, size
@@ -196,7 +198,7 @@ def _merge(
         for x in range(out.shape[1]):
             draw = unit(philox(x, y, 0, _MERGE, seed, stream)[0])
             a, b = first[y, x], second[y, x]
-            taken = a if b[0] <= _NOWHERE or (a[0] > _NOWHERE and draw < share) else b
+            taken = a if b[0] <= _NOWHERE or (a[0] > _NOWHERE and draw < probability) else b
             found_x, found_y = taken[0], taken[1]
             if found_x <= _NOWHERE:
                 found_x, found_y = np.float32(start[0]), np.float32(start[1])

@@ -44,7 +44,7 @@ class Inputs(NamedTuple):
     advected: Array
     neighbour: Array
     visible: Array
-    change_share: Array
+    change_fraction: Array
     ribbons: Array
     fixed: Array
 
@@ -99,10 +99,10 @@ def rotation_between(style_bins: Array, x: int, y: int, direction: int) -> int:
     """Index of the rotation, 0..63, from the pixel's `direction` to the style's direction at (x, y)."""
     if style_bins.size == 0:
         return 0
-    there = style_bins[y, x]
-    if there == NO_DIRECTION or direction == NO_DIRECTION:
+    style_direction = style_bins[y, x]
+    if style_direction == NO_DIRECTION or direction == NO_DIRECTION:
         return 0
-    return (int(there) - int(direction)) & 63
+    return (int(style_direction) - int(direction)) & 63
 
 
 @kernel
@@ -209,7 +209,7 @@ def _compute_expected(pixel: Pixel, inputs: Inputs, channels: int, pad: int) -> 
                 if inputs.visible[y + row, x + tap, c]:
                     change = int(inputs.style[sy, sx, c]) - int(inputs.neighbour[y + row, x + tap, c])
                     j = tap * channels + c
-                    pixel.expected[row, j] += (change * int(inputs.change_share[j]) + 64) >> 7
+                    pixel.expected[row, j] += (change * int(inputs.change_fraction[j]) + 64) >> 7
 
 
 @kernel

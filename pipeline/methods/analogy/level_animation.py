@@ -146,12 +146,12 @@ class Boil:
     """Deliberate flicker: in each frame, some blocks of the picture lose their temporal coherence.
 
     Attributes:
-        share: fraction of the blocks, 0..1.
+        fraction: fraction of the blocks, 0..1.
         seed: random seed.
         level: 0 = full size.
     """
 
-    share: float
+    fraction: float
     seed: int
     level: int
 
@@ -163,7 +163,7 @@ class Boil:
         draws = np.random.Generator(np.random.Philox(key=[self.seed, first])).random(
             (_MAX_BOIL_BLOCKS, _MAX_BOIL_BLOCKS)
         )
-        coherent = (draws >= self.share).astype(np.uint8)[: shape[0], : shape[1]]
+        coherent = (draws >= self.fraction).astype(np.uint8)[: shape[0], : shape[1]]
         return np.ascontiguousarray(coherent.repeat(block, 0).repeat(block, 1)[:height, :width])
 
 

@@ -24,7 +24,7 @@ MAX_PANORAMA = 16.0
 """Largest area of a panorama, in frame areas. Positions outside it sample the paint at its border."""
 SPAN_FRAMES = 8
 """Number of frames whose mean colour is compared with the current period."""
-CHANGED_SHARE = 0.015
+CHANGED_FRACTION = 0.015
 """Fraction of a patch's pixels that must change for a new period to begin."""
 MARGIN_WEIGHT = 0.02
 """Weight of pixels in the margin outside the cluster; pixels inside have weight 1."""
@@ -207,13 +207,13 @@ def appearance_periods(
 
 
 def appearance_changed(before: Total, after: Total, grid: WorkingGrid, params: PatchesParams) -> bool:
-    """Whether two colour sums differ by more than half of `params.misfit` on `CHANGED_SHARE` of their common pixels."""
+    """Whether two colour sums differ by more than half of `params.misfit` on `CHANGED_FRACTION` of common pixels."""
     both = (before[..., 3] > 0.5) & (after[..., 3] > 0.5)
     if not both.any():
         return bool(after[..., 3].max(initial=0) > 0.5)
     change = np.where(both[..., None], _colours(after) - _colours(before), 0)
     distance = vector_norm(cv2.GaussianBlur(change, (0, 0), fine_sigma_px(grid)))
-    return float((distance > params.misfit / 2)[both].mean()) > CHANGED_SHARE
+    return float((distance > params.misfit / 2)[both].mean()) > CHANGED_FRACTION
 
 
 def period_picture(

@@ -267,13 +267,13 @@ def blended_labels(
     backward, forward = passes.backward(index), passes.forward(index)
     choices = [np.where(backward == forward, backward, 0)]
     weights = [np.where((backward == forward) & (backward > 0), np.float32(SEED_WEIGHT), np.float32(0))]
-    for pair, other, share in ((motion.backward, index - 1, 1 - alpha), (motion.forward, index + 1, alpha)):
+    for pair, other, weight in ((motion.backward, index - 1, 1 - alpha), (motion.forward, index + 1, alpha)):
         if pair is None:
             continue
         to_other, reliable = pair
         labels = passes.forward(other) if other < index else passes.backward(other)
         choices.append(warp_labels(labels, to_other))
-        weights.append(np.where(reliable >= params.reliable, share * params.interframe * reliable, 0))
+        weights.append(np.where(reliable >= params.reliable, weight * params.interframe * reliable, 0))
     labels, _ = vote(np.stack(choices), np.stack(weights).astype(np.float32), edge_weights(motion, params))
     area = int(labels.size * params.smallest_cluster / 1000)
     return absorb_specks(labels, max(area // 12, 4), max(area // 3, 8))

@@ -19,7 +19,7 @@ from pipeline.methods.patches.paint_error import Rendering, error_tolerance, pat
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.patch_construction import load_placements, period_artefact
 from pipeline.methods.patches.patch_track import PatchTrack, patch_tracks
-from pipeline.methods.patches.residual_layer import FADE_PAINTINGS, VISIBLE_SHARE, ResidualLayer
+from pipeline.methods.patches.residual_layer import FADE_PAINTINGS, VISIBLE_OPACITY, ResidualLayer
 from pipeline.methods.patches.scan import RUN, WorkingGrid, run_key, runs
 from pipeline.methods.patches.window_flow import WindowFlow
 from pipeline.segmentation.mattes import LabelMattes
@@ -188,7 +188,7 @@ class PatchCompositor:
     def prepare_cross_fade(self, index: int, frame: Frame) -> None:
         """Prepare the residual layer's cross-fade to frame `index`, the first frame of the next run."""
         if self._residual.used:
-            fresh = replace(self._residual, last=None, share=None, paintings={})
+            fresh = replace(self._residual, last=None, opacity=None, paintings={})
             picture, painting = self._composite(index, frame, fresh)
             self._residual.prepare_cross_fade(index, picture, painting, self._params.hold)
 
@@ -201,10 +201,10 @@ class PatchCompositor:
         for patch in self._patches:
             if (placement := patch.placements.get(index)) is not None:
                 self._add_patch(total, covered, patch, placement, mattes, index, limit)
-        share = residual.limited_share(index, 1 - covered)
-        total *= ((1 - share) / np.maximum(covered, np.float32(1e-6)))[..., None]
-        if (share > VISIBLE_SHARE).any():
-            total += residual.paint(index, frame, share, limit) * share[..., None]
+        opacity = residual.limited_opacity(index, 1 - covered)
+        total *= ((1 - opacity) / np.maximum(covered, np.float32(1e-6)))[..., None]
+        if (opacity > VISIBLE_OPACITY).any():
+            total += residual.paint(index, frame, opacity, limit) * opacity[..., None]
         else:
             total /= covered[..., None]
         picture, painting = np.rint(np.clip(total, 0, 255)).astype(np.uint8)

@@ -36,8 +36,8 @@ from pipeline.methods.patches.painter import HertzmannPainter
 from pipeline.methods.patches.scan import PAPER_HEIGHT, WorkingGrid
 from pipeline.methods.patches.window_flow import WindowFlow
 
-VISIBLE_SHARE = 0.02
-"""Share of the residual layer in a pixel, 0..1, above which it is painted; a smaller share is invisible."""
+VISIBLE_OPACITY = 0.02
+"""Opacity of the residual layer in a pixel, 0..1, above which it is painted; a lower one is invisible."""
 MIN_RELIABILITY = 0.02
 """Reliability, 0..1, from which a flow vector is valid. It is low because changes of colour are left to the misfit."""
 MIN_INVALID_PX = 3
@@ -51,8 +51,8 @@ MAX_STRETCH = 1.0
 without texture is arbitrary and would distort them."""
 NEIGHBOUR_PX = 4
 """Distance of those neighbours, px."""
-MAX_SHARE_DECREASE = 0.07
-"""Largest decrease of the residual share of a pixel per painting. The share may increase at any rate."""
+MAX_OPACITY_DECREASE = 0.07
+"""Largest decrease of the opacity of a pixel per painting. The opacity may increase at any rate."""
 FADE_PAINTINGS = 4
 """Number of paintings in the cross-fade from a run to the next one."""
 REMAP_ROW = 512
@@ -124,7 +124,7 @@ class ResidualLayer:
     Attributes:
         painter: paints new pixels.
         last: number of the previous painted frame; None before the first.
-        share: share of the residual layer in that frame, float32, 0..1, at the working size.
+        opacity: opacity of the residual layer in that frame, float32, 0..1, at the working size.
         source: source of each pixel's paint in that frame.
         paintings: pictures and paintings of the source frames.
         next_painting: picture and painting of the next run's first frame, by its number.
@@ -136,22 +136,22 @@ class ResidualLayer:
     flow: WindowFlow
     grid: WorkingGrid
     last: int | None = None
-    share: Plane | None = None
+    opacity: Plane | None = None
     source: PaintSource = field(default_factory=lambda: PaintSource.identity(NO_SOURCE, (0, 0)))
     paintings: dict[int, tuple[Frame, Frame]] = field(default_factory=dict)
     next_painting: dict[int, tuple[Frame, Frame]] = field(default_factory=dict)
     next_source: dict[int, tuple[PaintSource, float]] = field(default_factory=dict)
     used: bool = False
 
-    def paint(self, index: int, frame: Frame, share: Plane, limit: Plane) -> Rendering:
+    def paint(self, index: int, frame: Frame, opacity: Plane, limit: Plane) -> Rendering:
         """Picture and painting of the residual layer of frame `index`, float32 (2, h, w, 3).
 
         Args:
-            share: float32 (h, w), 0..1, share of the layer. The result is undefined where it is at most
-                `VISIBLE_SHARE`.
+            opacity: float32 (h, w), 0..1. The result is undefined where it is at most
+                `VISIBLE_OPACITY`.
             limit: float32 (h, w), tolerated RGB distance.
         """
-        visible, self.used = share > VISIBLE_SHARE, True
+        visible, self.used = opacity > VISIBLE_OPACITY, True
         self.source = self._advected_source(index, visible)
         old, weight = self._old_paint(self.source, self.paintings, frame, visible, limit)
         rendering, total = self._with_next_run(index, frame, visible, limit, old, weight)
@@ -162,21 +162,21 @@ class ResidualLayer:
         self.source, self.last = self.source.reset(index, ~visible | (weight < 1)), index
         return rendering
 
-    def limited_share(self, index: int, share: Plane) -> Plane:
-        """Share of the layer with a limited decrease: float32 (h, w), 0..1.
+    def limited_opacity(self, index: int, opacity: Plane) -> Plane:
+        """Opacity of the layer with a limited decrease: float32 (h, w), 0..1.
 
-        A patch takes a pixel back by at most `MAX_SHARE_DECREASE` per painting, which prevents flicker between the two.
+        Patches regain a pixel by at most `MAX_OPACITY_DECREASE` per painting, which prevents flicker between the two.
 
         Args:
-            share: float32 (h, w), 0..1, share of the pixels of frame `index` that the patches leave.
+            opacity: float32 (h, w), 0..1, opacity that the patches leave to the layer in frame `index`.
         """
-        if self.share is not None and self.last is not None and self.share.max() > MAX_SHARE_DECREASE:
-            previous = self.share
+        if self.opacity is not None and self.last is not None and self.opacity.max() > MAX_OPACITY_DECREASE:
+            previous = self.opacity
             for step in range(self.last + 1, index + 1):
                 previous = _warped(previous, self.flow.backward(step))
-            share = np.maximum(share, self.grid.enlarge(previous) - np.float32(MAX_SHARE_DECREASE))
-        self.share = np.asarray(cv2.resize(share, self.grid.size, interpolation=cv2.INTER_AREA), np.float32)
-        return share
+            opacity = np.maximum(opacity, self.grid.enlarge(previous) - np.float32(MAX_OPACITY_DECREASE))
+        self.opacity = np.asarray(cv2.resize(opacity, self.grid.size, interpolation=cv2.INTER_AREA), np.float32)
+        return opacity
 
     def store(self, index: int, picture: Frame, painting: Frame) -> None:
         """Store the complete painting of frame `index`, patches included, since they may lose pixels later.
@@ -316,10 +316,10 @@ def _advect(
             for corner in range(4):
                 r, c = min(row + corner // 2, height - 1), min(column + corner % 2, width - 1)
                 if frames[r, c] == source:
-                    share = (b if corner >= 2 else np.float32(1) - b) * (a if corner % 2 else np.float32(1) - a)
-                    total += share
-                    at_x += share * (position[r, c, 0] - np.float32(c) + u)
-                    at_y += share * (position[r, c, 1] - np.float32(r) + v)
+                    weight = (b if corner >= 2 else np.float32(1) - b) * (a if corner % 2 else np.float32(1) - a)
+                    total += weight
+                    at_x += weight * (position[r, c, 0] - np.float32(c) + u)
+                    at_y += weight * (position[r, c, 1] - np.float32(r) + v)
             out[y, x] = source
             out_position[y, x, 0], out_position[y, x, 1] = at_x / total, at_y / total
 

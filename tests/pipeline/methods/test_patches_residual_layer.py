@@ -17,7 +17,7 @@ from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.patch_track import PatchTrack
 from pipeline.methods.patches.residual_layer import (
     FADE_PAINTINGS,
-    MAX_SHARE_DECREASE,
+    MAX_OPACITY_DECREASE,
     NO_SOURCE,
     PaintSource,
     ResidualLayer,
@@ -116,22 +116,22 @@ def test_partly_repainted_pixels_store_the_blended_picture() -> None:
     assert -12 < difference[0] < -1 and abs(difference[0] - difference[1]) < 1
 
 
-def test_the_residual_share_decreases_slowly() -> None:
+def test_the_residual_opacity_decreases_slowly() -> None:
     layer, frame = residual_layer(UniformFlow(0.0)), texture()
-    uncovered, shares = np.zeros((SIZE[1], SIZE[0]), np.float32), []
+    uncovered, opacities = np.zeros((SIZE[1], SIZE[0]), np.float32), []
     uncovered[30:60, 40:90] = 1
     for index in range(4):
-        share = layer.limited_share(index, uncovered if index == 0 else np.zeros_like(uncovered))
+        opacity = layer.limited_opacity(index, uncovered if index == 0 else np.zeros_like(uncovered))
         layer.store(index, frame, frame)
-        shares.append(float(share[45, 65]))
-    np.testing.assert_allclose(shares, 1 - MAX_SHARE_DECREASE * np.arange(4), atol=1e-5)
+        opacities.append(float(opacity[45, 65]))
+    np.testing.assert_allclose(opacities, 1 - MAX_OPACITY_DECREASE * np.arange(4), atol=1e-5)
 
 
-def test_the_residual_share_of_disoccluded_pixels_is_not_limited() -> None:
+def test_the_residual_opacity_of_disoccluded_pixels_is_not_limited() -> None:
     layer, frame = residual_layer(UniformFlow(0.0, reliability=0.0)), texture()
-    layer.limited_share(0, ALL)
+    layer.limited_opacity(0, ALL)
     layer.store(0, frame, frame)
-    assert layer.limited_share(1, np.zeros_like(ALL)).max() == 0
+    assert layer.limited_opacity(1, np.zeros_like(ALL)).max() == 0
 
 
 def test_without_valid_flow_every_frame_is_painted_independently() -> None:
