@@ -7,30 +7,27 @@ is `impasto`.
 from __future__ import annotations
 
 from importlib.metadata import version
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from impasto.client import Client
     from impasto.library import render
     from impasto.live.client import LiveClient
+    from impasto.settings import DEFAULT_SERVER
 
 __all__ = ["DEFAULT_SERVER", "Client", "LiveClient", "__version__", "render"]
 __version__ = version("impasto")
-DEFAULT_SERVER = "http://127.0.0.1:8420"
+_HOMES = {
+    "DEFAULT_SERVER": "impasto.settings",
+    "Client": "impasto.client",
+    "LiveClient": "impasto.live.client",
+    "render": "impasto.library",
+}
 
 
 def __getattr__(name: str) -> object:
     """Import on first use: `impasto --version` needs neither httpx nor NumPy."""
-    if name == "Client":
-        from impasto.client import Client
-
-        return Client
-    if name == "LiveClient":
-        from impasto.live.client import LiveClient
-
-        return LiveClient
-    if name == "render":
-        from impasto.library import render
-
-        return render
-    raise AttributeError(f"module 'impasto' has no attribute {name!r}")
+    if name not in _HOMES:
+        raise AttributeError(f"module 'impasto' has no attribute {name!r}")
+    return resolve_name(f"{_HOMES[name]}:{name}")

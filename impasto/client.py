@@ -20,10 +20,11 @@ from typing import Any, Self
 
 import httpx
 
-from impasto import DEFAULT_SERVER, transfer
+from impasto import transfer
 from impasto.events import ServerEvent, follow
 from impasto.ops import Ops
 from impasto.problems import ServiceUnreachable, error_of, job_failed
+from impasto.settings import DEFAULT_SERVER
 from pipeline.errors import BadInput
 from workers.errors import NotFound
 from workers.model import Json

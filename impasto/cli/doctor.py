@@ -17,10 +17,10 @@ from typing import Annotated, Literal
 
 import typer
 
-from impasto import __version__
 from impasto.cli.console import FAILED, emit, out
 from impasto.cli.options import HomeOption, JsonFlag, home_of
 from workers.model import Json
+from workers.version import version as impasto_version
 
 MARKS = {"ok": "[green]ok  [/green]", "warning": "[yellow]warn[/yellow]", "broken": "[red]BAD [/red]"}
 
@@ -51,9 +51,9 @@ def doctor(
 def version(as_json: JsonFlag = False) -> None:
     """Print the version of Impasto."""
     if as_json:
-        emit({"version": __version__, "python": platform.python_version()})
+        emit({"version": impasto_version(), "python": platform.python_version()})
     else:
-        out.print(f"impasto {__version__}")
+        out.print(f"impasto {impasto_version()}")
 
 
 def print_version(asked: bool) -> None:

@@ -35,7 +35,7 @@ from workers.model import Json
 if TYPE_CHECKING:
     from impasto.live.client import LiveClient
     from impasto.live.run import Stream
-    from impasto.live.sinks import Sink
+    from impasto.live.sink import Sink
     from impasto.live.sources import Source
 
 EPILOG = """[bold]Examples[/bold]

@@ -9,7 +9,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from impasto import __version__
 from impasto.cli import private_farm
 from impasto.cli.console import Show
 from impasto.cli.input_files import InputFile, gather
@@ -22,6 +21,7 @@ from pipeline.video.probe import probe, probe_guarded
 from workers.execution.warm_up import warm_up
 from workers.farm import Farm
 from workers.model import Job, JobRequest, Json, TaskView
+from workers.version import version
 
 
 @dataclass(frozen=True)
@@ -155,7 +155,7 @@ def _gather(paths: Mapping[str, Path], scratch: Path) -> dict[str, InputFile]:
 def _facts(order: RenderOrder, files: Mapping[str, InputFile]) -> Json:
     """Fields that identify a command. The number of workers is not one of them: it may change between attempts."""
     return {
-        "version": __version__,
+        "version": version(),
         "request": dataclasses.asdict(order.request),
         "inputs": {name: file.sha256 for name, file in files.items()},
         "output": order.where.path,

@@ -11,7 +11,7 @@ from av.codec.context import Flags
 from av.container import OutputContainer
 from av.video.stream import VideoStream
 
-from impasto.live.sinks import Sink, at_size
+from impasto.live.sink import Sink, at_size
 from impasto.live.sources import Size
 from pipeline.errors import BadInput, ImpastoError
 from pipeline.frames import Frame

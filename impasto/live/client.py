@@ -29,9 +29,9 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketExce
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
-from impasto import DEFAULT_SERVER
 from impasto.live.wire import SUBPROTOCOL, Answer, pack, unpack
 from impasto.problems import BY_CODE, ServiceUnreachable, error_of
+from impasto.settings import DEFAULT_SERVER
 from pipeline.errors import ImpastoError
 from pipeline.frames import Frame, check_frame
 from workers.live.codecs import Decoder, Encoder, decoder, encoder

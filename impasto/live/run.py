@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from impasto.live.client import LiveClient, now_us
-from impasto.live.sinks import Sink
+from impasto.live.sink import Sink
 from impasto.live.sources import Source
 from impasto.live.wire import Answer
 from pipeline.frames import Frame

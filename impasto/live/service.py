@@ -10,8 +10,8 @@ from contextlib import contextmanager
 
 import httpx
 
-from impasto import DEFAULT_SERVER
 from impasto.problems import ServiceUnreachable
+from impasto.settings import DEFAULT_SERVER
 
 START_S = 60.0
 

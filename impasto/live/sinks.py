@@ -1,36 +1,13 @@
-"""Sinks of stylised frames: video file, numbered frames, network stream (`broadcast`), window (`window`)."""
+"""Opens the sink of a live stream by its name, and the sinks that are a few lines: frames in a folder, none."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-
-import cv2
-import numpy as np
-
 from impasto.delivery import Target, forget, swap, target
-from impasto.live.sources import Size, Source
+from impasto.live.sink import Sink
+from impasto.live.sources import Source
 from pipeline.errors import BadInput
 from pipeline.frames import Frame
 from pipeline.video.stills import encode_png
-
-
-class Sink(ABC):
-    """Receives frames in order of time. One thread creates, feeds and finishes it."""
-
-    beside = False
-    """Whether it also needs the original frames."""
-
-    @abstractmethod
-    def put(self, when_s: float, frame: Frame, original: Frame | None) -> None:
-        """A frame shown from `when_s` on, seconds from the source's first. Of any size: that of the work may change."""
-
-    def attend(self) -> bool:
-        """Called often. Returns False to end the stream."""
-        return True
-
-    @abstractmethod
-    def finish(self, end_s: float) -> str:
-        """Finish; the last frame lasts until `end_s`. Returns the output's path or address, "" without frames."""
 
 
 def open_sink(text: str, source: Source, quality: int) -> Sink:
@@ -41,7 +18,7 @@ def open_sink(text: str, source: Source, quality: int) -> Sink:
     if text == "none":
         return NullSink()
     if text == "window":
-        from impasto.live.window import Window
+        from impasto.live.window import Window  # needs the extra "window"
 
         return Window(source.size)
     if "://" in text:
@@ -88,10 +65,3 @@ class Frames(Sink):
             return ""
         swap(self._part, self._where.path)
         return str(self._where.path)
-
-
-def at_size(frame: Frame, size: Size) -> Frame:
-    """The frame at `size`: answers of a lower work resolution are enlarged."""
-    if (frame.shape[1], frame.shape[0]) == size:
-        return frame
-    return np.asarray(cv2.resize(frame, size, interpolation=cv2.INTER_LINEAR), np.uint8)

@@ -11,7 +11,7 @@ from typing import cast
 import av
 
 from impasto.delivery import Target, swap
-from impasto.live.sinks import Sink, at_size
+from impasto.live.sink import Sink, at_size
 from impasto.live.sources import Sound, Source
 from pipeline.frames import Frame
 from pipeline.video.audio import audio_of

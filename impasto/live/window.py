@@ -7,7 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from impasto.live.sinks import Sink
+from impasto.live.sink import Sink
 from impasto.live.sources import Size
 from pipeline.errors import BadInput
 from pipeline.frames import Frame

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import entry_points
+from pkgutil import resolve_name
 from types import MappingProxyType
 
 from pydantic import ValidationError
@@ -13,29 +14,30 @@ from pydantic_core import ErrorDetails
 from pipeline.errors import BadParameter, did_you_mean, together
 from pipeline.methods.base import Method, Params
 
+BUILT_IN = (
+    "pipeline.methods.abstraction:Abstraction",
+    "pipeline.methods.patches:Patches",
+    "pipeline.methods.analogy:Analogy",
+    "pipeline.methods.multistyle:Multistyle",
+)
+"""Classes by name, as entry points give them: methods that use other methods import this module."""
+
 
 @cache
 def methods() -> Mapping[str, Method]:
     """Every method by name: the built-in ones first, then those of installed packages."""
-    from pipeline.methods.abstraction import Abstraction
-    from pipeline.methods.analogy import Analogy
-    from pipeline.methods.multistyle import Multistyle
-    from pipeline.methods.patches import Patches
-
-    built_in: tuple[Method, ...] = (Abstraction(), Patches(), Analogy(), Multistyle())
-    found: dict[str, Method] = {m.name: m for m in built_in}
-    for entry in entry_points(group="impasto.methods"):
-        outside = entry.load()()
-        found.setdefault(outside.name, outside)
+    outside = (entry.load() for entry in entry_points(group="impasto.methods"))
+    found: dict[str, Method] = {}
+    for method_class in (*map(resolve_name, BUILT_IN), *outside):
+        found.setdefault(method_class.name, method_class())
     return MappingProxyType(found)
 
 
 @cache
 def _platform_methods() -> Mapping[str, Method]:
     """Methods of the platform's own jobs, which are not published."""
-    from pipeline.methods.layers import Layers
-
-    return MappingProxyType({Layers.name: Layers()})
+    layers: Method = resolve_name("pipeline.methods.layers:Layers")()
+    return MappingProxyType({layers.name: layers})
 
 
 def method(name: str) -> Method:

@@ -25,7 +25,8 @@ from impasto import LiveClient
 from impasto.cli.app import run as command
 from impasto.live.broadcast import OutputLost
 from impasto.live.run import Stream
-from impasto.live.sinks import Sink, open_sink
+from impasto.live.sink import Sink
+from impasto.live.sinks import open_sink
 from impasto.live.sources import FileSource, SourceLost, open_source
 from impasto.live.wire import Answer
 from pipeline.errors import BadInput

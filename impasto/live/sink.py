@@ -1,0 +1,37 @@
+"""The interface of a sink of stylised frames."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import cv2
+import numpy as np
+
+from impasto.live.sources import Size
+from pipeline.frames import Frame
+
+
+class Sink(ABC):
+    """Receives frames in order of time. One thread creates, feeds and finishes it."""
+
+    beside = False
+    """Whether it also needs the original frames."""
+
+    @abstractmethod
+    def put(self, when_s: float, frame: Frame, original: Frame | None) -> None:
+        """A frame shown from `when_s` on, seconds from the source's first. Of any size: that of the work may change."""
+
+    def attend(self) -> bool:
+        """Called often. Returns False to end the stream."""
+        return True
+
+    @abstractmethod
+    def finish(self, end_s: float) -> str:
+        """Finish; the last frame lasts until `end_s`. Returns the output's path or address, "" without frames."""
+
+
+def at_size(frame: Frame, size: Size) -> Frame:
+    """The frame at `size`: answers of a lower work resolution are enlarged."""
+    if (frame.shape[1], frame.shape[0]) == size:
+        return frame
+    return np.asarray(cv2.resize(frame, size, interpolation=cv2.INTER_LINEAR), np.uint8)
