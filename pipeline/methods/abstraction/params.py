@@ -69,7 +69,7 @@ class AbstractionParams(Params):
     )  # fmt: skip
     stillness: float = number(
         2, 0, 20, "Stillness",
-        "A pixel whose 5x5 surroundings changed by at most this stands still.", "gray levels", "Time",
+        "A pixel whose 5x5 surroundings changed by at most this is treated as still.", "gray levels", "Time",
     )  # fmt: skip
     boundary_margin: float = number(
         7, 0, 60, "Boundary margin",
