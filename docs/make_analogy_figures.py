@@ -37,7 +37,7 @@ Settings = Mapping[str, Mapping[str, Any]]
 
 @cache
 def style(name: str, side_px: int = 720) -> Frame:
-    """A public-domain painting, its long side so long."""
+    """A public-domain painting, scaled so that its longer side has `side_px` px."""
     whole = painting(MEDIA, name)
     scale = side_px / max(whole.shape[:2])
     return np.asarray(cv2.resize(whole, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)
@@ -105,7 +105,7 @@ def histogram_term() -> None:
 
 
 def rotation() -> None:
-    """Rings of water in strokes that run one way, as they are and turned along the rings."""
+    """Rings on water in strokes of one direction, not rotated and rotated along the rings."""
     height, width = SIZE[1], SIZE[0]
     y, x = np.mgrid[:height, :width].astype(np.float32)
     rings = np.rint(127 + 90 * np.sin(np.hypot(x - width / 2, y - height * 0.6) / 9)).astype(np.uint8)
@@ -116,7 +116,7 @@ def rotation() -> None:
     streaks = cv2.GaussianBlur(grain, (0, 0), sigmaX=14, sigmaY=1.2)
     ink = bands.astype(np.float32) * (0.45, 0.62, 0.85) + 40 + streaks[..., None] * 260
     pair = {"style": [bands], "style_output": [np.clip(ink, 0, 255).astype(np.uint8)]}
-    tiles = [painted([plain], pair, rotation=turn, colour_weight=0)[0] for turn in ("off", "on")]
+    tiles = [painted([plain], pair, rotation=value, colour_weight=0)[0] for value in ("off", "on")]
     put("rotation", [pair["style_output"][0][:225, :], *tiles], ["the style", "rotation off", "rotation on"])
 
 
@@ -131,7 +131,7 @@ def lines() -> None:
 
 
 def stroke_style() -> tuple[Frame, Frame]:
-    """Lines, and the same as rough strokes on paper."""
+    """Lines, and the same lines as rough strokes on paper."""
     marks = np.full((300, 400, 3), 255, np.uint8)
     for k in range(5):
         cv2.line(marks, (20, 30 + 60 * k), (380, 30 + 60 * k), (0, 0, 0), 2)
@@ -144,7 +144,7 @@ def stroke_style() -> tuple[Frame, Frame]:
 
 
 def pair_or_painting() -> None:
-    """What takes the place of the style input, and what matching tones does."""
+    """A derived style input, with and without matched tones."""
     source, given = film("bunny", 450), {"style_output": [style("water_lilies")]}
     settings = {"tones matched": "on", "not matched": "off"}
     tiles = [painted(source, given, tone_match=value)[0] for value in settings.values()]
@@ -155,12 +155,12 @@ def guides() -> None:
     """Texture by numbers: a map of the painting, and another map."""
     plain = scene("harbour", SIZE, frames=1).frame(0)
     palette = np.array([[40, 60, 200], [240, 200, 60], [60, 160, 60], [120, 70, 30], [200, 60, 60]], np.uint8)
-    here = palette[plain.ids % 5]
-    there = np.ascontiguousarray(here[:, ::-1])
+    style_map = palette[plain.ids % 5]
+    mirrored_map = np.ascontiguousarray(style_map[:, ::-1])
     art = _style_painted(plain.image, "impressionism")
-    given = {"style_output": [art], "style_guide_a": [here], "guide_a": [there]}
-    out = painted([there], given, guide_weight=0, guide_a_weight=6)[0]
-    put("guides", [art, here, there, out], ["the painting", "its map", "another map", "the result"], 2)
+    given = {"style_output": [art], "style_guide_a": [style_map], "guide_a": [mirrored_map]}
+    out = painted([mirrored_map], given, guide_weight=0, guide_a_weight=6)[0]
+    put("guides", [art, style_map, mirrored_map, out], ["the painting", "its map", "another map", "the result"], 2)
 
 
 def _style_painted(plain: Frame, name: str) -> Frame:
@@ -172,26 +172,26 @@ def _style_painted(plain: Frame, name: str) -> Frame:
 
 
 def temporal() -> None:
-    """Three frames, coherent and each on its own."""
+    """Three frames, coherent and independent."""
     source, given = film("coffee", 60, 3), {"style_output": [style("delaunay_1906")]}
-    tiles = [tile for way in ("on", "off") for tile in painted(source, given, temporal=way)]
-    put("temporal", tiles, [f"temporal {way}, frame {k}" for way in ("on", "off") for k in range(3)], 3)
+    tiles = [tile for value in ("on", "off") for tile in painted(source, given, temporal=value)]
+    put("temporal", tiles, [f"temporal {value}, frame {k}" for value in ("on", "off") for k in range(3)], 3)
 
 
 def occlusion() -> None:
-    """What came out from behind a moving thing, with and without chi."""
+    """Disoccluded background behind a moving object, with and without chi."""
     made = scene("shapes", SIZE, frames=8)
     files = dict(shot_files(made))
     del files["shot.json"]
     source = [made.image(k) for k in range(8)]
     files["style/output.png"] = encode_png(style("delaunay_1906"))
-    keep = {"steadiness": 20, "guide_weight": 2, "tone_match": "off"}
-    tiles = [shot(files, source, occlusion=way, **keep)[5] for way in ("on", "off")]
+    params = {"steadiness": 20, "guide_weight": 2, "tone_match": "off"}
+    tiles = [shot(files, source, occlusion=value, **params)[5] for value in ("on", "off")]
     put("occlusion", [source[5], *tiles], ["the scene", "chi on", "chi off"])
 
 
 def keyframes() -> None:
-    """Two painted keys across a falling light, and what lies between."""
+    """Two painted keys across a change of light, and the frames between them."""
     from benchmarks.analogy_claims import shaded_keys
 
     source, images = shaded_keys()
@@ -202,7 +202,7 @@ def keyframes() -> None:
 
 
 def overpaint() -> None:
-    """Paint beyond the outline, four frames later: velocities extrapolated, and not."""
+    """Paint beyond the outline, five frames later: velocities extrapolated, and not."""
     size, count = (320, 180), 6
     made = scene("shapes", size, frames=count)
     source = [made.image(k) for k in range(count)]
@@ -257,9 +257,10 @@ def parameters_table() -> Iterator[str]:
 
 
 def table() -> None:
-    """Put the table between its marks."""
-    before, _, rest = PAGE.read_text().partition(MARK[0])
-    PAGE.write_text(f"{before}{MARK[0]}\n\n" + "\n".join(parameters_table()) + f"{MARK[1]}{rest.partition(MARK[1])[2]}")
+    """Write the table of parameters between its marks."""
+    before, _, after = PAGE.read_text().partition(MARK[0])
+    rows = "\n".join(parameters_table())
+    PAGE.write_text(f"{before}{MARK[0]}\n\n{rows}{MARK[1]}{after.partition(MARK[1])[2]}")
 
 
 FIGURES: Mapping[str, Callable[[], None]] = {

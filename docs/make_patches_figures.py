@@ -52,7 +52,7 @@ SHOWN: Mapping[str, tuple[int, int, int]] = {
 TITLES = {"video": "video", "on": "patches", "strokes": "strokes advected by flow", "off": "frame by frame"}
 MARKS = ("<!-- parameters: written by docs/make_patches_figures.py -->", "<!-- end of parameters -->")
 HUES = 0.618034
-"""Part of a turn between the hues of two labels in a row: far apart for any few."""
+"""Difference of the hues of two successive labels, as a fraction of the circle; it separates any few hues well."""
 
 
 def painted(clip: str, **params: Any) -> tuple[Table, list[Frame]]:
@@ -170,8 +170,9 @@ def parameters_table() -> Iterator[str]:
 def table() -> None:
     """Write the table of parameters between its marks."""
     begin, end = MARKS
-    before, _, rest = PAGE.read_text().partition(begin)
-    PAGE.write_text(f"{before}{begin}\n\n" + "\n".join(parameters_table()) + f"{end}{rest.partition(end)[2]}")
+    before, _, after = PAGE.read_text().partition(begin)
+    rows = "\n".join(parameters_table())
+    PAGE.write_text(f"{before}{begin}\n\n{rows}{end}{after.partition(end)[2]}")
 
 
 ALL: Mapping[str, Callable[[], None]] = {"pipeline": pipeline, "styles": styles, "time": time, "table": table}

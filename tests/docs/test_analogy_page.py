@@ -1,4 +1,4 @@
-"""docs/analogy.md tells of every parameter, input and term as they are, with a picture of each."""
+"""docs/analogy.md documents every parameter, input and term, and its pictures exist."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from pipeline.video.shot_files import PASSES
 TEXT = PAGE.read_text()
 
 
-def test_the_parameters_are_what_the_schema_gives() -> None:
+def test_the_parameter_tables_match_the_schema() -> None:
     """If this fails: `python -m docs.make_analogy_figures --only table`."""
     found = TEXT.partition(MARK[0])[2].partition(MARK[1])[0]
     assert found.strip() == "\n".join(parameters_table()).strip()
 
 
-def test_every_picture_is_there_and_small() -> None:
+def test_every_picture_exists_and_is_small() -> None:
     named = re.findall(r"\(analogy/(\w+)\.jpg\)", TEXT)
     assert sorted(named) == sorted(FIGURES) == sorted(path.stem for path in FOLDER.iterdir())
     assert all(path.stat().st_size < 130_000 for path in FOLDER.iterdir())
 
 
-def test_every_input_and_step_is_told() -> None:
+def test_every_input_and_step_is_documented() -> None:
     names = [spec.name for spec in Analogy.inputs if not re.fullmatch(r"(style_)?guide_[bc]|video", spec.name)]
     assert [name for name in (*names, *(step.name for step in Analogy.steps)) if f"`{name}`" not in TEXT] == []
 
 
-def test_every_folder_of_a_shot_is_told_and_the_example_is_sound() -> None:
+def test_every_folder_of_a_shot_is_documented_and_the_example_is_valid() -> None:
     assert [name for name in (*PASSES, *NUMBERED) if f"{name}/" not in TEXT] == []
     blocks = [json.loads(block) for block in re.findall(r"```json\n(.*?)```", TEXT, re.S)]
     assert blocks and all(ShotJson.model_validate(block).layers for block in blocks)
