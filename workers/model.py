@@ -14,6 +14,16 @@ from pipeline.methods.base import Resources
 
 Json = dict[str, Any]
 
+MAX_SEED = 2**53 - 1
+"""The largest integer that every JSON parser represents exactly."""
+MAX_LABELS, MAX_LABEL_NAME, MAX_LABEL_VALUE = 32, 80, 200
+"""Labels of a job; characters of a label's name and value."""
+MAX_NAME, MAX_URL = 200, 2000
+"""Characters of a job's name and of a webhook's URL."""
+MAX_PRIORITY = 100
+MAX_QUALITY = 51
+"""Largest constant rate factor."""
+
 
 class RunState(StrEnum):
     """State of a job. The states of its tasks are counted separately."""

@@ -66,3 +66,11 @@ def disk_faults() -> Iterator[None]:
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
             raise StorageFull("The disk is full.", field="file", remedy=STORAGE_FULL_REMEDY) from error
         raise
+
+
+def upload_folder(context: ServiceContext) -> Path:
+    """The folder that uploads are received in. Raises StorageFull."""
+    with disk_faults():
+        context.settings.uploads_dir.mkdir(parents=True, exist_ok=True)
+    check_free_space(context, 0)
+    return context.settings.uploads_dir

@@ -12,7 +12,7 @@ from starlette.concurrency import run_in_threadpool
 
 from service.access.depends import Context, Reader, ServiceContext, Submitter
 from service.access.keys import Principal
-from service.assets.adopt import adopt, check_free_space, disk_faults
+from service.assets.adopt import adopt, disk_faults, upload_folder
 from service.assets.multipart import FileReceiver
 from service.bodies import chunks
 from service.errors import Busy, retry_after
@@ -47,19 +47,12 @@ FORM = {
 @router.post("", status_code=201, openapi_extra=FORM, responses={200: {"model": Asset, "description": "Known"}})
 async def upload(request: Request, response: Response, context: Context, caller: Submitter) -> Asset:
     """Upload one file (field `file`). 201 with Location, or 200 when you have uploaded these bytes before."""
-    with tempfile.TemporaryDirectory(dir=await run_in_threadpool(_upload_folder, context)) as folder:
+    with tempfile.TemporaryDirectory(dir=await run_in_threadpool(upload_folder, context)) as folder:
         received = await _receive(request, context, Path(folder) / "file")
         asset, new = await run_in_threadpool(adopt, context, caller, received.path, received.filename, received.sha256)
     response.headers["Location"] = f"/v1/assets/{asset.id}"
     response.status_code = 201 if new else 200
     return asset
-
-
-def _upload_folder(context: ServiceContext) -> Path:
-    with disk_faults():
-        context.settings.uploads_dir.mkdir(parents=True, exist_ok=True)
-    check_free_space(context, 0)
-    return context.settings.uploads_dir
 
 
 async def _receive(request: Request, context: ServiceContext, path: Path) -> FileReceiver:

@@ -7,12 +7,22 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from workers.model import Job, JobRequest, Json, OutputSpec
+from workers.model import (
+    MAX_LABEL_NAME,
+    MAX_LABEL_VALUE,
+    MAX_LABELS,
+    MAX_NAME,
+    MAX_PRIORITY,
+    MAX_QUALITY,
+    MAX_SEED,
+    MAX_URL,
+    Job,
+    JobRequest,
+    Json,
+    OutputSpec,
+)
 
-MAX_SEED = 2**53 - 1
-"""The largest integer that every JSON parser represents exactly."""
-
-Name = Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z0-9._-]+$")]
+Name = Annotated[str, Field(min_length=1, max_length=MAX_LABEL_NAME, pattern=r"^[A-Za-z0-9._-]+$")]
 Frame = Annotated[int, Field(ge=0, le=10_000_000)]
 AssetRef = Annotated[str, Field(min_length=1, max_length=100)]
 
@@ -23,7 +33,7 @@ class _Body(BaseModel):
 
 class OutputIn(_Body):
     format: Literal["mp4", "webm", "png"] = "mp4"
-    quality: int = Field(default=20, ge=0, le=51, description="Constant rate factor, 0 (lossless) to 51.")
+    quality: int = Field(default=20, ge=0, le=MAX_QUALITY, description="Constant rate factor, 0 (lossless) to 51.")
     artefacts: tuple[Name, ...] = Field(default=(), max_length=32)
     report: bool = Field(
         default=False,
@@ -46,11 +56,13 @@ class Work(_Body):
 class JobIn(Work):
     frames: tuple[Frame, Frame] | None = Field(default=None, description="[first, end) of the video; null: all.")
     output: OutputIn = OutputIn()
-    priority: int = Field(default=0, ge=-100, le=100, description="Higher first.")
-    name: str = Field(default="", max_length=200)
-    labels: dict[Name, Annotated[str, Field(max_length=200)]] = Field(default_factory=dict, max_length=32)
+    priority: int = Field(default=0, ge=-MAX_PRIORITY, le=MAX_PRIORITY, description="Higher first.")
+    name: str = Field(default="", max_length=MAX_NAME)
+    labels: dict[Name, Annotated[str, Field(max_length=MAX_LABEL_VALUE)]] = Field(
+        default_factory=dict, max_length=MAX_LABELS
+    )
     webhook: str = Field(
-        default="", max_length=2000, description="http(s) URL that receives a message when the job ends."
+        default="", max_length=MAX_URL, description="http(s) URL that receives a message when the job ends."
     )
 
     on_damage: Literal["warn", "fail"] = Field(

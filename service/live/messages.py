@@ -9,10 +9,9 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 from pipeline.errors import BadParameter, ImpastoError
 from service.bodies import strict_json
 from service.errors import BadJson, BadMessage, Problem
-from workers.model import Json
+from workers.model import MAX_SEED, Json
 
 VERSION = 1
-MAX_SEED = 2**63 - 1
 Codecs = Annotated[list[str], Field(min_length=1, max_length=16)]
 
 

@@ -12,7 +12,7 @@ from starlette.responses import FileResponse
 
 from service.access.depends import Context, Reader, ServiceContext, Submitter
 from service.access.keys import Principal
-from service.assets.adopt import check_free_space, check_quota, disk_faults
+from service.assets.adopt import check_quota, disk_faults, upload_folder
 from service.bodies import chunks
 from service.errors import UnsupportedMediaType
 from service.projects.lookup import etag, find_project
@@ -32,7 +32,7 @@ _MOST_TIMES = 4
 def export_project(project_id: ProjectId, context: Context, caller: Reader) -> Response:
     """The newest version and its assets in one zip file."""
     project = find_project(context, caller, project_id)
-    folder = tempfile.TemporaryDirectory(dir=_upload_folder(context))
+    folder = tempfile.TemporaryDirectory(dir=upload_folder(context))
     path = Path(folder.name) / "project.zip"
     try:
         with disk_faults():
@@ -52,20 +52,13 @@ async def import_project(request: Request, response: Response, context: Context,
         raise UnsupportedMediaType(
             "A project is imported from a zip file.", field="Content-Type", value=kind, remedy=f"Send it as {ZIP}."
         )
-    with tempfile.TemporaryDirectory(dir=await run_in_threadpool(_upload_folder, context)) as folder:
+    with tempfile.TemporaryDirectory(dir=await run_in_threadpool(upload_folder, context)) as folder:
         path = Path(folder) / "project.zip"
         await _receive(request, context, path)
         found = await run_in_threadpool(_load, context, caller, path)
     response.headers["Location"] = f"/v1/projects/{found.id}"
     response.headers["ETag"] = etag(found.version)
     return found
-
-
-def _upload_folder(context: ServiceContext) -> Path:
-    with disk_faults():
-        context.settings.uploads_dir.mkdir(parents=True, exist_ok=True)
-    check_free_space(context, 0)
-    return context.settings.uploads_dir
 
 
 async def _receive(request: Request, context: ServiceContext, path: Path) -> None:

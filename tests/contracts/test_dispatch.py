@@ -101,7 +101,7 @@ def test_a_key_may_have_so_many_tasks_at_work(url: str, clock: Clock) -> None:
     store.close()
 
 
-def test_what_may_not_run_yet_holds_up_nobody(store: Store, clock: Clock) -> None:
+def test_delayed_tasks_block_nobody(store: Store, clock: Clock) -> None:
     first, second = _job(store, priority=1), _job(store)
     _plan(store, Task("x"))
     assert store.queue.put_off(_claim(store).attempt_id, 100, "")
@@ -279,7 +279,7 @@ def test_many_add_the_same_asset_at_once(two: tuple[Store, Store]) -> None:
     assert [two[0].assets.get("ast_" + "d" * 64, owner).owner for owner in owners] == owners
 
 
-def test_a_server_that_is_away_is_said_and_comes_back(postgres: Postgres) -> None:
+def test_an_unreachable_server_is_reported_and_comes_back(postgres: Postgres) -> None:
     store = _open(postgres.fresh())
     postgres.stop()
     try:

@@ -156,7 +156,7 @@ def test_what_is_not_there_is_not_drained(store: Store, place: DrainScope) -> No
         store.workers.resume(place, "nobody")
 
 
-def test_failures_are_told_newest_first_with_their_logs(store: Store, clock: Clock) -> None:
+def test_failures_are_reported_newest_first_with_their_logs(store: Store, clock: Clock) -> None:
     jobs = [_job(store, name=f"job-{i}") for i in range(2)]
     _plan(store, Task("one"))
     failed = []
@@ -202,7 +202,7 @@ def test_a_timeline_has_every_attempt(store: Store, clock: Clock) -> None:
         store.workers.timeline("job_none")
 
 
-def test_live_sessions_of_all_processes_are_told_and_ended(store: Store, clock: Clock) -> None:
+def test_live_sessions_of_all_processes_are_listed_and_ended(store: Store, clock: Clock) -> None:
     def view(name: str) -> LiveView:
         return LiveView(name, "", "key_1", "abstraction", 640, 360, clock.now, True, {"painted": 3})
 

@@ -116,7 +116,7 @@ def away(s3: Swift) -> Iterator[Swift]:
         s3.start("object")
 
 
-def test_a_store_that_is_away_is_said_and_comes_back(
+def test_an_unreachable_store_is_reported_and_comes_back(
     blobs: S3Blobs, away: Swift, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("workers.blobs.s3_client._TRIES", 2)
@@ -290,7 +290,7 @@ def test_a_copy_is_fetched_once_however_many_want_it(tmp_path: Path) -> None:
     assert [file.name for file in copies.folder.iterdir()] == ["film"]
 
 
-def test_old_copies_make_room_but_never_one_in_use(tmp_path: Path) -> None:
+def test_old_copies_are_removed_but_never_one_in_use(tmp_path: Path) -> None:
     copies = Copies(tmp_path, most_bytes=10)
 
     def write(place: Path) -> None:

@@ -109,7 +109,7 @@ def test_a_job_is_there_after_the_store_was_opened_again(store: Store, url: str)
     again.close()
 
 
-def test_notes_artefacts_and_segments_reach_later_steps(store: Store) -> None:
+def test_results_artefacts_and_segments_reach_later_steps(store: Store) -> None:
     job_id = _job(store)
     _plan(store, Task("all"))
     assert store.queue.finish(_answer(_claim(store), artefacts={"look/cuts": "k1"}, result={"cuts": [3]}))
@@ -295,7 +295,7 @@ def test_a_retry_after_a_cancel_keeps_chains_and_gives_a_fresh_budget(store: Sto
     assert _claim(store).task["key"] == "b"
 
 
-def test_to_cancel_a_large_job_changes_as_few_rows_as_a_small_one(store: Store) -> None:
+def test_cancelling_a_large_job_changes_as_few_rows_as_a_small_one(store: Store) -> None:
     changed = []
     engine = store._db._engine
     event.listen(engine, "after_cursor_execute", lambda c, cursor, *_: changed.append(max(0, cursor.rowcount)))
@@ -394,7 +394,7 @@ def test_tasks_are_listed_in_plan_order(store: Store) -> None:
         store.tasks.page("job_gone")
 
 
-def test_history_is_kept_to_a_bound_and_says_so(store: Store) -> None:
+def test_history_is_bounded_and_reports_lost_events(store: Store) -> None:
     job_id = _job(store)
     for _ in range(200):
         store.jobs.command(job_id, machine.Pause())
@@ -408,7 +408,7 @@ def test_history_is_kept_to_a_bound_and_says_so(store: Store) -> None:
     assert store.events.wait(job_id, events[-1].seq - 1, 0.01)
 
 
-def test_the_same_bytes_are_one_asset_that_several_may_hold(store: Store) -> None:
+def test_the_same_bytes_are_one_asset_with_several_owners(store: Store) -> None:
     store.assets.add(_asset("b" * 64, "anna", "mine.mp4"), lambda: True)
     assert store.assets.add(_asset("b" * 64, "ben", "his.mp4"), lambda: True) == _asset("b" * 64, "ben", "his.mp4")
     assert [asset.filename for asset in store.assets.page("anna").items] == ["mine.mp4"]
@@ -467,7 +467,7 @@ def test_gone_is_not_tried_again(store: Store) -> None:
     assert store.webhooks.record(message.id, 410).state == "dead"
 
 
-def test_a_database_that_cannot_be_opened_says_so(tmp_path: Path) -> None:
+def test_a_database_that_cannot_be_opened_is_a_storage_error(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     (tmp_path / "broken.db").write_bytes(b"this is not a database at all, whatever its name says" * 50)
     with pytest.raises(StorageError):

@@ -42,7 +42,7 @@ def test_nothing_known_passes(audit: ModuleType) -> None:
     ("out", "complaint"),
     [("", "Traceback\nConnectionError: no route"), ("[]", ""), (report({"name": "a", "skip_reason": "x"}), "")],
 )
-def test_who_cannot_ask_says_so(audit: ModuleType, out: str, complaint: str) -> None:
+def test_a_failed_audit_is_reported(audit: ModuleType, out: str, complaint: str) -> None:
     status, text = audit.judged(out, complaint)
     assert status == 0 and text.startswith("NOT AUDITED")
 

@@ -44,13 +44,13 @@ def services() -> dict[str, Any]:
     return dict(yaml.safe_load(filled(TEXT, GIVEN))["services"])
 
 
-def test_it_is_what_the_specification_says() -> None:
+def test_it_matches_the_specification() -> None:
     found = PyCompose.from_yaml(yaml.safe_dump(yaml.safe_load(filled(TEXT, GIVEN))))
     names = {"postgres", "s3", "bucket", "head", "worker", "service", "prometheus", "grafana"}
     assert set(found.service_names()) == names
 
 
-def test_it_says_which_secret_is_missing() -> None:
+def test_a_missing_secret_is_named() -> None:
     for name in SECRETS:
         with pytest.raises(KeyError, match=name):
             filled(TEXT, {**GIVEN, name: ""})
@@ -116,7 +116,7 @@ def test_the_settings_are_ours_and_work(services: dict[str, Any], monkeypatch: p
     assert (settings.blob_url, settings.ray_address) == ("s3://impasto/farm", "head:6379")
 
 
-def test_prometheus_is_told_the_same_twice() -> None:
+def test_two_prometheus_configurations_agree() -> None:
     plain, ours = (
         yaml.safe_load((DEPLOY / "prometheus" / f"{name}.yml").read_text()) for name in ("prometheus", "compose")
     )

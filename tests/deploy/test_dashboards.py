@@ -17,14 +17,14 @@ from tests.real.prometheus import promtool
 ROOT = DEPLOY.parent
 
 
-def test_the_files_are_what_the_boards_say() -> None:
+def test_the_dashboard_files_are_up_to_date() -> None:
     for board in BOARDS:
         assert (HERE / f"{board.name}.json").read_text() == as_text(board), "python -m deploy.grafana.build"
     assert {path.stem for path in DASHBOARDS} == {"service", "farm", "live", "stores"}
 
 
 @pytest.mark.parametrize("board", DASHBOARDS, ids=lambda path: path.stem)
-def test_a_dashboard_holds_together(board: Path) -> None:
+def test_a_dashboard_is_consistent(board: Path) -> None:
     found = panels(board)
     assert len({panel["id"] for panel in found}) == len(found)
     taken: set[tuple[int, int]] = set()
@@ -49,7 +49,7 @@ def test_the_source_is_provisioned_and_the_folder_is_where_it_is_mounted() -> No
 
 
 @pytest.mark.parametrize("rule", alerts(), ids=lambda rule: str(rule["alert"]))
-def test_an_alert_says_how_bad_it_is_and_what_to_do(rule: dict[str, Any]) -> None:
+def test_an_alert_has_a_severity_and_a_runbook(rule: dict[str, Any]) -> None:
     assert rule["labels"]["severity"] in ("page", "ticket")
     assert rule["annotations"]["summary"].endswith(".")
     page, _, anchor = rule["annotations"]["runbook"].partition("#")

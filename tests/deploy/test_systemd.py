@@ -48,7 +48,7 @@ def test_they_may_little(placed: Path, unit: Path) -> None:
     assert done.returncode == 0, done.stdout[-300:]
 
 
-def test_the_environment_holds_settings_of_ours() -> None:
+def test_the_environment_holds_known_settings() -> None:
     names = re.findall(r"^#?(IMPASTO_\w+)=", (HERE / "impasto.env.example").read_text(), re.M)
     assert names and {name.removeprefix("IMPASTO_").lower() for name in names} <= set(Settings.model_fields)
     assert shutil.which("systemd-analyze")

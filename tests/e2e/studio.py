@@ -67,7 +67,7 @@ def layer_of(document: Document) -> dict[str, Any]:
 
 def saved(page: Page) -> None:
     """Everything is uploaded and stored."""
-    expect(page.locator(".save-note")).to_have_text("Saved", timeout=SOON_MS)
+    expect(page.locator(".save-status")).to_have_text("Saved", timeout=SOON_MS)
 
 
 def on_stage(page: Page, x: float, y: float) -> tuple[float, float]:

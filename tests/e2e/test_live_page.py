@@ -266,13 +266,13 @@ def test_a_recording_is_a_film_and_stop_lets_the_camera_go(browser: Browser, ser
 
         page.get_by_role("button", name="Stop", exact=True).click()
         expect(page.locator("video.live-source")).to_have_count(0)
-        expect(page.locator(".submit-note")).to_contain_text("frames were painted")
+        expect(page.locator(".submit-hint")).to_contain_text("frames were painted")
         assert talk.last("bye")["stats"]["painted"] > 5
         wait_for_free_worker(service)
         watched.check()
 
 
-def test_a_phone_shows_the_picture_first_and_has_room_for_fingers(browser: Browser, service: str) -> None:
+def test_a_phone_shows_the_picture_first_and_has_large_buttons(browser: Browser, service: str) -> None:
     phone = {"viewport": {"width": 390, "height": 844}, "is_mobile": True, "has_touch": True}
     with visit(browser, service, **phone) as (watched, _):
         page = watched.page

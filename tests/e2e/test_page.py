@@ -283,7 +283,7 @@ def test_a_reload_brings_everything_back(watched: Watched, service: str, clip: P
     watched.check()
 
 
-def test_the_fault_of_a_parameter_is_told_beside_it(watched: Watched, service: str, clip: Path) -> None:
+def test_the_fault_of_a_parameter_is_shown_beside_it(watched: Watched, service: str, clip: Path) -> None:
     page = watched.page
     enter_studio(page, service, clip)
     width = page.get_by_label("Region tolerance").last

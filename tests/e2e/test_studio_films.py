@@ -48,7 +48,7 @@ def test_two_seconds_are_painted_first(watched: Watched, service: str, tmp_path:
     assert httpx.get(f"{service}/v1/jobs/{job}").json()["request"]["frames"] == [14, 14 + 2 * FPS]
     assert len(frames_of(result(service, job))) == 2 * FPS
     page.get_by_role("link", name="Change settings").click()
-    expect(page.locator(".submit-note")).to_contain_text("about", timeout=SOON_MS)
+    expect(page.locator(".submit-hint")).to_contain_text("about", timeout=SOON_MS)
 
 
 def test_keys_are_suggested_and_shown_on_the_filmstrip(watched: Watched, service: str, video: str) -> None:
@@ -67,7 +67,7 @@ def test_a_small_preview_is_shown_at_full_size_on_demand(watched: Watched, servi
     wide = make_clip(tmp_path / "wide.mp4", size=(1200, 640), frames=6)
     video = httpx.post(f"{service}/v1/assets", files={"file": (wide.name, wide.read_bytes())}).json()["id"]
     open_project(page, service, video, "abstraction", frame=2)
-    note = page.locator(".stage-note")
+    note = page.locator(".stage-hint")
     expect(note).to_have_text("Preview at 80 % of full size", timeout=SOON_MS)
     page.get_by_role("button", name="Show at full size").click()
     expect(note).to_have_text("Preview at 100 % of full size", timeout=SOON_MS)

@@ -222,7 +222,7 @@ def test_without_a_network_nothing_is_lost(watched: Watched, service: str, video
     project = open_project(page, service, video, "abstraction")
     page.context.set_offline(True)
     name(page, "Offline")
-    expect(page.locator(".save-note")).to_contain_text("kept in this browser", timeout=SOON_MS)
+    expect(page.locator(".save-status")).to_contain_text("kept in this browser", timeout=SOON_MS)
     page.context.set_offline(False)
     saved(page)
     assert stored(service, project)["name"] == "Offline"

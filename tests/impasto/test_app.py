@@ -71,7 +71,9 @@ def test_the_log_of_a_failed_task_comes_before_the_error(capsys: pytest.CaptureF
 
 
 @pytest.mark.parametrize("command", ["jobs", "cancel job_1", "watch job_1", "get job_1 -o x.mp4"])
-def test_no_service_is_an_error_that_says_how_to_start_one(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_a_service_the_error_explains_how_to_start_one(
+    command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert app.run([*command.split(), "--server", "http://127.0.0.1:9"]) == 1
     assert "impasto serve" in capsys.readouterr().err
 

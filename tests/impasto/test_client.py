@@ -163,7 +163,7 @@ def test_wait_raises_what_the_job_failed_of() -> None:
     )
 
 
-def test_wait_gives_up_when_told_to() -> None:
+def test_wait_ends_at_its_time_limit() -> None:
     with client(Jobs(["running"])) as impasto, pytest.raises(TimeoutError):
         impasto.wait("job_1", timeout_s=0.0)
 

@@ -66,16 +66,16 @@ def render(capsys: pytest.CaptureFixture[str], home: Path, *words: str | Path) -
     return code, printed.err, json.loads(printed.out.splitlines()[-1])
 
 
-@pytest.mark.parametrize(("name", "said", "frames"), [("cut", CUT, 11), ("holes", UNREADABLE, FRAMES)])
+@pytest.mark.parametrize(("name", "message", "frames"), [("cut", CUT, 11), ("holes", UNREADABLE, FRAMES)])
 def test_the_command_warns_or_fails(
-    name: str, said: str, frames: int, request: pytest.FixtureRequest, capsys: pytest.CaptureFixture[str], home: Path,
-    tmp_path: Path,
+    name: str, message: str, frames: int, request: pytest.FixtureRequest, capsys: pytest.CaptureFixture[str],
+    home: Path, tmp_path: Path,
 ) -> None:  # fmt: skip
     source: Path = request.getfixturevalue(name)
     code, text, summary = render(capsys, home, source, "-o", tmp_path / "out.mp4")
     assert (code, summary["frames"]) == (0, frames)
-    assert f"warning: {said}" in text
-    assert [(each["code"], each["message"]) for each in summary["warnings"]] == [("damaged-input", said)]
+    assert f"warning: {message}" in text
+    assert [(each["code"], each["message"]) for each in summary["warnings"]] == [("damaged-input", message)]
     code, text, summary = render(capsys, home, source, "-o", tmp_path / "no.mp4", "--on-damage", "fail")
     assert (code, summary["error"]["code"]) == (2, "damaged-media")
     assert "damaged" in text and not (tmp_path / "no.mp4").exists()
@@ -90,12 +90,12 @@ def test_the_command_has_no_warning_for_a_whole_source(
 
 
 @pytest.mark.parametrize(
-    ("name", "said", "method"),
+    ("name", "message", "method"),
     [("cut", CUT, "abstraction"), ("holes", UNREADABLE, "abstraction"), ("holes", UNREADABLE, "patches")],
 )
-def test_the_library_warns_or_raises(name: str, said: str, method: str, request: pytest.FixtureRequest) -> None:
+def test_the_library_warns_or_raises(name: str, message: str, method: str, request: pytest.FixtureRequest) -> None:
     source: Path = request.getfixturevalue(name)
-    with pytest.warns(DamagedSource, match=said) as caught:
+    with pytest.warns(DamagedSource, match=message) as caught:
         frames = list(impasto.render(method, source, **({"lines": "off"} if method == "abstraction" else {})))
     assert len(caught) == 1 and len(frames) in (11, FRAMES)
     with pytest.raises(DamagedMedia, match="The source is damaged"):
@@ -139,10 +139,10 @@ def test_a_job_of_the_service_has_a_warning_and_an_event(farm: Farm, holes: Path
 
 
 def _final(client: TestClient, farm: Farm, job_id: str) -> dict[str, Any]:
-    seen = 0
+    last_seq = 0
     while not farm.jobs.get(job_id).state.final:
-        assert farm.jobs.wait_for_event(job_id, seen, 60.0)
-        seen = farm.jobs.events(job_id, seen)[0][-1].seq
+        assert farm.jobs.wait_for_event(job_id, last_seq, 60.0)
+        last_seq = farm.jobs.events(job_id, last_seq)[0][-1].seq
     found: dict[str, Any] = client.get(f"/v1/jobs/{job_id}").json()
     return found
 

@@ -35,10 +35,10 @@ def farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
 
 
 def rendered(farm: Farm, request: JobRequest) -> bytes:
-    job, seen = farm.jobs.submit(request), 0
+    job, last_seq = farm.jobs.submit(request), 0
     while not farm.jobs.get(job.id).state.final:
-        farm.jobs.wait_for_event(job.id, seen, 5.0)
-        seen = max((event.seq for event in farm.jobs.events(job.id, seen)[0]), default=seen)
+        farm.jobs.wait_for_event(job.id, last_seq, 5.0)
+        last_seq = max((event.seq for event in farm.jobs.events(job.id, last_seq)[0]), default=last_seq)
     assert farm.jobs.get(job.id).state == "succeeded", farm.jobs.get(job.id).error
     return b"".join(farm.files.read(farm.files.get(job.id, "result")))
 

@@ -67,7 +67,7 @@ def test_the_service_reads_what_the_client_packs_and_the_other_way_round() -> No
 
 
 @pytest.mark.parametrize("message", [b"", b"\x01" * HEADER_BYTES, b"\x02" + b"\0" * 40])
-def test_a_frame_of_another_version_says_so(message: bytes) -> None:
+def test_a_frame_of_another_version_is_refused(message: bytes) -> None:
     with pytest.raises(BadFrame, match="version"):
         unpack(message)
 
@@ -152,7 +152,7 @@ def test_no_service_is_an_error_with_a_remedy() -> None:
         pass
 
 
-def test_a_full_service_says_when_to_come_back(home: Path) -> None:
+def test_a_full_service_answers_when_to_retry(home: Path) -> None:
     with served(home, live_sessions=1) as (url, _), client(url):
         began = time.monotonic()
         with pytest.raises(NoLiveWorker, match="Try again in 5 s") as caught, client(url):

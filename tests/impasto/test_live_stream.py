@@ -161,7 +161,7 @@ def test_it_can_be_stopped_while_it_waits_for_a_frame() -> None:
     assert time.monotonic() - began < 5
 
 
-def test_a_source_that_breaks_is_told_after_the_sink_is_finished() -> None:
+def test_a_source_that_breaks_is_reported_after_the_sink_is_finished() -> None:
     class Broken(Reel):
         def __iter__(self) -> Iterator[tuple[float, Frame]]:
             yield from super().__iter__()
@@ -452,7 +452,7 @@ def test_a_window_shows_and_quits(monkeypatch: pytest.MonkeyPatch) -> None:
     assert window.finish(1.0) == "window"
 
 
-def test_a_window_without_its_package_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_window_without_its_package_explains_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pygame", None)
     with pytest.raises(BadInput, match=r"impasto\[window\]"):
         open_sink("window", Reel([0.0]), 20)
@@ -494,7 +494,7 @@ def test_a_server_that_takes_no_more_ends_the_stream() -> None:
     assert lost.value.field == "--output"
 
 
-def test_a_silent_server_holds_nobody_up(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_silent_server_blocks_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("impasto.live.broadcast.SILENT_S", 1)
     source = Reel([n / 50 for n in range(25)], fps=50)
     with socket.create_server(("127.0.0.1", 0)) as listener:
@@ -628,7 +628,7 @@ def test_a_reference_is_named_as_for_render(
     assert len(list(frames.iterdir())) == summary["painted"]
 
 
-def test_a_full_service_is_said_and_leaves_what_was_there(
+def test_a_full_service_is_reported_and_keeps_existing_files(
     url: str, tiny_clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out.mp4"

@@ -47,12 +47,12 @@ def rows() -> dict[str, dict[str, object]]:
         ("loud", "boolean", "", True),
     ],
 )
-def test_a_parameter_is_told_with_type_range_and_default(name: str, kind: str, allowed: str, default: object) -> None:
+def test_a_parameter_is_listed_with_type_range_and_default(name: str, kind: str, allowed: str, default: object) -> None:
     row = rows()[name]
     assert (row["type"], row["range"], row["default"]) == (kind, allowed, default)
 
 
-def test_unit_and_symbol_are_told() -> None:
+def test_unit_and_symbol_are_listed() -> None:
     row = rows()["sigma_px"]
     assert (row["unit"], row["symbol"], row["help"]) == ("px", "σ", "How soft.")
 

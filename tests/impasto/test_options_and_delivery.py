@@ -60,7 +60,7 @@ def test_artefacts_may_have_a_place_of_their_own() -> None:
         ("new/deep/a.mp4", "file", "mp4"),
     ],
 )
-def test_out_says_what_to_make(tmp_path: Path, name: str, kind: str, makes: str) -> None:
+def test_the_output_name_determines_the_format(tmp_path: Path, name: str, kind: str, makes: str) -> None:
     found = target(f"{tmp_path}/{name}")
     assert (found.kind, found.format) == (kind, makes)
 

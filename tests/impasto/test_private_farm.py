@@ -38,7 +38,7 @@ def test_what_was_cancelled_is_taken_up_again(tiny_clip: Path, home: Path, tmp_p
     assert shown[-1] == 1.0
 
 
-def test_a_job_without_a_result_is_a_failure_that_says_why(tiny_clip: Path, home: Path, tmp_path: Path) -> None:
+def test_a_job_without_a_result_is_a_failure_with_its_reason(tiny_clip: Path, home: Path, tmp_path: Path) -> None:
     farm = open_farm(FarmSettings(home=home, pool="none"))
     job = submit(farm, tiny_clip, tmp_path)
     farm.jobs.cancel(job.id)
@@ -48,7 +48,7 @@ def test_a_job_without_a_result_is_a_failure_that_says_why(tiny_clip: Path, home
     farm.stop()
 
 
-def test_ctrl_c_says_how_far_it_came_and_how_to_go_on(
+def test_ctrl_c_reports_progress_and_how_to_resume(
     tiny_clip: Path, home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     farm = open_farm(FarmSettings(home=home, pool="none"))

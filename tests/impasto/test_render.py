@@ -76,7 +76,7 @@ def cartoon(tiny_clip: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[
     return folder, summary(done.stdout)
 
 
-def test_json_says_what_was_made_and_what_it_cost(cartoon: tuple[Path, dict[str, Any]]) -> None:
+def test_json_reports_outputs_and_times(cartoon: tuple[Path, dict[str, Any]]) -> None:
     folder, output = cartoon
     assert (output["frames"], output["width"], output["height"]) == (TINY_FRAMES, TINY_WIDTH, TINY_HEIGHT)
     assert output["output"] == str(folder / "out.mp4")

@@ -50,10 +50,10 @@ def _document(clip: str, shot: dict[str, Any]) -> dict[str, Any]:
 
 def _film_of_service(farm: Farm, project: str) -> bytes:
     (made,) = farm.projects.submit(project)
-    seen = 0
+    last_seq = 0
     while not farm.jobs.get(made.job.id).state.final:
-        farm.jobs.wait_for_event(made.job.id, seen, 5.0)
-        seen = max((event.seq for event in farm.jobs.events(made.job.id, seen)[0]), default=seen)
+        farm.jobs.wait_for_event(made.job.id, last_seq, 5.0)
+        last_seq = max((event.seq for event in farm.jobs.events(made.job.id, last_seq)[0]), default=last_seq)
     assert farm.jobs.get(made.job.id).state == "succeeded", farm.jobs.get(made.job.id).error
     return b"".join(farm.files.read(farm.files.get(made.job.id, "result")))
 

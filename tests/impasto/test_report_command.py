@@ -48,9 +48,9 @@ def test_sampled_pairs_common_frames_and_another_size(
 
 def test_the_table_explains_each_measure(clips: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["report", str(clips["whole"]), str(clips["short"])]) == 0
-    said = capsys.readouterr()
-    assert "flicker" in said.out and "as steady as the source" in said.out
-    assert "the first 5 are compared" in said.err
+    printed = capsys.readouterr()
+    assert "flicker" in printed.out and "as steady as the source" in printed.out
+    assert "the first 5 are compared" in printed.err
 
 
 def test_other_shapes_and_missing_files_are_refused(clips: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:

@@ -125,7 +125,7 @@ def test_others_things_do_not_exist(login: Login, farm: DrivenFarm) -> None:
     assert len(admin.get("/v1/jobs").json()["items"]) == 1
 
 
-def test_the_same_bytes_may_be_held_by_two(login: Login) -> None:
+def test_the_same_bytes_may_have_two_owners(login: Login) -> None:
     one, two = login("read", "submit"), login("read", "submit")
     for client in (one, two):
         assert client.post("/v1/assets", files={"file": ("a.mp4", CLIP)}).status_code == 201

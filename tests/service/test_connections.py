@@ -98,12 +98,12 @@ def test_the_limit_leaves_descriptors_for_files() -> None:
     assert connection_limit(130, 4096) == 2
 
 
-def test_room_is_made_at_the_cost_of_the_one_that_waits_longest(guard: ConnectionGuard, clock: Clock) -> None:
+def test_the_connection_that_waits_longest_is_closed_first(guard: ConnectionGuard, clock: Clock) -> None:
     lines = opened(guard, clock, Phase.BODY, Phase.HEADERS, Phase.HEADERS, Phase.HEADERS)
     assert [line.closed for line in lines] == [False, True, False, False]
 
 
-def test_without_anyone_waiting_the_newest_is_told_to_come_back(guard: ConnectionGuard, clock: Clock) -> None:
+def test_with_no_idle_connection_the_newest_is_refused(guard: ConnectionGuard, clock: Clock) -> None:
     lines = opened(guard, clock, Phase.ANSWER, Phase.WEBSOCKET, Phase.ANSWER, Phase.HEADERS)
     assert [line.closed for line in lines] == [False, False, False, True]
     assert lines[3].sent.startswith(b"HTTP/1.1 503")

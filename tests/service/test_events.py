@@ -59,7 +59,7 @@ def test_nothing_more_to_come_is_204(client: TestClient, farm: DrivenFarm, job: 
     assert (answer.status_code, answer.content) == (204, b"")
 
 
-def test_what_happens_meanwhile_is_told_and_silence_is_filled(client: TestClient, farm: DrivenFarm, job: str) -> None:
+def test_new_events_are_sent_and_idle_streams_get_comments(client: TestClient, farm: DrivenFarm, job: str) -> None:
     def work() -> None:
         time.sleep(0.7)
         farm.move(job, RunState.RUNNING)
@@ -77,7 +77,7 @@ def test_what_happens_meanwhile_is_told_and_silence_is_filled(client: TestClient
     assert {"event": ":"} in events
 
 
-def test_lost_history_is_said(settings: Settings, only_toy: None, home: Path) -> None:
+def test_lost_history_is_reported(settings: Settings, only_toy: None, home: Path) -> None:
     farm = DrivenFarm(home, events_kept=10)
     for client in open_client(settings, farm):
         clip = client.post("/v1/assets", files={"file": ("a.mp4", b"CLIP")}).json()["id"]
@@ -114,7 +114,7 @@ def test_a_last_event_that_is_no_number(client: TestClient, job: str, last: str)
     assert (answer.status_code, answer.json()["field"]) == (422, "last-event-id")
 
 
-def test_more_streams_than_may_are_told_to_come_back(settings: Settings, farm: DrivenFarm) -> None:
+def test_surplus_streams_are_refused_with_retry_after(settings: Settings, farm: DrivenFarm) -> None:
     for client in open_client(settings, farm):
         clip = client.post("/v1/assets", files={"file": ("a.mp4", b"CLIP")}).json()["id"]
         job = client.post("/v1/jobs", json={"method": "toy", "inputs": {"video": clip}}).json()["id"]

@@ -22,7 +22,7 @@ def test_a_job_is_the_dataclass_and_links(client: TestClient, body: dict[str, An
         "inputs": {"video": asset},
         "params": {"mode": "hard"},
         "seed": 0,
-        "output": {"format": "mp4", "quality": 20, "artefacts": ["svg"]},
+        "output": {"format": "mp4", "quality": 20, "artefacts": ["svg"], "report": False},
         "priority": 0,
         "name": "",
         "labels": {"shot": "12"},
@@ -89,7 +89,7 @@ def test_steering_what_is_over_is_409(client: TestClient, farm: DrivenFarm, job:
     assert (answer.status_code, answer.json()["code"]) == (409, "conflict")
 
 
-def test_a_failed_job_says_why(client: TestClient, farm: DrivenFarm, job: str) -> None:
+def test_a_failed_job_reports_why(client: TestClient, farm: DrivenFarm, job: str) -> None:
     farm.move(job, RunState.FAILED, Fault("unreadable-media", "Frame 7 is broken.", "Encode it again."))
     error = client.get(f"/v1/jobs/{job}").json()["error"]
     assert (error["code"], error["remedy"]) == ("unreadable-media", "Encode it again.")

@@ -320,7 +320,7 @@ async def test_a_client_that_closes_leaves_at_once(url: str) -> None:
 
 
 @looped
-async def test_one_more_than_there_is_room_for_is_refused_at_once(url: str) -> None:
+async def test_a_surplus_session_is_refused_at_once(url: str) -> None:
     async with live(url) as one, live(url) as two:
         await hello(one)
         await hello(two)

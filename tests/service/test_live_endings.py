@@ -251,7 +251,7 @@ def test_a_client_that_vanishes_is_missed_by_a_ping(home: Path) -> None:
     run()
 
 
-def test_the_picture_of_the_tests_is_what_it_says() -> None:
+def test_the_test_picture_matches_its_header() -> None:
     assert PICTURE.shape == (SIZE[1], SIZE[0], 3)
 
 

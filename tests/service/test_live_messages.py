@@ -92,7 +92,7 @@ def test_every_reason_to_close_has_a_title() -> None:
     assert set(_CODES) <= set(TABLE)
 
 
-def test_our_own_faults_are_told_without_their_words() -> None:
+def test_internal_errors_are_reported_without_their_messages() -> None:
     for fault in (RuntimeError("secret"), ImpastoError("secret")):
         raised = shown(fault)
         assert "secret" not in str(raised)

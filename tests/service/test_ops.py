@@ -100,7 +100,7 @@ def test_a_preview_is_a_picture(client: TestClient, body: dict[str, Any]) -> Non
     assert cv2.imdecode(np.frombuffer(answer.content, np.uint8), cv2.IMREAD_COLOR).shape == (18, 32, 3)
 
 
-def test_more_previews_than_may_are_told_to_come_back(
+def test_surplus_previews_are_refused_with_retry_after(
     client: TestClient, farm: DrivenFarm, body: dict[str, Any]
 ) -> None:
     farm.preview_gate.clear()

@@ -152,7 +152,7 @@ def test_jobs_are_made_of_a_version(client: TestClient, clip: str) -> None:
     assert client.get(f"{at}/versions").json()["items"][0]["jobs"] == [item["job"]["id"]]
 
 
-def test_an_estimate_says_when_nothing_is_known(client: TestClient, clip: str) -> None:
+def test_an_estimate_without_data_is_unknown(client: TestClient, clip: str) -> None:
     project = _create(client, _document(clip))
     found = client.post("/v1/estimates", json={"project": project["id"]}).json()
     assert found == {"items": [{"frames": 24, "seconds": None, "samples": 0, "shot": "s1"}], "jobs_ahead": 0}
@@ -211,7 +211,7 @@ def _key(client: TestClient, name: str) -> tuple[str, Json]:
     return made["key"]["id"] if "key" in made else made["id"], {"Authorization": f"Bearer {made['secret']}"}
 
 
-def test_projects_of_others_are_not_to_be_told_from_none(client: TestClient, tiny_clip: Path) -> None:
+def test_projects_of_others_look_like_missing_ones(client: TestClient, tiny_clip: Path) -> None:
     (_, anna), (_, ben) = _key(client, "anna"), _key(client, "ben")
     clip = _upload(client, tiny_clip.read_bytes(), "tiny.mp4", headers=anna)
     made = client.post("/v1/projects", json={"document": _document(clip)}, headers=anna).json()

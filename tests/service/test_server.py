@@ -57,7 +57,7 @@ def test_without_any_key_it_does_not_come_up_open(home: Path) -> None:
     assert "127.0.0.1" in error.value.remedy
 
 
-def test_a_taken_port_is_said(home: Path) -> None:
+def test_a_taken_port_is_reported(home: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(OSError, match="in use"):
         serve(Settings(home=home, port=taken.getsockname()[1], pool="none"))
 

@@ -330,7 +330,7 @@ def _send_and_hang_up(url: str, data: bytes, sent: int) -> None:
     line.close()
 
 
-def test_tuspy_is_told_that_its_file_is_no_video(settings: Settings, farm: DrivenFarm, tmp_path: Path) -> None:
+def test_tuspy_learns_that_its_file_is_no_video(settings: Settings, farm: DrivenFarm, tmp_path: Path) -> None:
     fake = tmp_path / "clip.mp4"
     fake.write_bytes(b"#!/bin/sh\n")
     with running(settings, farm) as url, pytest.raises(TusUploadFailed) as failure:

@@ -111,7 +111,7 @@ def test_a_redirect_is_not_followed(hooked: TestClient, farm: DrivenFarm) -> Non
     assert settled(farm, 1)[0][1:] == (302, "HTTP 302")
 
 
-def test_dead_and_hanging_receivers_hold_up_nobody(hooked: TestClient, farm: DrivenFarm) -> None:
+def test_dead_and_hanging_receivers_block_nobody(hooked: TestClient, farm: DrivenFarm) -> None:
     hanging, well = serve(Receiver(*[0] * 50)), serve(Receiver())
     for _ in range(5):
         post(farm, hanging.url)

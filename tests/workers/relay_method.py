@@ -30,13 +30,13 @@ def _draw(task: Task, context: Any) -> TaskResult:
 def _plan_mix(context: PlanContext[RelayParams]) -> list[Task]:
     """A chain; every task names the scan that it needs, the drawing of its number and the task before it."""
     params = context.params
-    tasks = [Task(f"mix-{i}", {"i": i}, _needs(i), (i, i + 1)) for i in range(params.tasks)]
+    tasks = [Task(f"mix-{i}", {"i": i}, _after(i), (i, i + 1)) for i in range(params.tasks)]
     if params.after and tasks:
         tasks[0] = Task("mix-0", {"i": 0}, params.after, (0, 1))
     return tasks
 
 
-def _needs(i: int) -> tuple[str, ...]:
+def _after(i: int) -> tuple[str, ...]:
     earlier = (f"scan/{_parity(i)}", f"draw/run-{i}")
     return (*earlier, f"mix-{i - 1}") if i else earlier
 

@@ -36,7 +36,7 @@ FARM = FarmSettings(task_cpus=2, task_gpus=0.25, task_memory_bytes=GIB)
         (Resources(memory_bytes=5 * GIB), Capacity(2, 0.25, 8 * GIB)),
     ],
 )
-def test_a_task_is_given_what_it_needs_and_else_what_the_farm_says(
+def test_a_task_gets_what_it_declares_and_else_the_farms_default(
     resources: Resources | None, capacity: Capacity
 ) -> None:
     assert capacity_for(resources, FARM) == capacity
@@ -48,13 +48,13 @@ def test_small_memory_is_rounded_up_where_the_farm_asks_for_none() -> None:
     assert capacity_for(Resources(), none).memory_bytes == 0
 
 
-def test_a_worker_that_waits_for_work_holds_no_gpu() -> None:
+def test_an_idle_worker_reserves_no_gpu() -> None:
     assert default_capacity(FARM) == Capacity(2, 0.0, GIB)
     assert not default_capacity(FARM).covers(capacity_for(None, FARM))
     assert capacity_for(None, FARM).covers(default_capacity(FARM))
 
 
-def test_machines_that_could_hold_a_task_and_what_is_said_if_none_can() -> None:
+def test_machines_large_enough_for_a_task_and_the_message_if_none_is() -> None:
     machines = [("east", Capacity(4, 0, 8 * GIB)), ("west", Capacity(2, 1, 4 * GIB))]
     assert machines_with(Capacity(1, 0, 4 * GIB), machines) == {"east", "west"}
     assert machines_with(Capacity(1, 0.5, GIB), machines) == {"west"}
@@ -67,7 +67,7 @@ def test_machines_that_could_hold_a_task_and_what_is_said_if_none_can() -> None:
     assert shortage(Capacity(1, 0, 0), []).endswith("(there are none)")
 
 
-def test_what_a_method_says_of_a_step_goes_for_tasks_that_say_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_resources_of_a_step_apply_to_tasks_that_declare_none(monkeypatch: pytest.MonkeyPatch) -> None:
     declared = Resources(gpus=0.0, memory_bytes=3 * GIB)
     monkeypatch.setattr(Toy, "resources", staticmethod(lambda step, context: declared), raising=False)
     request, results = JobRequest("toy", {}), {"look": {"all": {"found": 1}}}
@@ -78,9 +78,7 @@ def test_what_a_method_says_of_a_step_goes_for_tasks_that_say_nothing(monkeypatc
     assert join.resources is not None and join.resources.gpus == 0.0
 
 
-def test_a_task_without_room_waits_with_a_reason_and_then_fails_its_job_at_once(
-    settings: FarmSettings, data: Path
-) -> None:
+def test_a_task_without_capacity_waits_with_a_reason_and_then_fails_its_job(settings: FarmSettings, data: Path) -> None:
     pool, blobs = ManualPool(), DiskBlobs(settings.blobs_at)
     farm = Farm(settings, pool)
     farm.start()
@@ -100,7 +98,7 @@ def test_a_task_without_room_waits_with_a_reason_and_then_fails_its_job_at_once(
         farm.stop()
 
 
-def test_readiness_says_that_no_worker_can_start(
+def test_readiness_reports_that_no_worker_can_start(
     settings: FarmSettings, monkeypatch: pytest.MonkeyPatch
 ) -> None:  # fmt: skip
     pool = ManualPool(0)

@@ -274,7 +274,7 @@ def test_an_outcome_that_cannot_be_stored_fails_its_attempt_only(
     assert pool.next().job_id != job.id
 
 
-def test_an_order_that_fails_holds_no_slot(
+def test_an_order_that_fails_occupies_no_slot(
     manual_farm: Callable[..., Farm], pool: ManualPool, data: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     farm = manual_farm(attempts=1)

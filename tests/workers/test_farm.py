@@ -169,7 +169,7 @@ def test_idempotency(farm: Farm, data: Path) -> None:
         farm.jobs.submit(request_on(farm, data, seed=8), owner="anna", idempotency_key="k")
 
 
-def test_events_tell_the_story_and_say_when_its_beginning_is_gone(open_farm: Callable[..., Farm], data: Path) -> None:
+def test_events_are_listed_and_lost_ones_reported(open_farm: Callable[..., Farm], data: Path) -> None:
     farm = open_farm(events_kept=50)
     job = farm.jobs.submit(request_on(farm, data, params={"tasks": 5}))
     assert farm.jobs.wait_for_event(job.id, 1, 5.0)

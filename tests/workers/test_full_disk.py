@@ -70,7 +70,7 @@ def test_a_store_whose_disk_is_full_keeps_what_it_has(small_disk: Path) -> None:
     store.close()
 
 
-def test_work_waits_for_room_and_new_work_is_refused(
+def test_on_a_full_disk_tasks_wait_and_new_jobs_are_refused(
     small_disk: Path, open_farm: Callable[..., Farm], data: Path, tmp_path: Path
 ) -> None:
     """The reserve is the point: what runs has room to end in, so nothing fails."""

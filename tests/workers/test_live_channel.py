@@ -88,7 +88,7 @@ def test_a_frame_is_looked_at_while_the_one_before_is_painted(post: LiveWorkerSe
     run(act, post)
 
 
-def test_errors_are_told_and_the_stream_goes_on(post: LiveWorkerServer) -> None:
+def test_errors_are_reported_and_the_stream_goes_on(post: LiveWorkerServer) -> None:
     async def act(channel: LiveWorkerClient) -> None:
         await channel.analyze(work(b"bad"))
         with pytest.raises(BadFrame) as raised:
@@ -130,7 +130,7 @@ def test_a_stranger_gets_nothing(post: LiveWorkerServer) -> None:
     run(act, post, secret=bytes(SECRET_BYTES))
 
 
-def test_a_stranger_who_says_nothing_does_not_hold_the_door(post: LiveWorkerServer) -> None:
+def test_a_silent_connection_does_not_block_others(post: LiveWorkerServer) -> None:
     async def act(channel: LiveWorkerClient) -> None:
         channel.analyze(work(b"x"))
         assert (await channel.paint()).data == b"x"

@@ -106,7 +106,7 @@ def test_a_stream_that_does_not_begin_with_a_key_frame_is_refused(codec: str) ->
 
 
 @pytest.mark.parametrize("codec", CODECS)
-def test_the_header_must_say_the_pictures_size(codec: str) -> None:
+def test_the_header_must_state_the_frame_size(codec: str) -> None:
     payload, _, _ = encoder(wire(codec), SIZE).encode(frames()[0], True)
     with pytest.raises(BadFrame):
         decoder(codec, 1920).decode(payload, (SIZE[0] * 2, SIZE[1]))

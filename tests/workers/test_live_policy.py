@@ -134,7 +134,7 @@ def test_a_death_of_a_video_codec_needs_a_key_frame() -> None:
     assert policy.start() is None
 
 
-def test_nothing_begins_while_it_is_held() -> None:
+def test_no_frame_begins_while_suspended() -> None:
     policy = FramePolicy(suspended=True)
     policy.arrive(packet(1))
     assert policy.start() is None

@@ -67,7 +67,7 @@ def workers(tmp_path_factory: pytest.TempPathFactory, pids: Path) -> Iterator[An
     ray.shutdown()
 
 
-def test_a_seat_paints_and_our_errors_stay_ours(workers: Any) -> None:
+def test_a_worker_paints_and_errors_keep_their_class(workers: Any) -> None:
     async def run() -> None:
         worker = await workers.take()
         await worker.open(ORDER)
@@ -122,7 +122,7 @@ async def _send(stream: Stream, count: int, first: int = 0) -> None:
         await asyncio.sleep(1 / 40)
 
 
-def test_a_seat_that_is_given_back_is_used_again(workers: Any, pids: Path) -> None:
+def test_a_returned_worker_is_reused(workers: Any, pids: Path) -> None:
     async def one() -> str:
         worker = await workers.take()
         await worker.open(ORDER)

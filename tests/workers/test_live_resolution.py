@@ -53,7 +53,7 @@ def test_a_machine_with_time_stays_at_full_size() -> None:
     assert {scale for _, scale, _ in drive(ladder, 20, by_side(0.025))} == {1.0}
 
 
-def test_at_60_fps_the_halves_may_overlap_for_two_periods() -> None:
+def test_at_60_fps_analysis_and_painting_may_overlap_for_two_periods() -> None:
     ladder = ResolutionLadder()
     drive(ladder, 10, by_side(0.026), fps=60)
     assert ladder.scale == 1.0
@@ -99,7 +99,7 @@ def test_a_slow_frame_now_and_then_is_no_reason_yet_one_in_a_hundred_is(every: i
     assert ({scale for _, scale, _ in answers} == {1.0}) == stays
 
 
-def test_a_size_that_holds_for_a_few_seconds_only_has_failed() -> None:
+def test_a_size_that_lasts_only_seconds_has_failed() -> None:
     ladder = ResolutionLadder()
     answers = drive(ladder, 600, lambda scale, now: 0.03 + 0.01 * (int(now) % 12 == 11) if scale == 1 else 0.018)
     rises = sum(scale > before for (_, scale, _), (_, before, _) in zip(answers[1:], answers, strict=False))
@@ -136,7 +136,7 @@ def test_whether_frames_must_overlap(whole_s: float, hurried: bool, adaptive: bo
     assert ladder.hurried(20 / FPS, 1 / FPS) == hurried
 
 
-def test_says_why() -> None:
+def test_the_reason_is_reported() -> None:
     ladder = ResolutionLadder()
     ladder.painted(0.0, 1 / FPS, 0.1, split_cost(0.1), 0)
     changes = [ladder.painted(1.0 + i / FPS, 1 / FPS, 0.1, split_cost(0.1), ladder.rung) for i in range(2)]

@@ -115,7 +115,7 @@ async def test_a_change_is_between_frames() -> None:
 
 
 @looped
-async def test_a_death_is_made_good_by_another_seat() -> None:
+async def test_a_dead_worker_is_replaced() -> None:
     workers = ToyWorkers(look_s=0.02, paint_s=0.02)
     async with opened(workers) as stream:
         await stream.change({"add": 4}, {})
@@ -160,7 +160,7 @@ async def test_a_death_during_a_change() -> None:
 
 
 @looped
-async def test_no_seat_for_a_dead_one_ends_the_stream() -> None:
+async def test_the_stream_ends_if_a_dead_worker_cannot_be_replaced() -> None:
     workers = ToyWorkers(look_s=0.01, most=1)
     async with opened(workers) as stream:
         stream.offer(packet(1))
@@ -183,7 +183,7 @@ async def test_a_bad_frame_ends_the_stream() -> None:
 
 
 @looped
-async def test_overload_lowers_the_size_and_says_so_before_the_first_such_answer() -> None:
+async def test_overload_lowers_the_size_and_announces_it_before_the_first_smaller_frame() -> None:
     workers = ToyWorkers(look_s=0.03, paint_s=0.03)
     async with opened(workers, order(fps=100)) as stream:
 
@@ -232,7 +232,7 @@ async def test_another_connection_goes_on() -> None:
 
 
 @looped
-async def test_closing_gives_the_seat_back_and_wakes_who_waits() -> None:
+async def test_closing_returns_the_worker_and_wakes_waiting_readers() -> None:
     workers = ToyWorkers(look_s=0.01, paint_s=0.01)
     async with opened(workers) as stream:
         waiting = asyncio.create_task(stream.next())
@@ -244,7 +244,7 @@ async def test_closing_gives_the_seat_back_and_wakes_who_waits() -> None:
 
 
 @looped
-async def test_a_second_says_what_happened_in_it() -> None:
+async def test_figures_of_a_second_cover_that_second_only() -> None:
     async with opened(ToyWorkers()) as stream:
         stream.offer(packet(1))
         await take(stream)

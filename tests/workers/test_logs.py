@@ -50,7 +50,7 @@ def test_a_line_of_an_attempt_names_job_task_and_attempt(lines: Callable[[], lis
     assert {"time", "level", "logger", "message"} <= outside.keys()
 
 
-def test_what_is_said_with_a_line_goes_before_what_its_context_works_for(lines: Callable[[], list[str]]) -> None:
+def test_facts_of_a_line_override_those_of_its_context(lines: Callable[[], list[str]]) -> None:
     set_up_logs(FarmSettings(log_format="json", log_level="info"))
     with working_for({"request": "r1", "job": "job_a"}):
         LOG.info("x", extra=about(job="job_b", seconds=0.5))
@@ -95,7 +95,7 @@ def test_levels_and_settings_again(lines: Callable[[], list[str]]) -> None:
     assert line.endswith("INFO workers.test: loud [job=job_1]")
 
 
-def test_workers_are_told_no_secret() -> None:
+def test_workers_receive_no_secret() -> None:
     settings = FarmSettings(database_url="postgresql://a:secret@b/c", log_format="json")
     for_workers = settings.for_workers
     assert (for_workers.database_url, for_workers.log_format) == ("", "json")

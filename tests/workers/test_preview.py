@@ -175,13 +175,13 @@ def keyed(region: dict[str, Any]) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("region", [{"tubes": [300]}, {"objects": [2]}])
-def test_a_design_is_seen_at_once_in_the_regions_of_a_job(painter: Previews, region: dict[str, Any]) -> None:
+def test_a_design_is_previewed_with_the_regions_of_a_job(painter: Previews, region: dict[str, Any]) -> None:
     plain, designed = sketched(painter, None), sketched(painter, keyed(region))
     change = np.abs(plain.astype(int) - designed).mean(axis=(1, 2))
     assert change[:24].min() > 8 and change[40:].mean() < 4
 
 
-def test_label_maps_hold_for_the_frames_around_them(painter: Previews) -> None:
+def test_label_maps_apply_to_the_frames_around_them(painter: Previews) -> None:
     plain = sketched(painter, None)
     designed = sketched(painter, keyed({"label": 1}), None, ("video", "masks"))
     change = np.abs(plain.astype(int) - designed).mean(axis=(0, 2))

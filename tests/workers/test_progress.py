@@ -71,7 +71,7 @@ def test_a_step_without_tasks_is_passed_at_once() -> None:
     assert job_progress([done(5, 1), StepMeter(0, 0, 0, 0, True, True), unplanned(100)]) == pytest.approx(5 / 105)
 
 
-def test_nothing_is_said_before_there_is_a_measure() -> None:
+def test_there_is_no_estimate_before_a_measurement() -> None:
     assert job_eta_s([running(5, 0.0, 3.0), unplanned(100)]) is None
     assert job_eta_s([running(5, 0.1, 3.0), unplanned(100)]) is None, "half a percent of the job"
     assert job_eta_s([done(5, 1), done(100, 9)]) == 0

@@ -71,7 +71,7 @@ def _nodes_of(farm: Farm, bars: list[Any], known: dict[str, str]) -> set[str]:
     return {known[bar.slot] for bar in bars}
 
 
-def test_a_drained_node_is_left_and_its_actors_go_where_there_is_room(farm: Farm, data: Path) -> None:
+def test_actors_of_a_drained_node_move_to_other_nodes(farm: Farm, data: Path) -> None:
     known = {slot.name: slot.node for slot in _slots(farm)}
     assert set(known.values()) == {"east", "west"}
     running = farm.jobs.submit(request_on(farm, data, params={"tasks": 6, "sleep_s": 1.0})).id
@@ -110,7 +110,7 @@ def test_no_machine_is_given_more_than_it_has(farm: Farm, data: Path) -> None:
     assert most == 2
 
 
-def test_what_no_machine_could_hold_says_so_and_fails_and_the_farm_goes_on(farm: Farm, data: Path) -> None:
+def test_a_task_too_large_for_every_machine_fails_and_the_farm_continues(farm: Farm, data: Path) -> None:
     job = farm.jobs.submit(request_on(farm, data, seed=14, params={"tasks": 2, "memory_mib": 64 << 10})).id
 
     def waits() -> bool:

@@ -133,7 +133,7 @@ def test_orphans_are_swept_and_all_else_is_spared(real: FarmSettings, opened: Ca
     assert _collector(farm).sweep() == Removed()
 
 
-def test_an_input_whose_bytes_are_gone_is_said(farm: Farm, data: Path) -> None:
+def test_an_input_without_bytes_is_reported(farm: Farm, data: Path) -> None:
     request = request_on(farm, data)
     farm._blobs.delete(f"assets/{request.inputs['data'].removeprefix('ast_')}")
     fault = failed_outcome("att_1", _raised(lambda: farm._blobs.get("assets/gone"))).fault

@@ -231,7 +231,7 @@ def test_a_job_that_asks_for_it_gets_a_quality_report(renderer: Renderer, info: 
     assert again.result == done.result
 
 
-def test_an_outcome_says_what_was_made(renderer: Renderer, info: MediaInfo, blobs: DiskBlobs) -> None:
+def test_an_outcome_lists_results_and_files(renderer: Renderer, info: MediaInfo, blobs: DiskBlobs) -> None:
     outcome = renderer.run(order_of(info, tasks_of(info)[0]))
     prefix = "jobs/job_1/invert/run-0/att_run-0/"
     assert outcome.segment and outcome.segment.startswith(prefix)
@@ -246,7 +246,7 @@ def test_an_outcome_says_what_was_made(renderer: Renderer, info: MediaInfo, blob
     assert "inverting from 0" in outcome.log
 
 
-def test_helper_threads_that_use_the_bench_are_heard(renderer: Renderer, info: MediaInfo) -> None:
+def test_reports_from_helper_threads_arrive(renderer: Renderer, info: MediaInfo) -> None:
     log = renderer.run(order_of(info, tasks_of(info)[0], params={"fault": "helped"})).log
     assert "helping with 3" in log
     assert "not of this task" not in log

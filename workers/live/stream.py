@@ -255,7 +255,7 @@ class Stream:
             self._fail(error)
         else:
             if worker is not self._worker:
-                return  # counted as lost with its seat
+                return  # counted as lost with its worker
             self._finished(Answer(start.frame, painted, began - start.frame.at_s), work.work_size, rung)
 
     def _analyzed(self, done: asyncio.Future[None], start: Start) -> None:

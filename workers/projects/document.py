@@ -13,12 +13,10 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline.compositing import Blend, covers
-from workers.model import Json
+from workers.model import MAX_SEED, Json
 
 SCHEMA = 1
 MAX_DOCUMENT_BYTES = 4 << 20
-MAX_SEED = 2**53 - 1
-"""The largest whole number that every JSON reader keeps exact."""
 
 Id = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,40}$")]
 AssetName = Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]{1,80}$", description="A name in `assets`.")]

@@ -11,16 +11,25 @@ from pipeline.methods import method, parse_params
 from pipeline.methods.base import InputKind, InputSpec, Method, Params
 from workers.frame_window import window_info
 from workers.job_warnings import DAMAGE_REMEDY
-from workers.model import FAIL, WARN, Asset, JobRequest, OutputSpec
+from workers.model import (
+    FAIL,
+    MAX_LABEL_NAME,
+    MAX_LABEL_VALUE,
+    MAX_LABELS,
+    MAX_NAME,
+    MAX_PRIORITY,
+    MAX_QUALITY,
+    MAX_SEED,
+    MAX_URL,
+    WARN,
+    Asset,
+    JobRequest,
+    OutputSpec,
+)
 from workers.scheduling.planning import expected_weights, steps_of
 from workers.store import Accepted
 
 FORMATS = ("mp4", "webm", "png")
-_MAX_QUALITY = 51
-_MAX_PRIORITY = 100
-_MAX_LABELS = 32
-_MAX_LABEL_NAME, _MAX_LABEL_VALUE, _MAX_NAME, _MAX_URL = 63, 255, 200, 2000
-_MAX_SEED = 2**63 - 1
 
 FITS: Mapping[InputKind, tuple[str, ...]] = {
     "video": ("video", "image", "archive"),
@@ -118,8 +127,8 @@ def check_frames(frames: tuple[int, int] | None, video: Asset | None) -> None:
 def check_output(chosen: Method, output: OutputSpec) -> None:
     if output.format not in FORMATS:
         _refuse("output.format", output.format, f"Use one of: {', '.join(FORMATS)}.")
-    if not 0 <= output.quality <= _MAX_QUALITY:
-        _refuse("output.quality", output.quality, f"Use 0 (lossless) to {_MAX_QUALITY}.")
+    if not 0 <= output.quality <= MAX_QUALITY:
+        _refuse("output.quality", output.quality, f"Use 0 (lossless) to {MAX_QUALITY}.")
     for artefact in output.artefacts:
         if artefact not in chosen.artefacts:
             known = ", ".join(chosen.artefacts) or "none"
@@ -138,25 +147,25 @@ def _check_damage(request: JobRequest, assets: Mapping[str, Asset]) -> None:
 
 
 def _check_envelope(request: JobRequest) -> None:
-    if not -_MAX_PRIORITY <= request.priority <= _MAX_PRIORITY:
-        _refuse("priority", request.priority, f"Use -{_MAX_PRIORITY} to {_MAX_PRIORITY}; higher is served first.")
-    if not 0 <= request.seed <= _MAX_SEED:
-        _refuse("seed", request.seed, "Use 0 to 2**63 - 1.")
-    if len(request.name) > _MAX_NAME:
-        _refuse("name", request.name, f"Use at most {_MAX_NAME} characters.")
+    if not -MAX_PRIORITY <= request.priority <= MAX_PRIORITY:
+        _refuse("priority", request.priority, f"Use -{MAX_PRIORITY} to {MAX_PRIORITY}; higher is served first.")
+    if not 0 <= request.seed <= MAX_SEED:
+        _refuse("seed", request.seed, "Use 0 to 2**53 - 1.")
+    if len(request.name) > MAX_NAME:
+        _refuse("name", request.name, f"Use at most {MAX_NAME} characters.")
     _check_labels(request.labels)
     if request.webhook:
         _check_url(request.webhook)
 
 
 def _check_labels(labels: Mapping[str, str]) -> None:
-    if len(labels) > _MAX_LABELS:
-        _refuse("labels", len(labels), f"Use at most {_MAX_LABELS} labels.")
+    if len(labels) > MAX_LABELS:
+        _refuse("labels", len(labels), f"Use at most {MAX_LABELS} labels.")
     for name, value in labels.items():
-        if not 1 <= len(name) <= _MAX_LABEL_NAME:
-            _refuse("labels", name, f"A label's name has 1 to {_MAX_LABEL_NAME} characters.")
-        if len(value) > _MAX_LABEL_VALUE:
-            _refuse(f"labels.{name}", value, f"A label's value has at most {_MAX_LABEL_VALUE} characters.")
+        if not 1 <= len(name) <= MAX_LABEL_NAME:
+            _refuse("labels", name, f"A label's name has 1 to {MAX_LABEL_NAME} characters.")
+        if len(value) > MAX_LABEL_VALUE:
+            _refuse(f"labels.{name}", value, f"A label's value has at most {MAX_LABEL_VALUE} characters.")
 
 
 def _check_url(url: str) -> None:
@@ -166,7 +175,7 @@ def _check_url(url: str) -> None:
         sound = parts.scheme in ("http", "https") and bool(parts.hostname) and (parts.port or 1) > 0
     except ValueError:
         sound = False
-    if not sound or len(url) > _MAX_URL or not url.isprintable() or " " in url:
+    if not sound or len(url) > MAX_URL or not url.isprintable() or " " in url:
         _refuse("webhook", url, remedy)
 
 

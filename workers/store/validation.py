@@ -275,7 +275,7 @@ def _orphans(connection: Connection) -> Found:
 def _without_result(connection: Connection, jobs: dict[str, Any]) -> Found:
     done = [job_id for job_id, job in jobs.items() if job["state"] == RunState.SUCCEEDED.value]
     query = select(schema.files.c.job_id).where(schema.files.c.job_id.in_(_IDS), schema.files.c.name == "result")
-    held = set(connection.execute(query, {"ids": done}).scalars())
+    with_result = set(connection.execute(query, {"ids": done}).scalars())
     for job_id in done:
-        if job_id not in held:
+        if job_id not in with_result:
             yield job_id, "It has succeeded without a result."

@@ -18,7 +18,7 @@ import { Panel } from "./panel";
 import { createPlayback, type Playback } from "./playback";
 import { type Previews, startPreviews } from "./previews";
 import { createLassoTool, createRegionTool, type RegionTool } from "./region-tool";
-import { SaveNote } from "./save-note";
+import { SaveStatus } from "./save-status";
 import { installShortcuts } from "./shortcuts";
 import { mountStage, type Stage, type StageParts } from "./stage";
 import { PAINT_TOOLS, type State, Store, type Tool } from "./store";
@@ -229,7 +229,7 @@ function DesignerPage({ designer, reload }: { designer: Designer; reload(): void
       <div class="designer-main">
         <header class="designer-head">
           <ProjectName store={store} />
-          <SaveNote store={store} saver={designer.saver} reload={discard} />
+          <SaveStatus store={store} saver={designer.saver} reload={discard} />
         </header>
         <StageBar store={store} onfull={() => designer.showFull().catch(notify)} />
         <div class="designer-stage" style={{ "--ratio": store.size.width / store.size.height }}>

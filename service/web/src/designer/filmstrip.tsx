@@ -83,19 +83,19 @@ function Thumbnails({ assetId, shown }: { assetId: string; shown: number[] }) {
   const [pictures, setPictures] = useState<ReadonlyMap<number, string>>(new Map());
   const key = shown.join();
   useEffect(() => {
-    const life = new AbortController();
+    const controller = new AbortController();
     const urls: string[] = [];
     const load = async () => {
       for (const frame of shown) {
-        const url = await thumbnail(assetId, frame, life.signal);
-        if (!url || life.signal.aborted) return;
+        const url = await thumbnail(assetId, frame, controller.signal);
+        if (!url || controller.signal.aborted) return;
         urls.push(url);
         setPictures((known) => new Map(known).set(frame, url));
       }
     };
     load();
     return () => {
-      life.abort();
+      controller.abort();
       for (const url of urls) URL.revokeObjectURL(url);
     };
   }, [assetId, key]);

@@ -102,18 +102,20 @@ function browserFrames(asset: Asset, onshown: () => void): FrameSource {
 }
 
 function serviceFrames(asset: Asset, onshown: () => void): FrameSource {
-  const life = new AbortController();
+  const controller = new AbortController();
   let wanted = -1;
   let shown = -1;
   let busy = false;
   let picture: ImageBitmap | null = null;
 
   async function next(): Promise<void> {
-    if (busy || wanted === shown || life.signal.aborted) return;
+    if (busy || wanted === shown || controller.signal.aborted) return;
     busy = true;
     const frame = wanted;
     try {
-      const answer = await api.request(api.paths.frame(asset.id, frame, SERVICE_SIDE_PX), { signal: life.signal });
+      const answer = await api.request(api.paths.frame(asset.id, frame, SERVICE_SIDE_PX), {
+        signal: controller.signal,
+      });
       picture = await createImageBitmap(await answer.blob());
       shown = frame;
       onshown();
@@ -140,6 +142,6 @@ function serviceFrames(asset: Asset, onshown: () => void): FrameSource {
       if (!picture) throw new api.Problem({ detail: "The frame is not loaded yet.", remedy: "Wait a moment." });
       return createImageBitmap(picture);
     },
-    close: () => life.abort(),
+    close: () => controller.abort(),
   };
 }

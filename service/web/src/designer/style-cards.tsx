@@ -41,7 +41,7 @@ function usePictures(store: Store, names: readonly string[]): ReadonlyMap<string
   const available = store.previews.value;
   useEffect(() => {
     if (!available) return;
-    const life = new AbortController();
+    const controller = new AbortController();
     const urls: string[] = [];
     const cards = names.map((name) => ({ id: name, set: { params: { style: name } } }));
     const document = store.document.value;
@@ -51,7 +51,7 @@ function usePictures(store: Store, names: readonly string[]): ReadonlyMap<string
       what: "styles",
       channel: "styles",
       body: { ...place, cards, max_side_px: SIDE_PX },
-      signal: life.signal,
+      signal: controller.signal,
       onrecord({ header, payload }) {
         if (header.type !== "frame" || !header.card) return;
         const card = header.card;
@@ -64,7 +64,7 @@ function usePictures(store: Store, names: readonly string[]): ReadonlyMap<string
       console.info("Impasto: no style cards.", error);
     });
     return () => {
-      life.abort();
+      controller.abort();
       for (const url of urls) URL.revokeObjectURL(url);
     };
   }, [available]);

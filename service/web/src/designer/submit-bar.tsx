@@ -36,7 +36,7 @@ export function SubmitBar({ store, saveAll }: { store: Store; saveAll(): Promise
   const from = Math.max(0, Math.min(store.frame.value, store.frames - short));
   return (
     <div class="submit-bar designer-submit">
-      <div class="submit-note">
+      <div class="submit-hint">
         <span>{store.frames} frames</span>
         {found && <span>{estimateText(found)}</span>}
         <p class="field-error" role="alert">

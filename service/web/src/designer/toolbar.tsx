@@ -187,7 +187,7 @@ function StageState({ store, onfull }: { store: Store; onfull(): void }) {
   const small = text === scale && (result?.scale ?? 1) < 0.999;
   return (
     <>
-      <p class={`stage-note ${store.problem.value ? "wrong" : ""}`} role="status">
+      <p class={`stage-hint ${store.problem.value ? "wrong" : ""}`} role="status">
         {text}
       </p>
       {small && (

@@ -56,7 +56,7 @@ export function createLivePage(method: Method, draft: Draft): HTMLElement {
     onflip: () => settings.source.next(),
   });
   const about = h("p", {});
-  const summary = h("p", { class: "submit-note" });
+  const summary = h("p", { class: "submit-hint" });
   const button = h("button", {
     type: "button",
     class: "button primary submit",

@@ -128,7 +128,7 @@ export function createQuickPage({ methods, asset, localUrl, draft, ondiscard, on
   const { frames = "?", width, height } = asset.info;
   const facts = h(
     "div",
-    { class: "submit-note" },
+    { class: "submit-hint" },
     h("span", {}, `${frames} frames`),
     h("span", {}, `${width} × ${height}`),
     problem,

@@ -27,7 +27,7 @@ export interface Progress {
 export function createProgress(): Progress {
   const bar = h("progress", { max: 1, value: 0, "aria-label": "Progress of the film" });
   const number = h("strong", { class: "progress-number" });
-  const text = h("span", { class: "progress-note" });
+  const text = h("span", { class: "progress-hint" });
   const steps = h("ol", { class: "steps" });
   const head = h("div", { class: "progress-head" }, number, text);
   const element = h("div", { class: "progress" }, head, bar, steps);
@@ -67,7 +67,7 @@ function stepRow(step: Step): HTMLElement {
   const symbol = step.state === "succeeded" ? icon("check") : step.state === "failed" ? icon("alert") : "";
   const mark = h("span", { class: "step-mark" }, symbol);
   const title = h("span", { class: "step-title" }, step.title);
-  const row = h("li", { class: "step" }, mark, title, h("span", { class: "step-note" }, seconds || tasks || ""), bar);
+  const row = h("li", { class: "step" }, mark, title, h("span", { class: "step-hint" }, seconds || tasks || ""), bar);
   row.dataset.state = step.state;
   row.setAttribute("aria-label", `${step.title}: ${step.state}, ${percent(step.progress)}`);
   return row;

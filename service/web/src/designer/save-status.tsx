@@ -6,19 +6,19 @@ import type { Store } from "./store";
 
 const WORDS = { saved: "Saved", waiting: "Saving…", saving: "Saving…" };
 
-export interface SaveNoteProps {
+export interface SaveStatusProps {
   store: Store;
   saver: Saver;
   /** Open the stored version, and give up the changes of this tab. */
   reload(): void;
 }
 
-export function SaveNote({ store, saver, reload }: SaveNoteProps) {
+export function SaveStatus({ store, saver, reload }: SaveStatusProps) {
   const state = store.saving.value;
   if (state.name === "conflict") {
     const overwrite = async () => saver.overwrite((await readProject(store.projectId)).version);
     return (
-      <div class="save-note wrong" role="alert">
+      <div class="save-status wrong" role="alert">
         <p>Another tab or program has saved a newer version of this project. Nothing of yours is lost yet.</p>
         <button type="button" class="button small" onClick={overwrite}>
           Keep mine
@@ -31,21 +31,21 @@ export function SaveNote({ store, saver, reload }: SaveNoteProps) {
   }
   if (state.name === "offline" || store.uploadsWait.value) {
     return (
-      <p class="save-note wrong" role="alert">
+      <p class="save-status wrong" role="alert">
         Not saved: the service does not answer. Your changes are kept in this browser, and saved when it is back.
       </p>
     );
   }
   if (state.name === "refused") {
     return (
-      <p class="save-note wrong" role="alert">
+      <p class="save-status wrong" role="alert">
         Not saved: {state.problem.message} {state.problem.remedy}
       </p>
     );
   }
   const pending = store.uploading.value > 0;
   return (
-    <p class="save-note" role="status">
+    <p class="save-status" role="status">
       {pending ? "Saving…" : WORDS[state.name]}
     </p>
   );
