@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Labels
 from pipeline.jit import kernel
+from pipeline.vector.borders import Borders
 
 Points = NDArray[np.float64]
 
@@ -58,6 +59,20 @@ def smooth(outlines: Outlines, passes: int) -> Outlines:
     shrink; with at most one pass per 8 edges they shrink little.
     """
     points = _smooth(outlines.points, outlines.starts, outlines.loops, passes)
+    return Outlines(points, outlines.starts, outlines.left, outlines.right, outlines.loops)
+
+
+def follow(outlines: Outlines, borders: Borders) -> Outlines:
+    """The arcs along smoothed borders of the same label map, so that both draw the same curves.
+
+    Points without a node of `borders`, on the frame's straight sides, stay where they are.
+    """
+    across = borders.size[0] + 1
+    points = outlines.points.copy()
+    nodes = np.full(across * (borders.size[1] + 1), -1, np.int32)
+    nodes[borders.lattice[:, 1] * across + borders.lattice[:, 0]] = np.arange(len(borders.lattice), dtype=np.int32)
+    node = nodes[(points[:, 1] * across + points[:, 0]).astype(np.int64)]
+    points[node >= 0] = borders.positions[node[node >= 0]]
     return Outlines(points, outlines.starts, outlines.left, outlines.right, outlines.loops)
 
 

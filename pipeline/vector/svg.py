@@ -15,10 +15,13 @@ from numpy.typing import NDArray
 
 from pipeline.errors import BadFrame
 from pipeline.frames import Labels, Plane
-from pipeline.vector.outlines import Outlines, rings, simplify, smooth, trace
+from pipeline.vector.borders import Borders
+from pipeline.vector.outlines import Outlines, follow, rings, simplify, smooth, trace
 
 PARTS_PER_PX = 10
 """Coordinates are rounded to 1 / PARTS_PER_PX px."""
+DEFAULT_PASSES = 4
+"""Low-pass passes over boundaries that are not smoothed yet."""
 
 
 def to_svg(
@@ -29,7 +32,7 @@ def to_svg(
     ink: Plane | None = None,
     ink_colour: Sequence[int] = (0, 0, 0),
     tolerance_px: float = 0.5,
-    smoothing: int = 4,
+    smoothing: int | Borders = DEFAULT_PASSES,
 ) -> bytes:
     """Write one frame as a stand-alone SVG document, UTF-8.
 
@@ -41,7 +44,8 @@ def to_svg(
         ink_colour: sRGB of the lines, 0..255.
         tolerance_px: largest distance of the simplified from the smoothed boundary, px.
         smoothing: number of low-pass passes over each boundary; 0 = the pixels' edges. If both are 0, filling the
-            document by the even-odd rule at pixel centres gives `labels` exactly.
+            document by the even-odd rule at pixel centres gives `labels` exactly. Or the smoothed borders of `labels`,
+            which are drawn as they are; the outlines of `ink` then get the default number of passes.
 
     Raises:
         BadFrame: labels, colours, ids or ink are inconsistent.
@@ -49,6 +53,7 @@ def to_svg(
     _check(labels, colours, ids, ink)
     names = np.arange(len(colours)) if ids is None else ids
     height, width = labels.shape
+    ink_smoothing = DEFAULT_PASSES if isinstance(smoothing, Borders) else smoothing
     return "\n".join(
         [
             f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
@@ -60,7 +65,7 @@ def to_svg(
                 for colour in [_hex(colours[label])]
             ),
             "</g>",
-            *([] if ink is None else _ink(ink, _hex(ink_colour), tolerance_px, smoothing)),
+            *([] if ink is None else _ink(ink, _hex(ink_colour), tolerance_px, ink_smoothing)),
             "</svg>\n",
         ]
     ).encode()
@@ -71,9 +76,11 @@ def _ink(ink: Plane, colour: str, tolerance_px: float, smoothing: int) -> list[s
     return [f'<path id="lines" fill="{colour}" d="{path}"/>' for path in drawn.values()]
 
 
-def _paths(labels: Labels, tolerance_px: float, smoothing: int) -> dict[int, str]:
+def _paths(labels: Labels, tolerance_px: float, smoothing: int | Borders) -> dict[int, str]:
     """SVG path data by label."""
-    outlines = simplify(smooth(trace(labels), smoothing), tolerance_px)
+    arcs = trace(labels)
+    arcs = follow(arcs, smoothing) if isinstance(smoothing, Borders) else smooth(arcs, smoothing)
+    outlines = simplify(arcs, tolerance_px)
     text = _ArcText(outlines)
     return {label: "".join(text.ring(chain) for chain in chains) for label, chains in rings(outlines).items()}
 

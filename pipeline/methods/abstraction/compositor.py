@@ -19,6 +19,7 @@ from pipeline.methods.tasks import Clock
 from pipeline.segmentation.motion import BackwardMaps, blend_with_past, warp_back
 from pipeline.segmentation.refinement import round_boundaries
 from pipeline.segmentation.segmenter import Segmentation
+from pipeline.vector.borders import Borders
 
 INK = (14, 11, 16)
 """RGB of full ink: a warm black."""
@@ -36,6 +37,8 @@ class Painting:
     """(n + 1, 3) RGB."""
     ink: Ink | None
     """The line layer; None = no lines."""
+    borders: Borders | None = None
+    """The borders of `labels` as drawn; None = `labels` are drawn pixel by pixel."""
 
 
 class Compositor:

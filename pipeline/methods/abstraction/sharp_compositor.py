@@ -57,13 +57,14 @@ class SharpCompositor(Compositor):
         """Composite a frame, after `prepare` with the analysis of the same frame."""
         analysis, labels, colours = coloured.analysis, coloured.regions.labels, coloured.colours
         with self.clock("paint"):
-            flat = fill_regions(self._borders(labels, analysis), colours, self.sizes.output, self.background)
+            borders = self._borders(labels, analysis)
+            flat = fill_regions(borders, colours, self.sizes.output, self.background)
             self.picture = self._blend(flat, labels, analysis)
             frame = self.picture.copy()
             ink = None if analysis.ink is None else analysis.ink.result()
             if ink is not None:
                 overlay(frame, ink, INK, self.params.line_opacity, self.background)
-        return Painting(frame, coloured.regions, labels, colours, ink)
+        return Painting(frame, coloured.regions, labels, colours, ink, borders)
 
     def _borders(self, labels: Labels, analysis: FrameAnalysis) -> Borders:
         borders = find_borders(labels)

@@ -8,7 +8,7 @@ import zipfile
 import numpy as np
 
 from pipeline.methods.abstraction.compositor import INK, Painting
-from pipeline.vector.svg import to_svg
+from pipeline.vector.svg import DEFAULT_PASSES, to_svg
 
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 
@@ -23,7 +23,10 @@ class SvgArchive:
 
     def add(self, index: int, painting: Painting) -> None:
         ink = None if painting.ink is None else painting.ink.astype(np.float32) / np.float32(255)
-        page = to_svg(painting.labels, painting.colours, ids=painting.regions.ids, ink=ink, ink_colour=INK)
+        page = to_svg(
+            painting.labels, painting.colours, painting.regions.ids, ink=ink, ink_colour=INK,
+            smoothing=painting.borders or DEFAULT_PASSES,
+        )  # fmt: skip
         self._zip.writestr(zipfile.ZipInfo(f"{index:05d}.svg", _EPOCH), page)
 
     def close(self) -> bytes:

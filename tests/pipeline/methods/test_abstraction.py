@@ -351,8 +351,9 @@ def svg_pages(context: LocalContext) -> dict[str, bytes]:
     return pages
 
 
-def test_svg_has_one_file_per_frame_with_permanent_ids() -> None:
-    context = LocalContext(AbstractionParams(), shots(), artefacts=frozenset({"svg"}))
+@pytest.mark.parametrize("edges", ["soft", "sharp"])
+def test_svg_has_one_file_per_frame_with_permanent_ids(edges: Any) -> None:
+    context = LocalContext(AbstractionParams(edges=edges), shots(), artefacts=frozenset({"svg"}))
     run_plan(ABSTRACTION, context)
     pages = svg_pages(context)
     assert sorted(pages) == [f"{index:05d}.svg" for index in range(len(shots()))]

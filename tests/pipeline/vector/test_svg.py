@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from pipeline.errors import BadFrame
 from pipeline.frames import Labels
+from pipeline.vector.borders import find_borders
 from pipeline.vector.outlines import rings, simplify, smooth, trace
+from pipeline.vector.smoothing import smooth_borders
 from pipeline.vector.svg import to_svg
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -132,6 +134,20 @@ def distance(point: NDArray[np.float64], line: Polygon) -> float:
     along = ((point - line[:-1]) * ends).sum(axis=1) / np.maximum((ends * ends).sum(axis=1), 1e-12)
     nearest = line[:-1] + np.clip(along, 0, 1)[:, None] * ends
     return float(np.linalg.norm(nearest - point, axis=1).min())
+
+
+@pytest.mark.parametrize("labels", [blobs(), confetti() + 1], ids=["blobs", "confetti"])
+def test_smoothed_borders_are_drawn_as_they_are(labels: Labels) -> None:
+    """Every corner of a path is a node of the borders, and the regions tile the frame."""
+    borders = smooth_borders(find_borders(labels), 1.5, 1.0)
+    made = elements(to_svg(labels, colours_for(labels), smoothing=borders, tolerance_px=0))
+    shapes = {name: polygons(element.attrib["d"]) for name, element in made.items()}
+    frame = [(0, 0), (10 * labels.shape[1], 10 * labels.shape[0])]
+    nodes = {(x, y) for x, y in np.rint(10 * borders.positions.astype(float)).tolist()}
+    for polygon in (polygon for found in shapes.values() for polygon in found):
+        for x, y in polygon.tolist():
+            assert (x, y) in nodes or x in (frame[0][0], frame[1][0]) or y in (frame[0][1], frame[1][1])
+    assert sum(abs(area(found)) for found in shapes.values()) == pytest.approx(100 * labels.size)
 
 
 def test_four_regions_around_a_junction() -> None:
