@@ -17,10 +17,10 @@ import numpy as np
 from pipeline.arrays import AnyArray
 from pipeline.compute import Device, DeviceArray
 from pipeline.synthesis.energy import Energy
-from pipeline.synthesis.images import TAIL, Style
-from pipeline.synthesis.opencl import Kernels
+from pipeline.synthesis.images import TAIL, StyleImage
+from pipeline.synthesis.opencl import OpenCLOperations
 from pipeline.synthesis.operations import FrameState, LoadedStyle, NeighbourAppearance, Search
-from pipeline.synthesis.reference import Reference
+from pipeline.synthesis.reference import ReferenceOperations
 from pipeline.synthesis.refine import FARTHEST_PX
 
 Array = AnyArray
@@ -33,7 +33,7 @@ class BandStyle(LoadedStyle[Array]):
     on_device: LoadedStyle[DeviceArray] | None = None
 
 
-class Bands(Reference):
+class BandedOperations(ReferenceOperations):
     """Implementation of `operations.Operations` in host memory, except for `improve`, which runs on the device.
 
     Args:
@@ -43,10 +43,10 @@ class Bands(Reference):
 
     def __init__(self, device: Device, pixels: int) -> None:
         self.device = device
-        self._kernels = Kernels(device)
+        self._kernels = OpenCLOperations(device)
         self._pixels = pixels
 
-    def load(self, style: Style, energy: Energy) -> LoadedStyle[Array]:
+    def load(self, style: StyleImage, energy: Energy) -> LoadedStyle[Array]:
         on_host = super().load(style, energy)
         return BandStyle(**vars(on_host), on_device=self._kernels.load(style, energy))
 

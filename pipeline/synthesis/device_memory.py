@@ -7,9 +7,9 @@ from typing import Any
 
 from pipeline.compute import Device
 from pipeline.errors import DeviceError
-from pipeline.synthesis.bands import Bands, bands
+from pipeline.synthesis.bands import BandedOperations, bands
 from pipeline.synthesis.images import Bytes
-from pipeline.synthesis.opencl import Kernels
+from pipeline.synthesis.opencl import OpenCLOperations
 from pipeline.synthesis.operations import Operations
 
 _LOG = logging.getLogger(__name__)
@@ -42,7 +42,7 @@ def operations(device: Device, size: tuple[int, int], style: Bytes, frames: int)
     needed = _all_levels(size[0] * size[1] * (FRAME_BYTES + frames * OFFSET_BYTES) + style_bytes)
     available = device.memory_bytes
     if needed <= available:
-        return Kernels(device), ""
+        return OpenCLOperations(device), ""
     pixels = (available * 3 // 4 - style_bytes) // FRAME_BYTES
     least = _all_levels(size[0] * _MIN_ROWS * FRAME_BYTES + style_bytes)
     if available < least:
@@ -59,7 +59,7 @@ def operations(device: Device, size: tuple[int, int], style: Bytes, frames: int)
         "after the other. This takes longer and does not change the result."
     )
     _LOG.warning(message)
-    return Bands(device, pixels), message
+    return BandedOperations(device, pixels), message
 
 
 def _all_levels(finest: int) -> int:

@@ -22,7 +22,7 @@ TAIL = 64
 
 
 @dataclass(frozen=True)
-class Style:
+class StyleImage:
     """A style image, or an atlas of several, at one level.
 
     Attributes:

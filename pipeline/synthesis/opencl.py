@@ -13,7 +13,7 @@ import numpy as np
 from pipeline.arrays import AnyArray
 from pipeline.compute import Device, DeviceArray, Launch
 from pipeline.synthesis.energy import SCALE_SHIFT, Energy, cosines, tables, tap_table, taps
-from pipeline.synthesis.images import TAIL, Bytes, Style, Target, padded
+from pipeline.synthesis.images import TAIL, Bytes, StyleImage, Target, padded
 from pipeline.synthesis.images import packed as pack
 from pipeline.synthesis.operations import FrameState, LoadedStyle, RandomKey, Search, iteration, words
 
@@ -22,7 +22,7 @@ _COMMON, _FIELDS, _PATCHES = (_HERE.with_name(f"{name}.cl") for name in ("common
 Size = tuple[int, int]
 
 
-class Kernels:
+class OpenCLOperations:
     """Implementation of `operations.Operations` on a device. Results stay in device memory."""
 
     def __init__(self, device: Device) -> None:
@@ -34,9 +34,11 @@ class Kernels:
         self._cosines = device.upload(cosines())
 
     def upload(self, array: AnyArray) -> DeviceArray:
+        """Copy an array to device memory."""
         return self.device.upload(array)
 
     def fetch(self, array: DeviceArray) -> AnyArray:
+        """Copy an array from device memory."""
         return self.device.download(array)
 
     def finish(self) -> None:
@@ -50,7 +52,7 @@ class Kernels:
             self._constants[energy] = tuple(self.upload(a) for a in arrays)
         return self._constants[energy]
 
-    def load(self, style: Style, energy: Energy) -> LoadedStyle[DeviceArray]:
+    def load(self, style: StyleImage, energy: Energy) -> LoadedStyle[DeviceArray]:
         """Upload a style: features padded for patches, and patch taps as pixel indices of the padded image."""
         width = style.size[0] + 2 * energy.pad
         found = taps(energy.radius)
@@ -234,5 +236,5 @@ class Kernels:
         return offsets
 
 
-def _usable_area(style: Style) -> int:
+def _usable_area(style: StyleImage) -> int:
     return style.size[0] * style.size[1] if style.usable is None else max(1, int(np.count_nonzero(style.usable)))

@@ -1,4 +1,6 @@
-"""Interface of the synthesis operations, implemented by `opencl.Kernels`, `reference.Reference` and `bands.Bands`.
+"""Interface of the synthesis operations.
+
+It is implemented by `opencl.OpenCLOperations`, `reference.ReferenceOperations` and `bands.BandedOperations`.
 
 T is the array type of an implementation: offset fields are float32 (h, w, 2), costs float32 (h, w), images bytes.
 """
@@ -12,7 +14,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray
 from pipeline.synthesis.energy import TAP_WEIGHT_SCALE, Energy, tables
-from pipeline.synthesis.images import Style, Target
+from pipeline.synthesis.images import StyleImage, Target
 
 T = TypeVar("T")
 RandomKey = tuple[int, int]
@@ -29,7 +31,7 @@ class LoadedStyle(Generic[T]):
         tap_positions: patch taps of each rotation, see `energy.tap_table`.
     """
 
-    style: Style
+    style: StyleImage
     energy: Energy
     features: T
     bins: T
@@ -40,6 +42,7 @@ class LoadedStyle(Generic[T]):
 
     @property
     def size(self) -> tuple[int, int]:
+        """(width, height) of the style, px."""
         return self.style.size
 
 
@@ -107,12 +110,12 @@ class Search:
 
 
 class Operations(Protocol[T]):
-    """Synthesis operations, documented in `opencl.Kernels`. Sizes are (width, height) px."""
+    """Synthesis operations, documented in `opencl.OpenCLOperations`. Sizes are (width, height) px."""
 
     def upload(self, array: AnyArray) -> T: ...
     def fetch(self, array: T) -> AnyArray: ...
     def finish(self) -> None: ...
-    def load(self, style: Style, energy: Energy) -> LoadedStyle[T]: ...
+    def load(self, style: StyleImage, energy: Energy) -> LoadedStyle[T]: ...
     def margined(self, plane: AnyArray, margin_px: int) -> T: ...
     def prepare(self, style: LoadedStyle[T], target: Target) -> FrameState[T]: ...
     def random_offsets(self, style: LoadedStyle[T], size: tuple[int, int], key: RandomKey) -> T: ...

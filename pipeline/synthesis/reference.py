@@ -11,7 +11,7 @@ from pipeline.jit import kernel
 from pipeline.strokes.random import philox
 from pipeline.synthesis.energy import NO_DIRECTION, cosines, tables, taps
 from pipeline.synthesis.energy import Energy as Energy
-from pipeline.synthesis.images import NOWHERE, Offsets, Style, Target
+from pipeline.synthesis.images import NOWHERE, Offsets, StyleImage, Target
 from pipeline.synthesis.images import packed as pack
 from pipeline.synthesis.operations import FrameState, LoadedStyle, RandomKey, Search, iteration, words
 from pipeline.synthesis.reference_energy import Inputs, Iteration, StyleDirections, extrapolated_offset, improve, unit
@@ -37,7 +37,7 @@ class PatchShape(NamedTuple):
     colours: int
 
 
-class Reference:
+class ReferenceOperations:
     """Implementation of `operations.Operations` in host memory."""
 
     def upload(self, array: Array) -> Array:
@@ -49,7 +49,7 @@ class Reference:
     def finish(self) -> None:
         """Return immediately: all operations are synchronous."""
 
-    def load(self, style: Style, energy: Energy) -> LoadedStyle[Array]:
+    def load(self, style: StyleImage, energy: Energy) -> LoadedStyle[Array]:
         def or_empty(array: Array | None, like: type[np.generic] = np.uint8) -> Array:
             return np.zeros((0, 0), like) if array is None else array
 

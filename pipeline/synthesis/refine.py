@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.synthesis.images import Bytes, Offsets, Style
+from pipeline.synthesis.images import Bytes, Offsets, StyleImage
 from pipeline.synthesis.operations import FrameState, LoadedStyle, Operations, RandomKey, Search, T
 
 _JUMPS = (8, 4, 2, 1)
@@ -39,7 +39,7 @@ def refine(
     return offsets
 
 
-def colours(style: Style, offsets: Offsets) -> Bytes:
+def colours(style: StyleImage, offsets: Offsets) -> Bytes:
     """Render offsets: I^(p) = S^(M(p)), uint8 (h, w, 3), or (h, w, 4) if the style has opacity."""
     at = np.rint(offsets).astype(np.int64)
     x, y = np.clip(at[..., 0], 0, style.size[0] - 1), np.clip(at[..., 1], 0, style.size[1] - 1)

@@ -55,6 +55,7 @@ class SearchSchedule:
     """Random stream of the level and sweep; `key` adds the frame number in the low 20 bits."""
 
     def key(self, index: int) -> RandomKey:
+        """Random key of frame `index`."""
         return self.seed, ((self.stream << 20) | (index & 0xFFFFF)) & 0xFFFFFFFF
 
 

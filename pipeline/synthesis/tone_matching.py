@@ -47,6 +47,7 @@ class ToneAccumulator:
             self._sums[order - 1] += (part[..., 1:] ** order).sum((0, 1))
 
     def statistics(self) -> ToneStatistics:
+        """The statistics of all images so far."""
         count = max(1, int(self._counts.sum()))
         mean = self._sums[0] / count
         spread = np.sqrt(np.maximum(self._sums[1] / count - mean**2, 0))

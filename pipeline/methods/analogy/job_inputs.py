@@ -165,6 +165,7 @@ def make_style_pair(
 
 
 def check_painting_size(painting: Bytes, field: str) -> None:
+    """Raise `BadInput` if the painting exceeds `MAX_PAINTING_PX`."""
     if max(painting.shape[:2]) > MAX_PAINTING_PX:
         raise BadInput(
             "The painting is too large.", field=field, value=f"{painting.shape[1]}x{painting.shape[0]}",

@@ -89,6 +89,7 @@ def _run_length(params: AnalogyParams, size: tuple[int, int]) -> int:
 
 
 def plan_synthesis(context: PlanContext[AnalogyParams]) -> list[Task]:
+    """Tasks of all layers and shots, see the top of this file."""
     scan = context.results["scan"]["video"]
     layers = scan["layers"]
     if not layers:

@@ -23,9 +23,9 @@ from pipeline.frames import Frame
 from pipeline.methods.analogy.inputs import OPAQUE
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.style_images import energy_of, patch_colours
-from pipeline.synthesis.images import NOWHERE, Bytes, Offsets, Style, Target, packed
+from pipeline.synthesis.images import NOWHERE, Bytes, Offsets, StyleImage, Target, packed
 from pipeline.synthesis.motion import Motion, motions_between, suppress_small_motion
-from pipeline.synthesis.opencl import Kernels
+from pipeline.synthesis.opencl import OpenCLOperations
 from pipeline.synthesis.operations import FrameState
 from pipeline.synthesis.refine import colours
 from pipeline.synthesis.sweeps import SearchSchedule, Sweep, order
@@ -50,7 +50,7 @@ class Propagator:
     def __init__(self, frames: Sequence[Frame], params: AnalogyParams | None = None, seed: int = 0) -> None:
         self.params = params or AnalogyParams()
         self._frames, self._seed = frames, seed
-        self._ops = Kernels(device())
+        self._ops = OpenCLOperations(device())
         self._energy = energy_of(self.params, (), 0, keyframe_style=True)
         self._guides: OrderedDict[int, Bytes] = OrderedDict()
         self._motions: OrderedDict[int, tuple[Motion, Motion]] = OrderedDict()
@@ -100,7 +100,9 @@ class Propagator:
         near = self._near(key, around)
         self._evict(max(MAX_CACHED_FRAMES, len(near)))
         painting = self._filled(key, image)
-        style = Style(painting, packed(self._energy, patch_colours(painting, self.params.colours), self.guide(key)))
+        style = StyleImage(
+            painting, packed(self._energy, patch_colours(painting, self.params.colours), self.guide(key))
+        )
         loaded = self._ops.load(style, self._energy)
         directions = [
             self._propagate(key, loaded, order(key, near.stop, True)),
@@ -132,7 +134,7 @@ class Propagator:
         """The last painting of a frame that another keyframe has propagated; without one, the frame itself."""
         for (key, other), (painting, offsets) in reversed(self._results.items()):
             if other == index and key != index:
-                return colours(Style(painting, painting), offsets)
+                return colours(StyleImage(painting, painting), offsets)
         return self._frames[index]
 
     def _propagate(self, key: int, style: Any, frames: range) -> Iterator[tuple[int, Offsets]]:

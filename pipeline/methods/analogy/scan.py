@@ -23,6 +23,7 @@ _SAMPLED_FRAMES = 24
 
 
 def plan_scan(context: PlanContext[AnalogyParams]) -> list[Task]:
+    """A single task."""
     return [Task(TASK, weight=0.05 * max(context.video.frames, 1))]
 
 

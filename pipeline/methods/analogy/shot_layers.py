@@ -51,6 +51,7 @@ class Layer:
 
     @property
     def name(self) -> str:
+        """Name of the layer in shot.json."""
         return self.files.name
 
     @property

@@ -19,7 +19,7 @@ from pipeline.strokes.emboss import emboss
 from pipeline.strokes.layers import StillPainting, paint_still
 from pipeline.synthesis.atlas import Atlas, atlas
 from pipeline.synthesis.energy import Energy
-from pipeline.synthesis.images import Bytes, Offsets, Style, halved, packed
+from pipeline.synthesis.images import Bytes, Offsets, StyleImage, halved, packed
 from pipeline.synthesis.orientation import orientation
 from pipeline.tensors.structure import structure_tensor, tangent_field
 from pipeline.video.contact import fit
@@ -73,7 +73,7 @@ class StylePyramid:
         self._pairs = [pair]
         self._params = params
 
-    def at(self, level: int, energy: Energy) -> Style:
+    def at(self, level: int, energy: Energy) -> StyleImage:
         """The style at a level, packed for an energy function."""
         while len(self._pairs) <= level:
             self._pairs.append(_halved_pair(self._pairs[-1]))
@@ -81,7 +81,7 @@ class StylePyramid:
         gray = np.ascontiguousarray(pair.guide[..., 0])
         bins = orientation(gray, self._params.rotation_sigma) if self._params.rotation == "on" else None
         features = packed(energy, patch_colours(pair.output, self._params.colours), pair.guides)
-        return Style(pair.output, features, bins, pair.usable, pair.line_distance)
+        return StyleImage(pair.output, features, bins, pair.usable, pair.line_distance)
 
 
 def patch_colours(output: Bytes, space: str) -> Bytes:

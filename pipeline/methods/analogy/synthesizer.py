@@ -88,9 +88,11 @@ class Synthesizer:
         return tone_matching(self.params, self.pair, statistics.tones)
 
     def level_frames(self, start: int, stop: int, level: int, match: Callable[[Bytes], Bytes]) -> LevelFrames:
+        """Frames [start, stop) at a level, with guides mapped by `match`."""
         return LevelFrames(self.inputs, self.context.clock, start, stop, level, match)
 
     def animation(self, level_frames: LevelFrames) -> LevelAnimation:
+        """The animation of these frames."""
         usable = self.style(level_frames.level).style.first_usable
         return LevelAnimation(level_frames, self.context.clock, usable, boil=self.boil(level_frames.level))
 

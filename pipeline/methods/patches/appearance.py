@@ -72,6 +72,7 @@ class PanoramaRect:
         context.save(f"{track.key}-rect", {"at": np.array([*self.origin, *self.size])})
 
     def zeros(self) -> Total:
+        """An empty colour sum of the whole panorama."""
         return np.zeros((self.size[1], self.size[0], 4), np.float32)
 
 
@@ -91,6 +92,7 @@ class ColourSum:
 
     @classmethod
     def of(cls, total: Total) -> ColourSum:
+        """Crop and quantise a colour sum of the whole panorama."""
         rows, columns = (np.flatnonzero((total[..., 3] > 0).any(axis=axis)) for axis in (1, 0))
         if not len(rows):
             return cls((0, 0), np.zeros((0, 0, 3), np.uint8), np.zeros((0, 0), np.float16))
@@ -115,6 +117,7 @@ class ColourSum:
 
     @property
     def total(self) -> Total:
+        """The sum as float32 (h, w, 4), cropped to `box`."""
         weight = self.weight.astype(np.float32)
         return np.dstack([self.colour * weight[..., None], weight]).astype(np.float32, copy=False)
 

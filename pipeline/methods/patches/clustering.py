@@ -48,6 +48,7 @@ SEED_WEIGHT = 5.0
 
 
 def plan_cluster(context: PlanContext[PatchesParams]) -> list[Task]:
+    """A flow task and a label task per run of frames; flow only for advected strokes; none for independent frames."""
     if context.params.temporal == "off":
         return []
     tasks, chain = list[Task](), list[Task]()
@@ -160,6 +161,7 @@ class LabelMaps:
 
 
 def plan_correct(context: PlanContext[PatchesParams]) -> list[Task]:
+    """Tasks of the second pass; none without corrected label maps."""
     if context.params.temporal != "on" or "labels" not in context.inputs:
         return []
     all_keys = context.results["scan"]["video"]["keys"]

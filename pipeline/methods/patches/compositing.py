@@ -30,6 +30,7 @@ PERIOD_FADE_FRAMES = 3.0
 
 
 def plan_paint(context: PlanContext[PatchesParams]) -> list[Task]:
+    """One task per run of frames; with advected strokes each depends on the run before."""
     every = patch_tracks(context) if context.params.temporal == "on" else []
     chained = context.params.temporal == "strokes"
     tasks: list[Task] = []

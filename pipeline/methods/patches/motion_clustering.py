@@ -83,7 +83,7 @@ class ClusterState:
 
 
 @dataclass(frozen=True)
-class FrameMotion:
+class WindowMotion:
     """Motion of one frame at the working size.
 
     Attributes:
@@ -111,15 +111,15 @@ class FrameMotion:
         return found
 
 
-def frame_motion(flow: WindowFlow, index: int, begin: int) -> FrameMotion:
+def frame_motion(flow: WindowFlow, index: int, begin: int) -> WindowMotion:
     """Motion of frame `index`; frames before `begin` are ignored."""
     small = flow.small(index)
-    return FrameMotion(
+    return WindowMotion(
         small, textured(small), flow.forward(index), flow.backward(index) if index > begin else None
     )  # fmt: skip
 
 
-def edge_weights(motion: FrameMotion, params: PatchesParams) -> Edges:
+def edge_weights(motion: WindowMotion, params: PatchesParams) -> Edges:
     """Edge weights of the random walk between neighbouring pixels of the frame."""
     forward, backward = (None if pair is None else pair[0] for pair in (motion.forward, motion.backward))
     unit = COLOUR_UNIT / params.colour_edges if params.colour_edges > 0 else 0.0
@@ -171,7 +171,7 @@ def uncertainty_of(labels: Labels, probability: Plane) -> dict[int, float]:
 def _with_new_clusters(
     state: ClusterState,
     labels: Labels,
-    motion: FrameMotion,
+    motion: WindowMotion,
     edges: Edges,
     params: PatchesParams,
     area: int,
@@ -192,7 +192,7 @@ def _foreground(
     state: ClusterState,
     flow: WindowFlow,
     index: int,
-    motion: FrameMotion,
+    motion: WindowMotion,
     edges: Edges,
     params: PatchesParams,
     user_mask: Plane | None,
@@ -216,7 +216,7 @@ def _with_mask_votes(votes: Votes, foreground: Mask) -> Votes:
 
 
 def link_votes(
-    maps: Mapping[int, Labels], flow: WindowFlow, index: int, motion: FrameMotion, params: PatchesParams
+    maps: Mapping[int, Labels], flow: WindowFlow, index: int, motion: WindowMotion, params: PatchesParams
 ) -> Votes:
     """Votes of the preceding frames for the labels of frame `index`.
 
@@ -275,7 +275,7 @@ class BackgroundAgreement:
     deviates_strongly: Mask
 
 
-def background_agreement(motion: FrameMotion, votes: Votes, params: PatchesParams) -> BackgroundAgreement:
+def background_agreement(motion: WindowMotion, votes: Votes, params: PatchesParams) -> BackgroundAgreement:
     """Compare the reliable flow with the background's motion.
 
     The background's motion is the homography fitted to the pixels with a background vote, or in the first frame the
@@ -314,7 +314,7 @@ def _flow_samples(flow: Flow, where: Mask) -> tuple[NDArray[np.float64], NDArray
     return sources, sources + flow.reshape(-1, 2)[places]
 
 
-def near_motion_edges(motion: FrameMotion) -> Mask:
+def near_motion_edges(motion: WindowMotion) -> Mask:
     """Pixels near motion discontinuities of the forward or backward flow, usually silhouettes: bool (h, w)."""
     found = np.zeros(motion.small.shape[:2], np.bool_)
     window = np.ones((MOTION_EDGE_WINDOW_PX, MOTION_EDGE_WINDOW_PX), np.uint8)
@@ -324,7 +324,7 @@ def near_motion_edges(motion: FrameMotion) -> Mask:
     return found
 
 
-def _untrackable(motion: FrameMotion, params: PatchesParams) -> Mask:
+def _untrackable(motion: WindowMotion, params: PatchesParams) -> Mask:
     """Areas at least `MIN_UNTRACKABLE_PX` wide that are not reliably linked to a neighbouring frame: bool (h, w)."""
     lost = (~motion.trackable(params.reliable)).astype(np.uint8)
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (MIN_UNTRACKABLE_PX, MIN_UNTRACKABLE_PX))

@@ -55,6 +55,7 @@ CELL_PX = 4.0
 
 
 def plan_patch(context: PlanContext[PatchesParams]) -> list[Task]:
+    """One task per small patch, several per large patch; none without painting patches."""
     if context.params.temporal != "on":
         return []
     width, height = WorkingGrid.of((context.video.width, context.video.height)).size

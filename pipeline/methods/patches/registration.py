@@ -34,6 +34,7 @@ UNRELIABLE_STIFFNESS = 0.1
 
 
 def plan_register(context: PlanContext[PatchesParams]) -> list[Task]:
+    """One task per run of frames; none without painting patches."""
     if context.params.temporal != "on":
         return []
     every = patch_tracks(context)

@@ -37,6 +37,7 @@ MAX_LABEL = 65535
 
 
 def plan_scan(context: PlanContext[PatchesParams]) -> list[Task]:
+    """A single task."""
     return [Task("video", weight=0.02 * max(context.video.frames, 1))]
 
 

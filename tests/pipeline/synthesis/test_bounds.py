@@ -13,9 +13,9 @@ from pipeline.compute.choice import choose
 from pipeline.synthesis.distance import nearest
 from pipeline.synthesis.energy import Energy
 from pipeline.synthesis.images import Target
-from pipeline.synthesis.opencl import Kernels
+from pipeline.synthesis.opencl import OpenCLOperations
 from pipeline.synthesis.operations import Operations
-from pipeline.synthesis.reference import Reference
+from pipeline.synthesis.reference import ReferenceOperations
 from pipeline.synthesis.refine import refine
 from tests.pipeline.compute.guarded import GuardedDevice
 from tests.pipeline.synthesis.test_parity import ENERGIES, random_style, random_target, run_operations
@@ -29,7 +29,7 @@ def test_kernels_neither_read_nor_write_outside_their_arrays(name: str, rotate: 
     found = []
     for fill in (0x00, 0xA5):
         guarded = GuardedDevice(choose(), fill)
-        found.append(run_operations(Kernels(guarded), ENERGIES[name], rotate, masked=True, rounds=2))
+        found.append(run_operations(OpenCLOperations(guarded), ENERGIES[name], rotate, masked=True, rounds=2))
         guarded.check_bands()
     for array in found[0]:
         np.testing.assert_array_equal(found[0][array], found[1][array], err_msg=array)
@@ -58,6 +58,5 @@ def offsets_with_lines_of_the_target_only(ops: Operations[Any]) -> np.ndarray:
 
 
 def test_lines_of_a_frame_are_ignored_if_the_style_has_none() -> None:
-    np.testing.assert_array_equal(
-        offsets_with_lines_of_the_target_only(Kernels(device())), offsets_with_lines_of_the_target_only(Reference())
-    )
+    kernels = offsets_with_lines_of_the_target_only(OpenCLOperations(device()))
+    np.testing.assert_array_equal(kernels, offsets_with_lines_of_the_target_only(ReferenceOperations()))

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from pipeline.compute import device
-from pipeline.synthesis.bands import Bands, bands
+from pipeline.synthesis.bands import BandedOperations, bands
 from pipeline.synthesis.energy import Energy
-from pipeline.synthesis.images import NOWHERE, Style, Target, packed
-from pipeline.synthesis.opencl import Kernels
+from pipeline.synthesis.images import NOWHERE, StyleImage, Target, packed
+from pipeline.synthesis.opencl import OpenCLOperations
 from pipeline.synthesis.operations import NeighbourAppearance, Operations
-from pipeline.synthesis.reference import Reference
+from pipeline.synthesis.reference import ReferenceOperations
 from pipeline.synthesis.refine import FARTHEST_PX, refine
 
 pytestmark = pytest.mark.real("opencl")
@@ -42,14 +42,14 @@ def smooth(rng: np.random.Generator, height: int, width: int, channels: int) -> 
     return np.asarray(cv2.GaussianBlur(noise, (0, 0), 1.2)).reshape(height, width, channels)
 
 
-def random_style(energy: Energy, rotate: bool, masked: bool) -> Style:
+def random_style(energy: Energy, rotate: bool, masked: bool) -> StyleImage:
     rng = np.random.default_rng(3)
     colours, guides = smooth(rng, 37, 45, energy.colours), smooth(rng, 37, 45, len(energy.guides))
     bins = rng.integers(0, 64, (37, 45), dtype=np.uint8)
     bins[:5] = 255
     usable = (rng.random((37, 45)) < 0.8).astype(np.uint8) if masked else None
     distance = rng.random((37, 45), np.float32) * 20 if energy.w_dt else None
-    return Style(colours, packed(energy, colours, guides), bins if rotate else None, usable, distance)
+    return StyleImage(colours, packed(energy, colours, guides), bins if rotate else None, usable, distance)
 
 
 def random_target(energy: Energy, rotate: bool, seed: int = 4) -> Target:
@@ -104,14 +104,14 @@ def run_operations(
 
 
 def check_parity(energy: Energy, rotate: bool, masked: bool, rounds: int, ops: Operations[Any] | None = None) -> None:
-    kernels = run_operations(ops or Kernels(device()), energy, rotate, masked, rounds)
-    for name, expected in run_operations(Reference(), energy, rotate, masked, rounds).items():
+    kernels = run_operations(ops or OpenCLOperations(device()), energy, rotate, masked, rounds)
+    for name, expected in run_operations(ReferenceOperations(), energy, rotate, masked, rounds).items():
         np.testing.assert_array_equal(kernels[name], expected, err_msg=name)
 
 
 @pytest.mark.parametrize("pixels", [1, 31 * 20, 31 * 23])
 def test_bands_of_rows_give_the_bytes_of_the_whole_frame(pixels: int) -> None:
-    check_parity(ENERGIES["all"], True, True, 3, Bands(device(), pixels))
+    check_parity(ENERGIES["all"], True, True, 3, BandedOperations(device(), pixels))
 
 
 @pytest.mark.parametrize(("pixels", "expected"), [(100 * 90, 1), (100 * 46, 3), (100 * 17, 90), (1, 90)])
@@ -134,7 +134,7 @@ def test_kernels_equal_the_reference_after_several_iterations(rounds: int) -> No
 
 
 def test_a_crop_of_the_style_is_found_at_its_position() -> None:
-    ops, energy = Reference(), replace(PLAIN, w_sc=5.0)
+    ops, energy = ReferenceOperations(), replace(PLAIN, w_sc=5.0)
     source = random_style(energy, False, False)
     style = ops.load(source, energy)
     state = ops.prepare(style, Target(np.ascontiguousarray(source.features[6:29, 8:39, 3:6])))
