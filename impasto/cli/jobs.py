@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from impasto.cli.console import emit, out, print_status, print_table, print_warnings, progress, table
-from impasto.cli.option_class import takes_options
 from impasto.cli.options import (
     Damage,
     DamageOption,
@@ -29,6 +28,7 @@ from impasto.cli.options import (
     inputs_of,
     labels_of,
     params_of,
+    takes_options,
 )
 from pipeline.errors import BadInput
 from workers.errors import NotFound

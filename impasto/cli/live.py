@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from impasto.cli.console import emit, err, out, print_status
-from impasto.cli.option_class import takes_options
 from impasto.cli.options import (
     WHAT,
     WHERE,
@@ -28,6 +27,7 @@ from impasto.cli.options import (
     ServerOption,
     inputs_of,
     params_of,
+    takes_options,
 )
 from pipeline.errors import BadInput
 from workers.model import Json

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from impasto.cli.console import emit, out, print_status, print_warnings, progress
-from impasto.cli.option_class import takes_options
 from impasto.cli.options import (
     Damage,
     DamageOption,
@@ -28,6 +27,7 @@ from impasto.cli.options import (
     home_of,
     inputs_of,
     params_of,
+    takes_options,
 )
 from pipeline.errors import BadInput
 

@@ -9,8 +9,7 @@ from typing import Annotated
 import typer
 
 from impasto.cli.console import print_status
-from impasto.cli.option_class import takes_options
-from impasto.cli.options import DatabaseOption, HomeOption, home_of
+from impasto.cli.options import DatabaseOption, HomeOption, home_of, takes_options
 
 EPILOG = """[bold]Examples[/bold]
 

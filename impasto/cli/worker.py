@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from impasto.cli.console import print_status
-from impasto.cli.option_class import takes_options
-from impasto.cli.options import DatabaseOption, HomeOption, home_of
+from impasto.cli.options import DatabaseOption, HomeOption, home_of, takes_options
 
 if TYPE_CHECKING:
     from service.settings import Settings
