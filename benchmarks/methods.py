@@ -17,7 +17,7 @@ from benchmarks.clips import clip
 from pipeline.frames import Frame
 from pipeline.methods import methods
 from pipeline.methods.base import Method
-from pipeline.methods.local import LocalContext, run_plan
+from pipeline.methods.local import LocalContext, required_inputs, run_plan
 from workers.execution.renderer import prepare_process
 
 TURNS = 3
@@ -47,7 +47,7 @@ def measure(frames: Sequence[Frame], turns: int = TURNS) -> Iterator[Row]:
 
 def _turn(method: Method, frames: Sequence[Frame]) -> tuple[float, float]:
     """(wall ms, CPU ms) a frame."""
-    context = LocalContext(method.Params(), frames)
+    context = LocalContext(method.Params(), frames, required_inputs(method, frames))
     wall, cpu = time.perf_counter(), time.process_time()
     run_plan(method, context)
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu

@@ -19,6 +19,7 @@ BUILT_IN = (
     "pipeline.methods.patches:Patches",
     "pipeline.methods.analogy:Analogy",
     "pipeline.methods.multistyle:Multistyle",
+    "pipeline.methods.steady:Steady",
 )
 """Classes by name, as entry points give them: methods that use other methods import this module."""
 

@@ -135,6 +135,15 @@ class LocalContext(Generic[P]):
         return
 
 
+def required_inputs(method: Method, video: Sequence[Frame]) -> dict[str, Input]:
+    """Stand-ins for the inputs that a method requires beside the video: for benchmarks and tests of every method.
+
+    Args:
+        video: frames, which take the place of each required input of kind "video".
+    """
+    return {spec.name: video for spec in method.inputs[1:] if spec.required and spec.kind == "video"}
+
+
 def run_plan(method: Method, context: LocalContext[AnyParams], shuffle: int | None = None) -> dict[str, list[Task]]:
     """Run a method's whole plan in this thread.
 

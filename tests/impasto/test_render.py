@@ -127,6 +127,26 @@ def test_a_folder_of_frames_and_a_still_are_inputs_too(render: Here, tmp_path: P
     assert np.array_equal(still, first)
 
 
+def test_frames_of_another_tool_are_steadied(render: Here, tiny_clip: Path, tmp_path: Path) -> None:
+    (tmp_path / "styled").mkdir()
+    for index in range(TINY_FRAMES):
+        brightness = 10 * (index % 2)
+        cv2.imwrite(str(tmp_path / "styled" / f"{index:04d}.png"), 255 - tiny_frame(index)[..., ::-1] // 2 - brightness)
+    render(tiny_clip, "-o", f"{tmp_path}/out/", "-m", "steady", "--input", f"styled={tmp_path / 'styled'}")
+    names = [f"{index:04d}.png" for index in range(10, 20)]
+    styled, steady = ([cv2.imread(str(tmp_path / at / name)).mean() for name in names] for at in ("styled", "out"))
+    assert np.abs(np.diff(steady)).max() < 0.2 * np.abs(np.diff(styled)).mean()
+
+
+def test_styled_frames_that_do_not_match_the_video_are_refused(render: Here, tiny_clip: Path, tmp_path: Path) -> None:
+    (tmp_path / "styled").mkdir()
+    for index in range(TINY_FRAMES - 1):
+        cv2.imwrite(str(tmp_path / "styled" / f"{index:04d}.png"), tiny_frame(index)[..., ::-1])
+    words = ("-m", "steady", "--input", f"styled={tmp_path / 'styled'}")
+    render(tiny_clip, "-o", f"{tmp_path}/out/", *words, code=2)
+    assert f"has {TINY_FRAMES - 1} frames, the video has {TINY_FRAMES}" in render.err
+
+
 def test_references_parameters_and_artefacts_arrive(render: Here, tiny_clip: Path, tmp_path: Path) -> None:
     reference = tmp_path / "red.png"
     cv2.imwrite(str(reference), np.full((64, 64, 3), (30, 30, 220), np.uint8))

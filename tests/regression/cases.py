@@ -125,6 +125,17 @@ def _multistyle() -> Iterator[Case]:
     )  # fmt: skip
 
 
+def _steady() -> Iterator[Case]:
+    def case(name: str, clip: Any, inputs: Callable[[], Inputs], **params: Any) -> Case:
+        return Case("steady", name, clip, params, inputs)
+
+    yield case("cut", "cut", lambda: {"styled": list(clips.posterized(clips.cut()))})
+    yield case("mask", "shapes", lambda: {"styled": list(clips.posterized(clips.shapes())),
+                                          "mask": {2: clips.middle_mask()}})  # fmt: skip
+    yield case("no-detail", "shapes", lambda: {"styled": list(clips.posterized(clips.shapes()))}, detail=0,
+               colour_half_life=0)  # fmt: skip
+
+
 CASES: dict[str, Case] = {
-    case.id: case for cases in (_abstraction(), _patches(), _analogy(), _multistyle()) for case in cases
+    case.id: case for cases in (_abstraction(), _patches(), _analogy(), _multistyle(), _steady()) for case in cases
 }

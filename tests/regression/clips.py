@@ -63,6 +63,13 @@ def painting() -> Frame:
     return np.ascontiguousarray(made // 32 * 32 + 16)
 
 
+def posterized(video: tuple[Frame, ...]) -> tuple[Frame, ...]:
+    """The video with few tones that change from frame to frame: what a tool makes of single frames."""
+    return tuple(
+        (frame // step * step + step // 2).astype(np.uint8) for frame, step in zip(video, range(32, 64), strict=False)
+    )
+
+
 def plain() -> Frame:
     """The picture that `painting` is of."""
     return scene("portrait", (120, 80), frames=1, seed=3).image(0)

@@ -16,8 +16,8 @@ import pipeline
 from pipeline.errors import BadInput, BadParameter
 from pipeline.frames import Frame
 from pipeline.methods import method, methods, parse_params
-from pipeline.methods.base import PROCESS_BYTES, Method, Params, PlanContext, VideoInfo, seeded
-from pipeline.methods.local import LocalContext, run_plan
+from pipeline.methods.base import PROCESS_BYTES, Method, PlanContext, VideoInfo, seeded
+from pipeline.methods.local import LocalContext, required_inputs, run_plan
 from pipeline.scenes import scene
 from tests.pipeline.methods.frames import painted
 
@@ -32,6 +32,10 @@ every_built_in_method = pytest.mark.parametrize("chosen", built_in.values(), ids
 def shot() -> list[Frame]:
     made = scene("cut", SIZE, frames=6, fps=6)
     return [made.image(index) for index in range(6)]
+
+
+def in_memory(chosen: Method, **more: Any) -> LocalContext[Any]:
+    return LocalContext(chosen.Params(), shot(), required_inputs(chosen, shot()), **more)
 
 
 def fields(chosen: Method) -> dict[str, dict[str, Any]]:
@@ -166,7 +170,7 @@ def refused(chosen: Method, values: dict[str, Any], name: str) -> BadParameter:
 
 @every_method
 def test_task_keys_are_valid_and_frames_are_emitted_once(chosen: Method) -> None:
-    context = Recorder(chosen.Params(), shot())
+    context = Recorder(chosen, shot())
     tasks = run_plan(chosen, context)
     for listed in tasks.values():
         keys = [task.key for task in listed]
@@ -182,8 +186,8 @@ def test_task_keys_are_valid_and_frames_are_emitted_once(chosen: Method) -> None
 class Recorder(LocalContext[Any]):
     """Records the order of emitted frames and the progress that tasks report."""
 
-    def __init__(self, params: Params, video: list[Frame]) -> None:
-        super().__init__(params, video)
+    def __init__(self, chosen: Method, video: list[Frame]) -> None:
+        super().__init__(chosen.Params(), video, required_inputs(chosen, video))
         self.order: list[int] = []
         self.done: list[float] = []
 
@@ -197,7 +201,7 @@ class Recorder(LocalContext[Any]):
 
 @every_method
 def test_a_plan_depends_on_its_context_only(chosen: Method) -> None:
-    context, results = LocalContext(chosen.Params(), shot()), dict[str, dict[str, Any]]()
+    context, results = in_memory(chosen), dict[str, dict[str, Any]]()
     for step in chosen.steps:
         planned = PlanContext(context.params, context.seed, context.video, frozenset(context.inputs), results)
         tasks = list(step.plan(planned))
@@ -210,7 +214,7 @@ def test_a_plan_depends_on_its_context_only(chosen: Method) -> None:
 
 @every_method
 def test_the_same_request_gives_the_same_bytes_in_any_order(chosen: Method) -> None:
-    first, second = (LocalContext(chosen.Params(), shot(), artefacts=frozenset(chosen.artefacts)) for _ in range(2))
+    first, second = (in_memory(chosen, artefacts=frozenset(chosen.artefacts)) for _ in range(2))
     run_plan(chosen, first)
     run_plan(chosen, second, shuffle=1)
     np.testing.assert_array_equal(painted(first), painted(second))
@@ -219,7 +223,7 @@ def test_the_same_request_gives_the_same_bytes_in_any_order(chosen: Method) -> N
 
 @every_method
 def test_a_wrong_frame_count_in_the_container_changes_nothing(chosen: Method) -> None:
-    honest, lying = (LocalContext(chosen.Params(), shot()) for _ in range(2))
+    honest, lying = (in_memory(chosen) for _ in range(2))
     lying.video = VideoInfo(*SIZE, frames=1, fps=25.0, duration_s=0.04)
     for context in (honest, lying):
         run_plan(chosen, context)
@@ -229,7 +233,7 @@ def test_a_wrong_frame_count_in_the_container_changes_nothing(chosen: Method) ->
 @every_method
 def test_a_video_without_frames_is_rejected(chosen: Method) -> None:
     with pytest.raises(BadInput) as caught:
-        run_plan(chosen, LocalContext(chosen.Params(), []))
+        run_plan(chosen, LocalContext(chosen.Params(), [], required_inputs(chosen, [])))
     assert caught.value.field == "inputs.video" and caught.value.remedy
 
 
@@ -238,7 +242,7 @@ def test_a_live_session_paints_what_a_job_paints(chosen: Method) -> None:
     session = chosen.stream(chosen.Params(), SIZE, 0, {})
     if session is None:
         pytest.skip("not a causal method")
-    context = LocalContext(chosen.Params(), shot())
+    context = in_memory(chosen)
     run_plan(chosen, context)
     np.testing.assert_array_equal(np.stack([session.step(frame) for frame in shot()]), painted(context))
 

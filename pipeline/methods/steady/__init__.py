@@ -1,0 +1,58 @@
+"""steady: flicker removal for videos that any other tool stylised frame by frame (bonneel2015blind)."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from pipeline.methods.base import (
+    AnyParams,
+    Example,
+    InputSpec,
+    Method,
+    Params,
+    PlanContext,
+    Resources,
+    Step,
+    resources_per_pixel,
+)
+from pipeline.methods.steady.filter import SteadyFilter
+from pipeline.methods.steady.params import SteadyParams
+from pipeline.methods.steady.plan import plan_scan, plan_steady, run_scan, run_steady
+
+__all__ = ["Steady", "SteadyFilter", "SteadyParams"]
+
+
+class Steady(Method):
+    """The method as the registry knows it."""
+
+    name: ClassVar[str] = "steady"
+    title: ClassVar[str] = "Steady frames"
+    summary: ClassVar[str] = "Removes the flicker of a video that any other tool stylised frame by frame."
+    paper: ClassVar[str] = "bonneel2015blind"
+    Params: ClassVar[type[Params]] = SteadyParams
+    inputs: ClassVar[tuple[InputSpec, ...]] = (
+        InputSpec("video", "video", True, "Video", "The video as it was before it was stylised."),
+        InputSpec(
+            "styled", "video", True, "Styled video",
+            "The same video, stylised by any tool: a video or a zip of numbered images, with the same frame size and "
+            "the same number of frames.",
+        ),
+        InputSpec(
+            "mask", "images", False, "Mask",
+            "White where the result is to be steady, black where it is to stay as styled; a zip of images named by "
+            "frame number, each valid until the next.", preview=False,
+        ),
+    )  # fmt: skip
+    steps: ClassVar[tuple[Step[AnyParams], ...]] = (
+        Step("scan", "Compare the videos", plan_scan, run_scan, weight=0.2),
+        Step("steady", "Remove the flicker", plan_steady, run_steady),
+    )
+    examples: ClassVar[tuple[Example, ...]] = (
+        Example("strokes", "For brush strokes", {"detail": 1}),
+        Example("gentle", "Gentle", {"strength": 6}),
+        Example("firm", "Firm", {"strength": 80, "trail_suppression": 15}),
+    )
+
+    def resources(self, step: str, context: PlanContext[SteadyParams]) -> Resources:
+        """Peak memory measured by `python -m benchmarks.task_memory`, plus 20 %."""
+        return resources_per_pixel(context.video, 60 if step == "scan" else 260)

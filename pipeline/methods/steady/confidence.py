@@ -1,0 +1,113 @@
+"""How far the motion of each pixel of the source can be trusted."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.flow.dis import dis
+from pipeline.flow.gray import to_gray
+from pipeline.flow.warp import fetch
+from pipeline.frames import Flow, Frame, Plane
+from pipeline.jit import kernel
+
+BOUNDARY = 1.0
+"""Exponent by which the confidence falls where the gradient of the flow reaches the limit of a motion boundary."""
+WINDOW_PX = 5
+"""Side of the window over which colour differences are averaged. An inaccuracy of the flow at an edge adds differences
+of both signs, which cancel; a trail has one sign."""
+SINGLE = 1 / 3
+"""Rate of the decay with the difference of a single pixel, relative to that with the mean over the window."""
+ROUND_TRIP = 0.05
+"""Exponent by which the confidence falls where the round trip is as long as its tolerance. It is small, since a fast
+flow is off by a pixel or two in smooth areas, which does no harm."""
+
+Picture: TypeAlias = NDArray[np.float32]
+"""float32 (h, w, 3), RGB, 0..255."""
+
+
+def motion(before: Frame, now: Frame) -> tuple[Flow, Flow]:
+    """Accurate flow from `now` to `before`, and a fast flow from `before` to `now` to check it with."""
+    first, second = to_gray(before), to_gray(now)
+    return dis(second, first, "half"), dis(first, second, "ultrafast")
+
+
+def confidence(back: Flow, forth: Flow, source: Frame, warped: Frame, expected: Picture, alpha: float) -> Plane:
+    """Confidence that a pixel shows the same point of the scene as the pixel of the last frame that `back` leads to.
+
+        exp(-alpha |mean of (source - expected) over 5 x 5 px|^2  -  SINGLE alpha |source - warped|^2
+            -  ROUND_TRIP |b + f|^2 / tolerance  -  BOUNDARY |grad b|^2 / limit)
+
+    The tolerance of the round trip is 0.01 (|b|^2 + |f|^2) + 0.5 px^2, the limit of a motion boundary
+    0.01 |b|^2 + 0.002 (sundaram2010dense, eq. 5 and 6). Where `back` leads out of the picture, the confidence is 0.
+
+    Args:
+        back: flow from this frame to the last, px.
+        forth: flow from the last frame to this one, px.
+        source: this frame.
+        warped: the last frame, moved along `back`.
+        expected: the average of all past frames along the motion.
+        alpha: rate of the decay, per squared RGB distance, RGB in 0..1.
+
+    Returns:
+        float32 (h, w), 0..1.
+
+    Source: bonneel2015blind, section 3: the second term. Departure: the first term finds trails, see `SteadyFilter`,
+    the third and fourth term find occlusions where the colours are alike.
+    """
+    exponent = np.empty(back.shape[:2], np.float32)
+    difference = np.empty(source.shape, np.float32)
+    rate = np.float32(alpha / 255**2)
+    _compare(back, fetch(forth, back), exponent)
+    _differ(source, warped, expected, rate * np.float32(SINGLE), exponent, difference)
+    _decay(cv2.blur(difference, (WINDOW_PX, WINDOW_PX)), rate, exponent)
+    return np.asarray(cv2.exp(exponent), np.float32)
+
+
+@kernel
+def _compare(back: Any, forth: Any, exponent: Any) -> None:
+    """Fill `exponent` with the parts of the round trip and of the motion boundaries."""
+    height, width = exponent.shape
+    for y in range(height):
+        for x in range(width):
+            bx, by, fx, fy = back[y, x, 0], back[y, x, 1], forth[y, x, 0], forth[y, x, 1]
+            tolerance = np.float32(0.01) * (bx * bx + by * by + fx * fx + fy * fy) + np.float32(0.5)
+            away = (bx + fx) * (bx + fx) + (by + fy) * (by + fy)
+            exponent[y, x] = np.float32(-ROUND_TRIP) * away / tolerance
+            left, right, up, down = max(x - 1, 0), min(x + 1, width - 1), max(y - 1, 0), min(y + 1, height - 1)
+            gradient = np.float32(0)
+            for c in range(2):
+                across, along = back[y, right, c] - back[y, left, c], back[down, x, c] - back[up, x, c]
+                gradient += np.float32(0.25) * (across * across + along * along)
+            limit = np.float32(0.01) * (bx * bx + by * by) + np.float32(0.002)
+            exponent[y, x] -= np.float32(BOUNDARY) * gradient / limit
+            if x + bx < 0 or x + bx > width - 1 or y + by < 0 or y + by > height - 1:
+                exponent[y, x] = -np.inf
+
+
+@kernel
+def _differ(source: Any, warped: Any, expected: Any, rate: Any, exponent: Any, difference: Any) -> None:
+    """Subtract the single pixels' part from `exponent`; fill `difference` with source - expected."""
+    height, width = exponent.shape
+    for y in range(height):
+        for x in range(width):
+            total = np.float32(0)
+            for c in range(3):
+                value = np.float32(source[y, x, c])
+                step = value - np.float32(warped[y, x, c])
+                total += step * step
+                difference[y, x, c] = value - expected[y, x, c]
+            exponent[y, x] -= rate * total
+
+
+@kernel
+def _decay(mean: Any, rate: Any, exponent: Any) -> None:
+    """Subtract the windows' part from `exponent`."""
+    height, width = exponent.shape
+    for y in range(height):
+        for x in range(width):
+            r, g, b = mean[y, x, 0], mean[y, x, 1], mean[y, x, 2]
+            exponent[y, x] -= rate * (r * r + g * g + b * b)

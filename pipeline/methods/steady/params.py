@@ -1,0 +1,36 @@
+"""Every parameter of the steady method, with unit, range and the paper's symbol."""
+
+from __future__ import annotations
+
+from pipeline.methods.base import Params
+from pipeline.methods.fields import number
+
+
+class SteadyParams(Params):
+    """Parameters of blind video temporal consistency (bonneel2015blind)."""
+
+    strength: float = number(
+        40, 0, 200, "Strength",
+        "Weight of the previous result, moved along the motion, relative to the gradients of the styled frame. "
+        "0 = the styled video as it is.", "ratio", "Time", "lambda",
+    )  # fmt: skip
+    trail_suppression: float = number(
+        40, 0, 1000, "Trail suppression",
+        "How fast the weight falls where the source differs from what the motion predicts. Higher values leave fewer "
+        "trails and more flicker on things that move fast.", "per squared RGB distance, RGB in 0..1", "Time", "alpha",
+    )  # fmt: skip
+    colour_half_life: float = number(
+        60, 0, 1000, "Colour half-life",
+        "Time in which the result loses half of its difference to the colours of the styled video. 0 = never.",
+        "frames", "Time",
+    )  # fmt: skip
+    cut_sensitivity: float = number(
+        1, 0, 3, "Cut sensitivity", "How readily a hard cut is detected, where the result starts afresh. 0 = never.",
+        "ratio", "Time",
+    )  # fmt: skip
+    detail: float = number(
+        0.4, 0, 1, "Restored detail",
+        "Share of the fine detail that the styled frame has and the result lacks which is restored by amplification. "
+        "0 = off; higher values suit frames painted with strokes, and flicker more.",
+        "ratio", "Detail",
+    )  # fmt: skip

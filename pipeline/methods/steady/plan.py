@@ -1,0 +1,126 @@
+"""Plan of a job: shots are processed in parallel, runs of frames within a shot in sequence.
+
+    scan      one pass over both videos: they match, number of frames, first frames of the shots
+    steady    runs of at most RUN_FRAMES frames; a run continues from the state that the previous run of the shot saved
+
+The saved state is complete, so the result equals that of one filter over the whole video byte for byte.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fractions import Fraction
+from itertools import pairwise
+
+import cv2
+import numpy as np
+
+from pipeline.arrays import AnyArray
+from pipeline.errors import BadInput
+from pipeline.frames import Frame, Plane
+from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
+from pipeline.methods.scan import scan_video
+from pipeline.methods.steady.filter import SteadyFilter
+from pipeline.methods.steady.params import SteadyParams
+
+RUN_FRAMES = 96
+"""Frames per task, which are repeated after a failure."""
+
+
+def plan_scan(context: PlanContext[SteadyParams]) -> list[Task]:
+    return [Task("video", weight=0.2 * max(context.video.frames, 1))]
+
+
+def run_scan(task: Task, context: TaskContext[SteadyParams]) -> TaskResult:
+    """Result: number of frames, and cuts.
+
+    Raises:
+        BadInput: the styled video has another frame size or another number of frames than the video.
+    """
+    styled = context.frames("styled")
+    matched = 0
+
+    def compare(frame: Frame) -> None:
+        nonlocal matched
+        other = next(styled, None)
+        if other is not None:
+            matched += 1
+            _check_size(frame, other)
+
+    frames, cuts = scan_video(context, context.params.cut_sensitivity, compare)
+    given = matched + sum(1 for _ in styled)
+    if given != frames:
+        raise BadInput(
+            f"The styled video has {given} frames, the video has {frames}.", field="inputs.styled", value=given,
+            remedy="Give a styled video with one frame for each frame of the video, for example made from all of its "
+            "frames without a change of the frame rate.",
+        )  # fmt: skip
+    return {"frames": frames, "cuts": list[int](cuts)}
+
+
+def _check_size(frame: Frame, styled: Frame) -> None:
+    size, other = (frame.shape[1], frame.shape[0]), (styled.shape[1], styled.shape[0])
+    if size == other:
+        return
+    scales = Fraction(other[0], size[0]), Fraction(other[1], size[1])
+    if abs(scales[0] / scales[1] - 1) < Fraction(1, 100):
+        difference = f"; its scale is {float(scales[0]):.3g}"
+        remedy = f"Scale the styled video to {size[0]}x{size[1]}, or the video to {other[0]}x{other[1]}."
+    else:
+        difference = ", and another aspect ratio"
+        remedy = "Give a styled video that was made from the whole frames of the video, neither cropped nor padded."
+    raise BadInput(
+        f"The styled video is {other[0]}x{other[1]}, the video is {size[0]}x{size[1]}{difference}.",
+        field="inputs.styled", value=f"{other[0]}x{other[1]}", remedy=remedy,
+    )  # fmt: skip
+
+
+def plan_steady(context: PlanContext[SteadyParams]) -> list[Task]:
+    scan = context.results["scan"]["video"]
+    tasks: list[Task] = []
+    for begin, end in pairwise([0, *scan["cuts"], scan["frames"]]):
+        for start in range(begin, end, RUN_FRAMES):
+            stop = min(start + RUN_FRAMES, end)
+            after = (_key(start - RUN_FRAMES),) if start > begin else ()
+            args = {"start": start, "stop": stop, "last": stop == end}
+            tasks.append(Task(_key(start), args, after, (start, stop), weight=stop - start))
+    return tasks
+
+
+def _key(start: int) -> str:
+    return f"run-{start:07d}"
+
+
+def run_steady(task: Task, context: TaskContext[SteadyParams]) -> TaskResult:
+    """Emit frames [start, stop), continuing from the state of the previous run of the shot."""
+    start, stop = task.args["start"], task.args["stop"]
+    steady = SteadyFilter(context.params, context.size)
+    if task.after:
+        steady.restore(context.load("steady", task.after[0]))
+    sources = context.frames("video", start, stop), context.frames("styled", start, stop), _masks(context, start, stop)
+    for index, (source, styled, mask) in enumerate(zip(*sources, strict=False), start):
+        with context.clock("steady"):
+            result = steady.step(source, styled, mask)
+        context.emit(index, result)
+        context.progress((index + 1 - start) / (stop - start))
+    if not task.args["last"]:
+        context.save(task.key, steady.state())
+    return {"frames": stop - start}
+
+
+def _masks(context: TaskContext[SteadyParams], start: int, stop: int) -> Iterator[Plane | None]:
+    """The mask of each frame: the latest image up to it, None before the first image."""
+    images = context.images("mask") if context.has("mask") else {}
+    newest = max((number for number in images if number <= start), default=None)
+    mask = None if newest is None else _plane(images[newest], context.size)
+    for index in range(start, stop):
+        if index in images and index != newest:
+            mask = _plane(images[index], context.size)
+        yield mask
+
+
+def _plane(image: AnyArray, size: tuple[int, int]) -> Plane:
+    """A mask 0..1 of the frames' size, from a gray or RGB image of 8 or 16 bit."""
+    gray = image if image.ndim == 2 else image[..., :3].mean(axis=-1)
+    plane = np.asarray(gray / np.iinfo(image.dtype).max, np.float32)
+    return np.asarray(cv2.resize(plane, size, interpolation=cv2.INTER_AREA), np.float32)

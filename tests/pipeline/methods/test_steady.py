@@ -1,0 +1,157 @@
+"""The method steady: flicker goes, detail and moving things stay, cuts and masks are heeded, inputs are compared."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pipeline.errors import BadInput
+from pipeline.frames import Frame
+from pipeline.methods.local import LocalContext, run_plan
+from pipeline.methods.steady import Steady, SteadyFilter, SteadyParams, plan
+from pipeline.scenes import scene
+from tests.pipeline.methods.frames import painted
+
+SIZE = (96, 64)
+BACKGROUND, OBJECT = (60, 140, 60), (200, 60, 40)
+
+
+@cache
+def texture() -> Frame:
+    """A still picture with detail of all sizes."""
+    draw = np.random.default_rng(1)
+    layers = [cv2.resize(draw.random((64 // s, 96 // s, 3)), SIZE, interpolation=cv2.INTER_CUBIC) for s in (1, 4, 16)]
+    picture: Frame = np.clip(255 * np.mean(layers, axis=0), 0, 255).astype(np.uint8)
+    return picture
+
+
+def still(frames: int = 12) -> list[Frame]:
+    return [texture().copy() for _ in range(frames)]
+
+
+def flickering(video: list[Frame], levels: float = 12) -> list[Frame]:
+    """The video with noise of its own and a brightness of its own in each frame."""
+    draw = np.random.default_rng(2)
+    noisy = (f + levels * (draw.standard_normal(f.shape) + draw.standard_normal()) for f in video)
+    return [np.clip(frame, 0, 255).astype(np.uint8) for frame in noisy]
+
+
+def moving_square(frames: int = 10) -> list[Frame]:
+    """A textured square that moves over another texture by 3 px a frame."""
+    video = []
+    for index in range(frames):
+        frame = (texture() // 4 + np.array(BACKGROUND, np.uint8)).astype(np.uint8)
+        frame[20:44, 8 + 3 * index : 32 + 3 * index] = texture()[20:44, 8:32] // 4 + np.array(OBJECT, np.uint8)
+        video.append(frame)
+    return video
+
+
+def run(
+    video: list[Frame], styled: list[Frame], more: dict[str, Any] | None = None, **params: Any
+) -> NDArray[np.uint8]:
+    context = LocalContext(SteadyParams(**params), video, {"styled": styled, **(more or {})})
+    run_plan(Steady(), context)
+    return painted(context)
+
+
+def change(frames: NDArray[np.uint8] | list[Frame]) -> float:
+    """Root mean square of the difference between neighbouring frames, gray levels."""
+    return float(np.sqrt(np.square(np.diff(np.asarray(frames, np.float32), axis=0)).mean()))
+
+
+def test_flicker_of_a_still_scene_falls_below_a_quarter_and_its_detail_stays() -> None:
+    styled = flickering(still())
+    result = run(still(), styled)
+    assert change(result) < 0.25 * change(styled)
+    shapes = [np.abs(cv2.Sobel(f.astype(np.float32), cv2.CV_32F, 1, 0)).mean() for f in (result[-1], texture())]
+    assert shapes[0] == pytest.approx(shapes[1], rel=0.1)
+
+
+def test_a_styled_video_without_flicker_stays_as_it_is() -> None:
+    result = run(still(4), still(4))
+    assert np.abs(result.astype(int) - np.asarray(still(4))).max() <= 1
+
+
+def test_strength_0_returns_the_styled_video() -> None:
+    styled = flickering(moving_square(4))
+    np.testing.assert_array_equal(run(moving_square(4), styled, strength=0, detail=0), styled)
+
+
+def test_what_an_object_uncovers_has_no_trail() -> None:
+    video = moving_square()
+    result = run(video, flickering(video, levels=4))
+    uncovered = np.s_[24:40, 10:28]
+    for index in range(8, 10):
+        difference = result[index][uncovered].astype(float) - video[index][uncovered]
+        assert np.abs(difference.mean(axis=(0, 1))).max() < 20  # the colours of object and background differ by 140
+
+
+def test_a_cut_starts_afresh() -> None:
+    made = scene("cut", SIZE, frames=6, fps=6)
+    video = [made.image(index) for index in range(6)]
+    styled = flickering(video)
+    context = LocalContext(SteadyParams(), video, {"styled": styled})
+    tasks = run_plan(Steady(), context)["steady"]
+    first = [task.args["start"] for task in tasks if not task.after]
+    assert len(first) == 2 and first[0] == 0
+    for start in first:
+        np.testing.assert_array_equal(context.emitted[start], styled[start])
+
+
+def test_colours_follow_the_styled_video_with_the_half_life() -> None:
+    darker = [*still(1), *[(frame // 2).astype(np.uint8) for frame in still(13)]]
+    slow, fast = (run(still(14), darker, colour_half_life=h)[-1].mean() for h in (0, 3))
+    assert slow == pytest.approx(texture().mean(), abs=8)
+    assert fast == pytest.approx(texture().mean() / 2, abs=8)
+
+
+def test_a_mask_keeps_the_styled_frames_where_it_is_black() -> None:
+    mask = np.zeros(SIZE[::-1], np.uint8)
+    mask[:, 48:] = 255
+    styled = flickering(still(6))
+    result = run(still(6), styled, {"mask": {2: mask}})
+    np.testing.assert_array_equal(result[2:, :, :48], np.asarray(styled)[2:, :, :48])
+    assert change(result[2:, :, 56:]) < 0.5 * change(np.asarray(styled)[2:, :, 56:])
+    assert np.any(result[1, :, :48] != styled[1][:, :48])  # before the first mask everything is steadied
+
+
+@pytest.mark.parametrize("frames", [3, 4, 7])
+def test_the_bytes_do_not_depend_on_the_length_of_runs(frames: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    video = moving_square(8)
+    masks = {"mask": {2: np.full((8, 8), 200, np.uint8), 5: np.full((8, 8), 90, np.uint8)}}
+    whole = run(video, flickering(video), masks)
+    monkeypatch.setattr(plan, "RUN_FRAMES", frames)
+    np.testing.assert_array_equal(run(video, flickering(video), masks), whole)
+
+
+def test_a_job_equals_the_filter_on_a_stream() -> None:
+    video = moving_square(5)
+    stream = SteadyFilter(SteadyParams(), SIZE)
+    frames = [stream.step(source, styled) for source, styled in zip(video, flickering(video), strict=True)]
+    np.testing.assert_array_equal(run(video, flickering(video)), frames)
+
+
+@pytest.mark.parametrize("given", [4, 6])
+def test_another_number_of_frames_is_an_error_that_names_both(given: int) -> None:
+    with pytest.raises(BadInput, match=f"has {given} frames, the video has 5") as caught:
+        run(still(5), still(given))
+    assert caught.value.field == "inputs.styled" and caught.value.remedy
+
+
+def test_a_scaled_styled_video_is_an_error_with_both_sizes_and_the_remedy() -> None:
+    small = [np.ascontiguousarray(cv2.resize(frame, (48, 32))) for frame in still(3)]
+    with pytest.raises(BadInput, match=r"48x32, the video is 96x64; its scale is 0\.5") as caught:
+        run(still(3), small)
+    assert "Scale the styled video to 96x64" in caught.value.remedy
+
+
+def test_a_cropped_styled_video_is_an_error() -> None:
+    cropped = [np.ascontiguousarray(frame[:48]) for frame in still(3)]
+    with pytest.raises(BadInput, match="another aspect ratio") as caught:
+        run(still(3), cropped)
+    assert "cropped" in caught.value.remedy
