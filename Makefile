@@ -43,9 +43,10 @@ audit: install ## whether a dependency is known to be vulnerable (needs the netw
 bench: install ## speed, as ratios measured in one run
 	$(BIN)/python -m benchmarks
 
-chaos: install ## faults of every part of a farm on real PostgreSQL and S3, ten seeded runs; then three on a Ray cluster
+chaos: install ## faults of every part of a farm on real PostgreSQL and S3, ten seeded runs; three on a Ray cluster; random work on the store
 	$(BIN)/python -m tests.chaos
 	$(BIN)/python -m tests.chaos --cluster --seeds 3
+	IMPASTO_FARM_STEPS=10000 $(BIN)/python -m pytest -q --timeout 1800 tests/contracts/test_random_work.py
 
 fuzz: install ## malformed media and HTTP requests for some minutes: make fuzz MINUTES=10 SEED=1
 	$(BIN)/python -m tests.fuzz --minutes $(MINUTES) --seed $(SEED)
