@@ -169,3 +169,20 @@ def test_a_frame_of_the_result_is_corrected_and_the_film_has_both_keys(
     film = frames_of(result(service, render(page)))
     for key, picture in zip((first, second), pictures, strict=True):
         assert np.array_equal(film[key["frame"]], picture)
+
+
+def test_scribbles_are_in_the_film_that_the_command_makes(
+    watched: Watched, service: str, video: str, tmp_path: Path
+) -> None:
+    page = watched.page
+    project = open_project(page, service, video, "patches")
+    page.get_by_role("button", name="Mark the foreground").click()
+    draw(page, (DISC - 0.05, 0.45), (DISC + 0.05, 0.55))
+    saved(page)
+    page.get_by_role("button", name="Mark the background").click()
+    draw(page, (0.9, 0.1), (0.9, 0.9))
+    saved(page)
+    assert [scribble["frame"] for scribble in layer_of(stored(service, project))["scribbles"]] == [4]
+    job = render(page)
+    assert "masks" in httpx.get(f"{service}/v1/jobs/{job}").json()["request"]["inputs"]
+    assert result(service, job) == rendered_by_command(service, project, tmp_path)

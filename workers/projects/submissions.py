@@ -117,10 +117,16 @@ def _submission(document: Document, pick: Pick, selection: Selection) -> Submiss
         seed=work.seed,
         inputs=work.inputs,
         output=OutputSpec(output.format, output.quality, output.artefacts),
-        name=f"{document.name}: {shot.name or shot.id}"[:200],
+        name=_film_name(document, shot),
         frames=frames,
         priority=selection.priority,
     )
+
+
+def _film_name(document: Document, shot: Shot) -> str:
+    """The project's name, with the shot's if it has one or the project has several."""
+    part = shot.name or (shot.id if len(document.shots) > 1 else "")
+    return (f"{document.name}: {part}" if part else document.name)[:200]
 
 
 def is_plain(layers: Sequence[Layer]) -> bool:
