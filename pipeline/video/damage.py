@@ -55,8 +55,8 @@ class Damage:
     def describe(self, what: str = "The source") -> str:
         """One sentence, for example "The source is damaged: frames 22-95 of 96 are missing."; empty if whole."""
         parts = [(self.missing, "missing"), (self.unreadable, "unreadable")]
-        said = [f"{_named(runs, self.frames)} {_be(runs)} {word}" for runs, word in parts if runs]
-        return f"{what} is damaged: {' and '.join(said)}." if said else ""
+        clauses = [f"{_named(runs, self.frames)} {_be(runs)} {word}" for runs, word in parts if runs]
+        return f"{what} is damaged: {' and '.join(clauses)}." if clauses else ""
 
 
 def damage_of(index: Index, unreadable: Iterable[int]) -> Damage:

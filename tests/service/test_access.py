@@ -40,19 +40,19 @@ def submit(client: TestClient, **more: Any) -> Any:
 
 
 @pytest.mark.parametrize("header", [None, "Bearer wrong", "Basic eDp5", "Bearer ", "Bearer é"])
-def test_without_a_good_key_it_is_401(login: Login, header: str | None) -> None:
+def test_requests_without_a_valid_key_get_401(login: Login, header: str | None) -> None:
     answer = login().get("/v1/jobs", headers={"Authorization": header.encode()} if header else {})
     assert (answer.status_code, answer.json()["code"]) == (401, "unauthorized")
     assert answer.headers["www-authenticate"] == "Bearer"
     assert answer.json()["field"] == "Authorization"
 
 
-def test_a_key_in_the_address_is_not_taken(login: Login, farm: DrivenFarm) -> None:
+def test_a_key_in_the_url_is_not_accepted(login: Login, farm: DrivenFarm) -> None:
     secret = farm.keys.create("k", ["read"])[1]
     assert login().get("/v1/jobs", params={"key": secret}).status_code == 401
 
 
-def test_bytes_that_two_have_keep_the_name_that_each_gave(login: Login) -> None:
+def test_a_shared_asset_keeps_the_file_name_of_each_owner(login: Login) -> None:
     first, second = login("submit", "read"), login("submit", "read")
     asset = first.post("/v1/assets", files={"file": ("secret-film.mp4", CLIP)}).json()["id"]
     second.post("/v1/assets", files={"file": ("my-cat.mp4", CLIP)})
@@ -62,7 +62,7 @@ def test_bytes_that_two_have_keep_the_name_that_each_gave(login: Login) -> None:
         assert "secret" not in disposition
 
 
-def test_a_revoked_key_opens_nothing(login: Login, farm: DrivenFarm) -> None:
+def test_a_revoked_key_is_refused(login: Login, farm: DrivenFarm) -> None:
     client = login("read")
     assert client.get("/v1/jobs").status_code == 200
     farm.keys.revoke(farm.keys.list()[0].id)
@@ -85,19 +85,19 @@ def test_a_revoked_key_opens_nothing(login: Login, farm: DrivenFarm) -> None:
         ("read", "GET", "/metrics", 200),
     ],
 )
-def test_scopes(login: Login, scope: str, verb: str, path: str, status: int) -> None:
+def test_scopes_limit_the_endpoints_of_a_key(login: Login, scope: str, verb: str, path: str, status: int) -> None:
     body = {"method": "toy", "inputs": {}} if path.endswith("previews") else None
     answer = login(scope).request(verb, path, json=body)
     assert answer.status_code == status
     assert status != 403 or answer.json()["code"] == "forbidden"
 
 
-def test_pages_health_and_description_need_no_key(login: Login) -> None:
+def test_pages_health_and_openapi_need_no_key(login: Login) -> None:
     for path in ("/", "/docs", "/openapi.json", "/healthz", "/readyz"):
         assert login().get(path).status_code == 200, path
 
 
-def test_others_things_do_not_exist(login: Login, farm: DrivenFarm) -> None:
+def test_resources_of_other_owners_are_404(login: Login, farm: DrivenFarm) -> None:
     mine, other, admin = login("read", "submit"), login("read", "submit"), login("admin")
     job = submit(mine).json()
     asset, task = job["request"]["inputs"]["video"], farm.add_task(job["id"]).id
@@ -142,7 +142,7 @@ def test_uploads_belong_to_their_key(login: Login) -> None:
     assert other.head(where, headers=headers).status_code == other.delete(where, headers=headers).status_code == 404
 
 
-def test_a_keys_rate(login: Login) -> None:
+def test_a_key_has_a_request_rate_limit(login: Login) -> None:
     client, other = login("read", requests_per_minute=12), login("read")
     answers = [client.get("/v1/jobs") for _ in range(4)]
     assert [answer.status_code for answer in answers] == [200, 200, 429, 429]
@@ -151,7 +151,7 @@ def test_a_keys_rate(login: Login) -> None:
     assert other.get("/v1/jobs").status_code == 200
 
 
-def test_guessing_keys_is_slowed(settings: Settings, farm: DrivenFarm) -> None:
+def test_guessing_keys_is_rate_limited(settings: Settings, farm: DrivenFarm) -> None:
     app = create_app(settings.model_copy(update={"auth": "required", "requests_per_minute": 30}), farm)
     client = TestClient(app, "https://impasto.example")
     guesses = [client.get("/v1/jobs", headers={"Authorization": f"Bearer {n}"}).status_code for n in range(7)]
@@ -159,7 +159,7 @@ def test_guessing_keys_is_slowed(settings: Settings, farm: DrivenFarm) -> None:
     assert guesses[-1] == 429
 
 
-def test_quotas(login: Login) -> None:
+def test_quotas_limit_jobs_and_asset_bytes(login: Login) -> None:
     jobs = login("submit", active_jobs=1)
     once = {"Idempotency-Key": "once"}
     assert [submit(jobs, headers=once).status_code for _ in range(2)] == [201, 200]  # the same job costs nothing
@@ -173,7 +173,7 @@ def test_quotas(login: Login) -> None:
     assert client.post("/v1/uploads", headers=tus).status_code == 429
 
 
-def test_an_admin_makes_and_revokes_keys(settings: Settings, farm: DrivenFarm) -> None:
+def test_an_admin_creates_and_revokes_keys(settings: Settings, farm: DrivenFarm) -> None:
     closed = settings.model_validate(settings.model_dump() | {"auth": "required", "admin_key": ADMIN})
     client = TestClient(
         create_app(closed, farm), "https://impasto.example", headers={"Authorization": f"Bearer {ADMIN}"}
@@ -192,28 +192,28 @@ def test_an_admin_makes_and_revokes_keys(settings: Settings, farm: DrivenFarm) -
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "127.0.0.1:8420", "localhost:1", "[::1]:8420", "LOCALHOST"])
-def test_this_machine_needs_no_key(client: TestClient, host: str) -> None:
+def test_loopback_requests_need_no_key(client: TestClient, host: str) -> None:
     assert client.get("/v1/jobs", headers={"Host": host}).status_code == 200
 
 
 @pytest.mark.parametrize("host", ["evil.example", "127.0.0.1.evil.example", "0.0.0.0:8420", "192.168.0.1", "[::1", ""])
-def test_a_name_that_was_rebound_is_refused(client: TestClient, host: str) -> None:
+def test_an_unknown_host_header_is_refused(client: TestClient, host: str) -> None:
     answer = client.get("/v1/jobs", headers={"Host": host})
     assert (answer.status_code, answer.json()["field"]) == (403, "Host")
 
 
 @pytest.mark.parametrize("origin", ["https://evil.example", "null", "http://127.0.0.1:9999", "https://127.0.0.1:8420"])
-def test_a_page_from_elsewhere_is_refused(client: TestClient, origin: str) -> None:
+def test_a_foreign_origin_is_refused(client: TestClient, origin: str) -> None:
     answer = client.post("/v1/jobs/job_x/cancel", headers={"Origin": origin})
     assert (answer.status_code, answer.json()["field"]) == (403, "Origin")
 
 
-def test_our_own_page_is_not(client: TestClient) -> None:
+def test_the_own_origin_is_accepted(client: TestClient) -> None:
     answer = client.post("/v1/jobs/job_x/cancel", headers={"Origin": "http://127.0.0.1:8420"})
     assert answer.status_code == 404
 
 
-def test_bound_elsewhere_a_key_is_needed(settings: Settings, farm: DrivenFarm) -> None:
+def test_a_non_loopback_address_requires_a_key(settings: Settings, farm: DrivenFarm) -> None:
     app = create_app(settings.model_copy(update={"host": "0.0.0.0"}), farm)
     assert TestClient(app, "http://127.0.0.1").get("/v1/jobs").status_code == 401
 
@@ -222,14 +222,14 @@ def test_bound_elsewhere_a_key_is_needed(settings: Settings, farm: DrivenFarm) -
     ("host", "yes"),
     [("localhost", True), ("127.9.9.9", True), ("::1", True), ("0.0.0.0", False), ("::", False), ("a", False)],
 )
-def test_loopback(host: str, yes: bool) -> None:
+def test_loopback_addresses_are_recognised(host: str, yes: bool) -> None:
     assert is_loopback(host) is yes
 
 
 # -- buckets
 
 
-def test_a_bucket_fills_again() -> None:
+def test_a_rate_limit_bucket_refills() -> None:
     now = 100.0
     rates = Rates(lambda: now)
     assert [rates.take("a", 2.0, 3) for _ in range(4)] == [0.0, 0.0, 0.0, 0.5]
@@ -239,7 +239,7 @@ def test_a_bucket_fills_again() -> None:
     assert [rates.take("a", 2.0, 3) for _ in range(4)] == [0.0, 0.0, 0.0, 0.5]
 
 
-def test_buckets_are_bounded() -> None:
+def test_the_number_of_rate_limit_buckets_is_bounded() -> None:
     rates = Rates(lambda: 0.0)
     for caller in range(MAX_BUCKETS + 10):
         rates.take(str(caller), 1.0, 1)

@@ -29,7 +29,7 @@ def job(client: TestClient, farm: DrivenFarm, body: dict[str, Any]) -> str:
     return made
 
 
-def test_the_entries_of_an_artefact(client: TestClient, job: str) -> None:
+def test_entries_of_an_artefact_are_listed_and_served(client: TestClient, job: str) -> None:
     at = f"/v1/jobs/{job}/artefacts/regions"
     rows = client.get(at).json()["items"]
     assert [row["name"] for row in rows] == ["regions-list.json", "map-0000003.png", "tubes-0000003.png"]
@@ -42,7 +42,7 @@ def test_the_entries_of_an_artefact(client: TestClient, job: str) -> None:
 
 
 @pytest.mark.parametrize("path", ["regions/none.png", "svg/0.svg", "result"])
-def test_entries_that_are_not_there(client: TestClient, farm: DrivenFarm, job: str, path: str) -> None:
+def test_missing_artefact_entries_are_404(client: TestClient, farm: DrivenFarm, job: str, path: str) -> None:
     farm.finish(job, b"a film")
     answer = client.get(f"/v1/jobs/{job}/artefacts/{path}")
     assert answer.status_code in (404, 409)
@@ -56,7 +56,7 @@ def test_methods_publish_the_schemas_of_their_documents(client: TestClient) -> N
     assert (answer.status_code, answer.json()["code"]) == (404, "not-found")
 
 
-def test_a_preview_takes_a_design_and_the_regions_of_a_job_that_one_may_see(
+def test_a_preview_accepts_a_design_and_the_regions_of_an_accessible_job(
     client: TestClient, job: str, body: dict[str, Any]
 ) -> None:
     ask = {name: body[name] for name in ("method", "inputs")}

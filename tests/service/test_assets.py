@@ -26,23 +26,23 @@ def test_an_upload_is_addressed_by_its_content(client: TestClient, settings: Set
     assert list(settings.uploads_dir.iterdir()) == []
 
 
-def test_a_large_file_arrives_whole(client: TestClient) -> None:
+def test_a_large_file_is_uploaded_completely(client: TestClient) -> None:
     data = CLIP + bytes(range(256)) * 4096 + b"\r\n--"
     asset_id = client.post("/v1/assets", files={"file": ("clip.mp4", data)}).json()["id"]
     assert client.get(f"/v1/assets/{asset_id}/content").content == data
 
 
-def test_names_keep_their_letters(client: TestClient) -> None:
+def test_file_names_keep_unicode_letters(client: TestClient) -> None:
     answer = client.post("/v1/assets", files={"file": ("Mälö 日本.mp4", CLIP)})
     assert answer.json()["filename"] == "Mälö 日本.mp4"
 
 
-def test_listing(client: TestClient, asset: str) -> None:
+def test_assets_are_listed(client: TestClient, asset: str) -> None:
     page = client.get("/v1/assets").json()
     assert ([row["id"] for row in page["items"]], page["cursor"]) == ([asset], None)
 
 
-def test_an_asset_in_use_cannot_go(client: TestClient, farm: DrivenFarm, asset: str, body: dict[str, Any]) -> None:
+def test_an_asset_in_use_is_not_deleted(client: TestClient, farm: DrivenFarm, asset: str, body: dict[str, Any]) -> None:
     job = client.post("/v1/jobs", json=body).json()["id"]
     assert client.delete(f"/v1/assets/{asset}").json()["code"] == "conflict"
     farm.finish(job)
@@ -50,7 +50,7 @@ def test_an_asset_in_use_cannot_go(client: TestClient, farm: DrivenFarm, asset: 
     assert client.get(f"/v1/assets/{asset}").status_code == 404
 
 
-def test_a_frame_is_a_picture(client: TestClient, asset: str) -> None:
+def test_a_frame_of_an_asset_is_an_image(client: TestClient, asset: str) -> None:
     answer = client.get(f"/v1/assets/{asset}/frame?index=70&max_side_px=64")
     assert (answer.status_code, answer.headers["content-type"]) == (200, "image/jpeg")
     assert abs(int(cv2.imdecode(np.frombuffer(answer.content, np.uint8), cv2.IMREAD_GRAYSCALE)[0, 0]) - 70) < 3
@@ -59,7 +59,7 @@ def test_a_frame_is_a_picture(client: TestClient, asset: str) -> None:
     assert (wrong.status_code, wrong.json()["field"]) == (422, "index")
 
 
-def test_frames_are_decoded_a_few_at_once(
+def test_concurrent_frame_decoding_is_limited(
     client: TestClient, farm: DrivenFarm, asset: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("service.assets.routes.FRAME_WAIT_S", 0.05)

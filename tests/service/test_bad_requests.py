@@ -255,7 +255,7 @@ REQUESTS: dict[str, Case] = {
 
 
 @pytest.mark.parametrize("name", [*UPLOADS, *REQUESTS])
-def test_it_is_refused_with_code_field_and_remedy(server: Server, name: str) -> None:
+def test_bad_requests_are_refused_with_code_field_and_remedy(server: Server, name: str) -> None:
     send, status, code, field = (UPLOADS | REQUESTS)[name]
     answer = send(server)
     assert answer.status_code == status, answer.text
@@ -269,7 +269,7 @@ def test_it_is_refused_with_code_field_and_remedy(server: Server, name: str) -> 
     assert problem.type == f"urn:impasto:problem:{problem.code}"
 
 
-def test_all_errors_of_a_request_come_at_once(server: Server) -> None:
+def test_all_errors_of_a_request_are_reported_together(server: Server) -> None:
     answer = server.submit(params={"line": "off", "growing_limit": 1e9}, output={"artefacts": ["labls"]})
     errors = {fault["field"]: fault["remedy"] for fault in answer.json()["errors"]}
     assert set(errors) == {"params.line", "params.growing_limit", "output.artefacts"}
@@ -278,13 +278,13 @@ def test_all_errors_of_a_request_come_at_once(server: Server) -> None:
     assert {fault["field"] for fault in shape} == {"seed", "priority", "colour"}
 
 
-def test_a_url_as_input_is_refused_as_a_url(server: Server) -> None:
+def test_a_url_as_input_is_refused(server: Server) -> None:
     answer = server.submit(inputs={"video": "https://example.org/a.mp4"})
     assert (answer.status_code, answer.json()["field"]) == (422, "inputs.video")
     assert "URL" in answer.json()["detail"]
 
 
-def test_no_large_value_is_echoed(server: Server) -> None:
+def test_errors_do_not_echo_large_values(server: Server) -> None:
     private = {"lines": {f"secret-{index}": index for index in range(30)}}
     assert "secret" not in server.submit(params=private).text
 
@@ -311,12 +311,12 @@ def test_a_frame_that_does_not_decode_is_422(server: Server, tiny_clip: Path) ->
     server.client.delete(f"/v1/assets/{asset}")
 
 
-def test_nothing_of_it_is_kept(server: Server) -> None:
+def test_refused_requests_store_nothing(server: Server) -> None:
     assert [row["id"] for row in server.client.get("/v1/assets").json()["items"]] == [server.asset]
     assert server.client.get("/v1/jobs").json()["items"] == []
 
 
-def test_the_same_key_with_another_body_and_one_job_too_many(server: Server) -> None:
+def test_a_reused_idempotency_key_and_an_exceeded_job_quota_are_refused(server: Server) -> None:
     def submit(seed: int, key: str) -> Any:
         body = {"method": "abstraction", "inputs": {"video": server.asset}, "seed": seed}
         return server.client.post("/v1/jobs", json=body, headers={"Idempotency-Key": key})
@@ -331,7 +331,7 @@ def test_the_same_key_with_another_body_and_one_job_too_many(server: Server) -> 
     assert (full.status_code, full.json()["code"], full.json()["field"]) == (429, "quota-exceeded", "active_jobs")
 
 
-def test_an_error_inside_tells_nothing(settings: Settings, caplog: pytest.LogCaptureFixture) -> None:
+def test_an_internal_error_reveals_no_details(settings: Settings, caplog: pytest.LogCaptureFixture) -> None:
     farm = open_farm(settings.model_copy(update={"pool": "none"}))
     app = create_app(settings, farm)
     app.add_api_route("/v1/broken", lambda: 1 / 0)

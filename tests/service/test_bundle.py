@@ -19,14 +19,14 @@ def test_every_npm_package_has_an_exact_version() -> None:
     assert all(re.fullmatch(r"\d+\.\d+\.\d+", version) for version in versions.values()), versions
 
 
-def test_the_lock_file_names_no_host() -> None:
+def test_the_lock_file_contains_no_host_name() -> None:
     lock = (bundle.WEB / "package-lock.json").read_text()
     assert "://" not in lock, "write it again with: python -m service.bundle lock"
     packages = json.loads(lock)["packages"]
     assert all("integrity" in package for name, package in packages.items() if name)
 
 
-def test_pages_that_are_not_built_are_reported_with_the_remedy(
+def test_missing_built_pages_are_reported_with_a_remedy(
     client: TestClient, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(bundle, "DIST", tmp_path)
@@ -35,13 +35,13 @@ def test_pages_that_are_not_built_are_reported_with_the_remedy(
     assert "make web" in answer.text
 
 
-def test_another_source_makes_the_built_pages_stale(pages: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_changed_source_makes_the_built_pages_stale(pages: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert bundle.is_current()
     monkeypatch.setattr(bundle, "SOURCES", ("src",))
     assert not bundle.is_current()
 
 
-def test_bundled_files_are_cached_for_ever_and_pages_are_not(client: TestClient, pages: Path) -> None:
+def test_bundled_files_are_cached_permanently_and_pages_are_not(client: TestClient, pages: Path) -> None:
     script = next((pages / "assets").glob("*.js")).name
     assert "immutable" in client.get(f"/static/assets/{script}").headers["cache-control"]
     assert client.get("/").headers["cache-control"] == "no-cache"

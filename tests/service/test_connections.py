@@ -110,7 +110,9 @@ def test_with_no_idle_connection_the_newest_is_refused(guard: ConnectionGuard, c
     assert len(guard) == 3
 
 
-def test_slow_headers_are_closed_and_slow_work_is_not(guard: ConnectionGuard, clock: Clock) -> None:
+def test_connections_with_slow_headers_are_closed_and_slow_requests_are_not(
+    guard: ConnectionGuard, clock: Clock
+) -> None:
     slow, busy, live = opened(guard, clock, Phase.HEADERS, Phase.ANSWER, Phase.WEBSOCKET)
     clock.now += 5
     guard.enter(slow, Phase.HEADERS)  # more bytes of the same headers do not buy time
@@ -119,7 +121,7 @@ def test_slow_headers_are_closed_and_slow_work_is_not(guard: ConnectionGuard, cl
     assert (slow.closed, busy.closed, live.closed) == (True, False, False)
 
 
-def test_an_answer_that_nobody_reads_is_dropped(guard: ConnectionGuard, clock: Clock) -> None:
+def test_a_connection_whose_answer_is_not_read_is_closed(guard: ConnectionGuard, clock: Clock) -> None:
     unread, read = opened(guard, clock, Phase.ANSWER, Phase.ANSWER)
     for step in range(5):
         unread.unsent, read.unsent = 1000, 1000 + step
@@ -164,7 +166,7 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Path
 
 
 @pytest.mark.parametrize("missing", UNFINISHED)
-def test_half_sent_requests_do_not_stop_the_service(
+def test_incomplete_requests_do_not_block_the_service(
     served: tuple[str, Path, int], tiny_clip: Path, missing: str
 ) -> None:
     url, log, pid = served

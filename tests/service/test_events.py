@@ -34,7 +34,9 @@ def _event(block: str) -> ServerEvent | None:
     return rows | {"data": json.loads(rows["data"])} if "event" in rows else None
 
 
-def test_a_finished_job_tells_its_history_and_ends(client: TestClient, farm: DrivenFarm, job: str) -> None:
+def test_the_event_stream_of_a_finished_job_sends_its_history_and_ends(
+    client: TestClient, farm: DrivenFarm, job: str
+) -> None:
     farm.tell(job, "job.progress", {"progress": 0.5})
     farm.finish(job)
     events = listen(client, job)
@@ -45,14 +47,14 @@ def test_a_finished_job_tells_its_history_and_ends(client: TestClient, farm: Dri
     assert events[1]["data"]["seq"] == 2
 
 
-def test_it_resumes_after_the_last_event(client: TestClient, farm: DrivenFarm, job: str) -> None:
+def test_the_event_stream_resumes_after_the_last_event(client: TestClient, farm: DrivenFarm, job: str) -> None:
     farm.tell(job, "log", {})
     farm.finish(job)
     whole = [event["id"] for event in listen(client, job)]
     assert [event["id"] for event in listen(client, job, last=2)] == whole[2:]
 
 
-def test_nothing_more_to_come_is_204(client: TestClient, farm: DrivenFarm, job: str) -> None:
+def test_a_stream_without_further_events_is_204(client: TestClient, farm: DrivenFarm, job: str) -> None:
     farm.finish(job)
     newest = listen(client, job)[-1]["id"]
     answer = client.get(f"/v1/jobs/{job}/events", headers={"Last-Event-ID": newest})
@@ -91,7 +93,7 @@ def test_lost_history_is_reported(settings: Settings, only_toy: None, home: Path
         assert events[-1]["data"]["data"]["state"] == "succeeded"
 
 
-def test_deleting_a_job_ends_its_stream(client: TestClient, farm: DrivenFarm, job: str) -> None:
+def test_deleting_a_job_ends_its_event_stream(client: TestClient, farm: DrivenFarm, job: str) -> None:
     def delete() -> None:
         farm.finish(job)
         farm.jobs.delete(job)
@@ -100,7 +102,7 @@ def test_deleting_a_job_ends_its_stream(client: TestClient, farm: DrivenFarm, jo
     assert listen(client, job)[0]["event"] == "job.state"
 
 
-def test_closing_ends_streams(client: TestClient, job: str) -> None:
+def test_closing_the_service_ends_event_streams(client: TestClient, job: str) -> None:
     closing = client.app.state.service.closing  # type: ignore[attr-defined]
     threading.Timer(0.4, closing.set).start()
     began = time.monotonic()
@@ -109,7 +111,7 @@ def test_closing_ends_streams(client: TestClient, job: str) -> None:
 
 
 @pytest.mark.parametrize("last", ["x", "-1", "1.5"])
-def test_a_last_event_that_is_no_number(client: TestClient, job: str, last: str) -> None:
+def test_a_non_numeric_last_event_id_is_refused(client: TestClient, job: str, last: str) -> None:
     answer = client.get(f"/v1/jobs/{job}/events", headers={"Last-Event-ID": last})
     assert (answer.status_code, answer.json()["field"]) == (422, "last-event-id")
 

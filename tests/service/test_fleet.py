@@ -39,7 +39,7 @@ def worker(store: Store) -> str:
     return "dsp_1@studio.files.local"
 
 
-def test_only_admins_look_and_steer(ops: TestClient, farm: DrivenFarm) -> None:
+def test_only_admins_see_and_control_the_fleet(ops: TestClient, farm: DrivenFarm) -> None:
     _, secret = farm.keys.create("user", ["read", "submit"])
     for headers, status, code in (
         ({"Authorization": "Bearer none"}, 401, "unauthorized"),
@@ -89,7 +89,7 @@ def test_workers_and_machines_are_drained(ops: TestClient, worker: str) -> None:
         ("POST", "queue/pause", {"why": "x"}, 422, "bad-request"),
     ],
 )
-def test_what_cannot_be_done_is_a_problem(
+def test_impossible_fleet_actions_return_a_problem_document(
     ops: TestClient, verb: str, path: str, body: Any, status: int, code: str
 ) -> None:
     answer = ops.request(verb, f"/v1/ops/{path}", json=body)
@@ -109,7 +109,7 @@ def test_live_sessions_are_ended(ops: TestClient, store: Store) -> None:
     assert store.workers.publish_live("p", [view]) == {"liv_1"}
 
 
-def test_the_page_is_there_and_safe(ops: TestClient) -> None:
+def test_the_fleet_page_is_served_with_security_headers(ops: TestClient) -> None:
     answer = ops.get("/ops", headers={"Authorization": ""})
     assert answer.status_code == 200
     assert "unsafe" not in answer.headers["content-security-policy"]

@@ -27,7 +27,7 @@ def addresses(client: TestClient) -> list[str]:
     return [*known, *(path for path in plain if "{" not in path), *static]
 
 
-def test_every_page_and_file_of_ours_bears_the_headers(client: TestClient, pages: Path) -> None:
+def test_every_page_and_file_has_the_security_headers(client: TestClient, pages: Path) -> None:
     looked = addresses(client)
     assert len(looked) > 40
     for path in looked:
@@ -68,20 +68,20 @@ class Reader(HTMLParser):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
-def test_no_page_needs_what_its_policy_forbids(page: Path) -> None:
+def test_pages_use_nothing_that_their_content_policy_forbids(page: Path) -> None:
     reader = Reader()
     reader.feed(page.read_text())
     assert reader.bad == []
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.name)
-def test_scripts_make_no_code_and_no_markup_from_text(script: Path) -> None:
+def test_scripts_do_not_evaluate_text_as_code_or_markup(script: Path) -> None:
     text = re.sub(r"(?m)//.*$|/\*[\s\S]*?\*/", "", script.read_text())
     found = re.search(r"\beval\(|new Function\(|\.(?:inner|outer)HTML\s*=|insertAdjacentHTML|document\.write", text)
     assert not found, found and found[0]
 
 
-def test_a_file_of_a_user_runs_nothing(client: TestClient) -> None:
+def test_a_file_of_a_user_cannot_run_scripts(client: TestClient) -> None:
     page = b"<svg xmlns='http://www.w3.org/2000/svg'><script>alert(1)</script></svg>"
     asset = client.post("/v1/assets", files={"file": ("a.svg", CLIP + page)}).json()["id"]
     headers = client.get(f"/v1/assets/{asset}/content").headers
@@ -97,6 +97,6 @@ def test_metrics_need_a_key(settings: Settings, farm: DrivenFarm) -> None:
         assert client.get("/healthz").status_code == 200
 
 
-def test_an_answer_has_a_number_that_logs_know(client: TestClient) -> None:
+def test_the_request_id_of_an_answer_is_in_the_logs(client: TestClient) -> None:
     numbers = {client.get("/healthz").headers["x-request-id"] for _ in range(3)}
     assert len(numbers) == 3 and all(re.fullmatch(r"[0-9a-f]{16}", number) for number in numbers)

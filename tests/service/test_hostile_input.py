@@ -46,7 +46,7 @@ LOCAL_6 = ("::1", "fe80::1", "fd00::1", "::ffff:10.0.0.1", "64:ff9b::7f00:1", "2
 
 @CHEAP
 @given(latin, some.integers(0, 10**12))
-def test_ranges(text: str, size: int) -> None:
+def test_any_range_header_is_parsed_or_refused(text: str, size: int) -> None:
     try:
         span = wanted(Headers({"range": text}), size, '"tag"')
     except RangeNotSatisfiable:
@@ -56,7 +56,7 @@ def test_ranges(text: str, size: int) -> None:
 
 @CHEAP
 @given(some.integers(-5, 10**20), some.integers(-5, 10**20), some.integers(0, 1000))
-def test_ranges_of_any_numbers(first: int, last: int, size: int) -> None:
+def test_ranges_with_arbitrary_numbers_stay_within_the_file(first: int, last: int, size: int) -> None:
     try:
         span = wanted(Headers({"range": f"bytes={first}-{last}"}), size, '"tag"')
     except RangeNotSatisfiable:
@@ -66,7 +66,7 @@ def test_ranges_of_any_numbers(first: int, last: int, size: int) -> None:
 
 @CHEAP
 @given(some.text(max_size=80), some.booleans())
-def test_a_name_never_breaks_out_of_its_header(name: str, attachment: bool) -> None:
+def test_arbitrary_file_names_stay_within_their_header(name: str, attachment: bool) -> None:
     try:
         check_filename(name)
     except BadInput:
@@ -78,7 +78,7 @@ def test_a_name_never_breaks_out_of_its_header(name: str, attachment: bool) -> N
 
 @CHEAP
 @given(some.text(max_size=120))
-def test_no_key_of_a_blob_leads_elsewhere(key: str) -> None:
+def test_blob_keys_cannot_leave_the_root(key: str) -> None:
     try:
         check_key(key)
     except BadInput:
@@ -89,7 +89,7 @@ def test_no_key_of_a_blob_leads_elsewhere(key: str) -> None:
 
 @CHEAP
 @given(latin, latin, latin)
-def test_headers_of_uploads(metadata: str, checksum: str, length: str) -> None:
+def test_arbitrary_upload_headers_are_parsed_or_refused(metadata: str, checksum: str, length: str) -> None:
     headers = Headers({"upload-checksum": checksum, "upload-length": length})
     for read in (
         lambda: filename(metadata),
@@ -106,7 +106,7 @@ def test_headers_of_uploads(metadata: str, checksum: str, length: str) -> None:
 
 @CHEAP
 @given(latin, some.lists(latin, max_size=4))
-def test_keys_in_headers(text: str, protocols: list[str]) -> None:
+def test_arbitrary_key_headers_are_parsed_or_ignored(text: str, protocols: list[str]) -> None:
     assert _bearer(Headers({"authorization": text})) is None or text.lower().startswith("bearer ")
     found = _offered({"type": "websocket", "subprotocols": protocols})
     assert found is None or KEY_PROTOCOL + found in protocols
@@ -134,14 +134,14 @@ def _numbers(value: object) -> list[float]:
     return [value] if isinstance(value, float) else []
 
 
-def test_json_does_not_nest_without_end() -> None:
+def test_deeply_nested_json_is_refused() -> None:
     with pytest.raises(ImpastoError):
         strict_json(b"[" * 100_000 + b"]" * 100_000)
 
 
 @CHEAP
 @given(some.ip_addresses())
-def test_no_address_of_ours_is_public_however_it_is_written(
+def test_internal_addresses_are_refused_in_every_notation(
     address: ipaddress.IPv4Address | ipaddress.IPv6Address,
 ) -> None:
     if not is_public(str(address)):
@@ -150,7 +150,9 @@ def test_no_address_of_ours_is_public_however_it_is_written(
 
 
 @pytest.mark.parametrize("address", LOCAL + LOCAL_6)
-def test_targets_inside_are_refused_by_address_and_by_name(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_internal_webhook_targets_are_refused_by_address_and_name(
+    address: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     found = [(socket.AF_INET, socket.SOCK_STREAM, 6, "", (address, 443))]
     monkeypatch.setattr(socket, "getaddrinfo", lambda *_args, **_more: found)
     with pytest.raises(BadInput, match="private"):
@@ -160,7 +162,7 @@ def test_targets_inside_are_refused_by_address_and_by_name(address: str, monkeyp
 
 @CHEAP
 @given(some.text(max_size=80))
-def test_any_text_is_a_target_or_refused(url: str) -> None:
+def test_arbitrary_text_is_a_valid_webhook_target_or_refused(url: str) -> None:
     try:
         check_target(url, private=True)
     except BadInput:
@@ -173,7 +175,7 @@ PNG = encode_png(tiny_frame(0))
 
 @CHEAP
 @given(some.binary(max_size=300), some.integers(0, len(PNG) - 1), some.binary(min_size=1, max_size=8))
-def test_pictures_that_are_none(noise: bytes, at: int, wrong: bytes) -> None:
+def test_arbitrary_bytes_are_decoded_as_images_or_refused(noise: bytes, at: int, wrong: bytes) -> None:
     """Noise, and a real picture with some bytes changed: a picture within limits, or our error."""
     changed = PNG[:at] + wrong + PNG[at + len(wrong) :]
     for data in (
@@ -196,7 +198,9 @@ def test_pictures_that_are_none(noise: bytes, at: int, wrong: bytes) -> None:
 
 @CHEAP
 @given(names=some.lists(some.text(min_size=1, max_size=30), min_size=1, max_size=3), tail=some.binary(max_size=40))
-def test_archives_that_are_none(names: list[str], tail: bytes, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_arbitrary_archives_are_opened_or_refused(
+    names: list[str], tail: bytes, tmp_path_factory: pytest.TempPathFactory
+) -> None:
     path = tmp_path_factory.mktemp("z") / "a.zip"
     with zipfile.ZipFile(path, "w") as archive:
         for name in names:
@@ -214,7 +218,7 @@ def test_archives_that_are_none(names: list[str], tail: bytes, tmp_path_factory:
 
 @CHEAP
 @given(some.binary(max_size=100))
-def test_arrays_that_are_none(data: bytes) -> None:
+def test_arbitrary_array_files_are_read_or_refused(data: bytes) -> None:
     """`read_arrays` reads our own blobs only; even so it unpickles nothing."""
     for bytes_ in (data, b"\x93NUMPY" + data, b"PK\x03\x04" + data):
         with pytest.raises(Exception) as caught:
@@ -224,7 +228,7 @@ def test_arrays_that_are_none(data: bytes) -> None:
 
 @CHEAP
 @given(some.binary(max_size=60))
-def test_messages_of_a_child_that_was_taken_over(data: bytes) -> None:
+def test_arbitrary_messages_of_a_compromised_decoder_are_refused(data: bytes) -> None:
     ours, theirs = socket.socketpair()
     with ours, theirs:
         theirs.sendall(struct.pack("!II", len(data), 0) + data)

@@ -11,7 +11,9 @@ from tests.service.driven_farm import DrivenFarm
 from workers.model import Fault, RunState, TaskState
 
 
-def test_a_job_is_the_dataclass_and_links(client: TestClient, body: dict[str, Any], asset: str) -> None:
+def test_a_job_document_has_the_fields_of_the_dataclass_and_links(
+    client: TestClient, body: dict[str, Any], asset: str
+) -> None:
     request = body | {"params": {"mode": "hard"}, "labels": {"shot": "12"}, "output": {"artefacts": ["svg"]}}
     answer = client.post("/v1/jobs", json=request)
     job = answer.json()
@@ -35,7 +37,7 @@ def test_a_job_is_the_dataclass_and_links(client: TestClient, body: dict[str, An
     assert client.get(job["links"]["self"]).json() == job
 
 
-def test_an_idempotency_key_is_one_job(client: TestClient, body: dict[str, Any]) -> None:
+def test_an_idempotency_key_creates_one_job(client: TestClient, body: dict[str, Any]) -> None:
     key = {"Idempotency-Key": "once"}
     first, again = (client.post("/v1/jobs", json=body, headers=key) for _ in range(2))
     other = client.post("/v1/jobs", json=body | {"seed": 1}, headers=key)
@@ -55,7 +57,7 @@ def test_paging_visits_every_job_once_newest_first(client: TestClient, body: dic
     assert cursor is None
 
 
-def test_filters(client: TestClient, farm: DrivenFarm, body: dict[str, Any]) -> None:
+def test_jobs_are_filtered_by_label_and_state(client: TestClient, farm: DrivenFarm, body: dict[str, Any]) -> None:
     shot = client.post("/v1/jobs", json=body | {"labels": {"shot": "a:1"}}).json()["id"]
     farm.move(client.post("/v1/jobs", json=body).json()["id"], RunState.RUNNING)
 
@@ -76,14 +78,16 @@ def test_filters(client: TestClient, farm: DrivenFarm, body: dict[str, Any]) -> 
         (RunState.FAILED, "retry", "queued"),
     ],
 )
-def test_steering(client: TestClient, farm: DrivenFarm, job: str, state: RunState, verb: str, after: str) -> None:
+def test_control_actions_change_the_state_of_a_job(
+    client: TestClient, farm: DrivenFarm, job: str, state: RunState, verb: str, after: str
+) -> None:
     farm.move(job, state)
     answer = client.post(f"/v1/jobs/{job}/{verb}")
     assert (answer.status_code, answer.json()["state"]) == (200, after)
 
 
 @pytest.mark.parametrize("verb", ["cancel", "resume", "retry"])
-def test_steering_what_is_over_is_409(client: TestClient, farm: DrivenFarm, job: str, verb: str) -> None:
+def test_control_actions_on_a_finished_job_are_409(client: TestClient, farm: DrivenFarm, job: str, verb: str) -> None:
     farm.finish(job)
     answer = client.post(f"/v1/jobs/{job}/{verb}")
     assert (answer.status_code, answer.json()["code"]) == (409, "conflict")
@@ -95,14 +99,14 @@ def test_a_failed_job_reports_why(client: TestClient, farm: DrivenFarm, job: str
     assert (error["code"], error["remedy"]) == ("unreadable-media", "Encode it again.")
 
 
-def test_forgetting(client: TestClient, farm: DrivenFarm, job: str) -> None:
+def test_only_finished_jobs_can_be_deleted(client: TestClient, farm: DrivenFarm, job: str) -> None:
     assert client.delete(f"/v1/jobs/{job}").status_code == 409
     farm.finish(job)
     assert client.delete(f"/v1/jobs/{job}").status_code == 204
     assert client.get(f"/v1/jobs/{job}").status_code == 404
 
 
-def test_tasks(client: TestClient, farm: DrivenFarm, job: str) -> None:
+def test_tasks_of_a_job_are_listed_with_their_logs(client: TestClient, farm: DrivenFarm, job: str) -> None:
     task = farm.add_task(job, TaskState.FAILED)
     assert [row["id"] for row in client.get(f"/v1/jobs/{job}/tasks").json()["items"]] == [task.id]
     assert client.get(f"/v1/jobs/{job}/tasks", params={"state": "ready"}).json()["items"] == []

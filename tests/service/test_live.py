@@ -73,7 +73,7 @@ def shown(payload: bytes) -> Any:
 
 
 @looped
-async def test_a_session_from_hello_to_bye(url: str) -> None:
+async def test_a_live_session_runs_from_hello_to_bye(url: str) -> None:
     async with live(url, subprotocols=["impasto.live.1"]) as client:
         assert client.socket.subprotocol == "impasto.live.1"
         ready = await hello(client, fps=25, params={"add": 20})
@@ -103,7 +103,7 @@ def free(url: str, timeout_s: float = 5.0, want: int = 2) -> int:
     return int(found)
 
 
-def test_what_there_is(url: str) -> None:
+def test_live_information_lists_methods_capacity_and_limits(url: str) -> None:
     info = httpx.get(f"{url}/v1/live").json()
     assert info["methods"] == ["echo"], "the toy is not causal"
     assert (info["version"], info["capacity"], info["sessions"], info["free"]) == (1, 2, 0, 2)
@@ -112,7 +112,7 @@ def test_what_there_is(url: str) -> None:
 
 
 @pytest.mark.parametrize(("send", "receive"), [("h264", "vp8"), ("vp8", "h264"), ("raw", "webp"), ("webp", "raw")])
-def test_codecs(url: str, send: str, receive: str) -> None:
+def test_live_frames_are_exchanged_in_every_codec(url: str, send: str, receive: str) -> None:
     from workers.live.codecs import decoder, encoder
     from workers.live.model import WireFormat
 
@@ -137,7 +137,7 @@ def test_codecs(url: str, send: str, receive: str) -> None:
 
 
 @looped
-async def test_statistics_once_a_second(url: str) -> None:
+async def test_live_statistics_are_sent_every_second(url: str) -> None:
     async with live(url) as client:
         await hello(client, params={"paint_s": 0.005})
         await client.send(FRAME)
@@ -149,7 +149,7 @@ async def test_statistics_once_a_second(url: str) -> None:
 
 
 @looped
-async def test_the_newest_wins(url: str) -> None:
+async def test_only_the_newest_waiting_frame_is_painted(url: str) -> None:
     async with live(url) as client:
         await hello(client, params={"paint_s": 0.05}, adaptive=False)
         for _ in range(30):
@@ -165,7 +165,7 @@ async def test_the_newest_wins(url: str) -> None:
 
 
 @looped
-async def test_the_resolution_falls_rather_than_the_delay_growing(url: str) -> None:
+async def test_overload_lowers_the_resolution_and_not_the_frame_rate(url: str) -> None:
     size = (320, 240)
     frame = jpeg(np.full((240, 320, 3), 100, np.uint8))
     async with live(url) as client:
@@ -184,7 +184,7 @@ async def test_the_resolution_falls_rather_than_the_delay_growing(url: str) -> N
 
 
 @looped
-async def test_parameters_change_in_the_stream(url: str) -> None:
+async def test_live_parameters_change_during_a_session(url: str) -> None:
     async with live(url) as client:
         await hello(client, params={"paint_s": 0.001}, receive=["raw"], send=["raw"])
         await client.send(PICTURE.tobytes())
@@ -197,7 +197,7 @@ async def test_parameters_change_in_the_stream(url: str) -> None:
 
 
 @looped
-async def test_a_bad_change_changes_nothing(url: str) -> None:
+async def test_an_invalid_live_change_is_ignored(url: str) -> None:
     async with live(url) as client:
         await hello(client, params={"add": 3}, receive=["raw"], send=["raw"])
         for bad, code, field in (
@@ -217,7 +217,7 @@ async def test_a_bad_change_changes_nothing(url: str) -> None:
 
 
 @looped
-async def test_a_slider_on_the_move_is_answered_and_ends_where_it_stands(url: str) -> None:
+async def test_rapid_parameter_changes_end_with_the_last_value(url: str) -> None:
     async with live(url) as client:
         await hello(client, send=["raw"], receive=["raw"])
         for add in range(1, 41):
@@ -233,7 +233,7 @@ def upload(url: str, data: bytes, name: str) -> str:
 
 
 @looped
-async def test_a_reference_comes_and_goes(url: str) -> None:
+async def test_a_live_reference_is_added_and_removed(url: str) -> None:
     green, red = [
         await asyncio.to_thread(upload, url, encode_png(np.full((32, 32, 3), colour, np.uint8)), "a.png")
         for colour in ((0, 99, 0), (255, 0, 0))
@@ -253,7 +253,7 @@ async def test_a_reference_comes_and_goes(url: str) -> None:
 
 
 @looped
-async def test_frames_of_another_size_go_on(url: str) -> None:
+async def test_a_live_session_continues_with_another_frame_size(url: str) -> None:
     async with live(url) as client:
         await hello(client, send=["raw"], receive=["raw"])
         await client.send(PICTURE.tobytes())
@@ -269,7 +269,7 @@ async def test_frames_of_another_size_go_on(url: str) -> None:
 
 
 @looped
-async def test_a_lost_client_takes_its_session_up_again(url: str) -> None:
+async def test_a_disconnected_client_resumes_its_session(url: str) -> None:
     async with live(url) as client:
         session = (await hello(client, params={"add": 5}, send=["raw"], receive=["raw"]))["session"]
         await client.send(PICTURE.tobytes())
@@ -285,7 +285,7 @@ async def test_a_lost_client_takes_its_session_up_again(url: str) -> None:
 
 
 @looped
-async def test_a_session_that_nobody_takes_up_is_over(url: str) -> None:
+async def test_an_abandoned_session_expires(url: str) -> None:
     async with live(url) as client:
         session = (await hello(client))["session"]
         client.socket.transport.abort()
@@ -296,7 +296,7 @@ async def test_a_session_that_nobody_takes_up_is_over(url: str) -> None:
 
 
 @looped
-async def test_another_connection_takes_over(url: str) -> None:
+async def test_a_second_connection_takes_over_the_session(url: str) -> None:
     async with live(url) as first:
         session = (await hello(first, params={"paint_s": 0.05}))["session"]
         await first.send(FRAME)
@@ -310,7 +310,7 @@ async def test_another_connection_takes_over(url: str) -> None:
 
 
 @looped
-async def test_a_client_that_closes_leaves_at_once(url: str) -> None:
+async def test_a_session_closed_by_its_client_ends_at_once(url: str) -> None:
     async with live(url) as client:
         await hello(client)
     assert await asyncio.to_thread(free, url, 0.4) == 2
@@ -341,7 +341,7 @@ async def test_a_surplus_session_is_refused_at_once(url: str) -> None:
 
 
 @looped
-async def test_keys_and_protocols(home: Path) -> None:
+async def test_live_sessions_require_a_key_and_a_known_protocol(home: Path) -> None:
     with served(home, auth="required") as (url, farm):
         _, secret = farm.keys.create("a", ["submit"])
         _, reader = farm.keys.create("b", ["read"])
@@ -369,7 +369,7 @@ async def test_keys_and_protocols(home: Path) -> None:
 
 
 @looped
-async def test_pages_of_other_origins_are_kept_out(url: str) -> None:
+async def test_live_connections_of_foreign_origins_are_refused(url: str) -> None:
     port = url.rsplit(":", 1)[1]
     rebound = {"host": "127.0.0.1", "port": int(port)}
     for address, more in ((url, {"origin": "http://evil.example"}), ("http://evil.example", rebound)):
@@ -381,7 +381,7 @@ async def test_pages_of_other_origins_are_kept_out(url: str) -> None:
         await hello(client)
 
 
-def test_metrics(url: str) -> None:
+def test_live_sessions_export_metrics(url: str) -> None:
     @looped
     async def run() -> None:
         async with live(url) as client:

@@ -60,7 +60,9 @@ FIRST = {"type": "hello", "width": 96, "height": 64, "method": "echo"}
         ('{"type": "bye", "x": "' + "y" * (2 << 20) + '"}', 4413, "too-large", "message"),
     ],
 )
-def test_a_bad_beginning(url: str, first: str | bytes, code: int, reason: str, field: str) -> None:
+def test_an_invalid_first_message_ends_the_session(
+    url: str, first: str | bytes, code: int, reason: str, field: str
+) -> None:
     @looped
     async def run() -> None:
         async with live(url) as client:
@@ -94,7 +96,7 @@ HEADER = struct.Struct(">BBHHHIIQQ")
         ("{", 4400, "bad-message"),
     ],
 )
-def test_garbage_ends_its_own_session_only(url: str, message: str | bytes, code: int, reason: str) -> None:
+def test_invalid_frames_end_only_their_session(url: str, message: str | bytes, code: int, reason: str) -> None:
     @looped
     async def run() -> None:
         async with live(url) as healthy, live(url) as bad:
@@ -111,14 +113,14 @@ def test_garbage_ends_its_own_session_only(url: str, message: str | bytes, code:
 
 
 @looped
-async def test_no_hello(home: Path) -> None:
+async def test_a_missing_hello_ends_the_session(home: Path) -> None:
     with served(home, live_hello_s=0.2) as (url, _):
         async with live(url) as client:
             assert (await ended(client))[:2] == (4408, "hello-timeout")
 
 
 @looped
-async def test_a_client_that_does_not_wait_for_ready(url: str) -> None:
+async def test_frames_before_ready_end_the_session(url: str) -> None:
     async with live(url) as client:
         await client.send_message(FIRST | {"params": {"open_s": 0.3}})
         await client.socket.send(pack(1, SIZE, FRAME))
@@ -135,7 +137,7 @@ async def test_a_client_that_leaves_before_ready(url: str) -> None:
 
 
 @looped
-async def test_no_frames(home: Path) -> None:
+async def test_a_session_without_frames_times_out(home: Path) -> None:
     with served(home, live_idle_s=0.3) as (url, _):
         async with live(url) as client:
             await hello(client)
@@ -147,7 +149,7 @@ async def test_no_frames(home: Path) -> None:
 
 
 @looped
-async def test_too_many_frames(url: str) -> None:
+async def test_too_many_frames_end_the_session(url: str) -> None:
     async with live(url) as client:
         await hello(client)
         for number in range(1, 260):
@@ -156,7 +158,7 @@ async def test_too_many_frames(url: str) -> None:
 
 
 @pytest.mark.parametrize("fault", ["look", "paint"])
-def test_our_own_faults(url: str, fault: str) -> None:
+def test_internal_errors_end_the_session_with_1011(url: str, fault: str) -> None:
     @looped
     async def run() -> None:
         async with live(url) as client:
@@ -170,7 +172,7 @@ def test_our_own_faults(url: str, fault: str) -> None:
     assert free(url) == 2
 
 
-def test_the_service_goes_away(home: Path) -> None:
+def test_a_service_shutdown_ends_the_session(home: Path) -> None:
     @looped
     async def run() -> None:
         with served(home) as (url, _):
@@ -215,7 +217,7 @@ class Deaf:
         self.write(0x82, pack(self.number, (640, 480), self.message))
 
 
-def test_a_client_that_does_not_read_costs_nobody_anything(home: Path) -> None:
+def test_a_client_that_does_not_read_does_not_delay_others(home: Path) -> None:
     picture = np.zeros((480, 640, 3), np.uint8).tobytes()
 
     @looped
@@ -238,7 +240,7 @@ def test_a_client_that_does_not_read_costs_nobody_anything(home: Path) -> None:
     run()
 
 
-def test_a_client_that_vanishes_is_missed_by_a_ping(home: Path) -> None:
+def test_a_vanished_client_is_detected_by_ping(home: Path) -> None:
     @looped
     async def run() -> None:
         with served(home, live_ping_s=0.3, live_resume_s=0.2) as (url, _):

@@ -20,19 +20,21 @@ U16, U32, U64 = st.integers(0, 2**16 - 1), st.integers(0, 2**32 - 1), st.integer
 
 
 @given(st.booleans(), U16, U16, U32, U64, st.binary(min_size=1, max_size=99))
-def test_a_frame_there(key: bool, width: int, height: int, sequence: int, timestamp: int, payload: bytes) -> None:
+def test_a_request_frame_round_trips(
+    key: bool, width: int, height: int, sequence: int, timestamp: int, payload: bytes
+) -> None:
     header, data = unpack(pack_bytes(sequence, (width, height), payload, key, timestamp))
     assert header == Header(key, width, height, sequence, timestamp)
     assert data == payload
 
 
-def test_a_frame_back() -> None:
+def test_an_answer_frame_has_the_documented_bytes() -> None:
     made = pack(Header(True, 640, 480, 7, 2**40, 16_300), b"data")
     assert made.hex(" ", 4) == "01010280 01e00000 00000007 00003fac 00000100 00000000 00000000 00000000 64617461"
 
 
 @given(st.binary(max_size=60))
-def test_bytes_are_a_frame_or_a_bad_message(data: bytes) -> None:
+def test_arbitrary_bytes_are_a_frame_or_a_bad_message(data: bytes) -> None:
     try:
         unpack(data)
     except BadMessage as error:
@@ -49,14 +51,14 @@ def test_bytes_are_a_frame_or_a_bad_message(data: bytes) -> None:
         ('{"type": "bye"}', ByeIn),
     ],
 )
-def test_messages(text: str, kind: type) -> None:
+def test_valid_messages_are_parsed(text: str, kind: type) -> None:
     assert isinstance(parse(text), kind)
 
 
 @pytest.mark.parametrize(
     "text", ["", "no json", "[]", "3", "{}", '{"type": "cat"}', '{"type": 3}', '{"type": "bye", "a": NaN}', "[" * 99999]
 )
-def test_what_is_no_message(text: str) -> None:
+def test_invalid_messages_are_refused(text: str) -> None:
     with pytest.raises(BadMessage) as raised:
         parse(text)
     assert raised.value.remedy
@@ -71,7 +73,7 @@ def test_what_is_no_message(text: str) -> None:
         ("cat", 1),
     ],
 )  # fmt: skip
-def test_a_bad_field_is_named(field: str, value: Any) -> None:
+def test_the_error_names_the_bad_message_field(field: str, value: Any) -> None:
     hello = {"type": "hello", "width": 64, "height": 64, field: value}
     with pytest.raises(BadInput) as raised:
         parse(json.dumps(hello))
@@ -81,14 +83,14 @@ def test_a_bad_field_is_named(field: str, value: Any) -> None:
 
 
 @given(st.text(max_size=40) | st.from_regex(r'\{"type": "(hello|params|bye)", "[a-z]+": [0-9\[\]{}"]+\}'))
-def test_any_text_is_a_message_or_an_error_of_ours(text: str) -> None:
+def test_arbitrary_text_is_a_message_or_a_typed_error(text: str) -> None:
     try:
         parse(text)
     except (BadMessage, BadInput) as error:
         assert close_code(error) == 4400
 
 
-def test_every_reason_to_close_has_a_title() -> None:
+def test_every_close_reason_has_a_title() -> None:
     assert set(_CODES) <= set(TABLE)
 
 

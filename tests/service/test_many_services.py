@@ -46,7 +46,9 @@ def shared(postgres: Postgres, s3: Swift, tmp_path: Path) -> dict[str, Any]:
     return {**given, "webhook_secret": SECRET, "s3_direct": True}
 
 
-def test_one_is_asked_and_another_works(opened: Open, shared: dict[str, Any], tmp_path: Path, tiny_clip: Path) -> None:
+def test_one_service_accepts_a_job_and_another_renders_it(
+    opened: Open, shared: dict[str, Any], tmp_path: Path, tiny_clip: Path
+) -> None:
     asked = opened(home=tmp_path / "asked", pool="none", **shared)
     working = opened(home=tmp_path / "working", **shared)
     alone = opened(home=tmp_path / "alone")
@@ -79,7 +81,7 @@ def _check_download(http: httpx.Client, where: str, expected: bytes) -> None:
     assert (part.status_code, part.content) == (206, expected[100:200])
 
 
-def test_a_deleted_job_leaves_no_blob(
+def test_a_deleted_job_leaves_no_blobs(
     opened: Open, shared: dict[str, Any], tmp_path: Path, s3: Swift, tiny_clip: Path
 ) -> None:
     service = opened(home=tmp_path / "one", **shared)

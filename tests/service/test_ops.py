@@ -19,7 +19,7 @@ from tests.service.driven_farm import DrivenFarm
 from workers.store import schema
 
 
-def test_health(client: TestClient, farm: DrivenFarm) -> None:
+def test_health_and_readiness_report_the_parts(client: TestClient, farm: DrivenFarm) -> None:
     assert client.get("/healthz").json() == {"status": "ok"}
     assert client.get("/readyz").json() == {"status": "ok", "parts": farm.parts}
     farm.parts = farm.parts | {"blobs": "The disk is full."}
@@ -29,7 +29,7 @@ def test_health(client: TestClient, farm: DrivenFarm) -> None:
     assert client.get("/healthz").status_code == 200
 
 
-def test_the_check_names_what_contradicts_itself(client: TestClient, farm: DrivenFarm, job: str) -> None:
+def test_the_consistency_check_reports_violations(client: TestClient, farm: DrivenFarm, job: str) -> None:
     assert client.get("/v1/ops/check").json() == {"violations": []}
     with farm._store._db.write() as connection:
         connection.execute(update(schema.jobs).values(finished_at=1.0))
@@ -57,7 +57,7 @@ def test_metrics_have_base_units_and_bounded_labels(client: TestClient, farm: Dr
     assert looked == [30.0]
 
 
-def test_metrics_tell_of_the_farm(client: TestClient, farm: DrivenFarm, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_metrics_describe_the_farm(client: TestClient, farm: DrivenFarm, monkeypatch: pytest.MonkeyPatch) -> None:
     snapshot = {"jobs": {"queued": 3}, "queue": {"ready_tasks": 7, "oldest_s": 1.5}, "failures": {"bad-media": 2}}
     totals = {
         "failures": {"bad-media": 5},
@@ -81,7 +81,7 @@ def test_metrics_tell_of_the_farm(client: TestClient, farm: DrivenFarm, monkeypa
         assert line in text.splitlines()
 
 
-def test_metrics_are_there_while_the_store_is_away(
+def test_metrics_are_served_while_the_store_is_unavailable(
     client: TestClient, farm: DrivenFarm, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def away() -> dict[str, Any]:
@@ -94,7 +94,7 @@ def test_metrics_are_there_while_the_store_is_away(
     assert 'impasto_ready{part="store"} 0.0' in answer.text
 
 
-def test_a_preview_is_a_picture(client: TestClient, body: dict[str, Any]) -> None:
+def test_a_preview_is_an_image(client: TestClient, body: dict[str, Any]) -> None:
     answer = client.post("/v1/previews", json=body | {"frame": 3, "max_side_px": 32})
     assert answer.headers["content-type"] == "image/png"
     assert cv2.imdecode(np.frombuffer(answer.content, np.uint8), cv2.IMREAD_COLOR).shape == (18, 32, 3)
@@ -125,7 +125,7 @@ def test_surplus_previews_are_refused_with_retry_after(
 
 
 @pytest.mark.parametrize("path", ["/", "/docs", "/docs/docs.js", "/docs/docs.css", "/v1/methods", "/v1/none", "/x"])
-def test_every_answer_bears_the_headers(client: TestClient, path: str) -> None:
+def test_every_answer_has_the_security_headers(client: TestClient, path: str) -> None:
     headers = client.get(path).headers
     assert headers["x-content-type-options"] == "nosniff"
     assert headers["x-frame-options"] == "DENY"
@@ -134,13 +134,13 @@ def test_every_answer_bears_the_headers(client: TestClient, path: str) -> None:
     assert "access-control-allow-origin" not in headers
 
 
-def test_pages_fetch_nothing_from_elsewhere(client: TestClient) -> None:
+def test_pages_load_nothing_from_other_hosts(client: TestClient) -> None:
     for path in ("/", "/docs", "/docs/docs.js", "/docs/docs.css"):
         text = client.get(path).text
         assert not re.search(r"""(src|href)=["'](https?:)?//|import .*["']https?://|url\(["']?https?:""", text), path
 
 
-def test_the_description_is_whole(client: TestClient) -> None:
+def test_the_openapi_description_is_complete(client: TestClient) -> None:
     api = client.get("/openapi.json").json()
     assert api["openapi"].startswith("3.1")
     assert "Problem" in api["components"]["schemas"]
@@ -149,7 +149,7 @@ def test_the_description_is_whole(client: TestClient) -> None:
     assert all(row.get("description") for item in api["paths"].values() for row in item.values())
 
 
-def test_every_code_of_the_tree_has_a_row() -> None:
+def test_every_error_code_has_a_status() -> None:
     def codes(kind: type[ImpastoError]) -> set[str]:
         return {kind.code}.union(*(codes(below) for below in kind.__subclasses__()))
 

@@ -72,7 +72,7 @@ def _ask(http: TestClient, url: str, **body: Any) -> Any:
     return records(answer.content)
 
 
-def test_the_source_comes_frame_by_frame(client: TestClient, at: str) -> None:
+def test_the_source_preview_is_served_frame_by_frame(client: TestClient, at: str) -> None:
     found = _ask(client, f"{at}/source", frames=[2, 9], step=3, max_side_px=48)
     assert types(found) == ["begin", "frame", "frame", "frame", "end"]
     assert [header["frame"] for header, _ in found[1:-1]] == [2, 5, 8]
@@ -88,7 +88,7 @@ def test_every_method_paints_a_frame(client: TestClient, at: str, clip: str, met
     assert picture(found[1][1]).shape == (64, 96, 3)
 
 
-def test_a_large_picture_comes_coarse_first(
+def test_a_large_preview_is_sent_coarse_first(
     client: TestClient, at: str, clip: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("workers.previews.kinds.paint.COARSE_FROM_PX", 90)
@@ -105,18 +105,18 @@ def test_the_preview_of_a_change_is_the_preview_of_the_changed_document(client: 
     assert changed != _ask(client, f"{at}/paint", frame=5)[1][1]
 
 
-def test_a_range_of_a_causal_method_is_what_its_stream_gives(client: TestClient, at: str, clip: str) -> None:
+def test_a_range_preview_of_a_causal_method_matches_its_stream(client: TestClient, at: str, clip: str) -> None:
     found = _ask(client, f"{at}/paint", frames=[0, 4], document=_document(clip, _layer("abstraction")))
     assert [header["frame"] for header, _ in found[1:-1]] == [0, 1, 2, 3]
 
 
-def test_a_crop_is_a_piece_of_the_frame_at_full_resolution(client: TestClient, at: str) -> None:
+def test_a_crop_is_cut_from_the_frame_at_full_resolution(client: TestClient, at: str) -> None:
     whole = picture(_ask(client, f"{at}/paint", frame=5)[1][1])
     found = _ask(client, f"{at}/paint", frame=5, crop=[10, 20, 30, 16], max_side_px=32)
     assert np.array_equal(picture(found[1][1]), whole[20:36, 10:40])
 
 
-def test_layers_are_laid_over_each_other(client: TestClient, at: str, clip: str) -> None:
+def test_layers_are_composited(client: TestClient, at: str, clip: str) -> None:
     below, above = _layer("abstraction"), {**_layer("multistyle"), "id": "l2"}
 
     def painted(*layers: Json) -> Any:
@@ -129,7 +129,7 @@ def test_layers_are_laid_over_each_other(client: TestClient, at: str, clip: str)
     assert np.array_equal(painted(below, {**above, "visible": False}), a)
 
 
-def test_cards_show_the_frame_in_every_style(client: TestClient, at: str) -> None:
+def test_style_cards_show_the_frame_in_every_style(client: TestClient, at: str) -> None:
     cards = [{"id": name, "set": {"params": {"style": name}}} for name in ("pointillism", "watercolor")]
     found = _ask(client, f"{at}/styles", frame=5, cards=cards, max_side_px=64)
     assert [header["card"] for header, _ in found[1:-1]] == ["pointillism", "watercolor"]
@@ -176,7 +176,7 @@ def searched(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 Ask = Callable[..., dict[int, NDArray[np.uint8]]]
 
 
-def test_a_painted_key_reaches_the_frames_around_it(
+def test_a_painted_keyframe_affects_neighbouring_frames(
     red_key: NDArray[np.uint8], propagation: Ask, searched: list[int]
 ) -> None:
     shown = propagation(red_key)
@@ -186,7 +186,7 @@ def test_a_painted_key_reaches_the_frames_around_it(
     assert all({tuple(pixel) for pixel in colours.reshape(-1, 3).tolist()} <= palette for colours in shown.values())
 
 
-def test_a_second_edit_searches_only_what_it_changed(
+def test_a_second_edit_recomputes_only_the_changed_region(
     red_key: NDArray[np.uint8], propagation: Ask, searched: list[int]
 ) -> None:
     before = propagation(red_key, steadiness=2)
@@ -209,7 +209,7 @@ def test_transparent_pixels_of_a_key_show_the_frame(
 
 
 @pytest.mark.parametrize("fails", [False, True])
-def test_without_a_propagator_the_plan_makes_the_frames(
+def test_without_a_propagator_the_plan_renders_the_frames(
     red_key: NDArray[np.uint8], propagation: Ask, monkeypatch: pytest.MonkeyPatch, fails: bool
 ) -> None:
     def none(*_: Any) -> None:
@@ -248,14 +248,14 @@ def test_directions_follow_the_design(client: TestClient, at: str, clip: str) ->
     assert np.abs(np.rad2deg(field[..., 0]) - 30).max() < 1 and field[..., 1].min() > 0.5
 
 
-def test_suggested_keys_begin_with_the_first_frame(client: TestClient, at: str) -> None:
+def test_suggested_keyframes_begin_with_the_first_frame(client: TestClient, at: str) -> None:
     found = _ask(client, f"{at}/keys", count=3)
     scores, keys = found[-3][0], found[-2][0]
     assert scores["frames"] == [0, 24] and len(scores["occlusion"]) == 24
     assert keys["frames"][0] == 0 and len(keys["frames"]) == 3
 
 
-def test_problems_of_the_layer_are_refused_by_path(client: TestClient, at: str, clip: str) -> None:
+def test_layer_problems_are_refused_with_their_path(client: TestClient, at: str, clip: str) -> None:
     wrong = _document(clip, _layer("multistyle", params={"stroke_size": 9}), {**_layer("oil"), "id": "l2"})
     refused = client.post(f"{at}/paint", json={"shot": "s1", "layer": "l1", "document": wrong})
     assert refused.status_code == 422
@@ -265,7 +265,7 @@ def test_problems_of_the_layer_are_refused_by_path(client: TestClient, at: str, 
     assert client.post(f"{at}/paint", json={"shot": "s9"}).status_code == 404
 
 
-def test_a_later_request_overtakes_the_earlier_one(
+def test_a_later_preview_request_cancels_the_earlier_one(
     client: TestClient, at: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     painting, second_arrived = threading.Event(), threading.Event()
@@ -300,6 +300,6 @@ def test_a_later_request_overtakes_the_earlier_one(
     assert types(_ask(client, f"{at}/paint", frame=8, client="tab", seq=1)) == ["begin", "overtaken"], "it is late"
 
 
-def test_warm_state_is_bounded(client: TestClient, at: str) -> None:
+def test_cached_preview_state_is_bounded(client: TestClient, at: str) -> None:
     state = client.get(f"{at}/state").json()
     assert 0 < state["bytes"] <= state["limit_bytes"] and state["where"] == "process"

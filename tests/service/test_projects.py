@@ -84,7 +84,7 @@ def test_a_project_is_saved_version_by_version(client: TestClient, clip: str) ->
     assert labelled.json()["label"] == "for Ann"
 
 
-def test_a_change_needs_the_version_that_it_was_made_on(client: TestClient, clip: str) -> None:
+def test_a_change_requires_its_base_version(client: TestClient, clip: str) -> None:
     project = _create(client, _document(clip))
     at = project["links"]["self"]
     without = client.put(at, json=_document(clip))
@@ -100,7 +100,7 @@ def test_a_change_needs_the_version_that_it_was_made_on(client: TestClient, clip
     assert client.request("PATCH", at, json=change, headers=headers).status_code == 412
 
 
-def test_patches_change_a_part(client: TestClient, clip: str) -> None:
+def test_patches_change_a_part_of_a_project(client: TestClient, clip: str) -> None:
     at = _create(client, _document(clip))["links"]["self"]
 
     def patch(change: Any, kind: str, version: int) -> Any:
@@ -119,7 +119,7 @@ def test_patches_change_a_part(client: TestClient, clip: str) -> None:
     assert client.get(at).json()["version"] == 3
 
 
-def test_problems_are_saved_and_keep_from_rendering(client: TestClient, clip: str) -> None:
+def test_a_project_with_problems_is_saved_but_not_rendered(client: TestClient, clip: str) -> None:
     wrong = _document(clip, params={"stroke_size": 9}, style_keys=[{"region": "moon", "frame": 99}])
     project = _create(client, wrong)
     at = project["links"]["self"]
@@ -131,7 +131,7 @@ def test_problems_are_saved_and_keep_from_rendering(client: TestClient, clip: st
     assert [error["path"] for error in refused.json()["errors"]] == places
 
 
-def test_jobs_are_made_of_a_version(client: TestClient, clip: str) -> None:
+def test_jobs_are_created_from_a_version(client: TestClient, clip: str) -> None:
     key = _upload(client, _png(), "key.png")
     document = _document(clip, method="analogy", keys=[{"frame": 12, "image": "key"}])
     document["assets"]["key"] = {"id": key}
@@ -160,13 +160,13 @@ def test_an_estimate_without_data_is_unknown(client: TestClient, clip: str) -> N
     assert client.post("/v1/estimates", json={"project": wrong["id"]}).json()["code"] == "bad-project"
 
 
-def test_assets_of_a_project_stay(client: TestClient, clip: str) -> None:
+def test_assets_of_a_project_cannot_be_deleted(client: TestClient, clip: str) -> None:
     _create(client, _document(clip))
     refused = client.delete(f"/v1/assets/{clip}")
     assert (refused.status_code, "'Swan'" in refused.json()["detail"]) == (409, True)
 
 
-def test_a_deletion_can_be_taken_back(client: TestClient, clip: str) -> None:
+def test_a_project_deletion_can_be_undone(client: TestClient, clip: str) -> None:
     at = _create(client, _document(clip))["links"]["self"]
     assert client.delete(at).status_code == 204
     assert client.get(at).status_code == 410
@@ -176,7 +176,7 @@ def test_a_deletion_can_be_taken_back(client: TestClient, clip: str) -> None:
     assert client.get(at).json()["document"] == _document(clip)
 
 
-def test_an_archive_has_everything_in_it(client: TestClient, clip: str, farm: Farm) -> None:
+def test_a_project_archive_is_complete(client: TestClient, clip: str, farm: Farm) -> None:
     project = _create(client, _document(clip))
     exported = client.get(project["links"]["export"])
     assert exported.headers["Content-Type"] == "application/zip"
@@ -190,12 +190,12 @@ def test_an_archive_has_everything_in_it(client: TestClient, clip: str, farm: Fa
 
 
 @pytest.mark.parametrize("data", [b"", b"PK\x03\x04 broken", b"not a zip"])
-def test_what_is_no_archive_is_refused(client: TestClient, data: bytes) -> None:
+def test_an_invalid_project_archive_is_refused(client: TestClient, data: bytes) -> None:
     refused = client.post("/v1/projects/import", content=data, headers={"Content-Type": "application/zip"})
     assert (refused.status_code, refused.json()["code"]) == (422, "unreadable-media")
 
 
-def test_an_archive_whose_asset_was_changed_is_refused(client: TestClient, clip: str) -> None:
+def test_a_project_archive_with_a_changed_asset_is_refused(client: TestClient, clip: str) -> None:
     exported = client.get(_create(client, _document(clip))["links"]["export"]).content
     stream = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(exported)) as source, zipfile.ZipFile(stream, "w") as target:
@@ -223,7 +223,7 @@ def test_projects_of_others_look_like_missing_ones(client: TestClient, tiny_clip
     assert client.get("/v1/projects", headers=ben).json()["items"] == []
 
 
-def test_a_link_shows_one_project_until_it_ends(client: TestClient, tiny_clip: Path) -> None:
+def test_a_share_link_shows_one_project_until_it_ends(client: TestClient, tiny_clip: Path) -> None:
     key_id, anna = _key(client, "anna")
     clip = _upload(client, tiny_clip.read_bytes(), "tiny.mp4", headers=anna)
     at = client.post("/v1/projects", json={"document": _document(clip)}, headers=anna).json()["links"]["self"]
@@ -247,7 +247,7 @@ def test_a_link_shows_one_project_until_it_ends(client: TestClient, tiny_clip: P
     assert client.get(link).status_code == 410
 
 
-def test_a_link_needs_no_key_where_keys_are_needed(home: Path, farm: Farm, tiny_clip: Path) -> None:
+def test_a_share_link_needs_no_key(home: Path, farm: Farm, tiny_clip: Path) -> None:
     settings = Settings(home=home, pool="none", auth="required", admin_key="a" * 32)  # type: ignore[arg-type]
     app = create_app(settings, farm)
     with TestClient(app, "http://127.0.0.1:8420", raise_server_exceptions=False) as client:
@@ -259,7 +259,7 @@ def test_a_link_needs_no_key_where_keys_are_needed(home: Path, farm: Farm, tiny_
         assert client.get("/v1/shared/none.none").status_code == 410
 
 
-def test_a_document_that_is_too_large_is_refused(client: TestClient, clip: str) -> None:
+def test_a_too_large_project_document_is_refused(client: TestClient, clip: str) -> None:
     project = _create(client, _document(clip))
     refused = _put(client, project, _document(clip, ui={"strokes": "x" * (5 << 20)}), 1)
     assert (refused.status_code, refused.json()["field"]) == (422, "document")

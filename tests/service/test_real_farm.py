@@ -74,14 +74,14 @@ def _check_result(http: httpx.Client, where: str) -> None:
         assert len(http.get(row["url"]).content) == row["size_bytes"]
 
 
-def test_a_preview(http: httpx.Client, clip: str) -> None:
+def test_a_preview_has_the_requested_size(http: httpx.Client, clip: str) -> None:
     body = {"method": "abstraction", "inputs": {"video": clip}, "frame": 5, "max_side_px": 64}
     answer = http.post("/v1/previews", json=body)
     assert answer.status_code == 200, answer.text
     assert max(cv2.imdecode(np.frombuffer(answer.content, np.uint8), cv2.IMREAD_COLOR).shape) == 64
 
 
-def test_a_frame_of_the_original(http: httpx.Client, clip: str) -> None:
+def test_a_frame_of_the_source_is_served(http: httpx.Client, clip: str) -> None:
     first, last, beyond = (
         http.get(f"/v1/assets/{clip}/frame", params={"index": n, "max_side_px": 48}) for n in (0, 23, 900)
     )
@@ -97,7 +97,7 @@ def test_the_thumbnail_is_a_real_render(http: httpx.Client) -> None:
     assert cv2.imdecode(np.frombuffer(answer.content, np.uint8), cv2.IMREAD_COLOR).shape == (180, 320, 3)
 
 
-def test_cancel_then_forget(http: httpx.Client, clip: str) -> None:
+def test_a_cancelled_job_can_be_deleted(http: httpx.Client, clip: str) -> None:
     job = http.post("/v1/jobs", json={"method": "abstraction", "inputs": {"video": clip}, "seed": 7}).json()["id"]
     assert http.post(f"/v1/jobs/{job}/cancel").status_code == 200
     assert [e["data"]["state"] for e in events(http, job, 0) if e["type"] == "job.state"][-1] == "cancelled"
@@ -105,7 +105,7 @@ def test_cancel_then_forget(http: httpx.Client, clip: str) -> None:
     assert http.get(f"/v1/jobs/{job}").status_code == 404
 
 
-def test_metrics_of_real_work(http: httpx.Client) -> None:
+def test_metrics_report_the_state_of_a_real_farm(http: httpx.Client) -> None:
     lines = http.get("/metrics").text.splitlines()
     assert 'impasto_ready{part="pool"} 1.0' in lines
     assert 'impasto_jobs{state="running"} 0.0' in lines

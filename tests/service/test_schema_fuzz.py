@@ -46,7 +46,7 @@ def schema(tmp_path_factory: pytest.TempPathFactory, tiny_clip: Path) -> Iterato
 
 
 @pytest.mark.parametrize("mode", list(GenerationMode))
-def test_no_request_makes_a_5xx(schema: tuple[Any, Known], mode: GenerationMode) -> None:
+def test_no_generated_request_causes_a_5xx(schema: tuple[Any, Known], mode: GenerationMode) -> None:
     api, known = schema
     operations = [found.ok() for found in api.get_all_operations()]
     assert len(operations) > 30

@@ -28,7 +28,7 @@ print("stopped in order", flush=True)
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_signal_ends_streams_and_the_process(home: Path, tiny_clip: Path, number: signal.Signals) -> None:
+def test_a_signal_ends_event_streams_and_the_process(home: Path, tiny_clip: Path, number: signal.Signals) -> None:
     process = subprocess.Popen([sys.executable, "-c", PROGRAM, str(home)], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     try:
@@ -50,7 +50,7 @@ def test_a_signal_ends_streams_and_the_process(home: Path, tiny_clip: Path, numb
         process.wait()
 
 
-def test_without_any_key_it_does_not_come_up_open(home: Path) -> None:
+def test_the_service_does_not_start_publicly_without_a_key(home: Path) -> None:
     with pytest.raises(BadParameter) as error:
         serve(Settings(home=home, host="0.0.0.0", port=0, pool="none"))
     assert error.value.field == "IMPASTO_ADMIN_KEY"

@@ -46,7 +46,7 @@ def checksum(data: bytes, algorithm: str = "sha1") -> str:
     return f"{algorithm} {base64.b64encode(hashlib.new(algorithm, data).digest()).decode()}"
 
 
-def test_options_tell_what_is_possible(client: TestClient) -> None:
+def test_upload_options_list_the_extensions(client: TestClient) -> None:
     answer = client.options("/v1/uploads")
     assert answer.status_code == 204
     assert answer.headers["tus-version"] == answer.headers["tus-resumable"] == "1.0.0"
@@ -55,7 +55,7 @@ def test_options_tell_what_is_possible(client: TestClient) -> None:
     assert answer.headers["tus-checksum-algorithm"] == "sha1,sha256"
 
 
-def test_pieces_become_an_asset(client: TestClient, settings: Settings) -> None:
+def test_upload_chunks_become_an_asset(client: TestClient, settings: Settings) -> None:
     where = begin(client)
     first = patch(client, where, 0, CLIP[:5])
     assert (first.status_code, first.headers["upload-offset"]) == (204, "5")
@@ -71,14 +71,14 @@ def test_pieces_become_an_asset(client: TestClient, settings: Settings) -> None:
     assert not list(settings.uploads_dir.glob("*.part"))
 
 
-def test_a_piece_may_come_with_the_creation(client: TestClient) -> None:
+def test_an_upload_may_be_created_with_its_first_chunk(client: TestClient) -> None:
     head = PIECE | {"Upload-Length": str(len(CLIP))}
     answer = client.post("/v1/uploads", headers=head, content=CLIP)
     assert (answer.status_code, answer.headers["upload-offset"]) == (201, str(len(CLIP)))
     assert answer.headers["impasto-asset"].startswith("ast_")
 
 
-def test_another_offset_is_409_and_tells_the_right_one(client: TestClient) -> None:
+def test_a_wrong_upload_offset_is_409_with_the_right_one(client: TestClient) -> None:
     where = begin(client)
     patch(client, where, 0, CLIP[:5])
     for wrong in (0, 4, 6):
@@ -89,32 +89,32 @@ def test_another_offset_is_409_and_tells_the_right_one(client: TestClient) -> No
 
 
 @pytest.mark.parametrize("verb", ["post", "head", "patch", "delete"])
-def test_another_version_is_412(client: TestClient, verb: str) -> None:
+def test_another_tus_version_is_412(client: TestClient, verb: str) -> None:
     where = "/v1/uploads" if verb == "post" else begin(client)
     headers = PIECE | {"Tus-Resumable": "0.2.2", "Upload-Offset": "0", "Upload-Length": "5"}
     answer = client.request(verb, where, headers=headers)
     assert (answer.status_code, answer.headers["tus-version"]) == (412, "1.0.0")
 
 
-def test_another_body_type_is_415(client: TestClient) -> None:
+def test_another_upload_content_type_is_415(client: TestClient) -> None:
     answer = patch(client, begin(client), 0, CLIP, **{"Content-Type": "video/mp4"})
     assert (answer.status_code, answer.headers["tus-resumable"]) == (415, "1.0.0")
 
 
-def test_more_than_was_announced_is_413(client: TestClient) -> None:
+def test_more_bytes_than_announced_are_413(client: TestClient) -> None:
     where = begin(client)
     assert patch(client, where, 0, CLIP + b"x").status_code == 413
     assert offset(client, where) == 0
 
 
-def test_more_than_may_be_is_413(settings: Settings, farm: DrivenFarm) -> None:
+def test_an_upload_above_the_size_limit_is_413(settings: Settings, farm: DrivenFarm) -> None:
     for client in open_client(settings.model_copy(update={"max_asset_bytes": 10}), farm):
         answer = client.post("/v1/uploads", headers=TUS | {"Upload-Length": "11"})
         assert (answer.status_code, answer.json()["field"]) == (413, "Upload-Length")
 
 
 @pytest.mark.parametrize("algorithm", ["sha1", "sha256"])
-def test_a_checksum_is_checked(client: TestClient, algorithm: str) -> None:
+def test_the_checksum_of_an_upload_chunk_is_verified(client: TestClient, algorithm: str) -> None:
     where = begin(client)
     wrong = patch(client, where, 0, CLIP[:5], **{"Upload-Checksum": checksum(b"other", algorithm)})
     assert (wrong.status_code, wrong.json()["code"], offset(client, where)) == (460, "checksum-mismatch", 0)
@@ -122,20 +122,20 @@ def test_a_checksum_is_checked(client: TestClient, algorithm: str) -> None:
     assert (right.status_code, offset(client, where)) == (204, 5)
 
 
-def test_media_that_are_refused_are_refused_again(client: TestClient) -> None:
+def test_a_refused_upload_stays_refused(client: TestClient) -> None:
     where = begin(client, 4)
     first = patch(client, where, 0, b"MZ\x90\x00")
     assert (first.status_code, first.json()["code"]) == (422, "unreadable-media")
     assert client.head(where, headers=TUS).status_code == 422
 
 
-def test_termination(client: TestClient) -> None:
+def test_an_upload_can_be_terminated(client: TestClient) -> None:
     where = begin(client)
     assert client.delete(where, headers=TUS).status_code == 204
     assert client.head(where, headers=TUS).status_code == 404
 
 
-def test_expiry(client: TestClient, settings: Settings) -> None:
+def test_expired_uploads_are_410_and_deleted(client: TestClient, settings: Settings) -> None:
     where = begin(client)
     old = time.time() - settings.upload_ttl_s - 1
     for path in settings.uploads_dir.iterdir():
@@ -146,7 +146,7 @@ def test_expiry(client: TestClient, settings: Settings) -> None:
     assert client.head(where, headers=TUS).status_code == 404
 
 
-def test_two_writers_at_once_are_kept_apart(client: TestClient, settings: Settings) -> None:
+def test_concurrent_writers_of_one_upload_are_refused(client: TestClient, settings: Settings) -> None:
     where = begin(client)
     store = UploadStore(settings.uploads_dir, settings.upload_ttl_s)
     with store.claim(store.find(where.rpartition("/")[2])):
@@ -155,13 +155,13 @@ def test_two_writers_at_once_are_kept_apart(client: TestClient, settings: Settin
     assert patch(client, where, 0, CLIP).status_code == 204
 
 
-def test_a_proxy_that_knows_no_patch(client: TestClient) -> None:
+def test_patch_can_be_sent_as_post_with_method_override(client: TestClient) -> None:
     where = begin(client)
     headers = PIECE | {"Upload-Offset": "0", "X-HTTP-Method-Override": "PATCH"}
     assert client.post(where, headers=headers, content=CLIP).headers["upload-offset"] == str(len(CLIP))
 
 
-def test_the_process_may_die_between_the_last_byte_and_the_asset(client: TestClient, settings: Settings) -> None:
+def test_an_upload_survives_a_crash_before_its_asset_is_created(client: TestClient, settings: Settings) -> None:
     where = begin(client)
     (settings.uploads_dir / f"{where.rpartition('/')[2]}.part").write_bytes(CLIP)
     assert client.head(where, headers=TUS).headers["impasto-asset"].startswith("ast_")
@@ -191,7 +191,7 @@ def test_open_uploads_count_against_the_quota(settings: Settings, farm: DrivenFa
         assert (sent.status_code, sent.json()["code"]) == (429, "quota-exceeded")
 
 
-def test_the_quota_is_checked_again_when_the_upload_is_whole(settings: Settings, farm: DrivenFarm) -> None:
+def test_the_quota_is_checked_again_when_the_upload_is_complete(settings: Settings, farm: DrivenFarm) -> None:
     for client in open_client(settings, farm):
         where = begin(client)
     for client in open_client(limited(settings, quota_asset_bytes=len(CLIP) - 1), farm):
@@ -212,7 +212,7 @@ def test_open_uploads_have_their_disk_space_reserved(
         assert create(client, 400).status_code == 201
 
 
-def test_a_piece_never_goes_through_the_disk_reserve(
+def test_an_upload_chunk_never_uses_the_disk_reserve(
     settings: Settings, farm: DrivenFarm, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for client in open_client(settings, farm):
@@ -240,7 +240,7 @@ def test_expired_uploads_reserve_nothing(settings: Settings, farm: DrivenFarm) -
         assert create(client, 100).status_code == 201
 
 
-def test_head_while_the_last_piece_is_probed(client: TestClient, settings: Settings) -> None:
+def test_a_head_request_during_probing_of_the_upload_succeeds(client: TestClient, settings: Settings) -> None:
     where = begin(client)
     store = UploadStore(settings.uploads_dir, settings.upload_ttl_s)
     upload = store.find(where.rpartition("/")[2])
@@ -252,7 +252,9 @@ def test_head_while_the_last_piece_is_probed(client: TestClient, settings: Setti
     assert "impasto-asset" in client.head(where, headers=TUS).headers
 
 
-def test_head_between_reading_the_record_and_the_size(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_head_request_between_record_and_size_is_consistent(
+    client: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
     where = begin(client)
     ask = UploadStore.offset
     waiting = [True]
@@ -279,7 +281,7 @@ def clip(tmp_path: Path) -> Path:
     return path
 
 
-def test_tuspy_uploads_in_checked_pieces(settings: Settings, farm: DrivenFarm, clip: Path) -> None:
+def test_tuspy_uploads_in_checksummed_chunks(settings: Settings, farm: DrivenFarm, clip: Path) -> None:
     with running(settings, farm) as url:
         uploader = TusClient(f"{url}/v1/uploads").uploader(
             str(clip), chunk_size=70_000, metadata={"filename": "clip.mp4"}, upload_checksum=True
@@ -290,7 +292,7 @@ def test_tuspy_uploads_in_checked_pieces(settings: Settings, farm: DrivenFarm, c
     assert farm.assets.get(asset_id).filename == "clip.mp4"
 
 
-def test_tuspy_goes_on_after_a_restart_of_the_service(settings: Settings, farm: DrivenFarm, clip: Path) -> None:
+def test_tuspy_resumes_after_a_service_restart(settings: Settings, farm: DrivenFarm, clip: Path) -> None:
     with running(settings, farm) as url:
         uploader = TusClient(f"{url}/v1/uploads").uploader(str(clip), chunk_size=70_000)
         uploader.upload(stop_at=140_000)
@@ -304,7 +306,7 @@ def test_tuspy_goes_on_after_a_restart_of_the_service(settings: Settings, farm: 
         assert farm.assets.get(again.request.response_headers["impasto-asset"])
 
 
-def test_a_broken_connection_loses_nothing_that_arrived(settings: Settings, farm: DrivenFarm, clip: Path) -> None:
+def test_a_broken_connection_keeps_the_received_bytes(settings: Settings, farm: DrivenFarm, clip: Path) -> None:
     data = clip.read_bytes()
     with running(settings, farm) as url:
         uploader = TusClient(f"{url}/v1/uploads").uploader(str(clip))

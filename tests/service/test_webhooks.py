@@ -84,7 +84,7 @@ def settled(farm: DrivenFarm, count: int) -> list[tuple[str, int | None, str]]:
     return farm.outcomes
 
 
-def test_a_message_verifies_and_a_changed_one_does_not(hooked: TestClient, farm: DrivenFarm) -> None:
+def test_a_webhook_signature_verifies_and_a_changed_message_does_not(hooked: TestClient, farm: DrivenFarm) -> None:
     receiver = serve(Receiver())
     sent = post(farm, receiver.url)
     receiver.wait(1)
@@ -97,7 +97,7 @@ def test_a_message_verifies_and_a_changed_one_does_not(hooked: TestClient, farm:
     assert settled(farm, 1) == [(sent.id, 204, "")]
 
 
-def test_a_failure_is_tried_again_with_the_same_id(hooked: TestClient, farm: DrivenFarm) -> None:
+def test_a_failed_webhook_is_retried_with_the_same_id(hooked: TestClient, farm: DrivenFarm) -> None:
     receiver = serve(Receiver(500, 503))
     sent = post(farm, receiver.url)
     receiver.wait(3)
@@ -105,7 +105,7 @@ def test_a_failure_is_tried_again_with_the_same_id(hooked: TestClient, farm: Dri
     assert [status for _, status, _ in settled(farm, 3)] == [500, 503, 204]
 
 
-def test_a_redirect_is_not_followed(hooked: TestClient, farm: DrivenFarm) -> None:
+def test_webhooks_do_not_follow_redirects(hooked: TestClient, farm: DrivenFarm) -> None:
     receiver = serve(Receiver(302))
     post(farm, receiver.url)
     assert settled(farm, 1)[0][1:] == (302, "HTTP 302")
@@ -128,13 +128,13 @@ def test_dead_and_hanging_receivers_block_nobody(hooked: TestClient, farm: Drive
     assert hooked.get("/healthz").status_code == 200
 
 
-def test_a_job_shows_its_messages(hooked: TestClient, farm: DrivenFarm) -> None:
+def test_a_job_lists_its_webhook_deliveries(hooked: TestClient, farm: DrivenFarm) -> None:
     asset = hooked.post("/v1/assets", files={"file": ("a.mp4", b"CLIP")}).json()["id"]
     job = hooked.post("/v1/jobs", json={"method": "toy", "inputs": {"video": asset}}).json()["id"]
     assert hooked.get(f"/v1/jobs/{job}/webhooks").json() == {"items": [], "cursor": None}
 
 
-def test_each_owner_has_a_secret_of_their_own_that_lasts(settings: Settings) -> None:
+def test_each_owner_has_a_permanent_webhook_secret(settings: Settings) -> None:
     path = settings.home / "webhook_secret"
     secrets = WebhookSecrets(path)
     assert secrets.of("a") != secrets.of("b")
@@ -151,14 +151,14 @@ def test_each_owner_has_a_secret_of_their_own_that_lasts(settings: Settings) -> 
         "::ffff:10.0.0.1", "2002:7f00:1::", "64:ff9b::7f00:1", "64:ff9b::a9fe:a9fe", "nonsense",
     ],
 )  # fmt: skip
-def test_inside_addresses_are_not_public(address: str) -> None:
+def test_internal_addresses_are_not_public(address: str) -> None:
     assert not is_public(address)
 
 
 @pytest.mark.parametrize(
     "address", ["93.184.216.34", "2606:2800:220:1::1", "::ffff:93.184.216.34", "64:ff9b::5db8:d822"]
 )
-def test_outside_addresses_are(address: str) -> None:
+def test_external_addresses_are_public(address: str) -> None:
     assert is_public(address)
 
 
@@ -170,14 +170,14 @@ def test_outside_addresses_are(address: str) -> None:
         "https://example.org/#here", "https://exa mple.org/", "//example.org/", "http://example.org:0/",
     ],
 )  # fmt: skip
-def test_targets_that_are_refused(url: str) -> None:
+def test_invalid_webhook_targets_are_refused(url: str) -> None:
     with pytest.raises(BadParameter) as error:
         check_target(url, private=False)
     assert error.value.field == "webhook"
     assert error.value.remedy
 
 
-def test_a_public_name_that_points_inside_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_public_name_that_resolves_to_an_internal_address_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(targets, "_resolve", lambda host, port: ["93.184.216.34", "10.0.0.1"])
     with pytest.raises(BadParameter, match="private"):
         check_target("https://example.org/hook", private=False)
@@ -185,7 +185,7 @@ def test_a_public_name_that_points_inside_is_refused(monkeypatch: pytest.MonkeyP
     check_target("https://example.org/hook", private=False)
 
 
-def test_a_name_that_points_inside_later_is_refused_at_the_connection() -> None:
+def test_a_name_rebound_to_an_internal_address_is_refused_at_connection() -> None:
     receiver = serve(Receiver())
 
     async def connect() -> None:
@@ -197,7 +197,7 @@ def test_a_name_that_points_inside_later_is_refused_at_the_connection() -> None:
     assert receiver.got == []
 
 
-def test_the_default_sends_nothing_inside(settings: Settings, farm: DrivenFarm) -> None:
+def test_webhooks_to_internal_addresses_are_disabled_by_default(settings: Settings, farm: DrivenFarm) -> None:
     receiver = serve(Receiver())
     for _client in open_client(settings.model_copy(update={"webhook_poll_s": 0.02}), farm):
         post(farm, receiver.url)

@@ -1,4 +1,4 @@
-"""Toys for live tests: a causal method without pictures to speak of, and seats that do as they are told."""
+"""Test doubles for live tests: a small causal method, and workers whose timing and death a test controls."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class Echo:
 
 @dataclass
 class ToyWorker:
-    """A seat of the test's own loop: work takes as long as the test says, and it dies when told."""
+    """A live worker inside the test's event loop; the test sets how long work takes and when the worker dies."""
 
     workers: ToyWorkers
     opened: LiveOrder | None = None

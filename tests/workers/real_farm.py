@@ -74,7 +74,7 @@ class Worker:
         assert self._process.stdout.readline() == "up\n"
 
     def kill(self) -> None:
-        """kill -9, and nobody starts it again."""
+        """Kill the process with SIGKILL without a restart."""
         with self._lock:
             self._wanted = False
             self._signal(signal.SIGKILL)
@@ -103,7 +103,7 @@ class Accepting(Worker):
         super().__init__(settings.model_copy(update={"pool": "none"}), home)
 
     def submit(self, asset: str, params: dict[str, Any], key: str) -> str:
-        """The id of the accepted job; empty if the process has died before it said so."""
+        """The id of the accepted job; empty if the process died before it printed the id."""
         assert self._process is not None and self._process.stdin is not None and self._process.stdout is not None
         try:
             self._process.stdin.write(json.dumps({"asset": asset, "params": params, "key": key}) + "\n")

@@ -21,14 +21,14 @@ def packed(**arrays: np.ndarray) -> bytes:
 
 
 @pytest.mark.parametrize("array", [LABELS, NOISE, NOISE / 7, np.zeros((0, 4), np.int32), np.int32([5]), LABELS > 30])
-def test_arrays_come_back_as_they_were(array: np.ndarray) -> None:
+def test_arrays_round_trip_unchanged(array: np.ndarray) -> None:
     back = read_arrays(packed(one=array, two=array[::-1]))
     np.testing.assert_array_equal(back["one"], array)
     np.testing.assert_array_equal(back["two"], array[::-1])
     assert back["one"].dtype == array.dtype
 
 
-def test_what_repeats_is_deflated_and_what_varies_is_stored() -> None:
+def test_repetitive_arrays_are_deflated_and_noisy_arrays_are_stored() -> None:
     archive = zipfile.ZipFile(io.BytesIO(packed(labels=LABELS, noise=NOISE, weights=LABELS.astype(np.float32))))
     kinds = {entry.filename: entry.compress_type for entry in archive.infolist()}
     stored, deflated = zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED
@@ -36,7 +36,7 @@ def test_what_repeats_is_deflated_and_what_varies_is_stored() -> None:
     assert len(packed(labels=LABELS)) < LABELS.nbytes / 10
 
 
-def test_stored_arrays_are_read_where_they_lie_and_can_be_written_to() -> None:
+def test_stored_arrays_are_read_without_copy_and_are_writable() -> None:
     data = packed(a=NOISE / 7, bb=NOISE, c=np.float64(3.5))
     at = {name: array.__array_interface__["data"][0] for name, array in read_arrays(data).items()}
     assert len({address % 64 for address in at.values()}) == 1, "each begins at a multiple of 64 bytes of the file"
@@ -47,14 +47,14 @@ def test_stored_arrays_are_read_where_they_lie_and_can_be_written_to() -> None:
         np.testing.assert_array_equal(others["a"], NOISE / 7)
 
 
-def test_damage_is_found() -> None:
+def test_corrupted_archives_are_refused() -> None:
     data = bytearray(packed(noise=NOISE))
     data[len(data) // 2] ^= 1
     with pytest.raises(zipfile.BadZipFile, match="damaged"):
         read_arrays(bytes(data))
 
 
-def test_a_large_map_is_deflated_by_what_samples_of_it_show() -> None:
+def test_compression_of_a_large_array_is_decided_from_samples() -> None:
     large = np.repeat(np.arange(3000, dtype=np.int32), 100)
     assert len(packed(large=large)) < large.nbytes / 10
     assert len(packed(large=np.tile(NOISE.reshape(-1), 8))) > 8 * NOISE.size

@@ -9,7 +9,7 @@ from workers.blobs.disk import DiskBlobs
 from workers.pools.artefact_cache import MOST_BYTES, ArtefactCache, SharedArtefacts
 
 
-def test_what_is_at_hand_is_not_fetched(tmp_path: Path) -> None:
+def test_a_cached_artefact_is_not_fetched_from_the_store(tmp_path: Path) -> None:
     store = DiskBlobs(tmp_path)
     cache = ArtefactCache(store)
     cache.begin({"jobs/a.npz": lambda: b"quick"}, keep=False)
@@ -19,7 +19,7 @@ def test_what_is_at_hand_is_not_fetched(tmp_path: Path) -> None:
     assert cache.get("jobs/a.npz") == b"store", "the next attempt was given nothing"
 
 
-def test_what_was_lost_on_the_way_comes_from_the_store(tmp_path: Path) -> None:
+def test_a_lost_cached_artefact_is_fetched_from_the_store(tmp_path: Path) -> None:
     store = DiskBlobs(tmp_path)
     store.put("jobs/a.npz", b"store")
     cache = ArtefactCache(store)
@@ -27,7 +27,7 @@ def test_what_was_lost_on_the_way_comes_from_the_store(tmp_path: Path) -> None:
     assert cache.get("jobs/a.npz") == b"store"
 
 
-def test_artefacts_that_others_wait_for_are_kept_and_stored(tmp_path: Path) -> None:
+def test_artefacts_with_waiting_consumers_are_cached_and_stored(tmp_path: Path) -> None:
     store = DiskBlobs(tmp_path)
     cache = ArtefactCache(store)
     cache.begin({}, keep=True)
@@ -43,7 +43,7 @@ def test_artefacts_that_others_wait_for_are_kept_and_stored(tmp_path: Path) -> N
     assert cache.end() == {}
 
 
-def test_the_newest_are_handed_on_up_to_a_bound() -> None:
+def test_shared_artefacts_are_bounded_by_bytes_and_keep_the_newest() -> None:
     handed = SharedArtefacts(10)
     handed.add({"a": ("ref-a", 4), "b": ("ref-b", 4)})
     handed.add({"c": ("ref-c", 5)})

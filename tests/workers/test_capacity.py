@@ -42,7 +42,7 @@ def test_a_task_gets_what_it_declares_and_else_the_farms_default(
     assert capacity_for(resources, FARM) == capacity
 
 
-def test_small_memory_is_rounded_up_where_the_farm_asks_for_none() -> None:
+def test_small_memory_requests_are_rounded_up_without_a_farm_default() -> None:
     none = FarmSettings(task_memory_bytes=0)
     assert capacity_for(Resources(memory_bytes=1), none).memory_bytes == GIB // 2
     assert capacity_for(Resources(), none).memory_bytes == 0

@@ -31,12 +31,12 @@ def _kill_after(home: Path, lines: int) -> None:
     child.wait(10)
 
 
-def test_a_job_survives_kill_9_again_and_again(open_farm: Callable[..., Farm], tmp_path: Path) -> None:
+def test_a_job_survives_repeated_kill_9(open_farm: Callable[..., Farm], tmp_path: Path) -> None:
     home = tmp_path / "home"
     home.mkdir()
-    moments = random.Random(5)
+    delays = random.Random(5)
     for _ in range(4):
-        _kill_after(home, moments.randint(2, 9))
+        _kill_after(home, delays.randint(2, 9))
     farm = open_farm(lease_s=600)
     job = farm.jobs.page().items[0]
     assert finished(farm, job.id, 20).state == "succeeded", "long before the lease is over"
@@ -52,7 +52,7 @@ def test_a_job_survives_kill_9_again_and_again(open_farm: Callable[..., Farm], t
     assert result(quiet, other.id) == result(farm, job.id)
 
 
-def test_another_process_at_work_keeps_its_attempts(open_farm: Callable[..., Farm], tmp_path: Path) -> None:
+def test_a_second_process_does_not_take_running_attempts(open_farm: Callable[..., Farm], tmp_path: Path) -> None:
     home = tmp_path / "home"
     home.mkdir()
     child = _start(home)

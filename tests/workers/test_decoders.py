@@ -21,7 +21,7 @@ def blobs(home: Path, tiny_clip: Path) -> DiskBlobs:
     return made
 
 
-def test_the_next_run_gets_the_reader_that_stands_there(blobs: DiskBlobs) -> None:
+def test_a_reader_is_reused_for_the_next_contiguous_range(blobs: DiskBlobs) -> None:
     decoders = Decoders(blobs)
     with decoders.reader("a") as first:
         assert len(list(first.read(0, 5))) == 5
@@ -35,7 +35,7 @@ def test_the_next_run_gets_the_reader_that_stands_there(blobs: DiskBlobs) -> Non
     decoders.close()
 
 
-def test_the_oldest_are_closed_and_the_failed_are_not_kept(blobs: DiskBlobs) -> None:
+def test_the_oldest_readers_are_closed_and_failed_readers_are_discarded(blobs: DiskBlobs) -> None:
     decoders = Decoders(blobs, idle=1)
     with decoders.reader("a") as first:
         pass
@@ -50,7 +50,7 @@ def test_the_oldest_are_closed_and_the_failed_are_not_kept(blobs: DiskBlobs) -> 
     decoders.close()
 
 
-def test_an_abandoned_read_gives_its_reader_back(blobs: DiskBlobs) -> None:
+def test_an_abandoned_read_returns_its_reader(blobs: DiskBlobs) -> None:
     decoders = Decoders(blobs)
 
     def frames() -> object:
@@ -67,12 +67,12 @@ def test_an_abandoned_read_gives_its_reader_back(blobs: DiskBlobs) -> None:
     decoders.close()
 
 
-def test_a_missing_blob(blobs: DiskBlobs) -> None:
+def test_reading_a_missing_blob_raises(blobs: DiskBlobs) -> None:
     with pytest.raises(KeyError), Decoders(blobs).reader("none"):
         pass
 
 
-def test_arrays_come_back_and_pickles_do_not(tmp_path: Path) -> None:
+def test_arrays_are_loaded_and_pickles_are_refused(tmp_path: Path) -> None:
     arrays = {"labels": np.arange(60, dtype=np.int32).reshape(6, 10), "flow": np.ones((3, 4, 2), np.float32)}
     for name in ("one", "two"):
         with (tmp_path / name).open("wb") as stream:
@@ -86,7 +86,7 @@ def test_arrays_come_back_and_pickles_do_not(tmp_path: Path) -> None:
         write_arrays(stream, {"x": np.array([object()])})
 
 
-def test_the_method_does_not_pay_for_the_platform(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_method_time_excludes_decoding_and_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     now = iter([0.0, 1.0, 3.0, 10.0])
     monkeypatch.setattr("workers.execution.stage_timer.time.perf_counter", lambda: next(now))
     stages = StageTimer()

@@ -39,7 +39,7 @@ def test_a_third_step_loads_artefacts_of_the_first(farm: Farm, data: Path) -> No
     assert results["mix"]["mix-3"] == {"after": ["scan/odd", "draw/run-3", "mix-2"]}
 
 
-def test_artefacts_that_a_task_does_not_name_are_withheld(farm: Farm, data: Path) -> None:
+def test_undeclared_artefacts_are_not_available_to_a_task(farm: Farm, data: Path) -> None:
     job = _run(farm, data, load="odd")
     assert (job.state, job.error.code) == ("failed", "internal-error")
     assert "scan/odd" in job.error.message
@@ -63,7 +63,7 @@ def test_a_retried_job_keeps_dependencies_on_earlier_steps(farm: Farm, data: Pat
         ("mix-3", "Tasks wait for each other: mix-0 -> mix-1 -> mix-2 -> mix-3 -> mix-0."),
     ],
 )
-def test_a_bad_dependency_fails_the_job_and_is_named(farm: Farm, data: Path, after: str, message: str) -> None:
+def test_a_bad_dependency_fails_the_job_with_its_name(farm: Farm, data: Path, after: str, message: str) -> None:
     job = _run(farm, data, after=(after,))
     assert job.error is not None
     assert (job.state, job.error.code) == ("failed", "bad-plan")

@@ -94,7 +94,9 @@ def manual_farm(settings: FarmSettings, pool: ManualPool) -> Callable[..., Farm]
         farm.stop()
 
 
-def test_a_worker_that_dies_costs_an_attempt(manual_farm: Callable[..., Farm], pool: ManualPool, data: Path) -> None:
+def test_the_death_of_a_worker_counts_as_an_attempt(
+    manual_farm: Callable[..., Farm], pool: ManualPool, data: Path
+) -> None:
     farm = manual_farm()
     job = farm.jobs.submit(request_on(farm, data))
     for _ in range(3):
@@ -104,7 +106,7 @@ def test_a_worker_that_dies_costs_an_attempt(manual_farm: Callable[..., Farm], p
     assert error.code == "worker-lost"
 
 
-def test_a_silent_worker_is_given_up(manual_farm: Callable[..., Farm], pool: ManualPool, data: Path) -> None:
+def test_a_silent_worker_loses_its_attempt(manual_farm: Callable[..., Farm], pool: ManualPool, data: Path) -> None:
     farm = manual_farm(stall_s=0.5, attempts=1)
     job = farm.jobs.submit(request_on(farm, data))
     order = pool.next()
@@ -114,7 +116,7 @@ def test_a_silent_worker_is_given_up(manual_farm: Callable[..., Farm], pool: Man
     assert pool.abandoned == [order.attempt_id]
 
 
-def test_a_late_answer_of_a_given_up_attempt_changes_nothing(
+def test_a_late_answer_of_an_abandoned_attempt_is_ignored(
     manual_farm: Callable[..., Farm], pool: ManualPool, data: Path
 ) -> None:
     farm = manual_farm()
@@ -127,7 +129,9 @@ def test_a_late_answer_of_a_given_up_attempt_changes_nothing(
     until(lambda: farm.jobs.get(job.id).steps[1].counts["running"] == 2)
 
 
-def test_progress_is_shown_while_it_runs(manual_farm: Callable[..., Farm], pool: ManualPool, data: Path) -> None:
+def test_progress_is_published_while_a_task_runs(
+    manual_farm: Callable[..., Farm], pool: ManualPool, data: Path
+) -> None:
     farm = manual_farm()
     job = farm.jobs.submit(request_on(farm, data))
     order = pool.next()
@@ -140,7 +144,7 @@ def test_progress_is_shown_while_it_runs(manual_farm: Callable[..., Farm], pool:
     assert farm.jobs.get(job.id).results == ("preview",)
 
 
-def test_an_outcome_waits_while_the_store_is_away(
+def test_an_outcome_is_retried_while_the_store_is_unavailable(
     manual_farm: Callable[..., Farm], pool: ManualPool, blobs: DiskBlobs, data: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     farm = manual_farm()
@@ -164,7 +168,7 @@ def test_an_outcome_waits_while_the_store_is_away(
     assert farm.ready()["pool"] == "ok"
 
 
-def test_nothing_begins_while_the_disk_is_full(
+def test_no_task_starts_while_the_disk_is_full(
     manual_farm: Callable[..., Farm], pool: ManualPool, data: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     farm = manual_farm()
@@ -195,7 +199,7 @@ def test_a_deleted_job_leaves_no_blobs_of_late_attempts(
     until(lambda: list(blobs.keys("jobs/")) == [])
 
 
-def test_a_running_dispatcher_is_alive_and_a_closed_one_is_forgotten(tmp_path: Path) -> None:
+def test_a_running_dispatcher_is_registered_until_it_closes(tmp_path: Path) -> None:
     first, second = ProcessLock(tmp_path), ProcessLock(tmp_path)
     assert first.dead() == []
     assert not first.alone()
@@ -208,7 +212,7 @@ def test_a_running_dispatcher_is_alive_and_a_closed_one_is_forgotten(tmp_path: P
     assert list(tmp_path.iterdir()) == []
 
 
-def test_scratch_files_of_a_crash_are_swept_when_nobody_else_is_alive(
+def test_scratch_files_of_a_crash_are_swept_without_other_live_processes(
     manual_farm: Callable[..., Farm], settings: FarmSettings
 ) -> None:
     left = settings.scratch / "impasto-x" / "segment"

@@ -59,7 +59,7 @@ def assert_others_end(farm: Farm, others: list[Job], faults: Faults) -> None:
     assert faults.count > 0
 
 
-def test_a_job_that_cannot_be_claimed_from_is_skipped_for_a_while(
+def test_a_job_whose_claim_fails_is_skipped_temporarily(
     farm: Farm, data: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     broken, others = jobs_of(farm, data)
@@ -72,9 +72,7 @@ def test_a_job_that_cannot_be_claimed_from_is_skipped_for_a_while(
     assert finished(farm, broken.id).state is RunState.SUCCEEDED
 
 
-def test_a_request_that_cannot_be_read_fails_its_own_job(
-    farm: Farm, data: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_unreadable_request_fails_only_its_job(farm: Farm, data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     broken, others = jobs_of(farm, data)
     faults = Faults(lambda value: value["name"] == "broken")
     monkeypatch.setattr(plans, "request_of", faults.around(plans.request_of))
@@ -84,7 +82,7 @@ def test_a_request_that_cannot_be_read_fails_its_own_job(
     assert error is not None and error.code == "internal-error"
 
 
-def test_an_outcome_that_cannot_be_stored_at_all_occupies_no_slot(
+def test_a_permanently_unstorable_outcome_occupies_no_slot(
     farm: Farm, data: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     broken, others = jobs_of(farm, data)
@@ -104,7 +102,7 @@ def test_an_outcome_that_cannot_be_stored_at_all_occupies_no_slot(
     assert finished(farm, broken.id).state is RunState.SUCCEEDED
 
 
-def test_an_order_that_the_pool_refuses_fails_its_own_job(
+def test_an_order_refused_by_the_pool_fails_only_its_job(
     farm: Farm, data: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     broken, others = jobs_of(farm, data)
@@ -115,7 +113,7 @@ def test_an_order_that_the_pool_refuses_fails_its_own_job(
     assert finished(farm, broken.id).state is RunState.FAILED
 
 
-def test_an_attempt_that_cannot_be_given_back_delays_nothing(
+def test_a_failing_release_of_an_attempt_delays_no_other_job(
     farm: Farm, data: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Two attempts of a dead dispatcher, of which one cannot be interrupted."""
@@ -132,7 +130,7 @@ def test_an_attempt_that_cannot_be_given_back_delays_nothing(
 
 
 @pytest.mark.parametrize("part", ["progress", "mine", "renew"])
-def test_no_part_of_a_turn_keeps_the_others_from_their_work(
+def test_a_failing_dispatch_phase_does_not_stop_the_others(
     part: str, farm: Farm, data: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     faults = Faults(lambda *_: True)

@@ -45,13 +45,13 @@ def test_a_chain_runs_in_order_whatever_the_number_of_workers(farm: Farm, data: 
     assert all(before[1] <= after[0] for before, after in itertools.pairwise(ends))
 
 
-def test_a_step_without_tasks_is_passed(farm: Farm, data: Path) -> None:
+def test_a_step_without_tasks_is_skipped(farm: Farm, data: Path) -> None:
     job = finished(farm, farm.jobs.submit(request_on(farm, data, params={"tasks": 0})).id)
     assert job.state == "succeeded"
     assert result(farm, job.id) == b""
 
 
-def test_a_task_that_fails_once_runs_again(farm: Farm, data: Path, tmp_path: Path) -> None:
+def test_a_task_that_fails_once_is_retried(farm: Farm, data: Path, tmp_path: Path) -> None:
     params = {"trouble": "once", "mark": str(tmp_path / "mark")}
     job = finished(farm, farm.jobs.submit(request_on(farm, data, params=params)).id)
     assert job.state == "succeeded"
@@ -60,7 +60,7 @@ def test_a_task_that_fails_once_runs_again(farm: Farm, data: Path, tmp_path: Pat
     assert task.attempts[0]["error"]["message"] == "RuntimeError: the cat sat on the keyboard"
 
 
-def test_a_poison_task_fails_with_its_log_and_keeps_the_rest(farm: Farm, data: Path) -> None:
+def test_a_permanently_failing_task_keeps_its_log_and_the_other_results(farm: Farm, data: Path) -> None:
     job = finished(farm, farm.jobs.submit(request_on(farm, data, params={"trouble": "raise", "tasks": 4})).id)
     assert job.state == "failed"
     assert job.error is not None
@@ -71,7 +71,7 @@ def test_a_poison_task_fails_with_its_log_and_keeps_the_rest(farm: Farm, data: P
     assert job.counts["succeeded"] >= 2, "look, and run-0 that was done before"
 
 
-def test_bad_input_is_not_tried_again(farm: Farm, data: Path) -> None:
+def test_bad_input_is_not_retried(farm: Farm, data: Path) -> None:
     job = finished(farm, farm.jobs.submit(request_on(farm, data, params={"trouble": "bad-input"})).id)
     assert job.error is not None
     assert (job.error.code, job.error.field, job.error.remedy) == ("bad-input", "inputs.data", "Add a cat.")
@@ -91,7 +91,7 @@ def test_a_shortage_of_storage_or_descriptors_costs_no_attempt(
     assert [attempt["outcome"] for attempt in task.attempts] == ["released", "succeeded"]
 
 
-def test_a_plan_that_goes_round_fails_the_job(farm: Farm, data: Path) -> None:
+def test_a_cyclic_plan_fails_the_job(farm: Farm, data: Path) -> None:
     params = {"trouble": "cycle", "chain": True}
     job = finished(farm, farm.jobs.submit(request_on(farm, data, params=params)).id)
     assert job.error is not None
@@ -139,7 +139,7 @@ def test_a_paused_job_starts_nothing_until_it_resumes(open_farm: Callable[..., F
     assert finished(farm, job.id).state == "succeeded"
 
 
-def test_higher_priority_is_served_first_and_then_the_owner_with_least(
+def test_higher_priority_and_then_the_owner_with_fewest_tasks_is_served_first(
     open_farm: Callable[..., Farm], data: Path
 ) -> None:
     farm = open_farm(start=False, workers=1)
@@ -158,7 +158,7 @@ def test_requeue_runs_one_failed_task_again(farm: Farm, data: Path) -> None:
     assert len(farm.tasks.get(task.id).attempts) == 2
 
 
-def test_idempotency(farm: Farm, data: Path) -> None:
+def test_a_repeated_submission_returns_the_same_job(farm: Farm, data: Path) -> None:
     request = request_on(farm, data)
     job = farm.jobs.submit(request, owner="anna", idempotency_key="k")
     assert job.new
@@ -199,7 +199,7 @@ def test_an_asset_in_use_cannot_be_deleted(farm: Farm, data: Path) -> None:
         farm.jobs.retry(job.id)
 
 
-def test_the_end_of_a_job_leaves_a_message_in_the_outbox(farm: Farm, data: Path) -> None:
+def test_a_finished_job_adds_a_message_to_the_outbox(farm: Farm, data: Path) -> None:
     job = finished(farm, farm.jobs.submit(request_on(farm, data, webhook="https://example.org/hook")).id)
     (message,) = farm.webhooks.due()
     assert (message.url, message.body["type"]) == ("https://example.org/hook", "job.succeeded")
@@ -208,7 +208,7 @@ def test_the_end_of_a_job_leaves_a_message_in_the_outbox(farm: Farm, data: Path)
     assert farm.webhooks.record(message.id, 204).state == "delivered"
 
 
-def test_operators_see_what_goes_on(farm: Farm, data: Path) -> None:
+def test_operators_see_workers_queue_and_failures(farm: Farm, data: Path) -> None:
     job = farm.jobs.submit(request_on(farm, data, params={"tasks": 2, "sleep_s": 5}))
     until(lambda: farm.snapshot()["attempts_running"] == 2)
     assert farm.ready() == {"store": "ok", "blobs": "ok", "pool": "ok"}
@@ -217,7 +217,7 @@ def test_operators_see_what_goes_on(farm: Farm, data: Path) -> None:
     farm.jobs.cancel(job.id)
 
 
-def test_an_orderly_stop_gives_running_tasks_back(open_farm: Callable[..., Farm], data: Path) -> None:
+def test_an_orderly_stop_releases_running_tasks(open_farm: Callable[..., Farm], data: Path) -> None:
     farm = open_farm()
     job = farm.jobs.submit(request_on(farm, data, params={"tasks": 2, "sleep_s": 0.5}))
     until(lambda: farm.jobs.get(job.id).steps[1].counts["running"] == 2)

@@ -41,7 +41,7 @@ def _fill(disk: Path, leave: int = 0) -> Path:
     return filler
 
 
-def test_a_blob_that_does_not_fit_leaves_nothing(small_disk: Path) -> None:
+def test_a_blob_too_large_for_the_disk_leaves_no_file(small_disk: Path) -> None:
     blobs = DiskBlobs(small_disk / "blobs")
     blobs.put("there", b"v" * 1000)
     filler = _fill(small_disk, leave=64 << 10)
@@ -54,7 +54,7 @@ def test_a_blob_that_does_not_fit_leaves_nothing(small_disk: Path) -> None:
     blobs.put("large", bytes(1 << 20))
 
 
-def test_a_store_whose_disk_is_full_keeps_what_it_has(small_disk: Path) -> None:
+def test_a_store_on_a_full_disk_keeps_its_data(small_disk: Path) -> None:
     store = Store(f"sqlite:///{small_disk / 'impasto.db'}")
     store.assets.add(_asset("a" * 64), lambda: True)
     before = _job(store)

@@ -1,4 +1,4 @@
-"""Frames over a socket: in order, errors told, strangers kept out, a death noticed."""
+"""Frames over a socket: their order, reported errors, authentication, and the death of the peer."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def work(data: bytes) -> FrameRequest:
     return FrameRequest((data,), SIZE, SIZE)
 
 
-def test_answers_keep_the_order_of_frames_and_large_ones_arrive_whole(post: LiveWorkerServer) -> None:
+def test_large_answers_arrive_complete_in_frame_order(post: LiveWorkerServer) -> None:
     payloads = [bytes([i]) * (1 if i % 2 else 3_000_000) for i in range(6)]
 
     async def act(channel: LiveWorkerClient) -> None:
@@ -77,7 +77,7 @@ def test_answers_keep_the_order_of_frames_and_large_ones_arrive_whole(post: Live
     run(act, post)
 
 
-def test_a_frame_is_looked_at_while_the_one_before_is_painted(post: LiveWorkerServer) -> None:
+def test_a_frame_is_analyzed_while_the_previous_one_is_painted(post: LiveWorkerServer) -> None:
     async def act(channel: LiveWorkerClient) -> None:
         _, slow = channel.analyze(work(b"slow")), channel.paint()
         await channel.analyze(work(b"next"))
@@ -103,7 +103,7 @@ def test_errors_are_reported_and_the_stream_goes_on(post: LiveWorkerServer) -> N
     run(act, post)
 
 
-def test_all_of_a_frame_and_of_a_painting_arrives() -> None:
+def test_frame_requests_and_rendered_frames_round_trip() -> None:
     frame = FrameRequest((b"first", b"", b"last"), (640, 480), (320, 240), key=True)
     painted = RenderedFrame(b"made", (320, 240), False, {"look": 0.25})
     for sent, made in ((of_work(frame), frame), (of_painted(painted), painted)):
@@ -111,7 +111,7 @@ def test_all_of_a_frame_and_of_a_painting_arrives() -> None:
         assert (work_of if made is frame else painted_of)(parsed(text), data) == made
 
 
-def test_one_connection_after_another(post: LiveWorkerServer) -> None:
+def test_the_server_accepts_consecutive_connections(post: LiveWorkerServer) -> None:
     async def act(channel: LiveWorkerClient) -> None:
         channel.analyze(work(b"x"))
         assert (await channel.paint()).data == b"x"
@@ -120,7 +120,7 @@ def test_one_connection_after_another(post: LiveWorkerServer) -> None:
         run(act, post)
 
 
-def test_a_stranger_gets_nothing(post: LiveWorkerServer) -> None:
+def test_an_unauthenticated_connection_gets_no_answer(post: LiveWorkerServer) -> None:
     async def act(channel: LiveWorkerClient) -> None:
         analyzed, painted = channel.analyze(work(b"x")), channel.paint()
         for awaited in (analyzed, painted):
@@ -141,7 +141,7 @@ def test_a_silent_connection_does_not_block_others(post: LiveWorkerServer) -> No
         assert time.perf_counter() - began < GREET_S + 2
 
 
-def test_when_the_other_end_dies_all_that_waits_fails_and_all_that_comes() -> None:
+def test_pending_and_later_calls_fail_after_the_peer_dies() -> None:
     async def die(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         await reader.readexactly(SECRET_BYTES + 8)
         writer.close()

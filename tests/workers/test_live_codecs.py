@@ -31,7 +31,7 @@ def wire(codec: str, quality: int = 85, fps: float = 30) -> WireFormat:
 
 @pytest.mark.parametrize("size", [SIZE, ODD])
 @pytest.mark.parametrize("codec", CODECS)
-def test_one_in_one_out_and_it_looks_the_same(codec: str, size: Size) -> None:
+def test_every_codec_returns_one_similar_picture_per_frame(codec: str, size: Size) -> None:
     there, back = encoder(wire(codec), size), decoder(codec, 1920)
     for index, frame in enumerate(frames(size)):
         payload, coded, key = there.encode(frame, key=False)
@@ -45,7 +45,7 @@ def test_one_in_one_out_and_it_looks_the_same(codec: str, size: Size) -> None:
 
 @pytest.mark.parametrize("codec", [c for c in CODECS if c != "raw"])
 @pytest.mark.parametrize("height", [96, 720])
-def test_colours_stay(codec: str, height: int) -> None:
+def test_codecs_preserve_colours(codec: str, height: int) -> None:
     """Flat colours show a wrong matrix or range; 720 lines are BT.709."""
     frame = np.empty((height, 192, 3), np.uint8)
     colours = [(200, 40, 40), (40, 190, 60), (50, 60, 210), (16, 16, 16), (240, 240, 240), (128, 128, 128)]
@@ -58,7 +58,7 @@ def test_colours_stay(codec: str, height: int) -> None:
 
 
 @pytest.mark.parametrize("codec", VIDEO)
-def test_a_key_frame_when_asked_and_every_few_seconds(codec: str) -> None:
+def test_key_frames_are_sent_on_request_and_periodically(codec: str) -> None:
     there = encoder(wire(codec, fps=2), SIZE)
     keys = [there.encode(frame, key=index == 4)[2] for index, frame in enumerate(frames())]
     assert [index for index, key in enumerate(keys) if key] == [0, 4, 10]
@@ -82,7 +82,7 @@ def test_h264_is_annex_b_with_parameter_sets_at_each_key_frame() -> None:
         assert ({7, 8, 5} <= set(kinds)) == key
 
 
-def test_quality_costs_bytes() -> None:
+def test_higher_quality_needs_more_bytes() -> None:
     for codec in ("jpeg", "webp", *VIDEO):
         sizes = [len(encoder(wire(codec, quality), SIZE).encode(frames()[0], True)[0]) for quality in (10, 50, 95)]
         assert sizes == sorted(sizes), codec
@@ -91,7 +91,7 @@ def test_quality_costs_bytes() -> None:
 
 @pytest.mark.parametrize("codec", CODECS)
 @pytest.mark.parametrize("payload", [b"garbage", b"\xff\xd8\xff" + bytes(50), bytes(4000), b"\x00\x00\x00\x01g" * 9])
-def test_garbage_is_refused(codec: str, payload: bytes) -> None:
+def test_undecodable_data_is_refused(codec: str, payload: bytes) -> None:
     with pytest.raises(BadFrame) as raised:
         decoder(codec, 1920).decode(payload, SIZE)
     assert raised.value.field == "payload"
@@ -112,7 +112,7 @@ def test_the_header_must_state_the_frame_size(codec: str) -> None:
         decoder(codec, 1920).decode(payload, (SIZE[0] * 2, SIZE[1]))
 
 
-def test_a_cut_off_picture_is_refused() -> None:
+def test_a_truncated_picture_is_refused() -> None:
     payload, _, _ = encoder(wire("jpeg"), SIZE).encode(frames()[0], True)
     with pytest.raises(BadFrame):
         decoder("jpeg", 1920).decode(payload[: len(payload) // 2], SIZE)
@@ -126,7 +126,7 @@ def test_a_picture_larger_than_the_limit_is_not_decoded() -> None:
             decoder(codec, 256).decode(payload, (2048, 512))
 
 
-def test_what_browsers_call_it() -> None:
+def test_webcodecs_names_of_codecs() -> None:
     assert webcodecs_name("h264", (640, 480), 30) == "avc1.42E01F"
     assert webcodecs_name("h264", (1920, 1080), 30) == "avc1.42E028"
     assert webcodecs_name("h264", (1920, 1080), 60) == "avc1.42E02A"

@@ -22,7 +22,7 @@ def begin(policy: FramePolicy) -> Start:
     return start
 
 
-def test_a_frame_goes_all_the_way() -> None:
+def test_a_frame_passes_all_stages() -> None:
     policy = FramePolicy()
     assert policy.idle
     policy.arrive(packet(1))
@@ -36,7 +36,7 @@ def test_a_frame_goes_all_the_way() -> None:
     assert (policy.received, policy.dropped) == (1, 0)
 
 
-def test_the_newest_waits_and_older_ones_are_dropped() -> None:
+def test_the_newest_frame_waits_and_older_frames_are_dropped() -> None:
     policy = FramePolicy(alone=False)
     policy.arrive(packet(1))
     start = begin(policy)
@@ -47,7 +47,7 @@ def test_the_newest_waits_and_older_ones_are_dropped() -> None:
     assert [p.sequence for p in begin(policy).packets] == [4]
 
 
-def test_a_look_overlaps_one_painting_and_no_more() -> None:
+def test_an_analysis_overlaps_at_most_one_painting() -> None:
     policy = FramePolicy(alone=False)
     policy.arrive(packet(1))
     first = begin(policy)
@@ -64,7 +64,7 @@ def test_a_look_overlaps_one_painting_and_no_more() -> None:
     assert begin(policy).frame.sequence == 3
 
 
-def test_alone_a_frame_begins_when_the_one_before_is_sent() -> None:
+def test_without_overlap_a_frame_begins_after_the_previous_one_is_sent() -> None:
     policy = FramePolicy()
     policy.arrive(packet(1))
     first = begin(policy)
@@ -76,7 +76,7 @@ def test_alone_a_frame_begins_when_the_one_before_is_sent() -> None:
     assert begin(policy).frame.sequence == 2
 
 
-def test_what_is_dropped_of_a_video_codec_is_decoded_all_the_same() -> None:
+def test_dropped_frames_of_a_video_codec_are_still_decoded() -> None:
     policy = FramePolicy(alone=False, built_on=True)
     policy.arrive(packet(1))
     start = begin(policy)
@@ -87,7 +87,7 @@ def test_what_is_dropped_of_a_video_codec_is_decoded_all_the_same() -> None:
     assert policy.dropped == 1
 
 
-def test_too_many_to_decode_are_dropped_up_to_a_key_frame() -> None:
+def test_a_decoding_backlog_is_dropped_up_to_the_next_key_frame() -> None:
     for size, count in ((1, module.MAX_BUILT_ON + 1), (module.MAX_BUILT_ON_BYTES // 4, 5)):
         policy = FramePolicy(built_on=True)
         policy.arrive(packet(0))
@@ -101,13 +101,13 @@ def test_too_many_to_decode_are_dropped_up_to_a_key_frame() -> None:
         assert [p.sequence for p in begin(policy).packets] == [1000]
 
 
-def test_a_stream_that_begins_without_a_key_frame_is_asked_for_one_once() -> None:
+def test_a_missing_first_key_frame_is_requested_once() -> None:
     policy = FramePolicy(built_on=True)
     assert [policy.arrive(packet(n, key=False)) for n in range(3)] == [True, False, False]
     assert policy.start() is None
 
 
-def test_a_death_drops_what_was_in_work_and_keeps_what_waits() -> None:
+def test_a_worker_death_drops_frames_in_work_and_keeps_waiting_frames() -> None:
     policy = FramePolicy(alone=False)
     policy.arrive(packet(1))
     first = begin(policy)
@@ -121,7 +121,7 @@ def test_a_death_drops_what_was_in_work_and_keeps_what_waits() -> None:
     assert begin(policy).frame.sequence == 3
 
 
-def test_a_death_of_a_video_codec_needs_a_key_frame() -> None:
+def test_a_worker_death_under_a_video_codec_needs_a_key_frame() -> None:
     policy = FramePolicy(built_on=True)
     policy.arrive(packet(1))
     policy.arrive(packet(2, key=False))
@@ -142,7 +142,7 @@ def test_no_frame_begins_while_suspended() -> None:
     assert policy.start()
 
 
-def test_when_the_client_is_gone_nothing_is_left() -> None:
+def test_no_frame_is_left_after_the_client_disconnects() -> None:
     policy = FramePolicy()
     policy.arrive(packet(1))
     begin(policy)
@@ -157,7 +157,7 @@ EVENTS = st.lists(st.sampled_from(["key", "delta", "analyzed", "painted", "sent"
 
 
 @given(EVENTS, st.booleans(), st.booleans())
-def test_whatever_happens(events: list[str], built_on: bool, alone: bool) -> None:
+def test_policy_invariants_hold_for_random_event_sequences(events: list[str], built_on: bool, alone: bool) -> None:
     policy = FramePolicy(built_on=built_on, alone=alone)
     in_work: deque[Start] = deque()
     analyzing: Start | None = None

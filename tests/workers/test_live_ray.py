@@ -31,7 +31,7 @@ FRAME = np.full((96, 128, 3), 50, np.uint8).tobytes()
 
 
 class Quick(LiveRenderer):
-    """Has practised before it began, and says where it is."""
+    """A method that was warmed up before it began; it reports its process."""
 
     def __init__(self, blobs: DiskBlobs, pids: Path) -> None:
         super().__init__(blobs, lambda name: Echo())  # type: ignore[arg-type, return-value]
@@ -136,7 +136,7 @@ def test_a_returned_worker_is_reused(workers: Any, pids: Path) -> None:
     asyncio.run(asyncio.wait_for(run(), 60))
 
 
-def test_frames_that_go_through_the_object_store_leave_nothing_there(workers: Any) -> None:
+def test_frames_in_the_object_store_are_released(workers: Any) -> None:
     """Raw 640x480 is 0.9 MB each way: 120 of them would fill the store of 100 MB twice."""
     size = (640, 480)
     payload = bytes(640 * 480 * 3)

@@ -1,4 +1,4 @@
-"""What a painter makes is what the method makes; both halves may run on threads of their own."""
+"""The renderer gives the frames of its method; analysis and painting may run on separate threads."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def step(painter: LiveRenderer, one: FrameRequest) -> Frame:
     return np.frombuffer(painted.data, np.uint8).reshape(painted.size[1], painted.size[0], 3)
 
 
-def test_an_undropped_stream_is_the_batch_output_byte_for_byte_on_two_threads(painter: LiveRenderer) -> None:
+def test_a_stream_without_drops_has_the_bytes_of_the_batch_output(painter: LiveRenderer) -> None:
     frames = scene(16)
     painter.open(order("abstraction", params={"vividness": 1.3}))
     with ThreadPoolExecutor(1) as analyses, ThreadPoolExecutor(1) as paints:
@@ -72,7 +72,7 @@ def test_an_undropped_stream_is_the_batch_output_byte_for_byte_on_two_threads(pa
     assert painted == [session.step(frame).tobytes() for frame in frames]
 
 
-def test_references_are_learned_as_in_a_job(painter: LiveRenderer, blobs: DiskBlobs) -> None:
+def test_live_references_give_the_output_of_a_job(painter: LiveRenderer, blobs: DiskBlobs) -> None:
     picture = scene(1, (64, 64))[0][..., ::-1].copy()
     blobs.put("assets/a", encode_png(picture))
     painter.open(order("abstraction", inputs={"reference": "assets/a"}))
@@ -81,7 +81,7 @@ def test_references_are_learned_as_in_a_job(painter: LiveRenderer, blobs: DiskBl
     assert all(np.array_equal(step(painter, work(frame)), batch.step(frame)) for frame in frames)
 
 
-def test_another_size_goes_on_with_what_is_known(painter: LiveRenderer) -> None:
+def test_a_size_change_keeps_the_state_of_the_method(painter: LiveRenderer) -> None:
     frame = scene(1)[0]
     painter.open(order())
     assert step(painter, work(frame)).shape == (96, 160, 3)
@@ -99,7 +99,7 @@ def test_abstraction_at_a_reduced_working_size_gives_frames_of_full_size(painter
         assert step(painter, work(frame, work_size)).shape == (96, 160, 3)
 
 
-def test_a_change_waits_for_what_was_looked_at(painter: LiveRenderer) -> None:
+def test_a_parameter_change_waits_for_analyzed_frames(painter: LiveRenderer) -> None:
     frame = scene(1)[0]
     painter.open(order(params={"add": 1}))
     with ThreadPoolExecutor(1) as analyses:
@@ -114,7 +114,7 @@ def test_a_change_waits_for_what_was_looked_at(painter: LiveRenderer) -> None:
     assert made[0, 0].tolist() == [9, 0, 3]
 
 
-def test_references_come_and_go_and_a_bad_one_changes_nothing(painter: LiveRenderer, blobs: DiskBlobs) -> None:
+def test_references_are_added_and_removed_and_a_bad_one_is_ignored(painter: LiveRenderer, blobs: DiskBlobs) -> None:
     frame = scene(1)[0]
     blobs.put("assets/green", encode_png(np.full((32, 32, 3), (0, 77, 0), np.uint8)))
     blobs.put("assets/red", encode_png(np.full((32, 32, 3), (255, 0, 0), np.uint8)))
@@ -131,7 +131,7 @@ def test_references_come_and_go_and_a_bad_one_changes_nothing(painter: LiveRende
     assert step(painter, work(frame))[0, 0, 1] == 0
 
 
-def test_faults_come_out_of_paint_in_their_turn(painter: LiveRenderer) -> None:
+def test_paint_raises_analysis_errors_in_frame_order(painter: LiveRenderer) -> None:
     frame = scene(1)[0]
     painter.open(order())
     painter.analyze(work(frame))
@@ -142,7 +142,7 @@ def test_faults_come_out_of_paint_in_their_turn(painter: LiveRenderer) -> None:
     assert step(painter, work(frame))[0, 0, 2] == 2
 
 
-def test_frames_that_were_dropped_are_decoded_for_the_next(painter: LiveRenderer) -> None:
+def test_dropped_frames_are_decoded_before_the_next_frame(painter: LiveRenderer) -> None:
     frames = scene(4)
     wire = WireFormat("h264", "raw")
     there = encoder(WireFormat("raw", "h264"), SIZE)
@@ -155,7 +155,7 @@ def test_frames_that_were_dropped_are_decoded_for_the_next(painter: LiveRenderer
     assert cv2.PSNR(made, frames[-1]) > 28
 
 
-def test_opened_again_it_goes_on_with_new_codecs(painter: LiveRenderer) -> None:
+def test_a_reopened_renderer_uses_new_codecs(painter: LiveRenderer) -> None:
     frame = scene(1)[0]
     painter.open(order())
     step(painter, work(frame))
@@ -195,7 +195,7 @@ def test_helpers_do_not_keep_the_low_priority_of_the_warm_up(blobs: DiskBlobs) -
         cv2.setNumThreads(1)
 
 
-def test_what_cannot_be_opened(painter: LiveRenderer) -> None:
+def test_bad_parameters_and_missing_references_are_refused_on_opening(painter: LiveRenderer) -> None:
     with pytest.raises(BadParameter, match="greater"):
         painter.open(order(params={"add": -1}))
     with pytest.raises(NotFound):

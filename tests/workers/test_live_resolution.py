@@ -21,7 +21,7 @@ def drive(
     start_s: float = 0.0,
     fps: float = FPS,
 ) -> list[tuple[float, float, float]]:
-    """Frames at `fps` whose work costs `cost_s(scale, now)`, half of it for each half; they overlap as `Policy` says.
+    """Frames at `fps` that cost `cost_s(scale, now)`, half in each stage; stages overlap as in `FramePolicy`.
 
     Gives (time, scale, latency) of those that were painted.
     """
@@ -48,7 +48,7 @@ def by_side(full_s: float) -> Callable[[float, float], float]:
     return lambda scale, now: full_s * scale
 
 
-def test_a_machine_with_time_stays_at_full_size() -> None:
+def test_a_fast_machine_stays_at_full_size() -> None:
     ladder = ResolutionLadder()
     assert {scale for _, scale, _ in drive(ladder, 20, by_side(0.025))} == {1.0}
 
@@ -61,7 +61,7 @@ def test_at_60_fps_analysis_and_painting_may_overlap_for_two_periods() -> None:
     assert ladder.scale < 1.0, "a half takes more than a period"
 
 
-def test_the_deadline() -> None:
+def test_the_deadline_depends_on_the_frame_rate() -> None:
     assert [round(1000 * deadline_s(1 / fps), 1) for fps in (15, 30, 60, 120)] == [66.7, 33.3, 33.3, 16.7]
 
 
@@ -86,14 +86,14 @@ def test_without_adaptive_the_size_stays() -> None:
     assert ladder.scale == 1.0
 
 
-def test_slow_first_frames_are_no_reason() -> None:
+def test_slow_first_frames_do_not_lower_the_size() -> None:
     ladder = ResolutionLadder()
     drive(ladder, 5, lambda scale, now: 0.12 if now < 0.2 else 0.02)
     assert ladder.scale == 1.0
 
 
 @pytest.mark.parametrize(("every", "stays"), [(400, True), (60, False)])
-def test_a_slow_frame_now_and_then_is_no_reason_yet_one_in_a_hundred_is(every: int, stays: bool) -> None:
+def test_rare_slow_frames_are_tolerated_below_one_percent(every: int, stays: bool) -> None:
     ladder = ResolutionLadder()
     answers = drive(ladder, 30, lambda scale, now: 0.06 if round(now * FPS) % every == every - 1 else 0.02)
     assert ({scale for _, scale, _ in answers} == {1.0}) == stays
@@ -108,7 +108,7 @@ def test_a_size_that_lasts_only_seconds_has_failed() -> None:
     assert late < 0.01 * len(answers)
 
 
-def test_it_rises_again_when_the_load_is_gone() -> None:
+def test_the_size_rises_again_after_the_load_ends() -> None:
     ladder = ResolutionLadder()
     drive(ladder, 3, by_side(0.08))
     assert ladder.scale < 1
@@ -116,7 +116,7 @@ def test_it_rises_again_when_the_load_is_gone() -> None:
     assert ladder.scale == 1.0
 
 
-def test_steps_up_that_fail_become_rare() -> None:
+def test_failed_steps_up_become_less_frequent() -> None:
     """At full size it costs far more than the smaller size lets expect."""
     ladder = ResolutionLadder()
     answers = drive(ladder, 240, lambda scale, now: 0.06 if scale == 1 else 0.015)
@@ -128,7 +128,7 @@ def test_steps_up_that_fail_become_rare() -> None:
 
 @pytest.mark.parametrize("adaptive", [True, False])
 @pytest.mark.parametrize(("whole_s", "hurried"), [(0.020, False), (0.050, True)])
-def test_whether_frames_must_overlap(whole_s: float, hurried: bool, adaptive: bool) -> None:
+def test_frames_overlap_only_when_the_cost_requires_it(whole_s: float, hurried: bool, adaptive: bool) -> None:
     ladder = ResolutionLadder(adaptive)
     assert not ladder.hurried(0.0, 1 / FPS), "nothing is known"
     for i in range(20):
@@ -148,7 +148,7 @@ def test_the_reason_is_reported() -> None:
     assert "room" in changes
 
 
-def test_what_was_begun_at_another_size_does_not_count() -> None:
+def test_frames_begun_at_another_size_are_not_counted() -> None:
     ladder = ResolutionLadder(rung=2)
     for i in range(100):
         ladder.painted(i / FPS, 1 / FPS, 1.0, split_cost(1.0), 0)
@@ -156,7 +156,7 @@ def test_what_was_begun_at_another_size_does_not_count() -> None:
 
 
 @given(st.floats(0.001, 0.5), st.floats(0.3, 2.0))
-def test_whatever_it_costs_the_delay_falls_or_there_is_no_smaller_size(full_s: float, power: float) -> None:
+def test_the_delay_falls_until_the_smallest_size_is_reached(full_s: float, power: float) -> None:
     ladder = ResolutionLadder()
     answers = drive(ladder, 8, lambda scale, now: full_s * scale**power)
     tail = [latency for came, _, latency in answers if came > 6]
@@ -171,7 +171,7 @@ def test_sizes_below_full_are_even(scale: float) -> None:
         assert min(width, height) >= 16
 
 
-def test_the_pace_is_the_clients_real_one_but_no_faster_than_announced() -> None:
+def test_the_measured_frame_rate_is_limited_by_the_announced_one() -> None:
     def period(fps: float, count: int = 90) -> float:
         pace = FrameRateMeter(30)
         for i in range(count):

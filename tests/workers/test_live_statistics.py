@@ -19,7 +19,7 @@ def test_percentiles_are_right_to_a_bin(seconds: list[float], percent: int) -> N
     assert true * (1 - 1e-9) <= histogram.percentile(percent) <= true * GROWTH * (1 + 1e-9)
 
 
-def test_nothing_has_no_percentile_and_extremes_stay_in_bounds() -> None:
+def test_an_empty_histogram_and_extreme_values_have_finite_percentiles() -> None:
     histogram = Histogram()
     assert histogram.percentile(99) == 0.0
     histogram.add(0.0)
@@ -27,7 +27,7 @@ def test_nothing_has_no_percentile_and_extremes_stay_in_bounds() -> None:
     assert histogram.percentile(100) < 30
 
 
-def test_figures_of_a_second() -> None:
+def test_statistics_of_one_second() -> None:
     figures = FrameStatistics(10.0, received=4, dropped=1)
     for latency_s in (0.01, 0.02, 0.03):
         figures.answered(latency_s, {"look": 0.004, "paint": latency_s})
@@ -37,6 +37,6 @@ def test_figures_of_a_second() -> None:
     assert report["stages_ms"] == {"look": 4.0, "paint": 20.0}
 
 
-def test_figures_of_nothing() -> None:
+def test_statistics_without_frames() -> None:
     report = FrameStatistics(0.0).as_json(0.0)
     assert (report["painted"], report["fps"], report["latency_ms"]["p99"]) == (0, 0.0, 0.0)

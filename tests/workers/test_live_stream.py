@@ -1,4 +1,4 @@
-"""A session over seats that do as they are told: order, drops, back-pressure, changes, deaths."""
+"""A session over controlled workers: order, drops, back-pressure, parameter changes, worker deaths."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ async def take(stream: Stream) -> Any:
 
 
 @looped
-async def test_answers_come_in_order_with_their_numbers_and_times() -> None:
+async def test_answers_arrive_in_order_with_sequence_numbers_and_times() -> None:
     async with opened(ToyWorkers(look_s=0.002, paint_s=0.002)) as stream:
         got = []
         for number in range(8):
@@ -64,7 +64,7 @@ async def test_answers_come_in_order_with_their_numbers_and_times() -> None:
 
 
 @looped
-async def test_a_fast_client_gets_the_newest() -> None:
+async def test_a_fast_client_gets_the_newest_frame() -> None:
     workers = ToyWorkers(look_s=0.01, paint_s=0.01)
     async with opened(workers) as stream:
         got: list[int] = []
@@ -88,7 +88,7 @@ async def test_a_fast_client_gets_the_newest() -> None:
 
 
 @looped
-async def test_nothing_begins_while_an_answer_waits_unsent() -> None:
+async def test_no_frame_begins_while_an_answer_is_unsent() -> None:
     workers = ToyWorkers()
     async with opened(workers) as stream:
         for number in range(50):
@@ -100,7 +100,7 @@ async def test_nothing_begins_while_an_answer_waits_unsent() -> None:
 
 
 @looped
-async def test_a_change_is_between_frames() -> None:
+async def test_a_parameter_change_takes_effect_between_frames() -> None:
     workers = ToyWorkers(look_s=0.005, paint_s=0.005)
     async with opened(workers) as stream:
         stream.offer(packet(1))
@@ -136,7 +136,7 @@ async def test_a_dead_worker_is_replaced() -> None:
 
 
 @looped
-async def test_a_death_under_a_video_codec_asks_for_a_key_frame() -> None:
+async def test_a_dead_worker_under_a_video_codec_requests_a_key_frame() -> None:
     workers = ToyWorkers(look_s=0.01)
     async with opened(workers, order("h264")) as stream:
         stream.offer(packet(1))
@@ -150,7 +150,7 @@ async def test_a_death_under_a_video_codec_asks_for_a_key_frame() -> None:
 
 
 @looped
-async def test_a_death_during_a_change() -> None:
+async def test_a_worker_death_during_a_parameter_change_is_recovered() -> None:
     workers = ToyWorkers()
     async with opened(workers) as stream:
         workers.made[0].die()
@@ -212,7 +212,7 @@ async def test_frames_of_another_size_change_the_size() -> None:
 
 
 @looped
-async def test_another_connection_goes_on() -> None:
+async def test_a_new_connection_continues_the_stream() -> None:
     workers = ToyWorkers(look_s=0.005)
     async with opened(workers) as stream:
         for number in range(3):

@@ -1,4 +1,4 @@
-"""Logs: every line of an attempt says which job, task and attempt it is about, in JSON that cannot be forged."""
+"""Logs: every line of an attempt names its job, task and attempt, in JSON that cannot be forged."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LOG = logging.getLogger("workers.test")
 
 @pytest.fixture
 def lines(capsys: pytest.CaptureFixture[str]) -> Iterator[Callable[..., list[str]]]:
-    """What was said since; logging is as before at the end."""
+    """The lines logged during the test; the logging configuration is restored at its end."""
     levels = {name: logging.getLogger(name).level for name in OURS}
 
     yield lambda: capsys.readouterr().err.splitlines()
@@ -34,7 +34,7 @@ def rows(logged: list[str]) -> list[dict[str, Any]]:
     return [json.loads(line) for line in logged]
 
 
-def test_a_line_of_an_attempt_names_job_task_and_attempt(lines: Callable[[], list[str]]) -> None:
+def test_a_log_line_of_an_attempt_names_job_task_and_attempt(lines: Callable[[], list[str]]) -> None:
     set_up_logs(FarmSettings(log_format="json", log_level="info"))
     with captured("job_1", "tsk_2", "att_3"):
         LOG.info("painting %d", 7)
@@ -60,7 +60,7 @@ def test_facts_of_a_line_override_those_of_its_context(lines: Callable[[], list[
 
 
 @pytest.mark.parametrize("kind", ["json", "text"])
-def test_nobody_forges_a_line(lines: Callable[[], list[str]], kind: str) -> None:
+def test_newlines_in_a_message_cannot_forge_a_log_line(lines: Callable[[], list[str]], kind: str) -> None:
     set_up_logs(FarmSettings.model_validate({"log_format": kind, "log_level": "info"}))
     LOG.info("the name is %s", 'a"}\n{"level": "error", "message": "forged"}')
     logged = lines()
@@ -68,7 +68,7 @@ def test_nobody_forges_a_line(lines: Callable[[], list[str]], kind: str) -> None
     assert kind == "text" or json.loads(logged[0])["level"] == "info"
 
 
-def test_a_failure_keeps_its_trace_in_one_line(lines: Callable[[], list[str]]) -> None:
+def test_a_traceback_is_logged_in_one_line(lines: Callable[[], list[str]]) -> None:
     set_up_logs(FarmSettings(log_format="json"))
     try:
         raise ValueError("no such colour")
@@ -86,7 +86,7 @@ def test_a_long_record_keeps_its_first_line_and_its_cause() -> None:
     assert shortened("short") == "short"
 
 
-def test_levels_and_settings_again(lines: Callable[[], list[str]]) -> None:
+def test_logging_can_be_configured_again_with_another_level(lines: Callable[[], list[str]]) -> None:
     set_up_logs(FarmSettings(log_format="text", log_level="warning"))
     LOG.info("quiet")
     set_up_logs(FarmSettings(log_format="text", log_level="info"))

@@ -27,7 +27,7 @@ from workers.model import Asset, JobRequest, asset_key
 
 
 class Last(Method):
-    """Shows how many frames it has seen as red, the reference's green as green."""
+    """A method whose red channel is the number of processed frames, and whose green channel is the reference's."""
 
     name = "last"
     Params = Params
@@ -71,7 +71,7 @@ def shown(previews: Previews, frame: int, side: int = 640, seed: int = 0, names:
     return np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)[..., ::-1], np.uint8)
 
 
-def test_a_frame_after_the_two_before_it(previews: Previews) -> None:
+def test_a_preview_frame_is_rendered_after_its_two_predecessors(previews: Previews) -> None:
     assert shown(previews, 10).shape == (64, 96, 3)
     assert shown(previews, 10)[0, 0, 0] == 3
     assert shown(previews, 0)[0, 0, 0] == 1
@@ -79,18 +79,16 @@ def test_a_frame_after_the_two_before_it(previews: Previews) -> None:
     assert np.array_equal(shown(previews, 500), shown(previews, 23))
 
 
-def test_it_is_scaled_to_fit(previews: Previews) -> None:
+def test_a_preview_is_scaled_to_the_requested_side(previews: Previews) -> None:
     assert shown(previews, 3, side=48).shape == (32, 48, 3)
 
 
-def test_references_reach_the_method(previews: Previews) -> None:
+def test_preview_references_reach_the_method(previews: Previews) -> None:
     assert shown(previews, 3, names=("video", "style"))[0, 0, 1] == 77
 
 
 @pytest.mark.parametrize("chosen", [Patches(), Analogy()])
-def test_a_method_that_needs_the_whole_film_shows_the_frame_on_its_own(
-    home: Path, previews: Previews, chosen: Method
-) -> None:
+def test_a_whole_film_method_previews_a_single_frame(home: Path, previews: Previews, chosen: Method) -> None:
     whole = Previews(DiskBlobs(home), lambda name: chosen)
     request = JobRequest(chosen.name, {"video": "ast_video"})
     shots = [whole.png(request, {"video": asset("video")}, PreviewAsk(at, 48)) for at in (3, 3, 20)]
@@ -100,7 +98,7 @@ def test_a_method_that_needs_the_whole_film_shows_the_frame_on_its_own(
     assert shots[0] == shots[1] != shots[2]
 
 
-def test_paintings_shrink_with_the_frame(previews: Previews, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_reference_images_are_scaled_with_the_frame(previews: Previews, monkeypatch: pytest.MonkeyPatch) -> None:
     calls: dict[str, Any] = {}
     monkeypatch.setattr(
         "workers.execution.preview._alone_in_memory",
@@ -110,7 +108,7 @@ def test_paintings_shrink_with_the_frame(previews: Previews, monkeypatch: pytest
     assert {name: picture.shape for name, picture in calls.items()} == {"video": (32, 48, 3), "style": (16, 16, 3)}
 
 
-def test_keyframes_are_not_for_one_frame(previews: Previews) -> None:
+def test_a_single_frame_preview_refuses_keyframes(previews: Previews) -> None:
     with pytest.raises(BadParameter) as caught:
         shown(previews, 3, seed=1, names=("video", "keyframes"))
     assert caught.value.field == "inputs.keyframes"
@@ -188,7 +186,7 @@ def test_label_maps_apply_to_the_frames_around_them(painter: Previews) -> None:
     assert change[:40].min() > 8 and change[60:].mean() < 4
 
 
-def test_a_bad_design_is_refused_by_its_path(painter: Previews) -> None:
+def test_a_bad_design_is_refused_with_its_path(painter: Previews) -> None:
     with pytest.raises(BadParameter) as caught:
         sketched(painter, {"version": 1, "keys": [{"region": "rest", "frame": 900}]})
     assert caught.value.field == "inputs.design.keys[0].frame"

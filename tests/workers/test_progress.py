@@ -1,7 +1,7 @@
 """Progress and time left, over recorded lives of real jobs and invented bad ones.
 
 `timelines/*.json` hold [seconds since the job was submitted, the fields of every step's StepMeter] at each change, as
-recorded on two busy cores: a process that starts cold, so that the first task of a step says little for a while.
+recorded on two busy cores: a process that starts cold, so that the first task of a step reports little at first.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def running(weight: float, part: float, seconds: float, at_once: int = 1, expect
     return StepMeter(known, weight, 0.0, 0.0, True, False, at_once, weight * part, seconds)
 
 
-def test_recorded_jobs_never_go_back(timeline: Timeline) -> None:
+def test_progress_of_recorded_jobs_never_decreases(timeline: Timeline) -> None:
     shown = [job_progress(steps) for _, steps in timeline]
     assert all(earlier <= later + 1e-9 for earlier, later in pairwise(shown))
     assert shown[0] == 0
@@ -59,7 +59,7 @@ def test_a_step_counts_by_its_weight() -> None:
     assert job_eta_s(steps) == pytest.approx(55 * 0.2)
 
 
-def test_more_work_than_expected_takes_nothing_back() -> None:
+def test_more_work_than_expected_does_not_lower_progress() -> None:
     before = [replace(running(5, 0.99, 1)), unplanned(100), unplanned(5)]
     after = [done(5, 1), running(400, 0.0, 0.0, expected=100), unplanned(5)]
     assert job_progress(before) < job_progress(after) < 0.06
@@ -67,7 +67,7 @@ def test_more_work_than_expected_takes_nothing_back() -> None:
     assert job_progress(end) == pytest.approx(1)
 
 
-def test_a_step_without_tasks_is_passed_at_once() -> None:
+def test_progress_skips_a_step_without_tasks() -> None:
     assert job_progress([done(5, 1), StepMeter(0, 0, 0, 0, True, True), unplanned(100)]) == pytest.approx(5 / 105)
 
 
@@ -77,13 +77,13 @@ def test_there_is_no_estimate_before_a_measurement() -> None:
     assert job_eta_s([done(5, 1), done(100, 9)]) == 0
 
 
-def test_what_runs_at_once_divides_the_time() -> None:
+def test_concurrent_tasks_divide_the_remaining_time() -> None:
     one, two = [running(100, 0.5, 10)], [running(100, 0.5, 10, at_once=2)]
     assert job_eta_s(one) == pytest.approx(10)
     assert job_eta_s(two) == pytest.approx(5)
 
 
-def test_a_slow_first_frame_is_not_taken_for_the_pace() -> None:
+def test_a_slow_first_frame_does_not_set_the_rate() -> None:
     cold = [done(5, 0.5), running(100, 0.01, 2.0), unplanned(5)]
     eta = job_eta_s(cold)
     assert eta is not None

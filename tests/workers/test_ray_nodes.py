@@ -88,7 +88,7 @@ def test_actors_of_a_drained_node_move_to_other_nodes(farm: Farm, data: Path) ->
     assert {slot.node for slot in _slots(farm)} == {"east", "west"}
 
 
-def test_a_task_runs_where_there_is_what_it_needs(farm: Farm, data: Path) -> None:
+def test_a_task_runs_on_a_node_with_its_resources(farm: Farm, data: Path) -> None:
     params = {"tasks": 2, "sleep_s": 0.5, "gpus": 0.5, "memory_mib": 64}
     job = finished(farm, farm.jobs.submit(request_on(farm, data, seed=9, params=params)).id, 60)
     assert job.state == "succeeded", job.error
@@ -97,7 +97,7 @@ def test_a_task_runs_where_there_is_what_it_needs(farm: Farm, data: Path) -> Non
     assert {(slot.cpus, slot.memory_bytes) for slot in slots} == {(1.0, 512 << 20)}
 
 
-def test_no_machine_is_given_more_than_it_has(farm: Farm, data: Path) -> None:
+def test_no_machine_is_overcommitted(farm: Farm, data: Path) -> None:
     """Two machines of 2.2 GiB, three workers, tasks of 2 GiB: one on each machine, while the third waits."""
     params = {"tasks": 6, "sleep_s": 1.0, "memory_mib": 2048}
     job = farm.jobs.submit(request_on(farm, data, seed=13, params=params)).id
@@ -126,7 +126,7 @@ def test_a_task_too_large_for_every_machine_fails_and_the_farm_continues(farm: F
     until(lambda: len(_slots(farm)) == 3, 60)
 
 
-def test_a_node_joins_works_and_leaves_with_its_work_done(farm: Farm, cluster: Any, data: Path, tmp_path: Path) -> None:
+def test_a_node_joins_works_and_leaves_without_loss(farm: Farm, cluster: Any, data: Path, tmp_path: Path) -> None:
     """`impasto worker --ray-address` as an operator starts and stops it."""
     command = [sys.executable, "-m", "impasto", "worker", "--ray-address", cluster.address, "--name", "north"]
     database = f"sqlite:///{farm._settings.home.absolute() / 'impasto.db'}"
@@ -150,7 +150,7 @@ def test_a_node_joins_works_and_leaves_with_its_work_done(farm: Farm, cluster: A
     assert [node.name for node in farm.workers.nodes() if node.drain] == []
 
 
-def test_a_node_that_dies_loses_its_tasks_to_others(farm: Farm, cluster: Any, data: Path) -> None:
+def test_tasks_of_a_dead_node_run_on_other_nodes(farm: Farm, cluster: Any, data: Path) -> None:
     until(lambda: len(_slots(farm)) == 3, 60)
     params = {"tasks": 6, "sleep_s": 1.5}
     job = farm.jobs.submit(request_on(farm, data, seed=12, params=params)).id

@@ -53,7 +53,7 @@ def test_ray_and_the_local_pool_give_the_same_bytes(ray_farm: Farm, open_farm: C
     assert len(results) == 1
 
 
-def test_a_chain_hands_its_state_on_without_the_blob_store(
+def test_a_chain_passes_its_state_without_the_blob_store(
     ray_farm: Farm, data: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Where the store is a folder of this machine that would only cost; as if it were far away."""
@@ -82,7 +82,7 @@ def test_cancel_reaches_an_actor_within_a_second(ray_farm: Farm, data: Path) -> 
     until(lambda: ray_farm.snapshot()["pool"]["busy"] == {}, 1.5)
 
 
-def test_a_worker_that_dies_is_replaced_and_its_task_runs_again(ray_farm: Farm, data: Path, tmp_path: Path) -> None:
+def test_a_dead_worker_is_replaced_and_its_task_is_retried(ray_farm: Farm, data: Path, tmp_path: Path) -> None:
     params = {"tasks": 3, "trouble": "die", "mark": str(tmp_path / "mark")}
     job = finished(ray_farm, ray_farm.jobs.submit(request_on(ray_farm, data, params=params)).id, 60)
     assert job.state == "succeeded", job.error
@@ -92,6 +92,6 @@ def test_a_worker_that_dies_is_replaced_and_its_task_runs_again(ray_farm: Farm, 
     until(lambda: ray_farm.snapshot()["pool"]["workers"] == 2, 30)
 
 
-def test_the_handler_of_sigterm_stays_ours(ray_farm: Farm) -> None:
+def test_ray_does_not_replace_the_sigterm_handler(ray_farm: Farm) -> None:
     assert ray_farm.ready()["pool"] == "ok"
     assert signal.getsignal(signal.SIGTERM) in (signal.SIG_DFL, signal.default_int_handler), os.getpid()

@@ -37,7 +37,7 @@ def real(postgres: Postgres, s3: Swift, tmp_path: Path) -> FarmSettings:
 
 @pytest.fixture
 def opened() -> Iterator[Callable[..., Farm]]:
-    """Opens farms, working ones unless told otherwise; stops them at the end."""
+    """Opens farms, by default with workers, and stops them at the end."""
     farms: list[Farm] = []
 
     def open_one(settings: FarmSettings, works: bool = True) -> Farm:
@@ -65,7 +65,7 @@ def _submit(farm: Farm, folder: Path) -> list[str]:
     return [submit(farm, folder, shape) for shape in SHAPES]
 
 
-def test_two_farms_share_the_work_and_the_bytes_are_those_of_one(
+def test_two_farms_share_the_work_and_give_the_bytes_of_one(
     real: FarmSettings, opened: Callable[..., Farm], tmp_path: Path, expected: list[bytes]
 ) -> None:
     asking = opened(real, works=False)
@@ -81,7 +81,7 @@ def test_two_farms_share_the_work_and_the_bytes_are_those_of_one(
 
 
 @pytest.mark.parametrize("seed", [7, 8])
-def test_faults_of_every_part_lose_nothing(
+def test_injected_faults_in_every_component_lose_no_work(
     real: FarmSettings, tmp_path: Path, expected: list[bytes], postgres: Postgres, s3: Swift, seed: int
 ) -> None:
     """A short run; `make chaos` makes many long ones."""
@@ -93,7 +93,7 @@ def _collector(farm: Farm) -> GarbageCollector:
     return farm._collector
 
 
-def test_readiness_answers_while_postgres_does_not(
+def test_readiness_answers_while_postgres_is_down(
     real: FarmSettings, opened: Callable[..., Farm], postgres: Postgres, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     farm = opened(real, works=False)
@@ -119,7 +119,7 @@ def _signal(pid: object, which: signal.Signals) -> None:
     os.kill(int(str(pid)), which)
 
 
-def test_orphans_are_swept_and_all_else_is_spared(real: FarmSettings, opened: Callable[..., Farm], data: Path) -> None:
+def test_only_orphaned_blobs_are_swept(real: FarmSettings, opened: Callable[..., Farm], data: Path) -> None:
     farm = opened(real)
     done = finished(farm, farm.jobs.submit(request_on(farm, data)).id)
     failed = finished(farm, farm.jobs.submit(request_on(farm, data, params={"trouble": "raise"})).id)
@@ -147,10 +147,10 @@ def _raised(act: Callable[[], object]) -> BaseException:
     return error.value
 
 
-# -- backup and restore, as docs/operations.md says
+# -- backup and restore as in docs/operations.md
 
 
-def test_a_backup_of_postgres_is_restored_and_the_work_goes_on(
+def test_a_restored_backup_of_postgres_continues_the_work(
     real: FarmSettings, opened: Callable[..., Farm], tmp_path: Path, postgres: Postgres, expected: list[bytes]
 ) -> None:
     farm = opened(real, works=False)

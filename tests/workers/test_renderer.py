@@ -69,9 +69,9 @@ def _helped(context: TaskContext, index: int, painted: Any) -> None:
         with context.clock("help"):
             LOG.info("helping with %d", index)
 
-    stranger = threading.Thread(target=LOG.info, args=("not of this task",))
-    stranger.start()
-    stranger.join()
+    unrelated = threading.Thread(target=LOG.info, args=("not of this task",))
+    unrelated.start()
+    unrelated.join()
     with ThreadPoolExecutor(1) as helper:
         helper.submit(help_out).result()
     context.emit(index, painted)
@@ -219,7 +219,7 @@ def test_a_job_from_frames_to_file(renderer: Renderer, info: MediaInfo, blobs: D
     assert (report["result"], report["seconds"]) == (done.result, {"invert": {"decode": 0.5}})
 
 
-def test_a_job_that_asks_for_it_gets_a_quality_report(renderer: Renderer, info: MediaInfo, blobs: DiskBlobs) -> None:
+def test_a_job_gets_a_quality_report_on_request(renderer: Renderer, info: MediaInfo, blobs: DiskBlobs) -> None:
     _, last = render(renderer, info, output=OutputSpec("mp4", 12, ("svg",), report=True))
     done = renderer.run(last)
     assert done.fault is None, done
@@ -264,7 +264,9 @@ def test_the_same_order_gives_the_same_bytes(info: MediaInfo, blobs: DiskBlobs, 
 
 
 @pytest.mark.parametrize(("form", "kind"), [("png", "application/zip"), ("webm", "video/webm")])
-def test_other_formats(form: str, kind: str, renderer: Renderer, info: MediaInfo, blobs: DiskBlobs) -> None:
+def test_frames_are_encoded_in_other_formats(
+    form: str, kind: str, renderer: Renderer, info: MediaInfo, blobs: DiskBlobs
+) -> None:
     _outcomes, last = render(renderer, info, output=OutputSpec(form))
     done = renderer.run(last)
     assert done.fault is None, done
@@ -285,7 +287,7 @@ def test_other_formats(form: str, kind: str, renderer: Renderer, info: MediaInfo
         ("raise", "internal-error"),
     ],
 )
-def test_a_faulty_step_is_a_fault(fault: str, code: str, renderer: Renderer, info: MediaInfo) -> None:
+def test_a_failing_step_reports_its_error_code(fault: str, code: str, renderer: Renderer, info: MediaInfo) -> None:
     outcome = renderer.run(order_of(info, tasks_of(info)[0], params={"fault": fault}))
     assert outcome.fault and outcome.fault.code == code
     assert outcome.segment is None
@@ -293,7 +295,7 @@ def test_a_faulty_step_is_a_fault(fault: str, code: str, renderer: Renderer, inf
     assert "Traceback" in outcome.log
 
 
-def test_what_the_user_is_to_mend_is_a_warning_of_one_line(
+def test_a_user_error_is_logged_as_a_one_line_warning(
     renderer: Renderer, info: MediaInfo, caplog: pytest.LogCaptureFixture
 ) -> None:
     outcome = renderer.run(order_of(info, tasks_of(info)[0], params={"fault": "unwilling"}))
@@ -304,7 +306,7 @@ def test_what_the_user_is_to_mend_is_a_warning_of_one_line(
     assert "Traceback" not in outcome.log
 
 
-def test_what_nobody_expected_is_an_error_with_its_trace(
+def test_an_unexpected_error_is_logged_with_its_traceback(
     renderer: Renderer, info: MediaInfo, caplog: pytest.LogCaptureFixture
 ) -> None:
     outcome = renderer.run(order_of(info, tasks_of(info)[0], params={"fault": "raise"}))
@@ -313,7 +315,7 @@ def test_what_nobody_expected_is_an_error_with_its_trace(
     assert "in _raise" in outcome.log
 
 
-def test_bad_parameters_and_missing_inputs_name_their_field(renderer: Renderer, info: MediaInfo) -> None:
+def test_errors_of_parameters_and_inputs_name_their_field(renderer: Renderer, info: MediaInfo) -> None:
     first = tasks_of(info)[0]
     wrong = renderer.run(order_of(info, first, params={"brush": 3})).fault
     assert wrong and (wrong.code, wrong.field) == ("bad-parameter", "params.brush")
@@ -337,7 +339,7 @@ def test_progress_rises_to_at_most_one(renderer: Renderer, info: MediaInfo) -> N
     assert reports and all(0 <= done <= 1 for done in reports)
 
 
-def test_a_running_task_shows_its_newest_frames(
+def test_a_running_task_publishes_its_newest_frames(
     renderer: Renderer, info: MediaInfo, blobs: DiskBlobs, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("workers.execution.preview_publisher.EVERY_S", 0.0)
@@ -366,7 +368,7 @@ def test_a_video_that_is_shorter_than_announced_ends_the_last_task(renderer: Ren
     assert "the video ended at frame 24" in outcome.log
 
 
-def test_a_task_beyond_the_end_makes_nothing(renderer: Renderer, info: MediaInfo) -> None:
+def test_a_task_beyond_the_end_of_the_video_writes_nothing(renderer: Renderer, info: MediaInfo) -> None:
     longer = replace(info, frames=40)
     state = renderer.run(order_of(info, tasks_of(info)[0])).artefacts
     state = {"invert/run-20": state["invert/run-0"]}
@@ -375,7 +377,7 @@ def test_a_task_beyond_the_end_makes_nothing(renderer: Renderer, info: MediaInfo
     assert outcome.segment is None
 
 
-def test_inputs_as_images_and_json(info: MediaInfo, blobs: DiskBlobs) -> None:
+def test_inputs_are_read_as_images_and_json(info: MediaInfo, blobs: DiskBlobs) -> None:
     masks = io.BytesIO()
     with zipfile.ZipFile(masks, "w") as archive:
         archive.writestr("mask_0007.png", cv2.imencode(".png", np.full((64, 96), 900, np.uint16))[1].tobytes())
@@ -408,7 +410,7 @@ def test_inputs_as_images_and_json(info: MediaInfo, blobs: DiskBlobs) -> None:
     assert inputs["first"].shape == (64, 96, 3)
 
 
-def test_a_result_without_frames_is_a_fault(renderer: Renderer, info: MediaInfo) -> None:
+def test_a_result_without_frames_raises_a_fault(renderer: Renderer, info: MediaInfo) -> None:
     outcome = renderer.run(order_of(info, Task("assemble"), step="assemble"))
     assert outcome.fault and outcome.fault.code == "unreadable-media"
 

@@ -20,7 +20,7 @@ DATA = _asset("json")
 GOOD = JobRequest("toy", {"data": "ast_1"})
 
 
-def test_a_good_request_gets_every_default_filled_in() -> None:
+def test_defaults_of_a_valid_request_are_filled_in() -> None:
     accepted = check_request(replace(GOOD, params={"tasks": 2}), {"data": DATA})
     defaults = {"gpus": 0.0, "memory_mib": 0}
     assert accepted.params == {"tasks": 2, "chain": False, "sleep_s": 0.0, "trouble": "", "mark": ""} | defaults
@@ -64,7 +64,7 @@ def test_a_bad_request_is_refused_with_field_and_remedy(field: str, changes: dic
         ("mask", _asset("image")),
     ],
 )
-def test_an_asset_that_does_not_fit_is_refused(name: str, asset: Asset) -> None:
+def test_an_asset_of_the_wrong_kind_is_refused(name: str, asset: Asset) -> None:
     with pytest.raises(BadParameter) as refused:
         check_request(GOOD, {"data": DATA, name: asset})
     assert refused.value.field == f"inputs.{name}"
@@ -80,7 +80,7 @@ def test_an_asset_that_does_not_fit_is_refused(name: str, asset: Asset) -> None:
         ("video", _asset("image", frames=1)),
     ],
 )
-def test_an_asset_that_fits_is_taken(name: str, asset: Asset) -> None:
+def test_an_asset_of_the_right_kind_is_accepted(name: str, asset: Asset) -> None:
     check_request(GOOD, {"data": DATA, name: asset})
 
 

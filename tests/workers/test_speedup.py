@@ -14,7 +14,7 @@ def _job(*tasks: Timed, dispatch_s: float = 0.0) -> Recorded:
     return Recorded("toy", "clip", 10, (64, 36), steps, dispatch_s, tasks)
 
 
-def test_tasks_share_workers_in_plan_order() -> None:
+def test_tasks_are_assigned_to_workers_in_plan_order() -> None:
     job = _job(*(Timed(0, f"t{n}", seconds) for n, seconds in enumerate((3.0, 1.0, 1.0, 1.0))))
     assert [simulate(job, workers) for workers in (1, 2, 3, 4)] == [6.0, 3.0, 3.0, 3.0]
 
@@ -30,7 +30,7 @@ def test_a_step_waits_for_the_whole_step_before() -> None:
     assert [simulate(job, workers) for workers in (1, 2, 9)] == [7.0, 5.0, 5.0]
 
 
-def test_the_database_settles_claims_one_by_one() -> None:
+def test_claims_are_serialised_by_the_database() -> None:
     job = _job(*(Timed(0, f"t{n}", 1.0) for n in range(100)), dispatch_s=0.1)
     assert simulate(job, 100) == pytest.approx(100 * 0.1 + 1.0)
     assert explain(job, 512).limit == "the database's claims"
@@ -38,7 +38,7 @@ def test_the_database_settles_claims_one_by_one() -> None:
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_no_run_beats_its_bounds(seed: int) -> None:
+def test_simulated_runs_respect_their_lower_bounds(seed: int) -> None:
     draw = random.Random(seed)
     tasks = [
         Timed(step, f"t{step}-{n}", draw.uniform(0.1, 3), (f"t{step}-{draw.randrange(n)}",) if n % 3 else ())
@@ -54,7 +54,7 @@ def test_no_run_beats_its_bounds(seed: int) -> None:
 
 
 @pytest.mark.parametrize("name", METHODS)
-def test_a_longer_film_has_more_to_share(name: str) -> None:
+def test_a_longer_film_has_a_higher_speedup(name: str) -> None:
     clip = load(name)
     long = film(larger(clip, 1280), 10)
     assert len({(task.step, task.key) for task in long.tasks}) == len(long.tasks)

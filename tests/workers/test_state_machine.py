@@ -1,4 +1,4 @@
-"""The state machine: a model of every task beside it, random events, and laws that hold after each."""
+"""The state machine against a model of every task: random events, and invariants checked after each."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ NAMES += ["cancel", "retry", "plan-failed"]
 
 @settings(max_examples=300, deadline=None)
 @given(st.lists(st.tuples(st.sampled_from(NAMES), st.integers(0, TASKS - 1)), max_size=60), st.booleans())
-def test_counts_states_and_ends_agree_whatever_happens(story: list[tuple[str, int]], chain: bool) -> None:
+def test_counts_and_states_are_consistent_for_random_events(story: list[tuple[str, int]], chain: bool) -> None:
     model = Model()
     for name, index in story:
         before = (model.job, list(model.tasks), model.error)
@@ -157,7 +157,7 @@ def _check(model: Model) -> None:
 
 @settings(max_examples=100, deadline=None)
 @given(st.lists(st.tuples(st.sampled_from(NAMES), st.integers(0, TASKS - 1)), max_size=40), st.booleans())
-def test_every_job_can_be_brought_to_its_end(story: list[tuple[str, int]], chain: bool) -> None:
+def test_every_job_can_reach_a_final_state(story: list[tuple[str, int]], chain: bool) -> None:
     model = Model()
     for name, index in story:
         try:
@@ -186,7 +186,7 @@ def _step_towards_the_end(model: Model, chain: bool) -> None:
     return model.about(machine.Claimed(), ready[0])
 
 
-def test_a_task_fails_for_good_after_its_attempts_and_interruptions_are_counted_apart() -> None:
+def test_attempts_and_interruptions_are_counted_separately() -> None:
     job = JobSnapshot(RunState.RUNNING, 0, 2, planned=True, counts=Counts(running=1, succeeded=1))
     state = State(job, TaskSnapshot(TaskState.RUNNING, failures=1, interruptions=1), Limits(2, 3))
     after, effects = advance(state, machine.Interrupted())
@@ -197,7 +197,7 @@ def test_a_task_fails_for_good_after_its_attempts_and_interruptions_are_counted_
     assert effects[-1] == machine.AnnounceState(RunState.FAILED)
 
 
-def test_a_failed_task_lets_those_beside_it_end_first() -> None:
+def test_a_failed_task_ends_its_job_after_the_running_tasks() -> None:
     job = JobSnapshot(RunState.RUNNING, 0, 1, planned=True, counts=Counts(ready=3, running=2))
     after, _ = advance(State(job, TaskSnapshot(TaskState.RUNNING)), machine.Failed(FAULT, final=True))
     assert (after.job.run, after.job.doomed) == (RunState.RUNNING, True)
@@ -208,13 +208,13 @@ def test_a_failed_task_lets_those_beside_it_end_first() -> None:
 
 
 @pytest.mark.parametrize("event", [machine.Pause(), machine.Cancel(), machine.Planned(1, 0), machine.PlanFailed(FAULT)])
-def test_an_ended_job_refuses(event: machine.Happening) -> None:
+def test_an_ended_job_refuses_further_events(event: machine.Happening) -> None:
     with pytest.raises(Conflict) as refused:
         advance(State(JobSnapshot(RunState.SUCCEEDED, 1, 2, planned=True)), event)
     assert refused.value.value == "succeeded"
 
 
-def test_a_task_that_kills_its_host_again_and_again_fails_at_the_limit() -> None:
+def test_a_task_that_kills_its_host_repeatedly_fails_at_the_limit() -> None:
     job = JobSnapshot(RunState.RUNNING, 0, 1, planned=True, counts=Counts(running=1))
     state = State(job, TaskSnapshot(TaskState.RUNNING, interruptions=2), Limits(2, 3))
     after, effects = advance(state, machine.Interrupted())
@@ -233,7 +233,7 @@ def test_one_of_two_failed_tasks_runs_again_and_the_job_ends_as_failed() -> None
     assert ended.job.run is RunState.FAILED
 
 
-def test_a_requeue_while_the_job_still_drains_lets_it_start_tasks_again() -> None:
+def test_a_requeue_of_a_draining_job_lets_it_start_tasks_again() -> None:
     counts = Counts(running=1, ready=1, failed=1)
     job = JobSnapshot(RunState.RUNNING, 0, 1, planned=True, doomed=True, counts=counts)
     after, _ = advance(State(job, TaskSnapshot(TaskState.FAILED)), machine.Requeue())

@@ -1,4 +1,4 @@
-"""Methods practise once a process, in the background, and stop when the farm does."""
+"""Methods are warmed up once per process, in the background; the warm-up stops with the farm."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from workers.pools.local_pool import LocalPool
 
 
 class Pupil:
-    """Counts the frames it practises on."""
+    """A method that counts its warm-up frames."""
 
     name = "pupil"
     Params = Params
@@ -49,27 +49,27 @@ def pupil(monkeypatch: pytest.MonkeyPatch) -> Pupil:
     return made
 
 
-def test_a_process_practises_once(pupil: Pupil, tmp_path: Path) -> None:
+def test_a_process_warms_up_once(pupil: Pupil, tmp_path: Path) -> None:
     with Renderer(DiskBlobs(tmp_path)) as renderer:
         renderer.warm_up()
         renderer.warm_up()
     assert pupil.frames == 2 * warm_up.FRAMES
 
 
-def test_a_render_that_has_practised_is_not_disturbed(pupil: Pupil) -> None:
+def test_a_method_warmed_by_a_render_is_not_warmed_again(pupil: Pupil) -> None:
     warm_up.warm_up(pupil, Params())  # type: ignore[arg-type]
     warm_up.warm_up_process()
     assert pupil.frames == 2 * warm_up.FRAMES
 
 
 @pytest.mark.parametrize("fault", [BadInput("too small"), RuntimeError("broken")])
-def test_a_method_that_cannot_practise_hinders_nobody(pupil: Pupil, fault: Exception) -> None:
+def test_a_failing_warm_up_of_one_method_does_not_block_others(pupil: Pupil, fault: Exception) -> None:
     pupil.fault = fault
     warm_up.warm_up_process()
     assert pupil.frames == 1
 
 
-def test_practice_stops_with_the_farm(pupil: Pupil) -> None:
+def test_the_warm_up_stops_with_the_farm(pupil: Pupil) -> None:
     warm_up.warm_up_process(stopped=lambda: pupil.frames >= 2)
     assert pupil.frames == 2
 

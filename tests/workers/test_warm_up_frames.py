@@ -19,17 +19,17 @@ def compiled():
     return {f"{kernel.py_func.__name__}{signature}" for kernel in kernels for signature in kernel.signatures}
 
 warm_up_process()
-practised = compiled()
+warmed = compiled()
 for method in methods().values():
     for size in ((320, 240), (640, 480)):
         if session := method.stream(method.Params(), size, 0, {}):
             for shot in scene("cut", size=size, frames=6):
                 session.step(shot.image)
-print(*compiled() - practised, sep="\\n", end="")
+print(*compiled() - warmed, sep="\\n", end="")
 """
 
 
-def test_practice_leaves_nothing_to_compile() -> None:
+def test_the_warm_up_compiles_every_kernel() -> None:
     done = subprocess.run([sys.executable, "-c", PROGRAM], cwd=ROOT, capture_output=True, text=True, timeout=240)
     assert done.returncode == 0, done.stderr
     assert done.stdout == ""

@@ -23,8 +23,8 @@ GONE = 1 << 62
 _REMEMBERED = 4096
 _LOOK_EVERY_S = (0.25, 1.0)
 _AWAY_S = 2.0
-_LINGER_S = 5.0
-"""Seconds for which the thread continues after the last listener has left."""
+_IDLE_TIMEOUT_S = 5.0
+"""Seconds for which the query thread runs without listeners before it ends."""
 
 Newest = Callable[[Collection[str]], Mapping[str, int]]
 """Ids of jobs -> the number of the newest event of each that is there."""
@@ -86,7 +86,7 @@ class EventNotifier:
             with self._changed:
                 waited = list(self._waited)
                 needed = time.monotonic() if waited else needed
-                if time.monotonic() - needed > _LINGER_S:
+                if time.monotonic() - needed > _IDLE_TIMEOUT_S:
                     self._looking = False
                     return
             if waited:

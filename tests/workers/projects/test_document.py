@@ -25,11 +25,11 @@ def _problems(value: Any) -> list[str]:
     return [problem.path for problem in problems(parse_document(value), ASSETS)]
 
 
-def test_an_empty_document_is_sound() -> None:
+def test_an_empty_document_is_valid() -> None:
     assert parse_document(empty("Swan")).shots == ()
 
 
-def test_all_structural_faults_are_found_at_once_each_at_its_place() -> None:
+def test_all_structural_errors_are_reported_together_with_their_paths() -> None:
     wrong = document(
         layer("multistyle", opacity=2, brush=1, keys=[{"frame": -1, "image": "key-12"}]), output={"format": "avi"}
     )
@@ -41,7 +41,7 @@ def test_all_structural_faults_are_found_at_once_each_at_its_place() -> None:
     ]
 
 
-def test_references_and_ids_are_checked() -> None:
+def test_references_and_ids_of_a_document_are_checked() -> None:
     keys = [{"frame": 1, "image": "nobody"}, {"frame": 1, "image": "key-12", "mask": "none"}]
     wrong = document(
         layer("analogy", keys=keys, inputs={"style_output": "ghost"}), layer("analogy"),
@@ -58,14 +58,14 @@ def test_references_and_ids_are_checked() -> None:
     ]
 
 
-def test_an_error_of_a_document_survives_a_process_border() -> None:
+def test_a_document_error_can_be_pickled() -> None:
     with pytest.raises(BadProject) as caught:
         parse_document({"schema": 2})
     again = pickle.loads(pickle.dumps(caught.value))
     assert again.errors == caught.value.errors and str(again) == str(caught.value)
 
 
-def test_names_in_pointers_are_escaped() -> None:
+def test_json_pointers_escape_names() -> None:
     assert _paths(document(layer("analogy", inputs={"a/b~c": "wave"})))[0] == "/shots/0/layers/0/inputs/a~1b~0c"
 
 
@@ -81,7 +81,7 @@ def test_names_in_pointers_are_escaped() -> None:
         ({"region_maps": [{"frame": 0, "image": "clip"}]}, ["/region_maps/0/image"]),
     ],
 )  # fmt: skip
-def test_problems_are_found_at_their_place(parts: dict[str, Any], paths: list[str]) -> None:
+def test_problems_are_reported_with_their_path(parts: dict[str, Any], paths: list[str]) -> None:
     assert _problems(document(layer("multistyle") | parts)) == [f"/shots/0/layers/0{path}" for path in paths]
 
 
@@ -89,7 +89,7 @@ def test_a_designed_layer_has_no_problems() -> None:
     assert _problems(document(DESIGNED)) == []
 
 
-def test_a_deleted_asset_is_a_problem_of_every_place_that_uses_it() -> None:
+def test_a_deleted_asset_is_reported_at_every_use() -> None:
     parsed = parse_document(document(layer("analogy", keys=[{"frame": 12, "image": "key-12"}])))
     kept = {key: value for key, value in ASSETS.items() if key != parsed.assets["key-12"].id}
     assert [problem.path for problem in problems(parsed, kept)] == ["/shots/0/layers/0/keys/0/image"]
@@ -99,11 +99,11 @@ def test_a_hidden_layer_may_have_problems() -> None:
     assert _problems(document(DESIGNED, layer("oil", id="l2", visible=False))) == []
 
 
-def test_the_page_keeps_what_it_likes_under_ui() -> None:
+def test_the_ui_member_accepts_any_content() -> None:
     parse_document(document(layer("patches", ui={"open": ["style"], "x": None}), ui={"zoom": 2}))
 
 
-def test_a_patch_is_applied_whole_or_not_at_all() -> None:
+def test_a_patch_is_applied_atomically() -> None:
     before = document(DESIGNED)
     after = patched(before, [{"op": "add", "path": "/shots/0/layers/0/seed", "value": 4}])
     assert after["shots"][0]["layers"][0]["seed"] == 4 and "seed" not in before["shots"][0]["layers"][0]
@@ -112,7 +112,7 @@ def test_a_patch_is_applied_whole_or_not_at_all() -> None:
             patched(before, wrong)
 
 
-def test_a_merge_patch_follows_the_examples_of_its_standard() -> None:
+def test_merge_patch_matches_the_examples_of_rfc_7396() -> None:
     cases: list[tuple[Any, Any, Any]] = [
         ({"a": "b"}, {"a": "c"}, {"a": "c"}),
         ({"a": "b", "b": "c"}, {"a": None}, {"b": "c"}),

@@ -25,11 +25,11 @@ def _job(letter: str, seconds: float) -> Job:
     return Job(**given, **times, progress=1.0, eta_s=None, counts={}, steps=(), error=None, results=(), warnings=())
 
 
-def test_time_goes_by_frames_and_pixels() -> None:
+def test_the_estimate_scales_with_frames_and_pixels() -> None:
     finished = [_job("a", 20.0), _job("a", 60.0), _job("a", 40.0)]
     assert estimate(_request("b"), finished, ASSETS.__getitem__) == Estimate(50, 80.0, 3)
 
 
-def test_jobs_of_another_size_and_unfinished_ones_tell_nothing() -> None:
+def test_the_estimate_ignores_unfinished_jobs() -> None:
     begun = replace(_job("a", 1.0), finished_at=None)
     assert estimate(_request("b"), [_job("c", 1.0), begun], ASSETS.__getitem__) == Estimate(50, None, 0)

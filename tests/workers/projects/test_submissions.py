@@ -17,7 +17,7 @@ from workers.projects.parsing import parse_document
 from workers.projects.submissions import Selection, layer_inputs, submissions
 
 
-def test_every_part_reaches_the_input_of_its_method() -> None:
+def test_every_project_part_reaches_its_method_input() -> None:
     keyed = layer(
         "analogy", keys=[{"frame": 12, "image": "key-12", "mask": "mask-12"}], inputs={"style_output": "wave"}
     )
@@ -36,7 +36,7 @@ def test_every_part_reaches_the_input_of_its_method() -> None:
     ]  # fmt: skip
 
 
-def test_a_design_is_put_together() -> None:
+def test_a_design_is_assembled_from_the_layer() -> None:
     (job,) = submissions(parse_document(document(DESIGNED)))
     assert job.method == "multistyle" and job.params == {"style": "pointillism"}
     design = job.inputs["design"]
@@ -46,12 +46,12 @@ def test_a_design_is_put_together() -> None:
     assert job.inputs["masks"] == ImagesByFrame(((0, asset_id("e")),))
 
 
-def test_parts_that_a_method_does_not_take_are_not_submitted() -> None:
+def test_unsupported_parts_are_not_submitted() -> None:
     (job,) = submissions(parse_document(document(DESIGNED | {"method": "abstraction", "params": {}})))
     assert set(job.inputs) == {"video"}
 
 
-def test_frame_numbers_of_a_piece_begin_at_its_start() -> None:
+def test_frame_numbers_are_relative_to_the_start_of_the_range() -> None:
     keys = [{"region": "a", "frame": f} for f in (0, 10, 20, 30)] + [{"region": "b", "frame": 0}]
     moved = window_document({"keys": keys, "n": 3}, (12, 30))
     assert moved == {"keys": [{"region": "a", "frame": 0}, {"region": "a", "frame": 8}, {"region": "b", "frame": 0}],
@@ -62,7 +62,7 @@ def test_frame_numbers_of_a_piece_begin_at_its_start() -> None:
     assert "keyframes" not in layer_inputs(parsed, parsed.shots[0], parsed.shots[0].layers[0], (13, 20))
 
 
-def test_a_variant_is_a_job_with_its_changes() -> None:
+def test_a_variant_becomes_a_job_with_changed_parameters() -> None:
     value = document(DESIGNED, variants=[
         {"id": "v1", "shot": "s1", "layer": "l1", "set": {"params": {"style": None, "relief": 3}, "seed": 7}},
         {"id": "v2", "shot": "s1", "layer": "l1", "set": {"seed": "no"}},
@@ -77,7 +77,7 @@ def test_a_variant_is_a_job_with_its_changes() -> None:
         submissions(parsed, Selection(variants=["v3"]))
 
 
-def test_materials_have_the_same_bytes_each_time(tmp_path: Path) -> None:
+def test_submission_files_are_deterministic(tmp_path: Path) -> None:
     images = {asset_id("c"): b"\x89PNG\r\n\x1a\n one", asset_id("d"): b"\xff\xd8\xff two"}
     made = ImagesByFrame(((2, asset_id("c")), (11, asset_id("d"))))
     written = []
