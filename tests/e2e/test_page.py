@@ -207,6 +207,16 @@ def test_from_a_dropped_clip_to_a_playing_painting(watched: Watched, service: st
     watched.check()
 
 
+def test_a_method_that_requires_a_second_video_asks_for_it(watched: Watched, service: str, clip: Path) -> None:
+    page = watched.page
+    enter_studio(page, service, clip)
+    page.locator("input[type=radio][value=steady]").check()
+    expect(page.locator(".slot.wrong .field-error")).to_contain_text("missing", timeout=SLOW_MS)
+    page.locator(".slot:not(.more-inputs .slot) input[type=file]").first.set_input_files(clip)
+    expect(page.get_by_role("button", name="Remove Styled video")).to_be_visible(timeout=SLOW_MS)
+    submit(page)
+
+
 def test_both_films_stay_in_step(watched: Watched, service: str, clip: Path) -> None:
     page = watched.page
     enter_studio(page, service, clip)

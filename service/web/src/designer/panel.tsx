@@ -101,7 +101,7 @@ function methodCards(store: Store): Part {
 /** The inputs that are plain files; painted keys, designs and masks are made on the stage instead. */
 function inputSlots(store: Store, method: Method): Part {
   const specs = method.inputs.filter(
-    (spec) => spec.name !== "video" && ["image", "image-or-video"].includes(spec.kind),
+    (spec) => spec.name !== "video" && (spec.required || ["image", "image-or-video"].includes(spec.kind)),
   );
   const main = specs.filter((spec) => ["style_output", "reference"].includes(spec.name));
   const ordered = [...main, ...specs.filter((spec) => !main.includes(spec))];
