@@ -15,7 +15,7 @@ from contextlib import ExitStack
 from fractions import Fraction
 from itertools import chain
 from pathlib import Path
-from typing import Any, Literal, cast, overload
+from typing import Any, cast, overload
 
 import numpy as np
 
@@ -35,10 +35,8 @@ from pipeline.video.shot_files import ShotFiles
 from pipeline.video.writer import Format, SegmentSpec, segment_writer
 from workers.execution.arrays import read_arrays, write_arrays
 from workers.execution.input_damage import InputDamage
-from workers.model import FAIL, WARN
 
 Source = str | Path | Iterable[Frame]
-OnDamage = Literal["warn", "fail"]
 PICTURES = frozenset({"video", "image", "image-or-video"})
 
 
@@ -49,22 +47,20 @@ class DamagedSource(UserWarning):
 @overload
 def render(
     method: str, source: Source, output: None = None, *, inputs: Mapping[str, object] | None = None, seed: int = 0,
-    fps: float = DEFAULT_FPS, on_damage: OnDamage = "warn", **params: Any,
+    fps: float = DEFAULT_FPS, **params: Any,
 ) -> Iterator[Frame]: ...  # fmt: skip
 
 
 @overload
 def render(
     method: str, source: Source, output: str | Path, *, inputs: Mapping[str, object] | None = None, seed: int = 0,
-    fps: float = DEFAULT_FPS, quality: int = 20, overwrite: bool = False, on_damage: OnDamage = "warn",
-    **params: Any,
+    fps: float = DEFAULT_FPS, quality: int = 20, overwrite: bool = False, **params: Any,
 ) -> Path: ...  # fmt: skip
 
 
 def render(
     method: str, source: Source, output: str | Path | None = None, *, inputs: Mapping[str, object] | None = None,
-    seed: int = 0, fps: float = DEFAULT_FPS, quality: int = 20, overwrite: bool = False,
-    on_damage: OnDamage = "warn", **params: Any,
+    seed: int = 0, fps: float = DEFAULT_FPS, quality: int = 20, overwrite: bool = False, **params: Any,
 ) -> Iterator[Frame] | Path:  # fmt: skip
     """Stylise a video.
 
@@ -79,8 +75,6 @@ def render(
         fps: frames per second of a source that is an iterable.
         quality: rate factor of a video file, 0 (lossless) to 51.
         overwrite: whether an existing output may be replaced. An input is never overwritten.
-        on_damage: what to do if frames of a file are missing or unreadable. "warn": use what can be read and issue a
-            `DamagedSource` warning at the end; "fail": raise DamagedMedia before such a frame is used.
         params: parameters of the method, as `impasto methods NAME` lists them.
 
     Returns:
@@ -88,7 +82,11 @@ def render(
 
     Raises:
         BadParameter: an unknown method or input, or a parameter that is out of range.
-        BadInput: a source or output that cannot be used (BadMedia, BadFrame), or an `on_damage` that is neither.
+        BadInput: a source or output that cannot be used (BadMedia, BadFrame).
+
+    Warns:
+        DamagedSource: frames of a file are missing or unreadable; the others were used. Issued after the last frame;
+            `warnings.simplefilter("error", DamagedSource)` makes it an error.
 
     Examples:
         Frames in, frames out, one at a time:
@@ -116,14 +114,10 @@ def render(
     chosen = find_method(method)
     parsed = parse_params(chosen, params)
     _check_names(chosen, inputs or {})
-    if on_damage not in (WARN, FAIL):
-        remedy = f"Use {WARN!r} or {FAIL!r}."
-        raise BadParameter("on_damage is neither.", field="on_damage", value=on_damage, remedy=remedy)
     where = None if output is None else _checked_output(output, source, inputs or {}, overwrite)
     stack = ExitStack()
-    damage = InputDamage(on_damage == FAIL)
-    if on_damage == WARN:
-        stack.callback(_warn, damage)
+    damage = InputDamage(fails=False)
+    stack.callback(_warn, damage)
     frames = _Rendering(chosen, parsed, seed, fps, stack, damage).frames(source, inputs or {})
     if where is None:
         return frames

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import re
 import sys
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import chain
 from pathlib import Path
 
-from impasto.library import OnDamage, render
+from impasto.library import DamagedSource, render
 from impasto.y4m import StreamFormat, Y4mReader, Y4mWriter, raw_frames, write_raw
-from pipeline.errors import BadInput, BadParameter
+from pipeline.errors import BadInput, BadParameter, DamagedMedia
 from pipeline.frames import Frame
 from pipeline.video.media import Limits, check_size
 from pipeline.video.reader import VideoReader
-from workers.model import Json
+from workers.model import FAIL, WARN, Json
 
 PIPE = "-"
 DEFAULT_FPS = Fraction(25)
@@ -29,6 +30,7 @@ class PipeOrder:
 
     Attributes:
         source, output: a path, or "-".
+        on_damage: "warn" or "fail", for files with frames that are missing or unreadable.
         raw: "WIDTHxHEIGHT[@FPS]" if pipes carry raw RGB, "" if YUV4MPEG2.
     """
 
@@ -41,12 +43,24 @@ class PipeOrder:
     quality: int
     overwrite: bool
     raw: str = ""
-    on_damage: OnDamage = "warn"
+    on_damage: str = WARN
 
     def run(self) -> int:
-        """Render; returns the number of frames written to stdout, 0 if the output is a file."""
+        """Render; returns the number of frames written to stdout, 0 if the output is a file.
+
+        Raises: DamagedMedia at the end if frames of a file are missing or unreadable and `on_damage` is "fail".
+        """
+        with warnings.catch_warnings():
+            if self.on_damage == FAIL:
+                warnings.simplefilter("error", DamagedSource)
+            try:
+                return self._render()
+            except DamagedSource as damage:
+                raise DamagedMedia(str(damage), field="IN", value=self.source) from None
+
+    def _render(self) -> int:
         frames, form = self._source()
-        common: Json = {"inputs": self.inputs, "seed": self.seed, "fps": float(form.fps), "on_damage": self.on_damage}
+        common: Json = {"inputs": self.inputs, "seed": self.seed, "fps": float(form.fps)}
         common |= self.params
         if self.output != PIPE:
             render(self.method, frames, self.output, quality=self.quality, overwrite=self.overwrite, **common)

@@ -14,8 +14,9 @@ from fastapi.testclient import TestClient
 
 import impasto
 from impasto.cli.app import run
+from impasto.cli.piping import PipeOrder
 from impasto.library import DamagedSource
-from pipeline.errors import BadParameter, DamagedMedia
+from pipeline.errors import DamagedMedia
 from service.app import create_app
 from service.settings import Settings
 from tests.pipeline.video.making import make_video, picture
@@ -98,16 +99,25 @@ def test_the_library_warns_or_raises(name: str, message: str, method: str, reque
     with pytest.warns(DamagedSource, match=message) as caught:
         frames = list(impasto.render(method, source, **({"lines": "off"} if method == "abstraction" else {})))
     assert len(caught) == 1 and len(frames) in (11, FRAMES)
-    with pytest.raises(DamagedMedia, match="The source is damaged"):
-        list(impasto.render(method, source, on_damage="fail"))
+    with warnings.catch_warnings(), pytest.raises(DamagedSource, match="The source is damaged"):
+        warnings.simplefilter("error", DamagedSource)
+        list(impasto.render(method, source, **({"lines": "off"} if method == "abstraction" else {})))
+
+
+def test_a_pipe_fails_at_its_end_if_asked_to(cut: Path, tmp_path: Path) -> None:
+    def order(output: Path, on_damage: str) -> PipeOrder:
+        return PipeOrder(str(cut), str(output), "abstraction", {"lines": "off"}, {}, 0, 20, False, "", on_damage)
+
+    with pytest.warns(DamagedSource, match=CUT):
+        order(tmp_path / "warned.mp4", "warn").run()
+    with pytest.raises(DamagedMedia, match=CUT):
+        order(tmp_path / "failed.mp4", "fail").run()
 
 
 def test_the_library_is_silent_about_a_whole_source(tmp_path: Path) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert len(list(impasto.render("abstraction", whole(tmp_path / "w.mkv"), lines="off"))) == FRAMES
-    with pytest.raises(BadParameter, match="on_damage"):
-        impasto.render("abstraction", tmp_path / "w.mkv", on_damage="maybe")  # type: ignore[call-overload]
 
 
 @pytest.fixture
