@@ -51,6 +51,13 @@ def test_any_size_is_accepted(method: FlowMethod, size: tuple[int, int]) -> None
     assert flow.shape == (*size, 2) and np.isfinite(flow).all()
 
 
+@pytest.mark.parametrize("size", [(16, 16), (17, 131), (131, 17), (16, 400), (61, 83)], ids=str)
+def test_the_preset_half_finds_a_shift_at_any_size(size: tuple[int, int]) -> None:
+    flow = dis(*pair(*size), "half")
+    assert flow.shape == (*size, 2)
+    np.testing.assert_allclose(np.median(flow, axis=(0, 1)), [2, 1], atol=0.3)
+
+
 @pytest.mark.real("opencl")
 @pytest.mark.parametrize("method", METHODS)
 def test_flat_and_equal_frames_do_not_move(method: FlowMethod) -> None:
