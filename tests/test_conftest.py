@@ -38,13 +38,13 @@ def test_a_missing_part_fails_where_real_is_required(monkeypatch: pytest.MonkeyP
         _require("chromium")
 
 
-def test_media_may_be_absent_even_then(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_media_are_skipped_even_where_real_is_required(monkeypatch: pytest.MonkeyPatch) -> None:
     _lack(monkeypatch, "media", "1")
     with pytest.raises(pytest.skip.Exception):
         _require("media")
 
 
-def test_files_that_take_longest_are_there_and_come_first(request: pytest.FixtureRequest) -> None:
+def test_the_slowest_files_exist_and_run_first(request: pytest.FixtureRequest) -> None:
     assert [file for file in LONGEST if not (ROOT / file).is_file()] == []
     items = list(request.session.items)
     arrange(items)
@@ -53,6 +53,6 @@ def test_files_that_take_longest_are_there_and_come_first(request: pytest.Fixtur
     assert all(item.get_closest_marker("xdist_group") for item in items)
 
 
-def test_an_unknown_part_is_a_mistake() -> None:
+def test_an_unknown_part_is_an_error() -> None:
     with pytest.raises(pytest.fail.Exception, match="unknown real part"):
         _require("teapot")

@@ -26,7 +26,7 @@ def _imports(path: Path, modules: set[str]) -> set[str]:
     return found & modules
 
 
-def test_there_is_no_circle() -> None:
+def test_packages_have_no_import_cycle() -> None:
     files = [path for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
     paths = {_name(path): path for path in files if not {"migrations", "node_modules"} & set(path.parts)}
     graph = {name: _imports(path, set(paths)) for name, path in paths.items()}

@@ -37,7 +37,7 @@ def blobs(request: pytest.FixtureRequest, tmp_path: Path) -> Blobs:
     return STORES[request.param](request, tmp_path)
 
 
-def test_what_was_put_can_be_got_from_bytes_files_paths_and_writers(blobs: Blobs, tmp_path: Path) -> None:
+def test_blobs_from_bytes_files_paths_and_writers_are_read_back(blobs: Blobs, tmp_path: Path) -> None:
     path = tmp_path / "file"
     path.write_bytes(b"from a path")
     blobs.put("a/bytes", b"from bytes")
@@ -60,7 +60,7 @@ def _write_and_go_back(file: BinaryIO) -> None:
     file.write(b"F")
 
 
-def test_a_writer_that_fails_leaves_nothing(blobs: Blobs) -> None:
+def test_a_failed_writer_stores_no_blob(blobs: Blobs) -> None:
     def write(file: BinaryIO) -> None:
         file.write(b"half")
         raise ValueError("no more")
@@ -70,7 +70,7 @@ def test_a_writer_that_fails_leaves_nothing(blobs: Blobs) -> None:
     assert blobs.size("k") is None
 
 
-def test_ranges_are_read_in_pieces(blobs: Blobs) -> None:
+def test_ranges_of_a_blob_are_read_in_chunks(blobs: Blobs) -> None:
     blobs.put("k", bytes(range(100)))
     assert b"".join(blobs.read("k", 10, 35, chunk=7)) == bytes(range(10, 35))
     assert [len(piece) for piece in blobs.read("k", 10, 35, chunk=7)] == [7, 7, 7, 4]
@@ -79,7 +79,7 @@ def test_ranges_are_read_in_pieces(blobs: Blobs) -> None:
     assert b"".join(blobs.read("k", 98, 1000)) == bytes([98, 99])
 
 
-def test_what_is_not_there_is_a_key_error(blobs: Blobs) -> None:
+def test_a_missing_blob_raises_key_error(blobs: Blobs) -> None:
     assert blobs.size("no") is None
     for ask in (lambda: blobs.get("no"), lambda: blobs.read("no"), lambda: blobs.local("no").__enter__()):
         with pytest.raises(KeyError):
@@ -87,13 +87,13 @@ def test_what_is_not_there_is_a_key_error(blobs: Blobs) -> None:
     blobs.delete("no")
 
 
-def test_put_if_absent_keeps_the_first(blobs: Blobs) -> None:
+def test_put_if_absent_keeps_the_first_blob(blobs: Blobs) -> None:
     assert blobs.put_if_absent("once", b"first")
     assert not blobs.put_if_absent("once", b"second")
     assert blobs.get("once") == b"first"
 
 
-def test_of_many_at_once_one_is_the_first(blobs: Blobs) -> None:
+def test_concurrent_put_if_absent_has_one_winner(blobs: Blobs) -> None:
     """Swift asks and writes in two steps, so that two may win there; what is stored is one of them, whole."""
     won: list[bytes] = []
     start = threading.Barrier(8)
@@ -112,7 +112,7 @@ def test_of_many_at_once_one_is_the_first(blobs: Blobs) -> None:
     assert len(won) == 1 or not isinstance(blobs, DiskBlobs)
 
 
-def test_keys_are_listed_by_prefix_in_order(blobs: Blobs) -> None:
+def test_blob_keys_are_listed_by_prefix_in_order(blobs: Blobs) -> None:
     for key in ("jobs/1/b", "jobs/1/a", "jobs/10/a", "jobs/2/a", "assets/x"):
         blobs.put(key, b"")
     assert list(blobs.keys("")) == ["assets/x", "jobs/1/a", "jobs/1/b", "jobs/10/a", "jobs/2/a"]
@@ -121,7 +121,7 @@ def test_keys_are_listed_by_prefix_in_order(blobs: Blobs) -> None:
     assert list(blobs.keys("none/")) == []
 
 
-def test_deleted_is_gone_and_can_be_put_again(blobs: Blobs) -> None:
+def test_a_deleted_blob_can_be_stored_again(blobs: Blobs) -> None:
     blobs.put("a/b/c", b"1")
     blobs.delete("a/b/c")
     assert blobs.size("a/b/c") is None
@@ -130,7 +130,7 @@ def test_deleted_is_gone_and_can_be_put_again(blobs: Blobs) -> None:
     assert blobs.get("a/b/c") == b"2"
 
 
-def test_many_are_deleted_at_once(blobs: Blobs) -> None:
+def test_many_blobs_are_deleted_together(blobs: Blobs) -> None:
     for key in ("a/1", "a/2", "b/1"):
         blobs.put(key, b"x")
     blobs.delete_all(blobs.keys("a/"))
@@ -139,7 +139,7 @@ def test_many_are_deleted_at_once(blobs: Blobs) -> None:
     assert list(blobs.keys("")) == ["b/1"]
 
 
-def test_a_long_blob_comes_back_whole(blobs: Blobs, tmp_path: Path) -> None:
+def test_a_long_blob_is_read_back_completely(blobs: Blobs, tmp_path: Path) -> None:
     """Longer than a part, from a file and from a stream that cannot seek."""
     data = bytes(range(256)) * (PART_BYTES // 256 * 2 + 3)
     path = tmp_path / "long"
@@ -155,7 +155,7 @@ def test_a_long_blob_comes_back_whole(blobs: Blobs, tmp_path: Path) -> None:
         assert copy.read_bytes() == data
 
 
-def test_an_interrupted_put_leaves_nothing_under_the_key(blobs: Blobs) -> None:
+def test_an_interrupted_put_stores_no_blob(blobs: Blobs) -> None:
     for length in (0, PART_BYTES + 1):
         with pytest.raises(StorageError):
             blobs.put("k", OneWay(bytes(length), breaks=True))
@@ -182,7 +182,7 @@ class OneWay(io.RawIOBase):
         return piece
 
 
-def test_a_local_file_has_the_bytes(blobs: Blobs) -> None:
+def test_a_local_copy_has_the_bytes_of_the_blob(blobs: Blobs) -> None:
     blobs.put("clip.mp4", b"frames")
     with blobs.local("clip.mp4") as path:
         assert path.read_bytes() == b"frames"
@@ -191,7 +191,7 @@ def test_a_local_file_has_the_bytes(blobs: Blobs) -> None:
 @pytest.mark.parametrize(
     "key", ["../x", "a/../b", "/etc/passwd", "a//b", "", "a/", ".", "a b", "a\\b", "ä", "a\0b", "~tmp/x"]
 )
-def test_keys_that_could_lead_elsewhere_are_refused(blobs: Blobs, key: str) -> None:
+def test_blob_keys_outside_the_root_are_refused(blobs: Blobs, key: str) -> None:
     with pytest.raises(BadInput):
         blobs.put(key, b"")
     with pytest.raises(BadInput):
@@ -199,7 +199,7 @@ def test_keys_that_could_lead_elsewhere_are_refused(blobs: Blobs, key: str) -> N
 
 
 @given(st.text(max_size=40))
-def test_no_key_leaves_the_root(key: str) -> None:
+def test_no_blob_key_leaves_the_root(key: str) -> None:
     try:
         check_key(key)
     except BadInput:
@@ -208,7 +208,7 @@ def test_no_key_leaves_the_root(key: str) -> None:
     assert Path(os.path.normpath(root / key)).is_relative_to(root)
 
 
-def test_a_store_is_a_small_value_that_travels(blobs: Blobs) -> None:
+def test_a_blob_store_is_small_when_pickled(blobs: Blobs) -> None:
     blobs.put("k", b"v")
     assert pickle.loads(pickle.dumps(blobs)).get("k") == b"v"
 
@@ -238,12 +238,12 @@ def test_a_full_disk_is_reported_and_leaves_nothing(tmp_path: Path, monkeypatch:
     assert list(blobs.keys("")) == []
 
 
-def test_less_than_the_reserve_free_is_full(tmp_path: Path) -> None:
+def test_a_disk_below_its_reserve_counts_as_full(tmp_path: Path) -> None:
     with pytest.raises(StorageFull):
         DiskBlobs(tmp_path, reserve_bytes=1 << 60).check()
 
 
-def test_sweeping_removes_what_a_crash_left_and_spares_what_is_in_use(tmp_path: Path) -> None:
+def test_sweeping_removes_crash_leftovers_and_spares_files_in_use(tmp_path: Path) -> None:
     blobs = DiskBlobs(tmp_path)
     blobs.put("k", b"v")
     old, young = tmp_path / "~tmp" / "old", tmp_path / "~tmp" / "young"

@@ -58,7 +58,7 @@ def _served(store: Store, n: int) -> list[str]:
     return [claim.job["owner"] for _ in range(n) if (claim := store.queue.claim("me", 30))]
 
 
-def test_owners_take_turns_however_much_one_has_asked_for(store: Store) -> None:
+def test_owners_are_served_in_turns_whatever_their_number_of_jobs(store: Store) -> None:
     for _ in range(30):
         _job(store, "anna")
     _plan(store, Task("x"), Task("y"))
@@ -70,13 +70,13 @@ def test_owners_take_turns_however_much_one_has_asked_for(store: Store) -> None:
     assert Counter(_served(store, 6)) == {"anna": 2, "ben": 2, "cleo": 2}
 
 
-def test_an_owner_is_served_in_the_order_of_asking(store: Store) -> None:
+def test_jobs_of_an_owner_are_served_in_submission_order(store: Store) -> None:
     jobs = [_job(store, "anna") for _ in range(3)]
     _plan(store, Task("x"), Task("y"))
     assert [_claim(store).job_id for _ in range(6)] == [job for job in jobs for _ in range(2)]
 
 
-def test_priority_goes_before_fairness(store: Store) -> None:
+def test_priority_precedes_fairness(store: Store) -> None:
     _job(store, "ben")
     _plan(store, Task("x"))
     _job(store, "anna", priority=1)
@@ -85,7 +85,7 @@ def test_priority_goes_before_fairness(store: Store) -> None:
     assert _served(store, 9) == ["anna"] * 3 + ["ben"] + ["anna"] * 3
 
 
-def test_a_key_may_have_so_many_tasks_at_work(url: str, clock: Clock) -> None:
+def test_running_tasks_of_a_key_are_limited(url: str, clock: Clock) -> None:
     store = _open(url, clock, owner_tasks=3)
     small, _ = store.keys.create("small", ["submit"], {"running_tasks": 1})
     large, _ = store.keys.create("large", ["submit"], {"running_tasks": 5})
@@ -111,7 +111,7 @@ def test_delayed_tasks_block_nobody(store: Store, clock: Clock) -> None:
     assert _claim(store).job_id == first
 
 
-def test_a_clock_that_is_set_back_makes_nobody_wait_for_it(store: Store, clock: Clock) -> None:
+def test_a_clock_set_back_delays_no_task(store: Store, clock: Clock) -> None:
     _job(store)
     _plan(store, Task("x"))
     assert store.queue.put_off(_claim(store).attempt_id, 100, "")
@@ -122,7 +122,7 @@ def test_a_clock_that_is_set_back_makes_nobody_wait_for_it(store: Store, clock: 
 # -- many dispatchers
 
 
-def test_what_another_process_writes_wakes_who_waits(url: str) -> None:
+def test_an_event_of_another_process_wakes_waiting_threads(url: str) -> None:
     here, there = _open(url), _open(url)
     job_id = _job(here)
     woken: list[bool] = []
@@ -147,7 +147,7 @@ def test_what_another_process_writes_wakes_who_waits(url: str) -> None:
     there.close()
 
 
-def test_who_is_alive_is_known_and_who_ends_is_gone(store: Store, clock: Clock) -> None:
+def test_live_dispatchers_are_listed_until_they_end(store: Store, clock: Clock) -> None:
     store.queue.renew("one", 30)
     clock.now += 10
     store.queue.renew("two", 30)
@@ -158,7 +158,7 @@ def test_who_is_alive_is_known_and_who_ends_is_gone(store: Store, clock: Clock) 
     assert store.queue.dispatchers() == []
 
 
-def test_what_a_dispatcher_had_that_ended_is_given_back(store: Store) -> None:
+def test_tasks_of_an_ended_dispatcher_are_released(store: Store) -> None:
     _job(store)
     _plan(store, Task("x"))
     claim = _claim(store, "old")
@@ -168,7 +168,7 @@ def test_what_a_dispatcher_had_that_ended_is_given_back(store: Store) -> None:
     assert _claim(store, "new").task["id"] == claim.task["id"]
 
 
-def test_dispatchers_that_die_at_any_moment_lose_nothing(url: str) -> None:
+def test_dispatchers_killed_at_random_times_lose_no_work(url: str) -> None:
     """Three processes at 80 tasks; each is killed and replaced at random moments. Every task succeeds once."""
     store, chance = _open(url), random.Random(3)
     job_id = _job(store)
@@ -212,7 +212,7 @@ def two(postgres: Postgres) -> Iterator[tuple[Store, Store]]:
         store.close()
 
 
-def test_a_job_that_another_is_at_is_passed_over(two: tuple[Store, Store]) -> None:
+def test_a_job_locked_by_another_dispatcher_is_skipped(two: tuple[Store, Store]) -> None:
     one, other = two
     first, second = _job(one), _job(one)
     _plan(one, Task("x"))
@@ -221,7 +221,7 @@ def test_a_job_that_another_is_at_is_passed_over(two: tuple[Store, Store]) -> No
     assert claim is not None and claim.job_id == second
 
 
-def test_the_only_job_is_waited_for(two: tuple[Store, Store]) -> None:
+def test_a_claim_waits_for_the_lock_of_the_only_job(two: tuple[Store, Store]) -> None:
     one, other = two
     job_id, claims = _job(one), []
     _plan(one, Task("x"), Task("y"))
@@ -234,7 +234,7 @@ def test_the_only_job_is_waited_for(two: tuple[Store, Store]) -> None:
     assert claims[0] is not None
 
 
-def test_leases_go_by_the_servers_clock(two: tuple[Store, Store], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_leases_use_the_clock_of_the_database_server(two: tuple[Store, Store], monkeypatch: pytest.MonkeyPatch) -> None:
     one, other = two
     _job(one)
     _plan(one, Task("x"))
@@ -244,7 +244,7 @@ def test_leases_go_by_the_servers_clock(two: tuple[Store, Store], monkeypatch: p
     assert other.queue.interrupt([]) == 0, "a machine whose clock is wrong takes nothing away"
 
 
-def test_an_asset_is_added_and_swept_at_once_by_one_of_them_only(two: tuple[Store, Store]) -> None:
+def test_an_asset_added_during_a_sweep_is_kept_or_swept_consistently(two: tuple[Store, Store]) -> None:
     """`unless_known` holds the name: who adds meanwhile waits, and then sees that the bytes are gone."""
     one, other = two
     bytes_there, added = [True], []
@@ -266,7 +266,7 @@ def test_an_asset_is_added_and_swept_at_once_by_one_of_them_only(two: tuple[Stor
     assert added == [None]
 
 
-def test_many_add_the_same_asset_at_once(two: tuple[Store, Store]) -> None:
+def test_concurrent_uploads_of_one_asset_succeed(two: tuple[Store, Store]) -> None:
     owners = [f"owner-{i}" for i in range(8)]
     threads = [
         threading.Thread(target=two[i % 2].assets.add, args=(_asset("d" * 64, owner), lambda: True))
@@ -341,7 +341,7 @@ def _fill(store: Store, jobs: int, tasks: int) -> None:
         )
 
 
-def test_a_claim_costs_the_same_however_much_there_is(tmp_path: Path, clock: Clock) -> None:
+def test_the_cost_of_a_claim_is_independent_of_the_queue_length(tmp_path: Path, clock: Clock) -> None:
     """Counted, not timed; `python -m benchmarks.dispatch` times it up to 100,000 tasks and 10,000 jobs."""
     efforts = []
     for jobs, tasks in ((10, 100), (100, 4000)):

@@ -45,7 +45,7 @@ def _enrol(store: Store, dispatcher: str = "me", lease_s: float = 30) -> None:
     store.workers.enrol(dispatcher, WHO, SLOTS)
 
 
-def test_a_worker_is_shown_with_its_slots_and_what_they_run(store: Store, clock: Clock) -> None:
+def test_a_worker_is_listed_with_its_slots_and_their_tasks(store: Store, clock: Clock) -> None:
     _enrol(store)
     job = _job(store)
     _plan(store, Task("one"))
@@ -71,7 +71,7 @@ def test_a_worker_is_shown_with_its_slots_and_what_they_run(store: Store, clock:
     assert (b.name, b.busy, b.workers) == ("node-b", 0, ("me",))
 
 
-def test_who_is_silent_is_away_and_who_retires_is_gone(store: Store, clock: Clock) -> None:
+def test_a_silent_worker_is_listed_as_away_and_a_retired_one_is_removed(store: Store, clock: Clock) -> None:
     _enrol(store)
     clock.now += 31
     (worker,) = store.workers.workers().items
@@ -82,7 +82,7 @@ def test_who_is_silent_is_away_and_who_retires_is_gone(store: Store, clock: Cloc
     store.workers.drain(DrainScope.WORKER, "me")
     store.queue.retire("me")
     assert store.workers.workers().items == ()
-    assert store.workers.drains() == [], "nobody of that name will come again"
+    assert store.workers.drains() == [], "no worker of that name will return"
 
 
 def test_a_worker_that_has_no_lease_has_no_slots(store: Store) -> None:
@@ -90,7 +90,7 @@ def test_a_worker_that_has_no_lease_has_no_slots(store: Store) -> None:
     assert store.workers.nodes() == []
 
 
-def test_workers_come_in_pages(store: Store, clock: Clock) -> None:
+def test_workers_are_listed_in_pages(store: Store, clock: Clock) -> None:
     for number in range(5):
         _enrol(store, f"w{number}")
         clock.now += 1
@@ -105,7 +105,7 @@ def test_workers_come_in_pages(store: Store, clock: Clock) -> None:
         store.workers.workers("x")
 
 
-def test_a_paused_queue_hands_out_nothing_and_loses_nothing(store: Store) -> None:
+def test_a_paused_queue_assigns_no_task_and_loses_none(store: Store) -> None:
     _job(store)
     _plan(store, Task("one"), Task("two"))
     running = _claim(store)
@@ -119,7 +119,7 @@ def test_a_paused_queue_hands_out_nothing_and_loses_nothing(store: Store) -> Non
     assert _claim(store).task["key"] == "two"
 
 
-def test_a_drained_worker_finishes_and_gets_nothing_new(store: Store) -> None:
+def test_a_drained_worker_finishes_its_tasks_and_gets_no_new_ones(store: Store) -> None:
     for name in ("old", "new"):
         _enrol(store, name)
     _job(store)
@@ -137,7 +137,7 @@ def test_a_drained_worker_finishes_and_gets_nothing_new(store: Store) -> None:
     assert _claim(store, "old").task["key"] == "t-2"
 
 
-def test_a_drained_machine_is_so_until_it_is_resumed(store: Store) -> None:
+def test_a_machine_stays_drained_until_it_is_resumed(store: Store) -> None:
     _enrol(store)
     store.workers.drain(DrainScope.NODE, "node-a", "key_1")
     store.queue.retire("me")
@@ -149,7 +149,7 @@ def test_a_drained_machine_is_so_until_it_is_resumed(store: Store) -> None:
 
 
 @pytest.mark.parametrize("place", [DrainScope.WORKER, DrainScope.NODE])
-def test_what_is_not_there_is_not_drained(store: Store, place: DrainScope) -> None:
+def test_an_unknown_worker_or_machine_cannot_be_drained(store: Store, place: DrainScope) -> None:
     with pytest.raises(NotFound, match="nobody"):
         store.workers.drain(place, "nobody")
     with pytest.raises(NotFound, match="nobody"):
@@ -224,7 +224,7 @@ def test_live_sessions_of_all_processes_are_listed_and_ended(store: Store, clock
         store.workers.end_live("liv_9")
 
 
-def test_what_a_task_needs_is_kept(store: Store) -> None:
+def test_the_resources_of_a_task_are_stored(store: Store) -> None:
     _job(store)
     _plan(store, Task("one", resources=Resources(2, 0.25, 1 << 30)), Task("two"))
     assert _claim(store).task["needs"] == {"cpus": 2, "gpus": 0.25, "memory_bytes": 1 << 30}

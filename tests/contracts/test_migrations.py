@@ -41,7 +41,7 @@ def _at(url: str, revision: str) -> None:
 
 
 @pytest.mark.parametrize("revision", RELEASED)
-def test_work_of_an_earlier_version_goes_on(url: str, revision: str) -> None:
+def test_jobs_of_an_earlier_schema_version_continue(url: str, revision: str) -> None:
     _at(url, revision)
     store = Store(url, now=lambda: 20.0)
     with store._db.read() as connection:
@@ -61,7 +61,7 @@ def test_work_of_an_earlier_version_goes_on(url: str, revision: str) -> None:
     store.close()
 
 
-def test_a_database_of_a_newer_version_is_left_alone(url: str) -> None:
+def test_a_database_of_a_newer_schema_version_is_refused_unchanged(url: str) -> None:
     Store(url).close()
     engine = create_engine(url)
     with engine.begin() as connection:
@@ -71,7 +71,7 @@ def test_a_database_of_a_newer_version_is_left_alone(url: str) -> None:
     engine.dispose()
 
 
-def test_processes_that_start_at_once_migrate_once(url: str) -> None:
+def test_processes_starting_together_migrate_once(url: str) -> None:
     with ThreadPoolExecutor(4) as threads:
         stores = list(threads.map(lambda _: Store(url), range(4)))
     for store in stores:
@@ -85,7 +85,7 @@ def test_a_url_that_names_no_database_is_refused(wrong: str) -> None:
         Store(wrong)
 
 
-def test_people_write_the_url_of_postgres_in_several_ways(postgres: Postgres) -> None:
+def test_every_form_of_a_postgres_url_is_accepted(postgres: Postgres) -> None:
     url = postgres.fresh()
     for written in ("postgres://", "postgresql://", "postgresql+psycopg://"):
         store = Store(url.replace("postgresql+psycopg://", written))

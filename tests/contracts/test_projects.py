@@ -41,7 +41,7 @@ def _draft(name: str = "Swan", *assets: str, **more: object) -> Draft:
     return Draft({"schema": 1, "name": name, "assets": named, **more}, name, assets, "anna")
 
 
-def test_a_document_comes_back_as_it_was_saved(store: Store) -> None:
+def test_a_project_document_round_trips(store: Store) -> None:
     document = {"schema": 1, "name": "Schwän \U0001f9a2", "z": 1, "a": [1.5, None, True]}
     project = store.projects.create(Draft(document, "Schwän", (), "anna"), "anna")
     version, found = store.projects.document(project.id)
@@ -49,7 +49,7 @@ def test_a_document_comes_back_as_it_was_saved(store: Store) -> None:
     assert (version.version, version.author, project.owner) == (1, "anna", "anna")
 
 
-def test_every_version_is_kept_and_a_change_needs_the_newest_one(store: Store) -> None:
+def test_every_project_version_is_kept_and_a_change_requires_the_newest(store: Store) -> None:
     project = store.projects.create(_draft(), "anna")
     for number in range(1, 4):
         assert store.projects.save(project.id, number, _draft(f"Swan {number}")).version == number + 1
@@ -62,12 +62,12 @@ def test_every_version_is_kept_and_a_change_needs_the_newest_one(store: Store) -
     ]  # fmt: skip
 
 
-def test_saving_what_is_stored_makes_no_version(store: Store) -> None:
+def test_saving_an_unchanged_project_creates_no_version(store: Store) -> None:
     project = store.projects.create(_draft(), "anna")
     assert store.projects.save(project.id, 1, _draft()) == project
 
 
-def test_of_two_that_save_at_once_one_is_refused(store: Store) -> None:
+def test_one_of_two_simultaneous_saves_is_refused(store: Store) -> None:
     project = store.projects.create(_draft(), "anna")
     ready, outcomes = threading.Barrier(4), []
 
@@ -86,7 +86,7 @@ def test_of_two_that_save_at_once_one_is_refused(store: Store) -> None:
     assert sorted(outcomes) == [-2, -2, -2, 2]
 
 
-def test_listings_have_one_owners_projects_the_newest_change_first(store: Store, clock: Clock) -> None:
+def test_projects_are_listed_per_owner_newest_change_first(store: Store, clock: Clock) -> None:
     made = []
     for number in range(5):
         clock.now += 1
@@ -100,7 +100,7 @@ def test_listings_have_one_owners_projects_the_newest_change_first(store: Store,
     assert len(store.projects.page(None, False, None, 50).items) == 5
 
 
-def test_a_deletion_can_be_taken_back_until_it_is_purged(store: Store, clock: Clock) -> None:
+def test_a_project_deletion_can_be_undone_until_it_is_purged(store: Store, clock: Clock) -> None:
     project = store.projects.create(_draft(), "anna")
     assert store.projects.delete(project.id).deleted_at == clock.now
     with pytest.raises(NotFound):
@@ -116,7 +116,7 @@ def test_a_deletion_can_be_taken_back_until_it_is_purged(store: Store, clock: Cl
         store.projects.restore(project.id)
 
 
-def test_an_asset_that_any_version_names_cannot_be_deleted(store: Store, clock: Clock) -> None:
+def test_an_asset_of_any_project_version_cannot_be_deleted(store: Store, clock: Clock) -> None:
     ids = [f"ast_{letter * 64}" for letter in "ab"]
     for asset_id in ids:
         store.assets.add(Asset(asset_id, asset_id[4:], 1, "x", "image/png", "image", {}, 1.0, "anna"), lambda: True)

@@ -63,7 +63,7 @@ class FarmMachine(RuleBasedStateMachine):
     clock: ClassVar[list[float]]
     steps: ClassVar[int] = 0
     ends: ClassVar[set[str]]
-    """States in which jobs have been seen."""
+    """States that jobs have reached."""
 
     @initialize()
     def begin(self) -> None:

@@ -49,7 +49,7 @@ def test_a_signed_url_gives_the_blob_as_a_file_of_that_name(blobs: S3Blobs) -> N
     assert "Zo%C3%AB%27s%20cat.mp4" in answer.headers["content-disposition"]
 
 
-def test_a_signed_url_is_good_for_one_blob_only(blobs: S3Blobs) -> None:
+def test_a_signed_url_is_valid_for_one_blob_only(blobs: S3Blobs) -> None:
     blobs.put("k", b"mine")
     blobs.put("other", b"not yours")
     url = blobs.direct.download_url("k", "k", "text/plain")
@@ -68,12 +68,12 @@ def test_a_signed_url_expires(blobs: S3Blobs, monkeypatch: pytest.MonkeyPatch) -
     assert _get(expired).status_code == 403
 
 
-def test_a_blob_can_be_put_past_us_whole(blobs: S3Blobs) -> None:
+def test_a_blob_is_uploaded_directly_in_one_request(blobs: S3Blobs) -> None:
     assert _put(blobs.direct.upload_url("in"), content=b"uploaded").status_code == 200
     assert blobs.get("in") == b"uploaded"
 
 
-def test_a_blob_can_be_put_past_us_in_parts(blobs: S3Blobs) -> None:
+def test_a_blob_is_uploaded_directly_in_parts(blobs: S3Blobs) -> None:
     direct = blobs.direct
     parts = [b"1" * PART_BYTES, b"2" * PART_BYTES, b"3"]
     upload = direct.begin("film")
@@ -84,7 +84,7 @@ def test_a_blob_can_be_put_past_us_in_parts(blobs: S3Blobs) -> None:
     assert blobs.get("film") == b"".join(parts)
 
 
-def test_an_upload_that_is_given_up_is_gone(blobs: S3Blobs) -> None:
+def test_an_aborted_direct_upload_is_removed(blobs: S3Blobs) -> None:
     direct = blobs.direct
     upload = direct.begin("film")
     with pytest.raises(BadInput):
@@ -96,7 +96,7 @@ def test_an_upload_that_is_given_up_is_gone(blobs: S3Blobs) -> None:
     assert blobs.size("film") is None
 
 
-def test_sweeping_aborts_uploads_that_nobody_completes(blobs: S3Blobs, s3: Swift) -> None:
+def test_sweeping_aborts_abandoned_direct_uploads(blobs: S3Blobs, s3: Swift) -> None:
     blobs.direct.begin("left")
     s3_blobs(s3, blobs.copies.folder, prefix="another-farm/").direct.begin("theirs")
     assert blobs.sweep(older_than_s=3600) == 0, "it may be in use"
@@ -140,7 +140,7 @@ def test_an_unreachable_store_is_reported_and_comes_back(
     impatient.check()
 
 
-def test_a_request_is_tried_again_until_the_store_is_back(
+def test_requests_are_retried_until_the_store_is_available(
     blobs: S3Blobs, away: Swift, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("workers.blobs.s3_client._TRIES", 12)  # a machine that is busy starts it slowly
@@ -152,7 +152,7 @@ def test_a_request_is_tried_again_until_the_store_is_back(
     assert blobs.get("k") == b"v"
 
 
-def test_a_read_that_breaks_off_goes_on_where_it_was(blobs: S3Blobs, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupted_read_resumes_at_its_offset(blobs: S3Blobs, monkeypatch: pytest.MonkeyPatch) -> None:
     data = bytes(range(256)) * 40
     blobs.put("k", data)
     opened: list[int] = []
@@ -183,7 +183,7 @@ class _Breaking:
         return bytes(self._body.read(size))
 
 
-def test_a_read_that_keeps_breaking_off_is_an_error(blobs: S3Blobs, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_repeatedly_interrupted_read_is_an_error(blobs: S3Blobs, monkeypatch: pytest.MonkeyPatch) -> None:
     blobs.put("k", b"v")
 
     def never(self: S3Blobs, *_: object, **__: object) -> Any:
@@ -208,7 +208,7 @@ class _Silent:
         ({"bucket": "no-such-bucket"}, "IMPASTO_BLOB_URL"),
     ],
 )
-def test_what_is_set_wrongly_is_named(s3: Swift, tmp_path: Path, wrong: dict[str, str], named: str) -> None:
+def test_the_error_names_the_wrong_s3_setting(s3: Swift, tmp_path: Path, wrong: dict[str, str], named: str) -> None:
     blobs = s3_blobs(s3, tmp_path, **wrong)
     for act in (lambda: blobs.put("k", b""), blobs.check, lambda: list(blobs.keys(""))):
         with pytest.raises(StorageError) as error:
@@ -216,7 +216,7 @@ def test_what_is_set_wrongly_is_named(s3: Swift, tmp_path: Path, wrong: dict[str
         assert named in error.value.remedy
 
 
-def test_nobody_listens_there(tmp_path: Path, s3: Swift) -> None:
+def test_an_unreachable_s3_endpoint_is_reported(tmp_path: Path, s3: Swift) -> None:
     blobs = s3_blobs(s3, tmp_path, endpoint_url="http://127.0.0.1:9")
     with pytest.raises(StorageError, match="does not answer"):
         blobs.check()
@@ -238,7 +238,7 @@ def test_checksums_are_sent_unless_the_server_lacks_them(s3: Swift, tmp_path: Pa
     assert any("x-amz-checksum-crc" in headers or "x-amz-trailer" in headers for headers in bodies) is checksums
 
 
-def test_a_body_that_does_not_fit_its_checksum_is_refused(blobs: S3Blobs) -> None:
+def test_a_body_with_a_wrong_checksum_is_refused(blobs: S3Blobs) -> None:
     with pytest.raises(Exception, match=r"BadDigest|InvalidRequest|InvalidDigest|SHA256Mismatch"):
         client_for(blobs.options).put_object(
             Bucket=blobs.options.bucket, Key=f"{blobs.options.prefix}k", Body=b"hello", ChecksumCRC32="AAAAAA=="
@@ -246,7 +246,7 @@ def test_a_body_that_does_not_fit_its_checksum_is_refused(blobs: S3Blobs) -> Non
     assert blobs.size("k") is None
 
 
-def test_farms_with_prefixes_of_their_own_share_a_bucket(s3: Swift, tmp_path: Path) -> None:
+def test_farms_with_separate_prefixes_share_a_bucket(s3: Swift, tmp_path: Path) -> None:
     one, two = (s3_blobs(s3, tmp_path, prefix=f"{tmp_path.name}-{name}/") for name in ("one", "two"))
     one.put("k", b"1")
     assert two.size("k") is None
@@ -269,7 +269,7 @@ def test_settings_name_a_bucket_and_a_prefix(tmp_path: Path) -> None:
 # -- local copies
 
 
-def test_a_copy_is_fetched_once_however_many_want_it(tmp_path: Path) -> None:
+def test_concurrent_readers_fetch_a_copy_once(tmp_path: Path) -> None:
     copies, fetched = Copies(tmp_path / "copies", 1000), []
 
     def fetch(place: Path) -> None:
@@ -305,7 +305,7 @@ def test_old_copies_are_removed_but_never_one_in_use(tmp_path: Path) -> None:
         assert sorted(file.name for file in tmp_path.iterdir()) == ["newest", "used"]
 
 
-def test_a_fetch_that_breaks_leaves_nothing_and_is_tried_again(tmp_path: Path) -> None:
+def test_a_failed_fetch_leaves_no_file_and_is_retried(tmp_path: Path) -> None:
     copies = Copies(tmp_path, 10)
 
     def breaks(place: Path) -> None:
@@ -319,7 +319,7 @@ def test_a_fetch_that_breaks_leaves_nothing_and_is_tried_again(tmp_path: Path) -
         assert place.read_bytes() == b"half"
 
 
-def test_no_copy_is_fetched_that_would_fill_the_disk(tmp_path: Path) -> None:
+def test_a_copy_that_would_fill_the_disk_is_not_fetched(tmp_path: Path) -> None:
     copies = Copies(tmp_path, 10, reserve_bytes=1 << 60)
     with pytest.raises(StorageFull) as error, copies.file("k", 4, lambda place: None):
         pass
@@ -328,7 +328,7 @@ def test_no_copy_is_fetched_that_would_fill_the_disk(tmp_path: Path) -> None:
         copies.check_free_space()
 
 
-def test_what_crashed_fetches_left_is_swept(tmp_path: Path) -> None:
+def test_leftovers_of_crashed_fetches_are_swept(tmp_path: Path) -> None:
     copies = Copies(tmp_path, 10)
     for name in ("a.1.part", "a.lock"):
         (tmp_path / name).touch()

@@ -102,7 +102,7 @@ def test_migrations_make_the_tables_of_the_schema(store: Store) -> None:
         assert compare_metadata(MigrationContext.configure(connection), schema.metadata) == []
 
 
-def test_a_job_is_there_after_the_store_was_opened_again(store: Store, url: str) -> None:
+def test_a_job_persists_when_the_store_is_reopened(store: Store, url: str) -> None:
     job_id = _job(store, labels={"shot": "12"}, name="cat")
     again = Store(url)
     assert again.jobs.get(job_id) == store.jobs.get(job_id)
@@ -127,7 +127,7 @@ def test_results_artefacts_and_segments_reach_later_steps(store: Store) -> None:
     assert [step.seconds for step in job.steps] == [2.0, 4.0, 2.0]
 
 
-def test_a_task_sees_what_its_chain_has_saved_and_nothing_else(store: Store) -> None:
+def test_a_task_gets_only_the_artefacts_of_its_chain(store: Store) -> None:
     _job(store)
     _plan(store, Task("all"))
     assert store.queue.finish(_answer(_claim(store)))
@@ -156,7 +156,7 @@ def test_a_task_depends_on_tasks_of_any_earlier_step(store: Store) -> None:
     assert chain == (("look/a", "look/b", "one"), {"look/a": "k-a", "look/b": "k-b", "draw/one": "k-one"})
 
 
-def test_what_a_running_task_shows_is_a_file_of_the_job_until_there_is_better(store: Store) -> None:
+def test_the_preview_of_a_running_task_is_a_job_file_until_replaced(store: Store) -> None:
     job_id = _job(store)
     _plan(store)
     claim = _claim(store)
@@ -170,7 +170,7 @@ def test_what_a_running_task_shows_is_a_file_of_the_job_until_there_is_better(st
     assert store.jobs.blob_keys(job_id) == {"last"}
 
 
-def test_a_late_answer_changes_nothing(store: Store, clock: Clock) -> None:
+def test_a_late_answer_is_ignored(store: Store, clock: Clock) -> None:
     job_id = _job(store)
     _plan(store)
     late = _claim(store, "dead")
@@ -189,7 +189,7 @@ def test_a_late_answer_changes_nothing(store: Store, clock: Clock) -> None:
     assert not store.queue.finish(TaskOutcome("att_unknown", {}, {}, {}, None, {}, ""))
 
 
-def test_the_work_of_a_dead_dispatcher_is_taken_up_before_its_lease_ends(store: Store) -> None:
+def test_tasks_of_a_dead_dispatcher_are_reassigned_before_the_lease_ends(store: Store) -> None:
     _job(store)
     _plan(store)
     claim = _claim(store, "dead")
@@ -199,7 +199,7 @@ def test_the_work_of_a_dead_dispatcher_is_taken_up_before_its_lease_ends(store: 
     assert _claim(store).task["id"] == claim.task["id"]
 
 
-def test_a_failed_attempt_waits_longer_each_time_and_then_fails_the_job(store: Store, clock: Clock) -> None:
+def test_failed_attempts_back_off_and_then_fail_the_job(store: Store, clock: Clock) -> None:
     job_id = _job(store)
     _plan(store, Task("one"), Task("two"))
     claim = _claim(store)
@@ -218,7 +218,7 @@ def test_a_failed_attempt_waits_longer_each_time_and_then_fails_the_job(store: S
     assert _claim(store).task["key"] == "one", "only what failed"
 
 
-def test_chains_are_freed_one_by_one(store: Store) -> None:
+def test_tasks_of_a_chain_become_ready_one_by_one(store: Store) -> None:
     _job(store)
     _plan(store, Task("c", after=("a", "b")), Task("a"), Task("b"))
     first, second = _claim(store), _claim(store)
@@ -229,7 +229,7 @@ def test_chains_are_freed_one_by_one(store: Store) -> None:
     assert _claim(store).task["key"] == "c"
 
 
-def test_cancelling_ends_attempts_and_a_retry_starts_the_rest(store: Store) -> None:
+def test_cancelling_ends_attempts_and_a_retry_runs_the_remaining_tasks(store: Store) -> None:
     job_id = _job(store)
     _plan(store, Task("a"), Task("b", after=("a",)), Task("c"))
     store.queue.finish(_answer(_claim(store)))
@@ -249,7 +249,7 @@ def _states(store: Store, job_id: str, state: str | None = None) -> dict[str, st
     return {task.key: task.state.value for task in store.tasks.page(job_id, state).items}
 
 
-def test_tasks_of_a_cancelled_job_are_cancelled_however_they_are_asked_for(store: Store) -> None:
+def test_every_query_lists_tasks_of_a_cancelled_job_as_cancelled(store: Store) -> None:
     job_id = _job(store)
     _plan(store, Task("a"), Task("b"), Task("c", after=("b",)), Task("d"))
     store.queue.finish(_answer(_claim(store)))
@@ -264,7 +264,7 @@ def test_tasks_of_a_cancelled_job_are_cancelled_however_they_are_asked_for(store
     assert store.queue.claim("me", 30) is None
 
 
-def test_one_task_of_a_cancelled_job_runs_again_alone(store: Store) -> None:
+def test_one_task_of_a_cancelled_job_can_be_requeued_alone(store: Store) -> None:
     job_id = _job(store)
     _plan(store, Task("a"), Task("b"), Task("c", after=("b",)), Task("d"))
     store.jobs.command(job_id, machine.Cancel())
@@ -311,7 +311,7 @@ def test_cancelling_a_large_job_changes_as_few_rows_as_a_small_one(store: Store)
     assert found[0] == found[1]
 
 
-def test_nothing_is_claimed_of_a_paused_job(store: Store) -> None:
+def test_no_task_of_a_paused_job_is_claimed(store: Store) -> None:
     job_id = _job(store)
     _plan(store)
     store.jobs.command(job_id, machine.Pause())
@@ -321,7 +321,7 @@ def test_nothing_is_claimed_of_a_paused_job(store: Store) -> None:
     assert _claim(store).job_id == job_id
 
 
-def test_who_is_served_first(store: Store) -> None:
+def test_the_order_of_service_follows_priority_and_owner(store: Store) -> None:
     anna = [_job(store, "anna") for _ in range(3)]
     ben = _job(store, "ben")
     urgent = _job(store, "anna", priority=1)
@@ -357,7 +357,7 @@ def test_many_threads_claim_every_task_once(store: Store) -> None:
     assert sorted(claimed) == sorted(f"t-{i}" for i in range(40))
 
 
-def test_pages_follow_each_other_without_gaps_while_jobs_arrive(store: Store) -> None:
+def test_pagination_has_no_gaps_while_jobs_arrive(store: Store) -> None:
     made = [_job(store, labels={"n": str(i % 2)}) for i in range(7)]
     first = store.jobs.page(limit=3)
     _job(store)
@@ -374,7 +374,7 @@ def test_pages_follow_each_other_without_gaps_while_jobs_arrive(store: Store) ->
         store.jobs.page(state="asleep")
 
 
-def test_text_that_cannot_be_stored_is_the_users_fault(store: Store) -> None:
+def test_unstorable_text_is_a_user_error(store: Store) -> None:
     for ask in (
         lambda: store.jobs.get("job_\ud800"),
         lambda: _job(store, labels={"a": "\ud800"}),
@@ -443,14 +443,14 @@ def test_keys_are_shown_once_and_verified(store: Store) -> None:
         store.keys.revoke("key_none")
 
 
-def test_webhooks_wait_longer_each_time_and_are_dead_at_last(store: Store, clock: Clock) -> None:
+def test_webhook_deliveries_back_off_and_finally_die(store: Store, clock: Clock) -> None:
     job_id = _job(store, webhook="https://example.org")
     store.jobs.command(job_id, machine.Cancel())
     (message,) = store.webhooks.due()
     assert message.body["type"] == "job.cancelled"
     assert store.webhooks.due() == []
     clock.now += 61
-    assert [again.id for again in store.webhooks.due()] == [message.id], "whoever claimed it has died"
+    assert [again.id for again in store.webhooks.due()] == [message.id], "the process that claimed it died"
     waits = []
     while (state := store.webhooks.record(message.id, 500)).state == "waiting":
         assert state.next_at is not None
@@ -461,7 +461,7 @@ def test_webhooks_wait_longer_each_time_and_are_dead_at_last(store: Store, clock
     assert store.webhooks.of_job(job_id) == [state]
 
 
-def test_gone_is_not_tried_again(store: Store) -> None:
+def test_a_webhook_answered_with_410_is_not_retried(store: Store) -> None:
     store.jobs.command(_job(store, webhook="https://example.org"), machine.Cancel())
     (message,) = store.webhooks.due()
     assert store.webhooks.record(message.id, 410).state == "dead"
@@ -469,14 +469,14 @@ def test_gone_is_not_tried_again(store: Store) -> None:
 
 def test_a_database_that_cannot_be_opened_is_a_storage_error(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    (tmp_path / "broken.db").write_bytes(b"this is not a database at all, whatever its name says" * 50)
+    (tmp_path / "broken.db").write_bytes(b"this is not a database, whatever its file name is" * 50)
     with pytest.raises(StorageError):
         Store(f"sqlite:///{tmp_path / 'broken.db'}")
     with pytest.raises(StorageError):
         Store(f"sqlite:///{tmp_path / 'file' / 'impasto.db'}")
 
 
-def test_claiming_and_answering_read_no_whole_table(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_claiming_and_finishing_scan_no_whole_table(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     """With 100,000 tasks a scan would show: every statement must find its rows by an index."""
     job_id = _job(store)
     _plan(store, *(Task(f"t-{i}", after=("t-0",) if i > 5 else ()) for i in range(500)))
@@ -504,7 +504,7 @@ def _scanned(store: Store, text: str, given: object) -> set[str]:
     return {row[3].split()[1] for row in plan if row[3].startswith("SCAN") and "INDEX" not in row[3]}
 
 
-def test_totals_rise_with_every_attempt_that_counts(store: Store, clock: Clock) -> None:
+def test_totals_increase_with_every_counted_attempt(store: Store, clock: Clock) -> None:
     job_id = _job(store)
     _plan(store, Task("a", emits=(0, 8)))
     failing = _claim(store)

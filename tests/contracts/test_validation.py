@@ -74,7 +74,7 @@ def mixed_run(store: Store) -> dict[str, str]:
     return {name.value: job_id for name, job_id in ids.items()}
 
 
-def test_a_healthy_farm_has_no_violation(store: Store) -> None:
+def test_a_consistent_store_has_no_violation(store: Store) -> None:
     assert store.validation.validate_state() == []
     ids = mixed_run(store)
     states = {name: store.jobs.get(job_id).state.value for name, job_id in ids.items()}
@@ -223,14 +223,14 @@ BREAKS: dict[Callable[[Connection, dict[str, str]], str], str] = {
 
 
 @pytest.mark.parametrize("break_it", BREAKS, ids=lambda act: act.__name__)
-def test_a_broken_invariant_is_found(
+def test_a_broken_invariant_is_reported(
     break_it: Callable[[Connection, dict[str, str]], str], store: Store, clock: Clock
 ) -> None:
     ids = mixed_run(store)
     clock.now += 600
     store.queue.renew("dsp_1", HOUR_S)
     if break_it is orphan_message and store._db.is_sqlite:
-        with store._db._engine.connect() as connection:  # outside a transaction, where SQLite can be told
+        with store._db._engine.connect() as connection:  # outside a transaction, where SQLite accepts this
             connection.exec_driver_sql("COMMIT")
             connection.exec_driver_sql("PRAGMA foreign_keys=OFF")
             row = "('msg_1', 'job_gone', 'anna', 'u', '{}', 1, 0, 'waiting', 1, '')"
@@ -247,7 +247,7 @@ def test_a_broken_invariant_is_found(
     assert all(one.message and one.remedy for one in found)
 
 
-def test_a_check_is_bounded_and_changes_nothing(store: Store) -> None:
+def test_a_consistency_check_is_bounded_and_read_only(store: Store) -> None:
     for number in range(12):
         submit(store, f"job {number}")
     with store._db.write() as connection:

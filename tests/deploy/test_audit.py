@@ -25,7 +25,7 @@ def report(*rows: dict[str, object]) -> str:
     return json.dumps({"dependencies": rows, "fixes": []})
 
 
-def test_a_finding_fails(audit: ModuleType) -> None:
+def test_a_vulnerability_fails_the_audit(audit: ModuleType) -> None:
     hole = {"id": "PYSEC-2020-1", "fix_versions": ["2.0"], "aliases": []}
     status, text = audit.judged(
         report({"name": "a", "version": "1.0", "vulns": [hole]}, {"name": "b", "vulns": []}), ""
@@ -33,7 +33,7 @@ def test_a_finding_fails(audit: ModuleType) -> None:
     assert status == 1 and "a 1.0: PYSEC-2020-1, mended in 2.0" in text
 
 
-def test_nothing_known_passes(audit: ModuleType) -> None:
+def test_no_known_vulnerability_passes_the_audit(audit: ModuleType) -> None:
     status, text = audit.judged(report({"name": "a", "vulns": []}, {"name": "b", "skip_reason": "not found"}), "")
     assert (status, text) == (0, "1 of 2 packages audited: nothing known")
 
@@ -47,6 +47,6 @@ def test_a_failed_audit_is_reported(audit: ModuleType, out: str, complaint: str)
     assert status == 0 and text.startswith("NOT AUDITED")
 
 
-def test_ci_asks() -> None:
+def test_ci_runs_the_audit() -> None:
     assert ".ci/audit.py" in (ROOT / ".ci" / "run").read_text() + (ROOT / "Makefile").read_text()
     assert "make audit" in (ROOT / ".ci" / "run").read_text()

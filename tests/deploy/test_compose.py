@@ -56,11 +56,11 @@ def test_a_missing_secret_is_named() -> None:
             filled(TEXT, {**GIVEN, name: ""})
 
 
-def test_every_variable_is_in_the_example() -> None:
+def test_every_variable_is_in_the_example_environment() -> None:
     assert {match[0] for match in _VARIABLE.findall(TEXT)} <= set(GIVEN)
 
 
-def test_nothing_hangs_in_the_air(services: dict[str, Any]) -> None:
+def test_every_reference_between_services_resolves(services: dict[str, Any]) -> None:
     whole = yaml.safe_load(filled(TEXT, GIVEN))
     targets = stages(DEPLOY.parent / "docker" / "Dockerfile")
     for name, row in services.items():
@@ -83,7 +83,7 @@ def _has_check(row: dict[str, Any], targets: dict[str, Any]) -> bool:
     return "healthcheck" in row or bool(targets[row["build"]["target"]].all("HEALTHCHECK"))
 
 
-def test_containers_have_no_more_than_they_need(services: dict[str, Any]) -> None:
+def test_containers_have_minimal_privileges(services: dict[str, Any]) -> None:
     for name, row in services.items():
         assert "privileged" not in row and "/var/run/docker.sock" not in str(row)
         assert "no-new-privileges:true" in row["security_opt"], name
@@ -96,7 +96,7 @@ def test_containers_have_no_more_than_they_need(services: dict[str, Any]) -> Non
         assert all(str(port).startswith("127.0.0.1:") for port in row.get("ports", ()))
 
 
-def test_images_have_names_and_no_registry(services: dict[str, Any]) -> None:
+def test_image_names_contain_no_registry(services: dict[str, Any]) -> None:
     for row in services.values():
         name = row["image"]
         assert ":" in name and "." not in name.split("/")[0].split(":")[0]
@@ -104,7 +104,7 @@ def test_images_have_names_and_no_registry(services: dict[str, Any]) -> None:
     assert all(row["image"].startswith("mirror.internal/") for row in prefixed.values())
 
 
-def test_the_settings_are_ours_and_work(services: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_compose_settings_exist_and_are_valid(services: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("service", "worker", "head", "bucket"):
         given = services[name]["environment"]
         for key, value in given.items():
@@ -127,7 +127,7 @@ def test_two_prometheus_configurations_agree() -> None:
 
 
 @pytest.mark.real("compose")
-def test_compose_itself_reads_it(tmp_path: Path) -> None:
+def test_docker_compose_accepts_the_file(tmp_path: Path) -> None:
     """The program from Debian, which needs no engine for this; it puts variables in by its own rules."""
     given = tmp_path / "env"
     given.write_text("".join(f"{name}={value}\n" for name, value in GIVEN.items()))
@@ -144,7 +144,7 @@ def test_compose_itself_reads_it(tmp_path: Path) -> None:
     assert empty.returncode != 0 and "put it in deploy/.env" in empty.stderr
 
 
-def test_the_keys_of_the_s3_server(services: dict[str, Any], tmp_path: Path) -> None:
+def test_the_s3_server_is_configured_with_the_given_keys(services: dict[str, Any], tmp_path: Path) -> None:
     (script,) = services["s3"]["command"]
     script = script.replace("$$", "$").replace("/tmp/", f"{tmp_path}/").replace("exec weed", "echo weed")
     env = {"PATH": os.environ["PATH"], **services["s3"]["environment"]}

@@ -40,7 +40,7 @@ def test_a_dashboard_is_consistent(board: Path) -> None:
             assert all(target["datasource"] == SOURCE for target in panel["targets"])
 
 
-def test_the_source_is_provisioned_and_the_folder_is_where_it_is_mounted() -> None:
+def test_the_data_source_is_provisioned_and_the_folder_is_mounted() -> None:
     sources = yaml.safe_load((DEPLOY / "grafana/provisioning/datasources/impasto.yml").read_text())
     assert [(row["uid"], row["type"]) for row in sources["datasources"]] == [(SOURCE["uid"], SOURCE["type"])]
     (provider,) = yaml.safe_load((DEPLOY / "grafana/provisioning/dashboards/impasto.yml").read_text())["providers"]
@@ -60,29 +60,29 @@ def test_an_alert_has_a_severity_and_a_runbook(rule: dict[str, Any]) -> None:
         assert word in section[1], f"{rule['alert']}: {word}"
 
 
-def test_the_runbook_has_no_section_for_an_alert_that_is_gone() -> None:
+def test_the_runbook_has_no_section_for_a_removed_alert() -> None:
     titles = re.findall(r"^## (Impasto\w+)$", (ROOT / "docs/runbook.md").read_text(), re.M)
     assert sorted(titles) == sorted(rule["alert"] for rule in alerts())
 
 
-def test_every_alert_has_a_test_that_it_fires() -> None:
+def test_every_alert_has_a_firing_test() -> None:
     tests = yaml.safe_load((DEPLOY / "prometheus/alerts_test.yml").read_text())["tests"]
     fired = {row["alertname"] for test in tests for row in test["alert_rule_test"] if row.get("exp_alerts")}
     assert fired == {rule["alert"] for rule in alerts()}
 
 
-def test_every_expression_names_a_metric() -> None:
+def test_every_expression_names_an_exported_metric() -> None:
     assert all(metrics_in(expr) for expr in shipped().values())
 
 
 @pytest.mark.real("prometheus")
-def test_promtool_reads_the_rules_and_they_fire_when_they_should() -> None:
+def test_promtool_accepts_the_rules_and_their_tests_pass() -> None:
     assert f"{len(alerts())} rules found" in promtool("check", "rules", RULES)
     assert "SUCCESS" in promtool("test", "rules", DEPLOY / "prometheus" / "alerts_test.yml")
 
 
 @pytest.mark.real("prometheus")
-def test_promtool_reads_what_dashboards_ask(tmp_path: Path) -> None:
+def test_promtool_accepts_the_dashboard_queries(tmp_path: Path) -> None:
     rules = [{"record": f"panel:{n}", "expr": expr} for n, expr in enumerate(shipped().values())]
     path = tmp_path / "panels.yml"
     path.write_text(yaml.safe_dump({"groups": [{"name": "panels", "rules": rules}]}))
@@ -90,5 +90,5 @@ def test_promtool_reads_what_dashboards_ask(tmp_path: Path) -> None:
 
 
 @pytest.mark.real("prometheus")
-def test_promtool_reads_the_configuration() -> None:
+def test_promtool_accepts_the_configuration() -> None:
     assert "SUCCESS" in promtool("check", "config", "--syntax-only", DEPLOY / "prometheus" / "prometheus.yml")

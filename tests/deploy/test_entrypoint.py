@@ -104,7 +104,7 @@ def containers() -> Iterator[Containers]:
         found.close()
 
 
-def test_a_service_is_a_node_of_its_cluster(containers: Containers, tiny_clip: Path) -> None:
+def test_a_service_container_runs_jobs_on_its_ray_cluster(containers: Containers, tiny_clip: Path) -> None:
     containers.head()
     service = containers.service()
     until(containers.ready)
@@ -139,7 +139,7 @@ def _lines(path: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in path.read_text().splitlines() if line.startswith("{")]
 
 
-def test_a_stranger_does_not_join(containers: Containers) -> None:
+def test_a_worker_with_a_wrong_token_cannot_join(containers: Containers) -> None:
     containers.head()
     until(lambda: subprocess.run(["healthy.py", "worker"], env=containers.env, capture_output=True).returncode == 0)
     containers.env["RAY_AUTH_TOKEN"] = "fedcba9876543210" * 4

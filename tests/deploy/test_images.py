@@ -64,7 +64,7 @@ def _requirements(device: str) -> list[str]:
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()
 
 
-def test_the_builder_is_sent_what_is_copied_and_nothing_else() -> None:
+def test_the_build_context_contains_only_copied_files() -> None:
     sent = kept_by(ROOT / ".dockerignore", tracked())
     copied = [
         word
@@ -80,7 +80,7 @@ def test_the_builder_is_sent_what_is_copied_and_nothing_else() -> None:
     assert not [name for name in sent if name.startswith(("tests/", "deploy/", ".git", "docs/"))]
 
 
-def test_nothing_ignored_lies_in_the_way_of_secrets() -> None:
+def test_secrets_are_ignored_by_git_and_docker() -> None:
     names = ["deploy/.env", ".env", "deploy/prometheus/secrets/metrics_key", "service/__pycache__/app.cpython-311.pyc"]
     assert kept_by(ROOT / ".dockerignore", names) == set()
     done = subprocess.run(["git", "check-ignore", *names[:1], names[2]], cwd=ROOT, capture_output=True, text=True)
@@ -143,7 +143,7 @@ def _check_installed(prefix: Path) -> None:
     assert "abstraction" in done.stdout
 
 
-def test_what_is_pinned_is_what_the_base_can_run() -> None:
+def test_pinned_versions_match_the_base_images() -> None:
     wanted = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["requires-python"]
     assert wanted == ">=3.11"
     head = (DOCKER / "Dockerfile").read_text()
@@ -159,7 +159,7 @@ def test_an_unanswered_health_check_fails() -> None:
         assert done.returncode == 1 and "refused" in done.stderr
 
 
-def test_secrets_come_from_files_too(tmp_path: Path) -> None:
+def test_secrets_can_be_read_from_files(tmp_path: Path) -> None:
     (tmp_path / "key").write_text("the secret\n")
     env = {"PATH": os.environ["PATH"], "IMPASTO_ADMIN_KEY_FILE": str(tmp_path / "key")}
     done = subprocess.run([DOCKER / "entrypoint.sh", "env"], env=env, capture_output=True, text=True, check=True)
@@ -167,7 +167,7 @@ def test_secrets_come_from_files_too(tmp_path: Path) -> None:
     assert "_FILE" not in done.stdout
 
 
-def test_what_a_container_does(tmp_path: Path) -> None:
+def test_the_entrypoint_starts_the_command_of_each_role(tmp_path: Path) -> None:
     """Which command each word becomes; the commands themselves are tested where they are."""
     for name in ("ray", "impasto"):
         (tmp_path / name).write_text('#!/bin/sh\necho "$(basename $0)" "$@"\n')
@@ -186,7 +186,7 @@ def test_what_a_container_does(tmp_path: Path) -> None:
 
 
 @pytest.mark.real("s3")
-def test_the_bucket_is_made_once(s3: Swift) -> None:
+def test_the_bucket_is_created_once(s3: Swift) -> None:
     env = {
         **os.environ,
         "PYTHONPATH": str(ROOT),
@@ -206,6 +206,6 @@ def _make_bucket(env: dict[str, Any]) -> str:
     return subprocess.run(command, env=env, capture_output=True, text=True, check=True).stdout
 
 
-def test_the_shape_of_stages() -> None:
+def test_the_dockerfile_has_the_expected_stages() -> None:
     assert list(STAGES) == ["build", "base-cpu", "base-gpu", "base", "worker", "service"]
     assert json.loads(STAGES["base"].all("ENTRYPOINT")[0]) == ["entrypoint.sh"]

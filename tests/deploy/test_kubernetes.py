@@ -42,7 +42,7 @@ def templates() -> dict[str, dict[str, Any]]:
     return {"service": of("Deployment")["spec"]["template"], "head": spec["headGroupSpec"]["template"], **groups}
 
 
-def test_every_file_is_listed() -> None:
+def test_every_manifest_is_listed_in_the_kustomization() -> None:
     for folder in ("base", "gpu"):
         listed = yaml.safe_load((HERE / folder / "kustomization.yaml").read_text())
         named = {*listed["resources"], *(patch["path"] for patch in listed.get("patches", ()))}
@@ -52,13 +52,13 @@ def test_every_file_is_listed() -> None:
 
 
 @pytest.mark.parametrize("document", documents(), ids=lambda row: f"{row['kind']}-{row['metadata']['name']}")
-def test_it_is_what_kubernetes_expects(document: dict[str, Any]) -> None:
+def test_manifests_match_the_kubernetes_schema(document: dict[str, Any]) -> None:
     if document["kind"] != "RayCluster":  # an operator's own kind: its pods are checked below
         kubernetes_validate.validate(document, VERSION, strict=True)
 
 
 @pytest.mark.parametrize("name", templates())
-def test_its_pods_are_what_kubernetes_expects(name: str) -> None:
+def test_pod_templates_match_the_kubernetes_schema(name: str) -> None:
     template = templates()[name]
     pod = {
         "apiVersion": "v1",
@@ -88,7 +88,7 @@ def test_pods_satisfy_the_restricted_standard(name: str) -> None:
     assert not {"hostNetwork", "hostPID", "hostIPC"} & spec.keys()
 
 
-def test_ray_scales_itself_and_wants_a_token() -> None:
+def test_ray_autoscaling_and_token_authentication_are_enabled() -> None:
     spec = cluster()["spec"]
     assert spec["enableInTreeAutoscaling"] and spec["authOptions"]["mode"] == "token"
     assert spec["headGroupSpec"]["rayStartParams"]["num-cpus"] == "0"
@@ -109,7 +109,7 @@ def test_services_outlive_a_drained_node() -> None:
     assert chosen.items() <= deployment["spec"]["template"]["metadata"]["labels"].items()
 
 
-def test_secrets_are_referred_to_and_settings_are_ours() -> None:
+def test_secrets_are_referenced_and_settings_exist() -> None:
     assert not [row for row in documents() if row["kind"] == "Secret"]
     settings = of("ConfigMap")["data"]
     assert {name.removeprefix("IMPASTO_").lower() for name in settings} <= set(Settings.model_fields)
@@ -122,7 +122,7 @@ def test_secrets_are_referred_to_and_settings_are_ours() -> None:
     assert host == f"{cluster()['metadata']['name']}-head-svc.{of('Namespace')['metadata']['name']}.svc.cluster.local"
 
 
-def test_with_gpus_tasks_are_lent_a_part_of_one() -> None:
+def test_the_gpu_overlay_gives_each_task_a_share_of_a_gpu() -> None:
     listed = yaml.safe_load((HERE / "gpu" / "kustomization.yaml").read_text())["patches"]
     targets = {patch["path"]: patch["target"] for patch in listed}
     assert targets["settings.yaml"] == {
@@ -138,7 +138,7 @@ def test_with_gpus_tasks_are_lent_a_part_of_one() -> None:
     assert 0 < settings.task_gpus <= int(container["resources"]["limits"]["nvidia.com/gpu"])
 
 
-def test_a_worker_has_memory_for_a_task_a_processor() -> None:
+def test_a_worker_has_memory_for_one_task_per_cpu() -> None:
     """What Ray gives out is the container's, less its object store."""
     for group in cluster()["spec"]["workerGroupSpecs"]:
         (container,) = group["template"]["spec"]["containers"]
@@ -158,7 +158,7 @@ def test_network_access_is_denied_unless_allowed() -> None:
     assert set(who["values"]) == names
 
 
-def test_images_are_named_in_one_place() -> None:
+def test_image_names_are_defined_once() -> None:
     listed = {row["name"] for row in yaml.safe_load((HERE / "base" / "kustomization.yaml").read_text())["images"]}
     used = {c["image"].partition(":")[0] for template in templates().values() for c in template["spec"]["containers"]}
     assert used == listed

@@ -117,7 +117,7 @@ def run(tmp_path_factory: pytest.TempPathFactory, tiny_clip: Path) -> Iterator[R
     found.close()
 
 
-def test_every_metric_that_we_ask_for_is_exported(run: Run) -> None:
+def test_every_queried_metric_is_exported(run: Run) -> None:
     exported = set(run.prometheus.ask("label/__name__/values")) | {"ALERTS"}
     exported |= _families(run.http.get("/metrics").text)
     unknown = {
@@ -131,21 +131,21 @@ def _families(text: str) -> set[str]:
     return {line.split()[2] for line in text.splitlines() if line.startswith("# TYPE ")}
 
 
-def test_every_panel_shows_something(run: Run) -> None:
+def test_every_panel_has_data(run: Run) -> None:
     empty = {where for where, expr in drawn().items() if not run.prometheus.query(expr)}
     assert empty <= EMPTY
     stats = {where: run.prometheus.query(expr) for where, expr in drawn().items() if " stat: " in where}
     assert [where for where, rows in stats.items() if len(rows) != 1 or rows[0]["value"][1] == "NaN"] == []
 
 
-def test_every_rule_works_and_nothing_fires_while_all_is_well(run: Run) -> None:
+def test_every_rule_evaluates_and_no_alert_fires_on_a_healthy_system(run: Run) -> None:
     rules = [rule for group in run.prometheus.ask("rules")["groups"] for rule in group["rules"]]
     assert {rule["name"] for rule in rules} == {rule["alert"] for rule in alerts()}
     assert {rule["health"] for rule in rules} == {"ok"}
     assert [rule["name"] for rule in rules if rule["state"] == "firing"] == []
 
 
-def test_figures_are_those_of_the_run(run: Run) -> None:
+def test_metric_values_match_the_run(run: Run) -> None:
     def value(expr: str) -> float:
         (row,) = run.prometheus.query(expr)
         return float(row["value"][1])
@@ -158,7 +158,7 @@ def test_figures_are_those_of_the_run(run: Run) -> None:
     assert value('sum(impasto_http_requests_total{status="401"})') == 1
 
 
-def test_logs_of_the_run_are_json_and_name_job_task_and_attempt(run: Run) -> None:
+def test_logs_of_the_run_are_json_with_job_task_and_attempt(run: Run) -> None:
     rows = run.log()
     begun = [row for row in rows if row["message"] == "attempt begins"]
     ended = [row for row in rows if row["message"] == "attempt succeeded"]

@@ -43,26 +43,26 @@ def http(proxy: Nginx) -> Iterator[httpx.Client]:
         yield client
 
 
-def test_plain_http_is_sent_on(proxy: Nginx, http: httpx.Client) -> None:
+def test_plain_http_is_redirected_to_https(proxy: Nginx, http: httpx.Client) -> None:
     answer = httpx.get(f"http://127.0.0.1:{proxy.plain_port}/v1/jobs", headers={"Host": "localhost"})
     assert (answer.status_code, answer.headers["location"]) == (308, "https://localhost/v1/jobs")
     assert "max-age" in http.get("/healthz").headers["strict-transport-security"]
 
 
-def test_a_key_is_needed_and_figures_stay_inside(proxy: Nginx, http: httpx.Client) -> None:
+def test_the_proxy_requires_a_key_and_hides_metrics(proxy: Nginx, http: httpx.Client) -> None:
     assert httpx.get(f"{proxy.url}/v1/jobs", verify=proxy.trust).status_code == 401
     assert http.get("/v1/jobs").status_code == 200
     assert http.get("/metrics").status_code == 404
     assert http.get("/").headers["content-security-policy"]
 
 
-def test_an_upload_larger_than_any_buffer(http: httpx.Client, tiny_clip: Path) -> None:
+def test_the_proxy_passes_large_uploads(http: httpx.Client, tiny_clip: Path) -> None:
     big = tiny_clip.read_bytes() + b"\0" * (6 << 20)
     answer = http.post("/v1/assets", files={"file": ("a.mp4", big)})
     assert answer.status_code == 201 and answer.json()["size_bytes"] == len(big)
 
 
-def test_events_come_as_they_happen(http: httpx.Client, tiny_clip: Path) -> None:
+def test_the_proxy_does_not_buffer_events(http: httpx.Client, tiny_clip: Path) -> None:
     asset = http.post("/v1/assets", files={"file": ("a.mp4", tiny_clip.read_bytes())}).json()["id"]
     job = http.post("/v1/jobs", json={"method": "abstraction", "inputs": {"video": asset}}).json()
     began = time.monotonic()
@@ -73,7 +73,7 @@ def test_events_come_as_they_happen(http: httpx.Client, tiny_clip: Path) -> None
         assert any("succeeded" in line for line in lines)
 
 
-def test_live_frames_there_and_back(proxy: Nginx) -> None:
+def test_the_proxy_passes_live_frames_in_both_directions(proxy: Nginx) -> None:
     async def talk() -> int:
         headers = {"Authorization": f"Bearer {KEY}"}
         async with live(proxy.url, additional_headers=headers, ssl=proxy.trust) as client:

@@ -26,14 +26,14 @@ def placed(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_systemd_reads_them(placed: Path) -> None:
+def test_systemd_accepts_the_units(placed: Path) -> None:
     done = subprocess.run(
         ["systemd-analyze", "verify", *sorted(map(str, placed.glob("*.service")))], capture_output=True, text=True
     )
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_a_misspelt_one_is_found(placed: Path) -> None:
+def test_a_misspelt_unit_option_is_reported(placed: Path) -> None:
     unit = placed / "impasto.service"
     unit.write_text(unit.read_text().replace("ExecStart=/", "ExecStart=/nowhere/"))
     done = subprocess.run(["systemd-analyze", "verify", str(unit)], capture_output=True, text=True)
@@ -41,7 +41,7 @@ def test_a_misspelt_one_is_found(placed: Path) -> None:
 
 
 @pytest.mark.parametrize("unit", UNITS, ids=lambda path: path.name)
-def test_they_may_little(placed: Path, unit: Path) -> None:
+def test_units_have_few_privileges(placed: Path, unit: Path) -> None:
     """systemd's own measure, 0 (may nothing) to 10 (may all); a plain unit has 9.6."""
     command = ["systemd-analyze", "security", "--offline=yes", "--threshold=25", str(placed / unit.name)]
     done = subprocess.run(command, capture_output=True, text=True)

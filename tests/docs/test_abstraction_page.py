@@ -19,21 +19,21 @@ PAGES = [PAGE, DOCS / "gallery.md", DOCS / "architecture.md", DOCS.parent / "REA
 COMMITTED_BYTES = 6 << 20
 
 
-def test_the_parameters_section_is_what_the_schema_gives() -> None:
+def test_the_parameters_section_matches_the_schema() -> None:
     """If this fails: `python -m docs.make_abstraction_figures --only table`."""
     text = PAGE.read_text().partition(BEGIN)[2].partition(END)[0]
     assert text.strip() == section(captions()).strip()
 
 
 @pytest.mark.parametrize("name", PARAMETERS)
-def test_every_parameter_is_told_and_shown(name: str) -> None:
+def test_every_parameter_is_described_and_illustrated(name: str) -> None:
     field = AbstractionParams.model_fields[name]
     row = next(line for line in PAGE.read_text().splitlines() if line.startswith("| **") and f"`{name}`" in line)
     assert str(field.title) in row and str(field.description) in row
     assert (DOCS / "abstraction" / f"{name}.jpg").is_file()
 
 
-def test_no_picture_is_of_a_parameter_that_is_gone() -> None:
+def test_pictures_illustrate_existing_parameters_only() -> None:
     assert sorted(STRIPS) == sorted(PARAMETERS)
 
 
@@ -43,23 +43,23 @@ def test_shown_values_are_allowed(name: str) -> None:
         AbstractionParams.model_validate({name: value})
 
 
-def test_every_input_step_and_artefact_is_told() -> None:
+def test_every_input_step_and_artefact_is_described() -> None:
     text = PAGE.read_text()
     names = [*(spec.name for spec in Abstraction.inputs), *(step.name for step in Abstraction.steps)]
     assert [name for name in (*names, *Abstraction.artefacts) if f"`{name}`" not in text] == []
 
 
-def test_the_gallery_is_what_its_script_writes() -> None:
+def test_the_gallery_matches_its_script() -> None:
     """If this fails: `make gallery`."""
     assert (DOCS / "gallery.md").read_text() == page()
 
 
-def test_the_gallery_has_every_picture_it_promises() -> None:
+def test_the_gallery_has_every_listed_picture() -> None:
     promised = set(PICTURES) - {"hero", "methods"}
     assert [name for name in sorted(promised) if not (GALLERY / f"{name}.jpg").is_file()] == []
 
 
-def test_committed_pictures_are_of_clips_with_a_credit() -> None:
+def test_committed_pictures_use_credited_clips() -> None:
     shown = {scene.clip for scene in SCENES.values()} | {strip.clip for strip in STRIPS.values()} - {"cut"}
     assert [name for name in sorted(shown) if not CLIPS[name].credit] == []
 
@@ -71,14 +71,14 @@ def test_committed_pictures_stay_small() -> None:
 
 
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: path.name)
-def test_links_lead_somewhere(path: Path) -> None:
+def test_links_resolve(path: Path) -> None:
     text = path.read_text()
     links = re.findall(r"\]\((?!http|#)([^)#]+)", text) + re.findall(r'<img src="([^"]+)"', text)
     assert links
     assert [link for link in links if not (path.parent / link).exists()] == []
 
 
-def test_a_grid_is_as_wide_as_asked_and_names_its_tiles() -> None:
+def test_a_grid_has_the_requested_width_and_labels() -> None:
     tiles = [np.full((90, 160, 3), 40 * i, np.uint8) for i in range(4)]
     plain, named = grid(tiles, 3, width=308), grid(tiles, 3, ["a", "b", "c", "d"], width=308)
     assert plain.shape == (2 * 56 + 4, 308, 3)
@@ -86,13 +86,13 @@ def test_a_grid_is_as_wide_as_asked_and_names_its_tiles() -> None:
     assert (plain[20, 120] == 40).all() and (plain[80, 20] == 120).all()
 
 
-def test_a_saved_picture_keeps_its_limit(tmp_path: Path) -> None:
+def test_a_saved_picture_stays_below_its_size_limit(tmp_path: Path) -> None:
     noise = np.random.default_rng(0).integers(0, 256, (200, 300, 3), np.uint8)
     roomy = save(noise, tmp_path / "a.jpg", 1 << 20).stat().st_size
     assert save(noise, tmp_path / "b.jpg", roomy - 10_000).stat().st_size <= roomy - 10_000
 
 
-def test_change_is_dark_where_it_happens_and_blue_where_the_video_moves() -> None:
+def test_the_change_map_is_dark_at_changes_and_blue_at_motion() -> None:
     still = np.zeros((40, 40, 3), np.uint8)
     blinks, moves = still.copy(), still.copy()
     blinks[0, 0] = 4
@@ -104,7 +104,7 @@ def test_change_is_dark_where_it_happens_and_blue_where_the_video_moves() -> Non
     assert mean == pytest.approx(4 / (picture[:, 0] != MOVES).any(axis=-1).sum() / 40)
 
 
-def test_a_region_keeps_its_colour_with_its_id() -> None:
+def test_the_colour_of_a_region_depends_on_its_id() -> None:
     one = show_labels(np.array([[1, 2, 0]], np.int32), np.array([0, 7, 9]))
     two = show_labels(np.array([[2, 1, 0]], np.int32), np.array([0, 9, 7]))
     assert (one == two).all()

@@ -18,21 +18,21 @@ OTHERS = {"IMPASTO_REQUIRE_REAL"}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
-def test_settings_are_real(page: Path) -> None:
+def test_documented_settings_exist(page: Path) -> None:
     fields = {f"IMPASTO_{name.upper()}" for name in (*Settings.model_fields, *CommandSettings.model_fields)}
     named = set(re.findall(r"IMPASTO_[A-Z0-9_]+", page.read_text()))
     assert {name.removesuffix("_FILE") for name in named} - fields - OTHERS == set()
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
-def test_commands_are_real(page: Path) -> None:
+def test_documented_commands_exist(page: Path) -> None:
     known = set(get_command(app).commands)  # type: ignore[attr-defined]
     named = set(re.findall(r"(?:^    |`|exec service )impasto ([a-z]+)", page.read_text(), re.M))
     assert named <= known
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
-def test_links_lead_somewhere(page: Path) -> None:
+def test_links_resolve(page: Path) -> None:
     for target in re.findall(r"\]\(([^)]+)\)", page.read_text()):
         path, _, anchor = target.partition("#")
         found = page if not path else page.parent / path
@@ -45,7 +45,7 @@ def anchors(page: Path) -> set[str]:
     return {re.sub(r"[^\w -]", "", title.lower()).strip().replace(" ", "-") for title in titles}
 
 
-def test_files_that_are_named_are_there() -> None:
+def test_named_files_exist() -> None:
     for page in PAGES:
         for name in re.findall(r"`((?:deploy|docker|tests|pipeline)/[\w./-]+?)(?:::\w+)?`", page.read_text()):
             assert (ROOT / name).exists() or name.startswith(("deploy/.env", "deploy/prometheus/secrets")), name

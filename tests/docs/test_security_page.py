@@ -27,14 +27,14 @@ def sources() -> Iterator[tuple[str, ast.Module]]:
             yield str(path.relative_to(ROOT)), ast.parse(path.read_text())
 
 
-def test_the_table_is_there() -> None:
+def test_the_security_table_exists() -> None:
     assert len(ROWS) >= 30
     for row in re.findall(r"^\| (?!threat|---)(.*) \|$", PAGE.split("## Threats")[1].split("\n## ")[0], re.M):
         assert "`tests/" in row, f"no test for: {row}"
 
 
 @pytest.mark.parametrize(("path", "name"), sorted(set(named())), ids=lambda word: str(word).rpartition("/")[2])
-def test_a_test_that_is_named_exists(path: str, name: str) -> None:
+def test_named_tests_exist(path: str, name: str) -> None:
     assert name in _functions(path)
 
 
@@ -52,7 +52,7 @@ def calls() -> Iterator[tuple[str, str, ast.Call]]:
                 yield path, ast.unparse(node.func), node
 
 
-def test_nothing_is_unpickled_run_or_given_to_a_shell() -> None:
+def test_code_uses_no_pickle_eval_or_shell() -> None:
     """Ray unpickles on its own, private wire; of ours only what we have made ourselves."""
     bad = re.compile(
         r"^(pickle|marshal|shelve|dill)\.|^(eval|exec|compile|__import__)$|^os\.(system|popen)$|yaml\.(load|unsafe)"
@@ -71,7 +71,7 @@ def test_arrays_are_loaded_without_pickle() -> None:
         assert [ast.unparse(value) for value in allowed] == ["False"], path
 
 
-def test_who_makes_connections_is_known() -> None:
+def test_only_listed_modules_open_connections() -> None:
     """The service itself reaches out to its stores, to Ray, and to webhooks through the guarded pool."""
     modules = {"httpx", "httpcore", "requests", "urllib.request", "aiohttp", "smtplib", "ftplib"}
     found = {path for path, tree in sources() for name in _imports(tree) if name in modules}
@@ -87,7 +87,7 @@ def _imports(tree: ast.Module) -> Iterator[str]:
             yield node.module or ""
 
 
-def test_who_decodes_is_known() -> None:
+def test_only_listed_modules_decode_media() -> None:
     """What users bring is decoded by children; these few read what we have made ourselves, or a live frame."""
     decoders = {
         "VideoReader",
@@ -110,21 +110,21 @@ def test_secrets_are_compared_in_constant_time() -> None:
     assert {"service/access/gate.py", "workers/store/keys.py"} <= where
 
 
-def test_bandits_rules_are_on_for_all_of_it() -> None:
+def test_bandit_rules_are_enabled_for_all_code() -> None:
     lint = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["ruff"]["lint"]
     assert "S" in lint["select"]
     assert not [code for code in lint["ignore"] if code.startswith("S") and code != "S101"]
     assert not [place for place in lint["per-file-ignores"] if place.startswith(OURS)]
 
 
-def test_statements_are_never_put_together_from_values() -> None:
+def test_sql_statements_are_never_built_from_values() -> None:
     """Text of SQL is ours alone: what is put in is a name of ours, never a value of a request."""
     for path, name, node in calls():
         if name in ("text", "sqlalchemy.text", "sa.text") and path.startswith(("workers/store", "service")):
             assert not isinstance(node.args[0], ast.BinOp) or "migrations" in path, path
 
 
-def test_settings_show_no_secret() -> None:
+def test_printed_settings_contain_no_secret() -> None:
     from service.settings import Settings
 
     given = {

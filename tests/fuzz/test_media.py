@@ -27,17 +27,17 @@ def test_malformed_files_are_decoded_or_refused(number: int, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("name", MENDED)
-def test_mended_cases_stay_mended(name: str, tmp_path: Path) -> None:
+def test_fixed_fuzz_cases_stay_fixed(name: str, tmp_path: Path) -> None:
     assert not media.outcome(media.Case.of(name), tmp_path).startswith("fault")
 
 
-def test_a_case_is_made_again_from_its_id() -> None:
+def test_a_fuzz_case_is_reproduced_from_its_id() -> None:
     case = media.Case("mp4", 3, 17)
     assert media.Case.of(case.id) == case and case.data() == media.Case("mp4", 3, 17).data()
     assert case.data() != media.Case("mp4", 4, 17).data()
 
 
-def test_the_ledger_adds_up(tmp_path: Path) -> None:
+def test_the_ledger_sums_its_runs(tmp_path: Path) -> None:
     file = tmp_path / "ledger.jsonl"
     for seed in (1, 2):
         run = ledger.Run("media", "2026-01-01", "abc", seed, 0)

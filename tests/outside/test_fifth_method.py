@@ -55,7 +55,7 @@ def impasto(installed: dict[str, str], tmp_path_factory: pytest.TempPathFactory)
     assert process.wait(30) == 0
 
 
-def test_it_is_listed_with_the_schema_of_its_form(impasto: Client) -> None:
+def test_an_external_method_is_listed_with_its_schema(impasto: Client) -> None:
     assert [method["name"] for method in impasto.methods()][-1] == "posterize"
     found = impasto.method("posterize")
     tones = found["params_schema"]["properties"]["tones"]
@@ -64,7 +64,9 @@ def test_it_is_listed_with_the_schema_of_its_form(impasto: Client) -> None:
     )  # fmt: skip
 
 
-def test_a_job_of_it_over_http_gives_its_frames(impasto: Client, tiny_clip: Path, tmp_path: Path) -> None:
+def test_a_job_of_an_external_method_over_http_gives_its_frames(
+    impasto: Client, tiny_clip: Path, tmp_path: Path
+) -> None:
     video = impasto.upload(tiny_clip)["id"]
     job = impasto.submit("posterize", {"video": video}, {"tones": 2}, output={"format": "png"})
     impasto.wait(job["id"], timeout_s=60)
@@ -76,24 +78,24 @@ def test_a_job_of_it_over_http_gives_its_frames(impasto: Client, tiny_clip: Path
             np.testing.assert_array_equal(painted[..., ::-1], np.where(frame < 128, 64, 192))
 
 
-def test_the_command_explains_it(installed: dict[str, str]) -> None:
+def test_the_command_explains_an_external_method(installed: dict[str, str]) -> None:
     found = json.loads(run(installed, "-m", "impasto", "methods", "posterize", "--json"))
     assert (found["title"], [each["name"] for each in found["params"]]) == ("Posterize", ["tones"])
 
 
-def test_the_tests_of_every_method_cover_it(installed: dict[str, str]) -> None:
+def test_the_tests_of_every_method_cover_an_external_method(installed: dict[str, str]) -> None:
     """Among them: equal bytes in any order of tasks, and whatever frame count the container claims."""
     suite = "tests/pipeline/methods/test_registry.py"
     printed = run(installed, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-k", "posterize", "-rp", suite)
     assert "test_the_same_request_gives_the_same_bytes_in_any_order[posterize]" in printed
 
 
-def test_it_has_a_row_in_the_benchmark(installed: dict[str, str]) -> None:
+def test_an_external_method_has_a_row_in_the_benchmark(installed: dict[str, str]) -> None:
     printed = run(installed, "-m", "benchmarks.methods", "--size", "64x48", "--frames", "2", "--turns", "1")
     assert [line.split(" | ")[0] for line in printed.splitlines()][-1] == "| posterize"
 
 
-def test_it_has_a_row_in_the_documentation(installed: dict[str, str]) -> None:
+def test_an_external_method_has_a_row_in_the_documentation(installed: dict[str, str]) -> None:
     printed = run(installed, "-m", "docs.parameters", "--print")
     assert "| `posterize` | The video with fewer tones. |" in printed
     assert "## Posterize: `posterize`" in printed

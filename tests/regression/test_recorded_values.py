@@ -33,13 +33,13 @@ def test_clips_are_unchanged(rendered: Values) -> None:
 
 
 @pytest.mark.parametrize("name", [name for name, case in CASES.items() if not case.device])
-def test_same_bytes(name: str, rendered: Values) -> None:
+def test_frames_have_the_recorded_bytes(name: str, rendered: Values) -> None:
     check(name, rendered)
 
 
 @pytest.mark.real("opencl")
 @pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.device])
-def test_same_bytes_on_the_device(name: str, rendered: Values) -> None:
+def test_frames_on_the_gpu_have_the_recorded_bytes(name: str, rendered: Values) -> None:
     if not on_recorded_device():
         pytest.skip(f"values are recorded for {OPENCL}, this is {opencl_platform()}")
     check(name, rendered)

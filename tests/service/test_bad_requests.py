@@ -64,7 +64,7 @@ def png(width: int, height: int) -> bytes:
 
 
 def png_header(width: int, height: int) -> bytes:
-    """A real PNG of one row that says it is far larger: a decompression bomb without the bytes."""
+    """A PNG with one row of data whose header declares a far larger size: a small decompression bomb."""
 
     def part(kind: bytes, data: bytes) -> bytes:
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))

@@ -1,4 +1,4 @@
-"""Bytes and words that nobody sane would send: every reader of them says no in our words, and never anything else."""
+"""Arbitrary hostile input: every parser accepts it or raises an error of this project, never any other exception."""
 
 from __future__ import annotations
 

@@ -194,7 +194,7 @@ def test_a_service_shutdown_ends_the_session(home: Path) -> None:
 
 
 class Deaf:
-    """A client that says hello and sends, and never reads."""
+    """A client that sends a hello and frames, and never reads."""
 
     def __init__(self, url: str, message: bytes) -> None:
         host, port = url.removeprefix("http://").split(":")

@@ -1,4 +1,4 @@
-"""Headers and messages: what is read is what was meant, and the rest is told apart."""
+"""Headers and messages of the live protocol: valid ones round-trip, invalid ones are refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Two services over one PostgreSQL and one S3: what one is told, the other knows, and the picture is the same."""
+"""Two services over one PostgreSQL and one S3 share their state and give the bytes of one service."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The whole way over real HTTP with the real farm: upload, submit, watch, fetch, be told, preview, cancel."""
+"""Real HTTP with the real farm: upload, submit, events, download, webhook, preview, cancel."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""serve: a process that comes up, says where, and goes down in order."""
+"""impasto serve: the process starts, prints its address and stops in order."""
 
 from __future__ import annotations
 
