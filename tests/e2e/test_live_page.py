@@ -192,7 +192,7 @@ def number(page: Page, title: str) -> float:
 
 
 @pytest.mark.parametrize(("codec", "title"), [("h264", "H.264"), ("vp8", "VP8"), ("jpeg", "JPEG")])
-def test_the_camera_comes_back_painted(browser: Browser, service: str, codec: str, title: str) -> None:
+def test_the_camera_stream_is_shown_painted(browser: Browser, service: str, codec: str, title: str) -> None:
     with visit(browser, service) as (watched, talk):
         page = watched.page
         choose_codec(page, title)
@@ -208,7 +208,7 @@ def test_the_camera_comes_back_painted(browser: Browser, service: str, codec: st
         watched.check()
 
 
-def test_everything_changes_in_mid_stream(browser: Browser, service: str, tmp_path: Path) -> None:
+def test_every_setting_changes_during_a_stream(browser: Browser, service: str, tmp_path: Path) -> None:
     with visit(browser, service) as (watched, talk):
         page = watched.page
         start(page)
@@ -232,7 +232,7 @@ def test_everything_changes_in_mid_stream(browser: Browser, service: str, tmp_pa
         watched.check()
 
 
-def test_views_and_the_divider(browser: Browser, service: str) -> None:
+def test_views_and_the_divider_can_be_switched(browser: Browser, service: str) -> None:
     with visit(browser, service) as (watched, _):
         page = watched.page
         start(page)
@@ -249,7 +249,7 @@ def test_views_and_the_divider(browser: Browser, service: str) -> None:
         watched.check()
 
 
-def test_a_recording_is_a_film_and_stop_lets_the_camera_go(browser: Browser, service: str) -> None:
+def test_a_recording_is_a_playable_film_and_stop_releases_the_camera(browser: Browser, service: str) -> None:
     with visit(browser, service) as (watched, talk):
         page = watched.page
         start(page)
@@ -300,7 +300,7 @@ def small_targets(page: Page) -> list[str]:
     return found
 
 
-def test_who_comes_too_many_waits_for_a_place(browser: Browser, service: str) -> None:
+def test_a_visitor_beyond_the_capacity_waits_for_a_place(browser: Browser, service: str) -> None:
     with visit(browser, service) as (_, _), visit(browser, service) as (watched, talk):
         first = browser.contexts[0].pages[0]
         start(first)
@@ -350,7 +350,7 @@ class Cable:
         self._door.close()
 
 
-def test_a_lost_connection_is_taken_up_again(browser: Browser, service: str) -> None:
+def test_a_lost_connection_is_resumed(browser: Browser, service: str) -> None:
     with closing(Cable(httpx.URL(service).port or 0)) as cable, visit(browser, cable.address) as (watched, talk):
         page = watched.page
         start(page)
@@ -362,7 +362,7 @@ def test_a_lost_connection_is_taken_up_again(browser: Browser, service: str) -> 
         moves(page)
 
 
-def test_a_session_that_goes_on_elsewhere(browser: Browser, service: str) -> None:
+def test_a_session_taken_over_by_another_page_is_reported(browser: Browser, service: str) -> None:
     with visit(browser, service) as (watched, talk):
         page = watched.page
         start(page)
@@ -375,7 +375,7 @@ def test_a_session_that_goes_on_elsewhere(browser: Browser, service: str) -> Non
 BREAK = "VideoEncoder.prototype.encode = () => { throw new DOMException('No more.', 'EncodingError') }"
 
 
-def test_stills_where_the_video_encoder_fails(browser: Browser, service: str) -> None:
+def test_the_page_falls_back_to_jpeg_when_the_video_encoder_fails(browser: Browser, service: str) -> None:
     with visit(browser, service, BREAK) as (watched, talk):
         start(watched.page)
         chosen = [message["send"]["codec"] for message in talk.heard if message["type"] == "ready"]
@@ -388,7 +388,7 @@ SET_HIDDEN = "hidden => { Object.defineProperty(document, 'hidden', { get: () =>
 TELL = "document.dispatchEvent(new Event('visibilitychange')); }"
 
 
-def test_nothing_is_sent_while_nobody_looks(browser: Browser, service: str) -> None:
+def test_a_hidden_page_sends_no_frames(browser: Browser, service: str) -> None:
     with visit(browser, service) as (watched, talk):
         page = watched.page
         start(page)
@@ -408,7 +408,7 @@ REFUSE = """
 navigator.mediaDevices.getUserMedia = () => Promise.reject(new DOMException('No.', 'NotAllowedError'))"""
 
 
-def test_without_a_camera_a_video_does(browser: Browser, service: str, tmp_path: Path) -> None:
+def test_a_video_file_replaces_a_missing_camera(browser: Browser, service: str, tmp_path: Path) -> None:
     with visit(browser, service, REFUSE) as (watched, talk):
         page = watched.page
         page.get_by_role("button", name="Use the camera").click()

@@ -82,7 +82,7 @@ def state_of(page: Page, name: str) -> object:
     return row.locator(".badge")
 
 
-def test_it_opens_to_admins_only(browser: Browser, service: str, http: httpx.Client) -> None:
+def test_the_ops_page_opens_for_admins_only(browser: Browser, service: str, http: httpx.Client) -> None:
     key = http.post("/v1/keys", json={"name": "reader", "scopes": ["read"]}).json()["secret"]
     page = open_page(browser).page
     page.goto(f"{service}/ops")
@@ -96,7 +96,9 @@ def test_it_opens_to_admins_only(browser: Browser, service: str, http: httpx.Cli
     page.context.close()
 
 
-def test_a_job_and_its_timeline(browser: Browser, service: str, http: httpx.Client, clip: Path) -> None:
+def test_the_ops_page_shows_a_job_and_its_timeline(
+    browser: Browser, service: str, http: httpx.Client, clip: Path
+) -> None:
     watched = open_ops(browser, service)
     page = watched.page
     job = submit(http, upload(http, clip), "a disc")
@@ -115,7 +117,7 @@ def test_a_job_and_its_timeline(browser: Browser, service: str, http: httpx.Clie
     page.context.close()
 
 
-def test_a_failure_is_read_and_run_again(
+def test_a_failed_task_is_inspected_and_retried(
     browser: Browser, service: str, http: httpx.Client, home: Path, tmp_path: Path
 ) -> None:
     clip = make_clip(tmp_path / "lost.mp4", frames=6)
@@ -175,7 +177,7 @@ def test_a_worker_is_drained_and_the_queue_paused(
     page.context.close()
 
 
-def test_it_fits_a_phone(browser: Browser, service: str, http: httpx.Client) -> None:
+def test_the_ops_page_fits_a_phone(browser: Browser, service: str, http: httpx.Client) -> None:
     watched = open_ops(
         browser, service, viewport={"width": 390, "height": 844}, is_mobile=True, has_touch=True, color_scheme="dark"
     )

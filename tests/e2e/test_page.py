@@ -174,7 +174,7 @@ def until(condition: Callable[[], bool], seconds: float = SLOW_MS / 1000) -> Non
         time.sleep(0.03)
 
 
-def test_from_a_dropped_clip_to_a_playing_painting(watched: Watched, service: str, clip: Path) -> None:
+def test_a_dropped_clip_becomes_a_playing_painted_video(watched: Watched, service: str, clip: Path) -> None:
     page = watched.page
     enter_studio(page, service, clip)
     before = painted(page)
@@ -217,7 +217,7 @@ def test_a_method_that_requires_a_second_video_asks_for_it(watched: Watched, ser
     submit(page)
 
 
-def test_both_films_stay_in_step(watched: Watched, service: str, clip: Path) -> None:
+def test_both_films_play_synchronously(watched: Watched, service: str, clip: Path) -> None:
     page = watched.page
     enter_studio(page, service, clip)
     submit(page)
@@ -277,7 +277,7 @@ def test_a_running_job_shows_its_newest_frame(watched: Watched, service: str, tm
     watched.check()
 
 
-def test_a_reload_brings_everything_back(watched: Watched, service: str, clip: Path) -> None:
+def test_a_reload_restores_the_page(watched: Watched, service: str, clip: Path) -> None:
     page = watched.page
     enter_studio(page, service, clip)
     page.get_by_role("button", name="Soft shapes, no lines").click()
@@ -320,7 +320,7 @@ def test_a_file_that_is_no_video_is_refused_with_a_remedy(watched: Watched, serv
     expect(page.get_by_text("Drop a video here")).to_be_visible()
 
 
-def test_a_large_upload_goes_on_where_it_broke(watched: Watched, service: str, clip: Path, tmp_path: Path) -> None:
+def test_an_interrupted_large_upload_resumes(watched: Watched, service: str, clip: Path, tmp_path: Path) -> None:
     page, padding = watched.page, 40 << 20
     large = tmp_path / "large.mp4"
     large.write_bytes(clip.read_bytes() + (padding + 8).to_bytes(4, "big") + b"free" + bytes(padding))
@@ -339,7 +339,7 @@ def test_a_large_upload_goes_on_where_it_broke(watched: Watched, service: str, c
     assert offsets == sorted(offsets)
 
 
-def test_works_list_retry_and_delete(watched: Watched, service: str, clip: Path) -> None:
+def test_jobs_are_listed_retried_and_deleted(watched: Watched, service: str, clip: Path) -> None:
     page = watched.page
     enter_studio(page, service, clip)
     page.get_by_text("Film", exact=True).click()
@@ -379,7 +379,7 @@ def test_a_phone_never_scrolls_sideways(phone: Watched, service: str, clip: Path
     phone.check()
 
 
-def test_a_key_is_asked_for_only_where_one_is_needed(
+def test_the_page_asks_for_a_key_only_where_required(
     browser: Browser, clip: Path, tmp_path: Path, watched: Watched
 ) -> None:
     page = watched.page

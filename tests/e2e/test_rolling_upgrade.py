@@ -79,7 +79,9 @@ def _at_work(client: Client, worker: str) -> int:
     return sum(len(one["at_work"]) for one in client.ops.workers() if one["id"] == worker)
 
 
-def test_the_new_starts_and_the_old_ends_what_it_runs(client: Client, home: Path, clip: Path, tmp_path: Path) -> None:
+def test_a_new_worker_starts_while_the_old_one_finishes_its_tasks(
+    client: Client, home: Path, clip: Path, tmp_path: Path
+) -> None:
     old = Worker(home)
     jobs = _submit(client, clip)
     until(lambda: _at_work(client, old.id), 30)
@@ -93,7 +95,9 @@ def test_the_new_starts_and_the_old_ends_what_it_runs(client: Client, home: Path
     assert new.end() == 0
 
 
-def test_a_drained_worker_can_be_killed_without_a_trace(client: Client, home: Path, clip: Path, tmp_path: Path) -> None:
+def test_a_drained_worker_can_be_killed_without_failed_attempts(
+    client: Client, home: Path, clip: Path, tmp_path: Path
+) -> None:
     old = Worker(home)
     jobs = _submit(client, clip)
     until(lambda: _at_work(client, old.id), 30)
@@ -107,7 +111,7 @@ def test_a_drained_worker_can_be_killed_without_a_trace(client: Client, home: Pa
     assert new.end() == 0
 
 
-def test_a_second_signal_gives_back_at_once(client: Client, home: Path, clip: Path, tmp_path: Path) -> None:
+def test_a_second_signal_releases_tasks_at_once(client: Client, home: Path, clip: Path, tmp_path: Path) -> None:
     client.ops.drain("queue")
     worker = Worker(home)
     jobs = _submit(client, clip)

@@ -32,13 +32,13 @@ def by_one(clip: Path) -> bytes:
     return render(clip, clip.with_name("one.mp4"), 1)
 
 
-def test_two_workers_make_the_same_bytes(clip: Path, by_one: bytes, tmp_path: Path) -> None:
+def test_two_workers_give_the_same_bytes(clip: Path, by_one: bytes, tmp_path: Path) -> None:
     assert render(clip, tmp_path / "two.mp4", 2) == by_one
 
 
 @pytest.mark.real("ray")
 @pytest.mark.parametrize("workers", [1, 2])
-def test_ray_makes_the_same_bytes(clip: Path, by_one: bytes, tmp_path: Path, workers: int) -> None:
+def test_ray_gives_the_same_bytes(clip: Path, by_one: bytes, tmp_path: Path, workers: int) -> None:
     service = Service(tmp_path / "home", "ray", workers)
     service.start()
     try:

@@ -64,7 +64,7 @@ STATES: dict[str, tuple[str, Callable[[Page], None]]] = {
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("state", STATES)
-def test_no_state_has_an_accessibility_fault(
+def test_no_studio_state_has_an_accessibility_fault(
     browser: Browser, service: str, video: str, axe: str, state: str, scheme: str
 ) -> None:
     page = open_page(browser, color_scheme=scheme).page
@@ -90,7 +90,7 @@ def tab_to(page: Page, name: str) -> None:
     pytest.fail(f"Tab never reached {name!r}")
 
 
-def test_from_a_file_to_the_film_by_keyboard_alone(watched: Watched, service: str, clip: Path) -> None:
+def test_a_film_is_made_from_a_file_by_keyboard_alone(watched: Watched, service: str, clip: Path) -> None:
     page = watched.page
     page.goto(service)
     expect(page.locator(".drop-large")).to_be_visible(timeout=SOON_MS)

@@ -38,7 +38,7 @@ DISC = (5 + 4) / (FRAMES + 10)
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(300)]
 
 
-def test_two_seconds_are_painted_first(watched: Watched, service: str, tmp_path: Path) -> None:
+def test_a_two_second_range_is_rendered_first(watched: Watched, service: str, tmp_path: Path) -> None:
     page = watched.page
     long = make_clip(tmp_path / "long.mp4", frames=40)
     video = httpx.post(f"{service}/v1/assets", files={"file": (long.name, long.read_bytes())}).json()["id"]
@@ -51,7 +51,7 @@ def test_two_seconds_are_painted_first(watched: Watched, service: str, tmp_path:
     expect(page.locator(".submit-hint")).to_contain_text("about", timeout=SOON_MS)
 
 
-def test_keys_are_suggested_and_shown_on_the_filmstrip(watched: Watched, service: str, video: str) -> None:
+def test_suggested_keyframes_are_shown_on_the_filmstrip(watched: Watched, service: str, video: str) -> None:
     page = watched.page
     open_project(page, service, video, "analogy")
     page.get_by_role("button", name="Suggest keys").click()
@@ -76,7 +76,7 @@ def test_a_small_preview_is_shown_at_full_size_on_demand(watched: Watched, servi
     expect(page.get_by_role("button", name="Onion skin")).to_have_attribute("aria-pressed", "true")
 
 
-def test_layers_become_the_film_that_the_command_makes(
+def test_a_film_of_layers_has_the_bytes_of_the_command(
     watched: Watched, service: str, video: str, tmp_path: Path
 ) -> None:
     page = watched.page
@@ -96,7 +96,7 @@ def test_layers_become_the_film_that_the_command_makes(
     assert len(frames_of(film)) == FRAMES
 
 
-def test_a_region_is_picked_split_merged_and_painted(
+def test_a_region_is_selected_split_merged_and_painted(
     watched: Watched, service: str, video: str, tmp_path: Path
 ) -> None:
     page = watched.page
@@ -140,7 +140,7 @@ def test_a_region_is_picked_split_merged_and_painted(
     assert result(service, render(page)) == rendered_by_command(service, project, tmp_path)
 
 
-def test_a_frame_of_the_result_is_corrected_and_the_film_has_both_keys(
+def test_a_corrected_result_frame_becomes_a_second_keyframe(
     watched: Watched, service: str, video: str, tmp_path: Path
 ) -> None:
     page = watched.page

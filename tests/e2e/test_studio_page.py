@@ -37,7 +37,7 @@ __all__ = ["browser", "clip", "service", "video", "watched"]
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(240)]
 
 
-def test_a_key_painted_with_pressure_is_in_the_film_exactly(watched: Watched, service: str, video: str) -> None:
+def test_a_keyframe_painted_with_pressure_is_in_the_film_exactly(watched: Watched, service: str, video: str) -> None:
     page = watched.page
     project = open_project(page, service, video, "analogy", params={}, inputs={})
     start_painting(page)
@@ -71,7 +71,7 @@ def test_a_key_painted_with_pressure_is_in_the_film_exactly(watched: Watched, se
         assert np.array_equal(decoded(frames.read(names[4])), painted)
 
 
-def test_undo_and_redo_by_keyboard_restore_what_is_stored(watched: Watched, service: str, video: str) -> None:
+def test_undo_and_redo_by_keyboard_restore_the_stored_project(watched: Watched, service: str, video: str) -> None:
     page = watched.page
     project = open_project(page, service, video, "analogy", params={}, inputs={})
     before = stored(service, project)
@@ -118,7 +118,7 @@ def disc_at(page: Page) -> float:
     return float(np.flatnonzero(shot[0, :, 0] > 180).mean() / shot.shape[1])
 
 
-def test_regions_styles_and_directions_are_what_was_drawn(watched: Watched, service: str, video: str) -> None:
+def test_regions_styles_and_directions_match_the_drawing(watched: Watched, service: str, video: str) -> None:
     page = watched.page
     project = open_project(page, service, video, "multistyle")
     page.get_by_role("button", name="Draw a region").click()
@@ -149,7 +149,7 @@ def test_regions_styles_and_directions_are_what_was_drawn(watched: Watched, serv
     expect(page.get_by_role("button", name="Download MP4")).to_be_visible(timeout=120_000)
 
 
-def test_scribbles_become_the_foreground_of_patches(watched: Watched, service: str, video: str) -> None:
+def test_scribbles_define_the_foreground_of_patches(watched: Watched, service: str, video: str) -> None:
     page = watched.page
     project = open_project(page, service, video, "patches")
     page.get_by_role("button", name="Mark the foreground").click()
@@ -217,7 +217,7 @@ def name(page: Page, text: str) -> None:
     page.keyboard.press("Tab")
 
 
-def test_without_a_network_nothing_is_lost(watched: Watched, service: str, video: str) -> None:
+def test_offline_edits_are_not_lost(watched: Watched, service: str, video: str) -> None:
     page = watched.page
     project = open_project(page, service, video, "abstraction")
     page.context.set_offline(True)

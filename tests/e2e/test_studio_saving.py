@@ -47,7 +47,7 @@ def expect_stroke(page: Page, service: str, project: str) -> None:
     assert abs(int(picture[2, 2, 1]) - 140) < 12, "beside it is the video's frame"
 
 
-def test_a_stroke_without_a_network_is_saved_when_it_is_back(watched: Watched, service: str, video: str) -> None:
+def test_an_offline_stroke_is_saved_after_reconnecting(watched: Watched, service: str, video: str) -> None:
     page = watched.page
     project = open_project(page, service, video, "analogy")
     start_painting(page)
@@ -59,9 +59,7 @@ def test_a_stroke_without_a_network_is_saved_when_it_is_back(watched: Watched, s
     expect_stroke(page, service, project)
 
 
-def test_a_stroke_that_was_not_uploaded_survives_a_crash_of_the_page(
-    watched: Watched, service: str, video: str
-) -> None:
+def test_an_unsaved_stroke_survives_a_page_crash(watched: Watched, service: str, video: str) -> None:
     page = watched.page
     project = open_project(page, service, video, "analogy")
     start_painting(page)
@@ -75,7 +73,7 @@ def test_a_stroke_that_was_not_uploaded_survives_a_crash_of_the_page(
     expect_stroke(page, service, project)
 
 
-def test_a_stroke_under_the_pen_survives_a_reload(watched: Watched, service: str, video: str) -> None:
+def test_an_unfinished_stroke_survives_a_reload(watched: Watched, service: str, video: str) -> None:
     page = watched.page
     project = open_project(page, service, video, "analogy")
     start_painting(page)
@@ -118,7 +116,7 @@ def server(tmp_path: Path) -> Iterator[Server]:
     made.kill()
 
 
-def test_a_killed_server_loses_nothing_that_was_drawn(watched: Watched, server: Server, clip: Path) -> None:
+def test_a_killed_server_loses_no_strokes(watched: Watched, server: Server, clip: Path) -> None:
     page = watched.page
     answer = httpx.post(f"{server.address}/v1/assets", files={"file": (clip.name, clip.read_bytes())})
     project = open_project(page, server.address, str(answer.json()["id"]), "analogy")

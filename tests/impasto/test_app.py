@@ -21,7 +21,7 @@ COMMANDS = (
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_explains_itself(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_command_has_help(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert app.run([command, "--help"]) == 0
     assert "Usage: impasto" in capsys.readouterr().out
 
@@ -34,7 +34,7 @@ def test_usage_errors_are_one_line_and_status_2(words: list[str], capsys: pytest
     assert len(output.splitlines()) == 1
 
 
-def test_json_errors_are_objects_as_well(capsys: pytest.CaptureFixture[str]) -> None:
+def test_errors_with_json_output_are_objects(capsys: pytest.CaptureFixture[str]) -> None:
     assert app.run(["methods", "oil", "--json"]) == 2
     error = json.loads(capsys.readouterr().out)["error"]
     assert set(error) == {"code", "message", "field", "value", "remedy"}
@@ -59,7 +59,7 @@ def _job_failed(code: str) -> JobFailed:
         (Interrupted("x"), 130),
     ],
 )
-def test_exit_status(error: ImpastoError, code: int) -> None:
+def test_exceptions_map_to_exit_statuses(error: ImpastoError, code: int) -> None:
     assert status(error) == code
 
 
@@ -85,7 +85,7 @@ def _raising(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
     monkeypatch.setattr("impasto.delivery.target", refuse)
 
 
-def test_what_the_system_refuses_is_no_traceback(
+def test_operating_system_errors_are_printed_without_traceback(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     _raising(monkeypatch, OSError(errno.ENOSPC, "No space left on device", "/tmp/x"))
@@ -93,13 +93,13 @@ def test_what_the_system_refuses_is_no_traceback(
     assert "No space left on device. (field: /tmp/x) Free some" in capsys.readouterr().err
 
 
-def test_ctrl_c_anywhere_is_status_130(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_ctrl_c_gives_exit_status_130(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     _raising(monkeypatch, KeyboardInterrupt())
     assert app.run(["render", "a.mp4", "-o", "b.mp4", "--json"]) == 130
     assert json.loads(capsys.readouterr().out)["error"]["code"] == "interrupted"
 
 
-def test_doctor_looks_at_everything(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_doctor_checks_every_component(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code = app.run(["doctor", "--json", "--home", str(home)])
     output = json.loads(capsys.readouterr().out)
     names = {check["name"] for check in output["checks"]}
@@ -108,7 +108,7 @@ def test_doctor_looks_at_everything(home: Path, capsys: pytest.CaptureFixture[st
     assert code == 0, [check for check in output["checks"] if check["state"] == "broken"]
 
 
-def test_a_broken_part_gives_status_1(
+def test_doctor_exits_with_1_for_a_broken_component(
     home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("impasto.cli.doctor.PACKAGES", ("no-such-package-of-ours",))

@@ -61,7 +61,7 @@ class Stream(httpx.SyncByteStream):
         (460, "brand-new-code", ImpastoError),
     ],
 )
-def test_a_problem_becomes_the_error_with_its_code(status: int, code: str, kind: type[ImpastoError]) -> None:
+def test_a_problem_document_becomes_the_error_with_its_code(status: int, code: str, kind: type[ImpastoError]) -> None:
     answer = problem(status, code=code, detail="It is wrong.", field="params.x", value="9", remedy="Mend it.")
     with client(lambda request: answer) as impasto, pytest.raises(kind) as caught:
         impasto.job("job_1")
@@ -70,7 +70,7 @@ def test_a_problem_becomes_the_error_with_its_code(status: int, code: str, kind:
     assert type(error) is kind
 
 
-def test_an_answer_that_is_no_problem_document_is_still_an_error() -> None:
+def test_an_error_answer_without_problem_document_raises() -> None:
     with (
         client(lambda request: httpx.Response(502, text="<html>")) as impasto,
         pytest.raises(ImpastoError, match="502"),
@@ -78,7 +78,7 @@ def test_an_answer_that_is_no_problem_document_is_still_an_error() -> None:
         impasto.job("job_1")
 
 
-def test_nothing_at_the_address() -> None:
+def test_an_unreachable_address_raises_service_unreachable() -> None:
     def refuse(request: httpx.Request) -> httpx.Response:
         raise httpx.ConnectError("refused")
 
@@ -88,7 +88,7 @@ def test_nothing_at_the_address() -> None:
     assert "impasto serve" in caught.value.remedy
 
 
-def test_the_key_goes_along_and_a_submit_may_be_repeated_safely() -> None:
+def test_requests_carry_the_key_and_submissions_an_idempotency_key() -> None:
     requests: list[httpx.Request] = []
 
     def accept(request: httpx.Request) -> httpx.Response:
@@ -106,7 +106,7 @@ def test_the_key_goes_along_and_a_submit_may_be_repeated_safely() -> None:
 # -- events
 
 
-def test_events_are_parsed_and_half_of_one_is_dropped() -> None:
+def test_events_are_parsed_and_an_incomplete_one_is_dropped() -> None:
     text = ': hello\n\nid: 7\nevent: log\ndata: {"a":\ndata: 1}\n\nid: 8\ndata: half'
     found = list(parse(text.split("\n")))
     assert found[0] is None
@@ -146,14 +146,14 @@ def test_wait_reconnects_from_the_last_event() -> None:
     assert jobs.last_ids[:3] == [None, "1", "2"]
 
 
-def test_wait_polls_where_no_stream_can_pass() -> None:
+def test_wait_polls_without_an_event_stream() -> None:
     jobs = Jobs(["queued", "running", "running", "succeeded"], stream=False)
     with client(jobs) as impasto:
         assert impasto.wait("job_1")["state"] == "succeeded"
     assert len(jobs.last_ids) == 1
 
 
-def test_wait_raises_what_the_job_failed_of() -> None:
+def test_wait_raises_the_error_of_the_job() -> None:
     with client(Jobs(["running", "failed"])) as impasto, pytest.raises(JobFailed) as caught:
         impasto.wait("job_1")
     assert (caught.value.code, caught.value.remedy, caught.value.job["state"]) == (
@@ -210,7 +210,7 @@ def large(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_large_file_arrives_whole_over_a_bad_line_and_only_once(large: Path) -> None:
+def test_a_large_upload_over_a_bad_connection_is_complete_and_sent_once(large: Path) -> None:
     service, reports = Tus(cuts=3), list[tuple[int, int]]()
     with client(service) as impasto:
         asset = impasto.upload(large, lambda done, total: reports.append((done, total)))
@@ -221,12 +221,12 @@ def test_a_large_file_arrives_whole_over_a_bad_line_and_only_once(large: Path) -
     assert reports[-1] == (9 << 20, 9 << 20)
 
 
-def test_an_upload_gives_up_after_many_breaks(large: Path) -> None:
+def test_an_upload_fails_after_many_interruptions(large: Path) -> None:
     with client(Tus(cuts=99)) as impasto, pytest.raises(ServiceUnreachable, match="broke 6 times"):
         impasto.upload(large)
 
 
-def test_a_download_goes_on_by_range_and_begins_anew_when_the_file_changed(tmp_path: Path) -> None:
+def test_a_download_resumes_by_range_and_restarts_after_a_change(tmp_path: Path) -> None:
     asked: list[tuple[str | None, str | None]] = []
 
     def serve(request: httpx.Request) -> httpx.Response:
@@ -244,7 +244,7 @@ def test_a_download_goes_on_by_range_and_begins_anew_when_the_file_changed(tmp_p
     assert asked == [(None, None), ("bytes=3-", '"1"'), ("bytes=3-", '"2"')]
 
 
-def test_a_download_that_fails_leaves_nothing(tmp_path: Path) -> None:
+def test_a_failed_download_leaves_no_file(tmp_path: Path) -> None:
     def cut(request: httpx.Request) -> httpx.Response:
         return httpx.Response(200, stream=Stream(b"", breaks=True))
 
@@ -255,6 +255,6 @@ def test_a_download_that_fails_leaves_nothing(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_id_of_an_asset_is_known_before_it_is_sent(tmp_path: Path) -> None:
+def test_the_asset_id_is_computed_before_the_upload(tmp_path: Path) -> None:
     (tmp_path / "a").write_bytes(b"abc")
     assert transfer.sha256_of(tmp_path / "a") == hashlib.sha256(b"abc").hexdigest()

@@ -82,7 +82,7 @@ def test_the_command_warns_or_fails(
     assert "damaged" in text and not (tmp_path / "no.mp4").exists()
 
 
-def test_the_command_has_no_warning_for_a_whole_source(
+def test_the_command_does_not_warn_about_an_intact_source(
     capsys: pytest.CaptureFixture[str], home: Path, tmp_path: Path
 ) -> None:
     source = whole(tmp_path / "whole.avi")
@@ -114,7 +114,7 @@ def test_a_pipe_fails_at_its_end_if_asked_to(cut: Path, tmp_path: Path) -> None:
         order(tmp_path / "failed.mp4", "fail").run()
 
 
-def test_the_library_is_silent_about_a_whole_source(tmp_path: Path) -> None:
+def test_the_library_does_not_warn_about_an_intact_source(tmp_path: Path) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert len(list(impasto.render("abstraction", whole(tmp_path / "w.mkv"), lines="off"))) == FRAMES

@@ -78,7 +78,7 @@ def drawn(method: str, first: int) -> dict[str, bytes]:
 
 
 @pytest.mark.parametrize("method", ["abstraction", "analogy", "multistyle", "patches"])
-def test_a_piece_has_the_bytes_of_the_cut_clip(farm: Farm, tiny_clip: Path, tmp_path: Path, method: str) -> None:
+def test_a_frame_range_has_the_bytes_of_the_cut_clip(farm: Farm, tiny_clip: Path, tmp_path: Path, method: str) -> None:
     films = []
     for first, video in ((0, frames_as_zip(tiny_clip, 0, 24)), (PIECE[0], frames_as_zip(tiny_clip, *PIECE))):
         files = {"video": video, **drawn(method, first)}
@@ -90,7 +90,7 @@ def test_a_piece_has_the_bytes_of_the_cut_clip(farm: Farm, tiny_clip: Path, tmp_
     assert films[0] == films[1]
 
 
-def test_the_film_of_a_piece_has_its_sound(farm: Farm, tiny_clip: Path, tmp_path: Path) -> None:
+def test_the_film_of_a_frame_range_has_its_sound(farm: Farm, tiny_clip: Path, tmp_path: Path) -> None:
     request = JobRequest("abstraction", {"video": farm.assets.add(tiny_clip, "tiny.mp4").id}, frames=PIECE)
     film = tmp_path / "piece.mp4"
     film.write_bytes(rendered(farm, request))
@@ -104,13 +104,13 @@ def test_the_film_of_a_piece_has_its_sound(farm: Farm, tiny_clip: Path, tmp_path
 
 
 @pytest.mark.parametrize("frames", [(5, 5), (3, 99)])
-def test_a_piece_outside_the_video_is_refused(farm: Farm, tiny_clip: Path, frames: tuple[int, int]) -> None:
+def test_a_frame_range_outside_the_video_is_refused(farm: Farm, tiny_clip: Path, frames: tuple[int, int]) -> None:
     video = farm.assets.add(tiny_clip, "tiny.mp4").id
     with pytest.raises(Exception, match="24 frames"):
         farm.jobs.submit(JobRequest("abstraction", {"video": video}, frames=frames))
 
 
-def test_images_and_facts_of_a_piece() -> None:
+def test_images_and_media_info_of_a_frame_range() -> None:
     images: Any = WindowImages({2: "a", 6: "b", 13: "c", 14: "d"}, PIECE)
     assert dict(images) == {0: "b", 7: "c"}
     assert 8 not in images
@@ -118,7 +118,7 @@ def test_images_and_facts_of_a_piece() -> None:
     assert facts == {"frames": 8, "duration_s": pytest.approx(2 / 3), "width": 96}
 
 
-def test_files_of_a_shot_are_those_of_the_piece() -> None:
+def test_files_of_a_shot_are_limited_to_the_frame_range() -> None:
     names = ["shot.json", "style/output.png"]
     names += [f"{folder}/{k:04d}.exr" for folder in ("frames", "layers/sky/masks", "guides/depth") for k in range(1, 6)]
     kept = set(files_of_frames(dict.fromkeys(names, b""), 1, 3))

@@ -31,7 +31,7 @@ def arriving(count: int, consumed: list[int]) -> Iterator[Frame]:
         yield tiny_frame(index)
 
 
-def test_the_examples_of_the_docstring(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_docstring_examples_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     flags = doctest.ELLIPSIS | doctest.IGNORE_EXCEPTION_DETAIL
     found = doctest.testmod(impasto.library, optionflags=flags)
@@ -49,7 +49,7 @@ def test_a_causal_method_gives_each_frame_before_it_reads_the_next() -> None:
 
 
 @pytest.mark.parametrize("method", ["patches", "analogy"])
-def test_other_methods_run_their_plan(method: str, tmp_path: Path) -> None:
+def test_non_causal_methods_run_their_plan(method: str, tmp_path: Path) -> None:
     style = np.random.default_rng(1).integers(0, 255, (48, 64, 3), np.uint8)
     inputs = {"style_output": style} if method == "analogy" else {}
     clip = [tiny_frame(index) for index in range(4)]
@@ -61,9 +61,7 @@ def test_other_methods_run_their_plan(method: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("method", ["abstraction", "patches"])
-def test_a_file_gives_the_frames_that_the_command_gives(
-    tiny_clip: Path, tmp_path: Path, home: Path, method: str
-) -> None:
+def test_a_file_gives_the_frames_of_the_command(tiny_clip: Path, tmp_path: Path, home: Path, method: str) -> None:
     words = ["render", str(tiny_clip), "-o", f"{tmp_path}/command/", "-m", method, "--seed", "2", "--home", str(home)]
     assert run([*words, "--quiet"]) == 0
     path = impasto.render(method, tiny_clip, f"{tmp_path}/library/", seed=2)
@@ -83,7 +81,7 @@ def test_a_video_keeps_times_and_sound(tiny_clip: Path, tmp_path: Path) -> None:
         assert made.streams.video[0].average_rate == source.streams.video[0].average_rate
 
 
-def test_outputs_are_protected(tiny_clip: Path, tmp_path: Path) -> None:
+def test_inputs_and_existing_outputs_are_not_overwritten(tiny_clip: Path, tmp_path: Path) -> None:
     clip = tmp_path / "clip.mp4"
     clip.write_bytes(tiny_clip.read_bytes())
     with pytest.raises(BadInput, match="is an input"):
@@ -93,7 +91,7 @@ def test_outputs_are_protected(tiny_clip: Path, tmp_path: Path) -> None:
         impasto.render("abstraction", clip, tmp_path / "there.mp4")
 
 
-def test_mistakes_are_found_before_the_first_frame(tiny_clip: Path) -> None:
+def test_errors_are_raised_before_the_first_frame(tiny_clip: Path) -> None:
     with pytest.raises(BadParameter, match="Did you mean 'abstraction'"):
         impasto.render("abstracton", tiny_clip)
     with pytest.raises(BadParameter, match="Did you mean 'reference'"):
@@ -105,7 +103,7 @@ def test_mistakes_are_found_before_the_first_frame(tiny_clip: Path) -> None:
 @pytest.mark.parametrize(
     "array", [np.zeros((40, 40, 3)), np.zeros((40, 40), np.uint8), np.zeros((8, 40, 3), np.uint8), "pixels"]
 )
-def test_an_array_that_is_no_frame_is_named(array: object) -> None:
+def test_an_array_of_the_wrong_shape_is_named_in_the_error(array: object) -> None:
     with pytest.raises(BadFrame) as caught:
         next(impasto.render("abstraction", [array]))  # type: ignore[list-item]
     assert caught.value.field == "source[0]"

@@ -57,7 +57,7 @@ def one(live: LiveClient, frame: Frame = PICTURE) -> Frame:
 # -- the wire
 
 
-def test_the_service_reads_what_the_client_packs_and_the_other_way_round() -> None:
+def test_client_and_service_messages_are_compatible() -> None:
     header, payload = service_side.unpack(pack(b"picture", (640, 360), True, 0xDEADBEEF, (1 << 63) + 5))
     assert (header.width, header.height, header.key, bytes(payload)) == (640, 360, True, b"picture")
     assert (header.sequence, header.timestamp, header.latency_us) == (0xDEADBEEF, (1 << 63) + 5, 0)
@@ -72,7 +72,7 @@ def test_a_frame_of_another_version_is_refused(message: bytes) -> None:
         unpack(message)
 
 
-def test_hello_is_what_the_service_understands() -> None:
+def test_the_hello_message_is_accepted_by_the_service() -> None:
     options = LiveOptions((640, 480), params={"lines": "dog"}, inputs={"reference": "ast_1"}, send=("h264", "jpeg"))
     hello = Hello.model_validate(options.hello())
     assert (hello.width, hello.height, hello.send, hello.adaptive) == (640, 480, ["h264", "jpeg"], True)
@@ -91,7 +91,7 @@ def test_a_frame_comes_back_painted_in_every_codec(url: str, codec: str) -> None
             assert np.abs(painted[8:].astype(int) - (PICTURE[8:].astype(int) + 20)).mean() < 4
 
 
-def test_answers_bear_the_time_they_were_sent_at_and_what_the_service_took(url: str) -> None:
+def test_answers_carry_send_time_and_service_time(url: str) -> None:
     with client(url) as live:
         began = now_us()
         live.send(PICTURE)
@@ -102,7 +102,7 @@ def test_answers_bear_the_time_they_were_sent_at_and_what_the_service_took(url: 
         assert next(iter(live.answers(wait_s=5))).timestamp == 42
 
 
-def test_close_brings_the_figures_and_the_answers_still_to_come(url: str) -> None:
+def test_close_returns_statistics_and_pending_answers(url: str) -> None:
     with client(url, params={"paint_s": 0.1}) as live:
         sent = live.send(PICTURE)
         stats = live.close()
@@ -111,14 +111,14 @@ def test_close_brings_the_figures_and_the_answers_still_to_come(url: str) -> Non
     assert (stats["received"], stats["painted"]) == (1, 1)
 
 
-def test_answers_do_not_wait_when_asked_not_to(url: str) -> None:
+def test_answers_are_polled_without_waiting(url: str) -> None:
     with client(url) as live:
         began = time.monotonic()
         assert list(live.answers(wait_s=0)) == []
         assert time.monotonic() - began < 0.5
 
 
-def test_parameters_change_while_it_runs(url: str) -> None:
+def test_parameters_change_during_a_live_session(url: str) -> None:
     heard: list[dict[str, Any]] = []
     with LiveClient(url, on_message=heard.append, size=SIZE, method="echo", send=("raw",), receive=("raw",)) as live:
         assert one(live)[8, 8, 0] == 90
@@ -131,13 +131,13 @@ def test_parameters_change_while_it_runs(url: str) -> None:
     assert "error" in [message["type"] for message in heard]
 
 
-def test_a_frame_of_another_size_goes_on_at_that_size(url: str) -> None:
+def test_a_frame_of_another_size_changes_the_live_size(url: str) -> None:
     with client(url, send=("h264",), receive=("h264",)) as live:
         assert one(live).shape == (64, 96, 3)
         assert one(live, np.asarray(cv2.resize(PICTURE, (48, 32)), np.uint8)).shape == (32, 48, 3)
 
 
-def test_what_is_no_frame_is_named_before_it_is_sent(url: str) -> None:
+def test_an_invalid_frame_is_refused_before_sending(url: str) -> None:
     with client(url) as live, pytest.raises(BadFrame, match="uint8"):
         live.send(PICTURE.astype(np.float32))  # type: ignore[arg-type]
 
@@ -161,7 +161,7 @@ def test_a_full_service_answers_when_to_retry(home: Path) -> None:
     assert (caught.value.code, caught.value.retry_after_s) == ("busy", 5.0)
 
 
-def test_a_key_is_needed_where_one_is(home: Path) -> None:
+def test_a_missing_key_is_refused_where_one_is_required(home: Path) -> None:
     secret = "x" * 32
     with served(home, auth="required", admin_key=secret) as (url, _):
         with pytest.raises(NotAllowed), client(url):
@@ -180,7 +180,7 @@ def test_a_key_is_needed_where_one_is(home: Path) -> None:
         ({"size": (64, 100_000)}, BadParameter, "height"),
     ],
 )
-def test_a_bad_hello_is_the_error_that_the_service_names(
+def test_a_bad_hello_raises_the_error_of_the_service(
     url: str, options: dict[str, Any], kind: type[Exception], field: str
 ) -> None:
     with pytest.raises(kind) as caught, client(url, **options):
@@ -251,7 +251,7 @@ def relay(url: str) -> Iterator[Relay]:
 
 
 @pytest.mark.parametrize("codec", ["raw", "h264"])
-def test_a_lost_connection_is_taken_up_again_with_the_sessions_memory(relay: Relay, codec: str) -> None:
+def test_a_lost_connection_is_resumed_with_the_session_state(relay: Relay, codec: str) -> None:
     with client(relay.url, send=(codec,), receive=(codec,)) as live:
         one(live), one(live)
         session = live.ready["session"]
@@ -265,7 +265,7 @@ def test_a_lost_connection_is_taken_up_again_with_the_sessions_memory(relay: Rel
     assert stats["painted"] == 3
 
 
-def test_frames_sent_while_nobody_is_there_are_counted_and_lost(
+def test_frames_sent_while_disconnected_are_counted_as_lost(
     relay: Relay, monkeypatch: pytest.MonkeyPatch
 ) -> None:  # fmt: skip
     again = LiveClient._again
@@ -278,7 +278,7 @@ def test_frames_sent_while_nobody_is_there_are_counted_and_lost(
     assert live.unsent
 
 
-def test_a_service_that_is_gone_for_good_ends_the_stream(relay: Relay, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_permanently_unavailable_service_ends_the_stream(relay: Relay, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("impasto.live.client.PATIENCE_S", 0.3)
     with client(relay.url) as live:
         one(live)
@@ -287,7 +287,7 @@ def test_a_service_that_is_gone_for_good_ends_the_stream(relay: Relay, monkeypat
             list(live.answers())
 
 
-def test_a_session_that_fails_again_and_again_is_given_up(url: str) -> None:
+def test_a_repeatedly_failing_session_is_abandoned(url: str) -> None:
     with client(url, params={"fault": "paint"}) as live:
         feeding = threading.Thread(target=lambda: [(live.send(PICTURE), time.sleep(0.02)) for _ in range(150)])
         feeding.start()

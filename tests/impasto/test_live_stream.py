@@ -135,7 +135,7 @@ def test_frames_are_sent_at_their_times() -> None:
     assert figures["seconds"] == pytest.approx(0.4, abs=0.05)
 
 
-def test_a_reader_that_is_late_drops_as_a_camera_would() -> None:
+def test_a_late_reader_drops_frames_like_a_camera() -> None:
     ticks = iter([0.0, 0.0, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5])
     client = Mirror()
     made = stream(client, Reel([0.0, 0.1, 0.2, 0.45, 0.5]), FrameList(), clock=lambda: next(ticks))
@@ -144,7 +144,7 @@ def test_a_reader_that_is_late_drops_as_a_camera_would() -> None:
     assert made.tally.late == 2
 
 
-def test_it_ends_with_the_duration_and_when_the_sink_has_enough() -> None:
+def test_the_stream_ends_at_the_duration_or_when_the_sink_is_full() -> None:
     client = Mirror()
     stream(client, Reel([0.0, 0.01, 0.02, 0.03]), FrameList(), duration_s=0.02).run()
     assert len(client.sent) == 2
@@ -153,7 +153,7 @@ def test_it_ends_with_the_duration_and_when_the_sink_has_enough() -> None:
     assert 2 <= len(client.sent) < 50
 
 
-def test_it_can_be_stopped_while_it_waits_for_a_frame() -> None:
+def test_the_stream_can_be_stopped_while_it_waits_for_a_frame() -> None:
     made = stream(Mirror(), Reel([0.0, 60.0]), FrameList())
     threading.Timer(0.2, made.stop).start()
     began = time.monotonic()
@@ -173,7 +173,7 @@ def test_a_source_that_breaks_is_reported_after_the_sink_is_finished() -> None:
     assert len(frame_list.frames) == 2 and frame_list.end_s > 0
 
 
-def test_originals_are_kept_for_a_sink_that_shows_them_only() -> None:
+def test_originals_are_kept_only_for_a_sink_that_shows_them() -> None:
     kept, shown = FrameList(), FrameList(beside=True)
     stream(Mirror(), Reel([0.0, 0.01]), kept).run()
     stream(Mirror(drops=(1,)), Reel([0.0, 0.01, 0.02]), shown).run()
@@ -192,7 +192,7 @@ def times_of(path: Path) -> tuple[list[float], float, list[int]]:
 
 
 @pytest.mark.parametrize("name", ["out.mp4", "out.webm"])
-def test_a_frame_that_was_dropped_leaves_the_one_before_on_screen(tmp_path: Path, name: str) -> None:
+def test_a_dropped_frame_leaves_the_previous_one_visible(tmp_path: Path, name: str) -> None:
     out = tmp_path / "new" / name
     source = Reel([0.0, 0.04, 0.08, 0.2, 0.24], fps=25)
     made = stream(Mirror(drops=(1, 3)), source, open_sink(str(out), source, 20))
@@ -205,7 +205,7 @@ def test_a_frame_that_was_dropped_leaves_the_one_before_on_screen(tmp_path: Path
     assert [path.name for path in out.parent.iterdir()] == [name]
 
 
-def test_the_last_picture_stays_where_the_last_frames_were_dropped(tmp_path: Path) -> None:
+def test_the_last_picture_is_repeated_for_dropped_final_frames(tmp_path: Path) -> None:
     out = tmp_path / "out.mp4"
     source = Reel([n / 50 for n in range(10)], fps=50)
     stream(Mirror(drops=(5, 6, 7, 8, 9)), source, open_sink(str(out), source, 20)).run()
@@ -213,7 +213,7 @@ def test_the_last_picture_stays_where_the_last_frames_were_dropped(tmp_path: Pat
     assert (len(times), end_s) == (5, pytest.approx(0.2, abs=0.001))
 
 
-def test_answers_of_a_lower_resolution_are_enlarged(tmp_path: Path) -> None:
+def test_answers_of_a_lower_resolution_are_upscaled(tmp_path: Path) -> None:
     out = tmp_path / "out.mp4"
     sink = open_sink(str(out), Reel([]), 20)
     sink.put(0.0, np.full((16, 32, 3), 50, np.uint8), None)
@@ -234,7 +234,7 @@ def test_without_an_answer_nothing_is_written(tmp_path: Path, name: str) -> None
     assert list(tmp_path.iterdir()) == []
 
 
-def test_numbered_frames_replace_those_of_an_earlier_run_at_the_end(tmp_path: Path) -> None:
+def test_numbered_frames_replace_an_earlier_run_on_completion(tmp_path: Path) -> None:
     folder = tmp_path / "frames"
     folder.mkdir()
     for number in range(5):
@@ -271,19 +271,19 @@ def film(clip: Path, out: Path, drops: tuple[int, ...] = (), duration_s: float =
     source.close()
 
 
-def test_the_sound_goes_with_the_whole_clip(tiny_clip: Path, tmp_path: Path) -> None:
+def test_the_whole_clip_keeps_its_sound(tiny_clip: Path, tmp_path: Path) -> None:
     film(tiny_clip, tmp_path / "out.mp4")
     assert sound_of(tmp_path / "out.mp4") == pytest.approx(sound_of(tiny_clip), abs=0.03)
 
 
-def test_the_sound_ends_with_the_pictures_when_the_stream_is_cut_short(tiny_clip: Path, tmp_path: Path) -> None:
+def test_the_sound_of_a_shortened_stream_ends_with_its_pictures(tiny_clip: Path, tmp_path: Path) -> None:
     film(tiny_clip, tmp_path / "out.mp4", duration_s=0.9)
     _, end_s, _ = times_of(tmp_path / "out.mp4")
     assert end_s == pytest.approx(11 / 12, abs=0.001)
     assert sound_of(tmp_path / "out.mp4")[1] == pytest.approx(end_s, abs=0.05)
 
 
-def test_the_sound_is_in_step_where_the_pictures_do_not_begin_at_zero(tiny_clip: Path, tmp_path: Path) -> None:
+def test_the_sound_is_synchronous_for_a_nonzero_start_time(tiny_clip: Path, tmp_path: Path) -> None:
     late = tmp_path / "late.ts"
     with av.open(str(tiny_clip)) as source, av.open(str(late), "w", format="mpegts") as target:
         copies = {s.index: target.add_stream_from_template(s) for s in source.streams}
@@ -308,7 +308,7 @@ def test_the_sound_is_in_step_where_the_pictures_do_not_begin_at_zero(tiny_clip:
 # -- sources
 
 
-def test_a_file_keeps_its_times_and_goes_round(tiny_clip: Path) -> None:
+def test_a_file_source_keeps_its_timestamps_and_loops(tiny_clip: Path) -> None:
     with VideoReader(tiny_clip) as reader:
         times = [float((t - reader.timestamps[0]) * reader.time_base) for t in reader.timestamps]
         length = float((reader.index.end - reader.timestamps[0]) * reader.time_base)
@@ -364,7 +364,7 @@ def transport_stream(tiny_clip: Path, tmp_path_factory: pytest.TempPathFactory) 
     return path
 
 
-def test_a_network_stream_gives_the_newest_and_counts_the_others(transport_stream: Path) -> None:
+def test_a_network_stream_gives_the_newest_frame_and_counts_dropped_ones(transport_stream: Path) -> None:
     with sending(transport_stream) as address:
         source = open_source(address, 1, None, None)
         assert (source.size, source.paced, source.sound) == (SIZE, True, None)
@@ -377,7 +377,7 @@ def test_a_network_stream_gives_the_newest_and_counts_the_others(transport_strea
     assert received + source.skipped == TINY_FRAMES
 
 
-def test_a_network_stream_can_be_left_at_any_time(transport_stream: Path) -> None:
+def test_a_network_stream_can_be_closed_at_any_time(transport_stream: Path) -> None:
     with sending(transport_stream, seconds_apart=1.5) as address:
         source = open_source(address, 1, None, None)
         next(iter(source))
@@ -388,7 +388,7 @@ def test_a_network_stream_can_be_left_at_any_time(transport_stream: Path) -> Non
         source.close()
 
 
-def test_a_sender_that_fails_is_not_an_end_in_order(transport_stream: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failed_sender_is_reported_as_an_error(transport_stream: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*_: object) -> Frame:
         raise OSError("the cable is out")
 
@@ -416,7 +416,7 @@ def test_a_sender_that_fails_is_not_an_end_in_order(transport_stream: Path, monk
      (["--input", "CLIP", "--output", "rtmp://127.0.0.1:x/x"], "--output"),
      (["--input", "CLIP", "--output", "gopher://127.0.0.1/x"], "--output")],
 )  # fmt: skip
-def test_bad_words_are_refused_before_anything_starts(
+def test_bad_arguments_of_live_are_refused_before_the_start(
     words: list[str], field: str, tiny_clip: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     status = command(["live", *(str(tiny_clip) if word == "CLIP" else word for word in words), "--json"])
@@ -427,7 +427,7 @@ def test_bad_words_are_refused_before_anything_starts(
         assert error["field"] == field and error["remedy"]
 
 
-def test_a_window_shows_and_quits(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_window_shows_frames_and_closes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     import pygame
 
@@ -458,7 +458,7 @@ def test_a_window_without_its_package_explains_how_to_install_it(monkeypatch: py
         open_sink("window", Reel([0.0]), 20)
 
 
-def test_a_broadcast_is_a_stream_that_a_player_can_read_at_once(tmp_path: Path) -> None:
+def test_a_broadcast_can_be_played_from_the_start(tmp_path: Path) -> None:
     source = Reel([n / 25 for n in range(10)], fps=25)
     with socket.create_server(("127.0.0.1", 0)) as listener:
         received: list[bytes] = []
@@ -481,7 +481,7 @@ def test_a_broadcast_is_a_stream_that_a_player_can_read_at_once(tmp_path: Path) 
     assert levels == pytest.approx([0, 10, 20, 40, 50, 60, 70, 80, 90], abs=4)
 
 
-def test_a_server_that_takes_no_more_ends_the_stream() -> None:
+def test_a_broadcast_server_that_closes_ends_the_stream() -> None:
     source = Reel([n / 100 for n in range(600)], fps=100)
     with socket.create_server(("127.0.0.1", 0)) as listener:
         address = f"tcp://127.0.0.1:{listener.getsockname()[1]}"
@@ -555,7 +555,7 @@ def alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("impasto.live.service._answers", lambda address: False)
 
 
-def test_a_clip_goes_through_a_service_started_for_it_and_keeps_its_sound(
+def test_a_clip_streamed_through_a_temporary_service_keeps_its_sound(
     alone: None, tiny_clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out.mp4"
@@ -581,7 +581,7 @@ def painted(url: str) -> float:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_ctrl_c_ends_in_order(
+def test_ctrl_c_ends_the_stream_in_order(
     tiny_clip: Path, tmp_path: Path, home: Path, monkeypatch: pytest.MonkeyPatch, number: signal.Signals
 ) -> None:
     out = tmp_path / "out.mp4"
@@ -611,7 +611,7 @@ def url(home: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
         yield address
 
 
-def test_a_reference_is_named_as_for_render(
+def test_references_of_live_use_the_names_of_render(
     url: str, tiny_clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     green = tmp_path / "green.png"

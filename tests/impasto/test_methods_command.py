@@ -73,6 +73,6 @@ def test_every_method_can_be_explained(name: str, capsys: pytest.CaptureFixture[
     assert all(parameter in text for parameter in registry()[name].Params.model_fields)
 
 
-def test_an_unknown_method_names_those_there_are(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_error_of_an_unknown_method_names_the_known_ones(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["methods", "oil"]) == 2
     assert "abstraction" in capsys.readouterr().err

@@ -27,25 +27,25 @@ def frames_zip(count: int) -> bytes:
     return data.getvalue()
 
 
-def test_params_are_json_where_they_can_be() -> None:
+def test_parameters_are_parsed_as_json_where_possible() -> None:
     found = options.params_of(["a=1.5", "b=off", "c=true", "d=[1, 2]", 'e="1"', "f=x=y", "g="])
     assert found == {"a": 1.5, "b": "off", "c": True, "d": [1, 2], "e": "1", "f": "x=y", "g": ""}
 
 
 @pytest.mark.parametrize("pairs", [["nonsense"], ["=1"], ["a=1", "a=2"]])
-def test_params_that_make_no_sense_are_refused(pairs: list[str]) -> None:
+def test_malformed_parameters_are_refused(pairs: list[str]) -> None:
     with pytest.raises(BadInput) as caught:
         options.params_of(pairs)
     assert caught.value.field == "--param"
     assert caught.value.remedy
 
 
-def test_the_video_is_no_option() -> None:
+def test_the_video_cannot_be_given_as_an_option() -> None:
     with pytest.raises(BadInput, match="first argument"):
         options.inputs_of(["video=a.mp4"])
 
 
-def test_artefacts_may_have_a_place_of_their_own() -> None:
+def test_artefacts_may_have_their_own_output_path() -> None:
     assert options.artefacts_of(["svg", "labels=x.zip"]) == {"svg": None, "labels": Path("x.zip")}
 
 
@@ -66,7 +66,7 @@ def test_the_output_name_determines_the_format(tmp_path: Path, name: str, kind: 
 
 
 @pytest.mark.parametrize("name", ["a.avi", "a", "full/", "file/", "file/a.mp4"])
-def test_an_out_that_cannot_be_is_refused_at_once(tmp_path: Path, name: str) -> None:
+def test_an_impossible_output_path_is_refused_at_once(tmp_path: Path, name: str) -> None:
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "diary.txt").write_text("mine")
     (tmp_path / "file").write_text("")
@@ -76,7 +76,7 @@ def test_an_out_that_cannot_be_is_refused_at_once(tmp_path: Path, name: str) -> 
     assert caught.value.remedy
 
 
-def test_frames_replace_frames_and_nothing_is_left_beside(tmp_path: Path) -> None:
+def test_frames_replace_old_frames_without_leftovers(tmp_path: Path) -> None:
     where = target(f"{tmp_path}/out/")
     deliver([frames_zip(5)], where)
     deliver([frames_zip(3)], target(f"{tmp_path}/out/"))
@@ -92,7 +92,7 @@ def test_a_still_is_one_frame(tmp_path: Path) -> None:
     assert names(tmp_path) == ["a.png"]
 
 
-def test_a_broken_delivery_leaves_the_old_result(tmp_path: Path) -> None:
+def test_a_failed_delivery_keeps_the_old_result(tmp_path: Path) -> None:
     where = target(f"{tmp_path}/deep/a.mp4")
     deliver([b"old"], where)
 
@@ -106,7 +106,7 @@ def test_a_broken_delivery_leaves_the_old_result(tmp_path: Path) -> None:
     assert names(where.path.parent) == ["a.mp4"]
 
 
-def test_a_folder_becomes_the_same_bytes_whatever_its_dates(tmp_path: Path) -> None:
+def test_an_archived_folder_has_the_same_bytes_whatever_its_dates(tmp_path: Path) -> None:
     folder, scratch = tmp_path / "masks", tmp_path / "scratch"
     folder.mkdir()
     scratch.mkdir()
@@ -122,7 +122,7 @@ def test_a_folder_becomes_the_same_bytes_whatever_its_dates(tmp_path: Path) -> N
     assert (first.filename, first.sha256) == ("masks.zip", again.sha256)
 
 
-def test_inputs_that_are_not_there_are_named(tmp_path: Path) -> None:
+def test_missing_inputs_are_named(tmp_path: Path) -> None:
     empty = tmp_path / "empty"
     empty.mkdir()
     for path in (tmp_path / "none.mp4", empty, Path("/dev/null")):

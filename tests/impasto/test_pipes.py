@@ -47,7 +47,7 @@ def close(one: Frame, other: Frame, mean: float) -> bool:
 
 
 @pytest.mark.parametrize("pixel_format", ["yuv420p", "yuv422p", "yuv444p", "yuv420p10le"])
-def test_what_ffmpeg_writes_is_read(pixel_format: str) -> None:
+def test_streams_of_ffmpeg_are_read(pixel_format: str) -> None:
     reader = Y4mReader(io.BytesIO(ffmpeg_writes(FRAMES, pixel_format)))
     assert (reader.format.size, reader.format.fps, reader.format.pixel_format) == (SIZE, 12, pixel_format)
     read = list(reader)
@@ -57,7 +57,7 @@ def test_what_ffmpeg_writes_is_read(pixel_format: str) -> None:
 
 @pytest.mark.parametrize("size", [SIZE, (65, 49)])
 @pytest.mark.parametrize("pixel_format", ["yuv420p", "yuv422p", "yuv444p"])
-def test_what_is_written_ffmpeg_reads(size: tuple[int, int], pixel_format: str) -> None:
+def test_written_streams_are_read_by_ffmpeg(size: tuple[int, int], pixel_format: str) -> None:
     frames = [np.full((size[1], size[0], 3), (200, 90, 30), np.uint8)] * 3
     out = io.BytesIO()
     writer = Y4mWriter(out, StreamFormat(size, Fraction(30000, 1001), pixel_format))
@@ -68,7 +68,7 @@ def test_what_is_written_ffmpeg_reads(size: tuple[int, int], pixel_format: str) 
     assert all(close(one, other, 4) for one, other in zip(read, frames, strict=True))
 
 
-def test_the_aspect_ratio_of_pixels_counts() -> None:
+def test_the_pixel_aspect_ratio_is_applied() -> None:
     data = ffmpeg_writes(FRAMES[:1], "yuv420p").replace(b" A0:0", b" A2:1").replace(b" A1:1", b" A2:1")
     assert next(iter(Y4mReader(io.BytesIO(data)))).shape == (TINY_HEIGHT, 2 * TINY_WIDTH, 3)
 
@@ -89,12 +89,12 @@ def test_the_aspect_ratio_of_pixels_counts() -> None:
         (b"YUV4MPEG2 W4 H4 F25:1\n", "too small"),
     ],
 )
-def test_streams_that_are_none_are_refused(data: bytes, text: str) -> None:
+def test_invalid_streams_are_refused(data: bytes, text: str) -> None:
     with pytest.raises(UnreadableMedia, match=text):
         list(Y4mReader(io.BytesIO(data)))
 
 
-def test_half_a_raw_frame_is_refused() -> None:
+def test_a_truncated_raw_frame_is_refused() -> None:
     data = FRAMES[0].tobytes() + b"xy"
     frames = raw_frames(io.BytesIO(data), SIZE)
     assert np.array_equal(next(frames), FRAMES[0])
@@ -110,20 +110,20 @@ def pipe(*words: str, data: bytes = b"") -> subprocess.CompletedProcess[bytes]:
     return subprocess.run(command, input=data, capture_output=True, timeout=120, check=False)
 
 
-def test_through_the_pipe_and_back() -> None:
+def test_y4m_frames_are_rendered_through_a_pipe() -> None:
     done = pipe("-", "-o", "-", "-p", "lines=off", data=ffmpeg_writes(FRAMES, "yuv420p"))
     assert done.returncode == 0, done.stderr
     read, rate = ffmpeg_reads(done.stdout)
     assert (len(read), read[0].shape, rate) == (len(FRAMES), (TINY_HEIGHT, TINY_WIDTH, 3), 12)
 
 
-def test_raw_frames_through_the_pipe_and_back() -> None:
+def test_raw_frames_are_rendered_through_a_pipe() -> None:
     done = pipe("-", "-o", "-", "--raw", f"{TINY_WIDTH}x{TINY_HEIGHT}@12", data=b"".join(f.tobytes() for f in FRAMES))
     assert done.returncode == 0, done.stderr
     assert len(done.stdout) == sum(frame.nbytes for frame in FRAMES)
 
 
-def test_frames_flow_as_they_are_done() -> None:
+def test_frames_are_written_as_soon_as_they_are_rendered() -> None:
     data = ffmpeg_writes(FRAMES, "yuv420p")
     header, *frames = data.split(b"FRAME\n")
     command = [sys.executable, "-m", "impasto", "render", "-", "-o", "-", "-p", "lines=off"]
@@ -138,7 +138,7 @@ def test_frames_flow_as_they_are_done() -> None:
         assert process.stdout.read() == b""
 
 
-def test_files_and_pipes_mix(tiny_clip: Path, tmp_path: Path) -> None:
+def test_files_and_pipes_can_be_combined(tiny_clip: Path, tmp_path: Path) -> None:
     out = tmp_path / "out.mp4"
     assert pipe("-", "-o", str(out), data=ffmpeg_writes(FRAMES, "yuv420p")).returncode == 0
     with av.open(str(out)) as made:
@@ -148,7 +148,7 @@ def test_files_and_pipes_mix(tiny_clip: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("words", [("--artefact", "svg"), ("--json",), ("--workers", "2"), ("--raw", "640")])
-def test_options_that_pipes_cannot_have(words: tuple[str, ...]) -> None:
+def test_options_incompatible_with_pipes_are_refused(words: tuple[str, ...]) -> None:
     done = pipe("-", "-o", "-", *words)
     assert done.returncode == 2
     assert words[0].encode() in done.stderr

@@ -22,7 +22,7 @@ def submit(farm: Farm, clip: Path, scratch: Path) -> Any:
     return private_farm.submit(farm, REQUEST, {"video": gather("IN", clip, scratch)}, "key")
 
 
-def test_what_was_cancelled_is_taken_up_again(tiny_clip: Path, home: Path, tmp_path: Path) -> None:
+def test_a_cancelled_job_is_resumed(tiny_clip: Path, home: Path, tmp_path: Path) -> None:
     idle = open_farm(FarmSettings(home=home, pool="none"))
     job = submit(idle, tiny_clip, tmp_path)
     assert submit(idle, tiny_clip, tmp_path).id == job.id

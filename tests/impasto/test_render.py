@@ -87,7 +87,7 @@ def test_json_reports_outputs_and_times(cartoon: tuple[Path, dict[str, Any]]) ->
     assert "assemble" not in output["steps"]
 
 
-def test_the_video_has_every_frame_and_the_sound(cartoon: tuple[Path, dict[str, Any]]) -> None:
+def test_the_rendered_video_has_every_frame_and_the_sound(cartoon: tuple[Path, dict[str, Any]]) -> None:
     folder, _ = cartoon
     frames = frames_of(folder / "out.mp4")
     assert len(frames) == TINY_FRAMES
@@ -96,13 +96,13 @@ def test_the_video_has_every_frame_and_the_sound(cartoon: tuple[Path, dict[str, 
         assert len(clip.streams.audio) == 1
 
 
-def test_nothing_is_left_behind(cartoon: tuple[Path, dict[str, Any]]) -> None:
+def test_no_temporary_files_are_left(cartoon: tuple[Path, dict[str, Any]]) -> None:
     folder, _ = cartoon
     assert [p.name for p in folder.iterdir() if p.name != "home"] == ["out.mp4"]
     assert list((folder / "home" / "renders").iterdir()) == []
 
 
-def test_a_folder_gets_lossless_frames_and_workers_change_no_byte(
+def test_a_folder_gets_lossless_frames_independent_of_the_number_of_workers(
     render: Here, tiny_clip: Path, tmp_path: Path
 ) -> None:
     assert render(tiny_clip, "-o", f"{tmp_path}/one/")["frames"] == TINY_FRAMES
@@ -115,7 +115,7 @@ def test_a_folder_gets_lossless_frames_and_workers_change_no_byte(
     assert first.shape == (TINY_HEIGHT, TINY_WIDTH, 3)
 
 
-def test_a_folder_of_frames_and_a_still_are_inputs_too(render: Here, tmp_path: Path) -> None:
+def test_a_folder_of_frames_and_a_still_image_are_accepted_as_inputs(render: Here, tmp_path: Path) -> None:
     (tmp_path / "in").mkdir()
     for index in range(3):
         cv2.imwrite(str(tmp_path / "in" / f"{index:04d}.png"), tiny_frame(index)[..., ::-1])
@@ -147,7 +147,7 @@ def test_styled_frames_that_do_not_match_the_video_are_refused(render: Here, tin
     assert f"has {TINY_FRAMES - 1} frames, the video has {TINY_FRAMES}" in render.err
 
 
-def test_references_parameters_and_artefacts_arrive(render: Here, tiny_clip: Path, tmp_path: Path) -> None:
+def test_references_parameters_and_artefacts_are_passed_on(render: Here, tiny_clip: Path, tmp_path: Path) -> None:
     reference = tmp_path / "red.png"
     cv2.imwrite(str(reference), np.full((64, 64, 3), (30, 30, 220), np.uint8))
     render(tiny_clip, "-o", f"{tmp_path}/plain/", "--param", "lines=off")
@@ -178,7 +178,7 @@ def test_references_parameters_and_artefacts_arrive(render: Here, tiny_clip: Pat
         (["--artefact", "psd"], "--artefact", "svg"),
     ],
 )
-def test_bad_words_are_refused_with_field_and_remedy(
+def test_bad_arguments_are_refused_with_field_and_remedy(
     render: Here, tiny_clip: Path, tmp_path: Path, words: list[str], field: str, hint: str
 ) -> None:
     error = render(tiny_clip, "-o", tmp_path / "out.mp4", *words, code=2)["error"]
@@ -190,7 +190,7 @@ def test_bad_words_are_refused_with_field_and_remedy(
     assert not (tmp_path / "out.mp4").exists()
 
 
-def test_all_errors_of_a_command_come_at_once(render: Here, tiny_clip: Path, tmp_path: Path) -> None:
+def test_all_errors_of_a_command_are_reported_together(render: Here, tiny_clip: Path, tmp_path: Path) -> None:
     words = ("--param", "line=off", "--param", "growing_limit=1e9")
     error = render(tiny_clip, "-o", tmp_path / "out.mp4", *words, code=2)["error"]
     fields = [error["field"], *(other["field"] for other in error["others"])]
@@ -224,7 +224,7 @@ def test_the_source_is_never_the_output(render: Here, tiny_clip: Path, tmp_path:
     assert clip.read_bytes() == tiny_clip.read_bytes()
 
 
-def test_no_artefact_goes_over_an_input_or_the_result(render: Here, tiny_clip: Path, tmp_path: Path) -> None:
+def test_an_artefact_never_overwrites_an_input_or_the_result(render: Here, tiny_clip: Path, tmp_path: Path) -> None:
     for path in (tiny_clip, tmp_path / "out.mp4"):
         words = ("-o", tmp_path / "out.mp4", "--artefact", f"svg={path}", "--overwrite")
         assert render(tiny_clip, *words, code=2)["error"]["field"] == "--artefact svg"
@@ -265,7 +265,7 @@ def test_a_full_disk_is_found_before_painting_and_named(
     assert (error["code"], error["value"]) == ("storage-full", str(tmp_path / "out.mp4"))
 
 
-def test_a_disk_that_fills_up_at_the_end_is_named_and_the_render_resumes(
+def test_a_disk_filled_during_delivery_is_named_and_the_render_resumes(
     render: Here, tiny_clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "out.mp4"
@@ -317,7 +317,7 @@ def _heed_interrupts() -> None:
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
-def test_the_same_command_goes_on_to_the_same_bytes(
+def test_a_repeated_command_resumes_to_the_same_bytes(
     render: Here, long_clip: Path, tmp_path: Path, how: signal.Signals
 ) -> None:
     out, whole = tmp_path / "out.mp4", tmp_path / "whole.mp4"

@@ -59,7 +59,9 @@ def _film_of_service(farm: Farm, project: str) -> bytes:
 
 
 @pytest.mark.parametrize("name", SHOTS)
-def test_the_film_has_the_bytes_of_the_service(farm: Farm, tiny_clip: Path, tmp_path: Path, name: str) -> None:
+def test_a_rendered_project_has_the_bytes_of_the_service(
+    farm: Farm, tiny_clip: Path, tmp_path: Path, name: str
+) -> None:
     project = farm.projects.create(_document(farm.assets.add(tiny_clip, "tiny.mp4").id, SHOTS[name]), "")
     film = _film_of_service(farm, project.id)
     archive, out = tmp_path / "project.zip", tmp_path / "film.mp4"

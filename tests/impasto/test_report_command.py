@@ -37,7 +37,7 @@ def test_a_video_equals_itself(clips: dict[str, Path], capsys: pytest.CaptureFix
     assert (found["frames"], found["pairs"], found["flicker"], found["detail"]) == (8, 7, 1.0, 1.0)
 
 
-def test_sampled_pairs_common_frames_and_another_size(
+def test_the_report_samples_pairs_and_accepts_other_lengths_and_sizes(
     clips: dict[str, Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert report(capsys, clips["whole"], clips["whole"], "--pairs", "3")["pairs"] == 3
@@ -53,7 +53,9 @@ def test_the_table_explains_each_measure(clips: dict[str, Path], capsys: pytest.
     assert "the first 5 are compared" in printed.err
 
 
-def test_other_shapes_and_missing_files_are_refused(clips: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_report_refuses_other_shapes_and_missing_files(
+    clips: dict[str, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
     for words, text in (
         ([clips["whole"], clips["tall"]], "their shapes differ"),
         ([clips["whole"], "no.mp4"], "no such file"),

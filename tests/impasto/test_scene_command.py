@@ -22,7 +22,7 @@ def test_every_scene_is_listed(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize("suffix", ["mp4", "webm"])
-def test_a_file_gets_the_pictures(tmp_path: Path, suffix: str) -> None:
+def test_a_scene_is_written_to_a_video_file(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"shapes.{suffix}"
     assert run(["scene", "shapes", "-o", str(path), *SMALL]) == 0
     with av.open(str(path)) as clip:
@@ -33,7 +33,7 @@ def test_a_file_gets_the_pictures(tmp_path: Path, suffix: str) -> None:
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
-def test_a_folder_gets_every_pass_exactly(tmp_path: Path) -> None:
+def test_every_pass_of_a_scene_is_written_losslessly(tmp_path: Path) -> None:
     for _ in range(2):  # the second replaces the first
         assert run(["scene", "harbour", "-o", f"{tmp_path}/harbour/", *SMALL]) == 0
     folder, drawn = tmp_path / "harbour", scene("harbour", (64, 48), 3).frame(1)
@@ -61,7 +61,7 @@ def test_a_folder_gets_every_pass_exactly(tmp_path: Path) -> None:
         (["harbour", "-o", "full/"], "new folder"),
     ],
 )
-def test_what_cannot_be_drawn_is_refused(
+def test_bad_scene_arguments_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: list[str], hint: str
 ) -> None:
     monkeypatch.chdir(tmp_path)

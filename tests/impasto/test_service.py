@@ -75,7 +75,7 @@ def test_a_job_from_upload_to_download(impasto: Client, tiny_clip: Path, tmp_pat
         impasto.job(job["id"])
 
 
-def test_a_large_file_goes_by_tus(impasto: Client, tiny_clip: Path, tmp_path: Path) -> None:
+def test_a_large_file_is_uploaded_by_tus(impasto: Client, tiny_clip: Path, tmp_path: Path) -> None:
     large = tmp_path / "large.mp4"
     free_box = (9 << 20).to_bytes(4) + b"free" + bytes((9 << 20) - 8)  # MP4 allows padding at the end
     large.write_bytes(tiny_clip.read_bytes() + free_box)
@@ -86,7 +86,7 @@ def test_a_large_file_goes_by_tus(impasto: Client, tiny_clip: Path, tmp_path: Pa
     assert impasto.upload(large) == asset
 
 
-def test_problems_are_the_errors_of_the_house(impasto: Client, tiny_clip: Path, tmp_path: Path) -> None:
+def test_problem_documents_become_the_typed_errors(impasto: Client, tiny_clip: Path, tmp_path: Path) -> None:
     video = impasto.upload(tiny_clip)["id"]
     with pytest.raises(BadParameter) as caught:
         impasto.submit("abstraction", {"video": video}, {"growing_limit": 1e9})
@@ -96,7 +96,7 @@ def test_problems_are_the_errors_of_the_house(impasto: Client, tiny_clip: Path, 
         impasto.upload(tmp_path / "fake.mp4")
 
 
-def test_the_same_key_is_the_same_job(impasto: Client, tiny_clip: Path) -> None:
+def test_a_repeated_idempotency_key_gives_the_same_job(impasto: Client, tiny_clip: Path) -> None:
     video = impasto.upload(tiny_clip)["id"]
     first = impasto.submit("abstraction", {"video": video}, idempotency_key="k1")
     assert impasto.submit("abstraction", {"video": video}, idempotency_key="k1")["id"] == first["id"]
@@ -105,7 +105,7 @@ def test_the_same_key_is_the_same_job(impasto: Client, tiny_clip: Path) -> None:
     impasto.cancel(first["id"])
 
 
-def test_a_cancelled_job_is_a_failure_to_wait_for_and_can_be_retried(impasto: Client, tiny_clip: Path) -> None:
+def test_waiting_for_a_cancelled_job_fails_and_the_job_can_be_retried(impasto: Client, tiny_clip: Path) -> None:
     video = impasto.upload(tiny_clip)["id"]
     impasto.submit("abstraction", {"video": video}, seed=11)  # keeps the only worker busy
     job = impasto.submit("abstraction", {"video": video}, seed=12)
@@ -117,7 +117,7 @@ def test_a_cancelled_job_is_a_failure_to_wait_for_and_can_be_retried(impasto: Cl
     assert impasto.wait(job["id"], timeout_s=60)["state"] == "succeeded"
 
 
-def test_the_commands_speak_to_it(
+def test_the_commands_use_the_service(
     address: str, tiny_clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     at = ["--server", address]
@@ -137,7 +137,7 @@ def test_the_commands_speak_to_it(
     assert run(["watch", "job_nothing", *at]) == 1
 
 
-def test_keys_open_the_door_and_close_it(serve: Serve, home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_keys_are_created_used_and_revoked(serve: Serve, home: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["keys", "create", "alice", "--home", str(home), "--json"]) == 0
     key = json.loads(capsys.readouterr().out)
     address = serve("--auth", "required", home=home)
@@ -152,13 +152,15 @@ def test_keys_open_the_door_and_close_it(serve: Serve, home: Path, capsys: pytes
             alice.jobs()
 
 
-def test_a_bad_setting_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_error_names_a_bad_setting(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setenv("IMPASTO_PORT", "many")
     assert run(["serve"]) == 2
     assert "IMPASTO_PORT" in capsys.readouterr().err
 
 
-def test_operators_look_and_steer(impasto: Client, address: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_operators_inspect_and_control_the_fleet(
+    impasto: Client, address: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     at = ["--server", address]
     assert run(["ops", "status", "--json", *at]) == 0
     found = json.loads(capsys.readouterr().out)
@@ -182,7 +184,7 @@ def test_operators_look_and_steer(impasto: Client, address: str, capsys: pytest.
     capsys.readouterr()
 
 
-def test_a_worker_tells_its_metrics(tmp_path: Path, serve: Serve) -> None:
+def test_a_worker_exports_its_metrics(tmp_path: Path, serve: Serve) -> None:
     home = tmp_path / "home"
     serve(home=home)
     port = str(free_port())
@@ -202,7 +204,7 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def test_a_worker_may_open_as_many_files_as_the_machine_allows(home: Path) -> None:
+def test_a_worker_raises_its_open_file_limit(home: Path) -> None:
     _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     program = (
         f"import resource, sys; resource.setrlimit(resource.RLIMIT_NOFILE, (256, {hard}));"
@@ -216,7 +218,7 @@ def test_a_worker_may_open_as_many_files_as_the_machine_allows(home: Path) -> No
     assert int(soft) == min(hard, MAX_DESCRIPTORS)
 
 
-def test_the_check_of_the_database_has_an_exit_status(
+def test_the_database_check_has_an_exit_status(
     address: str, impasto: Client, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["ops", "check", "--server", address]) == 0

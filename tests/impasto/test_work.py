@@ -32,7 +32,7 @@ from workers.model import Job, JobRequest, RunState, StepView, TaskState, TaskVi
         ([(1, 1)], 1.0),
     ],
 )
-def test_overlaps_count_once(spans: list[tuple[float, float]], share: float) -> None:
+def test_overlapping_intervals_count_once(spans: list[tuple[float, float]], share: float) -> None:
     assert overlap(spans) == pytest.approx(share)
 
 
@@ -66,7 +66,7 @@ def a_task(name: str, *spans: tuple[float, float | None]) -> TaskView:
     return TaskView(f"tsk_{name}", "job_1", name, "k", TaskState.SUCCEEDED, 1.0, attempts)
 
 
-def test_only_the_methods_own_time_counts() -> None:
+def test_timing_counts_only_the_time_of_the_method() -> None:
     job = a_job(step("paint", decode=1.0, method=4.0, encode=2.0), step("assemble", method=50.0, encode=3.0))
     tasks = [a_task("paint", (0, 1), (2, 6)), a_task("paint", (2, 6)), a_task("assemble", (6, 99))]
     timing = Timing.of(job, tasks)
@@ -78,7 +78,7 @@ def test_only_the_methods_own_time_counts() -> None:
 # -- workspace
 
 
-def test_a_render_that_is_running_is_left_alone(home: Path) -> None:
+def test_a_running_render_is_not_swept(home: Path) -> None:
     with workspace(home, "k") as place:
         script = (
             "from pathlib import Path\nfrom impasto.cli.private_farm import workspace\n"
@@ -94,7 +94,7 @@ def test_a_render_that_is_running_is_left_alone(home: Path) -> None:
     assert not place.folder.exists()
 
 
-def test_what_was_left_long_ago_is_swept_and_nothing_else(home: Path) -> None:
+def test_only_old_leftovers_are_swept(home: Path) -> None:
     for name in ("old", "new", "busy"):
         with workspace(home, name):
             pass
@@ -106,7 +106,7 @@ def test_what_was_left_long_ago_is_swept_and_nothing_else(home: Path) -> None:
     assert sorted(path.name for path in (home / "renders").iterdir()) == ["busy", "new"]
 
 
-def test_the_same_facts_make_the_same_key() -> None:
+def test_the_cache_key_depends_only_on_its_inputs() -> None:
     facts = {"params": {"a": 1, "b": 2.5}, "output": Path("/x/y.mp4")}
     assert key_of(facts) == key_of({"output": Path("/x/y.mp4"), "params": {"b": 2.5, "a": 1}})
     assert key_of(facts) != key_of(facts | {"params": {"a": 1, "b": 2}})
@@ -118,11 +118,11 @@ def test_the_same_facts_make_the_same_key() -> None:
 @pytest.mark.parametrize(
     ("seconds", "text"), [(0.2, "0 s"), (59.4, "59 s"), (61, "1 min 01 s"), (3900, "1 h 05 min"), (-1, "0 s")]
 )
-def test_durations_read_well(seconds: float, text: str) -> None:
+def test_durations_are_formatted_for_people(seconds: float, text: str) -> None:
     assert console.duration(seconds) == text
 
 
-def test_a_log_gets_one_line_a_change(capsys: pytest.CaptureFixture[str]) -> None:
+def test_progress_in_a_log_prints_one_line_per_change(capsys: pytest.CaptureFixture[str]) -> None:
     running = dataclasses.replace(step("paint"), state="running", counts={"succeeded": 1, "running": 1})
     with console.progress() as show:
         for job in (a_job(running), a_job(running), a_job(step("paint"))):
