@@ -16,7 +16,7 @@ LONGEST = (
     "tests/e2e/test_studio_page.py",
     "tests/workers/test_ray_nodes.py",
     "tests/e2e/test_rolling_upgrade.py",
-    "tests/e2e/test_frames_have_the_recorded_bytes.py",
+    "tests/e2e/test_same_bytes.py",
     "tests/workers/test_real_stores.py",
     "tests/e2e/test_page.py",
     "tests/e2e/test_kill.py",
