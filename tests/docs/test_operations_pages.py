@@ -49,3 +49,11 @@ def test_named_files_exist() -> None:
     for page in PAGES:
         for name in re.findall(r"`((?:deploy|docker|tests|pipeline)/[\w./-]+?)(?:::\w+)?`", page.read_text()):
             assert (ROOT / name).exists() or name.startswith(("deploy/.env", "deploy/prometheus/secrets")), name
+
+
+def test_tests_that_are_named_exist() -> None:
+    page = (ROOT / "docs" / "operations.md").read_text()
+    named = set(re.findall(r"`(tests/[\w/]+\.py)(?:::(\w+))?`", page))
+    assert len(named) >= 10
+    for path, name in named:
+        assert f"def {name}" in (ROOT / path).read_text(), f"{path}::{name}"

@@ -1,6 +1,7 @@
 """`python -m tests.fuzz [TARGET...] --minutes M --seed S`: fuzz, and add the counts to ledger.jsonl.
 
-Targets: media (decoders) and http (the API, by schemathesis). Without one, both share the minutes. Files of findings
+Targets: media (decoders), http (the API, by schemathesis) and uploads (frames and previews of mutated uploads, by a
+service). Without one, all share the minutes. Files of findings
 are kept in .fuzz/; `--again ID` runs one case once more; `--table` prints what all runs have shown.
 """
 
@@ -16,7 +17,7 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 
-from tests.fuzz import http, ledger, media
+from tests.fuzz import http, ledger, media, uploads
 
 ROOT = Path(__file__).resolve().parents[2]
 KEPT = ROOT / ".fuzz"
@@ -90,7 +91,9 @@ def _commit() -> str:
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False).stdout.strip()
 
 
-TARGETS: dict[str, Callable[[ledger.Run, Path, Callable[[], bool]], None]] = {"media": _media, "http": http.fuzz}
+TARGETS: dict[str, Callable[[ledger.Run, Path, Callable[[], bool]], None]] = {
+    "media": _media, "http": http.fuzz, "uploads": uploads.fuzz,
+}  # fmt: skip
 
 if __name__ == "__main__":
     sys.exit(main())
