@@ -1,7 +1,7 @@
-"""Whether anything that we install is known to be vulnerable: `python .ci/audit.py`.
+"""Check installed packages for known vulnerabilities: `python .ci/audit.py`.
 
-Exit status 1 for a finding. A machine that cannot ask (no network, an index without advisories) is said so and passes:
-what is not known is no finding, and a build must not depend on a server elsewhere.
+Exit status 1 for a finding. Without access to advisories (no network) the audit prints a notice and passes:
+a build must not depend on an external server.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ TIMEOUT_S = 300
 
 
 def asked() -> tuple[str, str]:
-    """What pip-audit says: (JSON, or nothing; complaints)."""
+    """Run pip-audit. Returns its standard output (JSON, or empty) and its standard error."""
     try:
         done = subprocess.run(COMMAND, capture_output=True, text=True, timeout=TIMEOUT_S, check=False)  # noqa: S603
     except subprocess.TimeoutExpired:
@@ -24,13 +24,13 @@ def asked() -> tuple[str, str]:
     return done.stdout, done.stderr
 
 
-def judged(said: str, complaint: str) -> tuple[int, str]:
-    """Exit status, and what to tell a person."""
+def judged(output: str, errors: str) -> tuple[int, str]:
+    """Exit status and printed text for the output of pip-audit."""
     try:
-        rows: list[dict[str, Any]] = json.loads(said)["dependencies"]
+        rows: list[dict[str, Any]] = json.loads(output)["dependencies"]
     except (ValueError, KeyError, TypeError):
-        last = (complaint.strip().splitlines() or ["it said nothing"])[-1]
-        return 0, f"NOT AUDITED: pip-audit could not ask: {last}"
+        last = (errors.strip().splitlines() or ["it printed nothing"])[-1]
+        return 0, f"NOT AUDITED: pip-audit failed: {last}"
     found = [_line(row, hole) for row in rows for hole in row.get("vulns", ())]
     if found:
         return 1, "\n".join(["Known vulnerabilities:", *found])
@@ -41,8 +41,8 @@ def judged(said: str, complaint: str) -> tuple[int, str]:
 
 
 def _line(row: dict[str, Any], hole: dict[str, Any]) -> str:
-    mended = ", ".join(hole.get("fix_versions", ())) or "no version yet"
-    return f"{row['name']} {row.get('version', '')}: {hole['id']}, mended in {mended}"
+    fixed = ", ".join(hole.get("fix_versions", ())) or "no version yet"
+    return f"{row['name']} {row.get('version', '')}: {hole['id']}, fixed in {fixed}"
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 style.
 
 EbSynth is taken from the PATH (`bin/ebsynth` of a build of its repository, with `examples` beside `bin`), and measured
-by the same tool, `style_fidelity.py` of a `shared` folder beside the project. What is missing is said and left out.
+by the same tool, `style_fidelity.py` of a `shared` folder beside the project. Missing parts are reported and skipped.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ NUMBERS = {
 
 @dataclass(frozen=True)
 class Still:
-    """An example: pictures by name without their "source_" and "target_", and how EbSynth is told of them."""
+    """An example: pictures by name without their "source_" and "target_", and their EbSynth weights."""
 
     folder: str
     style: str

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from benchmarks.loops import looped, source
 from impasto.cli.app import run
-from tests.e2e.killing import RENDER, Killed, moments, render_killed, serve_killed
+from tests.e2e.killing import RENDER, Killed, kill_points, render_killed, serve_killed
 
 CLIP, SIZE = "bikes_scene_cuts.mp4", "640x272"
 FRAMES = 750
@@ -53,7 +53,7 @@ def survives(name: str, clip: Path, whole: bytes, home: Path, seed: int) -> bool
     """Run the job one way, through ten deaths; print them; whether the result is `whole`."""
     out = home.with_suffix(".mp4")
     began = time.monotonic()
-    deaths = WAYS[name](clip, out, home, plan=moments(DEATHS, 0.97 * FRAMES, THEN_S, seed))
+    deaths = WAYS[name](clip, out, home, plan=kill_points(DEATHS, 0.97 * FRAMES, THEN_S, seed))
     same = out.read_bytes() == whole
     print(f"\n{name}: killed {len(deaths)} times, {time.monotonic() - began:.0f} s in all, bytes equal: {same}")
     show(deaths)

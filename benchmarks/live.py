@@ -1,4 +1,4 @@
-"""What does a live session hold? A real service with Ray actors, real WebSocket clients on loopback.
+"""Frame rate and latency of live sessions: a real service with Ray actors, real WebSocket clients on loopback.
 
     python -m benchmarks live                                     each size for 20 s
     python -m benchmarks.live --seconds 600 --size 640x480@30     an acceptance run

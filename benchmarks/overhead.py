@@ -100,7 +100,7 @@ def measure(name: str, clip: Path, home: Path) -> Run:
 
 
 OF_THE_FARM = {
-    "impasto-dispatcher": "dispatch", "impasto-tidier": "tidy", "impasto-bell": "events", "MainThread": "client",
+    "impasto-dispatcher": "dispatch", "impasto-collector": "sweep", "impasto-events": "events", "MainThread": "client",
 }  # fmt: skip
 
 

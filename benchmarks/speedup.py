@@ -96,7 +96,7 @@ def simulate(job: Recorded, workers: int, dispatch_s: float | None = None) -> fl
 
 
 def _run_step(tasks: Sequence[Timed], workers: int, cost: float, now: float) -> float:
-    """When the last of the step's tasks is answered. Ready ones go in plan order to whoever is free."""
+    """End time of the last task of the step. Ready tasks go in plan order to the next idle worker."""
     blockers = {task.key: len(task.after) for task in tasks}
     order = {task.key: place for place, task in enumerate(tasks)}
     waiting_for: dict[str, list[str]] = defaultdict(list)

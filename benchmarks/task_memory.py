@@ -3,7 +3,7 @@
     python -m benchmarks.task_memory METHOD FRAMES WIDTH ...      peaks at these widths (16:9), MiB
 
 A worker in this process runs a job's tasks one after the other. A task's peak is the kernel's own (VmHWM, set back
-before it begins), with what its decoders hold beside it.
+before it begins), plus the memory of its decoders.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def _next(store: Any, orders: Any) -> Any:
 
 
 def _peak() -> int:
-    """Bytes: the peak of this process since it was set back, and what its children hold now."""
+    """Bytes: the peak of this process since the last reset, and the current memory of its children."""
     own = next(line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmHWM"))
     children = psutil.Process().children(recursive=True)
     return int(own.split()[1]) * 1024 + sum(child.memory_full_info().pss for child in children)

@@ -1,4 +1,4 @@
-"""What every test shares: real parts that are there or are said to be missing, one small clip, an empty home."""
+"""Fixtures of all tests: real services that are present or reported missing, one small clip, an empty home."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class TestSettings(BaseSettings):
     """Settings of a test run, from the environment.
 
     IMPASTO_REQUIRE_REAL=1 makes a missing real part a failure: CI proves that nothing was skipped.
-    IMPASTO_ENCODER_RUNS: how often each encoder is repeated to see whether its bytes vary (0: as the test says).
+    IMPASTO_ENCODER_RUNS: how often each encoder is repeated to see whether its bytes vary (0: the default of the test).
     """
 
     __test__ = False

@@ -84,7 +84,7 @@ def _faults(given: argparse.Namespace) -> tuple[Callable[[Scene], None], ...]:
 
 
 def undisturbed(folder: Path) -> list[bytes]:
-    """What the jobs make on a disk, with SQLite, without any fault."""
+    """Results of the jobs on a local disk with SQLite, without faults."""
     settings = FarmSettings(home=folder / "quiet", workers=2, reserve_bytes=0)
     blobs = open_blobs(settings)
     farm = Farm(settings, LocalPool(lambda: ToyRunner(blobs), 2))

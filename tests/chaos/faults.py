@@ -1,4 +1,4 @@
-"""What can go wrong, done to real parts. Each fault begins, lasts, and ends; then the next one may come."""
+"""Faults injected into real components. Each fault begins, lasts and ends before the next one begins."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SHAPES: tuple[dict[str, Any], ...] = (
 )
 """Parameters of the toy method."""
 DISK_BYTES = 24 << 20
-"""Of a disk that is to be filled."""
+"""Size of the disk that is filled, in bytes."""
 RESERVE_BYTES = 8 << 20
 
 
@@ -48,7 +48,7 @@ class Scene:
     chance: random.Random
     lease_s: float
     away_s: tuple[float, float]
-    """How long stores stay away: at least, at most."""
+    """Shortest and longest outage of a store in seconds."""
     raylets: Raylets | None = None
     """The nodes on which the workers' tasks run; None: in the workers themselves."""
     jobs: list[tuple[str, int]] = field(default_factory=list)

@@ -40,7 +40,7 @@ class Raylets:
         self._nodes[self._nodes.index(gone)] = self._add()
 
     def kill_actor(self, chance: random.Random) -> None:
-        """One that there is, or comes soon."""
+        """Kill a random actor; if there is none, wait for one to start."""
         deadline = time.monotonic() + _PATIENCE_S
         while not (found := _actors()) and time.monotonic() < deadline:
             time.sleep(0.1)

@@ -1,4 +1,4 @@
-"""One run: jobs, faults, and the comparison with what undisturbed jobs make."""
+"""One run: jobs, faults, and the comparison with the results of undisturbed jobs."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PATIENCE_S = 180.0
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run has shown."""
+    """The result of a run."""
 
     faults: Counter[str]
     jobs: int
@@ -39,7 +39,7 @@ class Outcome:
     twice: int
     """Tasks that succeeded more than once: none."""
     orphans: int
-    """Blobs that nobody needs, after the sweep: none."""
+    """Number of unreferenced blobs after the sweep: none."""
 
 
 def run(
@@ -145,7 +145,7 @@ def _judge(
 ) -> Outcome:
     made = [b"".join(farm.files.read(farm.files.get(job.id, "result"))) if job.results else b"" for job in jobs]
     lost = sum(job.state != "succeeded" or got != want for job, got, want in zip(jobs, made, expected, strict=True))
-    lost += sum(not _failed_as_it_should(farm, job) for job in poisoned)
+    lost += sum(not _failed_as_expected(farm, job) for job in poisoned)
     tasks = [task for job in jobs for task in farm.tasks.page(job.id, limit=200).items]
     found = Counter(attempt["outcome"] for task in tasks for attempt in task.attempts)
     twice = sum([a["outcome"] for a in task.attempts].count("succeeded") != 1 for task in tasks)
@@ -156,8 +156,8 @@ def _judge(
     return Outcome(faults, len(jobs) + len(poisoned), lost, found, found.pop("running", 0), twice, orphans)
 
 
-def _failed_as_it_should(farm: Farm, job: Job) -> bool:
-    """One task has used up its attempts, each with a log; what others have done is kept."""
+def _failed_as_expected(farm: Farm, job: Job) -> bool:
+    """True if one task used all its attempts, each with a log, and results of other tasks are kept."""
     tasks = {task.key: task for task in farm.tasks.page(job.id, limit=200).items}
     bad = tasks["run-1"]
     failures = [attempt for attempt in bad.attempts if attempt["outcome"] == "failed"]

@@ -1,1 +1,1 @@
-"""What is in deploy/ and docker/, against the real thing or its schema."""
+"""Files of deploy/ and docker/, checked with the real programs or their schemas."""

@@ -43,7 +43,7 @@ def chain(found: dict[str, Stage], name: str, device: str) -> list[Stage]:
 
 
 def kept_by(ignore: Path, names: list[str]) -> set[str]:
-    """Which of these files reach the builder: the last pattern that fits a file or a folder above it decides."""
+    """Files of the build context: the last pattern that matches a file or one of its parent folders decides."""
     rules = [row for row in ignore.read_text().splitlines() if row and not row.startswith("#")]
     return {name for name in names if _kept(name, rules)}
 

@@ -25,7 +25,7 @@ def panels(board: Path) -> list[dict[str, Any]]:
 
 
 def drawn() -> dict[str, str]:
-    """Where -> expression, of the dashboards; as Grafana asks it for all instances."""
+    """Location -> expression of the dashboards, as Grafana queries it for all instances."""
     found: dict[str, str] = {}
     for board in DASHBOARDS:
         for panel in panels(board):
@@ -37,7 +37,7 @@ def drawn() -> dict[str, str]:
 
 
 def shipped() -> dict[str, str]:
-    """Where -> expression, of dashboards and alerts."""
+    """Location -> expression of dashboards and alerts."""
     return drawn() | {f"alert {rule['alert']}": rule["expr"] for rule in alerts()}
 
 

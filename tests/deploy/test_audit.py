@@ -30,7 +30,7 @@ def test_a_vulnerability_fails_the_audit(audit: ModuleType) -> None:
     status, text = audit.judged(
         report({"name": "a", "version": "1.0", "vulns": [hole]}, {"name": "b", "vulns": []}), ""
     )
-    assert status == 1 and "a 1.0: PYSEC-2020-1, mended in 2.0" in text
+    assert status == 1 and "a 1.0: PYSEC-2020-1, fixed in 2.0" in text
 
 
 def test_no_known_vulnerability_passes_the_audit(audit: ModuleType) -> None:

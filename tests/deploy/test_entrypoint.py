@@ -25,7 +25,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 class Containers:
-    """What containers would run, as processes of one machine."""
+    """The commands of the containers as processes of one machine."""
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.port, self.head_port, self.agent_port = folder, free_port(), free_port(), free_port()
@@ -53,7 +53,7 @@ class Containers:
         return process
 
     def head(self) -> None:
-        """As `entrypoint.sh head`, but with a processor, and away from the ports of others."""
+        """Like `entrypoint.sh head`, but with one CPU and with free ports."""
         small = ["--num-cpus=1", "--include-dashboard=false", "--object-store-memory=80000000"]
         where = [f"--port={self.head_port}", f"--temp-dir={self.folder / 'r'}"]
         where.append(f"--dashboard-agent-listen-port={self.agent_port}")
@@ -97,7 +97,7 @@ def until(done: Callable[[], bool], timeout_s: float = 120) -> None:
 
 @pytest.fixture
 def containers() -> Iterator[Containers]:
-    """In a folder with a short path: a Unix socket's path has at most 107 bytes, and Ray adds about 75."""
+    """Containers in a folder with a short path: a Unix socket's path has at most 107 bytes, and Ray adds about 75."""
     with TemporaryDirectory(prefix="imp-", ignore_cleanup_errors=True) as folder:
         found = Containers(Path(folder))
         yield found
@@ -126,7 +126,7 @@ def test_a_service_container_runs_jobs_on_its_ray_cluster(containers: Containers
 
 
 def _check_logs(containers: Containers, job: str) -> None:
-    """What the service says of an attempt and what its worker says of it name the same things."""
+    """Log lines of the service and of its worker about one attempt name the same job, task and attempt."""
     service = _lines(containers.folder / "service.log")
     began = {row["attempt"] for row in service if row["message"] == "attempt begins" and row["job"] == job}
     logs = [path for path in containers.folder.rglob("worker-*.err") if "session_latest" not in path.parts]
@@ -143,6 +143,6 @@ def test_a_worker_with_a_wrong_token_cannot_join(containers: Containers) -> None
     containers.head()
     until(lambda: subprocess.run(["healthy.py", "worker"], env=containers.env, capture_output=True).returncode == 0)
     containers.env["RAY_AUTH_TOKEN"] = "fedcba9876543210" * 4
-    stranger = containers.start("entrypoint.sh", "worker")
-    assert stranger.wait(90) != 0
+    intruder = containers.start("entrypoint.sh", "worker")
+    assert intruder.wait(90) != 0
     assert "InvalidAuthToken" in (containers.folder / "worker.log").read_text()

@@ -168,7 +168,7 @@ def test_secrets_can_be_read_from_files(tmp_path: Path) -> None:
 
 
 def test_the_entrypoint_starts_the_command_of_each_role(tmp_path: Path) -> None:
-    """Which command each word becomes; the commands themselves are tested where they are."""
+    """Checks the command that each argument starts; the commands have their own tests."""
     for name in ("ray", "impasto"):
         (tmp_path / name).write_text('#!/bin/sh\necho "$(basename $0)" "$@"\n')
         (tmp_path / name).chmod(0o755)

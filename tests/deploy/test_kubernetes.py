@@ -139,7 +139,7 @@ def test_the_gpu_overlay_gives_each_task_a_share_of_a_gpu() -> None:
 
 
 def test_a_worker_has_memory_for_one_task_per_cpu() -> None:
-    """What Ray gives out is the container's, less its object store."""
+    """Ray's memory resource is the memory of the container less the object store."""
     for group in cluster()["spec"]["workerGroupSpecs"]:
         (container,) = group["template"]["spec"]["containers"]
         limits = container["resources"]["limits"]

@@ -21,7 +21,7 @@ from tests.service.live_client import jpeg, live
 
 pytestmark = pytest.mark.real("prometheus")
 
-ADMIN = "an admin key of forty letters, or nearly so"
+ADMIN = "an admin key of about forty characters in all"
 EMPTY = {
     "service timeseries: Errors by route A",  # no 5xx
     "farm timeseries: Failures by code A",  # no attempt failed
@@ -29,7 +29,7 @@ EMPTY = {
     "stores timeseries: 503 and 507 A",
     "stores timeseries: Failures of stores A",
 }
-"""What has nothing to show while all is well."""
+"""Panels without data on a healthy system."""
 
 
 class Run:

@@ -1,4 +1,4 @@
-"""docs/security.md: every row of its table has tests that exist, and what it says of our code holds."""
+"""docs/security.md: every row of its table names existing tests, and its statements about the code are true."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def _imports(tree: ast.Module) -> Iterator[str]:
 
 
 def test_only_listed_modules_decode_media() -> None:
-    """What users bring is decoded by children; these few read what we have made ourselves, or a live frame."""
+    """Child processes decode user files; the listed modules read files of the service itself, or a live frame."""
     decoders = {
         "VideoReader",
         "NumberedImages",

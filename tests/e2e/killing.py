@@ -1,4 +1,4 @@
-"""kill -9 of a whole process tree at random moments of a job, and the job's end in spite of it."""
+"""kill -9 of a whole process tree at random points of a job, and the completion of the job afterwards."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ RENDER = ("--workers", "2", "--seed", str(SEED), "--quiet")
 
 
 @dataclass(frozen=True)
-class Moment:
+class KillPoint:
     """When to kill: `then_s` seconds after `frames` frames are painted, counting those of unfinished tasks."""
 
     frames: float
@@ -31,7 +31,7 @@ class Moment:
 
 @dataclass(frozen=True)
 class Killed:
-    """One death: how far the job had come, how long that life was, and how many processes died."""
+    """One kill: painted frames of the job, run time of the process, and number of killed processes."""
 
     frames: float
     finished: int
@@ -40,24 +40,24 @@ class Killed:
     processes: int
 
 
-def moments(count: int, frames: float, then_s: float, seed: int) -> list[Moment]:
-    """Random moments spread over the painting of `frames` frames. One that is past already strikes a start-up."""
+def kill_points(count: int, frames: float, then_s: float, seed: int) -> list[KillPoint]:
+    """Random points spread over the painting of `frames` frames. A point already passed kills at start-up."""
     dice = random.Random(seed)
-    return [Moment(at, dice.uniform(0, then_s)) for at in sorted(dice.uniform(0, frames) for _ in range(count))]
+    return [KillPoint(at, dice.uniform(0, then_s)) for at in sorted(dice.uniform(0, frames) for _ in range(count))]
 
 
-def render_killed(clip: Path, out: Path, home: Path, plan: Sequence[Moment]) -> list[Killed]:
-    """`impasto render clip -o out`, killed at each moment, and run once more to its end."""
+def render_killed(clip: Path, out: Path, home: Path, plan: Sequence[KillPoint]) -> list[Killed]:
+    """`impasto render clip -o out`, killed at each point, and run once more to its end."""
     command, log = impasto("render", clip, "-o", out, "--home", home, *RENDER), home.with_suffix(".log")
     deaths = []
-    for moment in plan:
-        deaths.append(_kill_at(start(command, log), moment, lambda: next(home.glob("renders/*/impasto.db"), None)))
+    for point in plan:
+        deaths.append(_kill_at(start(command, log), point, lambda: next(home.glob("renders/*/impasto.db"), None)))
         assert not out.exists(), "a result before the render was over"
     subprocess.run(command, cwd=ROOT, check=True, capture_output=True, timeout=PATIENCE_S)
     return deaths
 
 
-def serve_killed(clip: Path, out: Path, home: Path, farm: str, plan: Sequence[Moment]) -> list[Killed]:
+def serve_killed(clip: Path, out: Path, home: Path, farm: str, plan: Sequence[KillPoint]) -> list[Killed]:
     """The same job over HTTP: one client waits through all deaths of the service, then fetches the result."""
     service = Service(home, farm)
     deaths = []
@@ -65,8 +65,8 @@ def serve_killed(clip: Path, out: Path, home: Path, farm: str, plan: Sequence[Mo
         process = service.start()
         service.wait_ready()
         waiting = _Waiting(service, clip)
-        for moment in plan:
-            deaths.append(_kill_at(process, moment, lambda: home / "impasto.db"))
+        for point in plan:
+            deaths.append(_kill_at(process, point, lambda: home / "impasto.db"))
             process = service.start()
         waiting.fetch(out)
     finally:
@@ -100,15 +100,15 @@ class _Waiting:
             client.download(self._job, out)
 
 
-def _kill_at(process: psutil.Popen, moment: Moment, database: Callable[[], Path | None]) -> Killed:
+def _kill_at(process: psutil.Popen, point: KillPoint, database: Callable[[], Path | None]) -> Killed:
     born = time.monotonic()
-    while painted(database())[0] < moment.frames:
-        assert process.poll() is None, "it ended before its time to die had come"
-        assert time.monotonic() < born + PATIENCE_S, "it does not come on"
+    while painted(database())[0] < point.frames:
+        assert process.poll() is None, "the process ended before it was killed"
+        assert time.monotonic() < born + PATIENCE_S, "the job makes no progress"
         time.sleep(0.02)
-    time.sleep(moment.then_s)
+    time.sleep(point.then_s)
     lived_s = time.monotonic() - born
-    assert process.poll() is None, "it ended before its time to die had come"
+    assert process.poll() is None, "the process ended before it was killed"
     count = kill_9(process)
     return Killed(*painted(database()), lived_s, count)
 

@@ -24,15 +24,15 @@ def impasto(*words: str | Path) -> list[str]:
 
 
 def start(command: list[str], log: Path) -> psutil.Popen:
-    """Start a command of ours; what it says is appended to `log`."""
+    """Start a command; its output is appended to `log`."""
     with log.open("ab") as sink:
         return psutil.Popen(command, cwd=ROOT, stdin=subprocess.DEVNULL, stdout=sink, stderr=sink)
 
 
 def kill_9(root: psutil.Process) -> int:
-    """Kill a process and all its descendants at one instant, as a power cut does. Returns how many there were.
+    """Kill a process and all its descendants together, as a power cut does. Returns the number of killed processes.
 
-    They are stopped first, until there is no new one among them: nobody sees another die, nobody starts another.
+    All processes are stopped first, until no new one appears: none can observe a death or start another process.
     """
     found: dict[int, psutil.Process] = {}
     while new := [process for process in _tree(root) if process.pid not in found]:

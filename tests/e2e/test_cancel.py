@@ -68,7 +68,7 @@ def until(ask: Callable[[], Any], timeout_s: float) -> float:
 def test_cancel_frees_the_worker_within_a_second(
     http: httpx.Client, farm: Farm, clip: Path, step: str, after: float
 ) -> None:
-    """In the first pass, at the very start of painting, and amid it."""
+    """Cancel during the first pass, at the start of painting, and in the middle of painting."""
     with clip.open("rb") as file:
         video = http.post("/v1/assets", files={"file": ("long.mp4", file)}).json()["id"]
     job = http.post("/v1/jobs", json={"method": "abstraction", "inputs": {"video": video}}).json()["id"]
@@ -78,7 +78,7 @@ def test_cancel_frees_the_worker_within_a_second(
 
 
 def reached(job: dict[str, Any], step: str, after: float) -> bool:
-    """Whether this step is at work and more than `after` (0..1) of it is done."""
+    """True if the step is running and more than `after` (0..1) of it is done."""
     now = next(row for row in job["steps"] if row["name"] == step)
     return bool(now["counts"]["running"] and now["progress"] >= after)
 

@@ -64,13 +64,13 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
 
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """With one place for a session, and none for callers without a key."""
+    """A service with a capacity of one live session, which requires a key."""
     home = tmp_path_factory.mktemp("live") / "home"
     yield from serve(home, AUTH="required", ADMIN_KEY=KEY, LIVE_SESSIONS="1")
 
 
 class Talk:
-    """What was said over the page's WebSockets."""
+    """Messages exchanged over the page's WebSockets."""
 
     def __init__(self, page: Page) -> None:
         self.sockets = self.frames = 0
@@ -140,12 +140,12 @@ def choose_codec(page: Page, title: str) -> None:
 
 
 def picture(page: Page, side: str) -> NDArray[np.uint8]:
-    """What the canvas "before" or "after" shows: (height, width, 3)."""
+    """Pixels of the canvas "before" or "after": (height, width, 3)."""
     return pictures(page, side)[0]
 
 
 def pictures(page: Page, *sides: str) -> list[NDArray[np.uint8]]:
-    """What canvases show at one instant."""
+    """Pixels of several canvases at one time."""
     urls = page.evaluate(
         """sides => sides.map(side => { const shown = document.querySelector(`.wipe-${side} canvas`);
         const copy = Object.assign(document.createElement('canvas'), { width: shown.width, height: shown.height });
@@ -177,7 +177,7 @@ def moves(page: Page) -> None:
 
 
 def grain(image: NDArray[np.uint8]) -> float:
-    """How much a pixel differs from its neighbours, away from edges: of flat paint little."""
+    """Mean difference of a pixel from its neighbours, away from edges; small for flat paint."""
     grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(float)
     return float(np.median(np.abs(cv2.Laplacian(grey, cv2.CV_64F))))
 

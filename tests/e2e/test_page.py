@@ -162,7 +162,7 @@ def submit(page: Page) -> None:
 
 
 def now(page: Page, which: str = "after") -> float:
-    """Where the painted ("after") or original ("before") film stands, in seconds."""
+    """Playback position of the painted ("after") or original ("before") film in seconds."""
     return float(page.evaluate(f"document.querySelector('.wipe-{which} video').currentTime"))
 
 
@@ -251,7 +251,7 @@ def test_an_original_that_the_browser_cannot_play_is_still_compared(
 
 
 def disc_at(page: Page) -> float:
-    """Where the disc is in the original that is shown beside the painting: 0 left, 1 right."""
+    """Horizontal position of the disc in the displayed original: 0 left, 1 right."""
     picture = page.locator(".wipe-before img")
     data = picture.evaluate(
         """async image => { await image.decode(); const c = document.createElement('canvas');

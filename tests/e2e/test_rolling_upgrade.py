@@ -1,4 +1,4 @@
-"""The documented way to upgrade without losing work: a new process starts, the old one is told to stop and ends what it
+"""The documented upgrade without lost work: a new process starts, the old one gets SIGTERM and finishes the tasks it
 runs. No attempt is cut off; the films have the bytes of an undisturbed run. Then the same by an operator's drain."""
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def home(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def client(home: Path) -> Iterator[Client]:
-    """Of a service that accepts and shows only: all work is done by workers."""
+    """A client of a service without a pool of its own: workers run all tasks."""
     served = serve(home, POOL="none")
     with Client(next(served)) as client:
         yield client

@@ -28,7 +28,7 @@ def render(clip: Path, out: Path, workers: int) -> bytes:
 
 @pytest.fixture(scope="module")
 def by_one(clip: Path) -> bytes:
-    """What one worker makes, in this process."""
+    """The result of one worker in this process."""
     return render(clip, clip.with_name("one.mp4"), 1)
 
 

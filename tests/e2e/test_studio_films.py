@@ -1,4 +1,4 @@
-"""What was drawn in the studio becomes the film: pieces, layers, regions, corrected frames."""
+"""Drawings of the studio reach the rendered film: frame ranges, layers, regions, corrected frames."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from tests.e2e.test_page import FPS, FRAMES, HEIGHT, WIDTH, Watched, browser, cl
 __all__ = ["browser", "clip", "service", "video", "watched"]
 
 DISC = (5 + 4) / (FRAMES + 10)
-"""Where the disc's centre is in frame 4, in widths of the picture."""
+"""Horizontal centre of the disc in frame 4, in widths of the picture."""
 
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(300)]
 

@@ -111,7 +111,7 @@ def test_frames_are_stepped_exactly(watched: Watched, service: str, video: str) 
 
 
 def disc_at(page: Page) -> float:
-    """Where the disc is on the stage: 0 left, 1 right."""
+    """Horizontal position of the disc on the stage: 0 left, 1 right."""
     left, y = on_stage(page, 0, 0.5)
     right, _ = on_stage(page, 1, 0.5)
     shot = decoded(page.screenshot(clip={"x": left, "y": y, "width": right - left, "height": 2}))

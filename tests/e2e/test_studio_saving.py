@@ -1,4 +1,4 @@
-"""Nothing that was drawn is lost: without a network, when the page is closed in a stroke, when the server is killed."""
+"""Drawings are not lost without a network, when the page closes during a stroke, or when the server is killed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What fuzzing has shown so far: one JSON line for each run, in ledger.jsonl beside this file, and their sum."""
+"""Results of fuzzing: one JSON line per run in ledger.jsonl beside this file, and their sum."""
 
 from __future__ import annotations
 

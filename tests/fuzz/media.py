@@ -57,7 +57,7 @@ def cases(seed: int, number: int) -> list[Case]:
 
 
 def outcome(case: Case, folder: Path) -> str:
-    """How a case ended: "decoded", "refused: why", or "fault: what" for every exception that is not a refusal."""
+    """The outcome of a case: "decoded", "refused: REASON", or "fault: ERROR" for any exception except a refusal."""
     try:
         return run(case, folder)
     except Exception as error:

@@ -1,4 +1,4 @@
-"""One way to fail, one way to speak; every command explains itself."""
+"""Uniform errors, exit statuses and help of all commands."""
 
 from __future__ import annotations
 

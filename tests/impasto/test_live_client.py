@@ -193,7 +193,7 @@ def test_a_broken_payload_ends_the_session_with_its_reason(url: str) -> None:
         live.send_payload(b"not a picture", SIZE)
         with pytest.raises(BadFrame, match="jpeg"):
             list(live.answers(wait_s=5))
-        with pytest.raises(BadFrame):  # whoever asks again is told again
+        with pytest.raises(BadFrame):  # a repeated call raises the same error
             list(live.answers())
 
 

@@ -1,4 +1,4 @@
-"""What `impasto live` is made of: pace, times of what is written, words; and the command as a script sees it."""
+"""Parts of `impasto live`: pacing, output timestamps, arguments; and the command run as a process."""
 
 from __future__ import annotations
 
@@ -52,10 +52,10 @@ class Reel:
             yield when, np.full((16, 32, 3), 10 * number, np.uint8)
 
     def stop(self) -> None:
-        """Nothing is waited for."""
+        """Frames are not paced."""
 
     def close(self) -> None:
-        """Nothing is open."""
+        """There is nothing to close."""
 
 
 class Mirror:
@@ -266,7 +266,7 @@ def sound_of(path: Path) -> tuple[float, float]:
 def film(clip: Path, out: Path, drops: tuple[int, ...] = (), duration_s: float = float("inf")) -> None:
     """The clip through a mirror, at once."""
     source = open_source(str(clip), 1, None, None)
-    source.paced = True  # by nobody: nothing is waited for
+    source.paced = True  # claims to be paced: frames are not delayed
     stream(Mirror(drops), source, open_sink(str(out), source, 20), duration_s=duration_s).run()
     source.close()
 
@@ -475,8 +475,8 @@ def test_a_broadcast_can_be_played_from_the_start(tmp_path: Path) -> None:
         made = stream(Mirror(drops=(3,)), source, open_sink(address, source, 20))
         assert made.run() == address
         player.join(5)
-    (tmp_path / "seen.ts").write_bytes(b"".join(received))
-    times, _, levels = times_of(tmp_path / "seen.ts")
+    (tmp_path / "received.ts").write_bytes(b"".join(received))
+    times, _, levels = times_of(tmp_path / "received.ts")
     assert np.diff(times) == pytest.approx([0.04, 0.04, 0.08, *[0.04] * 5], abs=0.002)
     assert levels == pytest.approx([0, 10, 20, 40, 50, 60, 70, 80, 90], abs=4)
 
@@ -520,7 +520,7 @@ with av.open(sys.argv[1], options={"listen": "1"}, timeout=20) as file:
 
 @contextmanager
 def rtmp_server() -> Iterator[tuple[str, Callable[[], str]]]:
-    """The address of a server for one sender, and what its player has seen in the end."""
+    """The address of a server for one sender, and a function that gives the output of its player."""
     with socket.create_server(("127.0.0.1", 0)) as free:
         address = f"rtmp://127.0.0.1:{free.getsockname()[1]}/live/key"
     child = subprocess.Popen([sys.executable, "-c", PLAYER, address], stdout=subprocess.PIPE, text=True)
@@ -605,7 +605,7 @@ def test_ctrl_c_ends_the_stream_in_order(
 
 @pytest.fixture
 def url(home: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """Of a service for one session, whose method is "echo"."""
+    """The address of a service with a capacity of one session and the method "echo"."""
     only_echo(monkeypatch)
     with served(home, live_sessions=1) as (address, _):
         yield address

@@ -1,4 +1,4 @@
-"""`impasto methods` teaches what a method's own schema says, whatever pydantic wrote it as."""
+"""`impasto methods` prints the content of a method's schema, in every form that pydantic writes."""
 
 from __future__ import annotations
 

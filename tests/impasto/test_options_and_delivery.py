@@ -1,4 +1,4 @@
-"""What a user writes is read as meant, and what they get is whole or not there."""
+"""Options are parsed correctly, and outputs are delivered completely or not at all."""
 
 from __future__ import annotations
 

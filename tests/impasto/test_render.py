@@ -70,7 +70,7 @@ def frames_of(path: Path) -> list[np.ndarray[Any, Any]]:
 
 @pytest.fixture(scope="module")
 def cartoon(tiny_clip: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
-    """The tiny clip rendered to a video by a process of its own, and what that said."""
+    """The tiny clip rendered to a video by a separate process, and the output of that process."""
     folder = tmp_path_factory.mktemp("cartoon")
     done = script(tiny_clip, "-o", folder / "out.mp4", "--seed", "7", "--json", home=folder / "home")
     return folder, summary(done.stdout)
@@ -312,7 +312,7 @@ def stop_while_painting(command: list[str], how: signal.Signals) -> tuple[int, s
 
 
 def _heed_interrupts() -> None:
-    """Tests that run in the background of a shell are told to ignore them, and so would be their children."""
+    """A shell sets these signals to ignored for background jobs, and child processes inherit that."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 

@@ -141,8 +141,8 @@ def test_keys_are_created_used_and_revoked(serve: Serve, home: Path, capsys: pyt
     assert run(["keys", "create", "alice", "--home", str(home), "--json"]) == 0
     key = json.loads(capsys.readouterr().out)
     address = serve("--auth", "required", home=home)
-    with Client(address) as nobody, pytest.raises(NotAllowed):
-        nobody.jobs()
+    with Client(address) as anonymous, pytest.raises(NotAllowed):
+        anonymous.jobs()
     with Client(address, api_key=key["secret"]) as alice:
         assert alice.jobs() == []
         assert run(["keys", "revoke", key["id"], "--home", str(home)]) == 0

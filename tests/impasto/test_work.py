@@ -1,4 +1,4 @@
-"""What a render cost, where it works, and how it is shown."""
+"""Timing of a render, its work folder, and its progress display."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 
 def start(command: list[str], log: Path, env: Mapping[str, str] | None = None) -> subprocess.Popen[bytes]:
-    """Start a server; what it says goes to `log`. The kernel kills it if this process dies first."""
+    """Start a server; its output goes to `log`. The kernel kills it if this process dies first."""
     with log.open("ab") as sink:
         dies_with_us = ["setpriv", "--pdeathsig", "KILL"]
         return subprocess.Popen([*dies_with_us, *command], stdin=subprocess.DEVNULL, stdout=sink, stderr=sink, env=env)
@@ -62,7 +62,7 @@ def nobody_special() -> str:
 
 
 def as_user(name: str) -> list[str]:
-    """What stands before a command that runs as `name`."""
+    """The prefix of a command that runs as the user `name`."""
     if os.getuid() == pwd.getpwnam(name).pw_uid:
         return []
     return ["setpriv", f"--reuid={name}", f"--regid={pwd.getpwnam(name).pw_gid}", "--clear-groups"]

@@ -21,7 +21,7 @@ def missing() -> str:
 
 
 def promtool(*words: str | Path) -> str:
-    """What promtool says. Raises AssertionError with it if it objects."""
+    """The output of promtool. Raises AssertionError with that output if promtool fails."""
     done = subprocess.run(["promtool", *map(str, words)], capture_output=True, text=True)
     output = done.stdout + done.stderr
     assert done.returncode == 0, output
@@ -68,7 +68,7 @@ class Prometheus:
         return body["data"]
 
     def query(self, expr: str) -> list[dict[str, Any]]:
-        """What an expression gives now."""
+        """The current value of an expression."""
         return list(self.ask("query", query=expr)["result"])
 
     def close(self) -> None:

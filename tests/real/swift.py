@@ -128,7 +128,7 @@ class Swift:
             self._make_ring(kind)
 
     def _make_ring(self, kind: str) -> None:
-        """In a process of its own: Swift brings eventlet, which leaves a green `http.server` behind in ours."""
+        """Run Swift in a separate process: it loads eventlet, which leaves a green `http.server` behind in ours."""
         given = [kind, str(self._ports[kind]), str(self.folder / f"{kind}.ring.gz")]
         subprocess.run([sys.executable, "-W", "ignore", "-c", _RING, *given], check=True)
 
@@ -172,7 +172,7 @@ class Swift:
 
     @cached_property
     def shared_bucket(self) -> str:
-        """One bucket that is there already."""
+        """A server with one existing bucket."""
         return self.bucket()
 
     def _log(self, kind: str) -> Path:

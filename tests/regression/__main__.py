@@ -15,7 +15,7 @@ from tests.regression.pinned import digests, unfit
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.regression", description=__doc__)
-    parser.add_argument("--record", action="store_true", help="write new values; README.md says when that is allowed")
+    parser.add_argument("--record", action="store_true", help="write new values; README.md states when that is allowed")
     parser.add_argument("parts", nargs="*", metavar="PART")
     args = parser.parse_args()
     if reason := unfit():

@@ -43,7 +43,7 @@ def digests(ids: Iterable[str]) -> Values:
 
 
 def machine() -> dict[str, Any]:
-    """What the values hold for: instruction set, OpenCL platform, versions of the packages that compute."""
+    """The machine the values apply to: instruction set, OpenCL platform, versions of the packages that compute."""
     return {
         "instructions": INSTRUCTIONS if _has_avx2() else platform.machine(),
         "opencl": opencl_platform(),

@@ -18,7 +18,7 @@ class Recorded:
     """What values.json holds.
 
     Attributes:
-        machine: what the values hold for; see `pinned.machine`.
+        machine: the machine the values apply to; see `pinned.machine`.
         cases: case -> name -> SHA-256.
     """
 

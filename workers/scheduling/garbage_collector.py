@@ -57,7 +57,7 @@ class GarbageCollector:
         self._undo_s, self._retention = undo_s, retention
         self._every_s, self._my_turn = every_s, my_turn
         self._jobs: queue.SimpleQueue[str | None] = queue.SimpleQueue()
-        self._thread = threading.Thread(target=self._run, name="impasto-tidier", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="impasto-collector", daemon=True)
         self._stopping = threading.Event()
 
     def start(self) -> None:

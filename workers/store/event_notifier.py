@@ -68,7 +68,7 @@ class EventNotifier:
             self._waited[job_id] += 1
             if not self._looking:
                 self._looking = True
-                threading.Thread(target=self._look, args=(newest,), name="impasto-bell", daemon=True).start()
+                threading.Thread(target=self._look, args=(newest,), name="impasto-events", daemon=True).start()
         try:
             yield
         finally:
