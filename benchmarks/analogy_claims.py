@@ -1,4 +1,4 @@
-"""What the analogy method claims, as figures: steadiness, trails, variety, keys without pops, two workers.
+"""Measurements of the analogy method: flicker, trails, variety, transitions at keyframes, two workers.
 
 `python -m benchmarks.analogy_claims [NAME ...]`. Flicker and likeness are measured by the tools of a `shared` folder
 beside the project, from outside; without it those columns are left out.

@@ -1,4 +1,4 @@
-"""What the API bears: submissions and looks a second, and how it feels with 10,000 jobs and a job of 100,000 tasks.
+"""API throughput: submissions and reads per second, and latency with 10,000 jobs and a job of 100,000 tasks.
 
 A service of one process that runs nothing (its workers would take the processors from it), over SQLite and over a real
 PostgreSQL, and a bounded client: so many connections, each with one request under way. For each kind of request the

@@ -1,4 +1,4 @@
-"""What a claim and an answer cost while jobs and tasks pile up, in SQLite and in a real PostgreSQL.
+"""Cost of a claim and an answer with growing numbers of jobs and tasks, in SQLite and in a real PostgreSQL.
 
 Milliseconds of wall time and of this process's CPU (PostgreSQL's own is not in it), medians of `ROUNDS`. Then the
 largest job as its users meet it: planned, shown, listed, cancelled.

@@ -42,7 +42,7 @@ def main() -> None:
 
 
 def undisturbed(clip: Path, folder: Path) -> tuple[bytes, float]:
-    """What the job makes if it is left alone, and how long that takes."""
+    """The result of the undisturbed job, and its duration in seconds."""
     began = time.monotonic()
     if run(["render", str(clip), "-o", str(folder / "calm.mp4"), "--home", str(folder / "calm"), *RENDER]):
         raise SystemExit("The undisturbed render failed.")

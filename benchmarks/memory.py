@@ -29,7 +29,7 @@ MIB = 1 << 20
 
 @dataclass(frozen=True)
 class Peak:
-    """Of one render, MiB."""
+    """Memory of one render in MiB."""
 
     frames: int
     wall_s: float

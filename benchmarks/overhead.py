@@ -1,4 +1,4 @@
-"""What do the farm and its stores cost? The share of a render's CPU time that is not decoding, painting and encoding.
+"""Overhead of the farm and its stores: the share of a render's CPU time that is not decoding, painting and encoding.
 
 A job of every method in a farm in this process, SQLite and a disk. Counted as overhead: all CPU of the farm's own
 threads (dispatching, events, leases, clearing up, waiting), and in workers' threads what goes into keeping and
@@ -77,7 +77,7 @@ def _row(name: str, frames: str, wall: float, total: float, parts: dict[str, flo
 
 
 def measure(name: str, clip: Path, home: Path) -> Run:
-    """Of a job: wall seconds, CPU seconds of the process, those of the overhead by part."""
+    """Times of a job in seconds: wall time, CPU time of the process, CPU time of the overhead by part."""
     from impasto.cli import private_farm
     from pipeline.methods import method, parse_params
     from workers.execution.warm_up import warm_up

@@ -1,4 +1,4 @@
-"""What painting patches cost, by stage, and how much faster two workers are than one.
+"""Cost of painting patches by stage, and the speedup of two workers over one.
 
 Every task runs alone, in one process, on the same decoded frames; its CPU seconds are taken, so that other work on the
 machine does not count. Two workers are then simulated: tasks in plan order, each to the worker that is free first, the

@@ -41,7 +41,7 @@ class Run:
     """One job on one farm."""
 
     seconds: float
-    """From the first attempt's start to the last one's end."""
+    """Seconds from the start of the first attempt to the end of the last one."""
     steps: dict[str, float]
     """The same for each step."""
     tasks: dict[str, int]

@@ -66,7 +66,7 @@ class Recorded:
     size: tuple[int, int]
     steps: tuple[str, ...]
     dispatch_s: float
-    """Of the database, a task: one claim and one answer."""
+    """Seconds of database work per task: one claim and one answer."""
     tasks: tuple[Timed, ...]
 
     @property
@@ -80,7 +80,7 @@ class Outcome:
 
     seconds: float
     limit: str
-    """What keeps more workers from making it faster."""
+    """The limit that prevents a further speedup with more workers."""
 
 
 # -- the simulation

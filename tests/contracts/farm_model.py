@@ -32,7 +32,7 @@ class ModelJob:
     planned: bool = False
     doomed: bool = False
     tasks: dict[str, ModelTask] = field(default_factory=dict)
-    """Of the current step, by key."""
+    """Tasks of the current step by key."""
     done: int = 0
     """Tasks of earlier steps."""
 

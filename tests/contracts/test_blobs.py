@@ -1,4 +1,4 @@
-"""What every blob store does. Another implementation is one more line in `STORES`."""
+"""The contract of every blob store. Another implementation is one more line in `STORES`."""
 
 from __future__ import annotations
 

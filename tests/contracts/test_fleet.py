@@ -1,4 +1,4 @@
-"""What operators see and steer, whatever the database."""
+"""Inspection and control of the fleet by operators, on every database."""
 
 from __future__ import annotations
 

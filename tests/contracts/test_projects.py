@@ -1,4 +1,4 @@
-"""What the store promises of projects, whatever the database."""
+"""The contract of the project store, on every database."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What S3 has beyond the contract, on a real server: signed URLs, parts, faults, settings."""
+"""Features of S3 beyond the contract, on a real server: signed URLs, parts, faults, settings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the store promises, whatever the database."""
+"""The contract of the job store, on every database."""
 
 from __future__ import annotations
 
@@ -477,7 +477,7 @@ def test_a_database_that_cannot_be_opened_is_a_storage_error(tmp_path: Path) -> 
 
 
 def test_claiming_and_finishing_scan_no_whole_table(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With 100,000 tasks a scan would show: every statement must find its rows by an index."""
+    """Every statement must find its rows by an index: a scan of 100,000 tasks would be visible."""
     job_id = _job(store)
     _plan(store, *(Task(f"t-{i}", after=("t-0",) if i > 5 else ()) for i in range(500)))
     statements: list[tuple[str, object]] = []

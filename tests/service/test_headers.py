@@ -1,4 +1,4 @@
-"""What every answer tells browsers, over every page and file of ours, and every file of users."""
+"""Security headers of every answer, for every page and file of the service and every file of users."""
 
 from __future__ import annotations
 

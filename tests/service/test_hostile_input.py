@@ -38,7 +38,7 @@ CHEAP = settings(
 )
 SMALL = Limits(size_bytes=1 << 20, pixels=1 << 16, side_px=1024, frames=100)
 latin = some.text(some.characters(max_codepoint=255), max_size=60)
-"""What a header can hold."""
+"""Characters that a header can contain."""
 LOCAL = ("127.0.0.1", "10.1.2.3", "169.254.169.254", "0.0.0.0", "224.0.0.1")
 LOCAL_6 = ("::1", "fe80::1", "fd00::1", "::ffff:10.0.0.1", "64:ff9b::7f00:1", "2002:7f00:1::",
            "::127.0.0.1", "::ffff:0:127.0.0.1", "64:ff9b:1::7f00:1", "fec0::1")  # fmt: skip

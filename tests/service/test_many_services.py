@@ -41,7 +41,7 @@ def opened() -> Iterator[Open]:
 
 @pytest.fixture
 def shared(postgres: Postgres, s3: Swift, tmp_path: Path) -> dict[str, Any]:
-    """What services say that work together; each has a home of its own."""
+    """Common settings of services that share one database and one bucket."""
     given = real_settings(postgres, s3, tmp_path / "home").model_dump(exclude={"home", "pool", "workers", "lease_s"})
     return {**given, "webhook_secret": SECRET, "s3_direct": True}
 

@@ -32,7 +32,7 @@ BOUNDED = settings(
 
 @pytest.fixture(scope="module")
 def schema(tmp_path_factory: pytest.TempPathFactory, tiny_clip: Path) -> Iterator[tuple[Any, Known]]:
-    """Of a farm with an asset and a job, and their ids, so that not every answer is a 404."""
+    """A client of a farm with an asset and a job, and their ids, so that not every answer is a 404."""
     home = tmp_path_factory.mktemp("home")
     options = Settings(home=home, pool="none", requests_per_minute=10**6, max_json_bytes=8192, heartbeat_s=0.05)
     farm = open_farm(options)
@@ -61,7 +61,7 @@ def _order(operation: Any) -> int:
 
 
 def _takes_something(operation: Any) -> bool:
-    """Whether there is anything to get wrong."""
+    """True if the operation has parameters or a body."""
     return bool({"parameters", "requestBody"} & set(operation.definition.raw))
 
 

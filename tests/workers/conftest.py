@@ -26,7 +26,7 @@ def only_toy(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(autouse=True)
 def quick_probe(monkeypatch: pytest.MonkeyPatch) -> None:
-    """In this process: a child that imports every decoder takes longer than these tests."""
+    """Decode in this process: starting a child that imports every decoder takes longer than these tests."""
     monkeypatch.setattr("workers.farm.probe_guarded", probe)
 
 

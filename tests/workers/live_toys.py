@@ -36,7 +36,7 @@ class EchoParams(Params):
 
 
 class EchoSession:
-    """Gives frames back with `add` added, and their number in the stream as the blue of the top left pixel."""
+    """Returns frames with `add` added; the blue value of the top left pixel is the frame's number in the stream."""
 
     def __init__(self, params: EchoParams, size: tuple[int, int], green: int = 0, received: int = 0) -> None:
         self.params, self.size, self.green, self.received = params, size, green, received

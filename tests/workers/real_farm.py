@@ -82,7 +82,7 @@ class Worker:
                 self._process.wait()
 
     def step_clock(self) -> None:
-        """Its clock jumps an hour: forward, and back at the next call."""
+        """Set the clock of the process an hour forward, and back at the next call."""
         self._signal(signal.SIGUSR1)
 
     def freeze(self) -> None:

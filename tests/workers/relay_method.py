@@ -12,7 +12,7 @@ from pipeline.methods.base import InputSpec, Method, Params, PlanContext, Step, 
 class RelayParams(Params):
     tasks: int = Field(default=4, ge=0)
     after: tuple[str, ...] = ()
-    """What the first task of the last step names in its `after`, in place of what it needs."""
+    """The `after` of the first task of the last step, instead of its real dependencies."""
     load: str = ""
     """An artefact of the step "scan" that tasks of the last step load besides, "" for none."""
 

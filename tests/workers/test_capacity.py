@@ -1,4 +1,4 @@
-"""What a task is given of a machine, and whether a machine has it: rules without any cluster."""
+"""Resources of a task and the machines that can run it, without a cluster."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ SIZE = (4, 2)
 
 
 class Mirror:
-    """Gives back what it is shown. Of some payloads it dislikes something."""
+    """Returns its input; some payloads raise errors."""
 
     def __init__(self) -> None:
         self._payloads: SimpleQueue[bytes] = SimpleQueue()

@@ -1,4 +1,4 @@
-"""Which frame next: the newest, at most two in work, none queued; with video codecs nothing is left out of decoding."""
+"""Choice of the next frame: the newest, at most two in work, none queued; video codecs decode every frame."""
 
 from __future__ import annotations
 

@@ -167,7 +167,7 @@ def sketched(
 
 
 def keyed(region: dict[str, Any]) -> dict[str, Any]:
-    """Only `it` turns its colours round."""
+    """A design that changes the colours of region "it" only."""
     keys = [{"region": "it", "set": {"hue": 180, "value": -0.3}}, {"region": "rest"}]
     return {"version": 1, "regions": {"it": region}, "keys": keys}
 

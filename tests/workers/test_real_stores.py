@@ -54,7 +54,7 @@ def opened() -> Iterator[Callable[..., Farm]]:
 
 @pytest.fixture(scope="module")
 def expected(tmp_path_factory: pytest.TempPathFactory) -> list[bytes]:
-    """What undisturbed jobs of these shapes make, on disk and SQLite."""
+    """Results of undisturbed jobs with these shapes, on disk and SQLite."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("pipeline.methods.methods", lambda: {"toy": Toy()})
         patch.setattr("workers.farm.probe_guarded", probe)

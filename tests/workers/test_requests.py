@@ -1,4 +1,4 @@
-"""What may be submitted: every refusal names the field, the value and the remedy, and accepts nothing."""
+"""Validation of requests: every refusal names the field, the value and the remedy."""
 
 from __future__ import annotations
 

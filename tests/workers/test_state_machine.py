@@ -19,7 +19,7 @@ TASKS = 5
 
 @dataclass
 class Model:
-    """What the store keeps of a job: its mark, and the tasks of the current step in a chain of `chain` tasks."""
+    """A job as the store keeps it: its state, and the tasks of the current step in a chain of `chain` tasks."""
 
     job: JobSnapshot = field(default_factory=lambda: JobSnapshot(RunState.QUEUED, 0, 2))
     tasks: list[TaskSnapshot] = field(default_factory=list)

@@ -41,11 +41,11 @@ class ToyParams(Params):
     chain: bool = False
     sleep_s: float = Field(default=0.0, ge=0)
     trouble: str = ""
-    """What task "run-1" meets: "raise", "bad-input", "full", "away", "once", "die", "cycle" (in the plan)."""
+    """Fault of task "run-1": "raise", "bad-input", "full", "away", "once", "die", "cycle" (in the plan)."""
     gpus: float = Field(default=0.0, ge=0)
-    """What its tasks need of a machine;"""
+    """GPUs per task."""
     memory_mib: int = Field(default=0, ge=0)
-    """0 and 0: nothing in particular."""
+    """MiB per task. Without GPUs and memory, tasks declare no resources."""
     mark: str = ""
     """A file that "once" leaves behind, so that it happens once only."""
 

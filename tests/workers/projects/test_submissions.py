@@ -1,4 +1,4 @@
-"""From a document to jobs: which inputs, with which frame numbers; the same document gives the same bytes."""
+"""Jobs of a project document: inputs, frame numbers; the same document gives the same bytes."""
 
 from __future__ import annotations
 
