@@ -176,8 +176,8 @@ def _motion(shown: Strip, media: Path, params: Settings) -> Frame:
 def _importance(shown: Strip, media: Path, params: Settings) -> Frame:
     source = list(frames(CLIPS[shown.clip], media, shown.frame - WARM_UP, shown.frame + 1, HEIGHT))
     session = session_for(source[0], dict(params))
-    seen = [session.analyzer.step(frame).importance.result() for frame in source]
-    return _at(show_plane(seen[-1]), (source[0].shape[1], source[0].shape[0]))
+    planes = [session.analyzer.step(frame).importance.result() for frame in source]
+    return _at(show_plane(planes[-1]), (source[0].shape[1], source[0].shape[0]))
 
 
 def show_change(originals: Sequence[Frame], cartoons: Sequence[Frame]) -> tuple[Frame, float]:

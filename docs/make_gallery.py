@@ -133,10 +133,10 @@ def _picture(name: str, media: Path) -> Frame:
         return presets(SCENES[rest], media)
     if kind == "colours":
         return recoloured(rest, media)
-    return grid(list(itertools.chain(*_moments(SCENES[name], media, SCENES[name].picks))), 2)
+    return grid(list(itertools.chain(*_frame_pairs(SCENES[name], media, SCENES[name].picks))), 2)
 
 
-def _moments(
+def _frame_pairs(
     scene: Scene, media: Path, picks: Sequence[int], params: Mapping[str, Any] | None = None,
     scheme: ColourStats | None = None, height: int = 540,
 ) -> list[tuple[Frame, Frame]]:  # fmt: skip
@@ -166,10 +166,10 @@ def _alike(name: str, media: Path, height: int) -> dict[str, Frame]:
 def presets(scene: Scene, media: Path) -> Frame:
     """One frame as it is and with every example of the method."""
     pick = scene.picks[:1]
-    ((original, _),) = _moments(scene, media, pick, height=360)
+    ((original, _),) = _frame_pairs(scene, media, pick, height=360)
     tiles, names = [original], ["original"]
     for example in Abstraction.examples:
-        tiles += [cartoon for _, cartoon in _moments(scene, media, pick, example.params, height=360)]
+        tiles += [cartoon for _, cartoon in _frame_pairs(scene, media, pick, example.params, height=360)]
         names.append(example.title)
     return grid(tiles, 3, names)
 
@@ -179,7 +179,7 @@ def recoloured(name: str, media: Path) -> Frame:
     scheme = colours_of(media, name)
     tiles = [_cropped(painting(media, name))]
     for clip in SCHEME_CLIPS:
-        pairs = _moments(SCENES[clip], media, SCENES[clip].picks[:1], {}, scheme, height=360)
+        pairs = _frame_pairs(SCENES[clip], media, SCENES[clip].picks[:1], {}, scheme, height=360)
         tiles += [cartoon for _, cartoon in pairs]
     return grid(tiles, 2)
 
@@ -196,7 +196,7 @@ def hero(media: Path) -> Frame:
     """Four frames, each cut by a slanting line: left as it was, right as it is painted."""
     panels = []
     for name, (pick, share) in HERO.items():
-        ((original, cartoon),) = _moments(SCENES[name], media, [pick], height=720)
+        ((original, cartoon),) = _frame_pairs(SCENES[name], media, [pick], height=720)
         panels.append(_split(shrink(_cropped(original), 720), shrink(_cropped(cartoon), 720), share))
     return grid(panels, 2, width=1444)
 

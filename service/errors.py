@@ -170,6 +170,7 @@ TABLE: dict[str, tuple[int, str]] = {
     "rate-limited": (429, "Too many requests"),
     "checksum-mismatch": (460, "The checksum does not match"),
     "internal-error": (500, "Something went wrong inside"),
+    "claim-failed": (500, "A task could not be claimed"),
     "bad-plan": (500, "The method planned what cannot be run"),
     "bad-emission": (500, "The method made frames that it had not announced"),
     "busy": (503, "Busy"),

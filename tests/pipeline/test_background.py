@@ -18,14 +18,14 @@ def test_without_a_helper_the_caller_computes_at_once() -> None:
 
 
 def test_a_helper_thread_works_in_order() -> None:
-    background, seen, gate = Background(), [], threading.Event()
+    background, called, gate = Background(), [], threading.Event()
     with ThreadPoolExecutor(1) as background.helper:
         background(gate.wait, 5)
-        laters = [background(lambda n: seen.append(n) or threading.current_thread(), n) for n in range(5)]
-        assert seen == []
+        laters = [background(lambda n: called.append(n) or threading.current_thread(), n) for n in range(5)]
+        assert called == []
         gate.set()
         assert {later.result() for later in laters} != {threading.current_thread()}
-    assert seen == [0, 1, 2, 3, 4]
+    assert called == [0, 1, 2, 3, 4]
 
 
 def test_an_exception_is_raised_where_the_result_is_read() -> None:

@@ -54,7 +54,7 @@ def test_a_translucent_layer_lies_over_the_video() -> None:
     assert np.array_equal(layered({"method": "abstraction", "opacity": 0.5})[0], expected)
 
 
-def test_a_matte_says_where_the_layer_is_and_a_still_one_holds() -> None:
+def test_a_matte_limits_its_layer_and_a_still_matte_serves_every_frame() -> None:
     matte = np.zeros_like(CLIP[0])
     matte[:, :40] = 255
     found = layered({"method": "abstraction", "matted": True}, **{"layer0.matte": [matte]})

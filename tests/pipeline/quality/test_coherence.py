@@ -77,5 +77,5 @@ def test_a_report_names_the_worst_pairs() -> None:
     assert [row["frame"] for row in report["samples"]] == [1, 5, 9]
 
 
-def test_nothing_measured_is_said_so() -> None:
+def test_a_report_without_pairs_has_no_flicker() -> None:
     assert QualityReport().summary()["flicker"] is None

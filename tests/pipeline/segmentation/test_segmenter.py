@@ -304,10 +304,10 @@ def test_ids_stay_on_their_object(name: str, pure: float) -> None:
             inside = Counter(truth.ids[made.labels == label].tolist())
             at_once += inside.most_common(1)[0][1]
             pixels[int(made.ids[label])] += inside
-    pixels = 8 * 64 * 96
+    frame_pixels = 8 * 64 * 96
     over_time = sum(counts.most_common(1)[0][1] for counts in pixels.values())
-    assert at_once / pixels > pure
-    assert over_time / pixels > at_once / pixels - 0.01
+    assert at_once / frame_pixels > pure
+    assert over_time / frame_pixels > at_once / frame_pixels - 0.01
     assert regions_kept(pixels.values(), 64 * 96 // 100)
 
 

@@ -276,7 +276,7 @@ sys.stdin.read()
 _KEPT_OPEN: list[socket.socket] = []
 
 
-def answering(*said: Callable[[socket.socket], None]) -> DecoderProcess:
+def answering(*replies: Callable[[socket.socket], None]) -> DecoderProcess:
     """Our side of a child that has been taken over, and sends these messages."""
     child = DecoderProcess.__new__(DecoderProcess)
     child._wire, theirs = socket.socketpair()
@@ -285,8 +285,8 @@ def answering(*said: Callable[[socket.socket], None]) -> DecoderProcess:
     import mmap
 
     child._memory = mmap.mmap(-1, 64)
-    for say in said:
-        say(theirs)
+    for reply in replies:
+        reply(theirs)
     _KEPT_OPEN.append(theirs)
     return child
 

@@ -67,8 +67,11 @@ const badge = (word: string, more: string): Child => [
   more && h("small", {}, more),
 ];
 
+const ROLES: Record<string, string> = { worker: "worker", serve: "service" };
+
+/** Host, role, version and short id; a worker that has just registered has no role yet. */
 function identity(worker: Worker): Child {
-  const role = worker.role === "worker" ? "worker" : "service";
+  const role = ROLES[worker.role] ?? "starting";
   const parts = [role, worker.version && `version ${worker.version}`, shortId(worker.id)];
   return [h("strong", {}, worker.host), h("small", {}, parts.filter(Boolean).join(" · "))];
 }
