@@ -16,8 +16,8 @@ from typing import Any
 from sqlalchemy import insert, select
 
 from pipeline.methods.base import Task
-from workers import state_machine as machine
 from workers.ids import new_id
+from workers.jobs import state_machine as machine
 from workers.model import Asset, JobRequest, TaskOutcome
 from workers.store import Accepted, Store, schema
 

@@ -22,6 +22,7 @@ from workers.farm_parts.files import FarmFiles
 from workers.farm_parts.health import HealthChecks
 from workers.farm_parts.jobs import FarmJobs
 from workers.farm_parts.tasks import FarmTasks
+from workers.jobs.state_machine import Limits
 from workers.live.local_workers import LocalLiveWorkers
 from workers.live.renderer import LiveRenderer
 from workers.live.sessions import LiveSessions
@@ -36,7 +37,6 @@ from workers.scheduling.dispatcher import Dispatcher
 from workers.scheduling.garbage_collector import GarbageCollector
 from workers.scheduling.process_lock import ProcessLock
 from workers.settings import FarmSettings
-from workers.state_machine import Limits
 from workers.store import Store, StorePolicy
 from workers.store.projects import Retention
 from workers.version import version

@@ -13,8 +13,8 @@ import typer
 
 from impasto.cli.console import emit, out, print_status, print_table, print_warnings, progress, table
 from impasto.cli.options import (
-    Damage,
     DamageOption,
+    DamagePolicy,
     InputOption,
     JsonFlag,
     KeyOption,
@@ -66,7 +66,7 @@ class SubmitOptions:
     label: Annotated[
         list[str] | None, typer.Option(metavar="NAME=VALUE", help="A label for searching; repeatable.")
     ] = None
-    on_damage: DamageOption = Damage.WARN
+    on_damage: DamageOption = DamagePolicy.WARN
     priority: Annotated[int, typer.Option(min=-100, max=100, help="Higher goes first.")] = 0
     webhook: Annotated[str, typer.Option(metavar="URL", help="URL that receives a message when the job ends.")] = ""
     idempotency_key: Annotated[

@@ -70,7 +70,7 @@ Output = Annotated[
 
 
 @dataclass(frozen=True, kw_only=True)
-class LiveOptions:
+class LiveCommandOptions:
     """Options of `impasto live`."""
 
     inputs: Inputs
@@ -91,8 +91,8 @@ class LiveOptions:
     as_json: JsonFlag = False
 
 
-@takes_options(LiveOptions)
-def live(options: LiveOptions) -> None:
+@takes_options(LiveCommandOptions)
+def live(options: LiveCommandOptions) -> None:
     """Stylise a stream as it comes, through a live session of a service."""
     from impasto.live.client import LiveClient
     from impasto.live.service import service

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from impasto.client import Client
 
 
-class Damage(StrEnum):
+class DamagePolicy(StrEnum):
     """What a job does when frames of an input are missing or unreadable."""
 
     WARN = "warn"
@@ -45,7 +45,7 @@ QualityOption = Annotated[
     int, typer.Option(min=0, max=51, help="Rate factor of the video codec: lower is better.", rich_help_panel=WHAT)
 ]
 DamageOption = Annotated[
-    Damage,
+    DamagePolicy,
     typer.Option(
         help="If frames of an input are missing or unreadable: use what can be read, or fail.", rich_help_panel=WHAT
     ),

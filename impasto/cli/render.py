@@ -12,8 +12,8 @@ import typer
 
 from impasto.cli.console import emit, out, print_status, print_warnings, progress
 from impasto.cli.options import (
-    Damage,
     DamageOption,
+    DamagePolicy,
     HomeOption,
     InputOption,
     JsonFlag,
@@ -85,7 +85,7 @@ class RenderOptions:
     frames: Annotated[
         str, typer.Option(metavar="FIRST:END", help="Only this piece of IN, counted from 0, END not included.")
     ] = ""
-    on_damage: DamageOption = Damage.WARN
+    on_damage: DamageOption = DamagePolicy.WARN
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False
     workers: Annotated[int, typer.Option(min=1, max=256, help="Tasks at once. Never changes a byte.")] = 1
     raw: Annotated[

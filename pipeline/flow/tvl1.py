@@ -22,8 +22,8 @@ COARSEST_PX = 16
 T = TypeVar("T")
 
 
-class Operations(Protocol[T]):
-    """Operations of the loop on arrays of type T: an image pair (2, h, w), a flow (2, h, w), float32; see
+class TvL1Operations(Protocol[T]):
+    """TvL1Operations of the loop on arrays of type T: an image pair (2, h, w), a flow (2, h, w), float32; see
     `tvl1_reference`."""
 
     def load(self, previous: Gray, current: Gray) -> T: ...
@@ -68,7 +68,7 @@ def tvl1(previous: object, current: object, params: TvL1 = DEFAULTS, device: Dev
     return solve(Kernels(device), first, second, params)
 
 
-def solve(ops: Operations[T], previous: Gray, current: Gray, params: TvL1) -> Flow:
+def solve(ops: TvL1Operations[T], previous: Gray, current: Gray, params: TvL1) -> Flow:
     """Estimate the flow from coarse to fine with either implementation of the operations."""
     levels = [ops.texture(ops.load(previous, current), params)]
     while min(ops.size(levels[-1])) >= 2 * COARSEST_PX:
@@ -81,7 +81,7 @@ def solve(ops: Operations[T], previous: Gray, current: Gray, params: TvL1) -> Fl
     return ops.fetch(flow)
 
 
-def _level(ops: Operations[T], pair: T, flow: T, params: TvL1) -> T:
+def _level(ops: TvL1Operations[T], pair: T, flow: T, params: TvL1) -> T:
     slope, dual = ops.gradient(pair), ops.zeros(4, ops.size(pair))
     for _ in range(params.warps):
         data = ops.linearise(pair, slope, flow)

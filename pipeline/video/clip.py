@@ -12,7 +12,7 @@ from pathlib import Path
 import av
 
 from pipeline.frames import Frame
-from pipeline.video.decoder import Damage, Pass
+from pipeline.video.decoder import DamagedPass, Pass
 from pipeline.video.geometry import Geometry, geometry_of, to_frame
 from pipeline.video.index import Index, build_index
 from pipeline.video.media import Limits, check_size, unreadable
@@ -80,7 +80,7 @@ class Clip:
     def _retried(self, at: int) -> av.VideoFrame | None:
         try:
             return self._picture(at)
-        except Damage:
+        except DamagedPass:
             self._tolerant = True
             self.close()
             return self._picture(at)
@@ -102,7 +102,7 @@ class Clip:
         if not self.index.exact or self._current is None:
             return None
         if not self._tolerant:
-            raise Damage("the last pictures are missing")
+            raise DamagedPass("the last pictures are missing")
         return self._current[1]
 
     def _pass_to(self, at: int) -> Pass:

@@ -18,7 +18,7 @@ from pipeline.video.index import Index
 from pipeline.video.media import Limits
 
 
-class Damage(Exception):
+class DamagedPass(Exception):
     """A decoding error in a pass that does not tolerate errors."""
 
 
@@ -26,7 +26,7 @@ class Pass:
     """A decoder that reads forwards from frame `start`, which is 0 or one of `index.keys`. The caller closes it.
 
     Args:
-        errors: list to which decoding errors are appended; None = raise `Damage` instead.
+        errors: list to which decoding errors are appended; None = raise `DamagedPass` instead.
     """
 
     def __init__(self, path: Path, index: Index, start: int, limits: Limits, errors: list[str] | None) -> None:
@@ -101,7 +101,7 @@ class Pass:
 
     def _report(self, text: str) -> None:
         if self._errors is None:
-            raise Damage(text)
+            raise DamagedPass(text)
         if len(self._errors) < 100:
             self._errors.append(text)
 
@@ -110,4 +110,4 @@ def _seek(container: InputContainer, stream: VideoStream, pts: int) -> None:
     try:
         container.seek(pts, stream=stream, backward=True, any_frame=False)
     except (av.FFmpegError, OSError) as error:
-        raise Damage(f"cannot seek: {error}") from error
+        raise DamagedPass(f"cannot seek: {error}") from error

@@ -12,10 +12,10 @@ from pipeline.errors import BadParameter
 from pipeline.methods.base import Resources, Task
 from tests.contracts.databases import DATABASES
 from tests.contracts.test_stores import FAULT, Clock, _answer, _asset, _claim, _job, _plan
-from workers import state_machine as machine
 from workers.errors import NotFound
+from workers.jobs import state_machine as machine
+from workers.jobs.state_machine import Limits
 from workers.operations import DrainScope, LiveView, Slot, WorkerInfo
-from workers.state_machine import Limits
 from workers.store import Heartbeat, Store, StorePolicy
 
 WHO = WorkerInfo("studio-1", "worker", "ray", "1.2.3")

@@ -26,9 +26,9 @@ from hypothesis.stateful import (
 from pipeline.methods.base import Task
 from tests.contracts.farm_model import FINAL, ModelJob
 from tests.real.postgres import Postgres
-from workers import state_machine as machine
 from workers.blobs.disk import DiskBlobs
 from workers.errors import Conflict
+from workers.jobs import state_machine as machine
 from workers.model import Asset, Fault, JobRequest, TaskOutcome
 from workers.scheduling.garbage_collector import GarbageCollector
 from workers.store import Accepted, Claim, Store, StorePolicy, schema

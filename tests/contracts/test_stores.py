@@ -14,10 +14,10 @@ from sqlalchemy import event, select
 from pipeline.errors import BadParameter, StorageError
 from pipeline.methods.base import Task
 from tests.contracts.databases import DATABASES
-from workers import state_machine as machine
 from workers.errors import Conflict, NotFound, QuotaExceeded
+from workers.jobs import state_machine as machine
+from workers.jobs.state_machine import Limits
 from workers.model import Asset, Fault, JobRequest, TaskOutcome
-from workers.state_machine import Limits
 from workers.store import Accepted, Claim, Heartbeat, Store, StorePolicy, schema
 
 STEPS = (("look", "Look"), ("draw", "Draw"), ("assemble", "Join"))

@@ -10,7 +10,7 @@ from sqlalchemy import Connection, delete, insert, select, text, update
 
 from pipeline.methods.base import Task
 from tests.contracts.databases import DATABASES
-from workers import state_machine as machine
+from workers.jobs import state_machine as machine
 from workers.model import Asset, Fault, JobRequest, RunState, TaskOutcome, TaskState
 from workers.store import Accepted, Store, schema
 

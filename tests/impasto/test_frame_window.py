@@ -19,7 +19,7 @@ from pipeline.video.reader import VideoReader
 from pipeline.video.shot_files import files_of_frames
 from tests.conftest import TINY_FPS
 from workers.farm import Farm, open_farm
-from workers.frame_window import WindowImages, window_info
+from workers.jobs.frame_window import WindowImages, window_info
 from workers.model import JobRequest, OutputSpec
 from workers.settings import FarmSettings
 

@@ -16,9 +16,9 @@ from pipeline.errors import UnreadableMedia
 from pipeline.methods.base import Task
 from pipeline.video.media import Limits, MediaInfo
 from workers.farm import Farm
+from workers.jobs.state_machine import Failed
 from workers.model import Delivery, Fault, Job, JobRequest, RunState, TaskOutcome, TaskState, TaskView
 from workers.settings import FarmSettings
-from workers.state_machine import Failed
 from workers.store import Store
 
 MAGIC = b"CLIP"

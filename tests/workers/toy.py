@@ -31,9 +31,9 @@ from pipeline.methods.base import (
 from tests.workers.relay_method import Relay
 from workers.blobs.base import Blobs
 from workers.faults import failed_outcome
+from workers.jobs.state_machine import ASSEMBLE
 from workers.model import TaskOrder, TaskOutcome
 from workers.pools.base import Tell
-from workers.state_machine import ASSEMBLE
 
 
 class ToyParams(Params):

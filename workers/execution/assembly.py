@@ -22,7 +22,7 @@ from pipeline.video.writer import Format, zip_entry
 from workers.blobs.base import Blobs
 from workers.execution.context import PART
 from workers.execution.decoders import Decoders
-from workers.frame_window import window_index
+from workers.jobs.frame_window import window_index
 from workers.model import Json, TaskOrder
 
 Files = dict[str, tuple[str, str]]

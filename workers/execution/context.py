@@ -28,7 +28,7 @@ from workers.execution.emission import Emission, EmitError
 from workers.execution.input_damage import InputDamage, within
 from workers.execution.preview_publisher import PreviewPublisher
 from workers.execution.stage_timer import StageTimer
-from workers.frame_window import WindowImages, window_document, window_index
+from workers.jobs.frame_window import WindowImages, window_document, window_index
 from workers.log_context import belong
 from workers.logs import attempt_facts
 from workers.model import FAIL, TaskOrder

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pipeline.errors import DamagedMedia
 from pipeline.video.damage import damage_of
 from pipeline.video.index import Index
-from workers.job_warnings import DAMAGE_REMEDY, damage_warning, describe_damage
+from workers.jobs.job_warnings import DAMAGE_REMEDY, damage_warning, describe_damage
 from workers.model import JobWarning
 
 

@@ -26,11 +26,11 @@ from workers.execution.context import AttemptContext
 from workers.execution.decoders import Decoders
 from workers.execution.warm_up import warm_up_process
 from workers.faults import fault_from
+from workers.jobs.state_machine import ASSEMBLE
 from workers.logs import AttemptLog, captured, set_up_logs
 from workers.model import TaskOrder, TaskOutcome
 from workers.pools.base import Tell
 from workers.settings import FarmSettings
-from workers.state_machine import ASSEMBLE
 
 _LOG = logging.getLogger(__name__)
 

@@ -8,11 +8,11 @@ from collections.abc import Callable, Sequence
 
 from pipeline.errors import StorageError
 from pipeline.methods import method
-from workers import state_machine as machine
 from workers.blobs.base import Blobs
 from workers.errors import NotFound
 from workers.execution.lru_cache import LruCache
 from workers.execution.preview import PreviewAsk, Previews
+from workers.jobs import state_machine as machine
 from workers.log_context import about
 from workers.model import Asset, Event, Job, JobRequest, Json, Page, Submitted
 from workers.scheduling.garbage_collector import GarbageCollector

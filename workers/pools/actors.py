@@ -22,7 +22,7 @@ from workers.live.model import LiveOrder
 from workers.model import Json, TaskOrder, TaskOutcome
 from workers.pools.artefact_cache import ArtefactCache
 from workers.pools.attempt_monitor import AttemptMonitor
-from workers.pools.local_pool import Runner
+from workers.pools.local_pool import TaskRunner
 from workers.pools.ray_types import RAY, Actor, ObjectRef
 
 CONTROL = "control"
@@ -37,7 +37,7 @@ LOWEST = 19
 class _RenderActor:
     """Runs one order at a time; another thread answers questions about its progress."""
 
-    def __init__(self, make_runner: Callable[[Blobs], Runner], blobs: Blobs) -> None:
+    def __init__(self, make_runner: Callable[[Blobs], TaskRunner], blobs: Blobs) -> None:
         os.nice(RENDER_NICENESS)
         self._monitor = AttemptMonitor()
         self._cache = ArtefactCache(blobs)

@@ -6,7 +6,7 @@ import threading
 from collections import OrderedDict
 
 from workers.model import TaskOrder, TaskOutcome
-from workers.pools.local_pool import Runner
+from workers.pools.local_pool import TaskRunner
 
 _REMEMBERED = 64
 
@@ -21,7 +21,7 @@ class AttemptMonitor:
         self._preview = ""
         self._cancelled: OrderedDict[str, None] = OrderedDict()
 
-    def run(self, runner: Runner, order: TaskOrder) -> TaskOutcome:
+    def run(self, runner: TaskRunner, order: TaskOrder) -> TaskOutcome:
         with self._lock:
             self._attempt_id, self._done, self._preview = order.attempt_id, 0.0, ""
         return runner.run(order, self._report, lambda: self._is_cancelled(order.attempt_id))

@@ -17,7 +17,7 @@ from workers.pools.base import Report, Tell
 Listen = Callable[[Report], None]
 
 
-class Runner(Protocol):
+class TaskRunner(Protocol):
     """Runs one order at a time, as `workers.execution.renderer.Renderer` does."""
 
     def run(self, order: TaskOrder, report: Tell, cancelled: Callable[[], bool]) -> TaskOutcome: ...
@@ -34,7 +34,7 @@ class LocalPool:
 
     shares_memory = False
 
-    def __init__(self, make_runner: Callable[[], Runner], workers: int) -> None:
+    def __init__(self, make_runner: Callable[[], TaskRunner], workers: int) -> None:
         self.capacity = workers
         self._make_runner = make_runner
         self._orders: queue.SimpleQueue[TaskOrder | None] = queue.SimpleQueue()
@@ -116,7 +116,7 @@ class LocalPool:
 
     def _work(self) -> None:
         name = threading.current_thread().name
-        runner: Runner | None = None
+        runner: TaskRunner | None = None
         while (order := self._orders.get()) is not None:
             runner = self._run(order, runner, name)
             if self._was_abandoned(order.attempt_id):
@@ -130,7 +130,7 @@ class LocalPool:
             self._abandoned.discard(attempt_id)
             return was
 
-    def _run(self, order: TaskOrder, runner: Runner | None, name: str) -> Runner | None:
+    def _run(self, order: TaskOrder, runner: TaskRunner | None, name: str) -> TaskRunner | None:
         """Run one order and report; returns the runner for the next one."""
         attempt_id = order.attempt_id
         with self._lock:

@@ -33,7 +33,7 @@ from workers.pools.actors import RenderActor
 from workers.pools.artefact_cache import SharedArtefacts
 from workers.pools.base import Report
 from workers.pools.capacity import Capacity, Machines, capacity_for, default_capacity, machines_with, shortage
-from workers.pools.local_pool import Listen, Runner
+from workers.pools.local_pool import Listen, TaskRunner
 from workers.pools.ray_cluster import connect
 from workers.pools.ray_types import RAY, Actor, ObjectRef
 from workers.settings import FarmSettings
@@ -84,7 +84,7 @@ class RayPool:
     """
 
     def __init__(
-        self, blobs: Blobs, settings: FarmSettings, make_runner: Callable[[Blobs], Runner] | None = None
+        self, blobs: Blobs, settings: FarmSettings, make_runner: Callable[[Blobs], TaskRunner] | None = None
     ) -> None:
         self._settings = settings
         self._blobs = blobs

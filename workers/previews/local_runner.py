@@ -12,7 +12,7 @@ from workers.previews.model import PreviewQuery, Record
 
 
 class LocalRunner:
-    """A `Runner` over an engine of this process."""
+    """A `PreviewRunner` over an engine of this process."""
 
     def __init__(self, blobs: Blobs, limit_bytes: int) -> None:
         self._engine = PreviewEngine(blobs, limit_bytes)

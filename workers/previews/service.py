@@ -16,7 +16,7 @@ _FORGET = 10_000
 """Clients and channels that are remembered: beyond that, the longest silent are forgotten."""
 
 
-class Runner(Protocol):
+class PreviewRunner(Protocol):
     """Where previews are made: in this process, or in a process of its own."""
 
     def run(self, query: PreviewQuery, check: Check) -> Iterator[Record]:
@@ -69,7 +69,7 @@ class PreviewService:
         slots: previews made at once; others wait for their turn, and are gone if they are overtaken meanwhile.
     """
 
-    def __init__(self, runner: Runner, slots: int) -> None:
+    def __init__(self, runner: PreviewRunner, slots: int) -> None:
         self._runner = runner
         self._slots = threading.BoundedSemaphore(slots)
         self._lock = threading.Lock()

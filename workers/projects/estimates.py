@@ -8,7 +8,7 @@ from statistics import median
 
 from pipeline.methods.layers import LAYERS
 from workers.errors import NotFound
-from workers.frame_window import window_info
+from workers.jobs.frame_window import window_info
 from workers.model import Asset, Job, JobRequest
 
 SAMPLES = 20

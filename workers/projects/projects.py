@@ -24,8 +24,7 @@ from workers.projects.model import Project, ProjectJob, ProjectVersion
 from workers.projects.parsing import parse_document
 from workers.projects.sources import layer_sources
 from workers.projects.submissions import Selection, Submission, submissions
-from workers.store.projects import Draft
-from workers.store.projects import Projects as StoredProjects
+from workers.store.projects import Draft, StoredProjects
 
 Sources = tuple[LayerSources, ...]
 

@@ -14,8 +14,8 @@ from collections import deque
 from collections.abc import Callable, Sequence
 
 from pipeline.errors import StorageError
-from workers import state_machine as machine
 from workers.faults import failed_outcome, is_final, is_resource_away
+from workers.jobs import state_machine as machine
 from workers.log_context import about
 from workers.model import Fault, TaskOutcome
 from workers.operations import DrainScope, Slot, WorkerInfo

@@ -6,9 +6,9 @@ from collections import OrderedDict
 from dataclasses import dataclass
 
 from pipeline.methods.base import Resources
-from workers.frame_window import window_inputs
+from workers.jobs.frame_window import window_inputs
+from workers.jobs.state_machine import ASSEMBLE
 from workers.model import JobRequest, Json, TaskOrder, asset_key
-from workers.state_machine import ASSEMBLE
 from workers.store import Claim, Store
 from workers.store.records import emitted_run, request_of
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import Method, Params, PlanContext, Task, TaskResult, VideoInfo, resources_per_pixel
 from pipeline.methods.plan_check import check_plan
+from workers.jobs.state_machine import ASSEMBLE
 from workers.model import JobRequest, Json
-from workers.state_machine import ASSEMBLE
 
 _ASSEMBLE_TITLE = "Join frames and sound"
 _ASSEMBLE_WEIGHT = 0.05

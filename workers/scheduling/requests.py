@@ -9,8 +9,8 @@ from urllib.parse import urlsplit
 from pipeline.errors import BadInput, BadParameter, DamagedMedia, did_you_mean, together
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import InputKind, InputSpec, Method, Params
-from workers.frame_window import window_info
-from workers.job_warnings import DAMAGE_REMEDY
+from workers.jobs.frame_window import window_info
+from workers.jobs.job_warnings import DAMAGE_REMEDY
 from workers.model import (
     FAIL,
     MAX_LABEL_NAME,

@@ -7,7 +7,7 @@ import time
 
 from pipeline.errors import ImpastoError, StorageError
 from workers.faults import fault_from
-from workers.frame_window import window_inputs
+from workers.jobs.frame_window import window_inputs
 from workers.log_context import about
 from workers.scheduling.planning import plan_step
 from workers.store import StepToPlan, Store

@@ -13,7 +13,7 @@ from workers.store.job_transaction import StorePolicy
 from workers.store.jobs import Accepted, Jobs
 from workers.store.keys import Keys
 from workers.store.plans import Plans, StepToPlan
-from workers.store.projects import Projects
+from workers.store.projects import StoredProjects
 from workers.store.statistics import Statistics
 from workers.store.task_inputs import TaskInputs
 from workers.store.task_queue import Heartbeat, TaskQueue
@@ -49,7 +49,7 @@ class Store:
         self.statistics = Statistics(*shared, counters)
         self.workers = Workers(*shared)
         self.keys = Keys(*shared)
-        self.projects = Projects(*shared)
+        self.projects = StoredProjects(*shared)
         self.webhooks = Webhooks(*shared)
         self.validation = Validation(*shared)
 

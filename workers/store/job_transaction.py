@@ -12,12 +12,12 @@ from typing import cast
 
 from sqlalchemy import Connection, RowMapping, and_, bindparam, delete, insert, or_, select, update
 
-from workers import state_machine as machine
 from workers.errors import NotFound
 from workers.ids import new_id
-from workers.job_warnings import merged_warnings
+from workers.jobs import state_machine as machine
+from workers.jobs.job_warnings import merged_warnings
+from workers.jobs.state_machine import Counts, JobSnapshot, Limits, State, StateEvent, TaskSnapshot
 from workers.model import JobWarning, Json, RunState, TaskState
-from workers.state_machine import Counts, JobSnapshot, Limits, State, StateEvent, TaskSnapshot
 from workers.store import schema, task_states
 from workers.store.records import TaskRow, Values, counts_of, fault_to_json
 

@@ -10,9 +10,9 @@ from sqlalchemy import ColumnElement, Connection, Table, bindparam, delete, func
 from sqlalchemy.exc import IntegrityError
 
 from pipeline.errors import BadParameter
-from workers import state_machine as machine
 from workers.errors import Conflict, IdempotencyMismatch, NotFound, QuotaExceeded
 from workers.ids import new_id
+from workers.jobs import state_machine as machine
 from workers.model import Job, JobRequest, Json, Page, RunState, Submitted, TaskState
 from workers.store import schema, task_states
 from workers.store.base import StorePart

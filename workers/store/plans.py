@@ -10,8 +10,8 @@ from typing import Any
 from sqlalchemy import and_, bindparam, func, insert, select, text, update
 
 from pipeline.methods.base import Task
-from workers import state_machine as machine
 from workers.ids import new_id
+from workers.jobs import state_machine as machine
 from workers.model import Fault, JobRequest, Json, RunState, TaskState
 from workers.store import schema
 from workers.store.base import StorePart

@@ -60,7 +60,7 @@ class Retention:
     then_one_in_s: float = 3600.0
 
 
-class Projects(StorePart):
+class StoredProjects(StorePart):
     """Projects by id."""
 
     def create(self, draft: Draft, owner: str) -> Project:

@@ -11,6 +11,7 @@ from pydantic import JsonValue
 from sqlalchemy import RowMapping, Select
 
 from pipeline.errors import BadParameter
+from workers.jobs.state_machine import Counts
 from workers.model import (
     WARN,
     ApiKey,
@@ -24,7 +25,6 @@ from workers.model import (
     OutputSpec,
     TaskState,
 )
-from workers.state_machine import Counts
 
 Row: TypeAlias = RowMapping | dict[str, Any]
 """A row as read: column -> value."""

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from sqlalchemy import Connection, RowMapping, bindparam, delete, func, insert, or_, select, update
 
 from pipeline.errors import StorageError
-from workers import state_machine as machine
+from workers.jobs import state_machine as machine
+from workers.jobs.state_machine import StateEvent
 from workers.log_context import about
 from workers.model import TaskOutcome, TaskState
 from workers.operations import DrainScope
-from workers.state_machine import StateEvent
 from workers.store import fair_scheduler, schema
 from workers.store.base import Clock, StorePart
 from workers.store.claims import Claim, ClaimFailed, claim_in

@@ -26,7 +26,7 @@ INK = (14, 11, 16)
 
 
 @dataclass(frozen=True)
-class Painting:
+class CompositedFrame:
     """A finished frame with its intermediate results."""
 
     frame: Frame
@@ -60,7 +60,7 @@ class Compositor:
         with self.clock("paint"):
             return warp_back(picture, back)
 
-    def step(self, coloured: ColouredRegions) -> Painting:
+    def step(self, coloured: ColouredRegions) -> CompositedFrame:
         """Composite a frame, after `prepare` with the analysis of the same frame."""
         analysis, regions, background = coloured.analysis, coloured.regions, self.background
         with self.clock("paint"):
@@ -72,7 +72,7 @@ class Compositor:
             if ink is not None:
                 overlay(picture, ink, INK, self.params.line_opacity, background)
             self.picture = self._fade(picture, analysis)
-        return Painting(self.picture, regions, labels, coloured.colours, ink)
+        return CompositedFrame(self.picture, regions, labels, coloured.colours, ink)
 
     def _fade(self, picture: Frame, analysis: FrameAnalysis) -> Frame:
         """Cross-fade from the previous output where the source agrees with its past, so that regions do not pop."""

@@ -21,7 +21,7 @@ from pipeline.background import Background
 from pipeline.colour.scheme import ColourStats, learn
 from pipeline.frames import Frame, Plane
 from pipeline.methods.abstraction.analysis import FrameAnalysis, FrameAnalyzer
-from pipeline.methods.abstraction.compositor import Compositor, Painting
+from pipeline.methods.abstraction.compositor import CompositedFrame, Compositor
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.region_stage import RegionStage
 from pipeline.methods.abstraction.resample_state import resample_state
@@ -72,7 +72,7 @@ class AbstractionSession:
         """Second half of a step: segmentation, colours and compositing."""
         return self.finish(analysis).frame
 
-    def finish(self, analysis: FrameAnalysis) -> Painting:
+    def finish(self, analysis: FrameAnalysis) -> CompositedFrame:
         """`paint` with the intermediate results of the frame."""
         self.compositor.prepare(analysis)
         painting = self.complete(analysis)
@@ -80,7 +80,7 @@ class AbstractionSession:
             self.analyzer.finish_frame()
         return painting
 
-    def complete(self, analysis: FrameAnalysis) -> Painting:
+    def complete(self, analysis: FrameAnalysis) -> CompositedFrame:
         """Second part of `finish`, after `Compositor.prepare`."""
         return self.compositor.step(self.regions.step(analysis))
 
@@ -134,7 +134,7 @@ class PipelinedRunner:
 
     def run(
         self, frames: Iterable[Frame], masks: Mapping[int, Plane] | None = None, first: int = 0
-    ) -> Iterator[Painting]:  # fmt: skip
+    ) -> Iterator[CompositedFrame]:  # fmt: skip
         """The result of `AbstractionSession.finish` for each frame, in order.
 
         Args:

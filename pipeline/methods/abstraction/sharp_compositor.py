@@ -7,7 +7,7 @@ from pipeline.colour.memory import blend_colours, moving_borders
 from pipeline.colour.paint import overlay
 from pipeline.frames import Frame, Labels
 from pipeline.methods.abstraction.analysis import FrameAnalysis
-from pipeline.methods.abstraction.compositor import INK, Compositor, Painting
+from pipeline.methods.abstraction.compositor import INK, CompositedFrame, Compositor
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.region_stage import ColouredRegions
 from pipeline.methods.abstraction.sizes import Sizes, enlarge_flow, enlarge_mask
@@ -30,7 +30,8 @@ class SharpCompositor(Compositor):
     """Smooths borders, fills regions and draws lines over them.
 
     The picture that it keeps, `picture`, has the blended region colours without lines, so that a line that has moved
-    leaves no trace. `Painting.labels` are the labels of the segmentation: the borders are smoothed, not the label map.
+    leaves no trace. `CompositedFrame.labels` are the labels of the segmentation: the borders are smoothed, not the
+    label map.
     """
 
     def __init__(self, params: AbstractionParams, sizes: Sizes, clock: Clock, background: Background) -> None:
@@ -53,7 +54,7 @@ class SharpCompositor(Compositor):
                 lambda: self._warp_back(picture, backward_maps(enlarge_flow(flow, self.sizes)))
             )
 
-    def step(self, coloured: ColouredRegions) -> Painting:
+    def step(self, coloured: ColouredRegions) -> CompositedFrame:
         """Composite a frame, after `prepare` with the analysis of the same frame."""
         analysis, labels, colours = coloured.analysis, coloured.regions.labels, coloured.colours
         with self.clock("paint"):
@@ -64,7 +65,7 @@ class SharpCompositor(Compositor):
             ink = None if analysis.ink is None else analysis.ink.result()
             if ink is not None:
                 overlay(frame, ink, INK, self.params.line_opacity, self.background)
-        return Painting(frame, coloured.regions, labels, colours, ink, borders)
+        return CompositedFrame(frame, coloured.regions, labels, colours, ink, borders)
 
     def _borders(self, labels: Labels, analysis: FrameAnalysis) -> Borders:
         borders = find_borders(labels)

@@ -7,7 +7,7 @@ import zipfile
 
 import numpy as np
 
-from pipeline.methods.abstraction.compositor import INK, Painting
+from pipeline.methods.abstraction.compositor import INK, CompositedFrame
 from pipeline.vector.svg import DEFAULT_PASSES, to_svg
 
 _EPOCH = (1980, 1, 1, 0, 0, 0)
@@ -21,7 +21,7 @@ class SvgArchive:
         self._bytes = io.BytesIO()
         self._zip = zipfile.ZipFile(self._bytes, "w", zipfile.ZIP_DEFLATED, compresslevel=6)
 
-    def add(self, index: int, painting: Painting) -> None:
+    def add(self, index: int, painting: CompositedFrame) -> None:
         ink = None if painting.ink is None else painting.ink.astype(np.float32) / np.float32(255)
         page = to_svg(
             painting.labels, painting.colours, painting.regions.ids, ink=ink, ink_colour=INK,

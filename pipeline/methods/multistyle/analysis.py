@@ -70,7 +70,7 @@ class StrokeLayer:
 
 
 @dataclass(frozen=True)
-class FrameAnalysis:
+class StrokeAnalysis:
     """Everything that the painter needs to know about one frame.
 
     Attributes:
@@ -130,8 +130,8 @@ class FrameAnalysis:
         }
 
 
-def unpack(arrays: Arrays) -> FrameAnalysis:
-    """Restore what `FrameAnalysis.pack` returned."""
+def unpack(arrays: Arrays) -> StrokeAnalysis:
+    """Restore what `StrokeAnalysis.pack` returned."""
     count = sum(name.endswith(".xy") for name in arrays)
     layers = tuple(
         StrokeLayer(arrays[f"{k}.xy"], arrays[f"{k}.ids"], arrays[f"{k}.strokes"], float(arrays[f"{k}.sigma"]))
@@ -141,7 +141,7 @@ def unpack(arrays: Arrays) -> FrameAnalysis:
         name: arrays[f"varying-{name}"] if np.isnan(value) else float(value)
         for name, value in zip(PIXEL_FIELDS, arrays["uniform"], strict=True)
     }
-    return FrameAnalysis(
+    return StrokeAnalysis(
         int(arrays["number"]), arrays["picture"], arrays["field"], layers, arrays.get("back"), technique,
         arrays.get("rims"),
     )  # fmt: skip

@@ -15,7 +15,7 @@ from pipeline.arrays import Arrays, State, flatten, part
 from pipeline.flow import estimate
 from pipeline.flow.invert import invert_flow
 from pipeline.frames import Flow, Frame, Mask, Plane, same_size
-from pipeline.methods.multistyle.analysis import FrameAnalysis, Half
+from pipeline.methods.multistyle.analysis import Half, StrokeAnalysis
 from pipeline.methods.multistyle.denoise import TemporalDenoiser, denoise_directions, zero_resting_flow
 from pipeline.methods.multistyle.design import Design
 from pipeline.methods.multistyle.design_fields import DesignFields, RegionPlacement
@@ -50,7 +50,7 @@ DEFAULT_WEIGHT = 0.012
 """Weight of the default direction relative to a clear edge."""
 
 
-class FrameAnalyzer:
+class StrokeAnalyzer:
     """Analyses consecutive frames of one size. Not thread-safe.
 
     Args:
@@ -83,7 +83,7 @@ class FrameAnalyzer:
         self.field: OrientationField | None = None
         self.detail: Plane | None = None
 
-    def step(self, frame: Frame, placed: RegionPlacement | None = None) -> FrameAnalysis:
+    def step(self, frame: Frame, placed: RegionPlacement | None = None) -> StrokeAnalysis:
         """Analyse the next frame.
 
         Args:
@@ -110,7 +110,7 @@ class FrameAnalyzer:
         technique = {name: self._stored(values, name) for name in PIXEL_FIELDS}
         rims = self.rims.step(picture, back, changed) if np.max(values["paper"]) > 0 else None
         flow16 = None if back is None else _coarse(back)
-        return FrameAnalysis(self.number, picture, field16, layers, flow16, technique, rims)
+        return StrokeAnalysis(self.number, picture, field16, layers, flow16, technique, rims)
 
     def _values(self, placed: RegionPlacement | None) -> Values:
         if placed is None or self.design is None:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame
-from pipeline.methods.multistyle.analysis import FrameAnalysis
+from pipeline.methods.multistyle.analysis import StrokeAnalysis
 from pipeline.video.stills import encode_png
 from pipeline.video.writer import zip_entry
 
@@ -22,7 +22,7 @@ DIM = 0.45
 """Lightness of the gray picture under the segments."""
 
 
-def orientation_picture(analysis: FrameAnalysis, size: tuple[int, int]) -> Frame:
+def orientation_picture(analysis: StrokeAnalysis, size: tuple[int, int]) -> Frame:
     """Line segments along the stroke directions over a dimmed gray picture: uint8 (h, w, 3).
 
     The hue of a segment is twice its angle, so that angles half a turn apart have the same colour.

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray, Arrays, State, flatten, part
 from pipeline.frames import Frame, Plane
-from pipeline.methods.multistyle.analysis import FrameAnalysis, StrokeLayer, unpack
+from pipeline.methods.multistyle.analysis import StrokeAnalysis, StrokeLayer, unpack
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.styles import STYLES, pigment
 from pipeline.methods.tasks import Clock, no_clock
@@ -56,9 +56,9 @@ class Painter:
     ) -> None:  # fmt: skip
         self.params, self.size, self.seed, self.clock, self.threads = params, size, seed, clock, threads
         self.accumulated = accumulated_frames(params)
-        self.past: list[tuple[FrameAnalysis, Painting]] = []
+        self.past: list[tuple[StrokeAnalysis, Painting]] = []
 
-    def paint(self, analysis: FrameAnalysis) -> Frame:
+    def paint(self, analysis: StrokeAnalysis) -> Frame:
         """Paint a frame: uint8 (h, w, 3)."""
         now = self._painting(analysis)
         if not self.accumulated:
@@ -68,7 +68,7 @@ class Painter:
         self._keep(analysis, now)
         return picture
 
-    def recall(self, analysis: FrameAnalysis) -> None:
+    def recall(self, analysis: StrokeAnalysis) -> None:
         """Paint a previous frame for accumulation only."""
         if self.accumulated:
             self._keep(analysis, self._painting(analysis))
@@ -83,15 +83,15 @@ class Painter:
         for index in reversed(range(count)):
             self.recall(unpack(part(state, str(index))))
 
-    def _previous(self, analysis: FrameAnalysis) -> list[tuple[FrameAnalysis, Painting]]:
+    def _previous(self, analysis: StrokeAnalysis) -> list[tuple[StrokeAnalysis, Painting]]:
         """Paintings of the frames directly before, latest first."""
         follows = bool(self.past) and self.past[0][0].number == analysis.number - 1 and analysis.back is not None
         return self.past if follows else []
 
-    def _keep(self, analysis: FrameAnalysis, now: Painting) -> None:
+    def _keep(self, analysis: StrokeAnalysis, now: Painting) -> None:
         self.past = [(analysis, now), *self._previous(analysis)][: self.accumulated]
 
-    def _painting(self, analysis: FrameAnalysis) -> Painting:
+    def _painting(self, analysis: StrokeAnalysis) -> Painting:
         with self.clock("ground"):
             direction, ground = analysis.direction(self.size), self._ground(analysis)
         layers = {"explicit": self._explicit, "implicit": self._implicit, "implicit-literal": self._literal}
@@ -102,7 +102,7 @@ class Painter:
             lit = emboss(canvas, Lighting(strength=strength, gloss=gloss, weave_px=weave))
         return Painting(self._on_paper(lit, analysis), analysis.picture, analysis.backward_flow())
 
-    def _on_paper(self, lit: Frame, analysis: FrameAnalysis) -> Frame:
+    def _on_paper(self, lit: Frame, analysis: StrokeAnalysis) -> Frame:
         if analysis.rims is None:
             return lit
         with self.clock("paper"):
@@ -113,12 +113,12 @@ class Painter:
         """Painting order of a layer, topmost first."""
         return colour_order(layer.values("colour")) if self.params.stroke_order == "colour" else layer.topmost_first
 
-    def _options(self, analysis: FrameAnalysis, layer: StrokeLayer) -> RasterOptions:
+    def _options(self, analysis: StrokeAnalysis, layer: StrokeLayer) -> RasterOptions:
         return RasterOptions(
             self.seed, layer.values("profile"), self._guide(analysis, layer), layer.values("tolerance"), self.threads
         )
 
-    def _implicit(self, analysis: FrameAnalysis, direction: Direction, ground: Plane) -> Canvas:
+    def _implicit(self, analysis: StrokeAnalysis, direction: Direction, ground: Plane) -> Canvas:
         """Front to back: from the finest layer down to the ground."""
         buffer = empty_buffer(ground.shape)
         for index in reversed(range(len(analysis.layers))):
@@ -128,7 +128,7 @@ class Painter:
                 streamlines_forward(buffer, strokes, direction, layer.values("length_px"), self._order(layer), options)
         return composite_over(buffer, ground)
 
-    def _literal(self, analysis: FrameAnalysis, direction: Direction, ground: Plane) -> Canvas:
+    def _literal(self, analysis: StrokeAnalysis, direction: Direction, ground: Plane) -> Canvas:
         """Back to front: each pixel takes the topmost disc on its streamline (kagaya2011video, eq. 5)."""
         canvas = self._canvas(analysis, ground)
         for index, layer in enumerate(analysis.layers):
@@ -138,7 +138,7 @@ class Painter:
                 streamlines_backward(canvas, strokes, direction, length_px, self._order(layer), options)
         return canvas
 
-    def _explicit(self, analysis: FrameAnalysis, direction: Direction, ground: Plane) -> Canvas:
+    def _explicit(self, analysis: StrokeAnalysis, direction: Direction, ground: Plane) -> Canvas:
         """Back to front: strokes end where the picture's colour changes."""
         canvas = self._canvas(analysis, ground)
         for index, layer in enumerate(analysis.layers):
@@ -150,17 +150,17 @@ class Painter:
                 paint(canvas, strokes, seed=self.seed, profile=layer.values("profile"), guide=guide, tolerance=edge)
         return canvas
 
-    def _canvas(self, analysis: FrameAnalysis, ground: Plane) -> Canvas:
+    def _canvas(self, analysis: StrokeAnalysis, ground: Plane) -> Canvas:
         """The ground, whose target colour is the picture."""
         canvas = np.zeros((*ground.shape[:2], 7), np.float32)
         canvas[..., :3] = ground
         canvas[..., TARGET:] = _enlarged(analysis.picture, self.size)
         return canvas
 
-    def _guide(self, analysis: FrameAnalysis, layer: StrokeLayer) -> Frame:
+    def _guide(self, analysis: StrokeAnalysis, layer: StrokeLayer) -> Frame:
         return _enlarged(_blurred(analysis.picture, layer.sigma_px), self.size)
 
-    def _ground(self, analysis: FrameAnalysis) -> Plane:
+    def _ground(self, analysis: StrokeAnalysis) -> Plane:
         """The ground, float32 (h, w, 3): a broad blur of the picture under a veil of the ground colour."""
         size = (analysis.picture.shape[1], analysis.picture.shape[0])
 

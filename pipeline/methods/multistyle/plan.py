@@ -20,8 +20,8 @@ from itertools import pairwise
 from pipeline.arrays import Arrays, State, part
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.multistyle import region_maps
-from pipeline.methods.multistyle.analysis import FrameAnalysis, unpack
-from pipeline.methods.multistyle.analyzer import FrameAnalyzer
+from pipeline.methods.multistyle.analysis import StrokeAnalysis, unpack
+from pipeline.methods.multistyle.analyzer import StrokeAnalyzer
 from pipeline.methods.multistyle.design import Design, parse
 from pipeline.methods.multistyle.effects import effect_design
 from pipeline.methods.multistyle.orientation_picture import DIRECTIONS, archive, orientation_picture
@@ -96,7 +96,7 @@ def _analyze(task: Task, context: TaskContext[MultistyleParams]) -> TaskResult:
     """Analyse frames [start, stop), starting from the state of the previous run of the shot."""
     start, stop = task.args["start"], task.args["stop"]
     design = design_of(context, task.args["frames"])
-    analyzer = FrameAnalyzer(context.params, context.size, context.seed, context.clock, design)
+    analyzer = StrokeAnalyzer(context.params, context.size, context.seed, context.clock, design)
     if task.after:
         analyzer.restore(context.load("paint", f"state-{task.after[0]}"))
     else:
@@ -142,7 +142,7 @@ def _paint(task: Task, context: TaskContext[MultistyleParams]) -> TaskResult:
     return {"frames": len(frames)}
 
 
-def _unpacked(kept: Arrays) -> list[FrameAnalysis]:
+def _unpacked(kept: Arrays) -> list[StrokeAnalysis]:
     """Analyses of several frames, in order."""
     return [unpack(part(kept, str(number))) for number in sorted({int(name.partition(".")[0]) for name in kept})]
 

@@ -14,8 +14,8 @@ from pipeline.arrays import AnyArray
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame
 from pipeline.methods.base import FrameRegions, PreviewRequest
-from pipeline.methods.multistyle.analysis import FrameAnalysis
-from pipeline.methods.multistyle.analyzer import FrameAnalyzer
+from pipeline.methods.multistyle.analysis import StrokeAnalysis
+from pipeline.methods.multistyle.analyzer import StrokeAnalyzer
 from pipeline.methods.multistyle.design import REST, Design, parse
 from pipeline.methods.multistyle.design_fields import RegionPlacement
 from pipeline.methods.multistyle.effects import effect_design
@@ -64,7 +64,7 @@ def preview_directions(request: PreviewRequest[MultistyleParams]) -> NDArray[np.
     return np.stack([angle_of(field), strength_of(field)], axis=-1).astype(np.float32)
 
 
-def _analysis(request: PreviewRequest[MultistyleParams], found: FoundRegions | None) -> FrameAnalysis:
+def _analysis(request: PreviewRequest[MultistyleParams], found: FoundRegions | None) -> StrokeAnalysis:
     params, number = request.params, request.number
     size = (request.frames[0].shape[1], request.frames[0].shape[0])
     design = effect_design(params.effect, request.total)
@@ -73,7 +73,7 @@ def _analysis(request: PreviewRequest[MultistyleParams], found: FoundRegions | N
         design = parse(document, frames=request.total, masks=masks is not None)
     if found is None and "regions" in request.artefacts:
         found = _found(request.artefacts["regions"])
-    analyzer = FrameAnalyzer(params, size, request.seed, no_clock, design)
+    analyzer = StrokeAnalyzer(params, size, request.seed, no_clock, design)
     placed = None if design is None else _placed(design, masks or {}, found, number, size)
     return analyzer.step(request.frames[-1], placed)
 

@@ -7,8 +7,8 @@ from concurrent.futures import Executor
 
 from pipeline.arrays import Arrays, State, flatten, part
 from pipeline.frames import Frame
-from pipeline.methods.multistyle.analysis import FrameAnalysis
-from pipeline.methods.multistyle.analyzer import FrameAnalyzer
+from pipeline.methods.multistyle.analysis import StrokeAnalysis
+from pipeline.methods.multistyle.analyzer import StrokeAnalyzer
 from pipeline.methods.multistyle.painter import Painter
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.tasks import Clock, no_clock
@@ -19,16 +19,16 @@ class MultistyleSession:
 
     def __init__(self, params: MultistyleParams, size: tuple[int, int], seed: int = 0, clock: Clock = no_clock) -> None:
         self.params, self.size, self.seed = params, size, seed
-        self.analyzer = FrameAnalyzer(params, size, seed, clock)
+        self.analyzer = StrokeAnalyzer(params, size, seed, clock)
         self.painter = Painter(params, size, seed, clock)
 
     def step(self, frame: Frame) -> Frame:
         return self.paint(self.analyze(frame))
 
-    def analyze(self, frame: Frame) -> FrameAnalysis:
+    def analyze(self, frame: Frame) -> StrokeAnalysis:
         return self.analyzer.step(frame)
 
-    def paint(self, analysis: FrameAnalysis) -> Frame:
+    def paint(self, analysis: StrokeAnalysis) -> Frame:
         return self.painter.paint(analysis)
 
     def use_helper(self, helper: Executor) -> None:

@@ -19,7 +19,7 @@ from pipeline.errors import BadFrame, BadInput
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.methods import method
 from pipeline.methods.abstraction import AbstractionParams, AbstractionSession, plan
-from pipeline.methods.abstraction.compositor import Painting
+from pipeline.methods.abstraction.compositor import CompositedFrame
 from pipeline.methods.abstraction.session import PipelinedRunner
 from pipeline.methods.abstraction.sizes import Sizes, draws_curves
 from pipeline.methods.local import LocalContext, run_plan
@@ -38,12 +38,12 @@ def shots() -> list[Frame]:
     return [made.image(index) for index in range(2 * CUT)]
 
 
-def paint(frames: list[Frame], masks: dict[int, Plane] | None = None, **values: Any) -> list[Painting]:
+def paint(frames: list[Frame], masks: dict[int, Plane] | None = None, **values: Any) -> list[CompositedFrame]:
     with PipelinedRunner(AbstractionSession(AbstractionParams(**values), SIZE)) as runner:
         return list(runner.run(frames, masks or {}))
 
 
-def stacked(paintings: list[Painting]) -> NDArray[np.uint8]:
+def stacked(paintings: list[CompositedFrame]) -> NDArray[np.uint8]:
     return np.stack([painting.frame for painting in paintings])
 
 

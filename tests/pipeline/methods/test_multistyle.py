@@ -23,7 +23,7 @@ from pipeline.methods.base import no_clock
 from pipeline.methods.local import LocalContext, run_plan
 from pipeline.methods.multistyle import MultistyleParams, MultistyleSession, plan
 from pipeline.methods.multistyle.analysis import unpack
-from pipeline.methods.multistyle.analyzer import FrameAnalyzer
+from pipeline.methods.multistyle.analyzer import StrokeAnalyzer
 from pipeline.methods.multistyle.denoise import PLAIN, denoise, zero_resting_flow
 from pipeline.methods.multistyle.design import parse
 from pipeline.methods.multistyle.design_fields import DesignFields, RegionPlacement
@@ -145,7 +145,7 @@ def test_a_restored_session_continues_with_the_same_bytes_and_the_seed_matters()
 
 @pytest.mark.parametrize("style", ["van-gogh", "watercolor"])
 def test_a_stored_analysis_is_restored_exactly(style: Any) -> None:
-    analyzer = FrameAnalyzer(MultistyleParams(style=style), SIZE, 0, no_clock)
+    analyzer = StrokeAnalyzer(MultistyleParams(style=style), SIZE, 0, no_clock)
     analysis = [analyzer.step(frame) for frame in shots()[:2]][-1]
     again = unpack({name: array.copy() for name, array in analysis.pack().items()})
     assert (again.picture == analysis.picture).all() and (again.field == analysis.field).all()

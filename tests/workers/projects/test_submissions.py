@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.errors import BadParameter
 from tests.workers.projects.documents import DESIGNED, asset_id, document, layer
-from workers.frame_window import window_document
+from workers.jobs.frame_window import window_document
 from workers.projects.faults import BadProject
 from workers.projects.materials import ImagesByFrame, JsonValue, Uploaded, write_material
 from workers.projects.parsing import parse_document

@@ -41,8 +41,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from workers.errors import Conflict
-from workers.model import Fault, RunState, TaskState
-from workers.state_events import (
+from workers.jobs.state_events import (
     AnnounceState,
     BackOff,
     Cancel,
@@ -66,6 +65,7 @@ from workers.state_events import (
     SetError,
     StateEvent,
 )
+from workers.model import Fault, RunState, TaskState
 
 __all__ = [
     "ASSEMBLE",

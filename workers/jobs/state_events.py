@@ -1,6 +1,7 @@
 """What goes into the state machine of jobs and tasks, and what comes out: events and effects.
 
-`workers.state_machine.advance` takes an event and returns effects; the store carries them out in the same transaction.
+`advance` of `workers.jobs.state_machine` takes an event and returns effects; the store carries them out in the same
+transaction.
 """
 
 from __future__ import annotations
