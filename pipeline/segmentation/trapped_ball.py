@@ -43,7 +43,8 @@ def fill(
 
     The ball's centre can be at pixels whose disc contains no obstacle, so the ball does not pass through gaps in edges
     that are narrower than it. The frame's border is no obstacle. Adjacent centres (4-neighbours) form one region, which
-    covers their discs; a pixel in the discs of two regions belongs to the first in raster order.
+    covers their discs. A pixel in the discs of two regions belongs to the first in raster order; an area whose discs
+    all lie in those of earlier regions is no region.
     """
     sparse = radius_px <= SPARSE_RADIUS_PX and pixels.size < SPARSE * labels.size
     if radius_px <= SMALL_RADIUS_PX or sparse:
@@ -94,7 +95,7 @@ def fill_small(
         if free[y, x] != 2:
             continue
         label = first_label + made
-        made += 1
+        covers = False
         free[y, x] = 3
         stack[0], depth = pixels[k], 1
         while depth:
@@ -106,10 +107,12 @@ def fill_small(
                     continue
                 if labels[j, i] == 0:
                     labels[j, i] = label
+                    covers = True
                 if abs(disc[n, 0]) + abs(disc[n, 1]) == 1 and free[j, i] == 2:
                     free[j, i] = 3
                     stack[depth] = j * width + i
                     depth += 1
+        made += covers
     return made
 
 

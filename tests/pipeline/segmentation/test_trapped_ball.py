@@ -90,6 +90,14 @@ walls = hnp.arrays(
 )
 
 
+def test_a_region_within_the_discs_of_another_is_none() -> None:
+    """The ball of radius 2 has two places between these walls; the discs of the first cover that of the second."""
+    blocked = np.zeros((17, 17), np.uint8)
+    blocked[6, 6] = blocked[10, 10] = 255
+    labels, made = filled(blocked, 2)
+    assert set(np.unique(labels[labels > 0])) == set(range(1, made + 1))
+
+
 @settings(max_examples=60, deadline=None)
 @given(walls, st.integers(1, 6))
 def test_exactly_the_reachable_pixels_are_filled(walls: NDArray[np.bool_], radius_px: int) -> None:
