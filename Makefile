@@ -27,7 +27,7 @@ demo: install ## start the embedded service, render a sample through the real AP
 
 test: install ## every test, in TEST_JOBS processes; those whose real part is missing are skipped, with the reason
 	$(BIN)/python -m service.bundle npm test
-	$(BIN)/python -m pytest -m "not serial" -n $(TEST_JOBS) --dist loadgroup --no-loadscope-reorder
+	$(BIN)/python -m pytest -m "not serial" -n $(TEST_JOBS) --dist loadfile --no-loadscope-reorder
 	$(BIN)/python -m pytest -m serial
 
 check: install ## ruff, types, import contracts; types and lint of the pages

@@ -108,9 +108,8 @@ MAY_BE_ABSENT = {"media"}
 
 
 @pytest.hookimpl(tryfirst=True)
-@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Arrange tests for several processes, before pytest-xdist reads the groups. Alone, the order is that of files."""
+    """Arrange tests for several processes. Alone, the order stays that of the files."""
     if config.getoption("numprocesses", None) or hasattr(config, "workerinput"):
         arrange(items)
 

@@ -1,15 +1,13 @@
-"""How the suite is spread over processes (`make test`, pytest-xdist with `--dist loadgroup`).
+"""How the suite is spread over processes (`make test`, pytest-xdist with `--dist loadfile`).
 
-A file stays in one process, because its fixtures are often one server for all of its tests. All tests that start a Ray
-cluster stay in one process, one after the other: clusters use fixed ports. Files that take longest come first, so that
-no process works alone at the end.
+A file stays in one process, because its fixtures are often one server for all of its tests. Files that take longest
+come first, so that no process works alone at the end.
 """
 
 from __future__ import annotations
 
 import pytest
 
-RAY = "ray"
 LONGEST = (
     "tests/deploy/test_entrypoint.py",
     "tests/regression/test_recorded_values.py",
@@ -35,10 +33,6 @@ LONGEST = (
 
 
 def arrange(items: list[pytest.Item]) -> None:
-    """Order tests, and give each its group; in place."""
-    files = {item: item.nodeid.partition("::")[0] for item in items}
-    with_ray = {files[item] for item in items if any(RAY in mark.args for mark in item.iter_markers("real"))}
-    for item in items:
-        item.add_marker(pytest.mark.xdist_group(RAY if files[item] in with_ray else files[item]))
+    """Order tests, in place: the slowest files first."""
     rank = {file: place for place, file in enumerate(LONGEST)}
-    items.sort(key=lambda item: rank.get(files[item], len(rank)))
+    items.sort(key=lambda item: rank.get(item.nodeid.partition("::")[0], len(rank)))

@@ -50,7 +50,6 @@ def test_the_slowest_files_exist_and_run_first(request: pytest.FixtureRequest) -
     arrange(items)
     places = [LONGEST.index(file) for item in items if (file := item.nodeid.partition("::")[0]) in LONGEST]
     assert places == sorted(places)
-    assert all(item.get_closest_marker("xdist_group") for item in items)
 
 
 def test_an_unknown_part_is_an_error() -> None:
