@@ -113,7 +113,7 @@ def distortion_maps(registration: Registration, track: PatchTrack) -> list[Frame
 
 
 def pipeline() -> None:
-    """From labels to the painting: the frames of a swan are placed in a panorama, relaxed, painted, and warped back."""
+    """Draws how patches works: frames of a swan are placed in a panorama, relaxed, painted and warped back."""
     context, made = painted("blackswan")
     shown, track = SHOWN["blackswan"][2], largest_object(context)
     maps, source = LabelMaps(context, track.begin), context.clip[shown]

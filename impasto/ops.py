@@ -24,7 +24,7 @@ class Ops:
         return self._ask("GET", "/ops/snapshot")
 
     def check(self) -> list[Json]:
-        """What contradicts itself in the database: kind, id, message, remedy."""
+        """Violated invariants of the database: kind, id, message, remedy."""
         found: list[Json] = self._ask("GET", "/ops/check")["violations"]
         return found
 

@@ -67,7 +67,7 @@ BY_STATUS: dict[int, type[ImpastoError]] = {
     409: Conflict,
     429: QuotaExceeded,
 }
-"""By HTTP status, for codes that only a service has, and for answers without a code, for example of a proxy."""
+"""Error classes by HTTP status. Used for codes without a class, and for answers without a code (of a proxy)."""
 
 
 def error_of(response: httpx.Response) -> ImpastoError:

@@ -147,7 +147,7 @@ class Farm:
         return self._health.verdicts()
 
     def validate_state(self) -> list[Violation]:
-        """What contradicts itself in the database; empty: nothing. Cheap, and it changes nothing."""
+        """Violated invariants of the database, empty if there are none. Read-only and of bounded cost."""
         return self._store.validation.validate_state()
 
     def snapshot(self) -> Json:

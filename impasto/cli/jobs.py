@@ -265,4 +265,4 @@ COMMANDS: tuple[tuple[Callable[..., None], str], ...] = (
     (retry, ""),
     (jobs, ""),
 )
-"""In the order of `impasto --help`, each with the text below its help."""
+"""The commands in the order of `impasto --help`, each with the examples that follow its help text."""

@@ -24,9 +24,9 @@ class FacesKept(NamedTuple):
     """Numbers of faces."""
 
     found: int
-    """In the source."""
+    """Number of faces in the source."""
     kept: int
-    """Of those, in the painting."""
+    """Number of those faces that are also found in the painting."""
 
 
 class FaceCounter:

@@ -52,7 +52,7 @@ def metrics(context: Context, _caller: Reader) -> Response:
 
 @dataclass(frozen=True)
 class CheckOut:
-    """What contradicts itself in the database."""
+    """Violated invariants of the database."""
 
     violations: tuple[Violation, ...]
 

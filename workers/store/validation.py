@@ -32,7 +32,7 @@ class Validation(StorePart):
     """Read-only."""
 
     def validate_state(self, limit: int = 100) -> list[Violation]:
-        """What contradicts itself in the database; empty: nothing.
+        """Violated invariants of the database, empty if there are none.
 
         Args:
             limit: most violations of each kind.

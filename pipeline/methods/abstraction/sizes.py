@@ -19,9 +19,9 @@ class Sizes(NamedTuple):
     """(width, height) in px; the two differ in a live session that works at a reduced size."""
 
     work: tuple[int, int]
-    """Of the analysed frames."""
+    """Size of the analysed frames."""
     output: tuple[int, int]
-    """Of the outgoing frames."""
+    """Size of the output frames."""
 
     @property
     def scale(self) -> tuple[float, float]:

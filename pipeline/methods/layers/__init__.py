@@ -40,7 +40,7 @@ class Layers(Method):
         return tuple(found)
 
     def steps_of(self, params: AnyParams) -> tuple[Step[AnyParams], ...]:
-        """As many steps as the layer with the most has, then the composite."""
+        """One step for each step of the longest layer plan, then the compositing step."""
         count = max((len(layer.chosen.steps) for layer in params.layers), default=0)
         return (*(_stage(index, count, params) for index in range(count)), _COMPOSITE)
 

@@ -65,7 +65,7 @@ def _in_layer(number: int, name: str, steps: Sequence[Step[AnyParams]]) -> str:
 
 
 def _layer_plan(context: PlanContext[LayersParams], number: int, layer: LayerParams) -> PlanContext[AnyParams]:
-    """What the layer's method would be planned with, if it were the only one."""
+    """The plan context that a job of the layer's method alone would have."""
     params, begin = parse_params(layer.chosen, layer.params), prefix(number)
     names = {name.removeprefix(input_name(number, "")) for name in context.inputs if name.startswith(f"layer{number}.")}
     results = {
