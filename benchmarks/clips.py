@@ -5,10 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import cv2
+import numpy as np
 
 from pipeline.frames import Frame
 from pipeline.scenes import scene
+from pipeline.video.media import Limits
 from pipeline.video.reader import VideoReader
+from pipeline.video.stills import decode_rgb
 
 MEDIA = Path(__file__).resolve().parents[2] / "shared" / "media" / "video"
 CLIPS = {(352, 288): "foreman_cif.mp4", (640, 480): "asl_walk_640x480.mkv", (1280, 720): "dog_720p_audio.mp4"}
@@ -26,8 +29,13 @@ def clip(size: tuple[int, int], count: int) -> list[Frame]:
     return [there_and_back[i % len(there_and_back)] for i in range(count)]
 
 
+def read_picture(path: Path) -> Frame:
+    """An image file as RGB, uint8 (height, width, 3)."""
+    return decode_rgb(path.read_bytes(), Limits(), path.name)
+
+
 def fit(frame: Frame, size: tuple[int, int]) -> Frame:
     """The frame at `size`; untouched if it has it."""
     if (frame.shape[1], frame.shape[0]) == size:
         return frame
-    return cv2.resize(frame, size, interpolation=cv2.INTER_AREA)
+    return np.asarray(cv2.resize(frame, size, interpolation=cv2.INTER_AREA), np.uint8)

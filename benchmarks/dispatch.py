@@ -99,7 +99,7 @@ def _queue(store: Store, jobs: int) -> None:
     first = _submit(store)
     _plan(store, first, 1)
     ids = [new_id("job_") for _ in range(jobs - 1)]
-    with store._db.write() as connection:
+    with store.database.write() as connection:
         for table in (schema.jobs, schema.steps, schema.tasks):
             key = table.c.id if table is schema.jobs else table.c.job_id
             rows = connection.execute(select(table).where(key == first)).mappings().all()

@@ -88,7 +88,7 @@ def pictures(size: tuple[int, int]) -> list[bytes]:
 
 
 def stream(
-    address: str, rate: Rate, payloads: list[bytes], seconds: float, per_s: float = 0.0, adaptive: bool = True
+    address: str, rate: Rate, payloads: list[bytes], seconds: float, per_s: float = 0.0, prefer: str = "fluent"
 ) -> Run:
     """Send at the rate, or `per_s` frames a second, for so long; what came of it."""
     size, fps = rate[0], per_s or rate[1]
@@ -98,7 +98,7 @@ def stream(
         if message["type"] == "resolution":
             run.steps.append(f"{message['width']}({message['reason']})")
 
-    with LiveClient(address, on_message=hear, size=size, fps=min(fps, MAX_FPS), adaptive=adaptive) as client:
+    with LiveClient(address, on_message=hear, size=size, fps=min(fps, MAX_FPS), prefer=prefer) as client:
         begin = time.monotonic()
         counter = threading.Thread(target=_count, args=(client, run, begin + SETTLE_S))
         counter.start()
@@ -130,7 +130,7 @@ def _count(client: LiveClient, run: Run, from_s: float) -> None:
 
 def too_much(address: str, rate: Rate, payloads: list[bytes]) -> float:
     """Three times what the service paints of these frames at full size, frames a second, as far as it is let in."""
-    painted = stream(address, rate, payloads, PROBE_S, MAX_PER_S, adaptive=False).painted / PROBE_S
+    painted = stream(address, rate, payloads, PROBE_S, MAX_PER_S, prefer="sharp").painted / PROBE_S
     sent = min(3 * painted, MAX_PER_S)
     print(f"    capacity {painted:.1f} frames/s; {sent:.1f} are sent; two periods of the clip {2e3 / rate[1]:.1f} ms")
     return sent

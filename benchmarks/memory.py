@@ -37,7 +37,7 @@ class Peak:
     process_mib: float
 
 
-def main(method: str = "abstraction", name: str = CLIP, lengths: tuple[int, ...] = SECONDS) -> None:
+def main(method: str = "abstraction", name: str = CLIP, *, lengths: tuple[int, ...] = SECONDS) -> None:
     """Print both peaks and how much the longer one is above the shorter."""
     with tempfile.TemporaryDirectory(prefix="impasto-memory-") as scratch:
         folder = Path(scratch)
@@ -90,4 +90,5 @@ def _resident(root: psutil.Process) -> int:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:3], lengths=tuple(map(int, sys.argv[3:])) or SECONDS)
+    words = sys.argv[1:]
+    main(*words[:2], lengths=tuple(map(int, words[2:])) or SECONDS)

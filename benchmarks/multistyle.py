@@ -1,8 +1,8 @@
-"""What a painted frame costs, by stage; what two workers make of it; and what OpenCV's painting filters take.
+"""Cost of a painted frame by stage, with one worker and two, and the cost of OpenCV's painting filters.
 
 Every task of the plan runs alone, in one process, on decoded frames; its CPU seconds are taken, so that other work on
-the machine does not count. One worker against two is then played through as in `benchmarks.patches`. Decoding (once to
-scan, once to look) and encoding are timed beside it, and shared evenly.
+the machine does not count. Two workers are then simulated as in `benchmarks.patches`. Decoding (once to scan, once to
+analyse) and encoding are timed separately and divided evenly.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -19,9 +18,8 @@ import cv2
 import numpy as np
 
 from benchmarks.clips import clip, fit
-from benchmarks.patches import Table, makespan
+from benchmarks.timed_plan import TimedContext, makespan, run_timed
 from pipeline.frames import Frame
-from pipeline.methods.base import PlanContext, Task, TaskResult
 from pipeline.methods.multistyle import Multistyle, MultistyleParams, MultistyleSession
 from pipeline.methods.multistyle.params import STYLE_NAMES
 from pipeline.video.reader import VideoReader
@@ -34,48 +32,19 @@ FRAMES = 96
 FEW = 8
 
 
-@dataclass
-class Canvas(Table):
-    """Keeps what was painted."""
-
-    painted: list[Frame] = field(default_factory=list)
-
-    def emit(self, index: int, frame: Frame) -> None:
-        self.painted.append(frame)
-
-
 def measure(size: tuple[int, int], frames: int = FRAMES, **values: Any) -> dict[str, Any]:
     """CPU seconds a frame with one worker, seconds with two, and CPU seconds by stage."""
     prepare_process()
     source = [fit(frame, size) for frame in clip(SOURCE, frames)]
-    _run(_table(source[:3], values))  # compile and load
-    table = _table(source, values)
-    steps = _run(table)
-    coding = _coding(table.painted)
+    run_timed(Multistyle(), TimedContext(MultistyleParams(**values), source[:3]))  # compile and load
+    context = TimedContext(MultistyleParams(**values), source)
+    steps = run_timed(Multistyle(), context)
+    coding = _coding([context.emitted[index] for index in sorted(context.emitted)])
     outside = sum(coding.values())
     one, two = (sum(makespan(tasks, workers) for tasks in steps.values()) / frames for workers in (1, 2))
     one, two = one + outside, two + outside / 2
-    stages = {name: cost / frames for name, cost in table.stages.items()} | coding
+    stages = {name: cost / frames for name, cost in context.stages.items()} | coding
     return {"size": size, "one_s": one, "two_s": two, "ratio": one / two, "stages": stages}
-
-
-def _table(source: list[Frame], values: dict[str, Any]) -> Canvas:
-    return Canvas(MultistyleParams(**values), source)  # type: ignore[arg-type]
-
-
-def _run(table: Canvas) -> dict[str, list[tuple[Task, float]]]:
-    """Every task of every step, with the CPU seconds it took."""
-    results: dict[str, dict[str, TaskResult]] = {}
-    spent: dict[str, list[tuple[Task, float]]] = {}
-    for step in Multistyle.steps:
-        tasks = step.plan(PlanContext(table.params, 0, table.video, frozenset(), results))
-        table.step, spent[step.name] = step.name, []
-        for task in tasks:
-            start = time.thread_time()
-            results.setdefault(step.name, {})[task.key] = step.run(task, table)  # type: ignore[arg-type]
-            spent[step.name].append((task, time.thread_time() - start))
-        results.setdefault(step.name, {})
-    return spent
 
 
 def _coding(painted: list[Frame]) -> dict[str, float]:

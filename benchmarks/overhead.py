@@ -12,7 +12,7 @@ import multiprocessing
 import tempfile
 import threading
 import time
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -92,7 +92,7 @@ def measure(name: str, clip: Path, home: Path) -> Run:
         job = farm.jobs.submit(JobRequest(name, {"video": video}))
         private_farm.follow(farm, job.id, lambda state: None)
         total, after, wall = _cpu() - began, _threads(), time.monotonic() - since
-    parts = Counter(counted)
+    parts = defaultdict[str, float](float, counted)
     for thread, seconds in after.items():
         if thread in OF_THE_FARM:
             parts[OF_THE_FARM[thread]] += seconds - before.get(thread, 0.0)
@@ -114,21 +114,21 @@ def _cpu() -> float:
 def _threads() -> dict[str, float]:
     """CPU seconds of this process's threads that Python knows, by name."""
     known = {thread.native_id: thread.name for thread in threading.enumerate()}
-    spent: Counter[str] = Counter()
+    spent: dict[str, float] = defaultdict(float)
     for row in psutil.Process().threads():
         if row.id in known:
             spent[known[row.id]] += row.user_time + row.system_time
     return dict(spent)
 
 
-def _count_stores() -> Counter[str]:
+def _count_stores() -> dict[str, float]:
     """Count, from now on, the CPU seconds of whatever keeps and fetches."""
     from workers.blobs.disk import DiskBlobs
     from workers.execution.context import AttemptContext
     from workers.execution.preview_publisher import PreviewPublisher
     from workers.execution.renderer import Renderer
 
-    counted: Counter[str] = Counter()
+    counted: dict[str, float] = defaultdict(float)
     inside = threading.local()
 
     def count(owner: type, name: str, part: str) -> None:

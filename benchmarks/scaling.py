@@ -33,7 +33,7 @@ from benchmarks.speedup import METHODS, short, style_of, submit
 FILMS = {"abstraction": (250, 480), "patches": (150, 320), "analogy": (60, 112), "multistyle": (144, 480)}
 """(frames, width in px) of a film with cuts: ten to thirty seconds of one processor."""
 TURNS = 3
-READY_S, LOOK_S = 60.0, 0.5
+READY_S, POLL_S = 60.0, 0.5
 
 
 @dataclass(frozen=True)
@@ -153,7 +153,7 @@ def _run(farm: Any, name: str, film: Path, seed: int) -> Run | str:
         inputs["style_output"] = farm.assets.add(style, style.name).id
     job_id = submit(farm, name, inputs)
     while not (job := farm.jobs.get(job_id)).state.final:
-        time.sleep(LOOK_S)
+        time.sleep(POLL_S)
     if job.state != "succeeded":
         return f"The job of {name} {job.state}: {job.error}"
     bars = [bar for bar in farm.workers.timeline(job_id).items if bar.outcome == "succeeded"]

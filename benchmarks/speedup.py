@@ -192,13 +192,13 @@ def record(name: str) -> Recorded:
         inputs = {"video": farm.assets.add(clip, clip.name).id}
         if style := style_of(name):
             inputs["style_output"] = farm.assets.add(style, style.name).id
-        with Renderer(farm._blobs, settings.scratch) as renderer:
+        with Renderer(farm.blobs, settings.scratch) as renderer:
             warm = short(Path(folder), WARM_FRAMES, SIZES[name][1])[0]  # compilers have done their work after it
             submit(farm, name, {**inputs, "video": farm.assets.add(warm, warm.name).id})
-            _run(farm, Orders(farm._store), renderer)
+            _run(farm, Orders(farm.store, shares_memory=False), renderer)
             print("  now for the record", flush=True)
             job = submit(farm, name, inputs)
-            timed, dispatch_s = _run(farm, Orders(farm._store), renderer)
+            timed, dispatch_s = _run(farm, Orders(farm.store, shares_memory=False), renderer)
         state = farm.jobs.get(job)
         farm.stop()
     if state.state != "succeeded":
@@ -215,7 +215,7 @@ def submit(farm: Any, name: str, inputs: dict[str, str]) -> str:
 
 def _run(farm: Any, orders: Any, renderer: Any) -> tuple[list[Timed], float]:
     """Do what a dispatcher and one worker do, in turn."""
-    store, timed, costs = farm._store, [], []
+    store, timed, costs = farm.store, [], []
     while True:
         plan(store)
         began = time.process_time()

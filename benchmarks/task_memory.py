@@ -56,14 +56,14 @@ def measure(name: str, folder: Path, frames: int, width: int) -> dict[str, Seque
         inputs["style_output"] = farm.assets.add(style, style.name).id
     submit(farm, name, inputs)
     found: dict[str, list[float]] = {}
-    orders = Orders(farm._store)
-    with Renderer(farm._blobs, folder / "scratch") as renderer:
-        while (order := _next(farm._store, orders)) is not None:
+    orders = Orders(farm.store, shares_memory=False)
+    with Renderer(farm.blobs, folder / "scratch") as renderer:
+        while (order := _next(farm.store, orders)) is not None:
             Path("/proc/self/clear_refs").write_text("5")
             outcome = renderer.run(order)
             if outcome.fault is not None:
                 raise SystemExit(f"{order.step}/{order.key}: {outcome.fault}")
-            farm._store.queue.finish(outcome)
+            farm.store.queue.finish(outcome)
             peak, asked = found.setdefault(order.step, [0.0, 0.0])
             wants = 0 if order.resources is None else order.resources.memory_bytes
             found[order.step] = [max(peak, _peak() / MIB), max(asked, wants / MIB)]

@@ -6,7 +6,8 @@ import sys
 import tomllib
 from pathlib import Path
 
-EXTRAS = {"cpu": ("cpu",), "gpu": ()}
+FARM = ("cluster", "s3", "postgresql")
+EXTRAS = {"cpu": ("cpu", *FARM), "gpu": FARM}
 
 
 def requirements(project: Path, device: str) -> list[str]:

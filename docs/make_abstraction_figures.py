@@ -289,7 +289,7 @@ def draw_svg(media: Path) -> None:
     session: AbstractionSession | None = None
     for index, frame in enumerate(frames(CLIPS["harbour"], media, 40, 61, 270)):
         session = session or session_for(frame, {"smallest_region": 1.0})
-        painting = session.finish(session.look(frame))
+        painting = session.finish(session.analyze(frame))
         if index in (0, 20):
             page = to_svg(painting.labels, painting.colours, ids=painting.regions.ids, tolerance_px=0.7)
             path = FOLDER / f"harbour_{40 + index:05d}.svg"

@@ -158,8 +158,9 @@ def _alike(name: str, media: Path, height: int) -> dict[str, Frame]:
     source = list(frames(CLIPS[SCENES[name].clip], media, max(0, pick - 11), pick + 1, height))
     tiles = {"original": source[-1]}
     for method in METHODS:
-        inputs = {"style_output": media / "style" / "paintings" / f"{EXEMPLAR}.jpg"} if method == "analogy" else {}
-        tiles[method] = film(source, method, **inputs)[-1]
+        exemplar = media / "style" / "paintings" / f"{EXEMPLAR}.jpg"
+        films = film(source, method, style_output=exemplar) if method == "analogy" else film(source, method)
+        tiles[method] = films[-1]
     return tiles
 
 

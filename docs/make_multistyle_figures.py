@@ -17,6 +17,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from benchmarks.clips import read_picture
 from docs import parameters
 from docs.pictures import CLIPS, DOCS, MEDIA, frames, grid, save
 from pipeline.frames import Frame
@@ -128,7 +129,7 @@ def effects() -> None:
 def design() -> None:
     """A still, and what the example's design makes of it."""
     folder = MEDIA / "davis" / "blackswan"
-    mask = cv2.imread(str(sorted(folder.rglob("*.png"))[SHOWN["blackswan"]]), 0)
+    mask = read_picture(sorted(folder.rglob("*.png"))[SHOWN["blackswan"]])[..., 0]
     source = lead("blackswan")
     maps = {0: np.asarray(cv2.threshold(mask, 0, 255, cv2.THRESH_BINARY)[1], np.uint8)}
     request = PreviewRequest(

@@ -8,17 +8,18 @@ from __future__ import annotations
 import argparse
 import itertools
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 
-from benchmarks.patches import Table, run
 from docs import parameters
 from docs.pictures import CLIPS, DOCS, MEDIA, PAPER, frames, grid, save
 from pipeline.frames import Frame, Labels
-from pipeline.methods import parse_params
+from pipeline.methods.base import Task
+from pipeline.methods.local import LocalContext, run_plan
 from pipeline.methods.patches import Patches, PatchesParams
 from pipeline.methods.patches.appearance import (
     PanoramaRect,
@@ -55,13 +56,30 @@ HUES = 0.618034
 """Difference of the hues of two successive labels, as a fraction of the circle; it separates any few hues well."""
 
 
-def painted(clip: str, **params: Any) -> tuple[Table, list[Frame]]:
-    """Paint the shown part of a clip: the context with all artefacts, and the frames."""
+@dataclass(frozen=True)
+class Painted:
+    """The shown part of a clip, its paintings, and what the method saved."""
+
+    source: list[Frame]
+    frames: list[Frame]
+    context: LocalContext[PatchesParams]
+    tasks: Mapping[str, list[Task]]
+
+    @property
+    def largest_object(self) -> PatchTrack:
+        """The largest patch that is not the background."""
+        tracks = [PatchTrack(**task.args["track"]) for task in self.tasks["patch"]]
+        return max((track for track in tracks if track.label > 1), key=lambda track: (track.area, track.key))
+
+
+def painted(clip: str, **params: Any) -> Painted:
+    """Paint the shown part of a clip."""
     start, stop, _ = SHOWN[clip]
     source = list(frames(CLIPS[clip], MEDIA, start, stop, HEIGHT))
-    context = Table(parse_params(Patches(), params), source)
-    run(context)
-    return context, [context.emitted[index] for index in range(len(source))]
+    context = LocalContext(PatchesParams(**params), source)
+    tasks = run_plan(Patches(), context)
+    context.step, context.task = "", None
+    return Painted(source, [context.emitted[index] for index in range(len(source))], context, tasks)
 
 
 def coloured(labels: Labels, frame: Frame) -> Frame:
@@ -86,13 +104,9 @@ def boxed(picture_: Frame, shape: tuple[int, ...]) -> Frame:
     return out
 
 
-def largest_object(context: Table) -> PatchTrack:
-    """The largest patch that is not the background."""
-    tracks = [PatchTrack(**task.args["track"]) for task, _ in context.spent["patch"]]
-    return max((track for track in tracks if track.label > 1), key=lambda track: (track.area, track.key))
-
-
-def panorama(placements: dict[int, Placement], track: PatchTrack, maps: LabelMaps, context: Table) -> Frame:
+def panorama(
+    placements: dict[int, Placement], track: PatchTrack, maps: LabelMaps, context: LocalContext[PatchesParams]
+) -> Frame:
     """The mean of a patch's frames at these placements."""
     working_grid, params = WorkingGrid.of(context.size), context.params
     rect = PanoramaRect.around(placements, working_grid)
@@ -114,9 +128,9 @@ def distortion_maps(registration: Registration, track: PatchTrack) -> list[Frame
 
 def pipeline() -> None:
     """Draws how patches works: frames of a swan are placed in a panorama, relaxed, painted and warped back."""
-    context, made = painted("blackswan")
-    shown, track = SHOWN["blackswan"][2], largest_object(context)
-    maps, source = LabelMaps(context, track.begin), context.clip[shown]
+    swan = painted("blackswan")
+    shown, track, context = SHOWN["blackswan"][2], swan.largest_object, swan.context
+    maps, source = LabelMaps(context, track.begin), swan.source[shown]
     size = WorkingGrid.of(context.size).size
     registration = Registration(WindowFlow(context, track.begin), maps, context.params)
     before = concatenated_placements(track, lambda index: registration.warp(track, index, max_iterations=0), size)
@@ -125,7 +139,7 @@ def pipeline() -> None:
     panoramas = [panorama(placements, track, maps, context) for placements in (before, after)]
     tiles = [
         source, coloured(maps.require(shown), source), patch_painter(track, context).paint_picture(panoramas[1]),
-        made[shown], *panoramas, *distortion_maps(registration, track),
+        swan.frames[shown], *panoramas, *distortion_maps(registration, track),
     ]  # fmt: skip
     names = [
         "a frame", "labels", "painted patch", "painted frame", "panorama, not relaxed", "relaxed",
@@ -135,8 +149,8 @@ def pipeline() -> None:
 
 
 def styles() -> None:
-    tiles = [painted("coffee", style=name)[1][SHOWN["coffee"][2]] for name in STROKE_STYLES]
-    tiles.append(painted("coffee", style="impressionist", background_style="wash")[1][SHOWN["coffee"][2]])
+    tiles = [painted("coffee", style=name).frames[SHOWN["coffee"][2]] for name in STROKE_STYLES]
+    tiles.append(painted("coffee", style="impressionist", background_style="wash").frames[SHOWN["coffee"][2]])
     save(grid(tiles, 2, [*STROKE_STYLES, "impressionist on a background of wash"]), FOLDER / "styles.jpg", LIMIT)
 
 
@@ -144,7 +158,7 @@ def time() -> None:
     """A row of pixels over time, of the video, of patches and of both baselines."""
     start, stop, _ = SHOWN["bunny"]
     source = list(frames(CLIPS["bunny"], MEDIA, start, stop, HEIGHT))
-    made = {mode: painted("bunny", temporal=mode)[1] for mode in ("on", "strokes", "off")}
+    made = {mode: painted("bunny", temporal=mode).frames for mode in ("on", "strokes", "off")}
     tiles, names = [], []
     for name, video in (("video", source), *made.items()):
         tiles.append(slit(video))

@@ -13,6 +13,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from benchmarks.clips import read_picture
 from pipeline.colour.scheme import ColourStats, learn
 from pipeline.frames import Frame
 from pipeline.methods.abstraction import AbstractionParams, AbstractionSession
@@ -146,7 +147,7 @@ def film(
         words += [word for name, value in (params or {}).items() for word in ("--param", f"{name}={value}")]
         words += [word for name, path in inputs.items() for word in ("--input", f"{name}={path}")]
         subprocess.run([sys.executable, "-m", "impasto", *map(str, words)], check=True, stdout=subprocess.DEVNULL)
-        return [cv2.imread(str(path))[..., ::-1] for path in sorted(out.glob("*.png"))]
+        return [read_picture(path) for path in sorted(out.glob("*.png"))]
 
 
 def shrink(frame: Frame, width: int) -> Frame:

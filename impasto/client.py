@@ -33,7 +33,8 @@ FINAL = frozenset({"succeeded", "failed", "cancelled"})
 SMALL_BYTES = 8 << 20
 """Larger files go by resumable upload."""
 PLAIN_FILES = frozenset({"result", "poster", "sheet", "preview"})
-LOOK_EVERY_S = 0.2
+POLL_INTERVAL_S = 0.2
+"""Seconds between requests for the state of a job."""
 PATIENCE_S = 60.0
 """How long `watch` and `wait` retry while the service does not answer, seconds."""
 
@@ -201,7 +202,7 @@ class Client:
         while job["state"] not in FINAL:
             event = next(events)
             urgent = event is None or event.type == "job.state"
-            if urgent or time.monotonic() - last > LOOK_EVERY_S:
+            if urgent or time.monotonic() - last > POLL_INTERVAL_S:
                 job, last = self._job_patiently(job_id), time.monotonic()
                 yield job
 

@@ -15,8 +15,8 @@ from pathlib import Path
 from pipeline.errors import BadInput, StorageError, StorageFull
 from pipeline.video.media import MediaInfo
 
-FORMATS = {".mp4": "mp4", ".m4v": "mp4", ".webm": "webm", ".zip": "png", ".png": "png"}
-BYTES_PER_PIXEL = {"mp4": 0.005, "webm": 0.005, "png": 0.3}
+FORMATS = {".mp4": "mp4", ".m4v": "mp4", ".webm": "webm", ".zip": "png", ".png": "png", ".gif": "gif"}
+BYTES_PER_PIXEL = {"mp4": 0.005, "webm": 0.005, "png": 0.3, "gif": 0.1}
 """Low estimates of encoded bytes per pixel of a frame, by format."""
 FRAME_NAME = re.compile(r"\d{4,}\.png")
 
@@ -27,7 +27,7 @@ class Target:
 
     path: Path
     format: str
-    """Format of the output: "mp4", "webm" or "png"."""
+    """Format of the output: "mp4", "webm", "png" or "gif"."""
     kind: str
     """"file", "frames" (a folder) or "still" (one PNG)."""
 

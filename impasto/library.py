@@ -68,7 +68,7 @@ def render(
         method: a method's name: "abstraction", "multistyle", "patches", "analogy", or one of an installed package.
         source: path of a video, image, or folder or zip of numbered images; or an iterable of frames, arrays uint8
             (height, width, 3), RGB, all of one size, at least 16 px on each side. Frames are read lazily.
-        output: None, or a path: .mp4, .webm, .zip (PNG frames), .png (one frame), or a folder with "/" at its end.
+        output: None, or a path: .mp4, .webm, .gif, .zip (PNG frames), .png (one frame), or a folder: "name/".
         inputs: further inputs by name: a path, or for pictures an array or an iterable of arrays, for a JSON document
             the parsed document, for numbered images a mapping from frame number to array.
         seed: seed of all random choices.

@@ -1,12 +1,13 @@
 """Compilation of serial label work with Numba: cached on disk, without the interpreter lock, strict floating point.
 
-Two faults of Numba's cache are corrected here:
+Numba keeps compiled code beside its source, so that every installation and every checkout compiles anew, which takes
+about a minute. It does not notice that a kernel calls a kernel of another file that has changed. And its index names a
+file before that file is written, so that a process may load what an older version of the code left there.
 
-- Its index names a file before that file is written, so a process may load what an older version of the code left
-  there. Here only one process at a time compiles or loads, under a file lock that ends with the process; the other
-  processes load what the first one compiled.
-- It does not notice that a kernel calls a kernel of another file that has changed. Here the cache is also keyed by the
-  text of every file that the kernel's file imports, directly or indirectly.
+Here compiled code is in the user's cache folder (in NUMBA_CACHE_DIR if that is set), in a folder that is named after
+the text of the kernel's file and of every file that this one imports, directly or indirectly: whoever has the same text
+shares it, and a folder never has code of two versions. Only one process at a time compiles or loads the kernels of a
+file, under a file lock that ends with the process; the others load what the first one compiled.
 """
 
 from __future__ import annotations
@@ -15,7 +16,9 @@ import fcntl
 import hashlib
 import os
 import re
+import shutil
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -23,23 +26,77 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
+from numba.core.caching import IndexDataCacheFile, _CacheLocator
+
+from pipeline.compute.runtime import cache_folder
 
 P = ParamSpec("P")
 T = TypeVar("T")
 F = TypeVar("F", bound=Callable[..., object])
 
-LOCK = "numba.lock"
-"""Name of the lock file beside the cached code."""
+LOCK = "kernels.lock"
+"""Name of the lock file in the folder of a file's compiled code."""
+UNUSED_DAYS = 60
+"""Compiled code that no process has used for so long is deleted."""
 
 
 def kernel(function: F) -> F:
     """Compile `function` at its first call in a process; equal inputs give equal bytes on every machine."""
     compiled: Any = numba.njit(cache=True, nogil=True, fastmath=False, error_model="numpy")(function)
     if hasattr(compiled, "compile"):  # a plain function where compiling is switched off
-        compiled.compile = _locked(compiled.compile, Path(compiled.stats.cache_path))
-        index = compiled._cache._cache_file
-        index._source_stamp = (index._source_stamp, stamp_of(Path(function.__code__.co_filename)))
+        file = Path(function.__code__.co_filename)
+        folder = compiled_at() / f"{file.stem}-{stamp_of(file)[:24]}"
+        _keep_at(folder, compiled._cache)
+        compiled.compile = _locked(compiled.compile, folder)
     return cast(F, compiled)
+
+
+@cache
+def compiled_at() -> Path:
+    """The folder of all compiled code, which nothing else uses: its old folders are deleted."""
+    chosen = getattr(numba.config, "CACHE_DIR", "")
+    return Path(chosen) / "impasto-kernels" if chosen else cache_folder() / "kernels"
+
+
+def _keep_at(folder: Path, cache: Any) -> None:
+    """Tell a cache of Numba (`numba.core.caching.Cache`) its folder, whose name is the stamp of the text."""
+    cache._impl._locator = _Folder(folder, cache._impl.locator.get_disambiguator())
+    cache._cache_path = str(folder)
+    cache._cache_file = IndexDataCacheFile(str(folder), cache._impl.filename_base, folder.name)  # type: ignore[no-untyped-call]
+
+
+class _Folder(_CacheLocator):
+    """A folder that is made when something is first compiled into it."""
+
+    def __init__(self, folder: Path, function: str) -> None:
+        self._folder, self._function = folder, function
+
+    def get_cache_path(self) -> str:
+        return str(self._folder)
+
+    def get_source_stamp(self) -> str:
+        return self._folder.name
+
+    def get_disambiguator(self) -> str:
+        return self._function
+
+
+@cache
+def _use(folder: Path) -> None:
+    """Make the folder, or note that it is still used; delete what has not been used for long. Once in a process."""
+    try:
+        if not folder.is_dir():
+            folder.mkdir(parents=True, exist_ok=True)
+            _delete_unused(folder.parent, time.time() - UNUSED_DAYS * 86_400)
+        os.utime(folder)
+    except OSError:
+        return  # a read-only file system: what is there can be loaded
+
+
+def _delete_unused(parent: Path, before: float) -> None:
+    for folder in parent.iterdir():
+        if folder.is_dir() and folder.stat().st_mtime < before:
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 _ROOT = Path(__file__).parents[1]
@@ -75,9 +132,10 @@ def _text(file: Path) -> bytes:
     return file.read_bytes()
 
 
-def _locked(compile_for: Callable[P, T], cache: Path) -> Callable[P, T]:
+def _locked(compile_for: Callable[P, T], folder: Path) -> Callable[P, T]:
     def compile_locked(*args: P.args, **kwargs: P.kwargs) -> T:
-        with _COMPILE_LOCK.acquired(cache):
+        _use(folder)
+        with _COMPILE_LOCK.acquired(folder):
             return compile_for(*args, **kwargs)
 
     return compile_locked
@@ -86,8 +144,7 @@ def _locked(compile_for: Callable[P, T], cache: Path) -> Callable[P, T]:
 class _CompileLock:
     """Lock for compiling and loading: one thread of this process, which then has the lock among processes.
 
-    It is reentrant: a kernel that calls another one compiles it while it is compiled itself, even if the cache of the
-    other one is in another folder.
+    It is reentrant: a kernel that calls another one compiles it while it is compiled itself.
     """
 
     def __init__(self) -> None:
@@ -95,14 +152,14 @@ class _CompileLock:
         self._taken = False
 
     @contextmanager
-    def acquired(self, cache: Path) -> Iterator[None]:
-        """Context manager that has the lock of the folder `cache`."""
+    def acquired(self, folder: Path) -> Iterator[None]:
+        """Context manager that has the lock file in `folder`."""
         with self._thread:
             if self._taken:
                 yield
                 return
             self._taken = True
-            handle = _lock_file(cache / LOCK)
+            handle = _lock_file(folder / LOCK)
             try:
                 yield
             finally:

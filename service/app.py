@@ -10,7 +10,7 @@ from fastapi import FastAPI
 from prometheus_client import CollectorRegistry
 from starlette.staticfiles import StaticFiles
 
-from service import bundle, errors
+from service import bundle, errors, openapi
 from service.access.depends import ServiceContext, Streams
 from service.access.gate import Gate
 from service.access.rates import Rates
@@ -20,16 +20,22 @@ from service.background import background
 from service.bodies import JsonBodies
 from service.edge import Edge
 from service.jobs.events import router as events
+from service.jobs.exports import router as exports
 from service.jobs.files import router as files
+from service.jobs.film_frames import router as film_frames
+from service.jobs.queue import router as queue
 from service.jobs.routes import router as jobs
 from service.jobs.tasks import router as tasks
 from service.live.routes import router as live
 from service.live.sessions import Sessions
+from service.live.webrtc.routes import router as webrtc
 from service.methods.routes import router as methods
 from service.ops.fleet import router as fleet
 from service.ops.keys import router as keys
+from service.ops.load import router as load
 from service.ops.machine import add_machine
 from service.ops.metrics import FarmMetrics, HttpMetrics, LiveMetrics
+from service.ops.queued_jobs import router as queued_jobs
 from service.ops.routes import router as ops
 from service.pages import router as pages
 from service.previews.routes import router as previews
@@ -40,7 +46,10 @@ from service.projects.previews import router as project_previews
 from service.projects.routes import router as projects
 from service.projects.sharing import router as sharing
 from service.projects.versions import router as project_versions
+from service.scenes.routes import router as scenes
 from service.settings import Settings
+from service.styles.library import StyleLibrary
+from service.styles.routes import router as styles
 from service.uploads.routes import router as uploads
 from service.webhooks.routes import router as webhooks
 from service.webhooks.secrets import WebhookSecrets
@@ -49,12 +58,17 @@ from workers.model import Json
 
 ROUTERS = (
     methods,
+    styles,
+    scenes,
     assets,
     uploads,
     jobs,
     tasks,
     events,
     files,
+    film_frames,
+    queue,
+    exports,
     webhooks,
     previews,
     artefacts,
@@ -66,9 +80,12 @@ ROUTERS = (
     estimates,
     sharing,
     live,
+    webrtc,
     keys,
     ops,
     fleet,
+    queued_jobs,
+    load,
     pages,
 )
 
@@ -76,23 +93,35 @@ ROUTERS = (
 def create_app(settings: Settings, farm: Farm) -> FastAPI:
     """The HTTP service over `farm`, which the caller starts and stops."""
     service = _context(settings, farm)
+    app = _routes()
+    app.state.service = service
+    app.state.live = _sessions(service)
+    errors.install(app)
+    app.mount("/static", StaticFiles(directory=bundle.DIST, check_dir=False), name="static")
+    _add_middleware(app, service)
+    return app
+
+
+def openapi_document() -> Json:
+    """The OpenAPI document that the service answers with at /openapi.json; needs no farm."""
+    return _routes().openapi()
+
+
+def _routes() -> FastAPI:
+    """An application with all routes, which cannot answer yet."""
     app = FastAPI(
-        title="Impasto",
+        title=openapi.TITLE,
         version="1",
-        summary="Turn video into paintings and cartoons that hold still where they should.",
+        summary=openapi.SUMMARY,
+        description=openapi.DESCRIPTION,
         docs_url=None,
         redoc_url=None,
         generate_unique_id_function=lambda route: route.name,
         lifespan=_lifespan,
     )
-    app.state.service = service
-    app.state.live = _sessions(service)
-    errors.install(app)
     for router in ROUTERS:
         app.include_router(router, responses=errors.PROBLEM_RESPONSES)
-    app.mount("/static", StaticFiles(directory=bundle.DIST, check_dir=False), name="static")
-    _add_middleware(app, service)
-    _describe(app)
+    openapi.install(app)
     return app
 
 
@@ -119,6 +148,7 @@ def _context(settings: Settings, farm: Farm) -> ServiceContext:
         previews=threading.BoundedSemaphore(settings.preview_slots),
         frames=threading.BoundedSemaphore(settings.frame_slots),
         webhook_secrets=_secrets(settings),
+        styles=StyleLibrary(farm, settings.home / "styles", settings.styles_dir),
         registry=CollectorRegistry(),
     )
     service.registry.register(FarmMetrics(farm))
@@ -142,16 +172,3 @@ def _add_middleware(app: FastAPI, service: ServiceContext) -> None:
     )
     app.add_middleware(Gate, settings=settings, keys=service.farm.keys, rates=Rates())
     app.add_middleware(Edge, metrics=HttpMetrics(service.registry, service.streams.count))
-
-
-def _describe(app: FastAPI) -> None:
-    """Add the problem's schema, which every route refers to, to the OpenAPI document."""
-    plain = app.openapi
-
-    def openapi() -> Json:
-        document = plain()
-        schemas = document.setdefault("components", {}).setdefault("schemas", {})
-        schemas["Problem"] = errors.Problem.model_json_schema()
-        return document
-
-    app.openapi = openapi  # type: ignore[method-assign]

@@ -1,4 +1,4 @@
-"""Background tasks of the service: sending webhooks, deleting expired uploads, publishing live sessions."""
+"""Background tasks of the service: sending webhooks, deleting expired uploads, publishing live sessions, load."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PAUSE_S = 5.0
 async def background(context: ServiceContext, sessions: Sessions) -> AsyncIterator[None]:
     """Run the background tasks while the block runs."""
     sender = Sender(context.farm.webhooks, context.webhook_secrets, context.settings)
-    jobs = (sender.run, _sweeper(context), partial(register, context.farm, sessions))
+    jobs = (sender.run, _sweeper(context), partial(register, context.farm, sessions), context.load.run)
     tasks = [asyncio.create_task(_run_forever(job)) for job in jobs]
     try:
         yield

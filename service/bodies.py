@@ -25,8 +25,8 @@ MAX_DEPTH = 64
 """Most levels of lists and objects in a JSON body."""
 _STRINGS = re.compile(rb'"(?:[^"\\]|\\.)*+"?', re.DOTALL)
 _NO_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
-STREAMED = ("/v1/assets", "/v1/uploads", "/v1/projects/import")
-"""Paths whose routes stream the body themselves."""
+STREAMED = ("/v1/assets", "/v1/uploads", "/v1/projects/import", "/v1/live/whip", "/v1/live/whep")
+"""Paths whose routes read the body themselves."""
 
 
 PROJECTS = "/v1/projects"

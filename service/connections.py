@@ -26,7 +26,7 @@ BUSY = (
 
 
 class Phase(IntEnum):
-    """What a connection is doing, in the order in which connections are closed to make room."""
+    """Phase of a connection, in the order in which connections are closed to free descriptors."""
 
     HEADERS = 0
     """It waits for a request, or for the rest of its headers."""

@@ -12,7 +12,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from service.errors import SECURITY_HEADERS
 from service.ops.metrics import HttpMetrics
 from service.uploads.headers import VERSION
-from workers.log_context import about, here, working_for
+from workers.log_context import here, log_extra, working_for
 
 PAGE_CSP = (
     "default-src 'self'; img-src 'self' blob: data:; media-src 'self' blob:; object-src 'none'; "
@@ -72,7 +72,7 @@ def _log(scope: Scope, verb: str, status: int, seconds: float) -> None:
     facts = {short: str(named[name]) for name, short in _FACTS.items() if name in named}
     if principal is not None:
         facts["owner"] = principal.owner
-    log.info("%s %s", verb, _route(scope), extra=about(status=status, seconds=round(seconds, 4), **facts))
+    log.info("%s %s", verb, _route(scope), extra=log_extra(status=status, seconds=round(seconds, 4), **facts))
 
 
 def _route(scope: Scope) -> str:

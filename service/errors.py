@@ -96,6 +96,12 @@ class WrongVersion(RequestError):
     code = "wrong-version"
 
 
+class NotInstalled(RequestError):
+    """An optional part of Impasto is missing in this installation."""
+
+    code = "not-installed"
+
+
 class BodyTooLarge(RequestError):
     code = "body-too-large"
 
@@ -173,6 +179,7 @@ TABLE: dict[str, tuple[int, str]] = {
     "claim-failed": (500, "A task could not be claimed"),
     "bad-plan": (500, "The method planned what cannot be run"),
     "bad-emission": (500, "The method made frames that it had not announced"),
+    "not-installed": (501, "An optional part is not installed"),
     "busy": (503, "Busy"),
     "going-away": (503, "The service stops"),
     "worker-lost": (503, "The worker died"),
@@ -352,7 +359,7 @@ def from_http(error: HTTPException, request: Request) -> ImpastoError:
 
 
 def _on_disconnect(_request: Request, _error: Exception) -> Response:
-    return Response(status_code=400)  # nobody reads it
+    return Response(status_code=400)  # the client has disconnected
 
 
 def _on_surprise(request: Request, error: Exception) -> Response:

@@ -1,4 +1,4 @@
-"""The pages: the studio at /, live at /live, operations at /ops, and the API's description at /docs."""
+"""The pages: the studio at /, live at /live, its picture alone at /live/view, operations at /ops, the API at /docs."""
 
 from __future__ import annotations
 
@@ -22,6 +22,11 @@ def index() -> Response:
 @router.get("/live")
 def live() -> Response:
     return _page("live.html")
+
+
+@router.get("/live/view")
+def live_view() -> Response:
+    return _page("live-view.html")
 
 
 @router.get("/ops")

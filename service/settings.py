@@ -75,6 +75,9 @@ class Settings(BaseSettings, FarmSettings):
     live_ping_s: float = Field(default=20.0, gt=0)
     """Interval of WebSocket pings; a client that sends nothing for as long after a ping is disconnected."""
 
+    styles_dir: Path | None = None
+    """Folder with paintings that the style library offers to every user; None: none but Impasto's own."""
+
     webhook_secret: SecretStr | None = Field(default=None, min_length=32)
     """Master secret of webhook signatures, the same for all processes of a service; None: a file in the home."""
     webhook_private: bool = False

@@ -8,26 +8,45 @@ from __future__ import annotations
 
 import pytest
 
-LONGEST = (
-    "tests/deploy/test_entrypoint.py",
-    "tests/regression/test_recorded_values.py",
+IN_CHROMIUM = (
     "tests/e2e/test_studio_page.py",
+    "tests/e2e/test_studio_clusters.py",
+    "tests/e2e/test_studio_films.py",
+    "tests/e2e/test_page.py",
+    "tests/e2e/test_studio_access.py",
+    "tests/e2e/test_studio_saving.py",
+    "tests/e2e/test_studio_layers.py",
+    "tests/e2e/test_studio_corrections.py",
+    "tests/e2e/test_studio_variants.py",
+    "tests/e2e/test_works_page.py",
+    "tests/e2e/test_studio_lesson.py",
+    "tests/e2e/test_studio_waiting.py",
+    "tests/e2e/test_studio_psd.py",
+)
+"""Files that share the service and the browser of tests/e2e/conftest.py, which end with the last of them that follow
+each other in a process."""
+LONGEST = (
+    *IN_CHROMIUM,
     "tests/workers/test_ray_nodes.py",
+    "tests/deploy/test_entrypoint.py",
+    "tests/workers/test_real_stores.py",
     "tests/e2e/test_rolling_upgrade.py",
     "tests/e2e/test_same_bytes.py",
-    "tests/workers/test_real_stores.py",
-    "tests/e2e/test_page.py",
-    "tests/e2e/test_kill.py",
-    "tests/impasto/test_render.py",
-    "tests/impasto/test_live_stream.py",
     "tests/deploy/test_images.py",
-    "tests/service/test_live_endings.py",
-    "tests/pipeline/video/test_repeatable_encoders.py",
-    "tests/service/test_connections.py",
-    "tests/pipeline/synthesis/test_parity.py",
-    "tests/service/test_live.py",
-    "tests/service/test_projects.py",
+    "tests/e2e/test_kill.py",
+    "tests/contracts/test_random_work.py",
+    "tests/e2e/test_wheel.py",
+    "tests/impasto/test_render.py",
+    "tests/impasto/test_service.py",
+    "tests/regression/test_recorded_values.py",
+    "tests/contracts/test_dispatch.py",
     "tests/e2e/test_ops_page.py",
+    "tests/impasto/test_live_stream.py",
+    "tests/service/test_live_endings.py",
+    "tests/service/test_live.py",
+    "tests/service/test_schema_fuzz.py",
+    "tests/pipeline/synthesis/test_parity.py",
+    "tests/outside/test_fifth_method.py",
 )
 """Files of more than 20 s, longest first; the others follow in the order of their names."""
 

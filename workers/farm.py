@@ -2,7 +2,7 @@
 
 A farm joins a store (the database, source of truth), blobs (bytes), a pool (runs attempts) and a dispatcher (moves
 tasks from the store to the pool). It is reached by noun: `farm.jobs`, `farm.assets`, `farm.tasks`, `farm.files`,
-`farm.keys`, `farm.webhooks`, `farm.workers`, `farm.live`, `farm.projects`, `farm.previews`.
+`farm.exports`, `farm.keys`, `farm.webhooks`, `farm.workers`, `farm.live`, `farm.projects`, `farm.previews`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,9 @@ from pipeline.video.probe import probe_guarded
 from workers.blobs.base import Blobs
 from workers.blobs.open import open_blobs
 from workers.execution.lru_cache import LruCache
+from workers.extras import check_installed
 from workers.farm_parts.assets import FarmAssets, Probe
+from workers.farm_parts.exports import FarmExports
 from workers.farm_parts.files import FarmFiles
 from workers.farm_parts.health import HealthChecks
 from workers.farm_parts.jobs import FarmJobs
@@ -30,6 +32,7 @@ from workers.live.worker import LiveWorkers
 from workers.model import Json
 from workers.operations import DrainScope, Violation, WorkerInfo
 from workers.pools.base import Pool
+from workers.pools.machine import Machine, this_machine
 from workers.previews.local_runner import LocalRunner
 from workers.previews.service import PreviewService
 from workers.projects.projects import Projects
@@ -45,12 +48,17 @@ _CACHED_IMAGES = 128
 
 
 class Farm:
-    """
+    """All that the service and the command do with jobs, by noun: `farm.jobs`, `farm.assets`, `farm.projects`, ...
+
     Args:
         settings: where data is stored, and limits.
         pool: runs attempts; None: this process accepts and shows jobs only.
         live_workers: render live sessions; None: threads of this process.
         probe: examines uploaded files; by default in a child process, because they are untrusted.
+
+    Attributes:
+        store: the database: jobs, tasks and their states. Use the nouns below where there is one.
+        blobs: files of assets, tasks and results, by key.
 
     Raises:
         StorageError: the database or the blob store cannot be used.
@@ -67,37 +75,41 @@ class Farm:
         policy = StorePolicy(limits, settings.retry_delay_s, settings.events_kept, settings.owner_tasks)
         images: LruCache[bytes] = LruCache(_CACHED_IMAGES)
         self._settings, self._pool = settings, pool
-        self._store, self._blobs = Store(settings.url, policy), open_blobs(settings)
+        self.store, self.blobs = Store(settings.url, policy), open_blobs(settings)
         self._collector = GarbageCollector(
-            self._store,
-            self._blobs,
+            self.store,
+            self.blobs,
             settings.sweep_s,
             self._may_sweep,
             settings.project_undo_s,
             Retention(settings.project_versions_s),
+            settings.reuse_s,
         )
         self._dispatcher = None if pool is None else self._make_dispatcher(pool)
-        self.assets = FarmAssets(self._store, self._blobs, probe, settings.limits, images)
-        self.jobs = FarmJobs(self._store, self._blobs, self._collector, self._wake, images)
-        self.tasks = FarmTasks(self._store, self._wake)
-        self.files = FarmFiles(self._store, self._blobs, settings.s3_direct)
-        self.projects = Projects(self._store.projects, self.assets, self.jobs, self.files)
-        self.previews = PreviewService(LocalRunner(self._blobs, settings.preview_bytes), settings.preview_threads)
-        self.keys, self.webhooks, self.workers = self._store.keys, self._store.webhooks, self._store.workers
-        self.live = LiveSessions(live_workers or LocalLiveWorkers(lambda: LiveRenderer(self._blobs)), settings)
+        self.assets = FarmAssets(self.store, self.blobs, probe, settings.limits, images)
+        self.jobs = FarmJobs(self.store, self.blobs, self._collector, self._wake, images)
+        self.tasks = FarmTasks(self.store, self._wake)
+        self.files = FarmFiles(self.store, self.blobs, settings.s3_direct)
+        self.exports = FarmExports(self.jobs, self.assets, self.files)
+        self.projects = Projects(
+            self.store.projects, self.assets, self.jobs, self.files, self.store.reuse, settings.reuse_s
+        )  # fmt: skip
+        self.previews = PreviewService(LocalRunner(self.blobs, settings.preview_bytes), settings.preview_threads)
+        self.keys, self.webhooks, self.workers = self.store.keys, self.store.webhooks, self.store.workers
+        self.live = LiveSessions(live_workers or LocalLiveWorkers(lambda: LiveRenderer(self.blobs)), settings)
         self._health = HealthChecks(self._parts())
 
     def _make_dispatcher(self, pool: Pool) -> Dispatcher:
         who = WorkerInfo(socket.gethostname(), self._settings.role, str(pool.describe()["kind"]), version())
-        return Dispatcher(self._store, pool, self._settings, self._blobs.check_free_space, self._collector.later, who)
+        return Dispatcher(self.store, pool, self._settings, self.blobs.check_free_space, self._collector.later, who)
 
     def _parts(self) -> dict[str, Callable[[], None]]:
-        parts = {"store": self._store.check, "blobs": self._blobs.check}
+        parts = {"store": self.store.check, "blobs": self.blobs.check}
         return parts if self._dispatcher is None else {**parts, "pool": self._dispatcher.check}
 
     def _may_sweep(self) -> bool:
         """Among all processes that share the store, the dispatcher that has lived longest sweeps."""
-        return self._store.queue.dispatchers()[:1] == [self.worker_id]
+        return self.store.queue.dispatchers()[:1] == [self.worker_id]
 
     def _wake(self) -> None:
         if self._dispatcher is not None:
@@ -132,7 +144,7 @@ class Farm:
         return self._dispatcher.drain(timeout_s)
 
     def stop(self) -> None:
-        """Give running tasks back and end."""
+        """Return running tasks to the queue and end."""
         self.live.stop()
         if self._dispatcher is not None:
             self._dispatcher.stop()
@@ -140,7 +152,8 @@ class Farm:
         self.jobs.close()
         self.previews.close()
         self.assets.close()
-        self._store.close()
+        self.files.close()
+        self.store.close()
 
     def ready(self) -> dict[str, str]:
         """Part ("store", "blobs", "pool") -> "ok" or what is wrong."""
@@ -148,13 +161,13 @@ class Farm:
 
     def validate_state(self) -> list[Violation]:
         """Violated invariants of the database, empty if there are none. Read-only and of bounded cost."""
-        return self._store.validation.validate_state()
+        return self.store.validation.validate_state()
 
     def snapshot(self) -> Json:
         """Figures for metrics: queue depth and age, tasks by state, workers, throughput. "totals": counts of this
         process since it began (attempts by outcome, failures by code, frames and busy seconds by method)."""
         pool = {"kind": "none", "workers": 0, "busy": {}} if self._pool is None else self._pool.describe()
-        return {**self._store.statistics.snapshot(), "pool": pool}
+        return {**self.store.statistics.snapshot(), "pool": pool}
 
 
 def open_farm(settings: FarmSettings) -> Farm:
@@ -162,12 +175,18 @@ def open_farm(settings: FarmSettings) -> Farm:
 
     Raises:
         StorageError: the database or the blob store cannot be used.
+        BadParameter: a setting needs an extra of the package that is not installed.
     """
+    check_installed(settings)
     blobs = open_blobs(settings)
-    return Farm(settings, _pool(settings, blobs), _live_workers(settings, blobs))
+    machine = None if settings.workers else this_machine()
+    farm = Farm(settings, _pool(settings, blobs, machine), _live_workers(settings, blobs))
+    if machine is not None:
+        machine.live_sessions = lambda: farm.live.sessions
+    return farm
 
 
-def _pool(settings: FarmSettings, blobs: Blobs) -> Pool | None:
+def _pool(settings: FarmSettings, blobs: Blobs, machine: Machine | None) -> Pool | None:
     if settings.pool == "none":
         return None
     if settings.pool == "ray":
@@ -177,7 +196,8 @@ def _pool(settings: FarmSettings, blobs: Blobs) -> Pool | None:
     from workers.execution.renderer import Renderer
     from workers.pools.local_pool import LocalPool
 
-    return LocalPool(lambda: Renderer(blobs, settings.scratch), settings.workers)
+    most = settings.most_workers
+    return LocalPool(lambda: Renderer(blobs, settings.scratch), most, machine, settings.task_memory_bytes)
 
 
 def _live_workers(settings: FarmSettings, blobs: Blobs) -> LiveWorkers | None:

@@ -1,4 +1,4 @@
-"""Exceptions as faults: how an attempt, a plan or an order that raised is reported, and what follows from it."""
+"""Exceptions as faults: how an error of an attempt, a plan or an order is reported, and whether the task is retried."""
 
 from __future__ import annotations
 

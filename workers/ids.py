@@ -1,4 +1,4 @@
-"""Ids: a prefix, then 26 characters that sort by time of making (48 bits of milliseconds, 80 random bits).
+"""Ids: a prefix, then 26 characters that sort by creation time (48 bits of milliseconds, 80 random bits).
 
 Within a process they rise strictly, so that the order of two jobs of the same millisecond is the order of submission.
 """

@@ -6,37 +6,37 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 
-About = Mapping[str, str | int | float]
+LogContext = Mapping[str, str | int | float]
 
-_KEY = "about"
-_ABOUT: ContextVar[About] = ContextVar("impasto_about", default={})  # noqa: B039  (never changed in place)
+_KEY = "log_context"
+_CURRENT: ContextVar[LogContext] = ContextVar("impasto_log_context", default={})  # noqa: B039  (never changed in place)
 
 
-def about(**facts: str | int | float) -> dict[str, About]:
-    """The `extra` of a line that is about these: `log.info("...", extra=about(job=job_id))`."""
+def log_extra(**facts: str | int | float) -> dict[str, LogContext]:
+    """The argument `extra` of a log call: `log.info("...", extra=log_extra(job=job_id))`."""
     return {_KEY: facts}
 
 
-def here() -> About:
+def here() -> LogContext:
     """The context of the current thread or asynchronous task."""
-    return _ABOUT.get()
+    return _CURRENT.get()
 
 
-def of(record: object) -> About:
+def of(record: object) -> LogContext:
     """The context of a record: what was passed with it, then the current context. Call it in the thread that logged."""
     return {**here(), **getattr(record, _KEY, {})}
 
 
-def belong(facts: About) -> None:
-    """From now on the current thread works for this."""
-    _ABOUT.set(facts)
+def belong(facts: LogContext) -> None:
+    """Set the context of the current thread."""
+    _CURRENT.set(facts)
 
 
 @contextmanager
-def working_for(facts: About) -> Iterator[None]:
+def working_for(facts: LogContext) -> Iterator[None]:
     """Add to the context of the current thread or asynchronous task."""
-    token = _ABOUT.set({**here(), **facts})
+    token = _CURRENT.set({**here(), **facts})
     try:
         yield
     finally:
-        _ABOUT.reset(token)
+        _CURRENT.reset(token)

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 
-from workers.log_context import About, here, of, working_for
+from workers.log_context import LogContext, here, of, working_for
 from workers.settings import FarmSettings
 
 OURS = ("impasto", "service", "workers", "pipeline")
@@ -93,7 +93,7 @@ def shortened(text: str) -> str:
     return f"{text[:_HEAD_CHARS]}\n[{left_out} characters left out]\n{text[-_TAIL_CHARS:]}"
 
 
-def attempt_facts(job_id: str, task_id: str, attempt_id: str) -> About:
+def attempt_facts(job_id: str, task_id: str, attempt_id: str) -> LogContext:
     """What every line of an attempt is about."""
     return {"job": job_id, "task": task_id, "attempt": attempt_id}
 

@@ -42,7 +42,7 @@ class RunState(StrEnum):
 
 class TaskState(StrEnum):
     WAITING = "waiting"
-    """Something it needs is not done."""
+    """A task that it depends on is not done."""
     READY = "ready"
     RUNNING = "running"
     SUCCEEDED = "succeeded"
@@ -59,7 +59,7 @@ class Asset:
     sha256: str
     size_bytes: int
     filename: str
-    """As the user named it, for display only: never a path."""
+    """File name given by the user, for display only; never used as a path."""
     media_type: str
     kind: str
     """"video", "image", "archive" or "json"."""
@@ -79,7 +79,7 @@ class OutputSpec:
     """The output of a job."""
 
     format: str = "mp4"
-    """"mp4" (H.264, AAC), "webm" (VP9, Opus) or "png" (a zip of lossless frames numbered from 0000)."""
+    """"mp4" (H.264, AAC), "webm" (VP9, Opus), "png" (a zip of lossless frames numbered from 0000) or "gif"."""
     quality: int = 20
     """Constant rate factor of the codec, 0 (lossless) to 51."""
     artefacts: tuple[str, ...] = ()
@@ -139,6 +139,10 @@ class JobWarning:
     """"frames": how many the undamaged file has; "unreadable", "missing": runs [start, stop) of them."""
 
 
+CPU, PEAK_MEMORY = "cpu", "peak_bytes"
+"""Names of an attempt's CPU seconds and peak memory, which are stored beside the seconds of its stages."""
+
+
 @dataclass(frozen=True)
 class StepView:
     """A step of a job: its tasks by state, and wall seconds of its stages (summed over tasks)."""
@@ -154,6 +158,12 @@ class StepView:
     """Summed wall seconds of the step's finished attempts, decoding and encoding apart."""
     stages: dict[str, float]
     """Stage name -> summed seconds, "decode" and "encode" among them."""
+    reused: int = 0
+    """Tasks whose results were taken over from an earlier job."""
+    cpu_s: float = 0.0
+    """Summed CPU seconds of the step's finished attempts."""
+    peak_bytes: int = 0
+    """Largest memory of an attempt's process, bytes."""
 
 
 @dataclass(frozen=True)
@@ -199,6 +209,8 @@ class TaskView:
     progress: float
     attempts: tuple[Json, ...]
     """Per attempt: id, number, worker, started_at, finished_at, outcome, error (Fault as JSON) or None."""
+    reused: bool = False
+    """Whether its result was taken over from an earlier job."""
 
 
 @dataclass(frozen=True)
@@ -211,6 +223,18 @@ class Event:
     type: str
     """"job.state", "job.progress", "job.warning", "step.planned", "task.state", "log"."""
     data: Json
+
+
+@dataclass(frozen=True)
+class EarlierTask:
+    """A finished task of the job on which a job is based, and what it read: see `workers.execution.reuse`."""
+
+    trace: Json
+    result: Json
+    artefacts: dict[str, str]
+    """"step/name" -> blob key."""
+    segment: str | None
+    """Blob key of its emitted frames."""
 
 
 @dataclass(frozen=True)
@@ -251,6 +275,8 @@ class TaskOrder:
     """Whether tasks of this step wait for it."""
     on_damage: str = WARN
     """As in `JobRequest`."""
+    earlier: EarlierTask | None = None
+    """The same task of an earlier job, whose result is used if nothing that it read has changed."""
 
 
 @dataclass(frozen=True)
@@ -266,11 +292,16 @@ class TaskOutcome:
     segment: str | None
     """Blob key of the encoded run of frames, if the task emits."""
     stages: dict[str, float]
-    """Stage -> wall seconds; "decode", "encode" and "method" (wall of the method itself, overlaps counted once)."""
+    """Stage -> wall seconds; "decode", "encode" and "method" (wall of the method itself, overlaps counted once); and
+    "cpu" (CPU seconds) and "peak_bytes" (memory) of the attempt."""
     log: str
     fault: Fault | None = None
     cancelled: bool = False
     warnings: tuple[JobWarning, ...] = ()
+    trace: Json | None = None
+    """What the task read; None: its result cannot be reused."""
+    reused: bool = False
+    """Whether it is the result of an earlier job's task."""
 
 
 @dataclass(frozen=True)
@@ -300,9 +331,6 @@ class ApiKey:
     created_at: float
     revoked_at: float | None = None
 
-    def allows(self, scope: str) -> bool:
-        return scope in self.scopes or "admin" in self.scopes
-
 
 @dataclass(frozen=True)
 class Delivery:
@@ -317,7 +345,7 @@ class Delivery:
     """{"type": "job.succeeded" | "job.failed" | "job.cancelled", "timestamp": ISO 8601, "data": {...}}"""
     created_at: float
     tries: int
-    """Tries made so far."""
+    """Attempts at delivery so far."""
     state: str = "waiting"
     """"waiting", "delivered" or "dead" (the last try failed)."""
     next_at: float | None = None

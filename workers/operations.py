@@ -3,7 +3,8 @@
 A *worker* is a process that takes tasks (`impasto serve`, `impasto worker`): in the store, a dispatcher. It has
 *slots*: each runs one attempt at a time, on some *node*, a machine (in a Ray cluster, one of its nodes). Draining a
 worker or a node means that nothing new starts there while what runs is finished, so that it can be upgraded without
-losing work. Pausing the queue is the same for all of them at once. Both are kept in the store, and heeded by all.
+losing work. Pausing the queue is the same for all of them at once. Both are kept in the store, and all workers obey
+them.
 """
 
 from __future__ import annotations
@@ -15,10 +16,10 @@ from workers.model import Json
 
 
 class DrainScope(StrEnum):
-    """What can be told to start nothing new: the whole queue, a worker process, or a node."""
+    """Kinds of places that can be told to start nothing new: the whole queue, a worker process, or a node."""
 
     QUEUE = "queue"
-    """All of it."""
+    """The whole queue."""
     WORKER = "worker"
     NODE = "node"
 
@@ -50,11 +51,11 @@ class WorkerInfo:
 
 @dataclass(frozen=True)
 class Drain:
-    """An operator's wish that a place start nothing new."""
+    """An operator's order that a place start nothing new."""
 
     place: DrainScope
     name: str
-    """Of the place; empty for the queue."""
+    """Id of the place; empty for the queue."""
     at: float
     by: str
     """Owner of the key that asked; empty without one."""
@@ -76,7 +77,7 @@ class RunningAttempt:
     """0..1"""
     started_at: float
     slot: str
-    """Empty: it is on its way to one."""
+    """Node of the slot; empty while the attempt is being sent."""
     node: str
 
 

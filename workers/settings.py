@@ -11,6 +11,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field, SecretStr
 
 from pipeline.video.media import Limits
+from workers.pools.machine import usable_cpus
 
 
 class FarmSettings(BaseModel):
@@ -57,8 +58,8 @@ class FarmSettings(BaseModel):
 
     pool: Literal["local", "ray", "none"] = "local"
     """Where attempts run: in this process, on a Ray cluster, or nowhere (accept and show only)."""
-    workers: int = Field(default=1, ge=1, le=256)
-    """Attempts that run at once."""
+    workers: int = Field(default=0, ge=0, le=256)
+    """Attempts that run at once; 0: as many as the machine has processors and memory for."""
     role: Literal["serve", "worker"] = "serve"
     """Shown to operators: whether the process answers requests, too."""
     ray_address: str = "local"
@@ -107,12 +108,21 @@ class FarmSettings(BaseModel):
     project_versions_s: float = Field(default=7 * 86400.0, ge=0)
     """Every version of a project is kept for this long; after that one an hour, and named ones."""
 
+    reuse_s: float = Field(default=86400.0, ge=0)
+    """Task results of a project's newest job of each shot are kept for this long, so that the next job repeats only
+    what has changed. 0: not at all."""
+
     log_format: Literal["text", "json"] = "text"
     """Format of logs on stderr: text for people, or one JSON object per line."""
     log_level: Literal["debug", "info", "warning", "error"] = "warning"
 
     events_kept: int = Field(default=5000, ge=10)
     """Newest events kept per job."""
+
+    @property
+    def most_workers(self) -> int:
+        """Attempts that run at once, at most."""
+        return self.workers or usable_cpus()
 
     @property
     def for_workers(self) -> FarmSettings:

@@ -1,1 +1,1 @@
-"""The `impasto` command: a file a command, what they share beside them."""
+"""The `impasto` command: one file per command, and shared helpers."""

@@ -48,10 +48,8 @@ def table(*columns: str) -> Table:
 
 def print_table(rows: Table) -> None:
     """Print a table: fitted to a terminal; with unlimited lines into a pipe or file, so that nothing is cut."""
-    if out.is_terminal:
-        out.print(rows)
-    else:
-        out.print(rows, width=PIPE_WIDTH, crop=False)
+    console = out if out.is_terminal else Console(file=out.file, width=PIPE_WIDTH, highlight=False)
+    console.print(rows, crop=out.is_terminal)
 
 
 def print_status(text: str) -> None:

@@ -84,7 +84,7 @@ CODECS = (
 
 @dataclass(frozen=True)
 class Check:
-    """One part of the machine: how it stands, and what to do."""
+    """Result of a check: state of the part, and what to do."""
 
     name: str
     state: State
@@ -96,7 +96,7 @@ class Check:
 
 
 def checks(home: Path, device: str = "") -> list[Check]:
-    """Everything, in the order in which people would look."""
+    """All checks, in the order in which people would make them."""
     return [_python(), *_packages(), *_opencl(device), *_codecs(), _cascade(), _methods(), _disk(home), _memory()]
 
 

@@ -1,4 +1,4 @@
-"""`impasto keys`: who may use a service. Works on its home, so only its operator can."""
+"""`impasto keys`: API keys of a service. Works on its home, so only its operator can."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def create(
     database: DatabaseOption = None,
     as_json: JsonFlag = False,
 ) -> None:
-    """Make a key and show its secret, this once."""
+    """Create a key and show its secret, which cannot be shown again."""
     with _keys(home, database) as keys:
         key, secret = keys.create(name, scope or ["read", "submit"])
     if as_json:
@@ -62,7 +62,7 @@ def revoke(
     database: DatabaseOption = None,
     as_json: JsonFlag = False,
 ) -> None:
-    """Refuse a key from now on."""
+    """Revoke a key at once."""
     with _keys(home, database) as keys:
         key = keys.revoke(key_id)
     emit(_row(key)) if as_json else print_status(f"{key.id} ({key.name}) is revoked.")

@@ -65,7 +65,9 @@ Inputs = Annotated[
 ]  # fmt: skip
 Output = Annotated[
     str,
-    typer.Option("--output", "-o", metavar="OUT", help="A .mp4 or .webm file, DIR/ (PNGs), rtmp://..., window, none."),
+    typer.Option(
+        "--output", "-o", metavar="OUT", help="A .mp4 or .webm file, DIR/ (PNGs), rtmp://..., whip://..., window, none."
+    ),
 ]
 
 
@@ -83,7 +85,11 @@ class LiveCommandOptions:
     loop: Annotated[str, typer.Option(metavar="N|forever", help="Play a file so often.", rich_help_panel=WHAT)] = "1"
     duration: Annotated[float | None, typer.Option(metavar="S", min=0.1, help="Stop after so many seconds.")] = None
     codec: Annotated[str, typer.Option(help=f"Both ways: {', '.join(_CODECS)}.", rich_help_panel=WHERE)] = "jpeg"
-    fixed: Annotated[bool, typer.Option("--fixed", help="Never work at a lower resolution.")] = False
+    prefer: Annotated[
+        str,
+        typer.Option(metavar="fluent|sharp", help="When frames take too long: lower the working size, or drop frames."),
+    ] = "fluent"
+    steady: Annotated[bool, typer.Option("--steady", help="Remove flicker behind the method.")] = False
     quality: QualityOption = 20
     server: ServerOption = None
     api_key: KeyOption = None
@@ -103,6 +109,7 @@ def live(options: LiveCommandOptions) -> None:
     source_name, named = _split(options.inputs)
     params, size, loops = params_of(options.param or []), _size(options.size), _loops(options.loop)
     _check_codec(options.codec)
+    _check_preference(options.prefer)
     settings = load(CommandSettings, server=options.server, api_key=options.api_key)
     key = settings.api_key.get_secret_value()
     with _closing(open_source(source_name, loops, size, options.fps)) as source:
@@ -111,7 +118,8 @@ def live(options: LiveCommandOptions) -> None:
             session: Json = {
                 "size": source.size, "fps": max(source.fps, 1.0), "method": options.method, "params": params,
                 "inputs": _upload(address, key, named), "seed": options.seed, "send": (options.codec,),
-                "receive": (options.codec,), "adaptive": not options.fixed,
+                "receive": (options.codec,), "prefer": options.prefer,
+                "filter": {"method": "steady"} if options.steady else None,
             }  # fmt: skip
             with _status(options.quiet) as show:
                 client = LiveClient(address, key, show, **session)
@@ -231,7 +239,7 @@ def _size(text: str) -> tuple[int, int] | None:
 
 
 def _loops(text: str) -> int:
-    """How often, 0 = for ever."""
+    """How often a file is played; 0 = without end."""
     if text == "forever":
         return 0
     if not text.isdecimal():
@@ -242,6 +250,11 @@ def _loops(text: str) -> int:
 def _check_codec(codec: str) -> None:
     if codec not in _CODECS:
         raise BadInput("There is no such codec.", field="--codec", value=codec, remedy=f"Use {', '.join(_CODECS)}.")
+
+
+def _check_preference(prefer: str) -> None:
+    if prefer not in ("fluent", "sharp"):
+        raise BadInput("There is no such preference.", field="--prefer", value=prefer, remedy="Write fluent, or sharp.")
 
 
 def _upload(address: str, key: str, paths: Mapping[str, Path]) -> dict[str, str]:

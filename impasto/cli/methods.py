@@ -89,7 +89,7 @@ def _parameter(name: str, field: Json) -> Json:
 
 
 def _range(field: Json) -> str:
-    """What is allowed, as people read it: "0 to 50", "more than 0", "off, on"."""
+    """Allowed values as text: "0 to 50", "more than 0", "off, on"."""
     if "enum" in field:
         return ", ".join(str(value) for value in field["enum"])
     low, above = field.get("minimum"), field.get("exclusiveMinimum")

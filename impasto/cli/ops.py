@@ -1,4 +1,4 @@
-"""`impasto ops`: what operators look at and steer, with an admin key."""
+"""`impasto ops`: state and control of a service, with an admin key."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def log(
     api_key: KeyOption = None,
     as_json: JsonFlag = False,
 ) -> None:
-    """Print what an attempt said."""
+    """Print the log of an attempt."""
     with client_of(server, api_key) as client:
         found = client.ops.log(attempt)
     emit(found) if as_json else out.print(found["log"], markup=False)
@@ -96,7 +96,7 @@ def drain(
     server: ServerOption = None,
     api_key: KeyOption = None,
 ) -> None:
-    """Start nothing new there; what runs is finished. With `queue`: hand out no task at all."""
+    """Drain a place: no further task starts there, running tasks finish. With `queue`: hand out no task at all."""
     with client_of(server, api_key) as client:
         client.ops.drain(place, reason)
     print_status(f"{place}: nothing new starts. `impasto ops resume {place}` ends that.")
@@ -104,7 +104,7 @@ def drain(
 
 @app.command()
 def resume(place: PlaceArgument, server: ServerOption = None, api_key: KeyOption = None) -> None:
-    """Start work there again."""
+    """Resume a drained place."""
     with client_of(server, api_key) as client:
         client.ops.resume(place)
     print_status(f"{place}: work may start again.")

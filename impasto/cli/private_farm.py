@@ -101,7 +101,7 @@ def _locked(folder: Path) -> Iterator[IO[bytes] | None]:
 
 _BEAT_S = 0.5
 """Events arrive in bursts: progress is updated at most this often, seconds, to save processor time."""
-_LOOK_S = 5.0
+_POLL_S = 5.0
 """Longest time between reads of the job without an event, seconds."""
 
 
@@ -135,7 +135,7 @@ def follow(farm: Farm, job_id: str, show: Show) -> Job:
         while not (job := farm.jobs.get(job_id)).state.final:
             show(_shown(job))
             beat = time.monotonic() + _BEAT_S
-            farm.jobs.wait_for_event(job_id, last_seq, timeout_s=_LOOK_S)
+            farm.jobs.wait_for_event(job_id, last_seq, timeout_s=_POLL_S)
             events, _ = farm.jobs.events(job_id, after=last_seq)
             last_seq = events[-1].seq if events else last_seq
             if all(event.type != "job.state" for event in events):

@@ -53,7 +53,7 @@ def project_order(
     output = OutputSpec(where.format, submission.output.quality, tuple(sorted(artefacts)))
     request = JobRequest(
         submission.method, {}, submission.params, submission.seed, output, name=submission.name,
-        frames=submission.frames,
+        frames=submission.frames, on_damage=submission.on_damage,
     )  # fmt: skip
     return RenderOrder(request, inputs, where, artefacts, overwrite)
 

@@ -54,6 +54,8 @@ impasto render clip.mp4 -o cartoon.mp4 --artefact svg --json
 
 impasto render clip.mp4 -o start.mp4 --frames 0:50
 
+impasto render clip.mp4 -o cartoon.mp4 --estimate       time, memory and disk space, without rendering
+
 impasto render project.zip -o film.mp4     (a project that a service exported)
 
 Ctrl-C keeps finished tasks: run the same command again to resume. `impasto methods abstraction` lists the parameters.
@@ -66,8 +68,12 @@ class RenderOptions:
 
     source: Annotated[Path, typer.Argument(metavar="IN", help="A video, an image, or a folder of numbered frames.")]
     output: Annotated[
-        str, typer.Option("--output", "-o", metavar="OUT", help="A .mp4, .webm, .png or .zip file, or a folder: DIR/.")
+        str,
+        typer.Option("--output", "-o", metavar="OUT", help="A .mp4, .webm, .gif, .png or .zip file, or a folder DIR/."),
     ]
+    estimate: Annotated[
+        bool, typer.Option("--estimate", help="Print time, memory and disk space that it will take, and stop.")
+    ] = False
     method: MethodOption = "abstraction"
     param: ParamOption = None
     extra: InputOption = None
@@ -113,7 +119,7 @@ def _render_pipe(options: RenderOptions) -> None:
 
     without_pipes = {
         "--artefact": bool(options.artefact), "--json": options.as_json, "--workers": options.workers != 1,
-        "--frames": bool(options.frames),
+        "--frames": bool(options.frames), "--estimate": options.estimate,
     }  # fmt: skip
     _check_pipe_options(without_pipes)
     pipe = PipeOrder(
@@ -130,8 +136,12 @@ def _render_file(options: RenderOptions) -> None:
 
     with TemporaryDirectory(prefix="impasto-") as scratch:
         order = _order(options, Path(scratch))
-        order = replace(order, request=replace(order.request, on_damage=options.on_damage.value))
+        if options.on_damage is DamagePolicy.FAIL:  # else as an exported project says
+            order = replace(order, request=replace(order.request, on_damage=options.on_damage.value))
         order.check()
+        if options.estimate:
+            _print_estimate(order, home_of(options.home), options.as_json)
+            return
         with progress(options.quiet) as show:
             summary = run(order, options.workers, home_of(options.home), show)
     print_warnings(summary["warnings"])
@@ -140,6 +150,24 @@ def _render_file(options: RenderOptions) -> None:
         return
     out.print(summary["output"], markup=False)
     print_status(f"{summary['frames']} frames in {summary['seconds']:.2f} s: {summary['fps']:.1f} frames/s")
+
+
+def _print_estimate(order: RenderOrder, home: Path, as_json: bool) -> None:
+    from impasto.cli.estimating import estimate_render
+
+    found = estimate_render(order.request, order.paths["video"], home)
+    if as_json:
+        emit(found)
+        return
+    if found["seconds"] is None:
+        print_status("Nothing is known of this video: it names neither its frames nor their size.")
+        return
+    basis = f"{found['samples']} earlier renders" if found["samples"] else "the method's own figures, on one core"
+    print_status(
+        f"{found['frames']} frames: about {found['seconds']:.0f} s, {found['cpu_s'] or 0:.0f} s of processor time, "
+        f"{found['memory_bytes'] / 1e6:.0f} MB memory for each task, {found['disk_bytes'] / 1e6:.0f} MB disk, "
+        f"from {basis}."
+    )
 
 
 def _order(options: RenderOptions, scratch: Path) -> RenderOrder:

@@ -11,12 +11,14 @@ from pathlib import Path
 
 from impasto.cli import private_farm
 from impasto.cli.console import Show
+from impasto.cli.estimating import remember
 from impasto.cli.input_files import InputFile, gather
 from impasto.cli.private_farm import Workspace, forget, key_of, sweep, workspace
 from impasto.delivery import Target, beside, check_space, check_still, deliver, output_faults, same_file
 from pipeline.errors import BadInput
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import Method, Params
+from pipeline.video.media import MediaInfo
 from pipeline.video.probe import probe, probe_guarded
 from workers.execution.warm_up import warm_up
 from workers.farm import Farm
@@ -109,25 +111,26 @@ def run(order: RenderOrder, workers: int, home: Path, show: Show) -> Json:
     sweep(home)
     with tempfile.TemporaryDirectory(prefix="impasto-") as scratch:
         files = _gather(order.paths, Path(scratch))
-        _check_result_fits(order, files["video"])
+        video = probe_guarded(files["video"].path)
+        _check_result_fits(order, video)
         key = key_of(_facts(order, files))
         with workspace(home, key) as place:
             _check_consent(order, place)
             _warm_up(order.request)
             with private_farm.opened(place.folder, workers) as farm:
                 job = private_farm.follow(farm, private_farm.submit(farm, order.request, files, key).id, show)
+                remember(home, order.request, video, job)
                 place.consent()  # from here on, the outputs that exist are our own
                 summary = _deliver(farm, job, order)
             forget(place.folder)
     return summary | {"wall_seconds": round(time.monotonic() - began, 4)}
 
 
-def _check_result_fits(order: RenderOrder, video: InputFile) -> None:
-    """Probe the video, and refuse an output that cannot hold its frames."""
-    info = probe_guarded(video.path)
-    first, end = order.request.frames or (0, info.frames)
+def _check_result_fits(order: RenderOrder, video: MediaInfo) -> None:
+    """Refuse an output that cannot hold the frames of the video."""
+    first, end = order.request.frames or (0, video.frames)
     check_still(order.where, end - first)
-    check_space(order.where, dataclasses.replace(info, frames=end - first))
+    check_space(order.where, dataclasses.replace(video, frames=end - first))
 
 
 def _check_consent(order: RenderOrder, place: Workspace) -> None:
@@ -202,7 +205,7 @@ METHOD_STAGE = "method"
 
 @dataclass(frozen=True)
 class Timing:
-    """Seconds of a job: in all, by step, by stage."""
+    """Seconds of a job: in total, by step, by stage."""
 
     seconds: float
     steps: dict[str, float]

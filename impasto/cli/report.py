@@ -73,7 +73,7 @@ Pair = tuple[int, "tuple[Frame, Frame]", "tuple[Frame, Frame]"]
 
 def _pairs(source: VideoReader, result: VideoReader, frames: int, count: int) -> Iterator[Pair]:
     """(t, source frames t - 1 and t, result frames scaled to the source's size)."""
-    from pipeline.quality.report import sampled_pairs
+    from pipeline.quality.sampling import sampled_pairs
 
     if not count:
         both = zip(source.read(0, frames), _scaled(result.read(0, frames), source.size), strict=False)

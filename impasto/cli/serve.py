@@ -36,7 +36,7 @@ class FarmKind(StrEnum):
 
 
 class Auth(StrEnum):
-    """Who is let in without a key."""
+    """When a key is required."""
 
     AUTO = "auto"
     REQUIRED = "required"
@@ -51,7 +51,7 @@ class ServeOptions:
     port: Annotated[int | None, typer.Option(min=0, max=65535, help="Port, else 8420; 0 takes a free one.")] = None
     home: HomeOption = None
     farm: Annotated[FarmKind | None, typer.Option(help="Workers in this process, or on a Ray cluster.")] = None
-    workers: Annotated[int | None, typer.Option(min=1, max=256, help="Tasks that run at once; else 1.")] = None
+    workers: Annotated[int | None, typer.Option(min=1, max=256, help="Tasks at once; else the whole machine.")] = None
     ray_address: Annotated[str | None, typer.Option(help="A Ray cluster's address; else one is started here.")] = None
     database: DatabaseOption = None
     blobs: Annotated[str | None, typer.Option(metavar="URL", help="s3://bucket/prefix; else in the home.")] = None

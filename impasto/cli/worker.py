@@ -39,7 +39,7 @@ class WorkerOptions:
     """Options of `impasto worker`."""
 
     home: HomeOption = None
-    workers: Annotated[int | None, typer.Option(min=1, max=256, help="Tasks that run at once; else 1.")] = None
+    workers: Annotated[int | None, typer.Option(min=1, max=256, help="Tasks at once; else the whole machine.")] = None
     database: DatabaseOption = None
     blobs: Annotated[str | None, typer.Option(metavar="URL", help="s3://bucket/prefix; else in the home.")] = None
     s3_endpoint: Annotated[str | None, typer.Option(metavar="URL", help="An S3 server that is not Amazon's.")] = None
@@ -64,6 +64,7 @@ def worker(options: WorkerOptions) -> None:
     from impasto.settings import load
     from service.settings import Settings
     from workers.descriptors import raise_descriptor_limit
+    from workers.extras import need
     from workers.logs import set_up_logs
     from workers.pools.ray_node import RayNode
 
@@ -80,8 +81,13 @@ def worker(options: WorkerOptions) -> None:
     set_up_logs(settings)
     raise_descriptor_limit()
     if options.ray_address is not None:
+        need("cluster", "--ray-address", options.ray_address)
         node = RayNode(
-            options.ray_address, options.name or socket.gethostname(), settings.workers, options.gpus, options.memory
+            options.ray_address,
+            options.name or socket.gethostname(),
+            settings.most_workers,
+            options.gpus,
+            options.memory,
         )
         _join_cluster(settings, node, options.grace_s)
         return
@@ -132,7 +138,7 @@ def _empty(settings: Settings, name: str, signals: _Signals, grace_s: float) -> 
             return not any(node.busy for node in farm.workers.nodes() if node.name == name)
 
         signals.until_second(empty, grace_s)
-        if ours:  # the next life of this machine is welcome
+        if ours:  # the machine may join again after a restart
             farm.workers.resume(DrainScope.NODE, name)
     finally:
         farm.stop()

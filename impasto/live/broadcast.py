@@ -1,4 +1,4 @@
-"""Sinks that stream to a server: FLV over RTMP, MPEG-TS over TCP and UDP."""
+"""Sinks that stream to a server: FLV over RTMP, MPEG-TS over TCP, UDP and SRT."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from av.container import OutputContainer
 from av.video.stream import VideoStream
 
 from impasto.live.sink import Sink, at_size
-from impasto.live.sources import Size
+from impasto.live.sources import Size, check_protocol
 from pipeline.errors import BadInput, ImpastoError
 from pipeline.frames import Frame
 
@@ -20,7 +20,7 @@ TICKS = 1000
 """Ticks per second of FLV."""
 SILENT_S = 10
 """Longest time without the server accepting data, seconds."""
-_FORMATS = {"rtmp": "flv", "rtmps": "flv", "tcp": "mpegts", "udp": "mpegts"}
+_FORMATS = {"rtmp": "flv", "rtmps": "flv", "tcp": "mpegts", "udp": "mpegts", "srt": "mpegts"}
 _PORTS = {"rtmp": 1935, "rtmps": 443}
 
 
@@ -40,6 +40,7 @@ class Broadcast(Sink):
     def __init__(self, address: str, size: Size, fps: float) -> None:
         self._address, self._size = address, (size[0] - size[0] % 2, size[1] - size[1] % 2)
         kind = _format(address)
+        check_protocol(address, "--output")
         try:
             _knock(address)
             self._file = _fifo(address, kind)

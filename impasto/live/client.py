@@ -72,13 +72,17 @@ class LiveOptions:
     send: Sequence[str] = ("jpeg",)
     receive: Sequence[str] = ("jpeg",)
     quality: int = 85
-    adaptive: bool = True
+    prefer: str = "fluent"
+    """"fluent": keep the rate; "sharp": keep the working size."""
+    filter: Mapping[str, object] | None = None
+    """{"method": "steady", "params": {...}}: a filter of the painted frames."""
 
     def hello(self) -> Json:
         return {
             "type": "hello", "method": self.method, "params": dict(self.params), "inputs": dict(self.inputs),
             "seed": self.seed, "width": self.size[0], "height": self.size[1], "fps": self.fps, "send": [*self.send],
-            "receive": [*self.receive], "quality": self.quality, "adaptive": self.adaptive,
+            "receive": [*self.receive], "quality": self.quality, "prefer": self.prefer,
+            "filter": dict(self.filter) if self.filter else None,
         }  # fmt: skip
 
 
@@ -229,7 +233,7 @@ class LiveClient:
                 return
             if item is None or isinstance(item, ImpastoError):
                 self.ended = True
-                self._answers.put(item)  # for whoever asks again
+                self._answers.put(item)  # for later calls
                 if item is None:
                     return
                 raise item
@@ -287,7 +291,7 @@ class LiveClient:
                 else:
                     fatal = self._hear(json.loads(message)) or fatal
         except ConnectionClosed:
-            pass  # the code says how
+            pass  # the close code tells the reason
         if self._leaving or socket.close_code == 1000:
             return True
         self._fruitless += 1

@@ -11,7 +11,8 @@ from pipeline.video.stills import encode_png
 
 
 def open_sink(text: str, source: Source, quality: int) -> Sink:
-    """A sink by its name: a file, a folder (`DIR/`), rtmp://..., `window`, or `none` (frames are counted, not kept).
+    """A sink by its name: a file, a folder (`DIR/`), rtmp://..., whip://...,
+    `window`, or `none` (frames are counted, not kept).
 
     Raises: BadInput.
     """
@@ -21,12 +22,16 @@ def open_sink(text: str, source: Source, quality: int) -> Sink:
         from impasto.live.window import Window  # needs the extra "window"
 
         return Window(source.size)
+    if text.startswith(("whip://", "whips://")):
+        from impasto.live.whip import WhipSink  # needs the extra "webrtc"
+
+        return WhipSink(text, source.size)
     if "://" in text:
         from impasto.live.broadcast import Broadcast
 
         return Broadcast(text, source.size, source.fps)
     where = target(text)
-    if where.kind == "still" or where.path.suffix == ".zip":
+    if where.kind == "still" or where.path.suffix in (".zip", ".gif"):
         remedy = "Use a .mp4 or .webm file, or DIR/ for numbered frames."
         raise BadInput("The output is not a known sink.", field="--output", value=text, remedy=remedy)
     if where.kind == "frames":

@@ -27,7 +27,7 @@ from pipeline.video.reader import VideoReader
 Size = tuple[int, int]
 Timed = tuple[float, Frame]
 """Time of a frame, seconds from the first, and the frame."""
-NETWORK = ("rtsp://", "rtsps://", "rtmp://", "http://", "https://", "udp://", "tcp://")
+NETWORK = ("rtsp://", "rtsps://", "rtmp://", "http://", "https://", "udp://", "tcp://", "srt://")
 OPEN_S = 10
 """Longest silence of a camera or sender, seconds."""
 LEAVE_S = 2
@@ -92,10 +92,27 @@ def open_source(text: str, loops: int, size: Size | None, fps: float | None) -> 
     if text == "camera" or text.startswith("camera:"):
         source = _camera(text, size, fps)
     elif text.startswith(NETWORK):
+        check_protocol(text, "--input")
         source = StreamSource(text, None, {}, fps, "Check the address, and that the sender is on.")
     else:
         source = FileSource(Path(text).expanduser(), loops, fps)
     return source if size is None or source.size == size else Scaled(source, size)
+
+
+def check_protocol(address: str, field: str) -> None:
+    """Check that this FFmpeg knows SRT, if the address needs it: few builds contain its library. Raises BadInput."""
+    if not address.startswith("srt://"):
+        return
+    try:
+        av.open("srt://").close()
+    except av.ProtocolNotFoundError:
+        raise BadInput(
+            "The FFmpeg of this PyAV was built without SRT.", field=field, value=address,
+            remedy="Build PyAV against an FFmpeg with libsrt (pip install --no-binary av av), use rtmp, or relay "
+            "with another FFmpeg: ffmpeg -i srt://... -c copy -f mpegts udp://127.0.0.1:5000",
+        ) from None  # fmt: skip
+    except (av.FFmpegError, OSError, ValueError):
+        return  # it is known: only this address is empty
 
 
 class FileSource:

@@ -49,7 +49,7 @@ def prepare() -> None:
     global _prepared
     with _lock:
         if not _prepared and "pyopencl" not in sys.modules and "OCL_ICD_VENDORS" not in os.environ:
-            _register(intel_runtime())
+            register(intel_runtime())
         _prepared = True
 
 
@@ -71,7 +71,12 @@ def registrations() -> dict[str, str]:
     return {f.name: f.read_text(errors="replace").strip() for f in sorted(folder.glob("*.icd"))}
 
 
-def _register(runtime: Path | None) -> None:
+def register(runtime: Path | None) -> None:
+    """Make an OpenCL runtime visible to this process and its children, by the loader's environment variable.
+
+    Args:
+        runtime: its library; None, or a library that cannot be loaded here: nothing changes.
+    """
     if runtime is None or not _load_libraries(runtime.parent):
         return
     wanted = {**registrations(), "impasto-intel-cpu.icd": str(runtime)}

@@ -6,20 +6,10 @@ import cv2
 import numpy as np
 
 from pipeline.flow.warp import fetch, positions
-from pipeline.frames import Flow, Frame, Mask, Plane
+from pipeline.frames import Flow, Mask
 
 CHI_EPSILON_PX2 = 2.0
 """Largest squared difference of consistent velocities, px^2, for `chi_minus` and `chi_plus`."""
-
-
-def round_trip_px(flow: Flow, back: Flow) -> Plane:
-    """Length of the displacement along `flow` and then `back`: float32 (height, width), px; 0 if they are consistent.
-
-    Args:
-        flow: from this frame to the other, float32 (height, width, 2), px.
-        back: from the other frame to this one.
-    """
-    return np.asarray(np.linalg.norm(flow + fetch(back, flow), axis=-1), dtype=np.float32)
 
 
 def visible(flow: Flow, back: Flow) -> Mask:
@@ -81,18 +71,3 @@ def chi_plus(velocity_plus: Flow, velocity_minus_after: Flow, epsilon_px2: float
 def _agree(there: Flow, here: Flow, step: Flow, epsilon_px2: float) -> Mask:
     same: Mask = np.square(fetch(there, step) - here).sum(-1) < epsilon_px2
     return same & inside(step)
-
-
-def residual_lab(previous: Frame, current: Frame, flow: Flow) -> Plane:
-    """Colour difference between the two ends of each pixel's flow: float32 (height, width), CIELAB units.
-
-    Args:
-        previous, current: frames of one size.
-        flow: from `previous` to `current`.
-    """
-    return np.asarray(np.linalg.norm(_lab(previous) - fetch(_lab(current), flow), axis=-1), dtype=np.float32)
-
-
-def _lab(frame: Frame) -> Plane:
-    """CIELAB of a frame, float32 (height, width, 3), L in 0..100."""
-    return np.asarray(cv2.cvtColor(frame.astype(np.float32) / 255, cv2.COLOR_RGB2Lab), dtype=np.float32)

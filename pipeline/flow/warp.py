@@ -31,28 +31,6 @@ def fetch(image: AnyArray, flow: Flow) -> AnyArray:
     return np.asarray(cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
 
 
-def push(image: AnyArray, flow: Flow) -> tuple[NDArray[np.float32], Plane]:
-    """Forward warp: each pixel is distributed bilinearly over the four pixels around its target.
-
-    Args:
-        image: (height, width, channels), any real dtype.
-        flow: float32 (height, width, 2), px.
-
-    Returns:
-        Weighted mean of the pixels that arrive, float32 (height, width, channels), and their total weight, float32
-        (height, width). Where the weight is 0, the mean is 0.
-    """
-    height, width, channels = image.shape
-    total, weight = np.zeros((height * width, channels)), np.zeros(height * width)
-    values = image.reshape(-1, channels).astype(np.float64)
-    for index, share in _corners(flow):
-        inside = share > 0
-        np.add.at(weight, index[inside], share[inside])
-        np.add.at(total, index[inside], share[inside, None] * values[inside])
-    mean = total / np.maximum(weight, 1e-12)[:, None]
-    return mean.reshape(image.shape).astype(np.float32), weight.reshape(height, width).astype(np.float32)
-
-
 def _corners(flow: Flow) -> list[tuple[NDArray[np.intp], NDArray[np.float64]]]:
     """Flat index and bilinear weight of each of the four pixels around each target; 0 outside the picture."""
     height, width = flow.shape[:2]

@@ -14,41 +14,47 @@ from pydantic_core import ErrorDetails
 from pipeline.errors import BadParameter, did_you_mean, together
 from pipeline.methods.base import Method, Params
 
-BUILT_IN = (
-    "pipeline.methods.abstraction:Abstraction",
-    "pipeline.methods.patches:Patches",
-    "pipeline.methods.analogy:Analogy",
-    "pipeline.methods.multistyle:Multistyle",
-    "pipeline.methods.steady:Steady",
-)
-"""Classes by name, as entry points give them: methods that use other methods import this module."""
+BUILT_IN: Mapping[str, str] = MappingProxyType({
+    "abstraction": "pipeline.methods.abstraction:Abstraction",
+    "patches": "pipeline.methods.patches:Patches",
+    "analogy": "pipeline.methods.analogy:Analogy",
+    "multistyle": "pipeline.methods.multistyle:Multistyle",
+    "steady": "pipeline.methods.steady:Steady",
+})  # fmt: skip
+"""Method name -> its class, named as in an entry point: a job imports only its own method, because importing all of
+them takes longer than painting a small still, and methods that use other methods import this module."""
+PLATFORM: Mapping[str, str] = MappingProxyType({
+    "layers": "pipeline.methods.layers:Layers", "convert": "pipeline.methods.convert:Convert",
+})  # fmt: skip
+"""Methods of the platform's own jobs, which are not published."""
 
 
 @cache
 def methods() -> Mapping[str, Method]:
     """Every method by name: the built-in ones first, then those of installed packages."""
-    outside = (entry.load() for entry in entry_points(group="impasto.methods"))
-    found: dict[str, Method] = {}
-    for method_class in (*map(resolve_name, BUILT_IN), *outside):
+    found = {name: _loaded(path) for name, path in BUILT_IN.items()}
+    for method_class in (entry.load() for entry in entry_points(group="impasto.methods")):
         found.setdefault(method_class.name, method_class())
     return MappingProxyType(found)
 
 
 @cache
-def _platform_methods() -> Mapping[str, Method]:
-    """Methods of the platform's own jobs, which are not published."""
-    layers: Method = resolve_name("pipeline.methods.layers:Layers")()
-    return MappingProxyType({layers.name: layers})
+def _loaded(path: str) -> Method:
+    found: Method = resolve_name(path)()
+    return found
 
 
 def method(name: str) -> Method:
     """The method `name`, or `BadParameter` that lists the names there are."""
-    try:
-        return methods().get(name) or _platform_methods()[name]
-    except KeyError:
-        raise BadParameter(
-            f"Unknown method {name!r}.", field="method", value=name, remedy=did_you_mean(name, methods(), "methods")
-        ) from None
+    if (path := BUILT_IN.get(name)) is not None:
+        return _loaded(path)
+    if (outside := methods().get(name)) is not None:
+        return outside
+    if (path := PLATFORM.get(name)) is not None:
+        return _loaded(path)
+    raise BadParameter(
+        f"Unknown method {name!r}.", field="method", value=name, remedy=did_you_mean(name, methods(), "methods")
+    )
 
 
 def parse_params(chosen: Method, values: Mapping[str, object]) -> Params:

@@ -25,8 +25,8 @@ from pydantic import JsonValue
 from pipeline.arrays import Arrays
 from pipeline.frames import Frame
 from pipeline.methods.fields import P, P_co, Params
-from pipeline.methods.live import Session
-from pipeline.methods.previews import FrameRegions, InputCheck, InputFault, KeyPropagator, PreviewRequest
+from pipeline.methods.live import LiveFilter, Session
+from pipeline.methods.previews import FrameClusters, FrameRegions, InputCheck, InputFault, KeyPropagator, PreviewRequest
 from pipeline.methods.tasks import (
     PROCESS_BYTES,
     Clock,
@@ -48,6 +48,7 @@ __all__ = [
     "Arrays",
     "Clock",
     "Example",
+    "FrameClusters",
     "FrameRegions",
     "InputCheck",
     "InputFault",
@@ -55,6 +56,7 @@ __all__ = [
     "InputSpec",
     "JsonSchema",
     "KeyPropagator",
+    "LiveFilter",
     "Method",
     "P",
     "P_co",
@@ -116,6 +118,10 @@ class Method:
         paper: key in references.bib.
         artefacts: optional artefacts that a job may ask for.
         regions_artefact: the one that `frame_regions` reads; empty: the method finds no regions.
+        palette_input: the input whose colours the result takes on, for quality reports; empty: none.
+        clusters_step: the step whose arrays `frame_clusters` reads; empty: the method has no clusters.
+        cpu_s_per_megapixel: CPU seconds a frame and megapixel at default parameters, measured by
+            `python -m benchmarks.estimates`; estimates use it until the farm has finished jobs of its own.
         input_schemas: JSON Schema of the inputs of kind "json", by input name, made when asked for.
         input_checks: checks of those documents, by input name.
     """
@@ -128,8 +134,13 @@ class Method:
     inputs: ClassVar[tuple[InputSpec, ...]]
     steps: ClassVar[tuple[Step[AnyParams], ...]]
     artefacts: ClassVar[tuple[str, ...]] = ()
+    task_cpus: ClassVar[float] = 1.0
+    """Processors that one task keeps busy, threads inside it included; a compute device is counted separately."""
     regions_artefact: ClassVar[str] = ""
+    clusters_step: ClassVar[str] = ""
     examples: ClassVar[tuple[Example, ...]] = ()
+    palette_input: ClassVar[str] = ""
+    cpu_s_per_megapixel: ClassVar[float] = 1.0
     input_schemas: ClassVar[Mapping[str, Callable[[], JsonSchema]]] = MappingProxyType({})
     input_checks: ClassVar[Mapping[str, InputCheck]] = MappingProxyType({})
 
@@ -145,6 +156,11 @@ class Method:
         self, params: AnyParams, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]
     ) -> Session | None:
         """A live session for frames of `size` (width, height) px; None if the method is not causal."""
+        return None
+
+    def live_filter(self, params: AnyParams, size: tuple[int, int]) -> LiveFilter | None:
+        """A filter behind the live session of any method, for frames of `size` (width, height) px; None if the method
+        cannot be one."""
         return None
 
     def preview(self, request: PreviewRequest[AnyParams]) -> Frame | None:
@@ -167,6 +183,10 @@ class Method:
         """
         return None
 
+    def frame_clusters(self, arrays: Arrays) -> Mapping[int, FrameClusters]:
+        """Clusters by frame, read from arrays that a task of `clusters_step` has saved; empty if it saved others."""
+        return {}
+
     def propagator(self, params: AnyParams, frames: Sequence[Frame], seed: int) -> KeyPropagator | None:
         """Repaints the frames around a painted key while a user edits it; None if the method has no fast
         implementation for these parameters: the platform then runs the plan for those frames.
@@ -177,7 +197,8 @@ class Method:
         return None
 
     def single_frame_params(self, params: AnyParams) -> AnyParams:
-        """Parameters for painting a single frame with the plan: without the parts that use other frames."""
+        """Parameters for painting one frame of a longer video with the plan: without the parts that use other
+        frames."""
         return params
 
     def resources(self, step: str, context: PlanContext[AnyParams]) -> Resources | None:

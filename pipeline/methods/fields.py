@@ -2,15 +2,32 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, TypeVar
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, JsonValue
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, model_validator
 
 
 class Params(BaseModel):
     """Base class of every method's parameters: immutable; unknown names and NaN are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, validate_default=True)
+
+    deprecated_names: ClassVar[Mapping[str, str]] = {}
+    """Former names of parameters and their present ones. Both are accepted; results use the present name."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _replace_deprecated_names(cls, values: object) -> object:
+        if not isinstance(values, Mapping) or not cls.deprecated_names.keys() & values.keys():
+            return values
+        renamed = dict(values)
+        for former, present in cls.deprecated_names.items():
+            if former in renamed:
+                if present in renamed:
+                    raise ValueError(f"{former!r} is the former name of {present!r}: give only {present!r}.")
+                renamed[present] = renamed.pop(former)
+        return renamed
 
 
 P = TypeVar("P", bound=Params)

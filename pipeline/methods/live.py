@@ -1,4 +1,4 @@
-"""Live sessions: a causal method applied to a stream of frames."""
+"""Live sessions: a causal method applied to a stream of frames, and filters of what it paints."""
 
 from __future__ import annotations
 
@@ -49,5 +49,31 @@ class Session(Protocol):
                 other methods ignore it, and their outgoing frames have `size`, as with None.
 
         Call it when every analyzed frame has been painted; do not use this session afterwards.
+        """
+        ...
+
+
+class LiveFilter(Protocol):
+    """A causal filter of the frames that any session paints, which also uses the frames they were painted from.
+
+    `analyze` and `apply` keep separate state, as the halves of a `Session` do, and may run on two threads.
+    """
+
+    def analyze(self, source: Frame) -> object:
+        """First half: the analysis of the incoming frame, an opaque value for `apply`."""
+        ...
+
+    def apply(self, analysis: Any, painted: Frame) -> Frame:
+        """Second half: the filtered frame.
+
+        Args:
+            painted: what the session painted of that incoming frame, with the same size.
+        """
+        ...
+
+    def reconfigure(self, params: Any, size: tuple[int, int]) -> LiveFilter:
+        """A filter that continues this one with other parameters or another frame size (width, height), px.
+
+        Call it when every analyzed frame has been filtered; do not use this filter afterwards.
         """
         ...

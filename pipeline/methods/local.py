@@ -6,7 +6,7 @@ Used by the library call, previews, benchmarks, notebooks and tests. The farm us
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from typing import Generic, Protocol, TypeAlias, cast
@@ -55,6 +55,7 @@ class LocalContext(Generic[P]):
     Attributes:
         emitted: frames by index, until they are taken out.
         files: files that tasks saved, by name.
+        results: results of the tasks that ran, by step name and key.
     """
 
     def __init__(
@@ -68,6 +69,7 @@ class LocalContext(Generic[P]):
         self.files: dict[str, bytes] = {}
         self.emitted: dict[int, Frame] = {}
         self.kept: dict[tuple[str, str], State] = {}
+        self.results: dict[str, dict[str, TaskResult]] = {}
         self.step = ""
         self.task: Task | None = None
         self._makers: dict[tuple[str, str], str] = {}
@@ -111,6 +113,11 @@ class LocalContext(Generic[P]):
             if step in named and self._makers.get((step, name)) not in named[step]:
                 raise KeyError(f"{step}/{name}: task {self.task.key!r} does not name its maker in `after`")
         return {key: array.copy() for key, array in self.kept[step, name].items()}
+
+    def forget(self, step: str, keys: Collection[str]) -> None:
+        """Drop the arrays that these tasks of a step have saved."""
+        for at in [at for at, key in self._makers.items() if at[0] == step and key in keys]:
+            self.kept.pop(at, None)
 
     def save_file(self, name: str, data: bytes, media_type: str) -> None:
         if name in self.files:
@@ -160,17 +167,19 @@ def run_plan(method: Method, context: LocalContext[AnyParams], shuffle: int | No
 
 
 def iterate_plan(
-    method: Method, context: LocalContext[AnyParams], shuffle: int | None = None, steps: int | None = None
-) -> Iterator[tuple[str, Task]]:
+    method: Method, context: LocalContext[AnyParams], shuffle: int | None = None, steps: int | None = None,
+    forget: bool = False,
+) -> Iterator[tuple[str, Task]]:  # fmt: skip
     """Run a method's plan task by task: (step name, task) after each, so that emitted frames can be taken out.
 
     Args:
         shuffle: as for `run_plan`.
         steps: how many steps to run; None: all.
+        forget: drop the arrays of a task of the last of these steps once no other task of it needs them.
 
     Raises: PlanError, if the method plans tasks that cannot be run.
     """
-    results: dict[str, dict[str, TaskResult]] = {}
+    results = context.results = {}
     order: dict[str, int] = {}
     method_steps = method.steps_of(context.params)
     for step in method_steps[:steps]:
@@ -180,10 +189,16 @@ def iterate_plan(
         results[step.name] = {}
         for task in tasks:
             order[f"{step.name}/{task.key}"] = len(order)
+        last = forget and step is method_steps[:steps][-1]
+        unfinished = {task.key: task for task in tasks}
         for task in _in_order(tasks, step.name, shuffle):
             context.step, context.task = step.name, replace(task, after=_in_plan_order(task.after, step.name, order))
             results[step.name][task.key] = step.run(context.task, context)
             yield step.name, task
+            del unfinished[task.key]
+            if last:
+                needed = {name for other in unfinished.values() for name in other.after} | unfinished.keys()
+                context.forget(step.name, results[step.name].keys() - needed)
 
 
 def _in_plan_order(after: Sequence[str], step: str, order: Mapping[str, int]) -> tuple[str, ...]:

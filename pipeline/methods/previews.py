@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import JsonValue
 
 from pipeline.arrays import AnyArray
-from pipeline.frames import Frame
+from pipeline.frames import Frame, Labels, Mask
 from pipeline.methods.fields import P_co
 
 
@@ -48,6 +48,21 @@ class FrameRegions:
 
     numbers: NDArray[np.int64]
     objects: Mapping[int, int]
+
+
+@dataclass(frozen=True)
+class FrameClusters:
+    """Clusters of a frame before the film is painted (`Method.frame_clusters`).
+
+    Attributes:
+        labels: int32 (h, w), perhaps coarser than the frame: 0 = no cluster, 1 = background.
+        uncertainty: of each label, 0..1.
+        foreground: bool (h, w), what the user's masks say of this frame; None if none of them reaches it.
+    """
+
+    labels: Labels
+    uncertainty: Mapping[int, float]
+    foreground: Mask | None = None
 
 
 class KeyPropagator(Protocol):

@@ -13,7 +13,7 @@ from pipeline.flow.dis import dis
 from pipeline.flow.gray import to_gray
 from pipeline.flow.reliability import motion_boundary, visible
 from pipeline.flow.warp import fetch
-from pipeline.frames import Frame, Mask, same_size
+from pipeline.frames import Frame, Mask, Plane, same_size
 
 STRUCTURE_WIDTH_PX = 160
 _LEAST_ERROR = 1e-12
@@ -55,21 +55,48 @@ def measure_pair(source: tuple[Frame, Frame], painted: tuple[Frame, Frame]) -> P
 
     Raises: BadFrame (sizes differ).
     """
+    differences, compared = _warped_differences(source, painted)
+    return _measure(differences, compared)
+
+
+def flicker_map(source: tuple[Frame, Frame], painted: tuple[Frame, Frame]) -> tuple[PairMeasure, Plane]:
+    """The measure of `measure_pair`, and a map of the flicker. A frame is compared with the one before it, warped by
+    the source's flow; the map is the painting's difference minus that of the source.
+
+    Returns:
+        The measure, and float32 (height, width), 0..1: root mean square over the channels of the painting's warped
+        difference, less that of the source, at least 0; 0 where pixels are not compared.
+
+    Raises: BadFrame (sizes differ).
+    """
+    differences, compared = _warped_differences(source, painted)
+    painted_rms, source_rms = (
+        np.sqrt(np.square(each.astype(np.float32) / 255).mean(axis=-1, dtype=np.float32)) for each in differences
+    )
+    excess = np.where(compared, np.maximum(painted_rms - source_rms, 0), 0)
+    return _measure(differences, compared), np.asarray(excess, np.float32)
+
+
+def _warped_differences(
+    source: tuple[Frame, Frame], painted: tuple[Frame, Frame]
+) -> tuple[tuple[AnyArray, AnyArray], Mask]:
+    """Absolute differences of the painting and of the source from their warped predecessors, uint8 (height, width, 3),
+    and the pixels that can be compared."""
     size = (source[0].shape[1], source[0].shape[0])
     for frame in (source[1], *painted):
         same_size(frame, size)
     before, now = (to_gray(frame) for frame in source)
     back = dis(now, before, "medium")
     compared = visible(back, dis(before, now, "medium")) & ~motion_boundary(back)
+    painted_difference, source_difference = (cv2.absdiff(fetch(pair[0], back), pair[1]) for pair in (painted, source))
+    return (painted_difference, source_difference), compared
+
+
+def _measure(differences: tuple[AnyArray, AnyArray], compared: Mask) -> PairMeasure:
     painted_error, source_error = (
-        _squared_difference(fetch(pair[0], back), pair[1], compared) for pair in (painted, source)
+        float(np.square(each[compared].astype(np.float64) / 255).sum()) for each in differences
     )
     return PairMeasure(painted_error, source_error, int(compared.sum()))
-
-
-def _squared_difference(warped: AnyArray, frame: Frame, where: Mask) -> float:
-    difference = cv2.absdiff(warped, frame)[where].astype(np.float64) / 255
-    return float(np.square(difference).sum())
 
 
 def detail(frame: Frame) -> float:

@@ -26,6 +26,8 @@ from pipeline.segmentation.saliency import spectral_residual
 
 MAP_SIDE_PX = 96
 """Longer side of the map before it is enlarged to the frame, px; I(p) is smooth enough for this resolution."""
+SALIENCY_SIDE_PX = 256
+"""Longer side of the picture of which saliency is computed, px."""
 CUES_EVERY_FRAMES = 3
 """Saliency and motion are computed in every third frame, since they are smoothed over a longer time."""
 
@@ -37,13 +39,6 @@ class ImportanceParams:
     Attributes:
         face, saliency, motion: weights of the cues, 0..1; a cue with weight 0 is not computed.
         half_life_frames: half-life of the smoothing of the cues, frames; 0 = no smoothing.
-        detect_every_frames: frames between two face searches of the whole frame, >= 1; the surroundings of known faces
-            are searched more often.
-        keep_frames: frames that a face is kept after its first detection, later up to twice as many; None =
-            `detect_every_frames`.
-        detection_side_px: longer side of the picture in which faces are searched, px; a larger one finds smaller faces
-            and takes longer.
-        smallest_face: smallest face, as a fraction of the frame's shorter side, 0..1.
         full_motion: speed relative to the camera at which M is about two thirds, frame diagonals per frame.
     """
 
@@ -51,10 +46,6 @@ class ImportanceParams:
     saliency: float = 0.4
     motion: float = 0.4
     half_life_frames: float = 6.0
-    detect_every_frames: int = 48
-    keep_frames: int | None = None
-    detection_side_px: int = 256
-    smallest_face: float = 0.1
     full_motion: float = 0.002
 
 
@@ -68,14 +59,13 @@ class ImportanceTracker:
     def __init__(self, params: ImportanceParams, size: tuple[int, int]) -> None:
         self._params = params
         self._size = size
-        self._small = _fit(size, params.detection_side_px)
+        self._small = _fit(size, SALIENCY_SIDE_PX)
         self.map_size = _fit(size, MAP_SIDE_PX)
         self._gain = np.float32(
             1.0 - 0.5 ** (CUES_EVERY_FRAMES / params.half_life_frames) if params.half_life_frames > 0 else 1.0
         )
-        self._faces = FaceTracker(
-            size, params.detect_every_frames, params.half_life_frames, params.smallest_face, params.keep_frames
-        )
+        self._faces = FaceTracker(size, params.half_life_frames)
+        self._gray: NDArray[np.uint8] | None = None  # of the frame whose faces are still to be searched
         self._age = 0
         self._cues: Plane = np.zeros(self.map_size[::-1], np.float32)
         self._mask: Plane | None = None
@@ -127,9 +117,10 @@ class ImportanceTracker:
         return np.clip(importance, 0, 1)
 
     def continue_search(self) -> None:
-        """Search a slice of a face search in progress, for later frames. Call it once after each step."""
-        if self._params.face > 0:
-            self._faces.continue_search()
+        """Search a part of the latest frame for faces, for later frames. Call it once after each step."""
+        if self._gray is not None:
+            self._faces.search(self._gray, self._age - 1)
+            self._gray = None
 
     def state(self) -> State:
         """State as arrays by name; a tracker restored from it continues with the same bytes."""
@@ -149,16 +140,14 @@ class ImportanceTracker:
         self._mask = mask if mask.size else None
 
     def _combine(self, image: NDArray[np.uint8], flow: Flow | None) -> Plane:
-        due = self._age % CUES_EVERY_FRAMES == 0
-        gray = _shrink_gray(image, self._small) if due else None
-        if gray is not None:
+        if self._age % CUES_EVERY_FRAMES == 0:
             gain = np.float32(1) if self._age == 0 else self._gain
-            self._cues = self._cues + gain * (self._saliency_and_motion(gray, flow) - self._cues)
+            small = _shrink_gray(image, self._small)
+            self._cues = self._cues + gain * (self._saliency_and_motion(small, flow) - self._cues)
         if self._params.face <= 0:
             return self._cues
-        if gray is None and self._faces.needs_picture(self._age):
-            gray = _shrink_gray(image, self._small)
-        self._faces.step(gray, flow, self._age)
+        self._gray = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8)
+        self._faces.step(self._gray, flow, self._age)
         if not len(self._faces.faces):
             return self._cues
         combined: Plane = 1 - (1 - self._cues) * (

@@ -19,7 +19,7 @@ from pipeline.compute import Device, DeviceArray
 from pipeline.synthesis.energy import Energy
 from pipeline.synthesis.images import TAIL, StyleImage
 from pipeline.synthesis.opencl import OpenCLOperations
-from pipeline.synthesis.operations import FrameState, LoadedStyle, NeighbourAppearance, Search
+from pipeline.synthesis.operations import FrameState, LoadedStyle, Search
 from pipeline.synthesis.reference import ReferenceOperations
 from pipeline.synthesis.refine import FARTHEST_PX
 
@@ -74,12 +74,9 @@ class BandedOperations(ReferenceOperations):
             flat = plane[first : last + 2 * radius].reshape(-1)
             return self._kernels.upload(np.concatenate([flat, np.zeros(TAIL, plane.dtype)]))
 
-        neighbour = state.neighbour
         return FrameState(
             (state.size[0], last - first), padded_rows(state.packed), padded_rows(state.field), rows(state.bins),
             rows(state.distance), rows(state.advected), rows(state.advected_colours),
-            None if neighbour is None
-            else NeighbourAppearance(padded_rows(neighbour.packed), padded_rows(neighbour.visible)),
             None if state.ribbons is None else self._kernels.upload(state.ribbons[:, first:last]),
             rows(state.fixed),
         )  # fmt: skip

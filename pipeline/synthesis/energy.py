@@ -99,7 +99,7 @@ class Tables:
 
     Attributes:
         weights: multiplier of each byte of the rows of a patch, (side, 16 vectors).
-        change_fraction: share of eq. 10 in the weight of each byte of a row, in units of 1/128, (16 vectors,).
+        change_fraction: share of eq. 10 in the weight of each channel of a pixel, in units of 1/128, (channels,).
         unit: cost of one squared gray level at the centre tap with weight 1.
         centre: cost of the value 1 in a centre term: the sum of the patch weights, as eq. 2 sums the term over the
             patch.
@@ -120,13 +120,14 @@ def tables(energy: Energy) -> Tables:
     plain = _bytes(energy, falloff, (energy.w_out, energy.guides))
     change = _bytes(energy, falloff, (energy.w_dout, tuple(energy.w_din * w for w in energy.guides)))
     both = plain + change
-    scale = _scale(both, 2 if energy.has_change_terms else 1)
+    scale = _scale(both)
     unit = scale**2 / (1 << SCALE_SHIFT)
     steps = np.zeros((energy.side, 16), np.int32)
     steps[:, : energy.side] = np.rint(falloff * TAP_WEIGHT_SCALE)
     weights = np.rint(scale * np.sqrt(both)).astype(np.int16)
-    middle = energy.radius
-    change_fraction = np.rint(CHANGE_FRACTION_UNIT * change[middle] / np.maximum(both[middle], 1e-12)).astype(np.int16)
+    channels = slice(0, energy.channels)
+    share = change[energy.radius, channels] / np.maximum(both[energy.radius, channels], 1e-12)
+    change_fraction = np.rint(CHANGE_FRACTION_UNIT * share).astype(np.int16)
     return Tables(weights, change_fraction, unit, float(falloff.sum()) * unit, steps)
 
 
@@ -147,13 +148,9 @@ def _bytes(
     return rows
 
 
-def _scale(weights: NDArray[np.float64], max_difference: int) -> float:
-    """The largest scale of the weights at which no 32-bit sum and no 16-bit product overflows.
-
-    Args:
-        max_difference: maximum difference of two bytes, as a multiple of 255; 2 if eq. 10 shifts the target.
-    """
-    lanes = max_difference**2 * weights.reshape(len(weights), -1, _LANES, 2).sum((0, 1, 3))
+def _scale(weights: NDArray[np.float64]) -> float:
+    """The largest scale of the weights at which no 32-bit sum and no 16-bit product overflows."""
+    lanes = weights.reshape(len(weights), -1, _LANES, 2).sum((0, 1, 3))
     by_sum = math.sqrt(0.9 * _MAX_SUM / (255**2 * max(float(lanes.max()), 1e-9)))
     return min(by_sum, _MAX_SCALE / math.sqrt(max(float(weights.max()), 1e-9)))
 

@@ -1,8 +1,8 @@
 /* Operations on offset fields: random initialisation, rendering, advection, upsampling, merging. The specification is
    reference.py.
 
-   Macros: RADIUS of the patch, CHANNELS per pixel, COLOURS (3, or 4 with opacity), PAD (margin of the style image, px),
-   ROTATE (1 = patches rotate), MASKED (1 = some style pixels must not be used). */
+   Macros: RADIUS of the patch, CHANNELS per pixel, COLOURS (3, or 4 with opacity), GUIDES (channels), PAD (margin of the
+   style image, px), ROTATE (1 = patches rotate), MASKED (1 = some style pixels must not be used). */
 
 static int usable(const int2 at, global const uchar *usable_mask, const int style_width, const int style_height)
 {
@@ -68,6 +68,35 @@ kernel void render(
     for (int c = 0; c < COLOURS; c++)
         to[c] = from[c];
     field[y * stride + x] = convert_short2(at);
+}
+
+/* Adds a share of the change of eq. 10 to the guides of the target, in place: the difference between the style at the
+   advected offset and the neighbouring frame. Three squares with a common variable equal one square plus a constant, so
+   that a patch compared with these guides costs as much as with eq. 3 alone. */
+kernel void add_change(
+    global const float2 *advected /* height * width */, global const uchar *neighbour /* height * width * GUIDES */,
+    global const uchar *visible /* height * width */,
+    global const uchar *style /* (style_height + 2 * PAD) * (style_width + 2 * PAD) * CHANNELS */,
+    constant short *change_fraction /* CHANNELS */,
+    global uchar *target /* (height + 2 * RADIUS) * (width + 2 * RADIUS) * CHANNELS */, const int style_width,
+    const int style_height, const int width, const int height)
+{
+    const int x = get_global_id(0), y = get_global_id(1), stride = width + 2 * RADIUS;
+    if (x >= stride || y >= height + 2 * RADIUS)
+        return;
+    const int2 inside = clamped((int2)(x - RADIUS, y - RADIUS), width, height);
+    const int index = inside.y * width + inside.x;
+    const float2 offset = advected[index];
+    if (!visible[index] || offset.x <= NOWHERE)
+        return;
+    const int2 at = clamped(rounded(offset), style_width, style_height);
+    global const uchar *from =
+        style + ((at.y + PAD) * (style_width + 2 * PAD) + at.x + PAD) * CHANNELS + COLOURS;
+    global uchar *to = target + (y * stride + x) * CHANNELS + COLOURS;
+    for (int c = 0; c < GUIDES; c++) {
+        const int change = (int)from[c] - neighbour[index * GUIDES + c];
+        to[c] = clamp(to[c] + ((change * change_fraction[COLOURS + c] + 64) >> 7), 0, 255);
+    }
 }
 
 /* Counts the uses of each style pixel: the histogram of eq. 8. Integers, so that the order does not matter. */

@@ -48,7 +48,7 @@ class OpenCLOperations:
     def _tables(self, energy: Energy) -> tuple[DeviceArray, ...]:
         if energy not in self._constants:
             made = tables(energy)
-            arrays = (made.weights, made.change_fraction, made.tap_weights)
+            arrays = (made.weights, made.tap_weights, made.change_fraction)
             self._constants[energy] = tuple(self.upload(a) for a in arrays)
         return self._constants[energy]
 
@@ -67,10 +67,6 @@ class OpenCLOperations:
     def _or_nothing(self, array: AnyArray | None) -> DeviceArray:
         return self._nothing if array is None else self.upload(array)
 
-    def margined(self, plane: Bytes, margin_px: int) -> DeviceArray:
-        """Upload a plane, padded by `margin_px` px of its repeated border."""
-        return self.upload(padded(plane, margin_px))
-
     def prepare(self, style: LoadedStyle[DeviceArray], target: Target) -> FrameState[DeviceArray]:
         """Upload a frame; its colours are not rendered yet."""
         energy, (width, height) = style.energy, target.size
@@ -86,6 +82,7 @@ class OpenCLOperations:
             "RADIUS": style.energy.radius,
             "CHANNELS": style.energy.channels,
             "COLOURS": style.energy.colours,
+            "GUIDES": len(style.energy.guides),
             "PAD": style.energy.pad,
             "ROTATE": int(style.style.bins is not None),
             "MASKED": int(style.style.usable is not None),
@@ -115,6 +112,26 @@ class OpenCLOperations:
         )  # fmt: skip
         self.device.run(self._at(style, "render", state.size, *args, over=over))
 
+    def add_change(
+        self, style: LoadedStyle[DeviceArray], state: FrameState[DeviceArray], advected: DeviceArray, guides: Bytes,
+        visible: DeviceArray,
+    ) -> None:  # fmt: skip
+        """Add the change of eq. 10 to the guides of the frame, where the neighbouring frame is visible.
+
+        The guides then include `Tables.change_fraction` of the difference between the style at the advected offsets and
+        the neighbouring frame, rounded and limited to 0..255.
+
+        Args:
+            advected: offsets of the neighbouring frame, advected to this one.
+            guides: guides of the neighbouring frame, warped to this one, uint8 (h, w, channels).
+            visible: uint8 (h, w): 0 = not visible in the neighbouring frame.
+        """
+        margin = 2 * style.energy.radius
+        over = (state.size[0] + margin, state.size[1] + margin)
+        change_fraction = self._tables(style.energy)[2]
+        args = (advected, self.upload(guides), visible, style.features, change_fraction, state.packed, *style.size)
+        self.device.run(self._at(style, "add_change", state.size, *args, over=over))
+
     def penalty(self, style: LoadedStyle[DeviceArray], size: Size, offsets: DeviceArray) -> DeviceArray:
         """Histogram penalty (eq. 8) of each style pixel: blurred number of uses in excess of the limit."""
         energy, (width, height) = style.energy, style.size
@@ -135,15 +152,14 @@ class OpenCLOperations:
         """One PatchMatch iteration: the best offset of each pixel among neighbours, ribbons and random candidates."""
         out = self.device.empty((state.size[1], state.size[0], 2))
         self.costs = self.device.empty((state.size[1], state.size[0]))
-        weights, change_fraction, tap_weights = self._tables(style.energy)
-        neighbour, none = state.neighbour, self._nothing
+        weights, tap_weights, _ = self._tables(style.energy)
+        none = self._nothing
         kernel = self.device.kernel(_PATCHES, "improve", self._terms(style, state, penalty), _COMMON)
         self.device.run(kernel.at(
             state.size, iteration(style, state.size, search), offsets, out, self.costs, state.packed, state.field,
             state.bins or none, style.features, style.bins, style.usable, style.distance, weights, style.tap_indices,
             self._cosines, style.tap_positions, tap_weights, state.advected_colours or none, penalty or none,
-            state.distance or none, state.advected or none, neighbour.packed if neighbour else none,
-            neighbour.visible if neighbour else none, change_fraction, state.ribbons or none, state.fixed or none,
+            state.distance or none, state.advected or none, state.ribbons or none, state.fixed or none,
         ))  # fmt: skip
         return out
 
@@ -156,7 +172,6 @@ class OpenCLOperations:
             "TEMPORAL": state.advected_colours is not None,
             "HISTOGRAM": penalty is not None,
             "LINES": state.distance is not None and style.style.distance is not None,
-            "KEYFRAMES": state.neighbour is not None,
             "RIBBONS": state.ribbons is not None,
             "FIXED": state.fixed is not None,
         }

@@ -56,10 +56,9 @@ class FrameState(Generic[T]):
         field: the most recently rendered offsets, rounded to int16, with the same margin.
         bins: direction of each pixel, uint8 (h, w).
         distance: distance to the nearest line, px, float32 (h, w).
-        advected: advected offsets; NOWHERE = none.
+        advected: advected offsets, as candidates; NOWHERE = none.
         advected_colours: advected colours for eq. 6 and 7, uint8 (h, w, 4); the fourth channel is 0 at pixels without
             a colour.
-        neighbour: appearance of the neighbouring frame, for eq. 10.
         ribbons: corresponding positions in the style for the previous and the next keyframe, float32 (2, h, w, 2).
         fixed: fixed offsets; NOWHERE = the pixel is free.
     """
@@ -71,22 +70,8 @@ class FrameState(Generic[T]):
     distance: T | None = None
     advected: T | None = None
     advected_colours: T | None = None
-    neighbour: NeighbourAppearance[T] | None = None
     ribbons: T | None = None
     fixed: T | None = None
-
-
-@dataclass
-class NeighbourAppearance(Generic[T]):
-    """Appearance of the neighbouring frame, which eq. 10 compares with.
-
-    Attributes:
-        packed: colours and guides of the other frame, warped to this one, with a margin.
-        visible: uint8 for each byte of `packed`: 255 = the pixel is visible in the other frame, 0 = it is not.
-    """
-
-    packed: T
-    visible: T
 
 
 @dataclass(frozen=True)
@@ -116,10 +101,12 @@ class Operations(Protocol[T]):
     def fetch(self, array: T) -> AnyArray: ...
     def finish(self) -> None: ...
     def load(self, style: StyleImage, energy: Energy) -> LoadedStyle[T]: ...
-    def margined(self, plane: AnyArray, margin_px: int) -> T: ...
     def prepare(self, style: LoadedStyle[T], target: Target) -> FrameState[T]: ...
     def random_offsets(self, style: LoadedStyle[T], size: tuple[int, int], key: RandomKey) -> T: ...
     def render(self, style: LoadedStyle[T], state: FrameState[T], offsets: T) -> None: ...
+    def add_change(
+        self, style: LoadedStyle[T], state: FrameState[T], advected: T, guides: AnyArray, visible: T
+    ) -> None: ...
     def penalty(self, style: LoadedStyle[T], size: tuple[int, int], offsets: T) -> T: ...
     def improve(
         self, style: LoadedStyle[T], state: FrameState[T], offsets: T, penalty: T | None, search: Search

@@ -6,8 +6,8 @@
    neighbouring pixels stop comparing at different rows, and their style patches are at unrelated positions.
 
    Macros: RADIUS of the patch, CHANNELS per pixel (4, 8 or 16), VECTORS of 16 bytes per row, PAD (margin of the style
-   image, px), SCALE_SHIFT, and 0 or 1 for each of ROTATE, COHERENT, TEMPORAL, HISTOGRAM, LINES, MASKED, KEYFRAMES,
-   RIBBONS, FIXED. */
+   image, px), SCALE_SHIFT, and 0 or 1 for each of ROTATE, COHERENT, TEMPORAL, HISTOGRAM, LINES, MASKED, RIBBONS,
+   FIXED. */
 
 #define SIDE (2 * RADIUS + 1)
 #define WORDS (CHANNELS / 4)
@@ -37,9 +37,6 @@ typedef struct {
     float distance;                      /* to the nearest line of the frame, px */
     float line_limit, line_weight;       /* d_max and w_dt of eq. 9 */
     global const uchar *usable_mask;     /* 0 = the style pixel must not be used */
-#if KEYFRAMES
-    const short16 *expected;             /* SIDE * VECTORS: the target with the change of eq. 10 added */
-#endif
 } Patch;
 
 /* Sum of the lanes, scaled down so that it is exact in float. */
@@ -75,32 +72,20 @@ static uchar16 rotated_row(global const uint *centre, global const int *taps, co
 }
 #endif
 
-/* Adds the weighted squared differences of one row of the patch to `lanes` (eq. 3, 4 and 10). */
-static uint8 row_difference(const Patch *patch, const int2 at, const int rotation, const int row, uint8 lanes)
+/* Weighted differences of 16 bytes of the patch, vector `v` of row `row` (eq. 3 and 4). */
+static short16 difference(const Patch *patch, const int2 at, const int rotation, const int row, const int v)
 {
     const int width = patch->style_width + 2 * PAD;
-    global const uchar *target_row = patch->target + row * patch->target_row;
 #if ROTATE
     global const uint *centre = (global const uint *)patch->style + ((at.y + PAD) * width + at.x + PAD) * WORDS;
     global const int *taps = patch->tap_indices + rotation * SIDE * SIDE + row * SIDE;
+    const short16 style = convert_short16(rotated_row(centre, taps, v * 16 / CHANNELS, SIDE - 1));
 #else
-    global const uchar *style_row =
-        patch->style + ((at.y + PAD + row - RADIUS) * width + at.x + PAD - RADIUS) * CHANNELS;
+    const short16 style = convert_short16(
+        vload16(v, patch->style + ((at.y + PAD + row - RADIUS) * width + at.x + PAD - RADIUS) * CHANNELS));
 #endif
-    for (int v = 0; v < VECTORS; v++) {
-#if ROTATE
-        const short16 style = convert_short16(rotated_row(centre, taps, v * 16 / CHANNELS, SIDE - 1));
-#else
-        const short16 style = convert_short16(vload16(v, style_row));
-#endif
-#if KEYFRAMES
-        const short16 difference = patch->expected[row * VECTORS + v] - style;
-#else
-        const short16 difference = convert_short16(vload16(v, target_row)) - style;
-#endif
-        lanes += squares(difference * patch->weights[row * VECTORS + v]);
-    }
-    return lanes;
+    const short16 target = convert_short16(vload16(v, patch->target + row * patch->target_row));
+    return (target - style) * patch->weights[row * VECTORS + v];
 }
 
 /* Eq. 5: squared distances of the neighbours' offsets from their positions extrapolated from this offset, limited and
@@ -152,15 +137,30 @@ static float patch_cost(const Patch *patch, const int2 at, const float limit)
     if (cost >= limit)
         return cost;
     const int rotation = rotation_between(patch->style_bins, at.y * patch->style_width + at.x, patch->bin);
-    uint8 lanes = row_difference(patch, at, rotation, RADIUS, (uint8)(0));
+    uint8 even = (uint8)(0), odd = (uint8)(0);
+    for (int v = 0; v < VECTORS; v++)
+        if (v & 1)
+            odd += squares(difference(patch, at, rotation, RADIUS, v));
+        else
+            even += squares(difference(patch, at, rotation, RADIUS, v));
+    uint8 above = (uint8)(0), below = (uint8)(0);
+    uint sum = 0;
     for (int distance = 1; distance <= RADIUS; distance++) {
-        lanes = row_difference(patch, at, rotation, RADIUS - distance, lanes);
-        lanes = row_difference(patch, at, rotation, RADIUS + distance, lanes);
-        const float partial = cost + (float)total(lanes);
+        for (int v = 0; v < VECTORS; v++) {
+            if (v & 1) {
+                even += squares(difference(patch, at, rotation, RADIUS - distance, v));
+                odd += squares(difference(patch, at, rotation, RADIUS + distance, v));
+            } else {
+                above += squares(difference(patch, at, rotation, RADIUS - distance, v));
+                below += squares(difference(patch, at, rotation, RADIUS + distance, v));
+            }
+        }
+        sum = total((even + odd) + (above + below));
+        const float partial = cost + (float)sum;
         if (partial >= limit)
             return partial;
     }
-    cost += (float)total(lanes);
+    cost += (float)sum;
 #if COHERENT
     if (cost < limit)
         cost += patch->coherence_weight * (float)incoherence(patch, at, rotation);
@@ -198,44 +198,6 @@ static void consider(const Patch *patch, Best *best, const float2 offset)
     } else
         best->rejected = at;
 }
-
-#if KEYFRAMES
-/* Computes the patch that the style is compared with where eq. 10 applies: the target plus `change_fraction` / 128 of
-   the difference between the style at the advected offset and the neighbouring frame. Two squares with a common
-   variable equal one square plus a constant, so that eq. 3, 4 and 10 together cost as much as eq. 3 and 4. */
-static void compute_expected(const Patch *patch, const float2 advected, global const uchar *neighbour,
-                   global const uchar *visible, constant short16 *change_fraction, short16 *expected)
-{
-    const int2 at = clamped(rounded(advected), patch->style_width, patch->style_height);
-    const int width = patch->style_width + 2 * PAD, known = advected.x > NOWHERE;
-    const int rotation = rotation_between(patch->style_bins, at.y * patch->style_width + at.x, patch->bin);
-    for (int row = 0; row < SIDE; row++) {
-        global const uchar *target_row = patch->target + row * patch->target_row;
-        global const uchar *neighbour_row = neighbour + row * patch->target_row;
-        global const uchar *visible_row = visible + row * patch->target_row;
-#if ROTATE
-        global const uint *centre =
-            (global const uint *)patch->style + ((at.y + PAD) * width + at.x + PAD) * WORDS;
-        global const int *taps = patch->tap_indices + rotation * SIDE * SIDE + row * SIDE;
-#else
-        global const uchar *style_row =
-            patch->style + ((at.y + PAD + row - RADIUS) * width + at.x + PAD - RADIUS) * CHANNELS;
-#endif
-        for (int v = 0; v < VECTORS; v++) {
-            const short16 target = convert_short16(vload16(v, target_row));
-#if ROTATE
-            const short16 style = convert_short16(rotated_row(centre, taps, v * 16 / CHANNELS, SIDE - 1));
-#else
-            const short16 style = convert_short16(vload16(v, style_row));
-#endif
-            const short16 mask = convert_short16(as_char16(vload16(v, visible_row)));
-            const short16 change = (style - convert_short16(vload16(v, neighbour_row))) & mask;
-            const short16 shift = (change * change_fraction[v] + (short16)(64)) >> 7;
-            expected[row * VECTORS + v] = known ? target + shift : target;
-        }
-    }
-}
-#endif
 
 /* Considers the extrapolated offsets of the four direct neighbours and of the four at distance `jump`, px. */
 static void propagate(const Patch *patch, Best *best, global const float2 *offsets, global const uchar *bins,
@@ -301,10 +263,8 @@ improve(
     global const uchar4 *advected_colours /* TEMPORAL * height * width */,
     global const float *penalty /* HISTOGRAM * style_height * style_width */,
     global const float *distance /* LINES * height * width */,
-    global const float2 *advected /* (TEMPORAL or KEYFRAMES) * height * width */,
-    global const uchar *neighbour /* KEYFRAMES * ((height + 2 * RADIUS) * (width + 2 * RADIUS) * CHANNELS + 64) */,
-    global const uchar *visible /* KEYFRAMES * ((height + 2 * RADIUS) * (width + 2 * RADIUS) * CHANNELS + 64) */,
-    constant short16 *change_fraction /* VECTORS */, global const float2 *ribbons /* RIBBONS * 2 * height * width */,
+    global const float2 *advected /* TEMPORAL * height * width */,
+    global const float2 *ribbons /* RIBBONS * 2 * height * width */,
     global const float2 *fixed /* FIXED * height * width */)
 {
     const int x = get_global_id(0), y = get_global_id(1);
@@ -346,12 +306,6 @@ improve(
 #endif
 #if LINES
     patch.distance = distance[here];
-#endif
-#if KEYFRAMES
-    short16 expected[SIDE * VECTORS];
-    compute_expected(&patch, advected[here], neighbour + corner * CHANNELS, visible + corner * CHANNELS,
-                     change_fraction, expected);
-    patch.expected = expected;
 #endif
     Best best;
     best.offset = offsets[here];

@@ -59,9 +59,6 @@ class ReferenceOperations:
             style, energy, features, or_empty(style.bins), or_empty(style.usable), distance, taps(energy.radius), _NONE
         )
 
-    def margined(self, plane: Array, margin_px: int) -> Array:
-        return _spread(plane, margin_px)
-
     def prepare(self, style: LoadedStyle[Array], target: Target) -> FrameState[Array]:
         energy, (width, height) = style.energy, target.size
         blank = pack(energy, np.zeros((height, width, energy.colours), np.uint8), target.guides)
@@ -80,6 +77,20 @@ class ReferenceOperations:
         directions = StyleDirections(style.bins, cosines(), width, height)
         _render(offsets, bins, style.features, directions, state.packed, state.field, shape)
 
+    def add_change(
+        self, style: LoadedStyle[Array], state: FrameState[Array], advected: Array, guides: Array, visible: Array
+    ) -> None:
+        energy, (width, height) = style.energy, style.size
+        used = slice(energy.colours, energy.colours + len(energy.guides))
+        x = np.clip(np.rint(advected[..., 0]), 0, width - 1).astype(np.int64) + energy.pad
+        y = np.clip(np.rint(advected[..., 1]), 0, height - 1).astype(np.int64) + energy.pad
+        change = style.features[y, x, used].astype(np.int32) - guides
+        share = tables(energy).change_fraction[used].astype(np.int32)
+        known = (visible > 0) & (advected[..., 0] > NOWHERE)
+        shift = np.where(known[..., None], (change * share + 64) >> 7, 0)
+        expected = state.packed[..., used] + _spread(shift, energy.radius)
+        state.packed[..., used] = np.clip(expected, 0, 255).astype(np.uint8)
+
     def penalty(self, style: LoadedStyle[Array], size: Size, offsets: Array) -> Array:
         energy, (width, height) = style.energy, style.size
         at = np.rint(offsets).astype(np.int64)
@@ -95,8 +106,7 @@ class ReferenceOperations:
     def improve(
         self, style: LoadedStyle[Array], state: FrameState[Array], offsets: Array, penalty: Array | None, search: Search
     ) -> Array:
-        _energy, made, out = style.energy, tables(style.energy), np.empty_like(offsets)
-        neighbour = state.neighbour
+        made, out = tables(style.energy), np.empty_like(offsets)
         lines = None if style.style.distance is None else state.distance
         flat, deep = np.zeros((0, 0), np.float32), np.zeros((0, 0, 0), np.float32)
         bytes2, bytes3 = np.zeros((0, 0), np.uint8), np.zeros((0, 0, 0), np.uint8)
@@ -104,8 +114,7 @@ class ReferenceOperations:
             offsets, state.packed, state.field, _or(state.bins, bytes2), style.features, style.bins, style.usable,
             style.distance, made.weights, style.tap_indices, cosines(), made.tap_weights,
             _or(state.advected_colours, bytes3), _or(penalty, flat), _or(lines, flat),
-            _or(state.advected, deep), neighbour.packed if neighbour else bytes3,
-            neighbour.visible if neighbour else bytes3, made.change_fraction,
+            _or(state.advected, deep),
             _or(state.ribbons, np.zeros((0, 0, 0, 0), np.float32)), _or(state.fixed, deep),
         )  # fmt: skip
         improve(inputs, self._iteration(style, state.size, search), out)

@@ -42,9 +42,6 @@ class Inputs(NamedTuple):
     penalty: Array
     distance: Array
     advected: Array
-    neighbour: Array
-    visible: Array
-    change_fraction: Array
     ribbons: Array
     fixed: Array
 
@@ -68,13 +65,11 @@ class Iteration(NamedTuple):
 
 
 class Pixel(NamedTuple):
-    """The pixel whose offset is improved: position, direction, and the expected patch."""
+    """The pixel whose offset is improved: position and direction."""
 
     x: int
     y: int
     direction: int
-    expected: Array
-    """Patch that candidates are compared with, int64 (side, side * channels)."""
     lanes: Array
     """Scratch memory for eight partial sums, int64."""
 
@@ -172,7 +167,8 @@ def _patch_cost(at_x: int, at_y: int, limit: np.float32, pixel: Pixel, inputs: I
                 sy = at_y + it.pad + inputs.tap_positions[rotation, row, tap, 1]
                 for c in range(it.channels):
                     j = tap * it.channels + c
-                    e = (pixel.expected[row, j] - int(inputs.style[sy, sx, c])) * int(inputs.weights[row, j])
+                    t = int(inputs.target[pixel.y + row, pixel.x + tap, c])
+                    e = (t - int(inputs.style[sy, sx, c])) * int(inputs.weights[row, j])
                     lanes[(j & 15) >> 1] += e * e
         total = 0
         for k in range(8):
@@ -183,33 +179,6 @@ def _patch_cost(at_x: int, at_y: int, limit: np.float32, pixel: Pixel, inputs: I
     if it.coherence_weight > 0 and cost < limit:
         cost += it.coherence_weight * np.float32(_incoherence(at_x, at_y, rotation, pixel, inputs, it.coherence_limit))
     return cost
-
-
-@kernel
-def _compute_expected(pixel: Pixel, inputs: Inputs, channels: int, pad: int) -> None:
-    """Write the expected patch: the target's patch, shifted according to eq. 10 where the neighbour is visible."""
-    x, y, side = pixel.x, pixel.y, inputs.tap_positions.shape[1]
-    for row in range(side):
-        for tap in range(side):
-            for c in range(channels):
-                pixel.expected[row, tap * channels + c] = int(inputs.target[y + row, x + tap, c])
-    if inputs.neighbour.size == 0 or inputs.advected[y, x, 0] <= _NOWHERE:
-        return
-    height, width = inputs.style.shape[0] - 2 * pad, inputs.style.shape[1] - 2 * pad
-    at_x = min(max(int(np.rint(inputs.advected[y, x, 0])), 0), width - 1)
-    at_y = min(max(int(np.rint(inputs.advected[y, x, 1])), 0), height - 1)
-    rotation = rotation_between(inputs.style_bins, at_x, at_y, pixel.direction)
-    for row in range(side):
-        for tap in range(side):
-            sx, sy = (
-                at_x + pad + inputs.tap_positions[rotation, row, tap, 0],
-                at_y + pad + inputs.tap_positions[rotation, row, tap, 1],
-            )
-            for c in range(channels):
-                if inputs.visible[y + row, x + tap, c]:
-                    change = int(inputs.style[sy, sx, c]) - int(inputs.neighbour[y + row, x + tap, c])
-                    j = tap * channels + c
-                    pixel.expected[row, j] += (change * int(inputs.change_fraction[j]) + 64) >> 7
 
 
 @kernel
@@ -295,8 +264,7 @@ def _best(pixel: Pixel, inputs: Inputs, it: Iteration, candidates: Array) -> tup
 def improve(inputs: Inputs, it: Iteration, improved: Array) -> None:
     """One iteration over every pixel."""
     height, width, _ = inputs.offsets.shape
-    side = inputs.tap_positions.shape[1]
-    lanes, expected = np.zeros(8, np.int64), np.zeros((side, side * it.channels), np.int64)
+    lanes = np.zeros(8, np.int64)
     candidates = np.empty((16, 2), np.float32)
     for y in range(height):
         for x in range(width):
@@ -304,6 +272,5 @@ def improve(inputs: Inputs, it: Iteration, improved: Array) -> None:
                 improved[y, x] = inputs.fixed[y, x]
                 continue
             direction = int(inputs.bins[y, x]) if inputs.bins.size else int(NO_DIRECTION)
-            pixel = Pixel(x, y, direction, expected, lanes)
-            _compute_expected(pixel, inputs, it.channels, it.pad)
+            pixel = Pixel(x, y, direction, lanes)
             improved[y, x, 0], improved[y, x, 1] = _best(pixel, inputs, it, candidates)

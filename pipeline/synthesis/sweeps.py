@@ -8,7 +8,7 @@ the motion. It is then refined; the temporal terms keep it coherent with the nei
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Generic, Protocol
 
 import numpy as np
@@ -16,7 +16,7 @@ import numpy as np
 from pipeline.flow.warp import fetch
 from pipeline.synthesis.images import NOWHERE, Offsets, Target
 from pipeline.synthesis.motion import Motion
-from pipeline.synthesis.operations import FrameState, LoadedStyle, NeighbourAppearance, Operations, RandomKey, T
+from pipeline.synthesis.operations import FrameState, LoadedStyle, Operations, RandomKey, T
 from pipeline.synthesis.refine import refine
 
 
@@ -143,56 +143,27 @@ class Sweep(Generic[T]):
     def _add_temporal_terms(self, index: int, state: FrameState[T], advected: T | None) -> None:
         """Store in `state` the advected data that the temporal terms compare with."""
         energy = self.style.energy
-        if advected is not None and (energy.w_tc > 0 or energy.has_change_terms):
-            state.advected = advected
         if advected is not None and energy.w_tc > 0:
+            state.advected = advected
             state.advected_colours = self.ops.colours_at(self.style, state.size, advected)
         if advected is not None and energy.has_change_terms:
-            state.neighbour = self._neighbour_appearance(index, advected)
+            self._add_change(index, state, advected)
         ribbons = self.animation.ribbons(index)
         if ribbons is not None:
             state.ribbons = self.ops.upload(ribbons)
 
-    def _neighbour_appearance(self, index: int, advected: T) -> NeighbourAppearance[T]:
-        """The neighbour's colours and guides warped to this frame; eq. 10 measures the change from them."""
+    def _add_change(self, index: int, state: FrameState[T], advected: T) -> None:
+        """Add the change since the neighbouring frame (eq. 10) to the guides of the frame.
+
+        Departure: C_t-1 of eq. 10 is the advected offset of each tap's own pixel, not that of the patch's centre,
+        extrapolated. The sum is then the same for all patches that contain the tap, and the term of the output equals
+        that of eq. 4, because the neighbour's picture consists of the style's colours at its offsets.
+        """
         assert self.last is not None
         motion = self.animation.motion(index, self.last.index)
         guides = fetch(self.animation.target(self.last.index).guides, motion.displacement)
-        warped = guides[..., None] if guides.ndim == 2 else guides
-        neighbour = self.ops.prepare(self.style, Target(np.asarray(warped, np.uint8)))
-        neighbour.bins = self.last.state.bins
-        self.ops.render(self.style, neighbour, advected)
-        visible = np.repeat((motion.visible * np.uint8(255))[..., None], self.style.energy.channels, axis=2)
-        return NeighbourAppearance(neighbour.packed, self.ops.margined(visible, self.style.energy.radius))
-
-
-def trace_ribbons(
-    ops: Operations[T], style: LoadedStyle[T], animation: Animation, frames: Iterable[int], start: Offsets
-) -> Iterator[tuple[int, Offsets]]:
-    """Trace the pixels of a keyframe from frame to frame: for each pixel, its position in the keyframe as an offset.
-
-    These are the ribbons of section 4.1 of benard2013stylizing. Positions are translated but not rotated, because they
-    are points and not patches.
-
-    Args:
-        frames: frame numbers in order of distance from the keyframe, which is the first.
-        start: offsets of the keyframe, float32 (h, w, 2).
-
-    Yields:
-        (frame number, offsets).
-    """
-    plain = replace(style, style=replace(style.style, bins=None, usable=None))
-    before: tuple[int, T] | None = None
-    for index in frames:
-        if before is None:
-            found = ops.upload(start)
-        else:
-            motion = animation.motion(index, before[0])
-            state = FrameState((start.shape[1], start.shape[0]), before[1], before[1])
-            displacement, visible = ops.upload(motion.displacement), ops.upload(motion.visible)
-            found = ops.advect(plain, state, before[1], None, displacement, visible)
-        before = index, found
-        yield index, ops.fetch(found)
+        warped = np.asarray(guides[..., None] if guides.ndim == 2 else guides, np.uint8)
+        self.ops.add_change(self.style, state, advected, warped, self.ops.upload(motion.visible))
 
 
 def order(start: int, stop: int, forward: bool) -> range:

@@ -19,6 +19,8 @@ from pipeline.synthesis.images import Bytes
 
 _STEP = 2
 _LEAST_SPREAD = 4.0
+_SLOPE_WINDOW = 17
+"""Number of lightness levels over which the slope of a curve is measured; odd."""
 
 
 @dataclass(frozen=True)
@@ -80,16 +82,36 @@ def derived_guide(painting: Frame, smoothing_px: float) -> Bytes:
 class ToneMatch:
     """Maps the tones of one guide to those of another: lightness by histogram matching, hue by mean and deviation.
 
-    Source: hertzmann2001analogies, section 3.4, which matches mean and deviation of the lightness. Departure: matches
-    the whole distribution of lightness, and also hue.
+    Source: hertzmann2001analogies, section 3.4, which matches mean and deviation of the lightness. Departures: matches
+    the whole distribution of lightness, and also hue. The slope of the lightness curve and the factor of the hues are
+    limited, because a steep curve turns the noise of a flat area into blotches, and a flat one erases faces.
+
+    Args:
+        own: tones of the images that are mapped.
+        wanted: tones that they are mapped to.
+        limit: largest factor by which contrast is raised or lowered, >= 1.
     """
 
-    def __init__(self, own: ToneStatistics, wanted: ToneStatistics) -> None:
-        found = np.searchsorted(wanted.lightness, own.lightness - 1e-9).clip(0, 255)
-        levels = np.arange(256.0)[:, None]
-        scale = wanted.hue_spread / np.maximum(own.hue_spread, _LEAST_SPREAD)
-        hues = np.rint((levels - own.hue_mean) * scale + wanted.hue_mean).clip(0, 255)
-        self._table = np.ascontiguousarray(np.column_stack([found, hues]).astype(np.uint8)[None])
+    def __init__(self, own: ToneStatistics, wanted: ToneStatistics, limit: float) -> None:
+        scale = np.minimum(wanted.hue_spread / np.maximum(own.hue_spread, _LEAST_SPREAD), limit)
+        hues = (np.arange(256.0)[:, None] - own.hue_mean) * scale + wanted.hue_mean
+        table = np.column_stack([_lightness_curve(own, wanted, limit), hues])
+        self._table = np.ascontiguousarray(np.rint(table).clip(0, 255).astype(np.uint8)[None])
 
     def __call__(self, guide: Bytes) -> Bytes:
         return np.asarray(cv2.LUT(guide, self._table), np.uint8)
+
+
+def _lightness_curve(own: ToneStatistics, wanted: ToneStatistics, limit: float) -> NDArray[np.float64]:
+    """Lightness for each lightness 0..255: matches the distributions, but with slopes between 1 / limit and limit.
+
+    The mean lightness of the result is the one that matching without limits gives.
+    """
+    matched = np.searchsorted(wanted.lightness, own.lightness - 1e-9).clip(0, 255).astype(np.float64)
+    darkest = int(np.argmax(own.lightness > 0))
+    matched[:darkest] = matched[darkest]
+    shares = np.diff(own.lightness, prepend=0.0)
+    around = np.pad(matched, _SLOPE_WINDOW // 2, "edge")
+    slopes = (around[_SLOPE_WINDOW - 1 :] - around[: 1 - _SLOPE_WINDOW]) / (_SLOPE_WINDOW - 1)
+    curve = np.cumsum(slopes.clip(1 / limit, limit))
+    return np.asarray(curve + (shares * (matched - curve)).sum(), np.float64)

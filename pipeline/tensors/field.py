@@ -10,20 +10,15 @@ from __future__ import annotations
 import math
 from typing import TypeAlias
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray
-from pipeline.frames import Flow, Mask, Plane
+from pipeline.frames import Mask, Plane
 from pipeline.solvers import Multigrid, Solution
-from pipeline.tensors.structure import tangent_field
 
 OrientationField: TypeAlias = NDArray[np.float32]
 """`float32` (2, height, width): the planes u and v. Angles are measured from x towards y, clockwise on the screen."""
-
-SAMPLES = 64
-"""Sample points on a circle around a singularity; theta must turn by less than half a turn between two of them."""
 
 
 def field_of(angle_rad: AnyArray | float, strength: AnyArray | float = 1.0) -> OrientationField:
@@ -42,11 +37,6 @@ def angle_of(field: OrientationField) -> Plane:
 def strength_of(field: OrientationField) -> Plane:
     """Strength rho, float32 (h, w)."""
     return np.asarray(np.sqrt(field[0] * field[0] + field[1] * field[1]))
-
-
-def direction_of(field: OrientationField, least: float = 1e-6) -> Flow:
-    """Unit vectors along the strokes, float32 (h, w, 2), of arbitrary sign; (0, 0) where rho is at most `least`."""
-    return tangent_field(np.stack([-field[0], -field[1] / 2, np.zeros_like(field[0])]), least)
 
 
 def rotated(field: OrientationField, angle_rad: AnyArray | float) -> OrientationField:
@@ -71,17 +61,3 @@ def fill_free(
     Source: kagaya2011video, section 3.2: a pair of Laplace equations.
     """
     return Multigrid(key, right=right, down=down).solve(field, start=start)
-
-
-def index_around(field: OrientationField, x: float, y: float, radius_px: float) -> float:
-    """Index of the field around (x, y): turns of the stroke direction on one way round, a multiple of 1/2.
-
-    0 if no singularity is inside the circle; wedge 1/2, trisector -1/2, node and center 1, saddle -1. The circle must
-    lie in the picture, and the field must not be 0 on it.
-    """
-    way = np.arange(SAMPLES) * (2 * math.pi / SAMPLES)
-    px, py = (x + radius_px * np.cos(way)).astype(np.float32), (y + radius_px * np.sin(way)).astype(np.float32)
-    u, v = (cv2.remap(plane, px, py, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).ravel() for plane in field)
-    along = u + 1j * v
-    steps = np.angle(np.roll(along, -1) * along.conj())
-    return round(float(steps.sum()) / (2 * math.pi)) / 2

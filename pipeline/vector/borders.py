@@ -26,6 +26,12 @@ _CONTRAST = np.float32(400)
 """Squared contrast, in 8-bit CIELAB levels, at which the colours and the label map count equally for a border."""
 
 
+_LINE = 64
+"""Ink from which a pixel belongs to a line, 0..255."""
+_UNDER = np.float32(0.9)
+"""Distance of a border from the first pixel of the line that covers it, px: a pixel's rim is not opaque."""
+
+
 @dataclass(frozen=True)
 class Borders:
     """The borders between the regions of a label map."""
@@ -69,6 +75,22 @@ def align_borders(borders: Borders, labels: Labels, lab: NDArray[np.uint8], flow
     """
     positions = borders.positions.copy()
     _align(positions, borders.lattice, borders.edges, labels, lab, flow)
+    return Borders(positions, borders.lattice, borders.edges, borders.rows, borders.size)
+
+
+def tuck_borders(borders: Borders, ink: NDArray[np.uint8], reach_px: int) -> Borders:
+    """Borders near a line, moved just under its outline.
+
+    A line beside a border would leave a sliver of one region between the two, which widens the edge; and a border
+    under a line cannot be seen to move.
+
+    Args:
+        borders: before they are smoothed.
+        ink: uint8 (height, width), coverage by lines at the size of the label map.
+        reach_px: distance from a border in which lines are searched, px.
+    """
+    positions = borders.positions.copy()
+    _tuck(positions, borders.lattice, borders.edges, ink, reach_px)
     return Borders(positions, borders.lattice, borders.edges, borders.rows, borders.size)
 
 
@@ -152,12 +174,24 @@ def _align(
         for n in (a, b):
             moves[n, axis] += move
             counts[n, axis] += np.float32(1)
-    for n in range(count):
+    _displace(positions, lattice, moves, counts, width, height)
+
+
+@kernel
+def _displace(
+    positions: Positions, lattice: NDArray[np.int32], moves: Positions, counts: Positions, width: int, height: int
+) -> None:
+    """Move the nodes from their lattice positions by the mean displacement of their edges, in place.
+
+    `moves` and `counts`, float32 (n, 2), are the sum and the number of displacements of each node along each axis. A
+    node with edges in both directions, a corner, moves half as far along each. Nodes stay on the frame's border.
+    """
+    for n in range(positions.shape[0]):
         both = np.float32(0.5) if counts[n, 0] > 0 and counts[n, 1] > 0 else np.float32(1)
         for axis in range(2):
             last = width if axis == 0 else height
             if counts[n, axis] > 0 and 0 < lattice[n, axis] < last:
-                positions[n, axis] += both * moves[n, axis] / counts[n, axis]
+                positions[n, axis] = np.float32(lattice[n, axis]) + both * moves[n, axis] / counts[n, axis]
 
 
 @kernel
@@ -187,6 +221,48 @@ def _offset(
         mixed += min(max(part * scale, np.float32(0)), np.float32(1))
     offset = min(max(np.float32(reach) - mixed, np.float32(-1)), np.float32(1))
     return offset * square / (square + _CONTRAST)
+
+
+@kernel
+def _tuck(
+    positions: Positions, lattice: NDArray[np.int32], edges: NDArray[np.void], ink: NDArray[np.uint8], reach: int
+) -> None:  # fmt: skip
+    count = positions.shape[0]
+    height, width = ink.shape
+    moves = np.zeros((count, 2), np.float32)
+    counts = np.zeros((count, 2), np.float32)
+    for k in range(edges.shape[0]):
+        if edges[k]["right"] == 0:
+            continue
+        a, b = edges[k]["start"], edges[k]["end"]
+        axis = 0 if lattice[b, 0] == lattice[a, 0] else 1
+        move = _to_line(ink, lattice[a, 0], lattice[a, 1], axis, reach, height, width)
+        if move != 0:
+            for n in (a, b):
+                moves[n, axis] += move
+                counts[n, axis] += np.float32(1)
+    _displace(positions, lattice, moves, counts, width, height)
+
+
+@kernel
+def _to_line(ink: NDArray[np.uint8], x: int, y: int, axis: int, reach: int, height: int, width: int) -> np.float32:
+    """Displacement along `axis` from the edge at lattice position (x, y) to just under the nearest line, px; 0 = no
+    line within reach, or the edge is under a line."""
+    step_x, step_y = (1, 0) if axis == 0 else (0, 1)
+    for k in range(reach):
+        ahead = _coverage(ink, x + k * step_x, y + k * step_y, height, width)
+        behind = _coverage(ink, x - (k + 1) * step_x, y - (k + 1) * step_y, height, width)
+        if max(ahead, behind) < _LINE:
+            continue
+        if k == 0 and min(ahead, behind) >= _LINE:
+            return np.float32(0)
+        return np.float32(k) + _UNDER if ahead >= behind else -np.float32(k) - _UNDER
+    return np.float32(0)
+
+
+@kernel
+def _coverage(ink: NDArray[np.uint8], x: int, y: int, height: int, width: int) -> int:
+    return int(ink[y, x]) if 0 <= x < width and 0 <= y < height else 0
 
 
 @kernel

@@ -31,6 +31,8 @@ class Outlines:
         left, right: int32 (arcs,), labels to the left and right in the direction of the arc on the screen (y points
             down); 0 = no region.
         loops: bool (arcs,), whether the arc is a loop without junction.
+        degree: 1 = straight lines between the points; 3 = cubic Bezier curves: the first control point of an arc, then
+            three for each curve.
     """
 
     points: Points
@@ -38,6 +40,7 @@ class Outlines:
     left: NDArray[np.int32]
     right: NDArray[np.int32]
     loops: NDArray[np.bool_]
+    degree: int = 1
 
 
 def trace(labels: Labels) -> Outlines:

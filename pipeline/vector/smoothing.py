@@ -24,7 +24,7 @@ def smooth_borders(borders: Borders, sigma_px: float, limit_px: float) -> Border
 
     Args:
         sigma_px: standard deviation of the Gaussian, px of the label map; 0 = no smoothing.
-        limit_px: no node moves further than this along either axis.
+        limit_px: smoothing moves no node further than this along either axis.
     """
     positions = borders.positions.copy()
     if sigma_px > 0:
@@ -33,7 +33,7 @@ def smooth_borders(borders: Borders, sigma_px: float, limit_px: float) -> Border
         steps = diffusion_steps(sigma_px)
         once = _diffuse(positions, neighbours, inverse_degrees, fixed, steps)
         twice = _diffuse(once, neighbours, inverse_degrees, fixed, steps)
-        _sharpen(once, twice, borders.lattice, np.float32(limit_px), positions)
+        _sharpen(once, twice, borders.positions, np.float32(limit_px), positions)
     return Borders(positions, borders.lattice, borders.edges, borders.rows, borders.size)
 
 
@@ -102,11 +102,11 @@ def _diffuse(
 
 @kernel
 def _sharpen(
-    once: Positions, twice: Positions, lattice: NDArray[np.int32], limit: np.float32, out: Positions
+    once: Positions, twice: Positions, before: Positions, limit: np.float32, out: Positions
 ) -> None:  # fmt: skip
-    """2 * `once` - `twice`, at most `limit` from the lattice."""
+    """2 * `once` - `twice`, at most `limit` from `before`."""
     for n in range(out.shape[0]):
         for axis in range(2):
-            place = np.float32(lattice[n, axis])
+            place = before[n, axis]
             smooth = np.float32(2) * once[n, axis] - twice[n, axis]
             out[n, axis] = min(max(smooth, place - limit), place + limit)

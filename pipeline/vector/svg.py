@@ -1,5 +1,7 @@
 """A segmented frame as SVG: each region is a path with its boundary and colour (zhang2011online, section 7).
 
+Boundaries are cubic Bezier curves (`pipeline.vector.curves`); pieces that are straight are written as lines.
+
 The id of a path is `r` followed by the region's permanent id, so the regions of two frames correspond by id. Neighbours
 share their boundary exactly. Renderers anti-alias both sides of a shared boundary independently, which makes the
 background visible as a thin line. Each region therefore also has a stroke of its own colour, which is so thin (0.6 px)
@@ -9,6 +11,7 @@ that it covers no other pixel centre.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +19,7 @@ from numpy.typing import NDArray
 from pipeline.errors import BadFrame
 from pipeline.frames import Labels, Plane
 from pipeline.vector.borders import Borders
+from pipeline.vector.curves import fit_curves
 from pipeline.vector.outlines import Outlines, follow, rings, simplify, smooth, trace
 
 PARTS_PER_PX = 10
@@ -42,7 +46,8 @@ def to_svg(
         ids: (n,) integers, permanent ids by label; None = the labels.
         ink: line layer, float32 (height, width), 0..1, 1 = full ink; the area with at least 0.5 is outlined.
         ink_colour: sRGB of the lines, 0..255.
-        tolerance_px: largest distance of the simplified from the smoothed boundary, px.
+        tolerance_px: largest distance of the curves from the smoothed boundary, px; 0 = straight lines between all its
+            points.
         smoothing: number of low-pass passes over each boundary; 0 = the pixels' edges. If both are 0, filling the
             document by the even-odd rule at pixel centres gives `labels` exactly. Or the smoothed borders of `labels`,
             which are drawn as they are; the outlines of `ink` then get the default number of passes.
@@ -80,40 +85,62 @@ def _paths(labels: Labels, tolerance_px: float, smoothing: int | Borders) -> dic
     """SVG path data by label."""
     arcs = trace(labels)
     arcs = follow(arcs, smoothing) if isinstance(smoothing, Borders) else smooth(arcs, smoothing)
-    outlines = simplify(arcs, tolerance_px)
+    curved = smoothing != 0 and tolerance_px > 0
+    outlines = fit_curves(arcs, tolerance_px) if curved else simplify(arcs, tolerance_px)
     text = _ArcText(outlines)
     return {label: "".join(text.ring(chain) for chain in chains) for label, chains in rings(outlines).items()}
 
 
 class _ArcText:
-    """Text of each arc in both directions, as relative moves, so that arcs can be concatenated."""
+    """Text of each line or curve in both directions, with relative coordinates, so that arcs can be concatenated."""
 
     def __init__(self, outlines: Outlines) -> None:
-        grid = np.rint(outlines.points * PARTS_PER_PX).astype(np.int64)
-        moves = np.diff(grid, axis=0)
-        most = int(max(np.abs(grid).max(initial=0), np.abs(moves).max(initial=0)))
+        self._grid = np.rint(outlines.points * PARTS_PER_PX).astype(np.int64)
+        most = 2 * int(np.abs(self._grid).max(initial=0))
         self._number = [f"{value / PARTS_PER_PX:g}" for value in range(-most, most + 1)]
         self._zero = most
-        self._grid = grid
         self._starts = outlines.starts.tolist()
-        self._ways = {False: self._words(moves), True: self._words(-moves[::-1])}
-        self._moves = len(moves)
+        self._pieces = ((outlines.starts - np.arange(len(outlines.starts))) // outlines.degree).tolist()
+        pieces = [np.arange(a, b - 1, outlines.degree) for a, b in pairwise(self._starts)]
+        begin = np.concatenate([np.empty(0, np.int64), *pieces])
+        places = begin[:, None] + np.arange(outlines.degree + 1)
+        self._ways = {False: self._words(self._grid[places]), True: self._words(self._grid[places[:, ::-1]])}
 
     def ring(self, chain: list[tuple[int, bool]]) -> str:
+        """Path data of a closed chain of (arc, backwards)."""
         arc, backwards = chain[0]
         begin = self._starts[arc + 1] - 1 if backwards else self._starts[arc]
         x, y = (self._number[int(value) + self._zero] for value in self._grid[begin])
-        return f"M{x} {y}l{' '.join(self._arc(*link) for link in chain)}z"
+        text, command = [f"M{x} {y}"], ""
+        for word in (word for link in chain for word in self._arc(*link)):
+            text.append(" " if word[0] == command else word[0])
+            text.append(word[1:])
+            command = word[0]
+        return "".join(text) + "z"
 
-    def _arc(self, arc: int, backwards: bool) -> str:
-        begin, end = self._starts[arc], self._starts[arc + 1] - 1
-        if backwards:
-            begin, end = self._moves - end, self._moves - begin
-        return " ".join(self._ways[backwards][begin:end])
+    def _arc(self, arc: int, backwards: bool) -> list[str]:
+        words = self._ways[backwards][self._pieces[arc] : self._pieces[arc + 1]]
+        return words[::-1] if backwards else words
 
-    def _words(self, moves: NDArray[np.int64]) -> list[str]:
-        flat = [self._number[value] for value in (moves + self._zero).ravel().tolist()]
-        return [f"{x} {y}" for x, y in zip(flat[::2], flat[1::2], strict=True)]
+    def _words(self, points: NDArray[np.int64]) -> list[str]:
+        """Command and relative coordinates of each line or curve, from its control points (n, degree + 1, 2)."""
+        moves = points[:, 1:] - points[:, :1]
+        straight = _straight(moves)
+        names = [
+            [self._number[value + self._zero] for value in row]
+            for row in moves.reshape(len(moves), 2 * moves.shape[1]).tolist()
+        ]
+        return [
+            "l" + " ".join(row[-2:]) if line else "c" + " ".join(row)
+            for row, line in zip(names, straight.tolist(), strict=True)
+        ]
+
+
+def _straight(moves: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Whether the inner control points are on the chord to half a unit of the last digit; moves from the start."""
+    chord = moves[:, -1:]
+    off = np.abs(moves[..., 0] * chord[..., 1] - moves[..., 1] * chord[..., 0]).max(axis=1)
+    return np.asarray(4 * off * off <= (chord[:, 0] ** 2).sum(axis=1))
 
 
 def _hex(colour: Sequence[int] | NDArray[np.uint8]) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import cv2
 import numpy as np
 
@@ -11,6 +13,7 @@ from pipeline.video.stills import encode_jpeg
 
 _COLUMNS, _ROWS = 4, 3
 _GAP_PX = 4
+SHEET_TILE_PX = 320
 
 
 def fit(frame: Frame, max_side_px: int) -> Frame:
@@ -28,10 +31,21 @@ def poster(reader: VideoReader, max_side_px: int = 1280) -> bytes:
     return encode_jpeg(fit(_frame(reader, reader.frames // 3), max_side_px))
 
 
-def contact_sheet(reader: VideoReader, tile_px: int = 320) -> bytes:
-    """Up to twelve evenly spaced frames in rows of four on a dark background; JPEG."""
-    count = min(reader.frames, _COLUMNS * _ROWS)
-    tiles = [fit(_frame(reader, round((i + 0.5) * reader.frames / count - 0.5)), tile_px) for i in range(count)]
+def sheet_frames(frames: int) -> list[int]:
+    """Indices of the frames on the contact sheet of a video of so many frames, ascending."""
+    count = min(frames, _COLUMNS * _ROWS)
+    return [round((i + 0.5) * frames / count - 0.5) for i in range(count)]
+
+
+def contact_sheet(reader: VideoReader, tile_px: int = SHEET_TILE_PX, known: Mapping[int, Frame] | None = None) -> bytes:
+    """Up to twelve evenly spaced frames in rows of four on a dark background; JPEG.
+
+    Args:
+        known: frames of the sheet by index, fitted already, which are not decoded again.
+    """
+    wanted, known = sheet_frames(reader.frames), known or {}
+    tiles = [known[i] if i in known else fit(_frame(reader, i), tile_px) for i in wanted]
+    count = len(tiles)
     height, width = tiles[0].shape[:2]
     columns = min(count, _COLUMNS)
     rows = -(-count // columns)

@@ -140,12 +140,6 @@ def _within(pixels: AnyArray, shift: tuple[int, int], size: tuple[int, int]) -> 
 # -- passes
 
 
-def beauty(image: Exr) -> Frame | None:
-    """The beauty pass as a frame, without opacity; see `pixels`. None if there is no beauty pass."""
-    found = pixels(image)
-    return None if found is None else np.ascontiguousarray(found[..., :3])
-
-
 def pixels(image: Exr) -> NDArray[np.uint8] | None:
     """The beauty pass, uint8 (h, w, 3), or (h, w, 4) with straight alpha if it has an alpha channel; None if it lacks
     R, G or B. Converts linear light, clipped to 0..1, to sRGB, and EXR's premultiplied colours to straight ones."""

@@ -22,10 +22,16 @@ from av.video.stream import VideoStream
 from pipeline.errors import UnreadableMedia
 from pipeline.video.audio import Timed, add_audio
 from pipeline.video.container import open_container
+from pipeline.video.gif import join_gif
 from pipeline.video.media import Limits
 from pipeline.video.writer import MUXER_OPTIONS, Format, zip_entry
 
-MEDIA_TYPES: dict[Format, str] = {"mp4": "video/mp4", "webm": "video/webm", "png": "application/zip"}
+MEDIA_TYPES: dict[Format, str] = {
+    "mp4": "video/mp4",
+    "webm": "video/webm",
+    "png": "application/zip",
+    "gif": "image/gif",
+}
 
 
 def join(
@@ -42,13 +48,16 @@ def join(
         segments: (start time, file) of each segment, in order, at least one. The files are written by `segment_writer`
             with the same spec. A start time is the time of the segment's first frame in the source, seconds; the first
             one becomes time 0 of the output.
-        container: "mp4" (streamable from its first bytes), "webm", or "png" (one zip of numbered frames).
-        sound: a media file whose audio, if any, is added in sync. Ignored for "png".
+        container: "mp4" (streamable from its first bytes), "webm", "png" (one zip of numbered frames), or "gif".
+        sound: a media file whose audio, if any, is added in sync. Ignored for "png" and "gif".
         end_s: time in the source at which the audio ends, seconds; None: where the source's audio ends.
         progress: called with the fraction done, 0..1, after each segment; may raise an exception to abort.
     """
     if container == "png":
         _join_images([path for _start, path in segments], out, progress)
+        return
+    if container == "gif":
+        join_gif(segments, out, progress)
         return
     origin_s, first = segments[0]
     with ExitStack() as stack:

@@ -6,11 +6,13 @@
     normals/0001.png        normals as colours, or EXR with a Normal pass; optional if the EXR frames contain them
     ids/0001.png            object number of each pixel, 8 or 16 bit, or EXR with IndexOB
     lines/0001.png          black lines on white
+    directions/0001.png     direction of the strokes: red = x, green = y (upwards), gray = none
     guides/NAME/0001.png    additional guide images of the scene
     keyframes/0001.png      painted frames, for some of the frame numbers
     painted/0001.png        white where the keyframe of this number is painted; needed for partly painted keyframes
     style/output.png        the painting; style/input.png: the picture it was painted from; style/NAME.png: counterpart
-                            of guide NAME; style/lines.png: lines; style/mask.png: white where the subject is
+                            of guide NAME; style/lines.png: lines; style/directions.png: directions;
+                            style/mask.png: white where the subject is
     layers/LAYER/...        any of the above for one layer, and masks/0001.png: white inside the layer's silhouette
 
 A layer inherits missing files from the shot. `read_shot` reads file names only; `check_pictures` reads every header.
@@ -27,12 +29,13 @@ from typing import Literal, NoReturn
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
 
+from pipeline.compositing import Blend
 from pipeline.errors import UnreadableMedia
 from pipeline.video.archive import MANIFEST, number_of
 from pipeline.video.headers import image_header, sniff
 from pipeline.video.shot_files import FRAMES, LAYERS, PASSES, Files
 
-NUMBERED = ("masks", "vectors", "normals", "ids", "lines", "keyframes", "painted")
+NUMBERED = ("masks", "vectors", "normals", "ids", "lines", "directions", "keyframes", "painted")
 SPARSE = frozenset({"keyframes", "painted"})
 """Passes that may lack frames."""
 WHOLE = ""
@@ -51,6 +54,9 @@ class LayerJson(BaseModel):
     overpaint_px: float | None = Field(
         None, ge=0, le=500, description="Reach of paint beyond the silhouette; None = as keys."
     )
+    stylise: bool = Field(True, description="false = the layer's own frames are composited unchanged.")
+    blend: Blend = Field("over", description="How the layer is combined with the layers behind it.")
+    opacity: float = Field(1.0, ge=0, le=1, description="Opacity of the whole layer.")
 
 
 class ShotJson(BaseModel):

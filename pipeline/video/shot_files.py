@@ -12,7 +12,7 @@ from pipeline.video.archive import MANIFEST, natural_key, number_of, open_archiv
 from pipeline.video.media import Limits
 
 FRAMES, LAYERS = "frames", "layers"
-PASSES = ("masks", "vectors", "normals", "ids", "lines", "keyframes", "painted", "guides", "style")
+PASSES = ("masks", "vectors", "normals", "ids", "lines", "directions", "keyframes", "painted", "guides", "style")
 """Folders that a shot or a layer may contain besides `frames`."""
 Files = Mapping[str, bytes]
 """Path relative to the shot, separated by "/" -> contents, read on access."""

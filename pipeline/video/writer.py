@@ -5,6 +5,8 @@ The same frames give the same bytes: the encoders run with a fixed number of thr
 (see `_X264_REPEATABLE_ASM`), and the file contains no date and no version. There are no B-frames, so that packets are
 in display order and segments can be joined without reordering.
 
+Segments of a GIF are lossless, since its palette is chosen from all of them (see `gif`).
+
 H.264 in 4:2:0, the only variant that all browsers play, requires even sides and can crop only by multiples of two.
 An odd side is therefore extended by one repeated row or column. VP9 and PNG keep odd sizes.
 """
@@ -32,8 +34,8 @@ from pipeline.frames import Frame, same_size
 from pipeline.video.geometry import customary_matrix
 from pipeline.video.stills import encode_png
 
-Format = Literal["mp4", "webm", "png"]
-FORMATS: tuple[Format, ...] = ("mp4", "webm", "png")
+Format = Literal["mp4", "webm", "png", "gif"]
+FORMATS: tuple[Format, ...] = ("mp4", "webm", "png", "gif")
 MUXER_OPTIONS = {"fflags": "+bitexact"}
 _THREADS = 2
 _CPU_AVX_512F = 13
@@ -41,6 +43,8 @@ _CPU_AVX_512F = 13
 _X264_REPEATABLE_ASM = "MMX2,SSE2Fast,LZCNT,SSSE3,SSE4.2,AVX,FMA3,BMI2,AVX2"
 """CPU features that x264 may use on a processor with AVX-512. With its AVX-512 macroblock-tree code, the same frames of
 96x64 gave different files in 3 to 15 % of the runs; without it they never did, at the same speed."""
+MAX_GIF_SIDE_PX = 720
+"""Longest side of a GIF; larger frames are scaled down."""
 _KEY_EVERY = 60
 _ZIP_EPOCH = (1980, 1, 1, 0, 0, 0)
 _BT601_TAG = 6
@@ -58,12 +62,15 @@ class SegmentSpec:
     fps: float
     """Nominal frame rate: a hint for the encoder's rate control and for players."""
     quality: int = 20
-    """Constant rate factor, 0 (lossless) to 51; PNG is always lossless."""
+    """Constant rate factor, 0 (lossless) to 51; PNG is always lossless, GIF always has 256 colours."""
 
     @property
     def coded_size(self) -> tuple[int, int]:
         """(width, height) of the encoded video, px."""
         width, height = self.size
+        if self.format == "gif":
+            scale = min(1.0, MAX_GIF_SIDE_PX / max(self.size))
+            return max(1, round(scale * width)), max(1, round(scale * height))
         return (width + width % 2, height + height % 2) if self.format == "mp4" else self.size
 
 
@@ -111,15 +118,19 @@ def segment_writer(path: Path, spec: SegmentSpec) -> SegmentWriter:
         raise BadParameter("The output format is unknown.", field="output.format", value=spec.format, remedy=remedy)
     if not 0 <= spec.quality <= 51:
         raise BadParameter("The quality is out of range.", field="output.quality", value=spec.quality, remedy="0..51.")
-    return ImageSegment(path, spec) if spec.format == "png" else VideoSegment(path, spec)
+    if spec.format == "png":
+        return ImageSegment(path, spec)
+    return GifSegment(path, spec) if spec.format == "gif" else VideoSegment(path, spec)
 
 
 class VideoSegment(SegmentWriter):
     """H.264 or VP9 in MP4; presentation times start at 0."""
 
+    _container = "mp4"
+
     def __init__(self, path: Path, spec: SegmentSpec) -> None:
         super().__init__(spec)
-        self._file = av.open(f"file:{path}", "w", format="mp4", options=dict(MUXER_OPTIONS))
+        self._file = av.open(f"file:{path}", "w", format=self._container, options=dict(MUXER_OPTIONS))
         codec, options = _codec(spec)
         rate = Fraction(spec.fps).limit_denominator(1001)
         stream = self._file.add_stream(codec, rate=max(rate, Fraction(1, 1001)), options=options)
@@ -131,7 +142,13 @@ class VideoSegment(SegmentWriter):
 
     def _write(self, index: int, frame: Frame, start: int, stop: int) -> None:
         self._origin = start if self._origin is None else self._origin
-        picture = av.VideoFrame.from_ndarray(_even(frame, self.spec.coded_size), format="rgb24").reformat(
+        picture = self._picture(frame)
+        picture.pts, picture.time_base = start - self._origin, self.spec.time_base
+        self._durations.append(stop - start)
+        self._encode(picture)
+
+    def _picture(self, frame: Frame) -> av.VideoFrame:
+        return av.VideoFrame.from_ndarray(_even(frame, self.spec.coded_size), format="rgb24").reformat(
             format="yuv420p",
             dst_colorspace=customary_matrix(self.spec.size[1]),
             src_color_range=ColorRange.JPEG,
@@ -139,9 +156,6 @@ class VideoSegment(SegmentWriter):
             interpolation=Interpolation.BILINEAR,
             threads=1,
         )
-        picture.pts, picture.time_base = start - self._origin, self.spec.time_base
-        self._durations.append(stop - start)
-        self._encode(picture)
 
     def _encode(self, picture: av.VideoFrame | None) -> None:
         for packet in self._stream.encode(picture):
@@ -156,7 +170,20 @@ class VideoSegment(SegmentWriter):
         self._file.close()
 
 
+class GifSegment(VideoSegment):
+    """Lossless RGB (PNG) in MOV, at the GIF's size."""
+
+    _container = "mov"
+
+    def _picture(self, frame: Frame) -> av.VideoFrame:
+        size = self.spec.coded_size
+        scaled = frame if size == self.spec.size else cv2.resize(frame, size, interpolation=cv2.INTER_AREA)
+        return av.VideoFrame.from_ndarray(np.ascontiguousarray(scaled, np.uint8), format="rgb24")
+
+
 def _codec(spec: SegmentSpec) -> tuple[str, dict[str, str]]:
+    if spec.format == "gif":
+        return "png", {"compression_level": "1"}
     if spec.format == "webm":
         crf = round(spec.quality * 63 / 51)
         lossless = {"lossless": "1"} if spec.quality == 0 else {}
@@ -183,8 +210,11 @@ def _x264_params() -> str:
 
 def _describe(context: VideoCodecContext, spec: SegmentSpec) -> None:
     context.width, context.height = spec.coded_size
-    context.pix_fmt = "yuv420p"
     context.time_base = spec.time_base
+    if spec.format == "gif":
+        context.pix_fmt = "rgb24"
+        return
+    context.pix_fmt = "yuv420p"
     # Slice threads finish a frame within the call that submits it, so its cost does not appear in a method's timings.
     context.thread_type = "SLICE"
     context.thread_count = _THREADS

@@ -1,1 +1,1 @@
-"""Who may do what: keys, scopes, rates, quotas, and care with open loopback."""
+"""Access control: keys, scopes, rate limits, quotas, and checks of unauthenticated local access."""

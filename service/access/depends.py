@@ -15,7 +15,9 @@ from prometheus_client import CollectorRegistry
 
 from service.access.keys import Principal, Scope
 from service.errors import Forbidden
+from service.ops.load_history import LoadHistory
 from service.settings import Settings
+from service.styles.library import StyleLibrary
 from service.webhooks.secrets import WebhookSecrets
 from workers.farm import Farm
 
@@ -57,8 +59,11 @@ class ServiceContext:
     frames: threading.BoundedSemaphore
     """Slots for decoding single frames of assets."""
     webhook_secrets: WebhookSecrets
+    styles: StyleLibrary
     registry: CollectorRegistry
     """Registry of this app's metrics."""
+    load: LoadHistory = field(default_factory=LoadHistory)
+    """Load of this machine over the last hour."""
     closing: threading.Event = field(default_factory=threading.Event)
     """Set when the process is about to stop: event streams end."""
 

@@ -21,7 +21,7 @@ GUARDED = ("/v1/", "/metrics")
 """Paths that need a key where keys are required. Pages, health and the OpenAPI document contain no user data."""
 
 SHARED = "/v1/shared/"
-"""What a signed link opens: its routes check the token that is in the address."""
+"""Prefix of shared links: their routes check the token in the address."""
 
 KEY_PROTOCOL = "impasto.key."
 """Prefix of a WebSocket subprotocol that carries a key."""

@@ -1,1 +1,1 @@
-"""Assets: what users upload in one go."""
+"""Assets: files that users upload in one request."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -28,6 +29,13 @@ def adopt(context: ServiceContext, caller: Principal, path: Path, filename: str,
         open_uploads = UploadStore(context.settings.uploads_dir, context.settings.upload_ttl_s).reserved()
         check_quota(context, caller, path.stat().st_size + open_uploads.owned_bytes.get(caller.owner, 0))
     return context.farm.assets.add(path, filename, caller.owner), not known
+
+
+def adopt_made(context: ServiceContext, caller: Principal, path: Path) -> Asset:
+    """Keep a file that the service has made as an asset of the caller. Raises as `adopt`."""
+    with path.open("rb") as file:
+        sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+    return adopt(context, caller, path, path.name, sha256)[0]
 
 
 def _known(context: ServiceContext, caller: Principal, asset_id: str) -> bool:

@@ -33,9 +33,11 @@ SLICE_S = 1.0
 AT_ONCE = 500
 RETRY_MS = 1000
 
-EVENT = {"type": "object", "properties": {name: {"type": "string"} for name in ("id", "event", "data", "retry")}}
 STREAM: Responses = {
-    200: {"description": "The events", "content": {"text/event-stream": {"schema": EVENT}}},
+    200: {
+        "description": "Events with `id`, `event` and `data` (JSON), until the job ends",
+        "content": {"text/event-stream": {"schema": {}}},  # OpenAPI 3.1 cannot describe the items of a stream
+    },
     204: {"description": "The job is finished and there is nothing after that event"},
 }
 
@@ -52,13 +54,17 @@ def get_events(
     if last_event_id and job.state.final and not context.farm.jobs.events(job_id, last_event_id, 1)[0]:
         return Response(status_code=204)
     if context.streams.full:
-        raise Busy("Too many event streams are open.", headers=retry_after(5), remedy="Look at the job now and then.")
+        raise Busy(
+            "Too many event streams are open.",
+            headers=retry_after(5),
+            remedy="Request the job every few seconds instead.",
+        )
     headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
     return StreamingResponse(_stream(context, job_id, last_event_id), 200, headers, "text/event-stream")
 
 
 @dataclass(frozen=True)
-class _Look:
+class _HistoryRead:
     """Result of one read of the job's history."""
 
     text: str
@@ -70,29 +76,31 @@ async def _stream(context: ServiceContext, job_id: str, after: int) -> AsyncIter
     with context.streams.one():
         yield f"retry: {RETRY_MS}\n\n"
         heard_at = anyio.current_time()
-        look = _Look("", after)
-        while not (look.over or context.closing.is_set()):
-            look = await anyio.to_thread.run_sync(_look, context, job_id, look.after, limiter=context.streams.threads)
+        latest = _HistoryRead("", after)
+        while not (latest.over or context.closing.is_set()):
+            latest = await anyio.to_thread.run_sync(
+                _read_history, context, job_id, latest.after, limiter=context.streams.threads
+            )
             silent_s = anyio.current_time() - heard_at
-            if look.text or silent_s >= context.settings.heartbeat_s:
+            if latest.text or silent_s >= context.settings.heartbeat_s:
                 heard_at = anyio.current_time()
-                yield look.text or ": still here\n\n"
+                yield latest.text or ": still here\n\n"
 
 
-def _look(context: ServiceContext, job_id: str, after: int) -> _Look:
+def _read_history(context: ServiceContext, job_id: str, after: int) -> _HistoryRead:
     """Events after `after`; waits briefly if there are none."""
     try:
         # The state is read before the events, so that the final event is among them.
         final = context.farm.jobs.get(job_id).state.final
         events, gone = context.farm.jobs.events(job_id, after, AT_ONCE)
     except NotFound:  # deleted meanwhile
-        return _Look("", after, over=True)
+        return _HistoryRead("", after, over=True)
     if events:
         lost = _lost(job_id, after, events[0].seq) if gone else ""
-        return _Look(lost + "".join(map(_text, events)), events[-1].seq)
+        return _HistoryRead(lost + "".join(map(_text, events)), events[-1].seq)
     if not final:
         context.farm.jobs.wait_for_event(job_id, after, min(SLICE_S, context.settings.heartbeat_s))
-    return _Look("", after, over=final)
+    return _HistoryRead("", after, over=final)
 
 
 def _lost(job_id: str, after: int, goes_on: int) -> str:

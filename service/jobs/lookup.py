@@ -52,6 +52,12 @@ def max_active_jobs(context: ServiceContext, caller: Principal) -> int:
     return caller.quotas.get("active_jobs", context.settings.quota_active_jobs)
 
 
+def max_reopened_jobs(context: ServiceContext, caller: Principal, owner: str) -> int | None:
+    """Unfinished jobs that `owner` may have when `caller` starts their ended job again; None: any number, because the
+    caller is an operator, whose key has quotas of its own."""
+    return max_active_jobs(context, caller) if caller.owner == owner else None
+
+
 def parse_label(text: str | None) -> tuple[str, str] | None:
     """`name:value` as a pair. Raises BadParameter."""
     if text is None:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Header, Query, Response
 
 from service.access.depends import Context, Reader, Submitter
-from service.jobs.lookup import check_inputs, find_job, max_active_jobs, parse_label
+from service.jobs.lookup import check_inputs, find_job, max_active_jobs, max_reopened_jobs, parse_label
 from service.jobs.schemas import JobIn, JobOut, job_out
 from service.schemas import Cursor, JobId, Limit, Listing
 from service.webhooks.targets import check_target
-from workers.model import RunState
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+
+StateFilter = Literal["active", "queued", "running", "paused", "succeeded", "failed", "cancelled"]
 
 IdempotencyKey = Annotated[
     str | None,
@@ -51,14 +52,21 @@ def submit(
 def list_jobs(
     context: Context,
     caller: Reader,
-    state: RunState | None = None,
+    state: Annotated[StateFilter | None, Query(description="active: queued, running or paused.")] = None,
     method: Annotated[str | None, Query(max_length=64)] = None,
     label: Annotated[str | None, Query(max_length=300, description="name:value")] = None,
+    search: Annotated[
+        str | None,
+        Query(
+            max_length=200,
+            description="Words that name, method, owner or a label as name:value contain, or an id; a-z as A-Z.",
+        ),
+    ] = None,
     cursor: Cursor = None,
     limit: Limit = 50,
 ) -> Listing[JobOut]:
     """Your jobs, newest first."""
-    page = context.farm.jobs.page(state, method, caller.only_owner, parse_label(label), cursor, limit)
+    page = context.farm.jobs.page(state, method, caller.only_owner, parse_label(label), cursor, limit, search or "")
     return Listing(tuple(job_out(job) for job in page.items), page.cursor)
 
 
@@ -70,8 +78,10 @@ def get_job(job_id: JobId, context: Context, caller: Reader) -> JobOut:
 
 @router.delete("/{job_id}", status_code=204)
 def delete_job(job_id: JobId, context: Context, caller: Submitter) -> None:
-    """Delete a finished job and its files. 409 while it is not finished."""
-    find_job(context, caller, job_id)
+    """Delete a finished job, its files and its exports. 409 while one of them is not finished."""
+    job = find_job(context, caller, job_id)
+    if job.state.final:
+        context.farm.exports.delete(job_id)
     context.farm.jobs.delete(job_id)
 
 
@@ -99,5 +109,5 @@ def resume(job_id: JobId, context: Context, caller: Submitter) -> JobOut:
 @router.post("/{job_id}/retry")
 def retry(job_id: JobId, context: Context, caller: Submitter) -> JobOut:
     """Run the failed and cancelled tasks again."""
-    find_job(context, caller, job_id)
-    return job_out(context.farm.jobs.retry(job_id))
+    owner = find_job(context, caller, job_id).owner
+    return job_out(context.farm.jobs.retry(job_id, max_reopened_jobs(context, caller, owner)))

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from pipeline.video.writer import Format
 from workers.model import (
     MAX_LABEL_NAME,
     MAX_LABEL_VALUE,
@@ -32,7 +33,7 @@ class _Body(BaseModel):
 
 
 class OutputIn(_Body):
-    format: Literal["mp4", "webm", "png"] = "mp4"
+    format: Format = "mp4"
     quality: int = Field(default=20, ge=0, le=MAX_QUALITY, description="Constant rate factor, 0 (lossless) to 51.")
     artefacts: tuple[Name, ...] = Field(default=(), max_length=32)
     report: bool = Field(
@@ -42,6 +43,14 @@ class OutputIn(_Body):
 
     def spec(self) -> OutputSpec:
         return OutputSpec(self.format, self.quality, self.artefacts, self.report)
+
+
+class ExportIn(_Body):
+    format: Format = Field(description="The film's frames, times and sound, converted: not rendered again.")
+    quality: int = Field(default=20, ge=0, le=MAX_QUALITY, description="Constant rate factor, 0 (lossless) to 51.")
+
+    def spec(self) -> OutputSpec:
+        return OutputSpec(self.format, self.quality)
 
 
 class Work(_Body):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from fastapi import APIRouter
 
 from service.access.depends import Context, Reader, Submitter
-from service.jobs.lookup import find_job, find_task
+from service.jobs.lookup import find_job, find_task, max_reopened_jobs
 from service.jobs.schemas import LogOut
 from service.schemas import Cursor, JobId, Limit, Listing, TaskId
 from workers.model import TaskState, TaskView
@@ -44,5 +44,5 @@ def get_log(task_id: TaskId, context: Context, caller: Reader) -> LogOut:
 @router.post("/tasks/{task_id}/requeue")
 def requeue(task_id: TaskId, context: Context, caller: Submitter) -> TaskView:
     """Run a failed or cancelled task again."""
-    find_task(context, caller, task_id)
-    return context.farm.tasks.requeue(task_id)
+    owner = find_job(context, caller, find_task(context, caller, task_id).job_id).owner
+    return context.farm.tasks.requeue(task_id, max_reopened_jobs(context, caller, owner))

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pipeline.errors import BadInput
 from service.live.closing import Ending
 from service.live.message_sender import MessageSender
-from service.live.messages import ParamsIn, ParamsOut
+from service.live.messages import FilterIn, FilterOut, ParamsIn, ParamsOut
 from service.live.sessions import LiveSession
 from workers.errors import NotFound
+from workers.live.model import FilterOrder
 from workers.live.sessions import LiveSessions
 from workers.live.stream import Stream
 from workers.model import Asset, Json
@@ -31,6 +32,7 @@ class _Wanted:
     """Asset ids."""
     keys: Mapping[str, str]
     """Blob keys."""
+    filter: FilterOrder | None
 
 
 class Changes:
@@ -59,18 +61,20 @@ class Changes:
             await self._make(asked, session, stream)
 
     async def _make(self, asked: list[ParamsIn], session: LiveSession, stream: Stream) -> None:
-        before = wanted = _Wanted(dict(stream.order.params), dict(session.inputs), stream.order.inputs)
+        order = stream.order
+        before = wanted = _Wanted(dict(order.params), dict(session.inputs), order.inputs, order.filter)
         try:
             for change in asked:
-                wanted = await self._with(change, wanted, stream.order.method)
+                wanted = await self._with(change, wanted, order.method)
             if wanted is not before:
-                await stream.change(wanted.params, wanted.keys)
+                await stream.change(replace(order, params=wanted.params, inputs=wanted.keys, filter=wanted.filter))
         except (BadInput, NotFound) as error:
             await self._sender.send_error(error)
             return
         if wanted is not before:
             session.inputs = wanted.inputs
-            await self._sender.send_message(ParamsOut(params=wanted.params, inputs=wanted.inputs))
+            shown = shown_filter(wanted.filter)
+            await self._sender.send_message(ParamsOut(params=wanted.params, inputs=wanted.inputs, filter=shown))
 
     async def _with(self, change: ParamsIn, now: _Wanted, method: str) -> _Wanted:
         """`now` with the change; `now` itself if the change is invalid, which is reported to the client."""
@@ -78,7 +82,17 @@ class Changes:
             params = self._live.params(method, {**now.params, **change.params})
             inputs = {n: asset for n, asset in {**now.inputs, **change.inputs}.items() if asset is not None}
             keys = self._live.inputs(method, await self._find(inputs)) if change.inputs else now.keys
+            behind = ordered_filter(self._live, change.filter) if "filter" in change.model_fields_set else now.filter
         except (BadInput, NotFound) as error:
             await self._sender.send_error(error)
             return now
-        return _Wanted(params, inputs, keys)
+        return _Wanted(params, inputs, keys, behind)
+
+
+def ordered_filter(live: LiveSessions, wanted: FilterIn | None) -> FilterOrder | None:
+    """A checked filter. Raises BadParameter."""
+    return live.filter(wanted.method, wanted.params) if wanted else None
+
+
+def shown_filter(order: FilterOrder | None) -> FilterOut | None:
+    return FilterOut(method=order.method, params=dict(order.params)) if order else None

@@ -14,6 +14,7 @@ import asyncio
 import time
 from collections import deque
 from collections.abc import Coroutine, Mapping
+from dataclasses import replace
 
 from starlette.concurrency import run_in_threadpool
 from starlette.websockets import WebSocket
@@ -25,11 +26,12 @@ from service.access.depends import ServiceContext
 from service.access.keys import Principal
 from service.assets.routes import visible
 from service.errors import BadMessage
-from service.live.changes import Changes
+from service.live.changes import Changes, ordered_filter, shown_filter
 from service.live.closing import NORMAL, Ending, Left, Lost
 from service.live.frames import HEADER_BYTES, Header, pack, unpack
 from service.live.message_sender import MessageSender
 from service.live.messages import (
+    FORMATS,
     ByeIn,
     ByeOut,
     Hello,
@@ -38,23 +40,23 @@ from service.live.messages import (
     Outgoing,
     ParamsIn,
     ReadyOut,
-    Receiving,
     ReplacedOut,
     Resolution,
     Sending,
     Stats,
     parse,
+    receiving,
 )
 from service.live.sessions import LiveSession, Sessions
+from service.live.viewers import ViewedFrame, ViewFormat
 from workers.errors import NotFound
-from workers.live.codecs import BUILT_ON, webcodecs_name
+from workers.live.codecs import BUILT_ON
 from workers.live.model import LiveOrder, Packet, WireFormat
 from workers.live.resolution import deadline_s
 from workers.live.stream import Answer, Item, KeyframeNeeded, Replaced, Resized, Stream
 from workers.model import Asset
 
 MAX_FRAMES_PER_S = 240
-_FORMATS = {"h264": "annexb"}
 
 
 class Connection:
@@ -121,7 +123,7 @@ class Connection:
         await self._race(self._begin(session, hello), self._refuse_messages())
         stream = session.stream
         assert stream is not None, "it has begun"
-        await self._race(self._exchange(session, stream), self._send(stream))
+        await self._race(self._exchange(session, stream), self._send(session, stream))
         self._sessions.count(session)
         await self._sender.send_message(ByeOut(stats=Stats(**stream.figures())))
 
@@ -165,11 +167,13 @@ class Connection:
         before = session.stream
         resumed = before is not None and (before.order.method, before.order.seed) == (order.method, order.seed)
         if before is not None and resumed:
-            await before.attach(order.wire, order.size, hello.adaptive)
-            if (before.order.params, before.order.inputs) != (order.params, order.inputs):
-                await before.change(order.params, order.inputs)
+            await before.attach(order.wire, order.size, hello.prefer == "fluent")
+            wanted = replace(before.order, params=order.params, inputs=order.inputs, filter=order.filter)
+            if wanted != before.order:
+                await before.change(wanted)
         else:
-            await self._open(session, order, hello.adaptive)
+            await self._open(session, order, hello.prefer == "fluent")
+        session.viewers.announce(ViewFormat(order.wire.receive, order.size, hello.fps))
         await self._sender.send_message(self._ready(session, hello, order, resumed))
 
     async def _order(self, hello: Hello) -> LiveOrder:
@@ -181,7 +185,8 @@ class Connection:
         send = _chosen("send", hello.send, live.receives)
         wire = WireFormat(send, _chosen("receive", hello.receive, live.sends), hello.quality, hello.fps)
         assets = await self._assets(hello.inputs)
-        return live.order(hello.method, hello.params, assets, hello.seed, (hello.width, hello.height), wire)
+        order = live.order(hello.method, hello.params, assets, hello.seed, (hello.width, hello.height), wire)
+        return replace(order, filter=ordered_filter(live, hello.filter))
 
     async def _open(self, session: LiveSession, order: LiveOrder, adaptive: bool) -> None:
         if session.stream is not None:
@@ -202,12 +207,12 @@ class Connection:
 
     @staticmethod
     def _ready(session: LiveSession, hello: Hello, order: LiveOrder, resumed: bool) -> ReadyOut:
-        send, receive = order.wire.send, order.wire.receive
-        name = webcodecs_name(receive, (hello.width, hello.height), hello.fps)
+        send = order.wire.send
         return ReadyOut(
             session=session.id, resumed=resumed, method=order.method, params=dict(order.params),
-            send=Sending(codec=send, format=_FORMATS.get(send)),
-            receive=Receiving(codec=receive, format=_FORMATS.get(receive), webcodecs=name),
+            filter=shown_filter(order.filter), prefer=hello.prefer,
+            send=Sending(codec=send, format=FORMATS.get(send)),
+            receive=receiving(order.wire.receive, (hello.width, hello.height), hello.fps),
             width=hello.width, height=hello.height, fps=hello.fps,
             deadline_ms=round(1000 * deadline_s(1 / hello.fps), 1),
         )  # fmt: skip
@@ -312,17 +317,18 @@ class Connection:
 
     # -- sending
 
-    async def _send(self, stream: Stream) -> None:
+    async def _send(self, session: LiveSession, stream: Stream) -> None:
         while (item := await stream.next()) is not None:
             if isinstance(item, Answer):
-                await self._answer(item, stream)
+                await self._answer(item, session, stream)
             else:
                 await self._sender.send_message(self._notice(item))
 
-    async def _answer(self, answer: Answer, stream: Stream) -> None:
+    async def _answer(self, answer: Answer, session: LiveSession, stream: Stream) -> None:
         packet, painted = answer.packet, answer.painted
         latency_s = time.perf_counter() - packet.at_s
         header = Header(painted.key, *painted.size, packet.sequence, packet.timestamp, round(latency_s * 1e6))
+        session.viewers.show(ViewedFrame(header, painted.data), stream)
         await self._sender.send_frame(pack(header, painted.data))
         latency_s = time.perf_counter() - packet.at_s
         stream.sent(answer, latency_s)
@@ -330,7 +336,7 @@ class Connection:
 
     def _notice(self, item: Item) -> Outgoing:
         if isinstance(item, Resized):
-            return Resolution(width=item.size[0], height=item.size[1], scale=item.scale, reason=item.reason)
+            return _resolution(item)
         if isinstance(item, Replaced):
             self._sessions.metrics.lost.inc()
             return ReplacedOut(reason=item.reason)
@@ -342,6 +348,15 @@ class Connection:
             await asyncio.sleep(1.0)
             self._sessions.count(session)
             await self._sender.send_message(Stats(**stream.second()))
+
+
+def _resolution(item: Resized) -> Resolution:
+    why, measured = item.why, item.why.deadline_s > 0
+    return Resolution(
+        width=item.size[0], height=item.size[1], scale=item.scale, reason=why.reason,
+        latency_ms=round(1000 * why.latency_s, 1) if measured else None,
+        deadline_ms=round(1000 * why.deadline_s, 1) if measured else None,
+    )  # fmt: skip
 
 
 def _chosen(field: str, asked: list[str], there: tuple[str, ...]) -> str:

@@ -13,16 +13,16 @@ from service.errors import BadRequest, Forbidden
 PROTOCOL = "impasto.live.1"
 
 
-def caller(socket: WebSocket) -> Principal:
+def caller(socket: WebSocket, scope: Scope = Scope.SUBMIT) -> Principal:
     """The caller, if their key has the scope. Raises Forbidden."""
     principal = cast(Principal, socket.scope["state"]["principal"])
-    if principal.may(Scope.SUBMIT):
+    if principal.may(scope):
         return principal
     raise Forbidden(
-        f"This key lacks the scope {Scope.SUBMIT.value!r}.",
+        f"This key lacks the scope {scope.value!r}.",
         field="Authorization",
         value=", ".join(sorted(principal.scopes)),
-        remedy=f"Use a key with the scope {Scope.SUBMIT.value!r}.",
+        remedy=f"Use a key with the scope {scope.value!r}.",
     )
 
 

@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 from pipeline.errors import BadParameter, ImpastoError
 from service.bodies import strict_json
 from service.errors import BadJson, BadMessage, Problem
+from workers.live.codecs import webcodecs_name
 from workers.model import MAX_SEED, Json
 
 VERSION = 1
@@ -17,6 +18,13 @@ Codecs = Annotated[list[str], Field(min_length=1, max_length=16)]
 
 class _Message(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+class FilterIn(_Message):
+    """A filter of the painted frames."""
+
+    method: str = "steady"
+    params: Json = {}
 
 
 class Hello(_Message):
@@ -34,13 +42,17 @@ class Hello(_Message):
     send: Codecs = ["jpeg"]
     receive: Codecs = ["jpeg"]
     quality: int = Field(default=85, ge=1, le=100)
-    adaptive: bool = True
+    prefer: Literal["fluent", "sharp"] = "fluent"
+    """What stays constant when frames take too long: the frame rate ("fluent") or the working size ("sharp")."""
+    filter: FilterIn | None = None
 
 
 class ParamsIn(_Message):
     type: Literal["params"]
     params: Json = {}
     inputs: dict[str, str | None] = {}
+    filter: FilterIn | None = None
+    """Null removes the filter; a message without this field leaves it as it is."""
 
 
 class KeyframeIn(_Message):
@@ -69,6 +81,19 @@ class Receiving(Sending):
     """The codec string for a browser's VideoDecoder."""
 
 
+FORMATS = {"h264": "annexb"}
+
+
+def receiving(codec: str, size: tuple[int, int], fps: float) -> Receiving:
+    """How frames of `size` (width, height) px are sent."""
+    return Receiving(codec=codec, format=FORMATS.get(codec), webcodecs=webcodecs_name(codec, size, fps))
+
+
+class FilterOut(BaseModel):
+    method: str
+    params: Json
+
+
 class ReadyOut(BaseModel):
     type: Literal["ready"] = "ready"
     version: int = VERSION
@@ -76,6 +101,8 @@ class ReadyOut(BaseModel):
     resumed: bool
     method: str
     params: Json
+    filter: FilterOut | None = None
+    prefer: str
     send: Sending
     receive: Receiving
     width: int
@@ -88,6 +115,17 @@ class ParamsOut(BaseModel):
     type: Literal["params"] = "params"
     params: Json
     inputs: dict[str, str]
+    filter: FilterOut | None = None
+
+
+class SizeOut(BaseModel):
+    """Why the working size is as it is."""
+
+    reason: str
+    """"slow" (missed deadlines), "room" (spare time) or "input" (size of the incoming frames)."""
+    latency_ms: float | None = None
+    """Delay that 95 % of the frames at the previous working size did not exceed, ms."""
+    deadline_ms: float | None = None
 
 
 class Stats(BaseModel):
@@ -101,6 +139,7 @@ class Stats(BaseModel):
     width: int
     height: int
     scale: float
+    size: SizeOut
     latency_ms: dict[str, float]
     stages_ms: dict[str, float]
 
@@ -111,6 +150,8 @@ class Resolution(BaseModel):
     height: int
     scale: float
     reason: str
+    latency_ms: float | None = None
+    deadline_ms: float | None = None
 
 
 class ReplacedOut(BaseModel):
@@ -135,7 +176,36 @@ class ByeOut(BaseModel):
     stats: Stats
 
 
-Outgoing = ReadyOut | ParamsOut | Stats | Resolution | ReplacedOut | KeyframeOut | ErrorOut | ByeOut
+class ViewReadyOut(BaseModel):
+    """Message to a viewer: encoding of the frames that follow."""
+
+    type: Literal["ready"] = "ready"
+    version: int = VERSION
+    session: str
+    receive: Receiving
+    width: int
+    height: int
+    fps: float
+
+
+class ViewWaitingOut(BaseModel):
+    """Message to a viewer: no session can be watched now."""
+
+    type: Literal["waiting"] = "waiting"
+
+
+Outgoing = (
+    ViewReadyOut
+    | ViewWaitingOut
+    | ReadyOut
+    | ParamsOut
+    | Stats
+    | Resolution
+    | ReplacedOut
+    | KeyframeOut
+    | ErrorOut
+    | ByeOut
+)
 
 
 def parse(text: str) -> Incoming:

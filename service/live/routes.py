@@ -10,11 +10,14 @@ from starlette.websockets import WebSocket
 
 from pipeline.errors import ImpastoError
 from service.access.depends import Context, ServiceContext, Submitter
+from service.access.keys import Scope
 from service.errors import Busy, respond, retry_after
 from service.live.connection import Connection
 from service.live.handshake import caller, subprotocol
 from service.live.messages import VERSION
 from service.live.sessions import LiveSession, Sessions
+from service.live.view_connection import ViewConnection
+from workers.errors import NotFound
 from workers.live.sessions import RETRY_AFTER_S
 
 router = APIRouter(tags=["live"])
@@ -33,6 +36,8 @@ class LiveOut:
     version: int
     methods: tuple[str, ...]
     """Methods that can run live."""
+    filters: tuple[str, ...]
+    """Methods that can filter what such a method paints."""
     receives: tuple[str, ...]
     """Codecs that a client may send."""
     sends: tuple[str, ...]
@@ -50,7 +55,10 @@ def describe(response: Response, context: Context, _caller: Submitter) -> LiveOu
     if not live.free:
         response.headers.update(retry_after(RETRY_AFTER_S))
     limits = LimitsOut(live.limits.side_px, live.limits.side_px, live.limits.fps, live.limits.frame_bytes)
-    return LiveOut(VERSION, live.methods(), live.receives, live.sends, live.capacity, live.sessions, live.free, limits)
+    return LiveOut(
+        VERSION, live.methods(), live.filters(), live.receives, live.sends, live.capacity, live.sessions, live.free,
+        limits,
+    )  # fmt: skip
 
 
 @router.websocket("/v1/live")
@@ -66,6 +74,20 @@ async def connect(socket: WebSocket, session: str | None = None) -> None:
         await socket.send_denial_response(respond(error, socket.url.path))
         return
     await _run(socket, connection, claimed, protocol)
+
+
+@router.websocket("/v1/live/view")
+async def watch(socket: WebSocket, session: str | None = None) -> None:
+    context, sessions = _context(socket)
+    try:
+        principal, protocol = caller(socket, Scope.READ), subprotocol(socket)
+        if session is not None and sessions.watched(session, principal) is None:
+            raise NotFound("There is no such live session.", field="session", value=session, remedy="Leave it out.")
+    except ImpastoError as error:
+        await socket.send_denial_response(respond(error, socket.url.path))
+        return
+    await socket.accept(protocol)
+    await ViewConnection(socket, context, sessions, principal, session).run()
 
 
 async def _run(socket: WebSocket, connection: Connection, session: LiveSession, protocol: str | None) -> None:

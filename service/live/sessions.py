@@ -11,8 +11,9 @@ import time
 from collections.abc import Mapping
 from typing import Protocol
 
-from service.access.keys import Principal
+from service.access.keys import Principal, Scope
 from service.live.closing import Ending
+from service.live.viewers import Viewers
 from service.ops.metrics import LiveMetrics
 from workers.ids import new_id
 from workers.live.sessions import LiveSessions, SessionSlot
@@ -48,6 +49,7 @@ class LiveSession:
         self.connection: Connected | None = None
         self.expiry: asyncio.TimerHandle | None = None
         self.opened_at = time.time()
+        self.viewers = Viewers()
         self.counted = (0, 0, 0)
         """(received, painted, dropped) frames that metrics have counted."""
 
@@ -100,6 +102,13 @@ class Sessions:
         """Sessions that have a stream, for operators. The caller fills in the process."""
         return [_view(session, session.stream) for session in self._sessions.values() if session.stream is not None]
 
+    def watched(self, session_id: str | None, principal: Principal) -> LiveSession | None:
+        """The session of that id, or the newest, among those that the caller may watch and that have a stream."""
+        allowed = (
+            s for s in reversed(self._sessions.values()) if s.owner == principal.owner or principal.may(Scope.ADMIN)
+        )
+        return next((s for s in allowed if s.stream is not None and session_id in (None, s.id)), None)
+
     async def dismiss(self, session_id: str) -> None:
         """End a session at an operator's command. No effect if there is no such session."""
         session = self._sessions.get(session_id)
@@ -113,6 +122,7 @@ class Sessions:
         """Remove the session. In the background its worker is released, then its slot is freed."""
         if self._sessions.pop(session.id, None) is None:
             return
+        session.viewers.end()
         task = asyncio.create_task(self._end(session))
         self._ends.add(task)
         task.add_done_callback(self._ends.discard)

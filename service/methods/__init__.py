@@ -1,1 +1,1 @@
-"""The methods there are."""
+"""The list of methods, with their parameters and thumbnails."""

@@ -26,8 +26,7 @@ class DiskMetrics(Collector):
     """Free and total bytes of the disks that hold work."""
 
     def __init__(self, settings: Settings) -> None:
-        blobs = settings.copies_at if settings.blob_url else settings.blobs_at
-        self._places = {"home": settings.home.absolute(), "blobs": blobs, "scratch": settings.scratch}
+        self._places = work_places(settings)
         self._reserve = settings.reserve_bytes
 
     def describe(self) -> Iterable[Metric]:
@@ -38,7 +37,7 @@ class DiskMetrics(Collector):
         free = GaugeMetricFamily("impasto_disk_free_bytes", "Free for us where things are kept.", labels=["place"])
         size = GaugeMetricFamily("impasto_disk_size_bytes", "Of the whole disk.", labels=["place"])
         for place, path in self._places.items():
-            usage = shutil.disk_usage(_existing(path))
+            usage = shutil.disk_usage(existing(path))
             free.add_metric([place], usage.free)
             size.add_metric([place], usage.total)
         yield free
@@ -47,7 +46,13 @@ class DiskMetrics(Collector):
         yield GaugeMetricFamily("impasto_disk_reserve_bytes", text, value=float(self._reserve))
 
 
-def _existing(path: Path) -> Path:
+def work_places(settings: Settings) -> dict[str, Path]:
+    """Folders that hold work, by what they hold."""
+    blobs = settings.copies_at if settings.blob_url else settings.blobs_at
+    return {"home": settings.home.absolute(), "blobs": blobs, "scratch": settings.scratch}
+
+
+def existing(path: Path) -> Path:
     """`path`, or its nearest existing parent: folders are created on demand."""
     while not path.exists() and path != path.parent:
         path = path.parent

@@ -5,10 +5,10 @@ from __future__ import annotations
 import logging
 import time
 from collections import Counter as Counts
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
-from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, SummaryMetricFamily
 from prometheus_client.metrics_core import Metric
 from prometheus_client.registry import Collector
 
@@ -115,6 +115,7 @@ def _families(snapshot: Json) -> Iterator[Metric]:
     )
     yield from _workers(snapshot.get("pool", {}))
     yield from _totals(snapshot.get("totals", {}))
+    yield from _reports(snapshot.get("totals", {}).get("reports", {}))
     yield _single("impasto_webhooks_waiting", "Messages in the outbox.", snapshot.get("webhooks_waiting", 0))
 
 
@@ -137,6 +138,17 @@ def _totals(totals: Mapping[str, Mapping[str, float]]) -> Iterator[Metric]:
         family = CounterMetricFamily(name, text, labels=[label])
         for value, number in sorted(totals.get(key, {}).items())[:MAX_LABELS]:
             family.add_metric([value], float(number))
+        yield family
+
+
+def _reports(reports: Mapping[str, Mapping[str, Sequence[float]]]) -> Iterator[Metric]:
+    """Quality reports of finished jobs: the mean over any window is the rate of the sum by that of the count."""
+    for measure, rows in sorted(reports.items()):
+        family = SummaryMetricFamily(
+            f"impasto_quality_{measure}", f"{measure} of quality reports, see docs/quality.md.", labels=["method"]
+        )
+        for method, (count, total) in sorted(rows.items())[:MAX_LABELS]:
+            family.add_metric([method], count_value=int(count), sum_value=float(total))
         yield family
 
 

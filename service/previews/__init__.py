@@ -1,1 +1,1 @@
-"""One stylised frame, now."""
+"""Previews of one stylised frame."""

@@ -51,7 +51,8 @@ class EstimatesOut:
 
 @router.post("")
 def estimate_jobs(body: EstimateIn, context: Context, caller: Reader) -> EstimatesOut:
-    """Wall time of jobs once they begin, from finished jobs of the same method on this farm; null if none tells."""
+    """Wall time, CPU time, memory and disk of jobs once they begin: from finished jobs of the same method on this farm,
+    else (`samples` 0) from the method's own figures."""
     items = tuple(_estimate(context, shot, request) for shot, request in _requests(context, caller, body))
     jobs = context.farm.snapshot()["jobs"]
     return EstimatesOut(items, int(jobs["queued"]) + int(jobs["running"]))
@@ -80,4 +81,4 @@ def _estimate(context: ServiceContext, shot: str, request: JobRequest) -> ShotEs
         return estimate(part, finished, context.farm.assets.get)
 
     found = summed([one(part) for part in parts(request)])
-    return ShotEstimate(found.frames, found.seconds, found.samples, shot)
+    return ShotEstimate(**vars(found), shot=shot)

@@ -27,7 +27,7 @@ def find_project(context: ServiceContext, caller: Principal, project_id: str, de
         deleted: whether a deleted one is wanted, too.
 
     Raises:
-        NotFound: there is none, or it is someone else's, which is not to be told apart.
+        NotFound: there is none, or it belongs to another owner; the caller cannot tell which.
         Gone: it was deleted, and can be restored.
     """
     try:

@@ -15,13 +15,14 @@ from pydantic import Base64Bytes, BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import StreamingResponse
 
-from pipeline.errors import Cancelled, ImpastoError
+from pipeline.errors import BadParameter, Cancelled, ImpastoError
 from service.access.depends import Context, ServiceContext, Submitter
 from service.access.keys import Principal
 from service.errors import problem
+from service.jobs.lookup import find_job
 from service.projects.lookup import find_project
 from service.projects.schemas import ProjectId
-from service.schemas import Responses
+from service.schemas import JobId, Responses
 from workers.model import Json
 from workers.previews.model import MEDIA_TYPE, PreviewQuery, Record
 from workers.previews.service import PreviewRun
@@ -37,7 +38,7 @@ Text = Annotated[str, Field(min_length=1, max_length=100)]
 
 
 class QueryIn(BaseModel):
-    """What every preview is asked with."""
+    """Fields that all preview requests share."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -108,6 +109,41 @@ class KeysIn(QueryIn):
     count: int = Field(default=8, ge=1, le=100)
 
 
+class FlickerIn(QueryIn):
+    frame: FrameNumber = 0
+    frames: FrameRange | None = Field(
+        default=None, description=f"Figures of these instead of one map; of previews at most {MOST_FRAMES}."
+    )
+    count: int = Field(default=120, ge=1, le=600, description="Figures of at most as many frames, evenly spread.")
+    film: JobId | None = Field(default=None, description="A finished film of the shot. None: previews are measured.")
+
+
+class ClustersIn(QueryIn):
+    pass
+
+
+class SpreadIn(QueryIn):
+    frame: FrameNumber = 0
+    around: int = Field(default=6, ge=0, le=24, description="Frames after it.")
+    max_side_px: int = Field(default=256, ge=16, le=1024)
+
+
+@router.post("/clusters", response_class=StreamingResponse, responses=STREAM)
+async def preview_clusters(
+    project_id: ProjectId, body: ClustersIn, context: Context, caller: Submitter
+) -> StreamingResponse:
+    """Clusters of every frame as a job finds them, before a film is painted."""
+    return await _answer(context, caller, project_id, "clusters", body, {})
+
+
+@router.post("/spread", response_class=StreamingResponse, responses=STREAM)
+async def preview_spread(
+    project_id: ProjectId, body: SpreadIn, context: Context, caller: Submitter
+) -> StreamingResponse:
+    """The foreground of a frame and of those after it, spread from scribbles."""
+    return await _answer(context, caller, project_id, "spread", body, {"frame": body.frame, "around": body.around})
+
+
 @router.post("/regions", response_class=StreamingResponse, responses=STREAM)
 async def preview_regions(
     project_id: ProjectId, body: RegionsIn, context: Context, caller: Submitter
@@ -129,6 +165,20 @@ async def preview_directions(
 async def preview_keys(project_id: ProjectId, body: KeysIn, context: Context, caller: Submitter) -> StreamingResponse:
     """Frames that are worth a painted key, and the scores of every frame."""
     return await _answer(context, caller, project_id, "keys", body, {"frames": body.frames, "count": body.count})
+
+
+@router.post("/flicker", response_class=StreamingResponse, responses=STREAM)
+async def preview_flicker(
+    project_id: ProjectId, body: FlickerIn, context: Context, caller: Submitter
+) -> StreamingResponse:
+    """Where the painting of a frame flickers against its source, or how much that of several frames does."""
+    options = body.model_dump(include={"frame", "frames", "count"})
+    if body.film is not None:
+        options |= await run_in_threadpool(_film, context, caller, body.film)
+    elif body.frames is not None and body.frames[1] - body.frames[0] > MOST_FRAMES:
+        raise BadParameter("These are too many frames to paint for a preview.", field="frames",
+                           value=list(body.frames), remedy=f"Name at most {MOST_FRAMES}, or a film.")  # fmt: skip
+    return await _answer(context, caller, project_id, "flicker", body, options)
 
 
 @router.post("/paint", response_class=StreamingResponse, responses=STREAM)
@@ -157,9 +207,16 @@ async def preview_styles(
 
 @router.get("/state")
 def preview_state(project_id: ProjectId, context: Context, caller: Submitter) -> Json:
-    """How much is kept warm, and where previews are made."""
+    """Size of the preview cache, and the process that makes previews."""
     find_project(context, caller, project_id)
     return context.farm.previews.state()
+
+
+def _film(context: ServiceContext, caller: Principal, job_id: str) -> Json:
+    """Blob key of a finished film, and the frame of the video with which it begins."""
+    job = find_job(context, caller, job_id)
+    first = job.request.frames[0] if job.request.frames else 0
+    return {"film": context.farm.files.get(job_id, "result").key, "film_start": first}
 
 
 async def _answer(
@@ -172,7 +229,7 @@ async def _answer(
 
 
 async def _records(run: PreviewRun, path: str) -> AsyncIterator[bytes]:
-    """The answer, each record as it comes; a client that goes cancels it."""
+    """The answer, record by record; it is cancelled when the client disconnects."""
     records: Iterator[bytes] = _encoded(run, path)
     try:
         while (piece := await run_in_threadpool(next, records, None)) is not None:

@@ -1,4 +1,4 @@
-"""/v1/projects: documents, saved version by version, never overwritten unseen."""
+"""/v1/projects: documents, saved as versions; a version that the caller has not seen is never overwritten."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from fastapi import APIRouter, Body, Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from service.access.depends import Context, Reader, Submitter
-from service.errors import UnsupportedMediaType
+from service.errors import BadJson, UnsupportedMediaType
 from service.projects.lookup import IfMatch, etag, expected_version, find_project
 from service.projects.schemas import ProblemsOut, ProjectId, ProjectIn, ProjectOut, project_out
 from service.schemas import Cursor, Limit, Listing, Responses
@@ -101,6 +101,8 @@ async def patch_project(
     if_match: IfMatch = None,
 ) -> ProjectOut:
     """Save a change to the document: a JSON Patch (RFC 6902) or a JSON Merge Patch (RFC 7396). Otherwise as PUT."""
+    if not await request.body():
+        raise BadJson("The body is empty.", field="body", remedy="Send a JSON Patch or a JSON Merge Patch.")
     change, kind = await request.json(), request.headers.get("content-type", "").partition(";")[0].strip().lower()
 
     def save() -> Project:

@@ -1,4 +1,4 @@
-"""Projects as the API takes and shows them."""
+"""Request and response bodies of projects."""
 
 from __future__ import annotations
 

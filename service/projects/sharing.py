@@ -1,4 +1,4 @@
-"""Links that show a project to whoever has them: read only, of one project, until they end."""
+"""Shared links: read-only access to one project for whoever has the link, until it expires."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def get_shared_result(token: Token, job_id: JobId, request: Request, context: Co
 
 
 def _shared(context: ServiceContext, token: str) -> Project:
-    """The project of a token that is still good. Raises Gone, which says not why."""
+    """The project of a valid token. Raises Gone, without the reason."""
     claims = verify(token, context.webhook_secrets.master(), time.time())
     if claims is not None and _key_lives(context, claims.key):
         try:

@@ -17,7 +17,7 @@ from workers.model import Json
 
 @dataclass(frozen=True)
 class Claims:
-    """What a token says."""
+    """Claims of a token."""
 
     project: str
     key: str

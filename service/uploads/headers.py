@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import binascii
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -76,7 +75,7 @@ def _metadata(text: str) -> dict[str, str]:
         key, _, value = pair.strip().partition(" ")
         try:
             found[key] = base64.b64decode(value.strip(), validate=True).decode()
-        except (binascii.Error, UnicodeDecodeError):
+        except ValueError:  # not base64, or not UTF-8
             raise _bad_metadata(text) from None
     if len(text) > MAX_METADATA or "" in found:
         raise _bad_metadata(text)
@@ -108,7 +107,7 @@ class Checksum:
         algorithm, _, digest = text.partition(" ")
         try:
             return cls(HASHES[algorithm](), base64.b64decode(digest.strip(), validate=True))
-        except (KeyError, binascii.Error):
+        except (KeyError, ValueError):
             raise BadRequest(
                 "Upload-Checksum cannot be read.",
                 field="Upload-Checksum",

@@ -102,7 +102,7 @@ def get_upload(upload_id: UploadId, request: Request, context: Context, caller: 
     """The upload's offset, and its asset once complete."""
     check_version(request.headers)
     store = _store(context)
-    upload, offset = _look(store, caller, upload_id)
+    upload, offset = _find_with_offset(store, caller, upload_id)
     if offset == upload.length:  # perhaps the process died between the last byte and the asset
         with suppress(Locked):  # or another request is probing it at this moment: the asset is named later
             upload = finish(context, store, caller, upload)
@@ -145,7 +145,7 @@ def _find(store: UploadStore, caller: Principal, upload_id: str) -> Upload:
     return upload
 
 
-def _look(store: UploadStore, caller: Principal, upload_id: str) -> tuple[Upload, int]:
+def _find_with_offset(store: UploadStore, caller: Principal, upload_id: str) -> tuple[Upload, int]:
     """The upload and its offset, read again if a PATCH has closed it in between."""
     upload = _find(store, caller, upload_id)
     try:

@@ -1,12 +1,12 @@
 import { defineConfig } from "vite";
 
-/** Three pages; every address below /static/, and no inline data: the content security policy allows neither. */
+/** Four pages; every address below /static/, and no inline data: the content security policy allows neither. */
 export default defineConfig({
   base: "/static/",
   build: {
     assetsInlineLimit: 0,
     modulePreload: { polyfill: false },
-    rolldownOptions: { input: ["index.html", "live.html", "ops.html"] },
+    rolldownOptions: { input: ["index.html", "live.html", "live-view.html", "ops.html"] },
     target: "es2022",
   },
 });

@@ -1,1 +1,1 @@
-"""Webhooks: who may be told, how it is signed, and the sender."""
+"""Webhooks: allowed targets, signatures, and the sender."""

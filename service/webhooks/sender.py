@@ -19,7 +19,7 @@ from service.settings import Settings
 from service.webhooks.connect import open_pool
 from service.webhooks.secrets import WebhookSecrets
 from workers.errors import NotFound
-from workers.log_context import about
+from workers.log_context import log_extra
 from workers.model import Delivery
 from workers.store.webhooks import Webhooks
 
@@ -66,9 +66,11 @@ class Sender:
             status, error = await self._deliver(pool, delivery)
             await run_in_threadpool(self._outbox.record, delivery.id, status, error)
         except NotFound:
-            log.info("The job of webhook %s has been deleted", delivery.id, extra=about(job=delivery.job_id))
+            log.info("The job of webhook %s has been deleted", delivery.id, extra=log_extra(job=delivery.job_id))
         except Exception:  # its lease expires, and it is sent again
-            log.exception("The outcome of webhook %s cannot be stored", delivery.id, extra=about(job=delivery.job_id))
+            log.exception(
+                "The outcome of webhook %s cannot be stored", delivery.id, extra=log_extra(job=delivery.job_id)
+            )
         finally:
             self._free += 1
 

@@ -1,14 +1,15 @@
-"""Faults injected into real components. Each fault begins, lasts and ends before the next one begins."""
+"""Faults injected into real components. Faults of different components may be injected together."""
 
 from __future__ import annotations
 
 import os
 import random
+import resource
 import signal
 import subprocess
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,6 +17,9 @@ from typing import Any
 
 import psutil
 
+from tests.chaos.bad_network import BadNetwork, Mode
+from tests.chaos.limits import address_space, limited, open_files
+from tests.chaos.patience import PATIENCE_S, patiently
 from tests.chaos.raylets import Raylets
 from tests.real.postgres import Postgres
 from tests.real.swift import Swift
@@ -23,7 +27,11 @@ from tests.workers.real_farm import Accepting, Worker
 from workers.farm import Farm
 from workers.model import JobRequest, TaskOutcome
 from workers.settings import FarmSettings
+from workers.store import Store
 
+Shape = dict[str, Any]
+TINY: tuple[Shape, ...] = ({"tasks": 1}, {"tasks": 1}, {"tasks": 2, "chain": True}, {"tasks": 2})
+"""Parameters of jobs of three or four tasks that take no time: thousands of them in an hour."""
 SHAPES: tuple[dict[str, Any], ...] = (
     {"tasks": 10, "chain": True, "sleep_s": 0.05},
     {"tasks": 16, "sleep_s": 0.1},
@@ -51,6 +59,10 @@ class Scene:
     """Shortest and longest outage of a store in seconds."""
     raylets: Raylets | None = None
     """The nodes on which the workers' tasks run; None: in the workers themselves."""
+    shapes: Sequence[Shape] = SHAPES
+    """Parameters of the jobs."""
+    network: BadNetwork | None = None
+    """Between the workers and S3."""
     jobs: list[tuple[str, int]] = field(default_factory=list)
     """Accepted, and their shape: each must succeed."""
     poisoned: list[str] = field(default_factory=list)
@@ -124,28 +136,31 @@ def kill_s3(scene: Scene) -> None:
 
 def answer_again(scene: Scene) -> None:
     """Every attempt that has ended answers once more, with something else: all of it must be refused."""
-    store = scene.asking._store
+    patiently(lambda: _answer_again(scene.asking.store))
+
+
+def _answer_again(store: Store) -> bool:
     for job in store.jobs.page(limit=6).items:
         for task in store.tasks.page(job.id, limit=200).items:
             for attempt in task.attempts:
                 if attempt["outcome"] != "running":
                     wrong = TaskOutcome(attempt["id"], {"wrong": 1}, {}, {"result": ("wrong", "x/y")}, "wrong", {}, "")
                     assert not store.queue.finish(wrong), "a duplicate was taken"
+    return True
 
 
 def kill_accepting(scene: Scene) -> None:
     """kill -9 of a process while it accepts jobs: what it has answered is there, what it has not comes once."""
-    asset = scene.asking.jobs.page(limit=1).items[0].request.inputs["data"]
+    asset = _asset(scene)
     accepting = Accepting(scene.settings, scene.folder / f"accepting-{len(scene.jobs)}")
-    accepting.start()
-    accepting.wait_up()
+    _start(accepting)
     threading.Timer(scene.chance.uniform(0.1, 0.8), accepting.kill).start()
     for number in range(100):
-        shape, key = number % len(SHAPES), f"{len(scene.jobs)}-{number}"
-        answered = accepting.submit(asset, SHAPES[shape], key)
+        shape, key = number % len(scene.shapes), f"{len(scene.jobs)}-{number}"
+        answered = accepting.submit(asset, scene.shapes[shape], key)
         if not answered or number == 0:
-            request = JobRequest("toy", {"data": asset}, SHAPES[shape], seed=7)
-            again = scene.asking.jobs.submit(request, idempotency_key=key).id
+            request = JobRequest("toy", {"data": asset}, scene.shapes[shape], seed=7)
+            again = patiently(lambda r=request, k=key: scene.asking.jobs.submit(r, idempotency_key=k)).id  # type: ignore[misc]
             assert not answered or again == answered, "accepted, and then lost"
         scene.jobs.append((answered or again, shape))
         if not answered:
@@ -167,8 +182,7 @@ def fill_disk(scene: Scene) -> None:
     chosen.kill()
     with small_disk(scene.folder / f"small-{len(scene.jobs)}") as disk:
         narrow = Worker(scene.settings.model_copy(update={"reserve_bytes": RESERVE_BYTES}), disk / "home")
-        narrow.start()
-        narrow.wait_up()
+        _start(narrow)
         usage = os.statvfs(disk)
         (disk / "filler").write_bytes(bytes(usage.f_bavail * usage.f_frsize))
         scene.away()
@@ -189,11 +203,66 @@ def small_disk(place: Path) -> Iterator[Path]:
         subprocess.run(["umount", "-l", str(place)], check=True)
 
 
+def cut_connections(scene: Scene) -> None:
+    """PostgreSQL ends every connection, some of them in the middle of a transaction or a commit; and again."""
+    for _ in range(scene.chance.randint(1, 4)):
+        scene.postgres.execute(_CUT)
+        time.sleep(scene.chance.uniform(0.0, 0.2))
+
+
+def restart_postgres(scene: Scene) -> None:
+    """A fail-over: connections are cut, and the same name answers again a moment later."""
+    scene.postgres.stop(signal.SIGINT)
+    scene.postgres.start()
+
+
+def exhaust_descriptors(scene: Scene) -> None:
+    """A worker may open no more files for a while."""
+    if (pid := scene.chance.choice(scene.workers).pid) is not None:
+        with limited(pid, resource.RLIMIT_NOFILE, open_files(pid)):
+            scene.away()
+
+
+def exhaust_memory(scene: Scene) -> None:
+    """A worker's address space may hardly grow for a while."""
+    if (pid := scene.chance.choice(scene.workers).pid) is not None:
+        with limited(pid, resource.RLIMIT_AS, address_space(pid) + (1 << 20)):
+            scene.away()
+
+
+def spoil_s3(scene: Scene) -> None:
+    """S3 answers 503, slowly, with answers that break off, or not at all, for half of the connections."""
+    assert scene.network is not None
+    for mode in scene.chance.sample(_MODES, 2):
+        scene.network.mode = mode
+        scene.away()
+    scene.network.mode = ""
+
+
+_MODES: tuple[Mode, ...] = ("503", "slow", "truncate", "reset")
+_CUT = "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE application_name = 'impasto'"
+
+
 def poison(scene: Scene) -> None:
     """A task that fails whenever it runs."""
-    asset = scene.asking.jobs.page(limit=1).items[0].request.inputs["data"]
-    params = {**SHAPES[1], "trouble": "raise"}
-    scene.poisoned.append(scene.asking.jobs.submit(JobRequest("toy", {"data": asset}, params, seed=7)).id)
+    params = {**max(scene.shapes, key=lambda shape: shape["tasks"]), "trouble": "raise", "chain": False}
+    request = JobRequest("toy", {"data": _asset(scene)}, params, seed=7)
+    key = f"poisoned-{len(scene.poisoned)}"
+    scene.poisoned.append(patiently(lambda: scene.asking.jobs.submit(request, idempotency_key=key)).id)
+
+
+def _asset(scene: Scene) -> str:
+    """Id of the jobs' input."""
+    return patiently(lambda: scene.asking.jobs.page(limit=1).items[0].request.inputs["data"])
+
+
+def _start(worker: Worker) -> None:
+    """Start it, again if it has ended since the database was away, as systemd would."""
+    deadline = time.monotonic() + PATIENCE_S
+    worker.start()
+    while not worker.came_up():
+        assert time.monotonic() < deadline, "the worker did not start"
+        worker.start()
 
 
 def kill_node(scene: Scene) -> None:
@@ -208,22 +277,28 @@ def kill_actor(scene: Scene) -> None:
     scene.raylets.kill_actor(scene.chance)
 
 
-FAULTS: tuple[Callable[[Scene], None], ...] = (
+Fault = Callable[[Scene], None]
+TO_WORKERS: tuple[Fault, ...] = (
     kill_worker,
     kill_all_workers,
     freeze_worker,
-    kill_accepting,
-    crash_postgres,
-    stop_postgres,
-    freeze_postgres,
-    stop_objects,
-    kill_s3,
     step_clock,
-    answer_again,
-    poison,
+    exhaust_descriptors,
+    exhaust_memory,
 )
-OF_A_CLUSTER: tuple[Callable[[Scene], None], ...] = (kill_node, kill_actor)
+TO_POSTGRES: tuple[Fault, ...] = (crash_postgres, stop_postgres, freeze_postgres, cut_connections, restart_postgres)
+TO_CALLERS: tuple[Fault, ...] = (kill_accepting, answer_again, poison)
+FAULTS = (*TO_WORKERS, *TO_POSTGRES, *TO_CALLERS)
+OF_S3: tuple[Fault, ...] = (stop_objects, kill_s3, spoil_s3)
+"""Besides, where blobs are in S3."""
+OF_A_CLUSTER: tuple[Fault, ...] = (kill_node, kill_actor)
 """Besides, where tasks run on Ray."""
-OF_ROOT: tuple[Callable[[Scene], None], ...] = (fill_disk,)
+OF_ROOT: tuple[Fault, ...] = (fill_disk,)
 """Besides, where one may mount."""
-BY_NAME = {fault.__name__: fault for fault in (*FAULTS, *OF_A_CLUSTER, *OF_ROOT)}
+BY_NAME = {fault.__name__: fault for fault in (*FAULTS, *OF_S3, *OF_A_CLUSTER, *OF_ROOT)}
+_COMPONENTS = ((*TO_WORKERS, *OF_ROOT), TO_POSTGRES, TO_CALLERS, OF_S3, OF_A_CLUSTER)
+
+
+def component(fault: Fault) -> int:
+    """Number of the component that the fault is done to: one has one fault at a time."""
+    return next(number for number, faults in enumerate(_COMPONENTS) if fault in faults)

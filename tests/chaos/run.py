@@ -6,22 +6,25 @@ import random
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import StorageError
-from tests.chaos.faults import FAULTS, SHAPES, Scene
+from tests.chaos.bad_network import BadNetwork
+from tests.chaos.faults import FAULTS, OF_S3, SHAPES, Fault, Scene, Shape, component
+from tests.chaos.patience import patiently
 from tests.chaos.raylets import Raylets
 from tests.real.postgres import Postgres
 from tests.real.swift import Swift
-from tests.workers.real_farm import Worker
+from tests.workers.real_farm import ForkedWorker, Worker
 from workers.farm import Farm
 from workers.model import Job, JobRequest
 from workers.settings import FarmSettings
 
-PATIENCE_S = 180.0
+_THREADS = ThreadPoolExecutor(8)
+"""They live as long as the process: the kernel ends a server when the thread that started it ends."""
 
 
 @dataclass(frozen=True)
@@ -37,57 +40,83 @@ class Outcome:
     running: int
     """Attempts that still count as running: none."""
     twice: int
-    """Tasks that succeeded more than once: none."""
+    """Tasks that succeeded more than once, and jobs that were accepted more than once: none."""
     orphans: int
     """Number of unreferenced blobs after the sweep: none."""
 
 
-def run(
-    settings: FarmSettings,
-    folder: Path,
-    postgres: Postgres,
-    s3: Swift,
-    expected: Sequence[bytes],
-    seed: int,
-    times: int,
-    away_s: tuple[float, float] = (0.5, 2.0),
-    faults: Sequence[Callable[[Scene], None]] = FAULTS,
-    raylets: Raylets | None = None,
-) -> Outcome:
-    """`times` times: submit a job of every shape, and do a fault to those who work. Then look at what is left.
+@dataclass(frozen=True)
+class Plan:
+    """What a run does: before each fault, or each group of them, it submits `rounds` jobs of every shape.
 
-    Args:
-        settings: of a new database and a new prefix of the bucket.
-        folder: for the workers' homes and the input.
-        expected: bytes that undisturbed jobs of `SHAPES` make.
+    Attributes:
         seed: of faults, their order, their victims and their times.
+        away_s: shortest and longest outage of a store in seconds.
         faults: that are done.
         raylets: nodes for the tasks; None: they run in the workers.
+        older: a repository of an earlier version; one of the two workers runs its program.
+        together: faults that are injected at once, each into another component.
+    """
+
+    seed: int
+    times: int
+    away_s: tuple[float, float] = (0.5, 2.0)
+    faults: Sequence[Fault] = (*FAULTS, *OF_S3)
+    shapes: Sequence[Shape] = SHAPES
+    rounds: int = 1
+    raylets: Raylets | None = None
+    older: Path | None = None
+    together: int = 1
+
+
+def run(
+    settings: FarmSettings, folder: Path, postgres: Postgres, s3: Swift, expected: Sequence[bytes], plan: Plan
+) -> Outcome:
+    """Carry the plan out, wait for the jobs, and look at what is left.
+
+    Args:
+        settings: of a new database, and of a new prefix of the bucket or a new folder.
+        folder: for the workers' homes and the input.
+        expected: bytes that undisturbed jobs of the plan's shapes make.
     """
     asking = Farm(settings, None)
     asking.start()
-    theirs = settings if raylets is None else _on(settings, raylets)
-    workers = [Worker(theirs, folder / name) for name in ("one", "two")]
+    chance = random.Random(plan.seed)
+    network = BadNetwork(s3.endpoint, chance) if settings.s3_endpoint_url else None
+    theirs = settings if network is None else settings.model_copy(update={"s3_endpoint_url": network.endpoint})
+    theirs = theirs if plan.raylets is None else _on(theirs, plan.raylets)
+    workers = _workers(theirs, folder, plan)
     for worker in workers:
         worker.start()
     for worker in workers:
         worker.wait_up()
-    chance = random.Random(seed)
-    scene = Scene(settings, folder, asking, workers, postgres, s3, chance, settings.lease_s, away_s, raylets)
+    scene = Scene(
+        settings, folder, asking, workers, postgres, s3, chance, settings.lease_s, plan.away_s, plan.raylets,
+        plan.shapes, network,
+    )  # fmt: skip
     over = threading.Event()
     threading.Thread(target=_supervise, args=(workers, over), daemon=True).start()
     try:
-        done = _do(scene, times, faults)
-        ended = [_patiently(lambda job=job: _final(asking, job)) for job, _ in scene.jobs]  # type: ignore[misc]
-        poisoned = [_patiently(lambda job=job: _final(asking, job)) for job in scene.poisoned]  # type: ignore[misc]
+        done = _do(scene, plan)
+        ended = [patiently(lambda job=job: _final(asking, job)) for job, _ in scene.jobs]  # type: ignore[misc]
+        poisoned = [patiently(lambda job=job: _final(asking, job)) for job in scene.poisoned]  # type: ignore[misc]
         wanted = [expected[shape] for _, shape in scene.jobs]
-        return _patiently(lambda: _judge(asking, ended, wanted, poisoned, done))
+        return patiently(lambda: _judge(asking, ended, wanted, poisoned, done))
     finally:
         over.set()
         for worker in workers:
             worker.thaw()
             worker.kill()
         asking.stop()
+        if network is not None:
+            network.close()
+
+
+def _workers(settings: FarmSettings, folder: Path, plan: Plan) -> list[Worker]:
+    """Two; with Ray each in a new process, since Ray does not survive a fork."""
+    kind = ForkedWorker if plan.raylets is None else Worker
+    one, two = (folder / name if settings.blob_url else settings.home for name in ("one", "two"))
+    return [kind(settings, one), Worker(settings, two, plan.older) if plan.older else kind(settings, two)]
 
 
 def _on(settings: FarmSettings, raylets: Raylets) -> FarmSettings:
@@ -101,38 +130,60 @@ def _supervise(workers: Sequence[Worker], over: threading.Event) -> None:
             worker.revive()
 
 
-def submit(farm: Farm, folder: Path, shape: dict[str, Any]) -> str:
+def submit(farm: Farm, folder: Path, shape: dict[str, Any], key: str = "") -> str:
+    """The id of a new job, or of the one accepted with this idempotency key. The first uploads their input."""
+    jobs = farm.jobs.page(limit=1).items
+    asset = jobs[0].request.inputs["data"] if jobs else _upload(farm, folder)
+    return farm.jobs.submit(JobRequest("toy", {"data": asset}, shape, seed=7), idempotency_key=key).id
+
+
+def _upload(farm: Farm, folder: Path) -> str:
     data = folder / "data.json"
     data.write_text('{"cat": 1}')
-    asset = farm.assets.add(data, "data.json")
-    return farm.jobs.submit(JobRequest("toy", {"data": asset.id}, shape, seed=7)).id
+    return farm.assets.add(data, "data.json").id
 
 
-def _do(scene: Scene, times: int, faults: Sequence[Callable[[Scene], None]]) -> Counter[str]:
-    """Faults in a shuffled order, each as often as the others if there are so many; jobs come before each."""
-    whole = list(faults) * (times // len(faults))
-    order = [*whole, *scene.chance.sample(faults, times - len(whole))]
+def _do(scene: Scene, plan: Plan) -> Counter[str]:
+    """Faults in a shuffled order, each as often as the others if there are so many; jobs come before each group."""
+    whole = list(plan.faults) * (plan.times // len(plan.faults))
+    order = [*whole, *scene.chance.sample(plan.faults, plan.times - len(whole))]
     scene.chance.shuffle(order)
-    for fault in order:
-        for number, shape in enumerate(SHAPES):
-            job = _patiently(lambda shape=shape: submit(scene.asking, scene.folder, shape))  # type: ignore[misc]
+    shapes = [*enumerate(plan.shapes)] * plan.rounds
+    for faults in grouped(order, plan.together):
+        for number, shape in shapes:
+            key = f"job-{len(scene.jobs)}"
+            job = patiently(lambda s=shape, k=key: submit(scene.asking, scene.folder, s, k))  # type: ignore[misc]
             scene.jobs.append((job, number))
-        time.sleep(scene.chance.uniform(0.1, 0.8))
-        fault(scene)
+        time.sleep(scene.chance.uniform(0.1, 0.8) if plan.shapes is SHAPES else scene.chance.uniform(0.0, 0.2))
+        _inject(scene, faults)
+        _catch_up(scene, 2 * len(shapes))
     return Counter(fault.__name__ for fault in order)
 
 
-def _patiently(ask: Callable[[], Any]) -> Any:
-    """The first answer that is not None, however often the stores are away meanwhile."""
-    deadline = time.monotonic() + PATIENCE_S
-    while True:
-        try:
-            if (answer := ask()) is not None:
-                return answer
-        except StorageError as error:
-            assert time.monotonic() < deadline, error
-        assert time.monotonic() < deadline, "it did not end"
-        time.sleep(0.1)
+def grouped(order: Sequence[Fault], together: int) -> Iterator[list[Fault]]:
+    """The faults in groups of at most `together`; those of a group are of different components."""
+    left = list(order)
+    while left:
+        group: list[Fault] = []
+        for fault in left:
+            if len(group) < together and component(fault) not in map(component, group):
+                group.append(fault)
+        for fault in group:
+            left.remove(fault)
+        yield group
+
+
+def _inject(scene: Scene, faults: Sequence[Fault]) -> None:
+    """Inject the faults at once, each with random numbers of its own."""
+    scenes = [replace(scene, chance=random.Random(scene.chance.random())) for _ in faults]
+    list(_THREADS.map(lambda fault, own: fault(own), faults, scenes))
+
+
+def _catch_up(scene: Scene, most: int) -> None:
+    """Wait until only about `most` jobs are unfinished, so that faults meet jobs that run and not a long queue."""
+    if len(scene.jobs) > most:
+        oldest, _ = scene.jobs[-most - 1]
+        patiently(lambda: _final(scene.asking, oldest))
 
 
 def _final(farm: Farm, job_id: str) -> Job | None:
@@ -149,11 +200,21 @@ def _judge(
     tasks = [task for job in jobs for task in farm.tasks.page(job.id, limit=200).items]
     found = Counter(attempt["outcome"] for task in tasks for attempt in task.attempts)
     twice = sum([a["outcome"] for a in task.attempts].count("succeeded") != 1 for task in tasks)
+    twice += abs(_count(farm) - len(jobs) - len(poisoned))
     farm._collector.sweep()
-    kept = {key for job in jobs for key in farm._store.jobs.blob_keys(job.id)}
-    mine = {key for job in poisoned for key in farm._blobs.keys(f"jobs/{job.id}/")}
-    orphans = len(set(farm._blobs.keys("jobs/")) - kept - mine)
+    kept = {key for job in jobs for key in farm.store.jobs.blob_keys(job.id)}
+    mine = {key for job in poisoned for key in farm.blobs.keys(f"jobs/{job.id}/")}
+    orphans = len(set(farm.blobs.keys("jobs/")) - kept - mine)
     return Outcome(faults, len(jobs) + len(poisoned), lost, found, found.pop("running", 0), twice, orphans)
+
+
+def _count(farm: Farm) -> int:
+    """Jobs in the store."""
+    count, page = 0, farm.jobs.page(limit=200)
+    while page.cursor:
+        count += len(page.items)
+        page = farm.jobs.page(cursor=page.cursor, limit=200)
+    return count + len(page.items)
 
 
 def _failed_as_expected(farm: Farm, job: Job) -> bool:

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
+from tests.databases import migrated_sqlite
+
 
 def _sqlite(request: pytest.FixtureRequest, migrated: bool) -> str:
-    return f"sqlite:///{request.getfixturevalue('tmp_path') / 'impasto.db'}"
+    path: Path = request.getfixturevalue("tmp_path") / "impasto.db"
+    if migrated:
+        migrated_sqlite(path)
+    return f"sqlite:///{path}"
 
 
 def _postgres(request: pytest.FixtureRequest, migrated: bool) -> str:

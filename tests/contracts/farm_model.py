@@ -4,20 +4,32 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-MAX_FAILURES = 3
+MAX_FAILURES, MAX_INTERRUPTIONS = 3, 5
+RETRY_DELAY_S, LONGEST_WAIT_S = 2.0, 300.0
 STEPS = 2
 FINAL = ("succeeded", "failed", "cancelled")
+FAILED_CODE, INTERRUPTED_CODE = "internal-error", "interrupted"
 
 
 @dataclass
 class ModelTask:
-    """A task. `before`: keys of tasks of its step that it waits for."""
+    """A task. `before`: keys of tasks of its step that it waits for. `ready_at`: not claimed before, s."""
 
     key: str
     before: tuple[str, ...] = ()
     state: str = "waiting"
     failures: int = 0
+    interruptions: int = 0
     attempt: str = ""
+    ready_at: float = 0.0
+
+    def is_due(self, now: float) -> bool:
+        """Whether it may be claimed: a wait that is too long was begun before the clock was set back."""
+        return self.state == "ready" and (self.ready_at <= now or self.ready_at > now + LONGEST_WAIT_S)
+
+    def refresh(self, state: str) -> None:
+        """Start again, with all attempts."""
+        self.state, self.failures, self.interruptions, self.ready_at = state, 0, 0, 0.0
 
 
 @dataclass
@@ -31,14 +43,27 @@ class ModelJob:
     step: int = 0
     planned: bool = False
     doomed: bool = False
+    error: str = ""
+    """Code of the first fault since the job was last started."""
     tasks: dict[str, ModelTask] = field(default_factory=dict)
-    """Tasks of the current step by key."""
+    """Tasks of the current step by key, in the order in which they are claimed."""
     done: int = 0
     """Tasks of earlier steps."""
+    history: list[str] = field(default_factory=lambda: ["queued"])
+    """Every state, oldest first."""
 
     @property
     def active(self) -> bool:
         return self.state in ("queued", "running")
+
+    @property
+    def messages(self) -> int:
+        """How many webhook messages it has had: one for each end."""
+        return sum(state in FINAL for state in self.history)
+
+    def record_state(self) -> None:
+        if self.history[-1] != self.state:
+            self.history.append(self.state)
 
     def plan(self) -> None:
         shape = self.shape if self.step == 0 else (("assemble", ()),)
@@ -47,10 +72,10 @@ class ModelJob:
         self._free()
         self._settle()
 
-    def claimable(self) -> list[str]:
+    def claimable(self, now: float) -> list[str]:
         if not self.active or self.doomed:
             return []
-        return [key for key, task in self.tasks.items() if task.state == "ready"]
+        return [key for key, task in self.tasks.items() if task.is_due(now)]
 
     def claim(self, key: str, attempt: str) -> None:
         self.tasks[key].state, self.tasks[key].attempt = "running", attempt
@@ -61,16 +86,28 @@ class ModelJob:
         self._free()
         self._settle()
 
-    def fail(self, key: str, final: bool) -> None:
+    def fail(self, key: str, final: bool, now: float) -> None:
         task = self.tasks[key]
         task.failures += 1
-        lost = final or task.failures >= MAX_FAILURES
-        self._end(key, "failed" if lost else "ready")
-        self.doomed = self.doomed or lost
+        if final or task.failures >= MAX_FAILURES:
+            self._give_up(key, FAILED_CODE)
+        else:
+            self._end(key, "ready")
+            task.ready_at = now + RETRY_DELAY_S * 2 ** (task.failures - 1)
         self._settle()
 
-    def give_back(self, key: str) -> None:
+    def interrupt(self, key: str) -> None:
+        task = self.tasks[key]
+        task.interruptions += 1
+        if task.interruptions >= MAX_INTERRUPTIONS:
+            self._give_up(key, INTERRUPTED_CODE)
+        else:
+            self._end(key, "ready")
+        self._settle()
+
+    def put_off(self, key: str, until: float) -> None:
         self._end(key, "ready")
+        self.tasks[key].ready_at = until
         self._settle()
 
     def pause(self) -> None:
@@ -88,12 +125,22 @@ class ModelJob:
 
     def retry(self) -> None:
         for task in self.tasks.values():
-            if task.state in ("failed", "cancelled"):
-                task.state, task.failures = "waiting", 0
-            elif task.state != "succeeded":
-                task.failures = 0
-        self.state, self.doomed = "queued", False
+            if task.state != "succeeded":
+                task.refresh("waiting")
+        self.state, self.doomed, self.error = "queued", False, ""
         self._free()
+        self._settle()
+
+    def requeueable(self) -> list[str]:
+        """Tasks that may run again alone."""
+        ended = (task for task in self.tasks.values() if task.state in ("failed", "cancelled"))
+        return [task.key for task in ended if self._unblocked(task)]
+
+    def requeue(self, key: str, now: float) -> None:
+        self.tasks[key].refresh("ready")
+        self.tasks[key].ready_at = now
+        self.state = "queued" if self.state in FINAL else self.state
+        self.doomed, self.error = False, ""
         self._settle()
 
     def counts(self) -> dict[str, int]:
@@ -105,12 +152,19 @@ class ModelJob:
     def _having(self, state: str) -> int:
         return sum(task.state == state for task in self.tasks.values())
 
+    def _give_up(self, key: str, code: str) -> None:
+        self._end(key, "failed")
+        self.doomed, self.error = True, self.error or code
+
     def _end(self, key: str, state: str) -> None:
         self.tasks[key].state, self.tasks[key].attempt = state, ""
 
+    def _unblocked(self, task: ModelTask) -> bool:
+        return all(self.tasks[key].state == "succeeded" for key in task.before)
+
     def _free(self) -> None:
         for task in self.tasks.values():
-            if task.state == "waiting" and all(self.tasks[key].state == "succeeded" for key in task.before):
+            if task.state == "waiting" and self._unblocked(task):
                 task.state = "ready"
 
     def _settle(self) -> None:

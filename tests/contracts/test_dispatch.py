@@ -240,7 +240,7 @@ def test_leases_use_the_clock_of_the_database_server(two: tuple[Store, Store], m
     _plan(one, Task("x"))
     assert one.queue.claim("one", 30) is not None
     monkeypatch.setattr("time.time", lambda: 4e9)
-    assert abs(other._db.now() - one._db.now()) < 1
+    assert abs(other.database.now() - one.database.now()) < 1
     assert other.queue.interrupt([]) == 0, "a machine whose clock is wrong takes nothing away"
 
 
@@ -311,12 +311,12 @@ def _effort(store: Store) -> int:
     def inspect(connection: sqlite3.Connection, *_: object) -> None:
         connection.set_progress_handler(count, 10)
 
-    event.listen(store._db._engine, "checkout", inspect)
+    event.listen(store.database.engine, "checkout", inspect)
     for _ in range(2):
         claim = store.queue.claim("me", 30)
         assert claim is not None
         assert store.queue.finish(_answer(claim))
-    event.remove(store._db._engine, "checkout", inspect)
+    event.remove(store.database.engine, "checkout", inspect)
     return steps[0]
 
 
@@ -328,7 +328,7 @@ def _fill(store: Store, jobs: int, tasks: int) -> None:
     _plan(store, Task("one"))
     big = _job(store, "big", priority=1)
     _plan(store, *(Task(f"t-{i}") for i in range(tasks)))
-    with store._db.write() as connection:  # as if half of it had been done
+    with store.database.write() as connection:  # as if half of it had been done
         done = {"job": big, "half": tasks // 2}
         connection.execute(text("UPDATE tasks SET state = 'succeeded' WHERE job_id = :job AND position <= :half"), done)
         connection.execute(
@@ -346,7 +346,7 @@ def test_the_cost_of_a_claim_is_independent_of_the_queue_length(tmp_path: Path, 
     efforts = []
     for jobs, tasks in ((10, 100), (100, 4000)):
         store = _open(f"sqlite:///{tmp_path / f'{tasks}.db'}", clock)
-        event.listen(store._db._engine, "connect", lambda made, _: made.execute("PRAGMA synchronous=OFF"))
+        event.listen(store.database.engine, "connect", lambda made, _: made.execute("PRAGMA synchronous=OFF"))
         _fill(store, jobs, tasks)
         efforts.append(_effort(store))
         store.close()

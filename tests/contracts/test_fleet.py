@@ -59,7 +59,7 @@ def test_a_worker_is_listed_with_its_slots_and_their_tasks(store: Store, clock: 
     assert (worker.state, worker.slots, worker.seen_at) == ("live", SLOTS, clock.now)
     (work,) = worker.at_work
     assert (work.attempt_id, work.job_id, work.step, work.key, work.number) == (
-        *(claim.attempt_id, job, "look", "one"),
+        *(claim.attempt_id, job, "analyze", "one"),
         1,
     )
     assert (work.progress, work.slot, work.node) == (0.25, "s0", "node-a")

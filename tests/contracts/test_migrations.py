@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import pytest
 from alembic import command
 from alembic.autogenerate import compare_metadata
 from alembic.config import Config
 from alembic.migration import MigrationContext
+from alembic.script import ScriptDirectory
 from sqlalchemy import create_engine, text
 
 from pipeline.errors import BadParameter, StorageError
@@ -17,9 +17,9 @@ from pipeline.methods.base import Task
 from tests.contracts.databases import DATABASES
 from tests.contracts.released import RELEASED
 from tests.real.postgres import Postgres
-from workers import store as package
 from workers.model import TaskOutcome
 from workers.store import Store, schema
+from workers.store.migrate import FOLDER, newest_version
 
 
 @pytest.fixture(params=DATABASES)
@@ -30,7 +30,7 @@ def url(request: pytest.FixtureRequest) -> str:
 def _at(url: str, revision: str) -> None:
     """A database as the version with that revision left it."""
     config = Config()
-    config.set_main_option("script_location", str(Path(package.__file__).parent / "migrations"))
+    config.set_main_option("script_location", str(FOLDER))
     engine = create_engine(url)
     with engine.begin() as connection:
         config.attributes["connection"] = connection
@@ -44,7 +44,7 @@ def _at(url: str, revision: str) -> None:
 def test_jobs_of_an_earlier_schema_version_continue(url: str, revision: str) -> None:
     _at(url, revision)
     store = Store(url, now=lambda: 20.0)
-    with store._db.read() as connection:
+    with store.database.read() as connection:
         assert compare_metadata(MigrationContext.configure(connection), schema.metadata) == []
     assert [job.id for job in store.jobs.page("running").items] == ["job_1"]
     assert store.assets.get("ast_" + "a" * 64, "anna").filename == "cat.mp4"
@@ -69,6 +69,12 @@ def test_a_database_of_a_newer_schema_version_is_refused_unchanged(url: str) -> 
     with pytest.raises(StorageError, match="newer version"):
         Store(url)
     engine.dispose()
+
+
+def test_the_newest_version_is_the_head_of_the_migrations() -> None:
+    config = Config()
+    config.set_main_option("script_location", str(FOLDER))
+    assert newest_version() == ScriptDirectory.from_config(config).get_current_head()
 
 
 def test_processes_starting_together_migrate_once(url: str) -> None:

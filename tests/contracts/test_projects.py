@@ -148,7 +148,7 @@ def test_versions_are_thinned_out_after_a_week(store: Store, clock: Clock) -> No
     with pytest.raises(NotFound, match="thinned"):
         store.projects.document(project.id, 2)
     assert store.projects.thin(Retention()) == 0
-    with store._db.read() as connection:
+    with store.database.read() as connection:
         from workers.store import schema
 
         assert [row.asset_id for row in connection.execute(schema.project_assets.select())] == ["ast_2"]

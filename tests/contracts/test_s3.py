@@ -13,7 +13,7 @@ import botocore.auth
 import httpx
 import pytest
 
-from pipeline.errors import BadInput, StorageError, StorageFull
+from pipeline.errors import StorageError, StorageFull
 from tests.contracts.stores import PART_BYTES, s3_blobs, s3_options
 from tests.real.swift import Swift
 from workers.blobs.local_copies import Copies
@@ -68,37 +68,10 @@ def test_a_signed_url_expires(blobs: S3Blobs, monkeypatch: pytest.MonkeyPatch) -
     assert _get(expired).status_code == 403
 
 
-def test_a_blob_is_uploaded_directly_in_one_request(blobs: S3Blobs) -> None:
-    assert _put(blobs.direct.upload_url("in"), content=b"uploaded").status_code == 200
-    assert blobs.get("in") == b"uploaded"
-
-
-def test_a_blob_is_uploaded_directly_in_parts(blobs: S3Blobs) -> None:
-    direct = blobs.direct
-    parts = [b"1" * PART_BYTES, b"2" * PART_BYTES, b"3"]
-    upload = direct.begin("film")
-    for number, part in reversed(list(enumerate(parts, 1))):
-        assert _put(direct.part_url("film", upload, number), content=part).status_code == 200
-    assert blobs.size("film") is None, "not before it is complete"
-    direct.complete("film", upload)
-    assert blobs.get("film") == b"".join(parts)
-
-
-def test_an_aborted_direct_upload_is_removed(blobs: S3Blobs) -> None:
-    direct = blobs.direct
-    upload = direct.begin("film")
-    with pytest.raises(BadInput):
-        direct.complete("film", upload)
-    direct.abort("film", upload)
-    direct.abort("film", upload)
-    with pytest.raises(KeyError):
-        direct.complete("film", upload)
-    assert blobs.size("film") is None
-
-
-def test_sweeping_aborts_abandoned_direct_uploads(blobs: S3Blobs, s3: Swift) -> None:
-    blobs.direct.begin("left")
-    s3_blobs(s3, blobs.copies.folder, prefix="another-farm/").direct.begin("theirs")
+def test_sweeping_aborts_abandoned_multipart_uploads(blobs: S3Blobs, s3: Swift) -> None:
+    """Another farm's upload in the same bucket is left alone."""
+    for options in (blobs.options, s3_blobs(s3, blobs.copies.folder, prefix="another-farm/").options):
+        client_for(options).create_multipart_upload(Bucket=options.bucket, Key=f"{options.prefix}abandoned")
     assert blobs.sweep(older_than_s=3600) == 0, "it may be in use"
     assert blobs.sweep(older_than_s=-5) == 1
     assert blobs.sweep(older_than_s=-5) == 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -20,7 +21,7 @@ from workers.jobs.state_machine import Limits
 from workers.model import Asset, Fault, JobRequest, TaskOutcome
 from workers.store import Accepted, Claim, Heartbeat, Store, StorePolicy, schema
 
-STEPS = (("look", "Look"), ("draw", "Draw"), ("assemble", "Join"))
+STEPS = (("analyze", "Analyze"), ("draw", "Draw"), ("assemble", "Join"))
 
 
 class Clock:
@@ -98,7 +99,7 @@ def test_no_number_of_threads_exceeds_the_quota_of_active_jobs(store: Store) -> 
 
 
 def test_migrations_make_the_tables_of_the_schema(store: Store) -> None:
-    with store._db.read() as connection:
+    with store.database.read() as connection:
         assert compare_metadata(MigrationContext.configure(connection), schema.metadata) == []
 
 
@@ -112,14 +113,14 @@ def test_a_job_persists_when_the_store_is_reopened(store: Store, url: str) -> No
 def test_results_artefacts_and_segments_reach_later_steps(store: Store) -> None:
     job_id = _job(store)
     _plan(store, Task("all"))
-    assert store.queue.finish(_answer(_claim(store), artefacts={"look/cuts": "k1"}, result={"cuts": [3]}))
+    assert store.queue.finish(_answer(_claim(store), artefacts={"analyze/cuts": "k1"}, result={"cuts": [3]}))
     _plan(store, Task("b", emits=(4, 8)), Task("a", emits=(0, 4)))
-    assert store.task_inputs.before(job_id, 1) == ({"look": {"all": {"cuts": [3]}}}, {"look/cuts": "k1"})
+    assert store.task_inputs.before(job_id, 1) == ({"analyze": {"all": {"cuts": [3]}}}, {"analyze/cuts": "k1"})
     for _ in range(2):
         claim = _claim(store)
         assert store.queue.finish(_answer(claim, segment=f"seg-{claim.task['key']}"))
     assert store.task_inputs.segments(job_id) == ((0, 4, "seg-a"), (4, 8, "seg-b"))
-    assert store.task_inputs.stages(job_id, 2) == {"look": {"method": 2.0}, "draw": {"method": 4.0}}
+    assert store.task_inputs.stages(job_id, 2) == {"analyze": {"method": 2.0}, "draw": {"method": 4.0}}
     _plan(store, Task("assemble"))
     assert store.queue.finish(_answer(_claim(store), files={"result": ("k", "video/mp4")}))
     job = store.jobs.get(job_id)
@@ -143,17 +144,17 @@ def test_a_task_depends_on_tasks_of_any_earlier_step(store: Store) -> None:
     _plan(store, Task("a"), Task("b"))
     for _ in range(2):
         claim = _claim(store)
-        assert store.queue.finish(_answer(claim, artefacts={f"look/{claim.task['key']}": f"k-{claim.task['key']}"}))
-    _plan(store, Task("one", after=("look/b",)), Task("two", after=("one", "look/a", "look/b")))
+        assert store.queue.finish(_answer(claim, artefacts={f"analyze/{claim.task['key']}": f"k-{claim.task['key']}"}))
+    _plan(store, Task("one", after=("analyze/b",)), Task("two", after=("one", "analyze/a", "analyze/b")))
     assert [(task.key, task.state) for task in store.tasks.page(job_id).items[2:]] == [
         ("one", "ready"),
         ("two", "waiting"),
     ]
     claim = _claim(store)
-    assert store.task_inputs.chain(claim.task["id"]) == (("look/b",), {"look/b": "k-b"})
+    assert store.task_inputs.chain(claim.task["id"]) == (("analyze/b",), {"analyze/b": "k-b"})
     assert store.queue.finish(_answer(claim, artefacts={"draw/one": "k-one"}))
     chain = store.task_inputs.chain(_claim(store).task["id"])
-    assert chain == (("look/a", "look/b", "one"), {"look/a": "k-a", "look/b": "k-b", "draw/one": "k-one"})
+    assert chain == (("analyze/a", "analyze/b", "one"), {"analyze/a": "k-a", "analyze/b": "k-b", "draw/one": "k-one"})
 
 
 def test_the_preview_of_a_running_task_is_a_job_file_until_replaced(store: Store) -> None:
@@ -297,7 +298,7 @@ def test_a_retry_after_a_cancel_keeps_chains_and_gives_a_fresh_budget(store: Sto
 
 def test_cancelling_a_large_job_changes_as_few_rows_as_a_small_one(store: Store) -> None:
     changed = []
-    engine = store._db._engine
+    engine = store.database.engine
     event.listen(engine, "after_cursor_execute", lambda c, cursor, *_: changed.append(max(0, cursor.rowcount)))
     found = []
     for tasks in (4, 400):
@@ -357,6 +358,16 @@ def test_many_threads_claim_every_task_once(store: Store) -> None:
     assert sorted(claimed) == sorted(f"t-{i}" for i in range(40))
 
 
+def test_jobs_are_searched_by_name_method_and_labels(store: Store) -> None:
+    swan = _job(store, name="Swan lake", labels={"scene": "12", "draft": ""})
+    _job(store, name="100 % wool")
+    for search in ("swan", "LAKE swan", "scene:12", "lake draft:"):
+        assert [job.id for job in store.jobs.page(search=search).items] == [swan], search
+    assert store.jobs.page(search="swan scene:13").items == ()
+    assert store.jobs.page(search="1_0").items == (), "no letter stands for others"
+    assert len(store.jobs.page(search="0 % wool").items) == 1
+
+
 def test_pagination_has_no_gaps_while_jobs_arrive(store: Store) -> None:
     made = [_job(store, labels={"n": str(i % 2)}) for i in range(7)]
     first = store.jobs.page(limit=3)
@@ -368,6 +379,7 @@ def test_pagination_has_no_gaps_while_jobs_arrive(store: Store) -> None:
     assert third.cursor is None
     assert len(store.jobs.page(label=("n", "1")).items) == 3
     assert store.jobs.page(state="failed").items == ()
+    assert len(store.jobs.page(state="active").items) == 8
     with pytest.raises(BadParameter):
         store.jobs.page(cursor="nonsense")
     with pytest.raises(BadParameter):
@@ -425,11 +437,10 @@ def test_the_same_bytes_are_one_asset_with_several_owners(store: Store) -> None:
 def test_keys_are_shown_once_and_verified(store: Store) -> None:
     key, secret = store.keys.create("anna", ["submit", "read"], {"active_jobs": 2})
     assert store.keys.verify(secret) == key
-    assert key.allows("read")
-    assert not key.allows("admin")
+    assert key.scopes == {"read", "submit"}
     for wrong in ("", "impasto_", secret[:-1], secret + "x", secret.replace("impasto_", "other_"), "\ud800"):
         assert store.keys.verify(wrong) is None
-    with store._db.read() as connection:
+    with store.database.read() as connection:
         assert secret.rpartition("_")[2] not in str(connection.execute(select(schema.api_keys)).all())
     _job(store, key.id)
     assert store.keys.usage(key.id) == {"active_jobs": 1, "asset_bytes": 0}
@@ -481,7 +492,7 @@ def test_claiming_and_finishing_scan_no_whole_table(store: Store, monkeypatch: p
     job_id = _job(store)
     _plan(store, *(Task(f"t-{i}", after=("t-0",) if i > 5 else ()) for i in range(500)))
     statements: list[tuple[str, object]] = []
-    engine = store._db._engine
+    engine = store.database.engine
     event.listen(engine, "before_cursor_execute", lambda c, cursor, text, given, *_: statements.append((text, given)))
     for _ in range(2):
         claim = _claim(store)
@@ -497,9 +508,9 @@ def test_claiming_and_finishing_scan_no_whole_table(store: Store, monkeypatch: p
 
 def _scanned(store: Store, text: str, given: object) -> set[str]:
     """Tables that SQLite would read from end to end for a statement."""
-    if not store._db.is_sqlite or text.startswith(("BEGIN", "INSERT")):
+    if not store.database.is_sqlite or text.startswith(("BEGIN", "INSERT")):
         return set()
-    with store._db.read() as connection:
+    with store.database.read() as connection:
         plan = connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {text}", given).all()  # type: ignore[arg-type]
     return {row[3].split()[1] for row in plan if row[3].startswith("SCAN") and "INDEX" not in row[3]}
 
@@ -514,10 +525,12 @@ def test_totals_increase_with_every_counted_attempt(store: Store, clock: Clock) 
     clock.now += 60
     claim = _claim(store)
     clock.now += 3
-    assert store.queue.finish(_answer(claim))
+    quality = {"flicker": 0.5, "detail": 0.75, "structure": None, "pairs": 3}
+    assert store.queue.finish(replace(_answer(claim), result={"quality": quality}))
     store.jobs.command(job_id, machine.Cancel())
     store.jobs.remove(job_id)
     assert store.statistics.snapshot()["totals"] == {
+        "reports": {"flicker": {"toy": (1.0, 0.5)}, "detail": {"toy": (1.0, 0.75)}},
         "attempts": {"failed": 1, "succeeded": 1},
         "failures": {"internal-error": 1},
         "frames": {"toy": 8},

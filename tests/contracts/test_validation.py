@@ -229,8 +229,8 @@ def test_a_broken_invariant_is_reported(
     ids = mixed_run(store)
     clock.now += 600
     store.queue.renew("dsp_1", HOUR_S)
-    if break_it is orphan_message and store._db.is_sqlite:
-        with store._db._engine.connect() as connection:  # outside a transaction, where SQLite accepts this
+    if break_it is orphan_message and store.database.is_sqlite:
+        with store.database.engine.connect() as connection:  # outside a transaction, where SQLite accepts this
             connection.exec_driver_sql("COMMIT")
             connection.exec_driver_sql("PRAGMA foreign_keys=OFF")
             row = "('msg_1', 'job_gone', 'anna', 'u', '{}', 1, 0, 'waiting', 1, '')"
@@ -240,7 +240,7 @@ def test_a_broken_invariant_is_reported(
             connection.exec_driver_sql("BEGIN")
         broken = "msg_1"
     else:
-        with store._db.write() as connection:
+        with store.database.write() as connection:
             broken = break_it(connection, ids)
     found = store.validation.validate_state()
     assert (BREAKS[break_it], broken) in {(one.kind, one.id) for one in found}
@@ -250,8 +250,8 @@ def test_a_broken_invariant_is_reported(
 def test_a_consistency_check_is_bounded_and_read_only(store: Store) -> None:
     for number in range(12):
         submit(store, f"job {number}")
-    with store._db.write() as connection:
+    with store.database.write() as connection:
         connection.execute(update(schema.jobs).values(finished_at=5.0))
     assert len(store.validation.validate_state(limit=3)) == 3
-    with pytest.raises(Exception, match=r"(?i)read.?only"), store._db.snapshot() as connection:
+    with pytest.raises(Exception, match=r"(?i)read.?only"), store.database.snapshot() as connection:
         connection.execute(update(schema.jobs).values(finished_at=None))

@@ -5,36 +5,21 @@ from __future__ import annotations
 import io
 import subprocess
 import sys
-import time
 import zipfile
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import cv2
 import httpx
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 from playwright.sync_api import Page, expect
 
-from tests.e2e.test_page import HEIGHT, ROOT, WIDTH, serve
+from tests.e2e.pages import HEIGHT, ROOT, WIDTH, until
 
 SOON_MS = 30_000
 FILM_MS = 120_000
 Document = dict[str, Any]
-
-
-@pytest.fixture(scope="module")
-def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    yield from serve(tmp_path_factory.mktemp("studio") / "home")
-
-
-@pytest.fixture(scope="module")
-def video(service: str, clip: Path) -> str:
-    """The uploaded clip: twelve frames, 96 x 64 px, a disc that moves to the right."""
-    answer = httpx.post(f"{service}/v1/assets", files={"file": (clip.name, clip.read_bytes())})
-    return str(answer.json()["id"])
 
 
 def open_project(page: Page, service: str, video: str, method: str, frame: int = 4, **layer: Any) -> str:
@@ -46,13 +31,6 @@ def open_project(page: Page, service: str, video: str, method: str, frame: int =
     expect(page.locator(".stage-canvas")).to_be_visible(timeout=SOON_MS)
     until(page, lambda: page.locator(".stage-canvas").get_attribute("data-frame") == str(frame))
     return project
-
-
-def until(page: Page, condition: Callable[[], bool], seconds: float = SOON_MS / 1000) -> None:
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "it never came true"
-        page.wait_for_timeout(50)
 
 
 def stored(service: str, project: str) -> Document:

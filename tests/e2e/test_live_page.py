@@ -9,7 +9,7 @@ import shutil
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -20,11 +20,12 @@ import httpx
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from playwright.sync_api import Browser, Page, WebSocket, expect, sync_playwright
+from playwright.sync_api import Browser, Page, Playwright, WebSocket, expect
 from websockets.sync.client import connect
 
+from pipeline.methods.multistyle import Multistyle
 from pipeline.scenes import scene
-from tests.e2e.test_page import CHROMIUM_ARGS, KEY, Watched, open_page, serve
+from tests.e2e.pages import CHROMIUM_ARGS, KEY, Watched, open_page, serve, until
 
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(180), pytest.mark.serial]
 
@@ -49,17 +50,16 @@ def make_camera(path: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+def browser(playwright: Playwright, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
     camera = make_camera(tmp_path_factory.mktemp("camera") / "camera.y4m")
     fake = [
         "--use-fake-ui-for-media-stream",
         "--use-fake-device-for-media-stream",
         f"--use-file-for-fake-video-capture={camera}",
     ]
-    with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=CHROMIUM_ARGS + fake)
-        yield chromium
-        chromium.close()
+    chromium = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=CHROMIUM_ARGS + fake)
+    yield chromium
+    chromium.close()
 
 
 @pytest.fixture(scope="module")
@@ -136,7 +136,7 @@ def wait_live(page: Page) -> None:
 
 def choose_codec(page: Page, title: str) -> None:
     page.locator("summary", has_text="Connection").click()
-    page.get_by_label("Codec", exact=True).select_option(label=title)
+    page.get_by_label("Codec", exact=True).get_by_role("radio", name=title, exact=True).check(force=True)
 
 
 def picture(page: Page, side: str) -> NDArray[np.uint8]:
@@ -160,14 +160,6 @@ def decoded(png: bytes) -> NDArray[np.uint8]:
     image = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR_RGB)
     assert image is not None
     return np.asarray(image, np.uint8)
-
-
-def until(page: Page, condition: Callable[[], bool], seconds: float = SLOW_MS / 1000) -> None:
-    """Wait until `condition()`; the page's events are heard meanwhile."""
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "it never came true"
-        page.wait_for_timeout(50)
 
 
 def moves(page: Page) -> None:
@@ -206,6 +198,41 @@ def test_the_camera_stream_is_shown_painted(browser: Browser, service: str, code
         until(page, lambda: number(page, "Rate") > 3)
         assert 0 < number(page, "Service") <= number(page, "Delay") < 3000
         watched.check()
+
+
+def test_method_and_filter_change_during_a_stream(browser: Browser, service: str) -> None:
+    with visit(browser, service) as (watched, talk):
+        page = watched.page
+        start(page)
+        session = talk.last("ready")["session"]
+        page.get_by_label("Method", exact=True).select_option(label=Multistyle.title)
+        until(page, lambda: talk.last("ready")["method"] == "multistyle")
+        assert talk.last("ready")["session"] == session
+        moves(page)
+        page.get_by_role("switch", name="Steady frames").click()
+        until(page, lambda: talk.last("params").get("filter", {}).get("method") == "steady")
+        until(page, lambda: "filter" in talk.last("stats").get("stages_ms", {}))
+        expect(page.locator(".live-why")).to_contain_text("Painted at")
+        page.get_by_label("Sharp", exact=True).check()
+        until(page, lambda: talk.last("ready")["prefer"] == "sharp")
+        watched.check()
+
+
+def test_the_view_page_shows_the_painting_alone(browser: Browser, service: str) -> None:
+    with visit(browser, service) as (watched, _talk):
+        start(watched.page)
+        view = browser.new_page()
+        view.goto(f"{service}/live/view#key={KEY}")
+        canvas = view.locator("canvas")
+        expect(canvas).to_be_visible(timeout=SLOW_MS)
+        colours = view.evaluate(
+            """() => { const shown = document.querySelector("canvas"), context = shown.getContext("2d");
+            return new Set(context.getImageData(0, 0, shown.width, shown.height).data).size; }"""
+        )
+        assert colours > 20
+        assert canvas.bounding_box() == {"x": 0, "y": 0, **view.viewport_size}
+        assert view.locator("button, a, input, header").count() == 0
+        view.close()
 
 
 def test_every_setting_changes_during_a_stream(browser: Browser, service: str, tmp_path: Path) -> None:

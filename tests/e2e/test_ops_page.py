@@ -14,9 +14,7 @@ import httpx
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.e2e.test_page import KEY, ROOT, Watched, browser, clip, make_clip, open_page, phone, serve, watched
-
-__all__ = ["browser", "clip", "phone", "watched"]
+from tests.e2e.pages import KEY, ROOT, Watched, make_clip, open_page, serve
 
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(240)]
 
@@ -101,15 +99,17 @@ def test_the_ops_page_shows_a_job_and_its_timeline(
 ) -> None:
     watched = open_ops(browser, service)
     page = watched.page
+    expect(page.get_by_role("region", name="This machine")).to_contain_text("Processors")
     job = submit(http, upload(http, clip), "a disc")
     expect(state_of(page, "a disc")).to_have_text("succeeded", timeout=SOON_MS)  # type: ignore[arg-type]
+    expect(page.get_by_role("columnheader", name="Priority")).to_be_visible()
     page.locator("#jobs").get_by_role("button", name="a disc").click()
     bars = page.locator("#timeline rect.bar")
     tasks = http.get(f"/v1/jobs/{job}/tasks").json()["items"]
     expect(bars).to_have_count(sum(len(task["attempts"]) for task in tasks))
     expect(page.get_by_role("heading", name="Timeline of a disc, succeeded")).to_be_visible()
     title = bars.first.locator("title").text_content() or ""
-    assert re.search(r"attempt 1 succeeded\n[\d.]+ s\nimpasto-worker-0 of dsp_", title), title
+    assert re.search(r"attempt 1 succeeded\n[\d.]+ s\nimpasto-worker-\d+ of dsp_", title), title
     assert len({bars.nth(i).get_attribute("class") for i in range(bars.count())}) == len({t["step"] for t in tasks})
     bars.last.click()
     expect(page.locator(".timeline-chosen .log")).to_be_visible()
@@ -187,5 +187,42 @@ def test_the_ops_page_fits_a_phone(browser: Browser, service: str, http: httpx.C
     assert page.evaluate("document.documentElement.scrollWidth") == 390
     box = page.locator("#timeline svg").bounding_box()
     assert box is not None and box["x"] >= 0 and box["x"] + box["width"] <= 390
+    watched.check()
+    page.context.close()
+
+
+def test_jobs_are_searched_moved_to_the_front_and_acted_on_together(
+    browser: Browser, service: str, http: httpx.Client, clip: Path
+) -> None:
+    http.post("/v1/ops/queue/pause")
+    asset = upload(http, clip)
+    blue, red = (submit(http, asset, name, seed=seed) for seed, name in ((11, "blue one"), (12, "red one")))
+    watched = open_ops(browser, service)
+    page = watched.page
+    rows = page.locator("#jobs tbody tr")
+    page.get_by_label("Search jobs").fill("ED ON")
+    expect(rows).to_have_count(1)
+    rows.get_by_role("button", name="First").click()
+    expect(page.get_by_label("Priority of red one")).to_have_value("1")
+    assert http.get(f"/v1/jobs/{blue}/queue").json()["jobs_ahead"] == 1
+    page.get_by_label("Search jobs").fill("one")
+    expect(rows).to_have_count(2)
+    page.get_by_label("Priority of blue one").fill("-5")
+    page.get_by_label("Priority of blue one").press("Tab")
+    page.get_by_label("Select red one").check()
+    page.get_by_label("Select blue one").check()
+    group = page.get_by_role("group", name="Selected jobs")
+    expect(group).to_contain_text("2 jobs selected")
+    group.get_by_role("button", name="Cancel").click()
+    page.get_by_role("dialog").get_by_role("button", name="Cancel").click()
+    for name in ("red one", "blue one"):
+        expect(state_of(page, name)).to_have_text("cancelled", timeout=SOON_MS)  # type: ignore[arg-type]
+    assert http.get(f"/v1/jobs/{blue}").json()["request"]["priority"] == -5
+    page.get_by_label("Select red one").check()
+    group.get_by_role("button", name="Delete").click()
+    page.get_by_role("dialog").get_by_role("button", name="Delete").click()
+    expect(rows).to_have_count(1)
+    assert http.get(f"/v1/jobs/{red}").status_code == 404
+    http.post("/v1/ops/queue/resume")
     watched.check()
     page.context.close()

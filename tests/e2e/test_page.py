@@ -2,146 +2,18 @@
 
 from __future__ import annotations
 
-import os
 import re
-import shutil
-import socket
-import subprocess
-import sys
-import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import av
-import cv2
 import httpx
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Page, Route, expect, sync_playwright
+from playwright.sync_api import Browser, Page, Route, expect
 
-from service import bundle
+from tests.e2e.pages import FRAMES, KEY, SLOW_MS, WIDTH, Watched, make_clip, serve, until
 
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(180)]
-
-ROOT = Path(__file__).resolve().parents[2]
-FRAMES, WIDTH, HEIGHT, FPS = 12, 96, 64, 12
-CHROMIUM_ARGS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run"]
-SLOW_MS = 60_000
-"""The first painted frame may compile kernels; the film needs a moment on a busy machine."""
-KEY = "a-key-for-this-test-only"
-
-
-def make_clip(
-    path: Path, codec: str = "libx264", size: tuple[int, int] = (WIDTH, HEIGHT), frames: int = FRAMES
-) -> Path:
-    """A disc that crosses a field."""
-    width, height = size
-    with av.open(str(path), "w") as out:
-        stream = out.add_stream(codec, rate=FPS)
-        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
-        for index in range(frames):
-            frame = np.full((height, width, 3), (90, 140, 70), np.uint8)
-            at = (width * (5 + index) // (frames + 10), height // 2)
-            cv2.circle(frame, at, height * 14 // 64, (220, 170, 40), -1)
-            out.mux(stream.encode(av.VideoFrame.from_ndarray(frame, format="rgb24")))
-        out.mux(stream.encode(None))
-    return path
-
-
-@pytest.fixture(scope="module")
-def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Twelve frames, 96x64 px."""
-    return make_clip(tmp_path_factory.mktemp("page") / "disc & field.mp4")
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
-def serve(home: Path, **settings: str) -> Iterator[str]:
-    """`impasto serve` as a user runs it, with one worker, until the test is over; its address."""
-    bundle.build()
-    port, log = free_port(), home.with_suffix(".log")
-    command = [sys.executable, "-m", "impasto", "serve", "--port", str(port), "--home", str(home), "--workers", "1"]
-    env = os.environ | {f"IMPASTO_{name}": value for name, value in settings.items()}
-    with log.open("wb") as sink:
-        server = subprocess.Popen(command, cwd=ROOT, stdout=sink, stderr=sink, env=env)
-    try:
-        address = f"http://127.0.0.1:{port}"
-        wait_ready(address, server, log)
-        yield address
-    finally:
-        server.terminate()
-        server.wait(20)
-
-
-def wait_ready(address: str, server: subprocess.Popen[bytes], log: Path) -> None:
-    deadline = time.monotonic() + 60
-    while time.monotonic() < deadline and server.poll() is None:
-        try:
-            if httpx.get(f"{address}/readyz").status_code == 200:
-                return
-        except httpx.TransportError:
-            pass
-        time.sleep(0.1)
-    pytest.fail(f"the service did not start:\n{log.read_text()[-3000:]}")
-
-
-@pytest.fixture(scope="module")
-def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    yield from serve(tmp_path_factory.mktemp("service") / "home")
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=CHROMIUM_ARGS)
-        yield chromium
-        chromium.close()
-
-
-class Watched:
-    """A page of which every complaint and every request is noted."""
-
-    def __init__(self, context: BrowserContext) -> None:
-        self.page = context.new_page()
-        self.complaints: list[str] = []
-        self.hosts: set[str] = set()
-        self.page.on("pageerror", lambda error: self.complaints.append(f"uncaught: {error}"))
-        self.page.on("console", self._hear)
-        self.page.on("request", lambda request: self.hosts.add(httpx.URL(request.url).host))
-
-    def _hear(self, message: Any) -> None:
-        if message.type in ("error", "warning"):
-            self.complaints.append(f"{message.type}: {message.text} {message.location}")
-
-    def check(self) -> None:
-        """No complaint, and nothing was asked of any other host."""
-        assert self.complaints == []
-        assert self.hosts <= {"127.0.0.1", ""}, "blob: and data: addresses have no host"
-
-
-def open_page(browser: Browser, **options: Any) -> Watched:
-    context = browser.new_context(**({"viewport": {"width": 1440, "height": 900}} | options))
-    context.set_default_timeout(20_000)
-    return Watched(context)
-
-
-@pytest.fixture
-def watched(browser: Browser) -> Iterator[Watched]:
-    watched = open_page(browser)
-    yield watched
-    watched.page.context.close()
-
-
-@pytest.fixture
-def phone(browser: Browser) -> Iterator[Watched]:
-    watched = open_page(browser, viewport={"width": 390, "height": 844}, is_mobile=True, has_touch=True)
-    yield watched
-    watched.page.context.close()
 
 
 def enter_studio(page: Page, service: str, clip: Path) -> None:
@@ -166,26 +38,18 @@ def now(page: Page, which: str = "after") -> float:
     return float(page.evaluate(f"document.querySelector('.wipe-{which} video').currentTime"))
 
 
-def until(condition: Callable[[], bool], seconds: float = SLOW_MS / 1000) -> None:
-    """Wait until `condition()`. (Playwright's own wait_for_function needs `eval`, which the page's policy forbids.)"""
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "it never came true"
-        time.sleep(0.03)
-
-
 def test_a_dropped_clip_becomes_a_playing_painted_video(watched: Watched, service: str, clip: Path) -> None:
     page = watched.page
     enter_studio(page, service, clip)
     before = painted(page)
     page.get_by_text("Lines", exact=True).first.click()
     page.get_by_label("Line width").last.fill("4")
-    until(lambda: painted(page) != before)
+    until(page, lambda: painted(page) != before)
     assert "line_width" in page.url
     submit(page)
     assert re.search(r"#/jobs/job_", page.url)
 
-    until(lambda: now(page) > 0.2)
+    until(page, lambda: now(page) > 0.2)
     assert page.evaluate("document.querySelector('.wipe-after video').videoWidth") == WIDTH
     handle = page.get_by_role("slider", name="Compare original and painted")
     handle.focus()
@@ -221,10 +85,10 @@ def test_both_films_play_synchronously(watched: Watched, service: str, clip: Pat
     page = watched.page
     enter_studio(page, service, clip)
     submit(page)
-    until(lambda: now(page) > 0.1)
+    until(page, lambda: now(page) > 0.1)
     page.get_by_role("button", name="Pause").click()
     page.get_by_role("slider", name="Position").fill("0.5")
-    until(lambda: abs(now(page, "before") - 0.5) < 0.05)
+    until(page, lambda: abs(now(page, "before") - 0.5) < 0.05)
     assert now(page) == pytest.approx(0.5, abs=0.05)
     watched.check()
 
@@ -238,14 +102,14 @@ def test_an_original_that_the_browser_cannot_play_is_still_compared(
     expect(sketch).to_be_visible()
     before = sketch.get_attribute("src")
     page.get_by_role("slider", name="Frame to preview").fill("9")
-    until(lambda: sketch.get_attribute("src") != before)
+    until(page, lambda: sketch.get_attribute("src") != before)
     submit(page)
-    until(lambda: now(page) > 0.2)
+    until(page, lambda: now(page) > 0.2)
     page.get_by_role("button", name="Pause").click()
     page.get_by_role("slider", name="Position").fill("0")
-    until(lambda: disc_at(page) < 0.45)
+    until(page, lambda: disc_at(page) < 0.45)
     page.get_by_role("slider", name="Position").fill("0.9")
-    until(lambda: disc_at(page) > 0.55)
+    until(page, lambda: disc_at(page) > 0.55)
     expect(page.get_by_role("slider", name="Compare original and painted")).to_be_visible()
     watched.check()
 
@@ -392,5 +256,5 @@ def test_the_page_asks_for_a_key_only_where_required(
         page.get_by_role("button", name="Continue").click()
         enter_studio(page, address, clip)
         submit(page)
-        until(lambda: now(page) > 0.2)
+        until(page, lambda: now(page) > 0.2)
         assert page.evaluate("Object.keys(localStorage).length") == 0, "a key outlives no tab"

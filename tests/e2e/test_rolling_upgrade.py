@@ -12,8 +12,8 @@ import pytest
 
 from impasto import Client
 from impasto.cli.app import run
+from tests.e2e.pages import serve
 from tests.e2e.processes import ROOT
-from tests.e2e.test_page import serve
 from tests.workers.conftest import until
 
 FRAMES, JOBS = 240, 3
@@ -53,7 +53,9 @@ class Worker:
         return self.process.wait(60)
 
 
-def _undisturbed(clip: Path, out: Path) -> bytes:
+@pytest.fixture(scope="module")
+def undisturbed(clip: Path) -> bytes:
+    out = clip.with_name("undisturbed.mp4")
     assert run(["render", str(clip), "-o", str(out), "--seed", "5", "--quiet", "--home", f"{out}.home"]) == 0
     return out.read_bytes()
 
@@ -63,13 +65,12 @@ def _submit(client: Client, clip: Path) -> list[str]:
     return [client.submit("abstraction", {"video": video}, seed=5)["id"] for _ in range(JOBS)]
 
 
-def _check(client: Client, jobs: list[str], clip: Path, tmp_path: Path, workers: set[str]) -> None:
+def _check(client: Client, jobs: list[str], undisturbed: bytes, tmp_path: Path, workers: set[str]) -> None:
     """Every job has the right bytes, no attempt was cut off, and each of the workers took part."""
-    alone = _undisturbed(clip, tmp_path / "alone.mp4")
     bars = []
     for job in jobs:
         client.wait(job, 120)
-        assert client.download(job, tmp_path / f"{job}.mp4").read_bytes() == alone
+        assert client.download(job, tmp_path / f"{job}.mp4").read_bytes() == undisturbed
         bars += client.ops.timeline(job)
     assert {bar["outcome"] for bar in bars} == {"succeeded"}
     assert {bar["worker"] for bar in bars} == workers
@@ -80,7 +81,7 @@ def _at_work(client: Client, worker: str) -> int:
 
 
 def test_a_new_worker_starts_while_the_old_one_finishes_its_tasks(
-    client: Client, home: Path, clip: Path, tmp_path: Path
+    client: Client, home: Path, clip: Path, undisturbed: bytes, tmp_path: Path
 ) -> None:
     old = Worker(home)
     jobs = _submit(client, clip)
@@ -90,13 +91,13 @@ def test_a_new_worker_starts_while_the_old_one_finishes_its_tasks(
     old.process.terminate()
     assert old.end() == 0
     assert [worker["id"] for worker in client.ops.workers()] == [new.id]
-    _check(client, jobs, clip, tmp_path, {old.id, new.id})
+    _check(client, jobs, undisturbed, tmp_path, {old.id, new.id})
     new.process.terminate()
     assert new.end() == 0
 
 
 def test_a_drained_worker_can_be_killed_without_failed_attempts(
-    client: Client, home: Path, clip: Path, tmp_path: Path
+    client: Client, home: Path, clip: Path, undisturbed: bytes, tmp_path: Path
 ) -> None:
     old = Worker(home)
     jobs = _submit(client, clip)
@@ -106,12 +107,14 @@ def test_a_drained_worker_can_be_killed_without_failed_attempts(
     until(lambda: [w["state"] for w in client.ops.workers() if w["id"] == old.id] == ["drained"], 60)
     old.process.kill()
     old.end()
-    _check(client, jobs, clip, tmp_path, {old.id, new.id})
+    _check(client, jobs, undisturbed, tmp_path, {old.id, new.id})
     new.process.terminate()
     assert new.end() == 0
 
 
-def test_a_second_signal_releases_tasks_at_once(client: Client, home: Path, clip: Path, tmp_path: Path) -> None:
+def test_a_second_signal_releases_tasks_at_once(
+    client: Client, home: Path, clip: Path, undisturbed: bytes, tmp_path: Path
+) -> None:
     client.ops.drain("queue")
     worker = Worker(home)
     jobs = _submit(client, clip)
@@ -121,9 +124,8 @@ def test_a_second_signal_releases_tasks_at_once(client: Client, home: Path, clip
     worker.process.terminate()
     assert worker.end() == 0
     other = Worker(home)
-    alone = _undisturbed(clip, tmp_path / "alone.mp4")
     for job in jobs:
         client.wait(job, 120)
-        assert client.download(job, tmp_path / f"{job}.mp4").read_bytes() == alone
+        assert client.download(job, tmp_path / f"{job}.mp4").read_bytes() == undisturbed
     other.process.terminate()
     assert other.end() == 0

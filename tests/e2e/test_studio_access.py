@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
+import httpx
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from service import bundle
-from tests.e2e.studio import FILM_MS, SOON_MS, draw, on_stage, open_project, service, start_painting, video
-from tests.e2e.test_page import SLOW_MS, Watched, browser, clip, open_page, watched
-
-__all__ = ["browser", "clip", "service", "video", "watched"]
+from tests.e2e.pages import SLOW_MS, Watched, accessibility_faults, open_page
+from tests.e2e.studio import FILM_MS, SOON_MS, draw, on_stage, open_project, start_painting
 
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(240)]
-
-
-@pytest.fixture(scope="module")
-def axe() -> str:
-    """The source of axe-core, which checks pages for accessibility."""
-    bundle.install_packages(tools=True)
-    return (bundle.WEB / "node_modules/axe-core/axe.min.js").read_text()
 
 
 def pick_a_region(page: Page) -> None:
@@ -54,26 +46,72 @@ def open_layer_settings(page: Page) -> None:
     page.get_by_role("list", name="Layers of the shot").get_by_role("button", name="Settings").first.click()
 
 
+def show_flicker(page: Page) -> None:
+    page.get_by_role("group", name="View").get_by_role("button", name="Flicker").click()
+    expect(page.get_by_role("status").filter(has_text="Flicker of this frame")).to_be_visible(timeout=SOON_MS)
+    page.get_by_role("button", name="Find the worst frames").click()
+    expect(page.get_by_role("img", name=re.compile("^Flicker of"))).to_be_visible(timeout=SOON_MS)
+
+
+def find_clusters(page: Page) -> None:
+    page.get_by_role("button", name="Mark the foreground").click()
+    page.wait_for_timeout(300)
+    draw(page, (0.2, 0.5), (0.4, 0.5))
+    group = page.get_by_role("group", name="Foreground of the next frames")
+    expect(group.get_by_role("button").first).to_be_visible(timeout=FILM_MS)
+    page.get_by_role("button", name="Find the clusters").click()
+    chips = page.get_by_role("group", name="Paint with the label")
+    expect(chips.get_by_role("button").first).to_be_visible(timeout=FILM_MS)
+
+
+def open_library(page: Page) -> None:
+    page.get_by_role("button", name="Keep these settings").click()
+    page.locator("summary", has_text="Style library").click()
+    page.get_by_role("button", name="Compare on this frame").click()
+
+
 STATES: dict[str, tuple[str, Callable[[Page], None]]] = {
     "region": ("multistyle", pick_a_region),
     "key": ("analogy", paint_a_key),
     "offline": ("analogy", paint_offline),
     "layers": ("abstraction", open_layer_settings),
+    "flicker": ("abstraction", show_flicker),
+    "clusters": ("patches", find_clusters),
+    "library": ("analogy", open_library),
 }
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("state", STATES)
 def test_no_studio_state_has_an_accessibility_fault(
-    browser: Browser, service: str, video: str, axe: str, state: str, scheme: str
+    browser: Browser, service: str, video: str, axe: str, state: str
 ) -> None:
-    page = open_page(browser, color_scheme=scheme).page
+    page = open_page(browser).page
     method, reach = STATES[state]
     open_project(page, service, video, method)
     page.evaluate(axe)
     reach(page)
-    found = page.evaluate("async () => (await axe.run()).violations")
-    assert [(fault["id"], [node["html"] for node in fault["nodes"]]) for fault in found] == []
+    assert accessibility_faults(page, axe) == []
+    page.context.close()
+
+
+def test_lesson_and_comparison_have_no_accessibility_fault(
+    browser: Browser, service: str, video: str, axe: str
+) -> None:
+    page = open_page(browser).page
+    body = {"method": "abstraction", "inputs": {"video": video}}
+    jobs = [httpx.post(f"{service}/v1/jobs", json={**body, "seed": seed}).json()["id"] for seed in (1, 2)]
+    page.goto(service)
+    page.get_by_role("button", name="Learn painted keys in two minutes").click()
+    expect(page.get_by_role("region", name="Your first keys")).to_be_visible(timeout=SOON_MS)
+    found = accessibility_faults(page, axe)
+    page.goto(f"{service}/#/compare/{','.join(jobs)}")
+    expect(page.get_by_role("slider", name=re.compile("^Compare"))).to_be_visible(timeout=FILM_MS)
+    found += accessibility_faults(page, axe)
+    page.goto(f"{service}/#/jobs")
+    page.get_by_role("searchbox", name="Search works").fill("nothing like it")
+    expect(page.get_by_text("No work matches.")).to_be_visible(timeout=SOON_MS)
+    found += accessibility_faults(page, axe)
+    assert found == []
     page.context.close()
 
 

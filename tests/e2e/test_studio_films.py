@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 
+from tests.e2e.pages import FPS, FRAMES, HEIGHT, WIDTH, Watched, make_clip
 from tests.e2e.studio import (
     SOON_MS,
     asset,
@@ -23,14 +24,9 @@ from tests.e2e.studio import (
     rendered_by_command,
     result,
     saved,
-    service,
     start_painting,
     stored,
-    video,
-)  # fmt: skip
-from tests.e2e.test_page import FPS, FRAMES, HEIGHT, WIDTH, Watched, browser, clip, make_clip, watched
-
-__all__ = ["browser", "clip", "service", "video", "watched"]
+)
 
 DISC = (5 + 4) / (FRAMES + 10)
 """Horizontal centre of the disc in frame 4, in widths of the picture."""
@@ -74,6 +70,24 @@ def test_a_small_preview_is_shown_at_full_size_on_demand(watched: Watched, servi
     expect(page.get_by_role("button", name="Show at full size")).to_be_hidden()
     page.get_by_role("button", name="Onion skin").click()
     expect(page.get_by_role("button", name="Onion skin")).to_have_attribute("aria-pressed", "true")
+
+
+def test_the_loupe_shows_a_piece_at_full_size(watched: Watched, service: str, tmp_path: Path) -> None:
+    page = watched.page
+    wide = make_clip(tmp_path / "wide.mp4", size=(1200, 640), frames=6)
+    video = httpx.post(f"{service}/v1/assets", files={"file": (wide.name, wide.read_bytes())}).json()["id"]
+    open_project(page, service, video, "abstraction", frame=2)
+    expect(page.locator(".stage-hint")).to_have_text("Preview at 80 % of full size", timeout=SOON_MS)
+    asked: list[dict[str, object]] = []
+    page.on("request", lambda request: request.url.endswith("/paint") and asked.append(request.post_data_json))
+    page.locator(".stage-canvas").press("z")
+    expect(page.get_by_role("button", name="Loupe at full size")).to_have_attribute("aria-pressed", "true")
+    box = page.locator(".stage-canvas").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    expect(page.locator(".stage-canvas")).to_have_attribute("data-loupe", "440 210 320 220", timeout=SOON_MS)
+    expect(page.locator(".stage-hint")).to_have_text("The loupe shows the film at 100 % of full size")
+    assert asked[-1]["crop"] == [440, 210, 320, 220]
 
 
 def test_a_film_of_layers_has_the_bytes_of_the_command(

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from service import bundle
+from tests.e2e.pages import FRAMES, HEIGHT, WIDTH, Watched, accessibility_faults, open_page, until
 from tests.e2e.studio import (
     SOON_MS,
     asset,
@@ -24,15 +24,9 @@ from tests.e2e.studio import (
     on_stage,
     open_project,
     saved,
-    service,
     start_painting,
     stored,
-    until,
-    video,
-)  # fmt: skip
-from tests.e2e.test_page import FRAMES, HEIGHT, WIDTH, Watched, browser, clip, open_page, watched
-
-__all__ = ["browser", "clip", "service", "video", "watched"]
+)
 
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(240)]
 
@@ -228,26 +222,14 @@ def test_offline_edits_are_not_lost(watched: Watched, service: str, video: str) 
     assert stored(service, project)["name"] == "Offline"
 
 
-@pytest.fixture(scope="module")
-def axe() -> str:
-    """The source of axe-core, which checks pages for accessibility."""
-    bundle.install_packages(tools=True)
-    return (bundle.WEB / "node_modules/axe-core/axe.min.js").read_text()
-
-
-@pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("address", ["/", "/#/jobs", "/live", "/ops", "studio:analogy", "studio:multistyle"])
-def test_no_page_has_an_accessibility_fault(
-    browser: Browser, service: str, video: str, axe: str, address: str, scheme: str
-) -> None:
-    page = open_page(browser, color_scheme=scheme).page
+def test_no_page_has_an_accessibility_fault(browser: Browser, service: str, video: str, axe: str, address: str) -> None:
+    page = open_page(browser).page
     if address.startswith("studio:"):
         open_project(page, service, video, address.removeprefix("studio:"))
     else:
         page.goto(service + address)
     page.wait_for_timeout(800)
-    page.evaluate(axe)
-    found = page.evaluate("async () => (await axe.run()).violations")
-    faults = [(fault["id"], fault["help"], [node["html"][:160] for node in fault["nodes"]]) for fault in found]
+    faults = accessibility_faults(page, axe)
     page.context.close()
     assert faults == []

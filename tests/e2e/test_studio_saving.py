@@ -13,6 +13,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from service import bundle
+from tests.e2e.pages import HEIGHT, ROOT, WIDTH, Watched, free_port, until, wait_ready
 from tests.e2e.studio import (
     SOON_MS,
     asset,
@@ -22,15 +23,9 @@ from tests.e2e.studio import (
     on_stage,
     open_project,
     saved,
-    service,
     start_painting,
     stored,
-    until,
-    video,
-)  # fmt: skip
-from tests.e2e.test_page import HEIGHT, ROOT, WIDTH, Watched, browser, clip, free_port, wait_ready, watched
-
-__all__ = ["browser", "clip", "service", "video", "watched"]
+)
 
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(240)]
 
@@ -57,6 +52,37 @@ def test_an_offline_stroke_is_saved_after_reconnecting(watched: Watched, service
     assert "keys" not in layer_of(stored(service, project))
     page.context.set_offline(False)
     expect_stroke(page, service, project)
+
+
+def test_a_minute_without_network_loses_no_change(watched: Watched, service: str, video: str) -> None:
+    """Strokes, a new name and an undo meanwhile. The page's clock is set forward by a minute: nobody waits for it."""
+    page = watched.page
+    page.clock.install()
+    project = open_project(page, service, video, "analogy")
+    start_painting(page)
+    page.context.set_offline(True)
+    lost: list[str] = []
+    page.on("requestfailed", lambda request: lost.append(request.url))
+    draw(page, (0.2, 0.3), (0.8, 0.3))
+    name = page.get_by_label("Name of the project")
+    name.fill("Disc without network")
+    name.press("Tab")
+    draw(page, (0.2, 0.6), (0.8, 0.6))
+    page.get_by_role("button", name="Undo", exact=True).click()
+    alert = page.get_by_role("alert").filter(has_text="kept in this browser")
+    expect(alert).to_be_visible(timeout=SOON_MS)
+    page.clock.run_for(60_000)
+    expect(alert).to_be_visible()
+    assert len(lost) < 120, "it asks again every few seconds, not all the time"
+    assert stored(service, project)["name"] == "Disc"
+    page.context.set_offline(False)
+    page.clock.run_for(5_000)
+    expect_stroke(page, service, project)
+    document = stored(service, project)
+    assert document["name"] == "Disc without network"
+    (key,) = layer_of(document)["keys"]
+    picture = decoded(asset(service, document, key["image"]))
+    assert picture[int(0.6 * HEIGHT), int(0.65 * WIDTH), 2] < 200, "the second stroke was undone"
 
 
 def test_an_unsaved_stroke_survives_a_page_crash(watched: Watched, service: str, video: str) -> None:
@@ -121,8 +147,12 @@ def test_a_killed_server_loses_no_strokes(watched: Watched, server: Server, clip
     answer = httpx.post(f"{server.address}/v1/assets", files={"file": (clip.name, clip.read_bytes())})
     project = open_project(page, server.address, str(answer.json()["id"]), "analogy")
     start_painting(page)
+    page.mouse.move(*on_stage(page, 0.2, 0.3))
+    page.mouse.down()
+    page.mouse.move(*on_stage(page, 0.5, 0.3), steps=6)
     server.kill()
-    draw(page, (0.2, 0.3), (0.8, 0.3))
+    page.mouse.move(*on_stage(page, 0.8, 0.3), steps=6)
+    page.mouse.up()
     expect(page.get_by_role("alert").filter(has_text="does not answer")).to_be_visible(timeout=SOON_MS)
     server.start()
     expect_stroke(page, server.address, project)

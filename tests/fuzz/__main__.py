@@ -1,13 +1,17 @@
 """`python -m tests.fuzz [TARGET...] --minutes M --seed S`: fuzz, and add the counts to ledger.jsonl.
 
-Targets: media (decoders), http (the API, by schemathesis) and uploads (frames and previews of mutated uploads, by a
-service). Without one, all share the minutes. Files of findings
-are kept in .fuzz/; `--again ID` runs one case once more; `--table` prints what all runs have shown.
+Targets: media (decoders), uploads (frames and previews of mutated uploads, by a service), requests (random requests of
+every route), http (the API, by schemathesis), tus (resumable uploads against a model), messages (live
+sessions) and parsers (texts of clients, to the functions that read them).
+Without one, all share the minutes. Files of findings are kept in .fuzz/; `--again ID` runs one case once more, or the
+step that contains it; `--table` prints what all runs have shown.
 """
 
 from __future__ import annotations
 
 import argparse
+import asyncio
+import logging
 import subprocess
 import sys
 import tempfile
@@ -17,14 +21,18 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 
-from tests.fuzz import http, ledger, media, uploads
+from tests.fuzz import http, ledger, media, messages, parsers, requests, tus, uploads
+from tests.fuzz.decoding import DecodingChild
 
 ROOT = Path(__file__).resolve().parents[2]
 KEPT = ROOT / ".fuzz"
+GUARDED_ONE_IN = 20
+"""Steps to one whose files are decoded by the service's own decoder processes; the others cost no fork."""
 
 
 def main() -> int:
     given = _parser().parse_args()
+    logging.disable(logging.CRITICAL)
     if given.table:
         print(ledger.table(ledger.runs()))
         return 0
@@ -52,18 +60,21 @@ def _run(target: str, seed: int, seconds: float) -> ledger.Run:
     run = ledger.Run(target, datetime.now(UTC).isoformat(timespec="seconds"), _commit(), seed, first)
     deadline = time.monotonic() + seconds
     with tempfile.TemporaryDirectory(prefix="impasto-fuzz-") as folder:
-        TARGETS[target](run, Path(folder), lambda: time.monotonic() < deadline)
-    ledger.append(run)
+        try:
+            TARGETS[target](run, Path(folder), lambda: time.monotonic() < deadline)
+        finally:
+            ledger.append(run)
     for name, what in run.findings.items():
         print(f"{name}: {what}")
     return run
 
 
 def _media(run: ledger.Run, folder: Path, goes_on: Callable[[], bool]) -> None:
+    child = DecodingChild()
     while goes_on():
         for case in media.cases(run.seed, run.first + run.steps):
             began = time.monotonic()
-            what = media.outcome(case, folder)
+            what = media.outcome(case, folder) if case.number % GUARDED_ONE_IN == 0 else child.outcome(case, folder)
             took_s = time.monotonic() - began
             if took_s > media.SLOW_S and not what.startswith("fault"):
                 what = f"fault: it took {took_s:.0f} s"
@@ -73,13 +84,22 @@ def _media(run: ledger.Run, folder: Path, goes_on: Callable[[], bool]) -> None:
                 KEPT.mkdir(exist_ok=True)
                 (KEPT / case.id.replace(":", "-")).write_bytes(case.data())
         run.steps += 1
+    child.close()
 
 
 def _again(name: str) -> int:
+    target, *parts = name.split(":")
+    if target in STEPS:
+        run = ledger.Run(target, "", "", int(parts[0]), int(parts[1]))
+        with tempfile.TemporaryDirectory(prefix="impasto-fuzz-") as folder:
+            asyncio.run(STEPS[target](run, Path(folder) / "again", int(parts[1])))
+        print(*(f"{case}: {what}" for case, what in run.findings.items()), sep="\n")
+        return 1 if run.findings else 0
     case = media.Case.of(name)
     with tempfile.TemporaryDirectory(prefix="impasto-fuzz-") as folder:
         try:
-            print(media.run(case, Path(folder)))
+            (path := Path(folder) / "upload").write_bytes(data := case.data())
+            print(media.run(case.kind, path, data))
         except Exception:
             traceback.print_exc()
             return 1
@@ -92,8 +112,12 @@ def _commit() -> str:
 
 
 TARGETS: dict[str, Callable[[ledger.Run, Path, Callable[[], bool]], None]] = {
-    "media": _media, "http": http.fuzz, "uploads": uploads.fuzz,
+    "media": _media, "http": http.fuzz, "uploads": uploads.fuzz, "requests": requests.fuzz, "tus": tus.fuzz,
+    "messages": messages.fuzz, "parsers": parsers.fuzz,
 }  # fmt: skip
+
+STEPS = {"requests": requests.step, "tus": tus.step, "messages": messages.step}
+"""Targets whose cases depend on those before them: a step is made again as a whole."""
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import traceback
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 from pipeline.errors import BadInput
+from pipeline.video.exr import read_exr
 from pipeline.video.guard.pictures import guarded_exr, guarded_raw
 from pipeline.video.guard.reader import GuardedReader
-from pipeline.video.media import Limits
-from pipeline.video.probe import probe_guarded
+from pipeline.video.media import Limits, MediaInfo
+from pipeline.video.probe import probe, probe_guarded
+from pipeline.video.reader import VideoReader
+from pipeline.video.stills import decode_raw
 from tests.fuzz.mutate import mutated
 from tests.fuzz.samples import samples
 
@@ -56,40 +60,67 @@ def cases(seed: int, number: int) -> list[Case]:
     return [Case(kind, seed, number) for kind in samples()]
 
 
+@dataclass(frozen=True)
+class Decoders:
+    """The decoders of uploads."""
+
+    probe: Callable[[Path, Limits], MediaInfo]
+    reader: Callable[[Path, Limits], GuardedReader | VideoReader]
+    raw: Callable[[bytes, Path], object]
+    exr: Callable[[bytes, Path], object]
+
+
+GUARDED = Decoders(
+    probe_guarded, GuardedReader, lambda data, path: guarded_raw(data, "image"),
+    lambda data, path: guarded_exr(data, "image"),
+)  # fmt: skip
+"""Each file in a decoder process of its own, as the service decodes it."""
+DIRECT = Decoders(
+    probe, VideoReader, lambda data, path: decode_raw(data, Limits(), "image"),
+    lambda data, path: read_exr(path, Limits(), "image"),
+)  # fmt: skip
+"""In this process."""
+
+
 def outcome(case: Case, folder: Path) -> str:
     """The outcome of a case: "decoded", "refused: REASON", or "fault: ERROR" for any exception except a refusal."""
+    path = folder / "upload"
+    path.write_bytes(data := case.data())
     try:
-        return run(case, folder)
+        return run(case.kind, path, data)
     except Exception as error:
-        where = traceback.extract_tb(error.__traceback__)[-1]
-        return f"fault: {type(error).__name__}: {error} ({Path(where.filename).name}:{where.lineno})"
+        return fault(error)
 
 
-def run(case: Case, folder: Path) -> str:
-    """Decode a case: "decoded", or "refused: why".
+def fault(error: Exception) -> str:
+    """The outcome of a case that ended with this exception."""
+    where = traceback.extract_tb(error.__traceback__)[-1]
+    return f"fault: {type(error).__name__}: {error} ({Path(where.filename).name}:{where.lineno})"
+
+
+def run(kind: str, path: Path, data: bytes, decoders: Decoders = GUARDED) -> str:
+    """Decode a file: "decoded", or "refused: why".
 
     Raises:
         AssertionError: a refusal without a remedy, or a frame of a size that was not announced.
     """
-    path = folder / "upload"
-    path.write_bytes(data := case.data())
     try:
-        return decode(case.kind, path, data)
+        return decode(kind, path, data, decoders)
     except BadInput as error:
         assert error.remedy, f"no remedy: {error}"
         return f"refused: {error.message}"
 
 
-def decode(kind: str, path: Path, data: bytes) -> str:
+def decode(kind: str, path: Path, data: bytes, decoders: Decoders = GUARDED) -> str:
     """Probe and decode a file of `kind` at `path`, of which `data` are the bytes. Raises what the decoders raise."""
     if kind == "exr":
-        guarded_exr(data, "image")
+        decoders.exr(data, path)
         return "decoded"
-    info = probe_guarded(path, LIMITS)
+    info = decoders.probe(path, LIMITS)
     if info.kind in ("video", "image"):
-        with GuardedReader(path, LIMITS) as reader:
+        with decoders.reader(path, LIMITS) as reader:
             for frame in reader.read(0, MOST_FRAMES):
                 assert frame.shape == (info.height, info.width, 3), "a frame of another size than announced"
     if info.kind == "image":
-        guarded_raw(data, "image")
+        decoders.raw(data, path)
     return "decoded"

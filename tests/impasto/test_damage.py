@@ -148,6 +148,23 @@ def test_a_job_of_the_service_has_a_warning_and_an_event(farm: Farm, holes: Path
     assert failed["counts"]["succeeded"] == 0, "it fails at the scan, before anything is painted"
 
 
+def test_a_project_with_the_policy_fail_is_not_rendered_from_a_damaged_source(
+    farm: Farm, cut: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], home: Path
+) -> None:
+    layer = {"id": "l1", "method": "abstraction", "params": {"lines": "off"}}
+    document = {
+        "schema": 1, "name": "Swan", "assets": {"clip": {"id": farm.assets.add(cut, "cut.mkv").id}},
+        "shots": [{"id": "s1", "video": "clip", "layers": [layer]}], "output": {"on_damage": "fail"},
+    }  # fmt: skip
+    project = farm.projects.create(document, "").id
+    with pytest.raises(DamagedMedia, match="frames 11-23 of 24 are missing"):
+        farm.projects.submit(project)
+    farm.projects.export(project, tmp_path / "project.zip")
+    words = ["render", str(tmp_path / "project.zip"), "-o", str(tmp_path / "out.mp4"), "--home", str(home), "--json"]
+    assert run([*words, "--quiet"]) == 2
+    assert json.loads(capsys.readouterr().out.splitlines()[-1])["error"]["code"] == "damaged-media"
+
+
 def _final(client: TestClient, farm: Farm, job_id: str) -> dict[str, Any]:
     last_seq = 0
     while not farm.jobs.get(job_id).state.final:

@@ -75,7 +75,7 @@ def test_a_frame_of_another_version_is_refused(message: bytes) -> None:
 def test_the_hello_message_is_accepted_by_the_service() -> None:
     options = LiveOptions((640, 480), params={"lines": "dog"}, inputs={"reference": "ast_1"}, send=("h264", "jpeg"))
     hello = Hello.model_validate(options.hello())
-    assert (hello.width, hello.height, hello.send, hello.adaptive) == (640, 480, ["h264", "jpeg"], True)
+    assert (hello.width, hello.height, hello.send, hello.prefer) == (640, 480, ["h264", "jpeg"], "fluent")
 
 
 # -- the way of a session

@@ -35,6 +35,7 @@ from pipeline.video.reader import VideoReader
 from pipeline.video.stills import encode_png
 from tests.conftest import TINY_FRAMES, TINY_HEIGHT, TINY_WIDTH
 from tests.impasto.live_service import only_echo, served, until
+from tests.service.whip_server import whip_server
 
 SIZE = (TINY_WIDTH, TINY_HEIGHT)
 
@@ -414,7 +415,10 @@ def test_a_failed_sender_is_reported_as_an_error(transport_stream: Path, monkeyp
      (["--input", "CLIP", "--output", "x.gif"], "--output"), (["--input", "CLIP", "--output", "x.png"], "--output"),
      (["--input", "CLIP", "--output", "rtmp://127.0.0.1:9/x"], "--output"),
      (["--input", "CLIP", "--output", "rtmp://127.0.0.1:x/x"], "--output"),
-     (["--input", "CLIP", "--output", "gopher://127.0.0.1/x"], "--output")],
+     (["--input", "CLIP", "--output", "gopher://127.0.0.1/x"], "--output"),
+     (["--input", "CLIP", "--output", "whip://127.0.0.1:9/x"], "--output"),
+     (["--input", "CLIP", "--prefer", "fast"], "--prefer"),
+     (["--input", "srt://127.0.0.1:9"], "--input"), (["--input", "CLIP", "--output", "srt://127.0.0.1:9"], "--output")],
 )  # fmt: skip
 def test_bad_arguments_of_live_are_refused_before_the_start(
     words: list[str], field: str, tiny_clip: Path, capsys: pytest.CaptureFixture[str]
@@ -540,6 +544,29 @@ def test_rtmp_reaches_a_player(monkeypatch: pytest.MonkeyPatch) -> None:
         frames = [line.split() for line in received().splitlines()]
     assert {(width, height) for width, height, _ in frames} == {("32", "16")}
     assert [float(when) for *_, when in frames] == pytest.approx([n / 25 for n in range(25) if n != 3], abs=0.002)
+
+
+def test_whip_reaches_a_server() -> None:
+    with whip_server() as server:
+        sink = open_sink(server.address, Reel([0.0]), 20)
+        for number in range(200):
+            sink.put(number / 50, np.full((16, 32, 3), 8 * (number % 32), np.uint8), None)
+            time.sleep(0.02)
+            if len(server.frames) > 20:
+                break
+        assert sink.finish(4.0) == server.address
+        until(lambda: server.deleted)
+    assert {(frame.width, frame.height) for frame in server.frames} == {(32, 16)}
+    levels = {round(float(frame.to_ndarray(format="gray").mean()) / 8) for frame in server.frames}
+    assert len(levels) > 5, "frame after frame"
+
+
+def test_srt_is_refused_by_name_where_ffmpeg_lacks_it() -> None:
+    with pytest.raises(BadInput) as refused:
+        open_sink("srt://127.0.0.1:9?timeout=1000", Reel([0.0]), 20)
+    assert refused.value.field == "--output"
+    if "without SRT" in refused.value.message:
+        assert "libsrt" in refused.value.remedy
 
 
 # -- the command, with a service of its own

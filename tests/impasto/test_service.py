@@ -22,6 +22,7 @@ from pipeline.errors import BadParameter, UnreadableMedia
 from tests.conftest import TINY_FRAMES
 from workers.descriptors import MAX_DESCRIPTORS
 from workers.errors import IdempotencyMismatch, NotFound
+from workers.pools.machine import usable_cpus
 
 Serve = Callable[..., str]
 
@@ -165,7 +166,7 @@ def test_operators_inspect_and_control_the_fleet(
     assert run(["ops", "status", "--json", *at]) == 0
     found = json.loads(capsys.readouterr().out)
     (worker,) = found["workers"]
-    assert (worker["role"], worker["state"], len(worker["slots"])) == ("serve", "live", 1)
+    assert (worker["role"], worker["state"], len(worker["slots"])) == ("serve", "live", usable_cpus())
     node = found["nodes"][0]["name"]
     for place in ("queue", worker["id"], node):
         assert run(["ops", "drain", place, "--reason", "a test", *at]) == 0
@@ -195,7 +196,7 @@ def test_a_worker_exports_its_metrics(tmp_path: Path, serve: Serve) -> None:
         text = httpx.get(f"http://127.0.0.1:{port}/metrics").text
         worker.terminate()
         assert worker.wait(30) == 0
-    assert "impasto_workers 1.0" in text and 'impasto_ready{part="pool"} 1.0' in text
+    assert f"impasto_workers {usable_cpus()}.0" in text and 'impasto_ready{part="pool"} 1.0' in text
 
 
 def free_port() -> int:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import fcntl
+import os
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
 import pytest
 
 from pipeline import jit
-from pipeline.jit import LOCK, kernel
+from pipeline.jit import LOCK, UNUSED_DAYS, kernel
 
 
 @kernel
@@ -26,6 +28,7 @@ def _outer(x: int) -> int:
 
 def test_a_kernel_waits_while_another_process_compiles() -> None:
     folder = Path(_outer.stats.cache_path)  # type: ignore[attr-defined]
+    folder.mkdir(parents=True, exist_ok=True)
     got: list[int] = []
     with (folder / LOCK).open("wb") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
@@ -49,7 +52,23 @@ def test_processes_that_start_together_compile_once(tmp_path: Path) -> None:
     root = Path(__file__).parents[2]
     children = [subprocess.Popen(command, cwd=root, env=env, stdout=subprocess.PIPE, text=True) for _ in range(3)]
     assert {child.communicate(timeout=90)[0] for child in children} == {"8 9.0\n"}
-    assert list(tmp_path.rglob("*.nbc"))
+    assert len(list(tmp_path.rglob("*.nbc"))) == 4, "two kernels, each for integers and for real numbers"
+
+
+def test_code_that_was_not_used_for_long_is_deleted(tmp_path: Path) -> None:
+    ours = tmp_path / "impasto-kernels"
+    old, recent, of_others = ours / "old", ours / "recent", tmp_path / "of-others"
+    for folder, days in ((old, UNUSED_DAYS + 1), (recent, UNUSED_DAYS - 1), (of_others, UNUSED_DAYS + 1)):
+        folder.mkdir(parents=True)
+        (folder / "kernel.nbc").write_bytes(b"code")
+        os.utime(folder, (time.time() - days * 86_400,) * 2)
+    env = {"NUMBA_CACHE_DIR": str(tmp_path), "PATH": "", "HOME": str(tmp_path)}
+    root = Path(__file__).parents[2]
+    done = subprocess.run([sys.executable, "-c", SCRIPT], cwd=root, env=env, capture_output=True, text=True)
+    assert done.stdout == "8 9.0\n"
+    assert not old.exists()
+    assert (of_others / "kernel.nbc").exists(), "other programs keep their code in the same place"
+    assert (recent / "kernel.nbc").read_bytes() == b"code"
 
 
 def test_the_stamp_of_a_kernel_changes_with_its_callees(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -80,7 +80,7 @@ class Postgres:
         """Run one statement outside any transaction."""
         where = f"host={self.folder} user=impasto dbname={database}"
         with psycopg.connect(where, autocommit=True, connect_timeout=5) as connection:
-            found = connection.execute(statement)  # type: ignore[call-overload]
+            found = connection.execute(statement)
             return list(found.fetchall()) if found.description else []
 
     def url(self, database: str) -> str:

@@ -56,8 +56,7 @@ use = egg:swift#gatekeeper
 [filter:healthcheck]
 use = egg:swift#healthcheck
 [filter:cache]
-use = egg:swift#memcache
-memcache_servers = 127.0.0.1:1
+paste.filter_factory = tests.real.swift_cache:filter_factory
 [filter:bulk]
 use = egg:swift#bulk
 [filter:s3api]

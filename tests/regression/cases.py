@@ -58,7 +58,7 @@ def _patches() -> Iterator[Case]:
     def case(name: str, clip: Any = "shapes", **more: Any) -> Case:
         return Case("patches", name, clip, **more)
 
-    yield case("default", "long-shapes", artefacts=frozenset({"labels", "patches", "energy"}))
+    yield case("default", "long-shapes", artefacts=frozenset({"labels", "patches", "energy", "uncertainty"}))
     yield case("cut", "cut")
     for style in ("circles", "impressionist", "expressionist", "wash"):
         yield case(style, params={"style": style})
@@ -67,7 +67,7 @@ def _patches() -> Iterator[Case]:
     yield case("masks", inputs=lambda: {"masks": {0: clips.middle_mask()}})
     yield case("labels", inputs=lambda: {"labels": {0: clips.object_labels(0), 5: clips.object_labels(5)}})
     yield case("strokes", params={"temporal": "strokes"})
-    yield case("frames-alone", params={"temporal": "off", "hold": 3})
+    yield case("frames-alone", params={"temporal": "off", "frames_per_painting": 3})
     yield case("rigidity", params={"rigidity": 0, "colour_edges": 0, "interframe": 0.5})
 
 
@@ -116,7 +116,7 @@ def _multistyle() -> Iterator[Case]:
     yield case("explicit", params={"renderer": "explicit"})
     yield case("explicit-eased", params={"renderer": "explicit", "ease": 1})
     yield case("frames-alone", params={"temporal": "off"})
-    yield case("no-accumulation", params={"linger": 0})
+    yield case("no-accumulation", params={"accumulated_frames": 0})
     for effect in ("rack-focus", "emphasis", "calm-to-stress"):
         yield case(effect, params={"effect": effect})
     yield case(

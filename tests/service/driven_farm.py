@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
 import threading
-from functools import cache
 from pathlib import Path
-from tempfile import mkdtemp
 from typing import Any
 
 import cv2
@@ -15,11 +12,11 @@ import numpy as np
 from pipeline.errors import UnreadableMedia
 from pipeline.methods.base import Task
 from pipeline.video.media import Limits, MediaInfo
+from tests.databases import migrated_sqlite
 from workers.farm import Farm
 from workers.jobs.state_machine import Failed
 from workers.model import Delivery, Fault, Job, JobRequest, RunState, TaskOutcome, TaskState, TaskView
 from workers.settings import FarmSettings
-from workers.store import Store
 
 MAGIC = b"CLIP"
 """Files that begin with these bytes pass for videos."""
@@ -33,14 +30,6 @@ def probe(path: Path, limits: Limits) -> MediaInfo:
     return MediaInfo("video", "video/mp4", 32, 18, 1, 25.0, 0.04)
 
 
-@cache
-def _migrated() -> Path:
-    """An empty database, migrated once for all tests of this process."""
-    path = Path(mkdtemp(prefix="impasto-test-")) / "impasto.db"
-    Store(f"sqlite:///{path}").close()
-    return path
-
-
 class DrivenFarm(Farm):
     """
     Attributes:
@@ -50,8 +39,7 @@ class DrivenFarm(Farm):
     """
 
     def __init__(self, home: Path, **changes: Any) -> None:
-        home.mkdir(parents=True, exist_ok=True)
-        shutil.copy(_migrated(), home / "impasto.db")
+        migrated_sqlite(home / "impasto.db")
         given = {"pool": "none", "reserve_bytes": 0, "live_sessions": 2}
         super().__init__(FarmSettings(home=home, **(given | changes)), None, probe=probe)
         self.parts = {"store": "ok", "blobs": "ok", "pool": "ok"}
@@ -84,27 +72,27 @@ class DrivenFarm(Farm):
         """Run the job to its end."""
         while not self.jobs.get(job_id).state.final:
             key = f"jobs/{job_id}/result.mp4"
-            self._blobs.put(key, result)
+            self.blobs.put(key, result)
             self._run(job_id, {"result": (key, "video/mp4")})
         return self.jobs.get(job_id)
 
     def add_file(self, job_id: str, name: str, data: bytes, media_type: str) -> None:
         """Run the job's next step; its task makes this file."""
-        self._blobs.put(f"jobs/{job_id}/{name}", data)
+        self.blobs.put(f"jobs/{job_id}/{name}", data)
         self._run(job_id, {name: (f"jobs/{job_id}/{name}", media_type)})
 
     def _run(self, job_id: str, files: dict[str, tuple[str, str]]) -> None:
         attempt_id = self._claim(job_id)
-        self._store.queue.finish(TaskOutcome(attempt_id, {}, {}, files, None, {}, ""))
+        self.store.queue.finish(TaskOutcome(attempt_id, {}, {}, files, None, {}, ""))
 
     def _claim(self, job_id: str) -> str:
-        for todo in self._store.plans.to_plan(1000):
+        for todo in self.store.plans.to_plan(1000):
             if todo.job_id == job_id:
-                self._store.plans.planned(job_id, todo.step, [Task("run-0")])
+                self.store.plans.planned(job_id, todo.step, [Task("run-0")])
         running = self.tasks.page(job_id, "running").items
         if running:
             return str(running[0].attempts[-1]["id"])
-        claim = self._store.queue.claim(DRIVER, 3600.0)
+        claim = self.store.queue.claim(DRIVER, 3600.0)
         assert claim is not None and claim.job_id == job_id, "tests run one job at a time"
         return claim.attempt_id
 
@@ -125,13 +113,13 @@ class DrivenFarm(Farm):
         assert state is TaskState.FAILED
         fault = error or Fault("internal-error", "It failed.", "See the log of the task.")
         outcome = TaskOutcome(self._claim(job_id), {}, {}, {}, None, {}, "log of run-0")
-        self._store.queue.finish(outcome, Failed(fault, final=True), "worker-0")
+        self.store.queue.finish(outcome, Failed(fault, final=True), "worker-0")
         (task,) = self.tasks.page(job_id, "failed").items
         return task  # type: ignore[no-any-return]
 
     def tell(self, job_id: str, kind: str, data: dict[str, Any]) -> None:
         """Append an event to the job's history."""
-        with self._store.jobs._transaction(job_id) as transaction:
+        with self.store.jobs._transaction(job_id) as transaction:
             transaction.add_event(kind, data)
 
     def send(self, url: str) -> Delivery:

@@ -64,7 +64,7 @@ class LiveClient:
         await self.socket.send(pack(self.sequence, size, payload, key, timestamp))
         return self.sequence
 
-    async def receive(self, timeout_s: float = 10.0) -> None:
+    async def receive(self, timeout_s: float = 30.0) -> None:
         """Sort one more message."""
         data = await asyncio.wait_for(self.socket.recv(), timeout_s)
         if isinstance(data, bytes):
@@ -72,7 +72,7 @@ class LiveClient:
         else:
             self.messages.append(json.loads(data))
 
-    async def message(self, kind: str, timeout_s: float = 10.0) -> dict[str, Any]:
+    async def message(self, kind: str, timeout_s: float = 30.0) -> dict[str, Any]:
         """The next JSON message of this type; those before it are forgotten."""
         async with asyncio.timeout(timeout_s):
             while True:
@@ -81,7 +81,7 @@ class LiveClient:
                         return found
                 await self.receive()
 
-    async def answer(self, timeout_s: float = 10.0) -> Answer:
+    async def answer(self, timeout_s: float = 30.0) -> Answer:
         async with asyncio.timeout(timeout_s):
             while not self.answers:
                 await self.receive()

@@ -175,6 +175,17 @@ def test_quotas_limit_jobs_and_asset_bytes(login: Login) -> None:
     assert client.post("/v1/uploads", headers=tus).status_code == 429
 
 
+def test_a_job_that_is_started_again_counts_against_the_quota(login: Login) -> None:
+    client = login("submit", "read", active_jobs=1)
+    first = submit(client).json()["id"]
+    client.post(f"/v1/jobs/{first}/cancel")
+    second = submit(client).json()["id"]
+    refused = client.post(f"/v1/jobs/{first}/retry")
+    assert (refused.status_code, refused.json()["code"]) == (429, "quota-exceeded")
+    client.post(f"/v1/jobs/{second}/cancel")
+    assert client.post(f"/v1/jobs/{first}/retry").status_code == 200
+
+
 def test_an_admin_creates_and_revokes_keys(settings: Settings, farm: DrivenFarm) -> None:
     closed = settings.model_validate(settings.model_dump() | {"auth": "required", "admin_key": ADMIN})
     client = TestClient(

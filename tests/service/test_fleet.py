@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
+from service.ops.load_history import KEPT, LoadHistory
 from service.settings import Settings
 from tests.service.conftest import open_client
 from tests.service.driven_farm import DrivenFarm
@@ -16,13 +18,23 @@ from workers.operations import LiveView, Slot, WorkerInfo
 from workers.store import Store
 
 ADMIN = {"Authorization": "Bearer top"}
-READS = ("snapshot", "queue", "workers", "nodes", "failures", "live", "attempts/att_1/log", "jobs/job_1/timeline")
+READS = (
+    "snapshot",
+    "machine",
+    "queue",
+    "workers",
+    "nodes",
+    "failures",
+    "live",
+    "attempts/att_1/log",
+    "jobs/job_1/timeline",
+)
 ACTS = ("queue/pause", "queue/resume", "workers/dsp_1@h/drain", "nodes/h/drain", "nodes/h/resume", "live/liv_1/end")
 
 
 @pytest.fixture
 def store(farm: DrivenFarm) -> Store:
-    return farm._store
+    return farm.store
 
 
 @pytest.fixture
@@ -114,3 +126,25 @@ def test_the_fleet_page_is_served_with_security_headers(ops: TestClient) -> None
     assert answer.status_code == 200
     assert "unsafe" not in answer.headers["content-security-policy"]
     assert "<script>" not in answer.text and "style=" not in answer.text
+
+
+def test_the_machine_has_its_load_and_disks(ops: TestClient) -> None:
+    wait_until = time.monotonic() + 10
+    while not (found := ops.get("/v1/ops/machine").json())["samples"]:
+        assert time.monotonic() < wait_until
+        time.sleep(0.05)
+    assert found["cpus"] >= 1
+    assert {disk["place"] for disk in found["disks"]} == {"home", "blobs", "scratch"}
+    assert all(0 < disk["free_bytes"] <= disk["size_bytes"] for disk in found["disks"])
+    sample = found["samples"][-1]
+    assert 0 <= sample["cpu"] <= 1
+    assert 0 < sample["memory_bytes"] < found["memory_bytes"]
+
+
+def test_the_load_of_an_hour_is_kept() -> None:
+    history = LoadHistory()
+    for _ in range(KEPT + 5):
+        history.sample()
+    times = [sample.at for sample in history.samples]
+    assert len(times) == KEPT
+    assert times == sorted(times)

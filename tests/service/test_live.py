@@ -17,6 +17,7 @@ import pytest
 from websockets.exceptions import InvalidStatus
 
 from pipeline.methods.base import Method
+from pipeline.methods.steady import Steady
 from pipeline.video.stills import encode_png
 from service.settings import Settings
 from tests.service.live import running
@@ -40,7 +41,7 @@ def looped(test: Callable[..., Awaitable[None]]) -> Callable[..., None]:
 
 @pytest.fixture(autouse=True)
 def echo(monkeypatch: pytest.MonkeyPatch) -> None:
-    found: dict[str, Method] = {"echo": Echo(), "toy": Toy()}  # type: ignore[dict-item]
+    found: dict[str, Method] = {"echo": Echo(), "toy": Toy(), "steady": Steady()}  # type: ignore[dict-item]
     for place in ("pipeline.methods", "workers.live.sessions", "service.live.connection"):
         monkeypatch.setattr(f"{place}.methods", lambda: found)
 
@@ -69,6 +70,45 @@ def shown(payload: bytes) -> Any:
     return cv2.imdecode(np.frombuffer(payload, np.uint8), cv2.IMREAD_COLOR_RGB)
 
 
+# -- filters and sizes
+
+
+@looped
+async def test_a_filter_is_named_in_hello_changed_by_params_and_removed_by_null(url: str) -> None:
+    async with live(url) as client:
+        ready = await hello(client, filter={"method": "steady", "params": {"strength": 12}})
+        assert (ready["filter"]["method"], ready["filter"]["params"]["strength"]) == ("steady", 12.0)
+        assert ready["filter"]["params"]["detail"] == 0.4, "defaults are filled in"
+        await client.send(FRAME)
+        await client.answer()
+        await client.send_message({"type": "params", "params": {"add": 1}})
+        assert (await client.message("params"))["filter"] == ready["filter"], "not named: unchanged"
+        await client.send_message({"type": "params", "filter": {"params": {"strength": 3}}})
+        assert (await client.message("params"))["filter"]["params"]["strength"] == 3.0
+        await client.send_message({"type": "params", "filter": {"params": {"strength": -3}}})
+        assert (await client.message("error"))["problem"]["field"] == "filter.params.strength"
+        await client.send_message({"type": "params", "filter": {"method": "echo"}})
+        assert (await client.message("error"))["problem"]["field"] == "filter.method"
+        await client.send_message({"type": "params", "filter": None})
+        assert "filter" not in await client.message("params")
+
+
+@looped
+async def test_statistics_say_why_the_working_size_was_chosen(url: str) -> None:
+    size, frame = (320, 240), jpeg(np.full((240, 320, 3), 100, np.uint8))
+    async with live(url) as client:
+        await hello(client, width=320, height=240, fps=20, params={"per_pixel_s": 2e-6})  # 154 ms at full size
+        for _ in range(40):
+            await client.send(frame, size)
+            await asyncio.sleep(1 / 20)
+        change = await client.message("resolution")
+        assert change["reason"] == "slow"
+        assert change["latency_ms"] > change["deadline_ms"] >= 50, "one period at the rate of the frames"
+        chosen = (await client.message("stats"))["size"]
+        assert chosen["reason"] == "slow"
+        assert chosen["latency_ms"] > chosen["deadline_ms"] >= 50
+
+
 # -- the way of a session
 
 
@@ -80,7 +120,7 @@ async def test_a_live_session_runs_from_hello_to_bye(url: str) -> None:
         assert ready["session"].startswith("liv_")
         assert (ready["version"], ready["resumed"], ready["deadline_ms"]) == (1, False, 40.0)
         assert ready["params"]["add"] == 20
-        assert ready["params"]["look_s"] == 0.0
+        assert ready["params"]["analyze_s"] == 0.0
         assert (ready["send"], ready["receive"]) == ({"codec": "jpeg"}, {"codec": "jpeg"})
         for number in range(1, 4):
             await client.send(FRAME, timestamp=10**15 + number)
@@ -106,6 +146,7 @@ def free(url: str, timeout_s: float = 5.0, want: int = 2) -> int:
 def test_live_information_lists_methods_capacity_and_limits(url: str) -> None:
     info = httpx.get(f"{url}/v1/live").json()
     assert info["methods"] == ["echo"], "the toy is not causal"
+    assert info["filters"] == ["steady"]
     assert (info["version"], info["capacity"], info["sessions"], info["free"]) == (1, 2, 0, 2)
     assert {"h264", "vp8", "jpeg", "webp", "raw"} == set(info["receives"]) == set(info["sends"])
     assert info["limits"] == {"width": 1920, "height": 1920, "fps": 120.0, "frame_bytes": 12 << 20}
@@ -143,7 +184,7 @@ async def test_live_statistics_are_sent_every_second(url: str) -> None:
         await client.send(FRAME)
         stats = await client.message("stats")
         assert (stats["received"], stats["painted"], stats["dropped"], stats["scale"]) == (1, 1, 0, 1.0)
-        assert set(stats["stages_ms"]) == {"wait", "decode", "look", "paint", "encode"}
+        assert set(stats["stages_ms"]) == {"wait", "decode", "analyze", "paint", "encode"}
         assert stats["stages_ms"]["paint"] >= 5
         assert stats["latency_ms"]["p50"] >= 5
 
@@ -151,7 +192,7 @@ async def test_live_statistics_are_sent_every_second(url: str) -> None:
 @looped
 async def test_only_the_newest_waiting_frame_is_painted(url: str) -> None:
     async with live(url) as client:
-        await hello(client, params={"paint_s": 0.05}, adaptive=False)
+        await hello(client, params={"paint_s": 0.05}, prefer="sharp")
         for _ in range(30):
             await client.send(FRAME)
             await asyncio.sleep(0.005)

@@ -157,7 +157,7 @@ async def test_too_many_frames_end_the_session(url: str) -> None:
         assert (await ended(client))[:2] == (4429, "rate-limited")
 
 
-@pytest.mark.parametrize("fault", ["look", "paint"])
+@pytest.mark.parametrize("fault", ["analyze", "paint"])
 def test_internal_errors_end_the_session_with_1011(url: str, fault: str) -> None:
     @looped
     async def run() -> None:

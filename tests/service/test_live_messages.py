@@ -69,8 +69,8 @@ def test_invalid_messages_are_refused(text: str) -> None:
     ("field", "value"),
     [
         ("width", "640"), ("width", 1.5), ("fps", "30"), ("quality", 0), ("quality", 101), ("seed", -1), ("send", []),
-        ("send", "jpeg"), ("send", ["x"] * 17), ("adaptive", 1), ("params", []), ("inputs", {"reference": 3}),
-        ("cat", 1),
+        ("send", "jpeg"), ("send", ["x"] * 17), ("prefer", "fast"), ("filter", 3), ("params", []),
+        ("inputs", {"reference": 3}), ("cat", 1),
     ],
 )  # fmt: skip
 def test_the_error_names_the_bad_message_field(field: str, value: Any) -> None:

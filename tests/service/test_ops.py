@@ -31,7 +31,7 @@ def test_health_and_readiness_report_the_parts(client: TestClient, farm: DrivenF
 
 def test_the_consistency_check_reports_violations(client: TestClient, farm: DrivenFarm, job: str) -> None:
     assert client.get("/v1/ops/check").json() == {"violations": []}
-    with farm._store._db.write() as connection:
+    with farm.store.database.write() as connection:
         connection.execute(update(schema.jobs).values(finished_at=1.0))
     (found,) = client.get("/v1/ops/check").json()["violations"]
     assert (found["kind"], found["id"]) == ("wrong-times", job) and found["message"] and found["remedy"]
@@ -156,3 +156,48 @@ def test_every_error_code_has_a_status() -> None:
     client_side = {"service-unreachable", "not-allowed", "job-failed", "interrupted"}
     client_side |= {"live-ended", "source-lost", "output-lost"}
     assert codes(ImpastoError) - client_side <= set(TABLE)
+
+
+def test_an_operator_moves_a_job_to_the_front(client: TestClient, farm: DrivenFarm, body: dict[str, Any]) -> None:
+    first, urgent, last = (
+        client.post("/v1/jobs", json=body | {"seed": seed, "priority": p}).json()["id"]
+        for seed, p in ((1, 0), (2, 7), (3, 0))
+    )
+    assert [job.id for job in farm.jobs.ahead(last)] == [first, urgent]
+    moved = client.post(f"/v1/ops/jobs/{last}/priority", json={"priority": None}).json()
+    assert moved["request"]["priority"] == 8 and farm.jobs.ahead(last) == []
+    assert client.post(f"/v1/ops/jobs/{last}/priority", json={"priority": -3}).json()["request"]["priority"] == -3
+    assert [job.id for job in farm.jobs.ahead(last)] == [first, urgent]
+    assert client.post(f"/v1/ops/jobs/{last}/priority", json={"priority": 101}).status_code == 422
+    client.post(f"/v1/jobs/{last}/cancel")
+    assert client.post(f"/v1/ops/jobs/{last}/priority", json={}).status_code == 409
+
+
+def test_an_action_on_several_jobs_tells_of_each(client: TestClient, body: dict[str, Any]) -> None:
+    jobs = [client.post("/v1/jobs", json=body | {"seed": seed}).json()["id"] for seed in (1, 2)]
+    client.post(f"/v1/jobs/{jobs[0]}/cancel")
+
+    def act(action: str) -> list[str | None]:
+        items = client.post("/v1/ops/jobs/actions", json={"action": action, "jobs": [*jobs, "job_none"]}).json()[
+            "items"
+        ]
+        assert [item["job_id"] for item in items] == [*jobs, "job_none"]
+        return [item["error"] and item["error"]["code"] for item in items]
+
+    assert act("cancel") == ["conflict", None, "not-found"]
+    assert act("retry") == [None, None, "not-found"]
+    assert act("delete") == ["conflict", "conflict", "not-found"]
+    assert act("cancel") == [None, None, "not-found"]
+    assert act("delete") == [None, None, "not-found"]
+    assert client.get("/v1/jobs").json()["items"] == []
+
+
+def test_jobs_are_found_by_a_part_of_what_names_them(client: TestClient, body: dict[str, Any]) -> None:
+    ids = {name: client.post("/v1/jobs", json=body | {"name": name}).json()["id"] for name in ("Swan 50%", "cat", "")}
+
+    def found(text: str) -> set[str]:
+        return {item["id"] for item in client.get("/v1/jobs", params={"search": text}).json()["items"]}
+
+    assert found("swan") == found("50%") == {ids["Swan 50%"]}
+    assert found(ids["cat"]) == {ids["cat"]} and found("%a%") == set()
+    assert found(body["method"]) == set(ids.values())

@@ -14,7 +14,9 @@ import pytest
 from fastapi.testclient import TestClient
 from numpy.typing import NDArray
 
+from pipeline.methods import method
 from pipeline.methods.analogy import propagation as propagation_module
+from pipeline.methods.local import LocalContext, run_plan
 from pipeline.synthesis.images import NOWHERE
 from service.app import create_app
 from service.settings import Settings
@@ -303,3 +305,56 @@ def test_a_later_preview_request_cancels_the_earlier_one(
 def test_cached_preview_state_is_bounded(client: TestClient, at: str) -> None:
     state = client.get(f"{at}/state").json()
     assert 0 < state["bytes"] <= state["limit_bytes"] and state["where"] == "process"
+
+
+def test_flicker_is_mapped_in_one_frame_and_measured_in_several(client: TestClient, at: str, clip: str) -> None:
+    document = _document(clip, _layer("abstraction"))
+    one = _ask(client, f"{at}/flicker", frame=5, document=document)
+    assert types(one) == ["begin", "frame", "flicker", "end"]
+    header, heat = one[2]
+    assert header["flicker"] > 0 and header["error"] > 0
+    assert picture(heat).shape[:2] == picture(one[1][1]).shape[:2]
+    several = _ask(client, f"{at}/flicker", frames=[4, 7], document=document)[1:-1]
+    assert [found["frame"] for found, _ in several] == [5, 6] and not any(data for _, data in several)
+    (first, _), _end = _ask(client, f"{at}/flicker", frame=0, document=document)[1:]
+    assert (first["frame"], first["flicker"]) == (0, None), "the first frame follows no other"
+    refused = client.post(f"{at}/flicker", json={"shot": "s1", "frames": [0, 90]})
+    assert (refused.status_code, refused.json()["field"]) == (422, "frames")
+
+
+def test_clusters_before_a_film_are_those_of_a_job(client: TestClient, at: str, clip: str) -> None:
+    document = _document(clip, _layer("patches"))
+    found = [one for one in _ask(client, f"{at}/clusters", document=document) if one[0]["type"] == "clusters"]
+    frames = [header["frame"] for header, _ in found]
+    assert frames == list(range(len(frames))) and len(frames) > 2
+    source = [picture(data)[..., ::-1].copy() for header, data in
+              _ask(client, f"{at}/source", frames=[0, len(frames)])[1:-1]]  # fmt: skip
+    chosen = method("patches")
+    context = LocalContext(chosen.Params(), source)
+    run_plan(chosen, context)
+    for header, data in found:
+        number = header["frame"]
+        expected = context.kept["cluster", f"run-{number // 12 * 12:07d}"][f"labels-{number}"]
+        decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+        assert decoded is not None and decoded.dtype == np.uint16 and np.array_equal(decoded, expected)
+        assert set(header["uncertainty"]) == {str(label) for label in np.unique(expected) if label}
+    again = _ask(client, f"{at}/clusters", document=document)[1:-1]
+    assert again == found, "they are kept"
+    refused = _ask(client, f"{at}/clusters", document=_document(clip, _layer("analogy")))
+    assert "patches" in refused[-1][0]["problem"]["remedy"]
+
+
+def test_scribbles_are_spread_to_the_frames_after_them(client: TestClient, at: str, clip: str) -> None:
+    scribble = np.full((64, 96, 4), (128, 128, 128, 0), np.uint8)
+    scribble[:, 60:] = (0, 0, 0, 255)
+    scribble[:, :30] = (255, 255, 255, 255)
+    png = cv2.imencode(".png", scribble)[1].tobytes()
+    image = client.post("/v1/assets", files={"file": ("scribble.png", png)}).json()["id"]
+    document = _document(clip, _layer("patches", scribbles=[{"frame": 2, "image": "scribble"}]))
+    document["assets"]["scribble"] = {"id": image}
+    found = _ask(client, f"{at}/spread", frame=3, around=2, document=document)[1:-1]
+    assert [header["frame"] for header, _ in found] == [3, 4, 5]
+    for _, data in found:
+        mask = picture(data)
+        assert mask[:, :10].mean() > 200 and mask[:, 80:].mean() < 50
+    assert types(_ask(client, f"{at}/spread", frame=1, document=document)) == ["begin", "end"]

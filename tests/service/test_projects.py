@@ -113,6 +113,8 @@ def test_patches_change_a_part_of_a_project(client: TestClient, clip: str) -> No
     found = client.get(at).json()["document"]
     assert (found["name"], found["shots"][0]["layers"][0]["params"]) == ("Goose", {"relief": 2})
     assert patch({}, "application/json", 3).status_code == 415
+    empty = client.request("PATCH", at, headers={"If-Match": '"3"'})
+    assert (empty.status_code, empty.json()["code"]) == (400, "bad-json")
     assert patch([{"op": "remove", "path": "/zzz"}], "application/json-patch+json", 3).json()["code"] == "bad-patch"
     wrong = patch({"shots": 3}, "application/merge-patch+json", 3)
     assert (wrong.status_code, [error["path"] for error in wrong.json()["errors"]]) == (422, ["/shots"])
@@ -152,10 +154,13 @@ def test_jobs_are_created_from_a_version(client: TestClient, clip: str) -> None:
     assert client.get(f"{at}/versions").json()["items"][0]["jobs"] == [item["job"]["id"]]
 
 
-def test_an_estimate_without_data_is_unknown(client: TestClient, clip: str) -> None:
+def test_an_estimate_without_finished_jobs_is_the_methods_own(client: TestClient, clip: str) -> None:
     project = _create(client, _document(clip))
     found = client.post("/v1/estimates", json={"project": project["id"]}).json()
-    assert found == {"items": [{"frames": 24, "seconds": None, "samples": 0, "shot": "s1"}], "jobs_ahead": 0}
+    (item,) = found["items"]
+    assert (item["frames"], item["samples"], item["shot"], found["jobs_ahead"]) == (24, 0, "s1", 0)
+    assert item["seconds"] == item["cpu_s"] > 0
+    assert item["memory_bytes"] > 1e6 and item["disk_bytes"] > 0
     wrong = _create(client, _document(clip, method="oil"))
     assert client.post("/v1/estimates", json={"project": wrong["id"]}).json()["code"] == "bad-project"
 

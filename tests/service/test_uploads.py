@@ -113,6 +113,20 @@ def test_an_upload_above_the_size_limit_is_413(settings: Settings, farm: DrivenF
         assert (answer.status_code, answer.json()["field"]) == (413, "Upload-Length")
 
 
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("Upload-Checksum", "sha256 caf\u00e9"),
+        ("Upload-Metadata", "filename caf\u00e9"),
+        ("Upload-Checksum", "sha1 \u00b2"),
+    ],
+)
+def test_base64_headers_with_other_characters_are_refused(client: TestClient, name: str, text: str) -> None:
+    headers = PIECE | {"Upload-Length": "3", "Upload-Offset": "0", name: text.encode("latin-1")}
+    answer = client.post("/v1/uploads", headers=headers, content=b"abc")
+    assert 400 <= answer.status_code < 500 and answer.json()["field"] == name
+
+
 @pytest.mark.parametrize("algorithm", ["sha1", "sha256"])
 def test_the_checksum_of_an_upload_chunk_is_verified(client: TestClient, algorithm: str) -> None:
     where = begin(client)

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from pipeline.video.probe import probe
+from tests.databases import migrated_sqlite
 from tests.workers.toy import Toy, ToyRunner
 from workers.blobs.disk import DiskBlobs
 from workers.farm import Farm
@@ -42,6 +43,8 @@ def open_farm(settings: FarmSettings) -> Iterator[Callable[..., Farm]]:
 
     def open_one(start: bool = True, **changes: Any) -> Farm:
         chosen = settings.model_copy(update=changes)
+        if not (chosen.home / "impasto.db").exists():
+            migrated_sqlite(chosen.home / "impasto.db")
         blobs = DiskBlobs(chosen.blobs_at)
         farm = Farm(chosen, LocalPool(lambda: ToyRunner(blobs), chosen.workers))
         opened.append(farm)
@@ -82,7 +85,7 @@ def until(ask: Callable[[], Any], timeout_s: float = 10.0) -> Any:
     deadline = time.monotonic() + timeout_s
     while not (answer := ask()):
         assert time.monotonic() < deadline, "it did not happen in time"
-        time.sleep(0.01)
+        time.sleep(0.03)
     return answer
 
 

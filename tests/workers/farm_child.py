@@ -6,11 +6,13 @@ SIGUSR1 sets its clock an hour forward, and back at the next one.
 
 from __future__ import annotations
 
+import ctypes
 import json
 import signal
 import sys
 import threading
 import time
+from collections.abc import Callable
 from types import FrameType
 
 import pipeline.methods
@@ -26,22 +28,34 @@ from workers.pools.local_pool import LocalPool
 from workers.settings import FarmSettings
 
 STEP_S = 3600.0
+_PR_SET_PDEATHSIG = 1
 _system_time = time.time
 _ahead_s = 0.0
 
 
 def main() -> None:
+    run(sys.stdin.readline(), lambda: print("up", flush=True))
+
+
+def run(settings_json: str, when_up: Callable[[], object]) -> None:
+    """The process's program; `when_up` is called when it works."""
     pipeline.methods.methods = lambda: {"toy": Toy()}  # type: ignore[assignment]
     farm_module.probe_guarded = probe
     time.time = lambda: _system_time() + _ahead_s
     signal.signal(signal.SIGUSR1, _step)
-    settings = FarmSettings.model_validate_json(sys.stdin.readline())
+    settings = FarmSettings.model_validate_json(settings_json)
     farm = Farm(settings, _pool(settings, open_blobs(settings)))
     farm.start()
-    print("up", flush=True)
+    when_up()
     if settings.pool == "none":
         _accept(farm)
     threading.Event().wait()
+
+
+def run_forked(settings_json: str, when_up: Callable[[], object]) -> None:
+    """As `run`, in a process that ends with the one that forked it."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    run(settings_json, when_up)
 
 
 def _step(number: int, frame: FrameType | None) -> None:

@@ -26,13 +26,13 @@ from workers.live.worker import LiveWorkerLost, NoLiveWorker
 class EchoParams(Params):
     add: int = Field(default=0, ge=0, le=255)
     """Added to every pixel."""
-    look_s: float = Field(default=0.0, ge=0)
+    analyze_s: float = Field(default=0.0, ge=0)
     paint_s: float = Field(default=0.0, ge=0)
     per_pixel_s: float = Field(default=0.0, ge=0)
     """Of the painting, besides."""
     open_s: float = Field(default=0.0, ge=0)
     fault: str = ""
-    """"look", "paint": raise there; "die": kill the process at the third frame."""
+    """"analyze", "paint": raise there; "die": kill the process at the third frame."""
 
 
 class EchoSession:
@@ -46,9 +46,9 @@ class EchoSession:
 
     def analyze(self, frame: Frame) -> Any:
         assert (frame.shape[1], frame.shape[0]) == self.size
-        time.sleep(self.params.look_s)
+        time.sleep(self.params.analyze_s)
         self.received += 1
-        if self.params.fault == "look":
+        if self.params.fault == "analyze":
             raise RuntimeError("the cat sat on the lens")
         if self.params.fault == "die" and self.received == 3:
             os.kill(os.getpid(), signal.SIGKILL)
@@ -103,6 +103,9 @@ class Echo:
         time.sleep(params.open_s)
         return EchoSession(params, size, _green(references))
 
+    def live_filter(self, params: Any, size: tuple[int, int]) -> None:
+        return None
+
 
 @dataclass
 class ToyWorker:
@@ -131,7 +134,7 @@ class ToyWorker:
 
     async def _analyze(self, work: FrameRequest) -> None:
         self.received.append(work)
-        await self._live(self.workers.look_s)
+        await self._live(self.workers.analyze_s)
         self._analyzed.put_nowait(BadFrame("No frame.") if work.payloads[-1] == b"bad" else work)
 
     def paint(self) -> Awaitable[RenderedFrame]:
@@ -146,11 +149,14 @@ class ToyWorker:
         if isinstance(work, Exception):
             raise work
         return RenderedFrame(
-            work.payloads[-1], work.work_size, work.key, {"look": self.workers.look_s, "paint": self.workers.paint_s}
+            work.payloads[-1],
+            work.work_size,
+            work.key,
+            {"analyze": self.workers.analyze_s, "paint": self.workers.paint_s},
         )
 
-    def change(self, params: Mapping[str, Any], inputs: Mapping[str, str]) -> Awaitable[None]:
-        return asyncio.ensure_future(self._change(params))
+    def change(self, order: LiveOrder) -> Awaitable[None]:
+        return asyncio.ensure_future(self._change(order.params))
 
     async def _change(self, params: Mapping[str, Any]) -> None:
         await self._live(0.0)
@@ -174,8 +180,8 @@ class ToyWorker:
 class ToyWorkers:
     kind = "toy"
 
-    def __init__(self, look_s: float = 0.0, paint_s: float = 0.0, most: int = 100) -> None:
-        self.look_s, self.paint_s, self.most = look_s, paint_s, most
+    def __init__(self, analyze_s: float = 0.0, paint_s: float = 0.0, most: int = 100) -> None:
+        self.analyze_s, self.paint_s, self.most = analyze_s, paint_s, most
         self.made: list[ToyWorker] = []
 
     def start(self) -> None: ...

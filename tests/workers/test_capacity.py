@@ -70,7 +70,7 @@ def test_machines_large_enough_for_a_task_and_the_message_if_none_is() -> None:
 def test_resources_of_a_step_apply_to_tasks_that_declare_none(monkeypatch: pytest.MonkeyPatch) -> None:
     declared = Resources(gpus=0.0, memory_bytes=3 * GIB)
     monkeypatch.setattr(Toy, "resources", staticmethod(lambda step, context: declared), raising=False)
-    request, results = JobRequest("toy", {}), {"look": {"all": {"found": 1}}}
+    request, results = JobRequest("toy", {}), {"analyze": {"all": {"found": 1}}}
     assert [task.resources for task in plan_step(1, request, {}, {}, results)] == [declared]
     (own,) = plan_step(1, request, {"memory_mib": 64}, {}, results)
     assert own.resources == Resources(1.0, 0.0, 64 << 20)

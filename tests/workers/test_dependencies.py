@@ -34,7 +34,7 @@ def test_a_third_step_loads_artefacts_of_the_first(farm: Farm, data: Path) -> No
     job = _run(farm, data)
     assert (job.state, job.error) == ("succeeded", None)
     assert result(farm, job.id) == RESULT
-    results, _ = farm._store.task_inputs.before(job.id, 3)
+    results, _ = farm.store.task_inputs.before(job.id, 3)
     assert results["mix"]["mix-0"] == {"after": ["scan/even", "draw/run-0"]}
     assert results["mix"]["mix-3"] == {"after": ["scan/odd", "draw/run-3", "mix-2"]}
 

@@ -150,7 +150,7 @@ def test_an_outcome_is_retried_while_the_store_is_unavailable(
     farm = manual_farm()
     job = farm.jobs.submit(request_on(farm, data, params={"tasks": 1}))
     order = pool.next()
-    finish = farm._store.queue.finish
+    finish = farm.store.queue.finish
     down = time.monotonic() + 0.8
 
     def away(*args: object, **more: object) -> bool:
@@ -158,7 +158,7 @@ def test_an_outcome_is_retried_while_the_store_is_unavailable(
             raise StorageError("The database does not answer.")
         return finish(*args, **more)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(farm._store.queue, "finish", away)
+    monkeypatch.setattr(farm.store.queue, "finish", away)
     pool.run(blobs, order)
     until(lambda: "does not answer" in farm.ready()["pool"])
     for _ in range(2):
@@ -229,14 +229,14 @@ def test_a_plan_that_cannot_be_stored_delays_no_other_job(
     manual_farm: Callable[..., Farm], pool: ManualPool, data: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     farm = manual_farm()
-    planned = farm._store.plans.planned
+    planned = farm.store.plans.planned
 
     def fail(job_id: str, step: int, tasks: list[Task]) -> bool:
         if farm.jobs.get(job_id).request.name == "bad":
             raise TypeError("not JSON")
         return planned(job_id, step, tasks)
 
-    monkeypatch.setattr(farm._store.plans, "planned", fail)
+    monkeypatch.setattr(farm.store.plans, "planned", fail)
     broken = [farm.jobs.submit(request_on(farm, data, name="bad")) for _ in range(5)]
     sound = farm.jobs.submit(request_on(farm, data))
     assert pool.next().job_id == sound.id
@@ -257,9 +257,9 @@ def test_a_job_whose_failed_plan_cannot_be_recorded_delays_no_other_job(
     def fail_bad(job_id: str, step: int, tasks: list[Task]) -> bool:
         return fail() if farm.jobs.get(job_id).request.name == "bad" else planned(job_id, step, tasks)
 
-    planned = farm._store.plans.planned
-    monkeypatch.setattr(farm._store.plans, "planned", fail_bad)
-    monkeypatch.setattr(farm._store.plans, "plan_failed", fail)
+    planned = farm.store.plans.planned
+    monkeypatch.setattr(farm.store.plans, "planned", fail_bad)
+    monkeypatch.setattr(farm.store.plans, "plan_failed", fail)
     for _ in range(5):
         farm.jobs.submit(request_on(farm, data, name="bad", priority=9))
     sound = farm.jobs.submit(request_on(farm, data))

@@ -118,7 +118,7 @@ def test_a_failing_release_of_an_attempt_delays_no_other_job(
 ) -> None:
     """Two attempts of a dead dispatcher, of which one cannot be interrupted."""
     broken, others = jobs_of(farm, data)
-    store = farm._store
+    store = farm.store
     for todo in store.plans.to_plan(10):
         farm._dispatcher._planner.plan_one(todo)  # type: ignore[union-attr]
     claims = [store.queue.claim("dsp_dead@here", -1.0) for _ in range(3)]

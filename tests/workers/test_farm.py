@@ -18,7 +18,7 @@ def test_a_job_runs_all_its_steps_and_its_result_can_be_read(farm: Farm, data: P
     job = finished(farm, farm.jobs.submit(request_on(farm, data, params={"tasks": 5})).id)
     assert (job.state, job.progress, job.error) == ("succeeded", 1.0, None)
     assert [(step.name, step.state, step.counts["succeeded"]) for step in job.steps] == [
-        ("look", "succeeded", 1),
+        ("analyze", "succeeded", 1),
         ("draw", "succeeded", 5),
         ("assemble", "succeeded", 1),
     ]

@@ -65,7 +65,7 @@ def test_a_store_on_a_full_disk_keeps_its_data(small_disk: Path) -> None:
     filler.unlink()
     assert store.jobs.get(before).state == "queued"
     _job(store)
-    with store._db.read() as connection:
+    with store.database.read() as connection:
         assert connection.execute(text("PRAGMA integrity_check")).scalar() == "ok"
     store.close()
 

@@ -105,7 +105,7 @@ def test_errors_are_reported_and_the_stream_goes_on(post: LiveWorkerServer) -> N
 
 def test_frame_requests_and_rendered_frames_round_trip() -> None:
     frame = FrameRequest((b"first", b"", b"last"), (640, 480), (320, 240), key=True)
-    painted = RenderedFrame(b"made", (320, 240), False, {"look": 0.25})
+    painted = RenderedFrame(b"made", (320, 240), False, {"analyze": 0.25})
     for sent, made in ((of_work(frame), frame), (of_painted(painted), painted)):
         text, data = sent[HEADER.size :][: lengths(sent[: HEADER.size])[0]], sent[-lengths(sent[: HEADER.size])[1] :]
         assert (work_of if made is frame else painted_of)(parsed(text), data) == made

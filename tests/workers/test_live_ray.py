@@ -7,6 +7,7 @@ import os
 import signal
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -80,7 +81,7 @@ def test_a_worker_paints_and_errors_keep_their_class(workers: Any) -> None:
             await worker.paint()
         assert raised.value.field == "payload"
         with pytest.raises(BadParameter):
-            await worker.change({"add": 999}, {})
+            await worker.change(replace(ORDER, params={"add": 999}))
         await worker.leave()
 
     asyncio.run(asyncio.wait_for(run(), 30))

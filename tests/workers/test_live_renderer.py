@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -18,12 +20,13 @@ import pipeline.scenes
 from pipeline.errors import BadFrame, BadInput, BadParameter
 from pipeline.frames import Frame
 from pipeline.methods.abstraction import Abstraction, AbstractionParams, AbstractionSession
+from pipeline.methods.steady import Steady, SteadyFilter, SteadyParams
 from pipeline.video.stills import encode_png
 from tests.workers.live_toys import Echo
 from workers.blobs.disk import DiskBlobs
 from workers.errors import NotFound
 from workers.live.codecs import encoder
-from workers.live.model import FrameRequest, LiveOrder, Size, WireFormat
+from workers.live.model import FilterOrder, FrameRequest, LiveOrder, Size, WireFormat
 from workers.live.renderer import LiveRenderer
 
 SIZE = (160, 96)
@@ -50,7 +53,7 @@ def blobs(home: Path) -> DiskBlobs:
 
 @pytest.fixture
 def painter(blobs: DiskBlobs) -> Iterator[LiveRenderer]:
-    made = LiveRenderer(blobs, lambda name: {"echo": Echo(), "abstraction": Abstraction()}[name])
+    made = LiveRenderer(blobs, lambda name: {"echo": Echo(), "abstraction": Abstraction(), "steady": Steady()}[name])
     yield made
     made.close()
 
@@ -105,7 +108,7 @@ def test_a_parameter_change_waits_for_analyzed_frames(painter: LiveRenderer) -> 
     with ThreadPoolExecutor(1) as analyses:
         analyses.submit(painter.analyze, work(frame))
         analyses.submit(painter.analyze, work(frame))
-        changed = analyses.submit(painter.change, {"add": 9}, {})
+        changed = analyses.submit(painter.change, order(params={"add": 9}))
         assert painter.paint().data[0] == 1
         assert not changed.done()
         assert painter.paint().data[0] == 1
@@ -120,15 +123,56 @@ def test_references_are_added_and_removed_and_a_bad_one_is_ignored(painter: Live
     blobs.put("assets/red", encode_png(np.full((32, 32, 3), (255, 0, 0), np.uint8)))
     blobs.put("assets/text", b"no picture at all")
     painter.open(order())
-    painter.change({}, {"reference": "assets/green"})
+    painter.change(order(inputs={"reference": "assets/green"}))
     assert step(painter, work(frame))[0, 0, 1] == 77
     for bad, error in (("assets/red", BadInput), ("assets/text", BadInput), ("assets/gone", NotFound)):
         with pytest.raises(error) as raised:
-            painter.change({"add": 5}, {"reference": bad})
+            painter.change(order(params={"add": 5}, inputs={"reference": bad}))
         assert raised.value.field == "inputs.reference" or bad == "assets/red"
     assert step(painter, work(frame))[0, 0].tolist() == [0, 77, 2]
-    painter.change({}, {})
+    painter.change(order())
     assert step(painter, work(frame))[0, 0, 1] == 0
+
+
+STEADY = FilterOrder("steady", {"strength": 20})
+
+
+def test_a_filter_gives_the_output_of_the_filter_over_the_painted_frames(painter: LiveRenderer) -> None:
+    frames = scene(6)
+    painter.open(order("abstraction", filter=STEADY))
+    painter.analyze(work(frames[0]))
+    painted = [painter.paint()]
+    assert set(painted[0].stages_s) == {"decode", "analyze", "paint", "filter", "encode"}
+    for frame in frames[1:]:
+        painter.analyze(work(frame))
+        painted.append(painter.paint())
+    session, behind = AbstractionSession(AbstractionParams(), SIZE), SteadyFilter(SteadyParams(strength=20), SIZE)
+    assert [each.data for each in painted] == [behind.step(f, session.step(f)).tobytes() for f in frames]
+
+
+def test_a_filter_is_added_changed_and_removed_without_a_new_start(painter: LiveRenderer) -> None:
+    frame, twin = scene(1)[0], AbstractionSession(AbstractionParams(), SIZE)
+    painter.open(order("abstraction"))
+    plain = step(painter, work(frame))
+    assert np.array_equal(plain, twin.step(frame))
+    painter.change(order("abstraction", filter=STEADY))
+    for strength in (20, 5):
+        painter.change(order("abstraction", filter=replace(STEADY, params={"strength": strength})))
+        assert step(painter, work(frame)).shape == plain.shape
+    with pytest.raises(BadParameter, match="not a live filter"):
+        painter.change(order("abstraction", filter=FilterOrder("abstraction", {})))
+    painter.change(order("abstraction"))
+    painter.analyze(work(frame))
+    assert "filter" not in painter.paint().stages_s
+
+
+def test_filtered_frames_have_the_working_size(painter: LiveRenderer) -> None:
+    frame = scene(1)[0]
+    painter.open(order("abstraction", filter=STEADY))
+    for work_size in (SIZE, (80, 48), (120, 72)):
+        assert step(painter, work(frame, work_size)).shape == (work_size[1], work_size[0], 3)
+    painter.change(order("abstraction"))
+    assert step(painter, work(frame, (80, 48))).shape == (96, 160, 3)
 
 
 def test_paint_raises_analysis_errors_in_frame_order(painter: LiveRenderer) -> None:
@@ -163,7 +207,7 @@ def test_a_reopened_renderer_uses_new_codecs(painter: LiveRenderer) -> None:
     painter.analyze(work(frame))
     painted = painter.paint()
     assert painted.data.startswith(b"\xff\xd8")
-    assert painted.stages_s.keys() == {"decode", "look", "paint", "encode"}
+    assert painted.stages_s.keys() == {"decode", "analyze", "paint", "encode"}
     painter.open(order(seed=1))
     assert step(painter, work(frame))[0, 0, 2] == 1, "another seed is another stream"
 
@@ -181,7 +225,11 @@ def test_helpers_do_not_keep_the_low_priority_of_the_warm_up(blobs: DiskBlobs) -
         return priorities()
 
     def priorities() -> list[int]:
-        return [os.getpriority(os.PRIO_PROCESS, int(thread.name)) for thread in Path("/proc/self/task").iterdir()]
+        found = []
+        for thread in Path("/proc/self/task").iterdir():
+            with contextlib.suppress(ProcessLookupError):  # it ended meanwhile
+                found.append(os.getpriority(os.PRIO_PROCESS, int(thread.name)))
+        return found
 
     with ThreadPoolExecutor(1) as background:
         assert background.submit(warm_up).result().count(usual + 5) >= 2, (
@@ -189,8 +237,11 @@ def test_helpers_do_not_keep_the_low_priority_of_the_warm_up(blobs: DiskBlobs) -
         )
     painter.open(order())
     cv2.GaussianBlur(busy, (9, 9), 2)
+    deadline = time.monotonic() + 30
     try:
-        assert usual + 5 not in priorities()
+        while usual + 5 in priorities():  # the thread of the warm-up is listed for a moment after it was joined
+            assert time.monotonic() < deadline, "a thread has the warm-up's priority"
+            time.sleep(0.01)
     finally:
         cv2.setNumThreads(1)
 

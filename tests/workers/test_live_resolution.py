@@ -68,8 +68,8 @@ def test_the_deadline_depends_on_the_frame_rate() -> None:
 def test_decoding_does_not_get_cheaper_at_a_smaller_size() -> None:
     smaller = FrameCost(0.01, 0.02, 0.03).at(0.5)
     assert smaller.decode_s == 0.01
-    assert smaller.look_s < 0.01 and smaller.paint_s < 0.015
-    assert FrameCost.of({"decode": 1, "look": 2, "paint": 3, "encode": 4}) == FrameCost(1, 2, 7)
+    assert smaller.analyze_s < 0.01 and smaller.paint_s < 0.015
+    assert FrameCost.of({"decode": 1, "analyze": 2, "paint": 3, "encode": 4}) == FrameCost(1, 2, 7)
 
 
 def test_an_overloaded_machine_steps_down_within_a_second_and_stays_below_two_periods() -> None:

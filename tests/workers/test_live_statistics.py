@@ -30,11 +30,11 @@ def test_an_empty_histogram_and_extreme_values_have_finite_percentiles() -> None
 def test_statistics_of_one_second() -> None:
     figures = FrameStatistics(10.0, received=4, dropped=1)
     for latency_s in (0.01, 0.02, 0.03):
-        figures.answered(latency_s, {"look": 0.004, "paint": latency_s})
+        figures.answered(latency_s, {"analyze": 0.004, "paint": latency_s})
     report = figures.as_json(11.5)
     assert (report["received"], report["painted"], report["dropped"], report["fps"]) == (4, 3, 1, 2.0)
     assert report["latency_ms"]["p50"] == pytest.approx(20, rel=0.03)
-    assert report["stages_ms"] == {"look": 4.0, "paint": 20.0}
+    assert report["stages_ms"] == {"analyze": 4.0, "paint": 20.0}
 
 
 def test_statistics_without_frames() -> None:

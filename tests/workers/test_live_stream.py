@@ -6,6 +6,7 @@ import asyncio
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from functools import wraps
 from typing import Any
 
@@ -54,7 +55,7 @@ async def take(stream: Stream) -> Any:
 
 @looped
 async def test_answers_arrive_in_order_with_sequence_numbers_and_times() -> None:
-    async with opened(ToyWorkers(look_s=0.002, paint_s=0.002)) as stream:
+    async with opened(ToyWorkers(analyze_s=0.002, paint_s=0.002)) as stream:
         got = []
         for number in range(8):
             stream.offer(packet(number))
@@ -65,7 +66,7 @@ async def test_answers_arrive_in_order_with_sequence_numbers_and_times() -> None
 
 @looped
 async def test_a_fast_client_gets_the_newest_frame() -> None:
-    workers = ToyWorkers(look_s=0.01, paint_s=0.01)
+    workers = ToyWorkers(analyze_s=0.01, paint_s=0.01)
     async with opened(workers) as stream:
         got: list[int] = []
 
@@ -101,14 +102,14 @@ async def test_no_frame_begins_while_an_answer_is_unsent() -> None:
 
 @looped
 async def test_a_parameter_change_takes_effect_between_frames() -> None:
-    workers = ToyWorkers(look_s=0.005, paint_s=0.005)
+    workers = ToyWorkers(analyze_s=0.005, paint_s=0.005)
     async with opened(workers) as stream:
         stream.offer(packet(1))
-        await stream.change({"add": 2}, {})
+        await stream.change(replace(stream.order, params={"add": 2}))
         assert stream.order.params == {"add": 2}
         assert (await take(stream)).packet.sequence == 1
         with pytest.raises(BadInput):
-            await stream.change({"add": 13}, {})
+            await stream.change(replace(stream.order, params={"add": 13}))
         assert stream.order.params == {"add": 2}
         stream.offer(packet(2))
         assert (await take(stream)).packet.sequence == 2
@@ -116,9 +117,9 @@ async def test_a_parameter_change_takes_effect_between_frames() -> None:
 
 @looped
 async def test_a_dead_worker_is_replaced() -> None:
-    workers = ToyWorkers(look_s=0.02, paint_s=0.02)
+    workers = ToyWorkers(analyze_s=0.02, paint_s=0.02)
     async with opened(workers) as stream:
-        await stream.change({"add": 4}, {})
+        await stream.change(replace(stream.order, params={"add": 4}))
         stream.offer(packet(1))
         await asyncio.sleep(0.03)
         stream.offer(packet(2))
@@ -137,7 +138,7 @@ async def test_a_dead_worker_is_replaced() -> None:
 
 @looped
 async def test_a_dead_worker_under_a_video_codec_requests_a_key_frame() -> None:
-    workers = ToyWorkers(look_s=0.01)
+    workers = ToyWorkers(analyze_s=0.01)
     async with opened(workers, order("h264")) as stream:
         stream.offer(packet(1))
         await asyncio.sleep(0.001)
@@ -154,14 +155,14 @@ async def test_a_worker_death_during_a_parameter_change_is_recovered() -> None:
     workers = ToyWorkers()
     async with opened(workers) as stream:
         workers.made[0].die()
-        await stream.change({"add": 7}, {})
+        await stream.change(replace(stream.order, params={"add": 7}))
         assert workers.made[1].changes == 1
         assert stream.order.params == {"add": 7}
 
 
 @looped
 async def test_the_stream_ends_if_a_dead_worker_cannot_be_replaced() -> None:
-    workers = ToyWorkers(look_s=0.01, most=1)
+    workers = ToyWorkers(analyze_s=0.01, most=1)
     async with opened(workers) as stream:
         stream.offer(packet(1))
         await asyncio.sleep(0.001)
@@ -169,7 +170,7 @@ async def test_the_stream_ends_if_a_dead_worker_cannot_be_replaced() -> None:
         with pytest.raises(NoLiveWorker):
             await take(stream)
         with pytest.raises(NoLiveWorker):
-            await stream.change({}, {})
+            await stream.change(replace(stream.order, params={}))
 
 
 @looped
@@ -184,7 +185,7 @@ async def test_a_bad_frame_ends_the_stream() -> None:
 
 @looped
 async def test_overload_lowers_the_size_and_announces_it_before_the_first_smaller_frame() -> None:
-    workers = ToyWorkers(look_s=0.03, paint_s=0.03)
+    workers = ToyWorkers(analyze_s=0.03, paint_s=0.03)
     async with opened(workers, order(fps=100)) as stream:
 
         async def send() -> None:
@@ -196,7 +197,7 @@ async def test_overload_lowers_the_size_and_announces_it_before_the_first_smalle
         while not isinstance(item := await take(stream), Resized):
             pass
         sending.cancel()
-        assert item.reason == "slow" and item.scale <= 0.375, "0.25 on a machine that does nothing else"
+        assert item.why.reason == "slow" and item.scale <= 0.375, "0.25 on a machine that does nothing else"
         assert (await take(stream)).painted.size == item.size == (round(64 * item.scale), round(64 * item.scale))
 
 
@@ -207,13 +208,13 @@ async def test_frames_of_another_size_change_the_size() -> None:
         await take(stream)
         stream.offer(packet(2, size=(128, 96)))
         item = await take(stream)
-        assert (item.size, item.reason) == ((128, 96), "input")
+        assert (item.size, item.why.reason) == ((128, 96), "input")
         assert (await take(stream)).painted.size == (128, 96)
 
 
 @looped
 async def test_a_new_connection_continues_the_stream() -> None:
-    workers = ToyWorkers(look_s=0.005)
+    workers = ToyWorkers(analyze_s=0.005)
     async with opened(workers) as stream:
         for number in range(3):
             stream.offer(packet(number))
@@ -233,7 +234,7 @@ async def test_a_new_connection_continues_the_stream() -> None:
 
 @looped
 async def test_closing_returns_the_worker_and_wakes_waiting_readers() -> None:
-    workers = ToyWorkers(look_s=0.01, paint_s=0.01)
+    workers = ToyWorkers(analyze_s=0.01, paint_s=0.01)
     async with opened(workers) as stream:
         waiting = asyncio.create_task(stream.next())
         stream.offer(packet(1))
@@ -251,4 +252,4 @@ async def test_figures_of_a_second_cover_that_second_only() -> None:
         first, second = stream.second(), stream.second()
         assert (first["received"], first["painted"], first["width"], first["scale"]) == (1, 1, 64, 1.0)
         assert (second["received"], second["painted"]) == (0, 0)
-        assert set(first["stages_ms"]) == {"wait", "look", "paint"}
+        assert set(first["stages_ms"]) == {"wait", "analyze", "paint"}

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from workers.log_context import about, belong, here, working_for
+from workers.log_context import belong, here, log_extra, working_for
 from workers.logs import OURS, attempt_facts, captured, set_up_logs, shortened
 from workers.settings import FarmSettings
 
@@ -53,7 +53,7 @@ def test_a_log_line_of_an_attempt_names_job_task_and_attempt(lines: Callable[[],
 def test_facts_of_a_line_override_those_of_its_context(lines: Callable[[], list[str]]) -> None:
     set_up_logs(FarmSettings(log_format="json", log_level="info"))
     with working_for({"request": "r1", "job": "job_a"}):
-        LOG.info("x", extra=about(job="job_b", seconds=0.5))
+        LOG.info("x", extra=log_extra(job="job_b", seconds=0.5))
     (row,) = rows(lines())
     assert (row["request"], row["job"], row["seconds"]) == ("r1", "job_b", 0.5)
     assert here() == {}
@@ -73,7 +73,7 @@ def test_a_traceback_is_logged_in_one_line(lines: Callable[[], list[str]]) -> No
     try:
         raise ValueError("no such colour")
     except ValueError:
-        LOG.exception("it failed", extra=about(job="job_9"))
+        LOG.exception("it failed", extra=log_extra(job="job_9"))
     (row,) = rows(lines())
     assert "no such colour" in row["trace"] and row["job"] == "job_9" and row["level"] == "error"
 
@@ -90,7 +90,7 @@ def test_logging_can_be_configured_again_with_another_level(lines: Callable[[], 
     set_up_logs(FarmSettings(log_format="text", log_level="warning"))
     LOG.info("quiet")
     set_up_logs(FarmSettings(log_format="text", log_level="info"))
-    LOG.info("loud", extra=about(job="job_1"))
+    LOG.info("loud", extra=log_extra(job="job_1"))
     (line,) = lines()
     assert line.endswith("INFO workers.test: loud [job=job_1]")
 

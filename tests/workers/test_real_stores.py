@@ -75,7 +75,7 @@ def test_two_farms_share_the_work_and_give_the_bytes_of_one(
     assert [result(asking, finished(asking, job, 150).id) for job in jobs] == expected
     found = [attempt for job in jobs for task in asking.tasks.page(job).items for attempt in task.attempts]
     assert {attempt["outcome"] for attempt in found} == {"succeeded"}
-    with asking._store._db.read() as connection:
+    with asking.store.database.read() as connection:
         doers = set(connection.exec_driver_sql("SELECT DISTINCT dispatcher FROM attempts").scalars())
     assert len(doers) == 2, "both have worked"
 
@@ -85,7 +85,7 @@ def test_injected_faults_in_every_component_lose_no_work(
     real: FarmSettings, tmp_path: Path, expected: list[bytes], postgres: Postgres, s3: Swift, seed: int
 ) -> None:
     """A short run; `make chaos` makes many long ones."""
-    shown = chaos.run(real, tmp_path, postgres, s3, expected, seed, times=3)
+    shown = chaos.run(real, tmp_path, postgres, s3, expected, chaos.Plan(seed, times=3))
     assert (shown.lost, shown.running, shown.twice, shown.orphans) == (0, 0, 0, 0), shown
 
 
@@ -123,20 +123,20 @@ def test_only_orphaned_blobs_are_swept(real: FarmSettings, opened: Callable[...,
     farm = opened(real)
     done = finished(farm, farm.jobs.submit(request_on(farm, data)).id)
     failed = finished(farm, farm.jobs.submit(request_on(farm, data, params={"trouble": "raise"})).id)
-    until(lambda: len(list(farm._blobs.keys(f"jobs/{done.id}/"))) == 1)
-    before = list(farm._blobs.keys(""))
+    until(lambda: len(list(farm.blobs.keys(f"jobs/{done.id}/"))) == 1)
+    before = list(farm.blobs.keys(""))
     for key in ("jobs/job_gone/att_1/segment", f"jobs/{done.id}/late", "assets/" + "0" * 64):
-        farm._blobs.put(key, b"left")
-    farm._blobs.put(f"jobs/{failed.id}/kept", b"may be retried")
+        farm.blobs.put(key, b"left")
+    farm.blobs.put(f"jobs/{failed.id}/kept", b"may be retried")
     assert _collector(farm).sweep() == Removed(0, 2, 1)
-    assert list(farm._blobs.keys("")) == sorted([*before, f"jobs/{failed.id}/kept"])
+    assert list(farm.blobs.keys("")) == sorted([*before, f"jobs/{failed.id}/kept"])
     assert _collector(farm).sweep() == Removed()
 
 
 def test_an_input_without_bytes_is_reported(farm: Farm, data: Path) -> None:
     request = request_on(farm, data)
-    farm._blobs.delete(f"assets/{request.inputs['data'].removeprefix('ast_')}")
-    fault = failed_outcome("att_1", _raised(lambda: farm._blobs.get("assets/gone"))).fault
+    farm.blobs.delete(f"assets/{request.inputs['data'].removeprefix('ast_')}")
+    fault = failed_outcome("att_1", _raised(lambda: farm.blobs.get("assets/gone"))).fault
     assert fault is not None and is_final(fault)
     assert (fault.code, fault.value, bool(fault.remedy)) == ("not-found", "assets/gone", True)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import logging
+import re
 import threading
 import time
 import zipfile
@@ -28,8 +29,9 @@ from pipeline.video.reader import VideoReader
 from pipeline.video.stills import encode_png
 from tests.conftest import TINY_FRAMES
 from workers.blobs.disk import DiskBlobs
+from workers.execution import result_quality
 from workers.execution.renderer import Renderer
-from workers.model import OutputSpec, TaskOrder, TaskOutcome
+from workers.model import CPU, PEAK_MEMORY, OutputSpec, TaskOrder, TaskOutcome
 
 RUN = 10
 LOG = logging.getLogger("pipeline.methods.toy")
@@ -224,11 +226,41 @@ def test_a_job_gets_a_quality_report_on_request(renderer: Renderer, info: MediaI
     done = renderer.run(last)
     assert done.fault is None, done
     quality = json.loads(blobs.get(done.files["report"][0]))["quality"]
-    assert quality["pairs"] == 6 and 0 < quality["flicker"] < 3 and quality["structure"] > 0.5
+    assert quality["pairs"] == 1 and 0 < quality["flicker"] < 3 and quality["structure"] > 0.5
     summary = done.result["quality"]
     assert summary == {name: value for name, value in quality.items() if name not in ("samples", "worst")}
     again = renderer.run(last)
     assert again.result == done.result
+
+
+class Scanning(Toy):
+    """A toy whose first step reads the whole video, and that is slow enough for several pairs of frames."""
+
+    steps = (Step("scan", "Scan", lambda context: [Task("video")], lambda task, context: _count(context)), *Toy.steps)
+    cpu_s_per_megapixel = 100.0
+
+
+def _count(context: TaskContext) -> TaskResult:
+    return {"frames": sum(1 for _ in context.frames("video"))}
+
+
+def test_a_report_uses_the_frames_of_the_first_step(
+    blobs: DiskBlobs, info: MediaInfo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(result_quality, "ALONE_EVERY", 10)
+    output = OutputSpec("mp4", 12, report=True)
+    with Renderer(blobs, tmp_path / "scratch", lambda name: Scanning()) as renderer:
+        scan = order_of(info, Task("video"), step="scan", output=output)
+        kept = renderer.run(scan).artefacts
+        assert len(kept) == 4 and not renderer.run(replace(scan, output=OutputSpec())).artefacts
+        _, last = render(renderer, info, output=output)
+        decoded, used = (renderer.run(replace(last, artefacts=names)) for names in ({}, kept))
+        blobs.put(next(iter(kept.values())), b"")
+        assert renderer.run(replace(last, artefacts=kept)).fault, "the kept frames are what is read"
+    quality = used.result["quality"]
+    assert quality == decoded.result["quality"] and quality["pairs"] == 4
+    assert quality["alone_pairs"] == 2 and 0.5 < quality["flicker_of_alone"] < 1.5
+    assert blobs.get(used.files["sheet"][0]) == blobs.get(decoded.files["sheet"][0])
 
 
 def test_an_outcome_lists_results_and_files(renderer: Renderer, info: MediaInfo, blobs: DiskBlobs) -> None:
@@ -236,11 +268,13 @@ def test_an_outcome_lists_results_and_files(renderer: Renderer, info: MediaInfo,
     prefix = "jobs/job_1/invert/run-0/att_run-0/"
     assert outcome.segment and outcome.segment.startswith(prefix)
     assert set(outcome.files) == {"colours.json", "preview"}
-    assert outcome.artefacts["invert/run-0"] == f"{prefix}run-0.npz"
+    assert re.fullmatch(f"{prefix}run-0-[0-9a-f]{{24}}[.]npz", outcome.artefacts["invert/run-0"])
     assert all(blobs.size(key) for key in (*outcome.artefacts.values(), *(key for key, _ in outcome.files.values())))
     preview = cv2.imdecode(np.frombuffer(blobs.get(outcome.files["preview"][0]), np.uint8), cv2.IMREAD_COLOR)
     assert preview.shape == (64, 96, 3)
     assert {"decode", "encode", "invert", "method", "store"} <= outcome.stages.keys()
+    assert 0 < outcome.stages[CPU] < 60
+    assert 1e7 < outcome.stages[PEAK_MEMORY] < 1e11
     assert 0 <= outcome.stages["invert"] <= outcome.stages["method"]
     assert "job_1 tsk_run-0 att_run-0" in outcome.log
     assert "inverting from 0" in outcome.log
@@ -393,14 +427,14 @@ def test_inputs_are_read_as_images_and_json(info: MediaInfo, blobs: DiskBlobs) -
         return {}
 
     def one(context: PlanContext) -> Sequence[Task]:
-        return [Task("look")]
+        return [Task("analyze")]
 
     class Looker(Toy):
         steps = (Step("invert", "Look", one, look),)
 
     inputs = {"video": "assets/video", "masks": "assets/masks", "json": "assets/json"}
     with Renderer(blobs, None, lambda name: Looker()) as renderer:
-        outcome = renderer.run(order_of(info, Task("look"), inputs=inputs))
+        outcome = renderer.run(order_of(info, Task("analyze"), inputs=inputs))
     assert outcome.fault is None, outcome
     assert inputs["numbers"] == [2, 7]
     assert inputs["deep"].dtype == np.uint16

@@ -24,7 +24,7 @@ def test_defaults_of_a_valid_request_are_filled_in() -> None:
     accepted = check_request(replace(GOOD, params={"tasks": 2}), {"data": DATA})
     defaults = {"gpus": 0.0, "memory_mib": 0}
     assert accepted.params == {"tasks": 2, "chain": False, "sleep_s": 0.0, "trouble": "", "mark": ""} | defaults
-    assert [name for name, _ in accepted.steps] == ["look", "draw", "assemble"]
+    assert [name for name, _ in accepted.steps] == ["analyze", "draw", "assemble"]
 
 
 BAD: list[tuple[str, dict[str, Any]]] = [

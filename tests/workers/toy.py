@@ -50,16 +50,16 @@ class ToyParams(Params):
     """A file that "once" leaves behind, so that it happens once only."""
 
 
-def _plan_look(context: PlanContext) -> list[Task]:
+def _plan_analysis(context: PlanContext) -> list[Task]:
     return [Task("all")]
 
 
-def _look(task: Task, context: Any) -> TaskResult:
+def _analyze(task: Task, context: Any) -> TaskResult:
     return {"found": context.params.tasks}
 
 
 def _plan_draw(context: PlanContext) -> list[Task]:
-    n = context.results["look"]["all"]["found"]
+    n = context.results["analyze"]["all"]["found"]
     after = {i: (f"run-{i - 1}",) for i in range(1, n) if context.params.chain}
     if context.params.trouble == "cycle":
         after[0] = (f"run-{n - 1}",)
@@ -114,7 +114,7 @@ class Toy(Method):
         InputSpec("video", "video", False, "Video", "A video."),
     )
     steps: ClassVar[tuple[Step[Any], ...]] = (
-        Step("look", "Look", _plan_look, _look),
+        Step("analyze", "Analyze", _plan_analysis, _analyze),
         Step("draw", "Draw", _plan_draw, _draw),
     )
     artefacts: ClassVar[tuple[str, ...]] = ("svg",)

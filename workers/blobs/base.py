@@ -16,34 +16,10 @@ Content: TypeAlias = bytes | BinaryIO | Path | Callable[[BinaryIO], None]
 
 
 class Direct(Protocol):
-    """Direct access to a store through signed URLs that expire, without this service in between.
-
-    A large upload is begun, its parts are sent to URLs, and it is completed; the blob exists only then.
-    """
+    """Direct access to a store through signed URLs that expire, without this service in between."""
 
     def download_url(self, key: str, filename: str, media_type: str, seconds: int = 3600) -> str:
         """GET gives the blob, as a file of that name and type."""
-        ...
-
-    def upload_url(self, key: str, seconds: int = 3600) -> str:
-        """PUT makes the blob, whole."""
-        ...
-
-    def begin(self, key: str) -> str:
-        """Begin an upload in parts; its id."""
-        ...
-
-    def part_url(self, key: str, upload_id: str, number: int, seconds: int = 3600) -> str:
-        """PUT makes part `number`, from 1. All but the last are of one size, at least 5 MiB."""
-        ...
-
-    def complete(self, key: str, upload_id: str) -> None:
-        """Join the parts that are there, in order of their numbers. Raises BadInput if there are none, KeyError if
-        there is no such upload."""
-        ...
-
-    def abort(self, key: str, upload_id: str) -> None:
-        """Discard an upload and its parts; no effect if there is none."""
         ...
 
 
@@ -103,5 +79,5 @@ class Blobs(Protocol):
 
     @property
     def direct(self) -> Direct | None:
-        """Ways past us, if the store has them."""
+        """Direct access by signed URLs; None if the store has none."""
         ...

@@ -23,7 +23,7 @@ from workers.blobs.keys import NoBlob, check_key
 
 _CHUNK = 1 << 20
 _TEMPORARY = "~tmp"
-"""Not a possible key."""
+"""Name of the folder of temporary files; "~" is not allowed in keys."""
 
 
 @dataclass(frozen=True)
@@ -194,7 +194,7 @@ def _in_folder(place: Path, commit: Callable[[], object]) -> None:
 
 
 def _flush_folder(folder: Path) -> None:
-    """Make a rename last over a power cut."""
+    """Flush a folder, so that a rename in it survives a power cut."""
     handle = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(handle)

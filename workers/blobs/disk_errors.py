@@ -13,7 +13,7 @@ _FULL = (errno.ENOSPC, errno.EDQUOT)
 
 @contextmanager
 def disk_errors() -> Iterator[None]:
-    """OSError becomes StorageFull or StorageError; a file that is there or not is for the caller to judge."""
+    """OSError becomes StorageFull or StorageError; FileExistsError and FileNotFoundError pass unchanged."""
     try:
         yield
     except (FileNotFoundError, FileExistsError):

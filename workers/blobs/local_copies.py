@@ -133,7 +133,7 @@ def _remove_unused(place: Path) -> bool:
 
 @contextmanager
 def _alone(lock: Path) -> Iterator[None]:
-    """One process and thread at a time."""
+    """Hold the exclusive lock of a copy: one process and one thread at a time."""
     handle = os.open(lock, os.O_CREAT | os.O_RDWR, 0o600)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX)

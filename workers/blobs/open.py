@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from workers.blobs.base import Blobs
 from workers.blobs.disk import DiskBlobs
 from workers.blobs.local_copies import Copies
-from workers.blobs.s3 import S3Blobs
-from workers.blobs.s3_client import S3Options
 from workers.settings import FarmSettings
+
+if TYPE_CHECKING:
+    from workers.blobs.s3_client import S3Options
 
 
 def open_blobs(settings: FarmSettings) -> Blobs:
     """Blobs in S3 if `blob_url` is set, else in a folder. Opens no connection yet."""
     if not settings.blob_url:
         return DiskBlobs(settings.blobs_at, settings.reserve_bytes)
+    from workers.blobs.s3 import S3Blobs  # boto3 takes a third of a second of processor time to import
+
     return S3Blobs(s3_options(settings), Copies(settings.copies_at, settings.cache_bytes, settings.reserve_bytes))
 
 
 def s3_options(settings: FarmSettings) -> S3Options:
+    """Address and credentials of the bucket that the settings name."""
+    from workers.blobs.s3_client import S3Options
+
     bucket, _, folder = settings.blob_url.removeprefix("s3://").partition("/")
     folder = folder.strip("/")
     return S3Options(

@@ -31,7 +31,7 @@ _CHUNK = 1 << 20
 _AT_ONCE = 1000
 """Keys in one request to delete: the protocol's bound."""
 _RESUMES = 4
-"""How often an interrupted read is continued."""
+"""Most continuations of an interrupted read."""
 _SPOOL_BYTES = 32 << 20
 """Streams up to this size are kept in memory before they are sent, bytes."""
 _TAKEN = {"PreconditionFailed", "ConditionalRequestConflict", "412"}
@@ -42,7 +42,7 @@ class S3Blobs:
     """The blobs of a bucket under a prefix. A plain value: pickled to workers as it is, keys and all.
 
     Args:
-        options: where it is and who we are.
+        options: address of the bucket, and credentials.
         copies: local files for decoders.
     """
 
@@ -133,7 +133,7 @@ class S3Blobs:
         self.check_free_space()
 
     def check_free_space(self, wanted_bytes: int = 0) -> None:
-        """The bucket has none to ask for; the disk for local copies has."""
+        """Buckets report no free space; the disk of local copies is checked."""
         self.copies.check_free_space()
 
     def sweep(self, older_than_s: float = 3600.0) -> int:
@@ -174,7 +174,7 @@ class S3Blobs:
             self._put_stream(name, cast("BinaryIO", file))
 
     def _put_stream(self, name: str, stream: BinaryIO) -> None:
-        """In parts if it is long. What breaks off is aborted there; what a crash leaves, by `sweep`."""
+        """Upload in parts if it is long. A failed upload is aborted at once; one that a crash left, by `sweep`."""
         part = self.options.part_bytes
         how = TransferConfig(multipart_threshold=part, multipart_chunksize=part, max_concurrency=4)
         self._client.upload_fileobj(stream, self.options.bucket, name, Config=how)

@@ -1,4 +1,4 @@
-"""How S3 is reached: options, one client a process, and its errors as ours."""
+"""Access to S3: options, one client per process, and the translation of its errors."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from workers.blobs.keys import NoBlob
 
 _CONNECTIONS = 32
 _TRIES = 9
-"""In all; waits between them double from 50 ms, with chance in them: about six seconds together."""
+"""Tries of a request. Waits between them double from 50 ms, with random jitter: about six seconds in total."""
 _MISSING = {"NoSuchKey", "NoSuchUpload", "NotFound", "404"}
 _FULL = {"QuotaExceeded", "InsufficientStorage", "InsufficientCapacity", "XMinioStorageFull", "507"}
 _REMEDIES = {
@@ -34,7 +34,7 @@ _REMEDIES = {
 
 @dataclass(frozen=True)
 class S3Options:
-    """How the store is reached. A plain value.
+    """Address and credentials of the store. A plain value.
 
     Args:
         bucket: must exist.

@@ -5,15 +5,17 @@ from __future__ import annotations
 import json
 import shutil
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from fractions import Fraction
 from pathlib import Path
 from typing import IO
 
 from pipeline.errors import UnreadableMedia
-from pipeline.methods.base import TaskResult
-from pipeline.quality.report import QualityReport, sampled_pairs
+from pipeline.frames import Frame
+from pipeline.methods import parse_params
+from pipeline.methods.base import Method, TaskResult
+from pipeline.quality.report import QualityReport
 from pipeline.video.contact import contact_sheet, poster
 from pipeline.video.guard.files import guarded_join
 from pipeline.video.join import MEDIA_TYPES
@@ -22,33 +24,33 @@ from pipeline.video.writer import Format, zip_entry
 from workers.blobs.base import Blobs
 from workers.execution.context import PART
 from workers.execution.decoders import Decoders
+from workers.execution.result_quality import ResultQuality
 from workers.jobs.frame_window import window_index
-from workers.model import Json, TaskOrder
+from workers.model import CPU, PEAK_MEMORY, Json, TaskOrder
 
 Files = dict[str, tuple[str, str]]
 """Downloadable name -> (blob key, media type)."""
 _COPY_BYTES = 1 << 20
-_FRAMES_PER_PAIR, _PAIRS = 40, (6, 60)
-"""A quality report measures one pair in so many frames, within limits: at 720p, 5 % of the fastest method's time."""
 
 
 class Assembly:
-    """Makes a job's files from what its tasks have left. `prefix` is where its blobs go."""
+    """Makes a job's files from what its tasks have left. Its blobs go below its folder of the last step."""
 
-    def __init__(self, order: TaskOrder, blobs: Blobs, decoders: Decoders, scratch: Path, prefix: str) -> None:
+    def __init__(self, order: TaskOrder, chosen: Method, blobs: Blobs, decoders: Decoders, scratch: Path) -> None:
         self._order = order
+        self._method = chosen
         self._blobs = blobs
         self._decoders = decoders
         self._scratch = scratch
-        self._prefix = prefix
+        self._prefix = f"jobs/{order.job_id}/{order.step}/{order.key}/{order.attempt_id}"
         self._format: Format = order.output.format  # type: ignore[assignment]
         self.files: Files = {}
 
     def run(self, progress: Callable[[float], None]) -> TaskResult:
         """Join, describe, pack. Raises UnreadableMedia if no task emitted a frame."""
         joined = self._join(lambda done: progress(0.8 * done))
-        result = self._describe(joined)
-        quality = self._quality(joined) if self._order.output.report else None
+        quality, tiles = self._quality(joined) if self._order.output.report else (None, {})
+        result = self._describe(joined, tiles)
         if quality is not None:
             result["quality"] = quality.summary()
         progress(0.9)
@@ -80,10 +82,10 @@ class Assembly:
             end = None if self._order.frames is None else index.end * index.time_base
             return [index.time(frame) * index.time_base for frame in frames], end
 
-    def _describe(self, result: Path) -> TaskResult:
+    def _describe(self, result: Path, tiles: Mapping[int, Frame]) -> TaskResult:
         with VideoReader(result) as reader:
             self._put("poster", "poster.jpg", poster(reader), "image/jpeg")
-            self._put("sheet", "sheet.jpg", contact_sheet(reader), "image/jpeg")
+            self._put("sheet", "sheet.jpg", contact_sheet(reader, known=tiles), "image/jpeg")
             width, height = reader.size
             fps, seconds = (reader.fps, reader.index.duration_s) if self._format != "png" else self._source_pace()
             return {
@@ -99,18 +101,10 @@ class Assembly:
         info = self._order.input_info["video"]
         return float(info["fps"]), float(info["duration_s"])
 
-    def _quality(self, result: Path) -> QualityReport:
-        """Measures of sampled pairs of frames, against those of the source."""
-        first = self._order.frames[0] if self._order.frames else 0
-        report = QualityReport()
-        with VideoReader(result) as painted, self._decoders.reader(self._order.inputs["video"]) as source:
-            count = min(max(painted.frames // _FRAMES_PER_PAIR, _PAIRS[0]), _PAIRS[1])
-            for frame in sampled_pairs(painted.frames, count):
-                before = tuple(source.read(first + frame - 1, first + frame + 1))
-                after = tuple(painted.read(frame - 1, frame + 1))
-                if len(before) == len(after) == 2 and before[0].shape == after[0].shape:
-                    report.add(frame, before, after)
-        return report
+    def _quality(self, result: Path) -> tuple[QualityReport, Mapping[int, Frame]]:
+        """The report, and frames of the contact sheet that were decoded for it."""
+        measuring = ResultQuality(self._order, self._method, self._blobs, self._decoders, self._scratch)
+        return measuring.measure(result, parse_params(self._method, self._order.params)), measuring.tiles
 
     def _report(self, result: TaskResult) -> Json:
         order = self._order
@@ -121,7 +115,11 @@ class Assembly:
             "output": {"format": order.output.format, "quality": order.output.quality},
             "result": result,
             "steps": order.results,
-            "seconds": order.stages,
+            "seconds": {step: _stages(measures) for step, measures in order.stages.items()},
+            "cpu_s": {step: measures[CPU] for step, measures in order.stages.items() if CPU in measures},
+            "peak_bytes": {
+                step: int(measures[PEAK_MEMORY]) for step, measures in order.stages.items() if PEAK_MEMORY in measures
+            },
         }
 
     def _pack(self, artefact: str) -> None:
@@ -144,6 +142,10 @@ class Assembly:
         key = f"{self._prefix}/{file}"
         self._blobs.put(key, data)
         self.files[name] = (key, media_type)
+
+
+def _stages(measures: Mapping[str, float]) -> dict[str, float]:
+    return {name: seconds for name, seconds in measures.items() if name not in (CPU, PEAK_MEMORY)}
 
 
 def _suffix(form: Format) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from functools import partial
 from pathlib import Path
@@ -26,7 +26,9 @@ from workers.execution.arrays import read_arrays, write_arrays
 from workers.execution.decoders import Decoders
 from workers.execution.emission import Emission, EmitError
 from workers.execution.input_damage import InputDamage, within
+from workers.execution.pair_recorder import keep_pairs
 from workers.execution.preview_publisher import PreviewPublisher
+from workers.execution.reuse import Reads, RecordedImages, arrays_digest
 from workers.execution.stage_timer import StageTimer
 from workers.jobs.frame_window import WindowImages, window_document, window_index
 from workers.log_context import belong
@@ -73,6 +75,8 @@ class AttemptContext:
         self.warnings: list[str] = []
         self.damage = InputDamage(order.on_damage == FAIL)
         self._order, self._aligned = order, aligned
+        self.report_pairs: Sequence[int] = ()
+        """Second frames of the pairs that the job's quality report measures."""
         self._facts = attempt_facts(order.job_id, order.task_id, order.attempt_id)
         self._blobs = blobs
         self._decoders = decoders
@@ -86,6 +90,8 @@ class AttemptContext:
         self._index: Index | None = None
         self._exit_stack = ExitStack()
         self._emission: Emission | None = None
+        self._opened: dict[str, Mapping[int, AnyArray]] = {}
+        self.reads = Reads(order, self._images, {})
 
     # -- inputs
 
@@ -97,7 +103,7 @@ class AttemptContext:
             self.damage.record(name, expected, ())
             if name == "video":
                 self._index = window_index(reader.index, self._order.frames)
-            source = reader.read(first, last)
+            source = self._kept(reader.read(first, last), name, (start, stop))
             while (frame := self._next(source)) is not None:
                 at += 1
                 if len(reader.unreadable) > unreadable:
@@ -107,6 +113,13 @@ class AttemptContext:
             self.warnings += [f"{name}: {error}" for error in reader.errors[noted:]]
         if name == "video" and (stop is None or at < stop):
             self._ended_at = at
+
+    def _kept(self, frames: Iterator[Frame], name: str, span: tuple[int, int | None]) -> Iterator[Frame]:
+        """The frames; where the first step reads the whole video, those that the quality report needs are saved."""
+        if name != "video" or span != (0, None) or self._order.results or self._order.emits:
+            return frames
+        self.reads.note("report")
+        return keep_pairs(frames, set(self.report_pairs), self.save)
 
     def _source_span(self, name: str, start: int, stop: int | None) -> tuple[int, int | None]:
         """Frames [start, stop) of an input as its file counts them."""
@@ -123,6 +136,7 @@ class AttemptContext:
             return next(source, None)
 
     def has(self, name: str) -> bool:
+        self.reads.note(f"has {name}")
         return name in self._order.inputs
 
     def image(self, name: str) -> Frame:
@@ -135,10 +149,15 @@ class AttemptContext:
             raise BadParameter(f"The input is not JSON: {error}.", field=f"inputs.{name}") from None
 
     def images(self, name: str) -> Mapping[int, AnyArray]:
-        path = self._exit_stack.enter_context(self._blobs.local(self._input(name)))
-        found = GuardedImages(path, f"inputs.{name}")
-        self._exit_stack.callback(found.close)
-        return found if self._order.frames is None else WindowImages(found, self._order.frames)
+        return RecordedImages(name, self._images(name), self.reads)
+
+    def _images(self, name: str) -> Mapping[int, AnyArray]:
+        if name not in self._opened:
+            path = self._exit_stack.enter_context(self._blobs.local(self._input(name, whole=False)))
+            found = GuardedImages(path, f"inputs.{name}")
+            self._exit_stack.callback(found.close)
+            self._opened[name] = found if self._order.frames is None else WindowImages(found, self._order.frames)
+        return self._opened[name]
 
     def entries(self, name: str) -> Mapping[str, bytes]:
         path = self._exit_stack.enter_context(self._blobs.local(self._input(name)))
@@ -149,7 +168,10 @@ class AttemptContext:
         self._exit_stack.callback(found.close)
         return found if self._order.frames is None else files_of_frames(found, *self._order.frames)
 
-    def _input(self, name: str) -> str:
+    def _input(self, name: str, whole: bool = True) -> str:
+        """Blob key of an input. `whole`: the task may read all of it."""
+        if whole:
+            self.reads.note(f"input {name}")
         if name not in self._order.inputs:
             raise BadParameter(
                 f"The input {name!r} is needed and was not given.",
@@ -161,12 +183,13 @@ class AttemptContext:
     # -- artefacts
 
     def save(self, name: str, arrays: Arrays) -> None:
-        key = self._key(f"{_checked(name)}.npz")
+        key = self._key(f"{_checked(name)}-{arrays_digest(arrays)}.npz")
         with self.stages.waiting("store"):
             self._blobs.put(key, partial(write_arrays, arrays=arrays))
         self._keep(name, key)
 
     def load(self, step: str, name: str) -> dict[str, AnyArray]:
+        self.reads.note(f"artefact {step}/{name}")
         with self.stages.waiting("store"):
             return read_arrays(self._blobs.get(self._order.artefacts[f"{step}/{name}"]))
 
@@ -182,6 +205,7 @@ class AttemptContext:
             self.files[name] = (key, media_type)
 
     def wants(self, artefact: str) -> bool:
+        self.reads.note(f"wants {artefact}")
         return artefact in self._order.output.artefacts
 
     def _keep(self, name: str, key: str) -> None:

@@ -15,7 +15,7 @@ _PREVIEW_PX = 960
 
 
 class EmitError(ImpastoError):
-    """A method emitted other frames than its task announced: the method's fault, not the user's."""
+    """A method emitted other frames than its task announced. An error of the method, not of the user."""
 
     code = "bad-emission"
 

@@ -66,7 +66,7 @@ class Previews:
         self._decoders.close()
 
     def png(self, request: JobRequest, assets: Mapping[str, Asset], ask: PreviewAsk) -> bytes:
-        """A frame of the request's video in its method's manner, PNG.
+        """A frame of the request's video, stylised by its method, as PNG.
 
         Args:
             assets: input name -> asset. Those beside `video` that are pictures are the method's references.
@@ -86,13 +86,14 @@ class Previews:
             if painted is None:
                 painted = self._last(chosen, params, request.seed, keys, frames, ask.max_side_px)
             if painted is None:
-                painted = self._alone(chosen, params, request.seed, keys, frames[-1], number)
+                alone = params if total == 1 else chosen.single_frame_params(params)
+                painted = self._alone(chosen, alone, request.seed, keys, frames[-1], number)
             return encode_png(painted)
 
     def _by_method(
         self, chosen: Method, params: AnyParams, seed: int, keys: Mapping[str, str], lead: _Lead, ask: PreviewAsk
     ) -> Frame | None:
-        """By the method's own way of drawing one frame, if it has one."""
+        """The frame by the method's own preview function; None if the method has none."""
         kinds = {spec.name: spec.kind for spec in chosen.inputs}
         with ExitStack() as exit_stack:
             images: dict[str, Mapping[int, AnyArray]] = {}
@@ -108,7 +109,7 @@ class Previews:
     def _last(
         self, chosen: Method, params: AnyParams, seed: int, keys: Mapping[str, str], frames: list[Frame], side_px: int
     ) -> Frame | None:
-        """By a causal method."""
+        """The frame by the stream of a causal method."""
         size = (frames[0].shape[1], frames[0].shape[0])
         pictures = {spec.name for spec in chosen.inputs if spec.kind != "json" and spec.name != "video"}
         references = {name: self._reference(keys[name], side_px) for name in sorted(pictures & keys.keys())}
@@ -118,7 +119,7 @@ class Previews:
     def _alone(
         self, chosen: Method, params: AnyParams, seed: int, keys: Mapping[str, str], frame: Frame, number: int
     ) -> Frame:
-        """By a method that needs the whole film."""
+        """The frame by the plan of a method that is not causal."""
         with self._decoders.reader(keys["video"]) as reader:
             shrunk = max(frame.shape) / max(reader.size)
         given = [spec for spec in chosen.inputs if spec.name in keys and spec.kind not in ("json", "images")]
@@ -190,6 +191,6 @@ def _alone_in_memory(
     """
     images = {spec.name for spec in chosen.inputs if spec.kind == "images"}
     inputs = {name: {0: picture} if name in images else [picture] for name, picture in pictures.items()}
-    context = LocalContext(chosen.single_frame_params(params), [frame], inputs, seed)
+    context = LocalContext(params, [frame], inputs, seed)
     run_plan(chosen, context)
     return context.emitted[0]

@@ -24,6 +24,9 @@ from workers.errors import NotFound
 from workers.execution.assembly import Assembly
 from workers.execution.context import AttemptContext
 from workers.execution.decoders import Decoders
+from workers.execution.result_quality import report_pairs
+from workers.execution.reuse import reused
+from workers.execution.usage import METER
 from workers.execution.warm_up import warm_up_process
 from workers.faults import fault_from
 from workers.jobs.state_machine import ASSEMBLE
@@ -39,10 +42,10 @@ SWITCH_INTERVAL_S = 0.0005
 
 
 def prepare_process() -> None:
-    """What every process that renders needs first.
+    """Prepare a process for rendering.
 
-    One OpenCV thread: parallel work is ours to spread. Short turns at the interpreter: a method's threads come back to
-    it after every kernel, and a kernel of a small frame takes a tenth of Python's default turn.
+    One OpenCV thread: parallel work is ours to spread. Short switch intervals of the interpreter: a method's threads
+    return to it after every kernel, and a kernel of a small frame takes a tenth of Python's default interval.
     """
     cv2.setNumThreads(1)
     sys.setswitchinterval(SWITCH_INTERVAL_S)
@@ -100,7 +103,9 @@ class Renderer:
             outcome = TaskOutcome(order.attempt_id, {}, {}, {}, None, {}, "")
             _LOG.info("step %s, task %s", order.step, order.key)
             try:
-                outcome = self._run(order, report, cancelled)
+                with METER.attempt() as usage:
+                    outcome = self._run(order, report, cancelled)
+                outcome = replace(outcome, stages={**outcome.stages, **usage.measures()})
             except Cancelled:
                 outcome = replace(outcome, cancelled=True)
             except Exception as error:
@@ -115,8 +120,12 @@ class Renderer:
             specs = chosen.inputs if params is None else chosen.inputs_of(params)
             aligned = {spec.name for spec in specs if spec.kind == "video"}
             context = AttemptContext(order, params, self._blobs, self._decoders, folder, report, cancelled, aligned)
+            context.report_pairs = report_pairs(order, chosen)
             try:
                 context.progress(0.0)
+                if order.earlier and (found := reused(context.reads, order.earlier, self._blobs)):
+                    _LOG.info("nothing that the task reads has changed: the earlier job's result is used")
+                    return found
                 return self._assemble(order, context, folder) if order.step == ASSEMBLE else self._step(order, context)
             finally:
                 context.close()
@@ -132,14 +141,14 @@ class Renderer:
             result["emitted"] = list(context.emitted)
         for warning in context.warnings:
             _LOG.warning("%s", warning)
-        return TaskOutcome(
+        outcome = TaskOutcome(
             order.attempt_id, result, context.artefacts, context.files, segment, context.stages.seconds(), "",
             warnings=context.damage.warnings(),
         )  # fmt: skip
+        return replace(outcome, trace=context.reads.outcome(outcome))
 
     def _assemble(self, order: TaskOrder, context: AttemptContext, folder: Path) -> TaskOutcome:
-        prefix = f"jobs/{order.job_id}/{order.step}/{order.key}/{order.attempt_id}"
-        assembly = Assembly(order, self._blobs, self._decoders, folder, prefix)
+        assembly = Assembly(order, self._find(order.method), self._blobs, self._decoders, folder)
         with context.stages.waiting("join"):
             result = assembly.run(context.progress)
         return TaskOutcome(order.attempt_id, result, {}, assembly.files, None, context.stages.seconds(), "")
@@ -156,7 +165,7 @@ class Renderer:
 
 
 def remote_renderer(settings: FarmSettings, blobs: Blobs, scratch: Path | None) -> Renderer:
-    """A renderer in a process of its own, whose logs are to be like those of the service."""
+    """Entry point of a renderer process; it logs in the format of the service."""
     set_up_logs(settings)
     return Renderer(blobs, scratch)
 

@@ -1,4 +1,4 @@
-"""Start-up paid before it is in anyone's way: kernels compiled and loaded, so that a first frame costs what others do.
+"""Compiles and loads kernels ahead of time, so that the first frame takes as long as later ones.
 
 On a machine that has never run them, compiling all kernels takes a minute or more; they are then cached on disk, and
 loading them takes half a second a process.

@@ -6,8 +6,10 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from pathlib import Path
 
+from pipeline.video.stills import encode_png
 from workers.blobs.base import Blobs
 from workers.errors import Conflict, NotFound
+from workers.execution.decoders import Decoders
 from workers.farm_parts.stored_file import StoredFile, job_file
 from workers.model import Job
 from workers.store import Store
@@ -23,6 +25,7 @@ class FarmFiles:
 
     def __init__(self, store: Store, blobs: Blobs, direct: bool) -> None:
         self._store, self._blobs, self._direct = store, blobs, direct
+        self._decoders = Decoders(blobs)
 
     def get(self, job_id: str, name: str) -> StoredFile:
         """A file of a job: "result", "poster" (JPEG), "sheet" (contact sheet, JPEG), "preview" (newest frame, JPEG),
@@ -50,6 +53,18 @@ class FarmFiles:
     def local(self, file: StoredFile) -> AbstractContextManager[Path]:
         """The file on this machine's disk while the context is open."""
         return self._blobs.local(file.key)
+
+    def frame(self, file: StoredFile, index: int) -> bytes | None:
+        """Frame `index` of a film at full size, PNG bytes; None beyond its end. Raises NotFound (deleted)."""
+        try:
+            with self._decoders.reader(file.key, index) as reader:
+                found = next(reader.read(index, index + 1), None)
+        except KeyError:
+            raise NotFound("The file has been deleted.", field="file", value=file.filename) from None
+        return None if found is None else encode_png(found)
+
+    def close(self) -> None:
+        self._decoders.close()
 
     def direct_url(self, file: StoredFile) -> str | None:
         """A signed URL of the blob store, valid for an hour; None where the operator has not enabled that."""

@@ -13,7 +13,7 @@ from workers.errors import NotFound
 from workers.execution.lru_cache import LruCache
 from workers.execution.preview import PreviewAsk, Previews
 from workers.jobs import state_machine as machine
-from workers.log_context import about
+from workers.log_context import log_extra
 from workers.model import Asset, Event, Job, JobRequest, Json, Page, Submitted
 from workers.scheduling.garbage_collector import GarbageCollector
 from workers.scheduling.requests import check_request
@@ -53,12 +53,14 @@ class FarmJobs:
         idempotency_key: str = "",
         admit: Callable[[], None] = lambda: None,
         max_active: int | None = None,
+        base_id: str | None = None,
     ) -> Submitted:
         """Validate the request and accept the job durably. The same idempotency key and request: the job of before.
 
         Args:
             admit: called before a new job is validated. What it raises is raised, and there is no job.
             max_active: unfinished jobs that the owner may have, this one included; None: any number.
+            base_id: see `workers.store.jobs.Jobs.add`.
 
         Raises:
             BadParameter: method, parameters or inputs are wrong.
@@ -72,8 +74,8 @@ class FarmJobs:
         admit()
         accepted = check_request(request, self._inputs(request))
         self._blobs.check_free_space()
-        job = self._store.jobs.add(accepted, owner, idempotency_key, max_active)
-        log.info("job accepted", extra=about(job=job.id, owner=owner, method=request.method))
+        job = self._store.jobs.add(accepted, owner, idempotency_key, max_active, base_id)
+        log.info("job accepted", extra=log_extra(job=job.id, owner=owner, method=request.method))
         self._wake()
         return job
 
@@ -91,6 +93,10 @@ class FarmJobs:
         """Raises NotFound."""
         return self._store.jobs.get(job_id)
 
+    def ahead(self, job_id: str) -> list[Job]:
+        """Jobs that are served before this one, see `workers.store.jobs.Jobs.ahead`. Raises NotFound."""
+        return self._store.jobs.ahead(job_id)
+
     def page(
         self,
         state: str | None = None,
@@ -99,9 +105,10 @@ class FarmJobs:
         label: tuple[str, str] | None = None,
         cursor: str | None = None,
         limit: int = 50,
+        search: str = "",
     ) -> Page:
-        """`Job` items, newest first."""
-        return self._store.jobs.page(state, method, owner, label, cursor, limit)
+        """`Job` items, newest first. `state` and `search`: see `JobStore.page`."""
+        return self._store.jobs.page(state, method, owner, label, cursor, limit, search)
 
     def cancel(self, job_id: str) -> Job:
         """Raises Conflict: the job is final."""
@@ -115,14 +122,29 @@ class FarmJobs:
         """Raises Conflict: the job is not paused."""
         return self._apply(job_id, machine.Resume())
 
+    def prioritise(self, job_id: str, priority: int | None) -> Job:
+        """Another priority for an unfinished job, -100..100, higher first; None: one above all other unfinished jobs.
+        Jobs of one priority are served in the order of submission. Raises Conflict: the job has ended."""
+        job = self._store.jobs.prioritise(job_id, priority)
+        self._wake()
+        return job
+
     def _apply(self, job_id: str, event: machine.Cancel | machine.Pause | machine.Resume) -> Job:
         job = self._store.jobs.command(job_id, event)
         self._wake()
         return job
 
-    def retry(self, job_id: str) -> Job:
-        """Queue again only the tasks that failed or were cancelled. Raises Conflict: the job did neither."""
-        job = self._store.jobs.retry(job_id)
+    def retry(self, job_id: str, max_active: int | None = None) -> Job:
+        """Queue again only the tasks that failed or were cancelled.
+
+        Args:
+            max_active: unfinished jobs that the owner may have, this one included; None: any number.
+
+        Raises:
+            Conflict: the job did neither fail nor was cancelled.
+            QuotaExceeded: the owner has `max_active` other unfinished jobs.
+        """
+        job = self._store.jobs.retry(job_id, max_active)
         self._wake()
         return job
 

@@ -29,8 +29,12 @@ class FarmTasks:
         """Logs of all attempts of the task, oldest first. Raises NotFound."""
         return self._store.tasks.log(task_id)
 
-    def requeue(self, task_id: str) -> TaskView:
-        """Run one failed or cancelled task again. Raises Conflict, NotFound."""
-        self._store.jobs.requeue(task_id)
+    def requeue(self, task_id: str, max_active: int | None = None) -> TaskView:
+        """Run one failed or cancelled task again. Raises Conflict, NotFound, QuotaExceeded.
+
+        Args:
+            max_active: unfinished jobs that the owner may have, this one's included; None: any number.
+        """
+        self._store.jobs.requeue(task_id, max_active)
         self._wake()
         return self.get(task_id)

@@ -1,4 +1,4 @@
-"""What goes into the state machine of jobs and tasks, and what comes out: events and effects.
+"""Input and output of the state machine of jobs and tasks: events and effects.
 
 `advance` of `workers.jobs.state_machine` takes an event and returns effects; the store carries them out in the same
 transaction.
@@ -16,7 +16,7 @@ from workers.model import Fault, RunState
 
 @dataclass(frozen=True)
 class Planned:
-    """The current step has its tasks: so many may start, so many wait for others."""
+    """The current step has been planned: numbers of tasks that may start, and of tasks that wait for others."""
 
     ready: int
     waiting: int
@@ -49,12 +49,12 @@ class Failed:
 
 @dataclass(frozen=True)
 class Interrupted:
-    """The attempt died with its dispatcher (kill -9, power loss): nobody's fault, as long as it stays rare."""
+    """The attempt died with its dispatcher (kill -9, power loss). It counts as a failure only if that is frequent."""
 
 
 @dataclass(frozen=True)
 class Released:
-    """The attempt was given back unfinished: an orderly shutdown, or storage was away. It does not count."""
+    """The attempt was returned unfinished: an orderly shutdown, or storage was unavailable. It is not counted."""
 
 
 @dataclass(frozen=True)

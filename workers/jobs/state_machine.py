@@ -128,7 +128,7 @@ class Counts:
         return self.waiting + self.ready + self.running + self.failed + self.cancelled
 
     def moved(self, old: TaskState, new: TaskState, n: int = 1) -> Counts:
-        """`n` tasks leave `old` for `new`."""
+        """Move `n` tasks from the state `old` to the state `new`."""
         if old is new:
             return self
         return replace(self, **{old.value: getattr(self, old.value) - n, new.value: getattr(self, new.value) + n})
@@ -136,7 +136,7 @@ class Counts:
 
 @dataclass(frozen=True)
 class JobSnapshot:
-    """What decides about a job."""
+    """State of a job, as far as transitions depend on it."""
 
     run: RunState
     step: int
@@ -152,7 +152,7 @@ class JobSnapshot:
 
 @dataclass(frozen=True)
 class TaskSnapshot:
-    """What decides about a task."""
+    """State of a task, as far as transitions depend on it."""
 
     state: TaskState
     blockers: int = 0
@@ -184,7 +184,7 @@ def advance(state: State, event: StateEvent) -> tuple[State, Effects]:
 
 
 def _settle(job: JobSnapshot) -> tuple[JobSnapshot, Effects]:
-    """What follows by itself once nothing runs: the next step, or the end."""
+    """Transitions that need no event once nothing runs: to the next step, or to a final state."""
     counts = job.counts
     if job.run.final or not job.planned or counts.running:
         return job, ()
@@ -303,7 +303,7 @@ def _requeue(state: State, event: Requeue) -> tuple[State, Effects]:
 
 
 def _reopened(job: JobSnapshot, counts: Counts) -> JobSnapshot:
-    """The job goes on: queued again if it had ended, else as it was."""
+    """The job continues: queued again if it had ended, else unchanged."""
     return replace(job, run=RunState.QUEUED if job.run.final else job.run, doomed=False, counts=counts)
 
 

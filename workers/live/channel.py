@@ -59,7 +59,7 @@ class LiveWorkerServer:
 
     def close(self) -> None:
         """Take no more connections."""
-        with contextlib.suppress(OSError):  # not everywhere may one shut a listener; closing it is enough there
+        with contextlib.suppress(OSError):  # some systems refuse to shut down a listener; closing it is enough there
             self._listener.shutdown(socket.SHUT_RDWR)
         self._listener.close()
 
@@ -110,7 +110,7 @@ class LiveWorkerServer:
                 answer = of_painted(self._painter.paint())
             except Exception as error:
                 answer = of_error(error)
-            with contextlib.suppress(OSError):  # nobody waits for it any more
+            with contextlib.suppress(OSError):  # no caller waits for it any more
                 _send(wire, sending, answer)
 
 
@@ -180,7 +180,7 @@ class LiveWorkerClient:
             _end(self._paints.popleft(), painted_of(answer, data))
 
     def _lose(self) -> None:
-        """Everything that is waited for fails."""
+        """Fail every pending call."""
         self._lost = True
         for waiting in (self._analyses, self._paints):
             while waiting:

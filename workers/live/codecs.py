@@ -28,7 +28,7 @@ from workers.live.model import Size, WireFormat
 BUILT_ON = frozenset({"h264", "vp8"})
 """Codecs whose frames are built on earlier ones."""
 CODECS = ("h264", "vp8", "jpeg", "webp", "raw")
-"""All of them, both ways."""
+"""Every codec, for receiving and sending."""
 KEY_EVERY_S = 3
 _TYPES = {"image/jpeg": "jpeg", "image/webp": "webp"}
 _BT601_TAG = 6
@@ -51,7 +51,7 @@ def decoder(codec: str, max_side_px: int) -> Decoder:
     """A decoder of `codec`, one of CODECS, for pictures of at most `max_side_px` a side."""
     if codec == "raw":
         return _RawDecoder()
-    return _VideoDecoder(codec, max_side_px) if codec in BUILT_ON else _StillDecoder(codec, max_side_px)
+    return _VideoDecoder(codec, max_side_px) if codec in BUILT_ON else _StillDecoder(codec)
 
 
 def encoder(wire: WireFormat, size: Size) -> Encoder:
@@ -62,7 +62,8 @@ def encoder(wire: WireFormat, size: Size) -> Encoder:
 
 
 def webcodecs_name(codec: str, size: Size, fps: float) -> str | None:
-    """What WebCodecs calls our stream, with a level that any size up to `size` fits; None for codecs it has not."""
+    """Codec string of WebCodecs for the stream, with a level that covers all sizes up to `size`; None for codecs that
+    WebCodecs lacks."""
     if codec == "vp8":
         return "vp8"
     if codec != "h264":
@@ -95,8 +96,8 @@ class _RawEncoder:
 
 
 class _StillDecoder:
-    def __init__(self, codec: str, max_side_px: int) -> None:
-        self._codec, self._max_side_px = codec, max_side_px
+    def __init__(self, codec: str) -> None:
+        self._codec = codec
 
     def decode(self, payload: bytes, size: Size) -> Frame:
         self._check(payload, size)
@@ -107,7 +108,7 @@ class _StillDecoder:
         return np.asarray(picture, np.uint8)
 
     def _check(self, payload: bytes, size: Size) -> None:
-        """By the header, before anything of its size is allocated."""
+        """Check the size in the header before memory of that size is allocated."""
         try:
             media_type = sniff(io.BytesIO(payload))
             codec = _TYPES.get(media_type, media_type or "something else")
@@ -150,7 +151,7 @@ class _VideoDecoder:
             raise _undecodable(self._codec)
         picture = pictures[0]
         stored = (picture.width, picture.height)
-        if stored != size:  # an odd side travels with a row or column more
+        if stored != size:  # an odd side is sent with one more row or column
             _same_size(stored, (size[0] + size[0] % 2, size[1] + size[1] % 2))
         frame = to_frame(picture, Geometry(stored))
         return np.ascontiguousarray(frame[: size[1], : size[0]])
@@ -159,7 +160,7 @@ class _VideoDecoder:
 class _VideoEncoder:
     def __init__(self, wire: WireFormat, size: Size) -> None:
         self._size = (size[0] + size[0] % 2, size[1] + size[1] % 2)
-        self._matrix = customary_matrix(size[1]) if wire.receive == "h264" else Colorspace.ITU601  # VP8 knows no other
+        self._matrix = customary_matrix(size[1]) if wire.receive == "h264" else Colorspace.ITU601  # VP8 has no other
         name, options = _h264(wire) if wire.receive == "h264" else _vp8(wire)
         context = Codec(name, "w").create()
         assert isinstance(context, VideoCodecContext)
@@ -183,7 +184,7 @@ class _VideoEncoder:
 
 
 def _h264(wire: WireFormat) -> tuple[str, dict[str, str]]:
-    """Constrained baseline: what every browser and phone decodes in hardware."""
+    """Constrained baseline: every browser and phone decodes it in hardware."""
     crf = round(50 - 0.32 * wire.quality)
     tuning = {"preset": "superfast", "tune": "zerolatency", "profile": "baseline", "forced-idr": "1"}
     return "libx264", tuning | {"crf": str(crf), "x264-params": "scenecut=0:repeat-headers=1:annexb=1"}

@@ -1,17 +1,17 @@
-"""Seats in this process: two threads each. For tests, and for a farm without Ray: a crash takes the service along."""
+"""Live workers in this process, two threads each. For tests, and for a farm without Ray: a crash ends the service
+too."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Protocol, TypeVar
 
 from workers.live.channel import FrameStages
 from workers.live.model import FrameRequest, LiveOrder, RenderedFrame
 from workers.live.worker import LiveWorker
-from workers.model import Json
 
 T = TypeVar("T")
 
@@ -21,7 +21,7 @@ class SessionRenderer(FrameStages, Protocol):
 
     def warm_up(self) -> None: ...
     def open(self, order: LiveOrder) -> None: ...
-    def change(self, params: Mapping[str, Json], inputs: Mapping[str, str]) -> None: ...
+    def change(self, order: LiveOrder) -> None: ...
     def close(self) -> None: ...
 
 
@@ -43,8 +43,8 @@ class LocalLiveWorker:
     def paint(self) -> Awaitable[RenderedFrame]:
         return self._here(self._paint, self._painter.paint)
 
-    def change(self, params: Mapping[str, Json], inputs: Mapping[str, str]) -> Awaitable[None]:
-        return self._here(self._analyze, self._painter.change, params, inputs)
+    def change(self, order: LiveOrder) -> Awaitable[None]:
+        return self._here(self._analyze, self._painter.change, order)
 
     async def leave(self) -> None:
         with contextlib.suppress(RuntimeError):  # the threads are gone already
@@ -58,7 +58,7 @@ class LocalLiveWorker:
 
 
 class LocalLiveWorkers:
-    """As many as are asked for; how many sessions there may be is not decided here."""
+    """Makes any number of workers; the number of sessions is limited elsewhere."""
 
     kind = "local"
 

@@ -1,4 +1,4 @@
-"""Frames, paintings and errors as messages between processes: JSON and bytes, nothing that could be run."""
+"""Frames, paintings and errors as messages between processes: JSON and bytes, nothing executable."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ class Packet:
 
     sequence: int
     timestamp: int
-    """The client's, of any meaning; comes back unchanged."""
+    """Number that the client chose; it is returned unchanged."""
     size: Size
     """Width and height according to its header."""
     key: bool
@@ -33,28 +33,39 @@ class WireFormat:
     send: str
     """Codec of the client's frames."""
     receive: str
-    """Codec of ours."""
+    """Codec of the painted frames."""
     quality: int = 85
-    """1 to 100, of our pictures."""
+    """Quality of the painted frames, 1 to 100."""
     fps: float = 30.0
     """Nominal rate, for encoders."""
 
 
 @dataclass(frozen=True)
+class FilterOrder:
+    """A filter of the painted frames."""
+
+    method: str
+    """A method with a `live_filter`."""
+    params: Mapping[str, Json]
+    """Complete, with defaults."""
+
+
+@dataclass(frozen=True)
 class LiveOrder:
-    """All that a painter needs to begin, or to go on in another process."""
+    """Everything a worker needs to start a stream, or to continue it in another process."""
 
     method: str
     params: Mapping[str, Json]
     """Complete, with defaults."""
     seed: int
     inputs: Mapping[str, str]
-    """Input name -> blob key of what the method refers to."""
+    """Input name -> blob key of a reference of the method."""
     size: Size
-    """To work at."""
+    """(width, height) at which frames are analyzed, px."""
     wire: WireFormat
     max_side_px: int = 1920
     """Longest side of a picture that is decoded."""
+    filter: FilterOrder | None = None
 
 
 @dataclass(frozen=True)
@@ -65,9 +76,9 @@ class FrameRequest:
     """Payloads: last the frame to paint; before it the frames that it is built on and that are not painted (video
     codecs)."""
     size: Size
-    """Of the frame's picture."""
+    """(width, height) of the frame, px."""
     work_size: Size
-    """To paint at."""
+    """(width, height) at which the frame is analyzed, px."""
     key: bool = False
     """The answer shall be a key frame."""
 
@@ -80,4 +91,4 @@ class RenderedFrame:
     size: Size
     key: bool
     stages_s: Mapping[str, float] = field(default_factory=dict)
-    """Seconds of "decode", "look", "paint", "encode"."""
+    """Seconds of "decode", "analyze", "paint", "filter" (only with a filter), "encode"."""

@@ -44,20 +44,20 @@ class FramePolicy:
     received: int = 0
     dropped: int = 0
     suspended: bool = False
-    """Nothing begins: the session is about to change."""
+    """No frame begins: the session is about to change."""
     alone: bool = True
-    """One frame at a time."""
+    """Whether frames are processed one at a time."""
     _waiting: list[Packet] = field(default_factory=list)
     _looking: Packet | None = None
     _painting: deque[Packet] = field(default_factory=deque)
     unsent: int = 0
-    """Finished answers that are not on their way yet."""
+    """Number of finished answers that have not been sent yet."""
     _keyframe_needed: bool = True
     _asked: bool = False
 
     @property
     def working(self) -> int:
-        """Frames in work."""
+        """Number of frames being analyzed or painted."""
         return len(self._painting) + (self._looking is not None)
 
     @property
@@ -97,7 +97,7 @@ class FramePolicy:
         self._waiting = []
 
     def _ask(self) -> bool:
-        """Once, until a key frame has come."""
+        """Ask for a key frame; once, until one arrives."""
         asked, self._asked = self._asked, True
         return not asked
 
@@ -131,7 +131,7 @@ class FramePolicy:
         self.unsent += 1
 
     def sent(self) -> None:
-        """An answer is on its way."""
+        """An answer has been sent."""
         self.unsent = max(0, self.unsent - 1)
 
     def lost(self) -> bool:

@@ -12,7 +12,7 @@ import asyncio
 import logging
 import secrets
 import threading
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeVar
@@ -26,7 +26,6 @@ from workers.live.local_workers import SessionRenderer
 from workers.live.model import FrameRequest, LiveOrder, RenderedFrame
 from workers.live.renderer import LiveRenderer
 from workers.live.worker import LiveWorker, LiveWorkerLost
-from workers.model import Json
 from workers.pools.actors import LiveActor
 from workers.pools.ray_types import RAY, Actor, ObjectRef
 
@@ -37,7 +36,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class _Warm:
-    """An actor, and a reference to where its post is, which is there once it is warm."""
+    """An actor, and a reference to the address of its frame server, available once it is warm."""
 
     actor: Actor
     address: ObjectRef
@@ -58,8 +57,8 @@ class RayLiveWorker:
     def paint(self) -> Awaitable[RenderedFrame]:
         return self._channel.paint()
 
-    def change(self, params: Mapping[str, Json], inputs: Mapping[str, str]) -> Awaitable[None]:
-        return _answer(self._actor.change.remote(dict(params), dict(inputs)))
+    def change(self, order: LiveOrder) -> Awaitable[None]:
+        return _answer(self._actor.change.remote(order))
 
     async def leave(self) -> None:
         self._channel.close()
@@ -72,9 +71,9 @@ class RayLiveWorker:
 
 
 OPENCV_THREADS = 2
-"""In a live actor, whose process is its own: a frame shall be done soon, where a batch shall cost little."""
+"""Settings of a live actor, which has a process of its own: low latency matters more than low cost."""
 LEAVE_WITHIN_S = 5.0
-"""An actor that does not let go of its stream in this time is killed."""
+"""An actor that does not close its stream within this time is killed."""
 
 
 async def _answer(ref: ObjectRef) -> Any:
@@ -105,7 +104,7 @@ class RayLiveWorkers:
         self._secret = secrets.token_bytes(SECRET_BYTES)
         self._lock = threading.Lock()
         self._idle: list[_Warm] = []
-        """The warmest first."""
+        """Idle actors, those that are warm first."""
         self._stopped = False
 
     def start(self) -> None:
@@ -113,7 +112,7 @@ class RayLiveWorkers:
         self._refill(self._spares)
 
     async def take(self) -> LiveWorker:
-        """The warmest actor there is; waits until it is warm."""
+        """A warm actor, or the one that will be warm first; waits until it is."""
         while True:
             warm = self._pick()
             self._refill(min(1, self._spares))
@@ -151,7 +150,7 @@ class RayLiveWorkers:
         return _Warm(actor, actor.warm_up.remote())
 
     def _given_back(self, warm: _Warm, sound: bool) -> None:
-        """Keep it for the next session: one more than the spares, so that sessions that come and go start nothing."""
+        """Keep the actor for the next session: one more than `spares`, so that short sessions start no actor."""
         with self._lock:
             kept = sound and not self._stopped and len(self._idle) <= self._spares
             if kept:

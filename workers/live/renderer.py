@@ -22,18 +22,17 @@ import numpy as np
 from pipeline.errors import BadInput, BadParameter, ImpastoError
 from pipeline.frames import Frame
 from pipeline.methods import method, parse_params
-from pipeline.methods.base import Method, Session
+from pipeline.methods.base import LiveFilter, Method, Session
 from workers.blobs.base import Blobs
 from workers.errors import NotFound
 from workers.execution.decoders import Decoders
 from workers.execution.renderer import prepare_process
 from workers.execution.warm_up import warm_up_process
 from workers.live.codecs import Decoder, Encoder, decoder, encoder
-from workers.live.model import FrameRequest, LiveOrder, RenderedFrame, Size
-from workers.model import Json
+from workers.live.model import FilterOrder, FrameRequest, LiveOrder, RenderedFrame, Size
 
 MAX_REFERENCE_FRAMES = 600
-"""A reference is learned from while the client waits."""
+"""Colours are learned from a reference while the client waits."""
 _AHEAD = 2
 
 
@@ -45,6 +44,8 @@ class _Analysis:
     value: object
     key: bool
     stages_s: dict[str, float]
+    behind: tuple[LiveFilter, object] | None
+    """The filter, and its own analysis of the frame."""
 
 
 class LiveRenderer:
@@ -67,6 +68,7 @@ class LiveRenderer:
         """Number of frames analyzed and not yet painted."""
         self._order: LiveOrder | None = None
         self._session: Session | None = None
+        self._filter: LiveFilter | None = None
         self._decoder: Decoder | None = None
         self._encoder: tuple[Size, Encoder] | None = None
         self._size: Size = (0, 0)
@@ -88,8 +90,9 @@ class LiveRenderer:
         before = self._order
         if before is None or (before.method, before.seed) != (order.method, order.seed):
             self._session, self._size, self._output_size = self._begin(order), order.size, order.size
-        elif (before.params, before.inputs) != (order.params, order.inputs):
-            self.change(order.params, order.inputs)
+            self._filter = self._filter_of(order.filter, None)
+        elif _painting(before) != _painting(order):
+            self.change(order)
         self._order = order
         self._decoder, self._encoder = decoder(order.wire.send, order.max_side_px), None
 
@@ -134,22 +137,40 @@ class LiveRenderer:
                 self._ahead -= 1
                 self._news.notify_all()
 
-    def change(self, params: Mapping[str, Json], inputs: Mapping[str, str]) -> None:
-        """Go on with these parameters (all of them) and references, from the next frame on; or raise, as `open`, and
-        change nothing."""
-        assert self._order is not None and self._session is not None
-        chosen = self._find(self._order.method)
-        references = None if inputs == self._order.inputs else self._references(inputs)
+    def change(self, order: LiveOrder) -> None:
+        """Go on with the parameters, references and filter of this order, from the next frame on; or raise, as `open`,
+        and change nothing."""
+        before = self._order
+        assert before is not None and self._session is not None
+        params = parse_params(self._find(before.method), order.params)
+        references = None if order.inputs == before.inputs else self._references(order.inputs)
         self._wait_until_painted()
-        self._session = self._session.reconfigure(
-            parse_params(chosen, params), self._size, references, self._output_size
-        )
-        self._order = replace(self._order, params=dict(params), inputs=dict(inputs))
+        behind = self._filter_of(order.filter, before.filter)
+        self._session = self._session.reconfigure(params, self._size, references, self._drawn(behind))
+        self._filter = behind
+        self._order = replace(before, params=order.params, inputs=order.inputs, filter=order.filter)
 
     def close(self) -> None:
-        """Forget the stream. The painter may be opened again."""
+        """Close the stream. The renderer may be opened again."""
         self._wait_until_painted()
-        self._order = self._session = self._decoder = self._encoder = None
+        self._order = self._session = self._filter = self._decoder = self._encoder = None
+
+    def _filter_of(self, order: FilterOrder | None, before: FilterOrder | None) -> LiveFilter | None:
+        """The filter of an order; it continues the present one, which was made for `before`, if it is of its method."""
+        if order is None or order == before:
+            return self._filter if order else None
+        chosen = self._find(order.method)
+        params = parse_params(chosen, order.params)
+        if self._filter is not None and before is not None and before.method == order.method:
+            return self._filter.reconfigure(params, self._size)
+        made = chosen.live_filter(params, self._size)
+        if made is None:
+            raise BadParameter("This method is not a live filter.", field="filter.method", value=order.method)
+        return made
+
+    def _drawn(self, behind: LiveFilter | None) -> Size | None:
+        """Size at which a session draws: that of its input where a filter compares the two."""
+        return self._output_size if behind is None else None
 
     # -- the analysis thread
 
@@ -159,8 +180,9 @@ class LiveRenderer:
         decoded = time.perf_counter()
         session = self._session_for(work.work_size, work.size)
         value = session.analyze(frame)
+        behind = None if self._filter is None else (self._filter, self._filter.analyze(frame))
         analyzed = time.perf_counter()
-        return _Analysis(session, value, work.key, {"decode": decoded - began, "look": analyzed - decoded})
+        return _Analysis(session, value, work.key, {"decode": decoded - began, "analyze": analyzed - decoded}, behind)
 
     def _decode(self, work: FrameRequest) -> Frame:
         assert self._decoder is not None
@@ -176,8 +198,13 @@ class LiveRenderer:
         if (size, output_size) != (self._size, self._output_size):
             self._wait_until_painted()
             params = parse_params(self._find(self._order.method), self._order.params)
-            self._session = self._session.reconfigure(params, size, None, output_size)
-            self._size, self._output_size = size, output_size
+            self._output_size = output_size
+            self._session = self._session.reconfigure(params, size, None, self._drawn(self._filter))
+            if self._filter is not None and self._order.filter is not None and size != self._size:
+                chosen = self._order.filter
+                filter_params = parse_params(self._find(chosen.method), chosen.params)
+                self._filter = self._filter.reconfigure(filter_params, size)
+            self._size = size
         return self._session
 
     def _wait_until_painted(self) -> None:
@@ -208,10 +235,16 @@ class LiveRenderer:
     def _paint(self, analysis: _Analysis) -> RenderedFrame:
         began = time.perf_counter()
         frame = analysis.session.paint(analysis.value)
-        painted = time.perf_counter()
+        painted = filtered = time.perf_counter()
+        if analysis.behind is not None:
+            live_filter, source = analysis.behind
+            frame = live_filter.apply(source, frame)
+            filtered = time.perf_counter()
         data, size, key = self._encoder_for((frame.shape[1], frame.shape[0])).encode(frame, analysis.key)
         encoded = time.perf_counter()
-        stages = analysis.stages_s | {"paint": painted - began, "encode": encoded - painted}
+        stages = analysis.stages_s | {"paint": painted - began, "encode": encoded - filtered}
+        if analysis.behind is not None:
+            stages["filter"] = filtered - painted
         return RenderedFrame(data, size, key, stages)
 
     def _encoder_for(self, size: Size) -> Encoder:
@@ -219,6 +252,11 @@ class LiveRenderer:
         if self._encoder is None or self._encoder[0] != size:
             self._encoder = (size, encoder(self._order.wire, size))
         return self._encoder[1]
+
+
+def _painting(order: LiveOrder) -> tuple[object, ...]:
+    """What `LiveRenderer.change` can change."""
+    return order.params, order.inputs, order.filter
 
 
 def _resized(frame: Frame, size: Size) -> Frame:

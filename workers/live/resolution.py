@@ -25,6 +25,19 @@ from workers.live.model import Size
 
 Reason = Literal["slow", "room"]
 
+
+@dataclass(frozen=True)
+class SizeReason:
+    """Why frames are painted at the present size."""
+
+    reason: Literal["slow", "room", "input"] = "input"
+    """Missed deadlines, spare time, or the size of the incoming frames."""
+    latency_s: float = 0.0
+    """Delay that 95 % of the latest frames at the previous size did not exceed, seconds; 0 with "input"."""
+    deadline_s: float = 0.0
+    """Delay that was allowed, seconds; 0 with "input"."""
+
+
 SCALES = (1.0, 0.75, 0.5, 0.375, 0.25)
 """Rungs of the ladder: factors of both sides."""
 SETTLE_S = 0.3
@@ -32,7 +45,8 @@ SETTLE_S = 0.3
 touched for the first time."""
 NOTICED_S = 1 / 30
 """A delay below this (seconds) does not justify a smaller size."""
-LOOK_BACK_S = 0.5
+RECENT_S = 0.5
+"""Length of the period whose frames count as recent, seconds."""
 LATE_WINDOWS = ((2.0, 2, 0.05), (10.0, 3, 0.01))
 """(seconds, late frames, share of all frames): in the long run less than one frame in a hundred is late."""
 MARGIN = 0.85
@@ -68,7 +82,7 @@ def scaled(size: Size, scale: float) -> Size:
 
 
 class FrameRateMeter:
-    """The client's real rate, from when its frames came."""
+    """The actual frame rate of the client, from arrival times."""
 
     def __init__(self, most_fps: float) -> None:
         self._most = most_fps
@@ -93,28 +107,29 @@ class FrameCost:
     """Seconds of a frame's work."""
 
     decode_s: float
-    look_s: float
+    analyze_s: float
     paint_s: float
-    """With encoding."""
+    """With filter and encoding."""
 
     @classmethod
     def of(cls, stages_s: Mapping[str, float]) -> FrameCost:
         stage = stages_s.get
-        return cls(stage("decode", 0.0), stage("look", 0.0), stage("paint", 0.0) + stage("encode", 0.0))
+        paint_s = stage("paint", 0.0) + stage("filter", 0.0) + stage("encode", 0.0)
+        return cls(stage("decode", 0.0), stage("analyze", 0.0), paint_s)
 
     @property
     def half_s(self) -> float:
         """The longer of the two halves, which bounds the rate."""
-        return max(self.decode_s + self.look_s, self.paint_s)
+        return max(self.decode_s + self.analyze_s, self.paint_s)
 
     @property
     def whole_s(self) -> float:
-        return self.decode_s + self.look_s + self.paint_s
+        return self.decode_s + self.analyze_s + self.paint_s
 
     def at(self, factor: float) -> FrameCost:
         """Expected when the sides of the size worked at change by `factor`."""
         growth = factor**_GROWTH
-        return FrameCost(self.decode_s, self.look_s * growth, self.paint_s * growth)
+        return FrameCost(self.decode_s, self.analyze_s * growth, self.paint_s * growth)
 
     def fits(self, period_s: float, margin: float = MARGIN) -> bool:
         return self.half_s <= margin * period_s and self.whole_s <= margin * deadline_s(period_s)
@@ -143,6 +158,8 @@ class ResolutionLadder:
     _fails: list[int] = field(default_factory=lambda: [0] * len(SCALES))
     """Failed steps up, by the rung that was tried."""
     _rose_s: float | None = None
+    why: SizeReason = SizeReason()
+    """Of the present rung."""
 
     @property
     def scale(self) -> float:
@@ -166,13 +183,17 @@ class ResolutionLadder:
         if not self.adaptive:
             return None
         if self._slow(now_s, period_s):
+            self.why = SizeReason("slow", self._tail_s(now_s), deadline_s(period_s))
             return self._fall(now_s, period_s)
-        return self._rise(now_s) if self._has_spare_time(now_s, period_s) else None
+        if self._has_spare_time(now_s, period_s):
+            self.why = SizeReason("room", self._tail_s(now_s), deadline_s(period_s))
+            return self._rise(now_s)
+        return None
 
     def hurried(self, now_s: float, period_s: float) -> bool:
         """Whether the next frame must begin before this one is painted to keep the rate; False until enough is
         measured."""
-        costs = [sample.cost.whole_s for sample in self._samples if sample.at_s >= now_s - LOOK_BACK_S]
+        costs = [sample.cost.whole_s for sample in self._samples if sample.at_s >= now_s - RECENT_S]
         return len(costs) >= ENOUGH and median(costs) > MARGIN * period_s
 
     def restart(self) -> None:
@@ -190,8 +211,8 @@ class ResolutionLadder:
         if self._late >= 2 or self._often_late(now_s, period_s):
             return True
         assert self._since_s is not None
-        samples = [sample for sample in self._samples if sample.at_s >= now_s - LOOK_BACK_S]
-        if now_s - self._since_s < LOOK_BACK_S or len(samples) < 2:
+        samples = [sample for sample in self._samples if sample.at_s >= now_s - RECENT_S]
+        if now_s - self._since_s < RECENT_S or len(samples) < 2:
             return False
         return median(sample.cost.half_s for sample in samples) > period_s
 

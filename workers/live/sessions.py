@@ -11,7 +11,7 @@ from pipeline.frames import MIN_SIDE_PX
 from pipeline.methods import method, methods, parse_params
 from pipeline.methods.base import InputKind, Method
 from workers.live.codecs import CODECS
-from workers.live.model import LiveOrder, Size, WireFormat
+from workers.live.model import FilterOrder, LiveOrder, Size, WireFormat
 from workers.live.stream import Stream
 from workers.live.worker import LiveWorkers, NoLiveWorker
 from workers.model import Asset, Json, asset_key
@@ -33,7 +33,7 @@ class LiveLimits:
     """Longest side of a frame."""
     fps: float
     frame_bytes: int
-    """Of one payload."""
+    """Bytes of one payload."""
 
 
 class SessionSlot:
@@ -43,7 +43,7 @@ class SessionSlot:
         self._live: LiveSessions | None = live
 
     def release(self) -> None:
-        """Twice is the same as once."""
+        """A second call has no effect."""
         if self._live is not None:
             self._live.sessions -= 1
             self._live = None
@@ -68,7 +68,7 @@ class LiveSessions:
         """Places taken."""
 
     def start(self) -> None:
-        """On the main thread."""
+        """Start the workers. Call on the main thread."""
         if self.capacity:
             self._workers.start()
 
@@ -82,6 +82,10 @@ class LiveSessions:
     def methods(self) -> tuple[str, ...]:
         """Names of the causal methods."""
         return tuple(name for name, found in methods().items() if _causal(found))
+
+    def filters(self) -> tuple[str, ...]:
+        """Names of the methods that can filter what a live method paints."""
+        return tuple(name for name, found in methods().items() if _filters(found))
 
     def place(self) -> SessionSlot:
         """Reserve a place for a session. Raises NoLiveWorker if all are taken."""
@@ -112,6 +116,18 @@ class LiveSessions:
         self._check_rate(wire.fps)
         inputs = self.inputs(chosen.name, assets)
         return LiveOrder(name, self.params(name, params), seed, inputs, size, wire, self.limits.side_px)
+
+    def filter(self, name: str, params: Mapping[str, Json]) -> FilterOrder:
+        """A checked order of a filter. Raises BadParameter."""
+        known = self.filters()
+        if name not in known:
+            remedy = f"Use one of: {', '.join(known)}."
+            raise BadParameter("This method is not a live filter.", field="filter.method", value=name, remedy=remedy)
+        try:
+            return FilterOrder(name, self.params(name, params))
+        except BadParameter as error:
+            error.field = f"filter.{error.field}"
+            raise
 
     @staticmethod
     def params(name: str, params: Mapping[str, Json]) -> dict[str, Json]:
@@ -151,6 +167,10 @@ class LiveSessions:
         if not 0 < fps <= self.limits.fps:
             remedy = f"Use a rate above 0, up to {self.limits.fps:g} frames a second."
             raise BadParameter("The frame rate is out of range.", field="fps", value=fps, remedy=remedy)
+
+
+def _filters(chosen: Method) -> bool:
+    return chosen.live_filter(chosen.Params(), (64, 64)) is not None
 
 
 def _causal(chosen: Method) -> bool:

@@ -1,4 +1,4 @@
-"""Counts and percentiles of a second and of a session, in bounded memory."""
+"""Counts and percentiles of frames over a second or a session, in bounded memory."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Histogram:
 
 @dataclass
 class FrameStatistics:
-    """What happened since `began_s`; all times in seconds of the session's clock."""
+    """Frames counted since `began_s`; all times in seconds of the session's clock."""
 
     began_s: float
     received: int = 0

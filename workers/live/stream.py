@@ -9,14 +9,14 @@ import asyncio
 import logging
 import time
 from collections import deque
-from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
 
 from workers.live.codecs import BUILT_ON
 from workers.live.model import FrameRequest, LiveOrder, Packet, RenderedFrame, Size, WireFormat
 from workers.live.policy import FramePolicy, Start
-from workers.live.resolution import FrameCost, FrameRateMeter, ResolutionLadder, scaled
+from workers.live.resolution import FrameCost, FrameRateMeter, ResolutionLadder, SizeReason, scaled
 from workers.live.statistics import FrameStatistics
 from workers.live.worker import LiveWorker, LiveWorkerLost, LiveWorkers, NoLiveWorker
 from workers.model import Json
@@ -35,22 +35,21 @@ class Answer:
     packet: Packet
     painted: RenderedFrame
     waited_s: float
-    """From its arrival until its work began."""
+    """Seconds from its arrival until its analysis began."""
 
 
 @dataclass(frozen=True)
 class Resized:
-    """Answers have another size from now on."""
+    """From the next answer on, frames have another size."""
 
     size: Size
     scale: float
-    reason: str
-    """"slow", "room" or "input"."""
+    why: SizeReason
 
 
 @dataclass(frozen=True)
 class Replaced:
-    """The worker died; another continues."""
+    """The worker died; another one continues the stream."""
 
     reason: str
 
@@ -88,16 +87,15 @@ class Stream:
         self._ladder, self._pace = ResolutionLadder(adaptive), FrameRateMeter(order.wire.fps)
         self._worker: LiveWorker | None = None
         self._input_size = self._shown_size = order.size
-        self._why_resized = "input"
         self._key_wanted = False
         self._items: deque[Item] = deque()
         self._moved = asyncio.Event()
-        """Set at every change of state."""
+        """Set after every change of state."""
         self._suspended_by: set[str] = set()
         self._changing = asyncio.Lock()
         self._replacing: asyncio.Task[None] | None = None
         self._newest: asyncio.Task[None] | None = None
-        """Of the frame begun last."""
+        """Number of the frame that was begun last."""
         self._tasks: set[asyncio.Task[None]] = set()
         self._failure: Exception | None = None
         self.total, self._second = FrameStatistics(clock()), FrameStatistics(clock())
@@ -130,7 +128,7 @@ class Stream:
         self._wake()
 
     async def attach(self, wire: WireFormat, size: Size, adaptive: bool) -> None:
-        """Go on for another connection: its codecs, its frames. Raises as `open`."""
+        """Continue for another connection with its codecs and frames. Raises as `open`."""
         self._suspend("away")
         order = replace(self.order, wire=wire)
         await self._on_worker(lambda worker: worker.open(order), order)
@@ -144,11 +142,11 @@ class Stream:
 
     @property
     def size(self) -> Size:
-        """To work at, for frames as they come now."""
+        """Analysis size for frames of the present size."""
         return scaled(self._input_size, self._ladder.scale)
 
     def offer(self, packet: Packet) -> None:
-        """A frame has come."""
+        """A frame has arrived."""
         self._pace.arrived(packet.at_s)
         if self._policy.arrive(packet):
             self._put(KeyframeNeeded("earlier frames are lost"))
@@ -177,7 +175,7 @@ class Stream:
         await self._until(lambda: self._policy.idle)
 
     def figures(self) -> Json:
-        """Of the whole session."""
+        """Statistics of the whole session."""
         self.total.received, self.total.dropped = self._policy.received, self._policy.dropped
         return self.total.as_json(self._clock()) | self._shown()
 
@@ -192,15 +190,16 @@ class Stream:
 
     def _shown(self) -> Json:
         width, height = self.size
-        return {"width": width, "height": height, "scale": self._ladder.scale}
+        why = self._ladder.why
+        measured = {"latency_ms": round(1000 * why.latency_s, 1), "deadline_ms": round(1000 * why.deadline_s, 1)}
+        chosen = {"reason": why.reason, **(measured if why.deadline_s else {})}
+        return {"width": width, "height": height, "scale": self._ladder.scale, "size": chosen}
 
     # -- changes
 
-    async def change(self, params: Mapping[str, Json], inputs: Mapping[str, str]) -> None:
-        """Go on with these parameters (all of them) and references (blob keys), or raise and change nothing."""
-        await self._on_worker(
-            lambda worker: worker.change(params, inputs), replace(self.order, params=params, inputs=inputs)
-        )
+    async def change(self, order: LiveOrder) -> None:
+        """Go on with the parameters, references and filter of this order, or raise and change nothing."""
+        await self._on_worker(lambda worker: worker.change(order), order)
 
     async def _on_worker(self, call: Callable[[LiveWorker], Awaitable[None]], order: LiveOrder) -> None:
         """Call the worker while no frame is in work; then `order` is in force. If the worker dies in the call, the call
@@ -216,7 +215,7 @@ class Stream:
 
     @asynccontextmanager
     async def _idle(self) -> AsyncIterator[None]:
-        """Nothing is in work and nothing begins."""
+        """Wait until no frame is in work, and begin none until the block ends."""
         async with self._changing:
             self._suspend("change")
             try:
@@ -235,7 +234,7 @@ class Stream:
 
     def _work(self, start: Start) -> FrameRequest:
         if start.frame.size != self._input_size:
-            self._input_size, self._why_resized = start.frame.size, "input"
+            self._input_size, self._ladder.why = start.frame.size, SizeReason()
             self._ladder.restart()
         key, self._key_wanted = self._key_wanted, False
         return FrameRequest(tuple(packet.data for packet in start.packets), start.frame.size, self.size, key)
@@ -260,7 +259,7 @@ class Stream:
 
     def _analyzed(self, done: asyncio.Future[None], start: Start) -> None:
         if done.cancelled() or done.exception() is not None:
-            return  # its painting says so too
+            return  # `paint` reports the same error
         self._policy.analyzed(start)
         self._pump()
 
@@ -276,17 +275,16 @@ class Stream:
 
     def _measure(self, answer: Answer, rung: int) -> None:
         now, cost = self._clock(), FrameCost.of(answer.painted.stages_s)
-        why = self._ladder.painted(now, self._pace.period_s, now - answer.packet.at_s, cost, rung)
-        self._why_resized = why or self._why_resized
+        self._ladder.painted(now, self._pace.period_s, now - answer.packet.at_s, cost, rung)
         self._policy.alone = not self._ladder.hurried(now, self._pace.period_s)
 
     def _show(self, size: Size) -> None:
         """Announce another size of answers before the first answer of that size."""
         if size != self._shown_size:
             self._shown_size = size
-            self._put(Resized(size, self._ladder.scale, self._why_resized))
+            self._put(Resized(size, self._ladder.scale, self._ladder.why))
 
-    # -- death and failure
+    # -- crashes and errors
 
     def _open_worker(self) -> LiveWorker:
         assert self._worker is not None, "the stream is open"
@@ -341,7 +339,7 @@ class Stream:
         self._suspend("failed")
         self._wake()
 
-    # -- small things
+    # -- helpers
 
     def _put(self, item: Item) -> None:
         self._items.append(item)

@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Mapping
+from collections.abc import Awaitable
 from typing import Protocol
 
 from pipeline.errors import ImpastoError
 from workers.live.model import FrameRequest, LiveOrder, RenderedFrame
-from workers.model import Json
 
 
 class LiveWorkerLost(ImpastoError):
@@ -37,9 +36,9 @@ class LiveWorker(Protocol):
     def open(self, order: LiveOrder) -> Awaitable[None]: ...
     def analyze(self, work: FrameRequest) -> Awaitable[None]: ...
     def paint(self) -> Awaitable[RenderedFrame]: ...
-    def change(self, params: Mapping[str, Json], inputs: Mapping[str, str]) -> Awaitable[None]: ...
+    def change(self, order: LiveOrder) -> Awaitable[None]: ...
     async def leave(self) -> None:
-        """Give it back. Never raises; waits for nothing but what runs."""
+        """Return the worker. Never raises; waits only for running calls."""
         ...
 
 
@@ -48,7 +47,7 @@ class LiveWorkers(Protocol):
     """"local" or "ray"."""
 
     def start(self) -> None:
-        """Get ready; on the main thread."""
+        """Start. Call on the main thread."""
         ...
 
     async def take(self) -> LiveWorker:

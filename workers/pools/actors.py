@@ -1,4 +1,4 @@
-"""The Ray actors, a line or two a method: everything they do is done by plain classes. With `ray_pool` and
+"""The Ray actors: thin wrappers around plain classes. With `ray_pool` and
 `ray_seats`, the only files that import Ray."""
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from workers.blobs.base import Blobs
 from workers.live.channel import Address, LiveWorkerServer
 from workers.live.local_workers import SessionRenderer
 from workers.live.model import LiveOrder
-from workers.model import Json, TaskOrder, TaskOutcome
+from workers.model import TaskOrder, TaskOutcome
 from workers.pools.artefact_cache import ArtefactCache
 from workers.pools.attempt_monitor import AttemptMonitor
 from workers.pools.local_pool import TaskRunner
@@ -29,9 +29,9 @@ CONTROL = "control"
 RENDER_NICENESS = 10
 """Live sessions and the service's answers go before renders."""
 FETCH_S = 10.0
-"""Longer than this, the blob store is quicker."""
+"""Beyond this size, the blob store is faster."""
 LOWEST = 19
-"""Nice."""
+"""Niceness of processes that render."""
 
 
 class _RenderActor:
@@ -110,7 +110,7 @@ class _LiveActor:
         painter = cast(SessionRenderer, ray.cloudpickle.loads(self._make_painter)())
         painter.warm_up()
         gc.collect()
-        gc.freeze()  # what was imported is never garbage; looking through it takes a tenth of a second
+        gc.freeze()  # imported objects are never garbage; scanning them takes a tenth of a second
         self._painter = painter
 
     @property
@@ -121,8 +121,8 @@ class _LiveActor:
     def open(self, order: LiveOrder) -> None:
         self._here.open(order)
 
-    def change(self, params: Mapping[str, Json], inputs: Mapping[str, str]) -> None:
-        self._here.change(params, inputs)
+    def change(self, order: LiveOrder) -> None:
+        self._here.change(order)
 
     def close(self) -> None:
         self._here.close()

@@ -18,7 +18,7 @@ from typing import BinaryIO
 from workers.blobs.base import Blobs, Content, Direct
 
 ARTEFACT = ".npz"
-"""What keys of artefacts end with."""
+"""Suffix of the keys of artefacts."""
 MOST_BYTES = 16 << 20
 """Largest artefact in the cache, bytes; larger ones use the blob store only."""
 
@@ -71,7 +71,7 @@ class ArtefactCache(Blobs):
             if self._made is not None and len(data) <= MOST_BYTES:
                 self._made[key] = data
 
-    # -- the rest is the store's
+    # -- passed on to the store
 
     def put_if_absent(self, key: str, data: bytes) -> bool:
         return self._blobs.put_if_absent(key, data)
@@ -119,7 +119,7 @@ def _whole(data: bytes | BinaryIO | Callable[[BinaryIO], None]) -> bytes:
 
 
 class SharedArtefacts:
-    """What attempts have left on the way: the newest, up to a number of bytes. Thread-safe.
+    """References to the artefacts of recent attempts, up to a total number of bytes. Thread-safe.
 
     Args:
         most_bytes: of all together.

@@ -9,10 +9,18 @@ import time
 from collections.abc import Callable, Collection
 from typing import Protocol
 
+from pipeline.methods import method
 from workers.faults import failed_outcome
+from workers.jobs.state_machine import ASSEMBLE
 from workers.model import TaskOrder, TaskOutcome
 from workers.operations import Slot
 from workers.pools.base import Report, Tell
+from workers.pools.machine import Machine
+
+_STOP_CHECK_S = 0.2
+"""Interval at which an attempt that waits for memory checks whether it was stopped, seconds."""
+_REPORT_S = 30.0
+"""Interval of reports of an attempt that waits for memory, seconds: without them it would count as lost."""
 
 Listen = Callable[[Report], None]
 
@@ -30,13 +38,26 @@ class TaskRunner(Protocol):
 
 
 class LocalPool:
-    """`workers` threads; each makes its own runner at its first order."""
+    """Threads, each of which makes its own runner at its first order.
+
+    Args:
+        workers: attempts that run at once, at most.
+        machine: decides how many of them run at once by what they need; None: always `workers`.
+        task_memory_bytes: memory of a process with a task that declares none.
+    """
 
     shares_memory = False
 
-    def __init__(self, make_runner: Callable[[], TaskRunner], workers: int) -> None:
+    def __init__(
+        self,
+        make_runner: Callable[[], TaskRunner],
+        workers: int,
+        machine: Machine | None = None,
+        task_memory_bytes: int = 1 << 30,
+    ) -> None:
         self.capacity = workers
         self._make_runner = make_runner
+        self._machine, self._task_memory_bytes = machine, task_memory_bytes
         self._orders: queue.SimpleQueue[TaskOrder | None] = queue.SimpleQueue()
         self._stops: dict[str, threading.Event] = {}
         self._busy: dict[str, str] = {}
@@ -52,7 +73,8 @@ class LocalPool:
     @property
     def free(self) -> int:
         with self._lock:
-            return 0 if self._drained else self.capacity - len(self._stops) + len(self._abandoned)
+            slots = 0 if self._drained else self.capacity - len(self._stops) + len(self._abandoned)
+        return slots if self._machine is None else min(slots, self._machine.free)
 
     def drain(self, nodes: Collection[str]) -> None:
         self._drained = self._node in nodes
@@ -72,6 +94,9 @@ class LocalPool:
     def submit(self, order: TaskOrder) -> None:
         with self._lock:
             self._stops[order.attempt_id] = threading.Event()
+        if self._machine is not None:
+            share = self._machine.share_of(order.resources, task_cpus(order), self._task_memory_bytes)
+            self._machine.admit(order.attempt_id, share)
         self._orders.put(order)
 
     def cancel(self, attempt_id: str) -> None:
@@ -86,6 +111,7 @@ class LocalPool:
             if attempt_id not in self._busy or attempt_id in self._abandoned:
                 return
             self._abandoned.add(attempt_id)
+        self._release(attempt_id)
         self._add_worker()
 
     def describe(self) -> dict[str, object]:
@@ -142,11 +168,30 @@ class LocalPool:
             self._listen(Report(attempt_id, done, worker=name, preview=preview))
 
         try:
+            self._wait_for_memory(attempt_id, name, stop)
             runner = runner or self._make_runner()
             outcome = runner.run(order, tell, stop.is_set)
         except BaseException as error:
             outcome, runner = failed_outcome(attempt_id, error), None
+        self._release(attempt_id)
         with self._lock:
             del self._stops[attempt_id], self._busy[attempt_id]
         self._listen(Report(attempt_id, 1.0, outcome, worker=name))
         return runner
+
+    def _wait_for_memory(self, attempt_id: str, name: str, stop: threading.Event) -> None:
+        """Wait until the machine has room for the attempt, or it is stopped; tell the dispatcher that it is alive."""
+        told_s = time.monotonic()
+        while self._machine is not None and not stop.is_set() and not self._machine.wait(attempt_id, _STOP_CHECK_S):
+            if time.monotonic() - told_s > _REPORT_S:
+                told_s = time.monotonic()
+                self._listen(Report(attempt_id, worker=f"{name} (waits for memory)"))
+
+    def _release(self, attempt_id: str) -> None:
+        if self._machine is not None:
+            self._machine.release(attempt_id)
+
+
+def task_cpus(order: TaskOrder) -> float:
+    """Processors that the task keeps busy, as its method says; 1 for the platform's own steps."""
+    return 1.0 if order.step == ASSEMBLE else method(order.method).task_cpus

@@ -13,11 +13,12 @@ from workers.model import Json
 from workers.settings import FarmSettings
 
 _OBJECT_STORE_BYTES = 256 << 20
-"""Taken as it is used. Orders and outcomes are a few kilobytes, blobs go by their own way."""
+"""Limit of the object store; memory is taken when it is used. Orders and outcomes have a few kilobytes; blobs bypass
+it."""
 _LOCAL = {
     "object_store_memory": _OBJECT_STORE_BYTES,
-    # Ray's workers are nicer than all else by default. Here those that render are (see `actors`), and a live session
-    # has a deadline.
+    # By default Ray gives all its workers a low priority. Here only those that render have one (see `actors`): live
+    # sessions have deadlines.
     "_system_config": {"worker_niceness": 0},
 }
 
@@ -25,7 +26,7 @@ _LOCAL = {
 def connect(settings: FarmSettings) -> None:
     """`ray.init`, without losing the process's own SIGTERM handler to it."""
     local = settings.ray_address == "local"
-    own: Json = _LOCAL | {"num_cpus": settings.workers} if local else {}
+    own: Json = _LOCAL | {"num_cpus": settings.most_workers} if local else {}
     handler = signal.getsignal(signal.SIGTERM)
     try:
         ray.init(

@@ -41,12 +41,12 @@ from workers.settings import FarmSettings
 log = logging.getLogger(__name__)
 
 _TICK_S = 0.25
-"""How often progress is asked for while something runs."""
+"""Interval of progress requests while something runs, seconds."""
 _PATIENCE_S = 3.0
 """Seconds that a starting actor waits for capacity before an idle actor is ended for it: as long as a start takes."""
 _HANDED_BYTES = 64 << 20
-"""Of artefacts in Ray's shared memory, over all nodes: with those just made far below what Ray begins to spill at. To
-spill them took a seventh of two processors."""
+"""Bytes of artefacts in Ray's shared memory, over all nodes: together with those just made, far below the amount at
+which Ray begins to spill to disk. Spilling took a seventh of two processors."""
 
 
 @dataclass
@@ -59,7 +59,7 @@ class _Worker:
     capacity: Capacity
     """What Ray has reserved for it."""
     avoids: frozenset[str] = frozenset()
-    """Ids of Ray nodes where it was not to begin."""
+    """Ids of Ray nodes on which it must not start."""
     name: str = ""
     node: str = ""
     attempt_id: str = ""
@@ -76,7 +76,7 @@ class _Worker:
 
 
 class RayPool:
-    """`settings.workers` actors on the cluster at `settings.ray_address` ("local": a cluster on this machine).
+    """`settings.most_workers` actors on the cluster at `settings.ray_address` ("local": a cluster on this machine).
 
     Args:
         blobs: pickled to the actors: S3, or a folder that all machines share.
@@ -103,7 +103,7 @@ class RayPool:
         self._listen: Listen = lambda report: None
         self._usual = default_capacity(settings)
         self._shortage = ""
-        """What keeps every worker from starting, in words."""
+        """Why no worker can start; empty if one can."""
         self._drained: frozenset[str] = frozenset()
         self._avoided: frozenset[str] = frozenset()
         """Ids of the drained nodes."""
@@ -148,7 +148,7 @@ class RayPool:
         self._listen = listen
         connect(self._settings)
         with self._lock:
-            self._workers = [self._new_worker(self._usual) for _ in range(self._settings.workers)]
+            self._workers = [self._new_worker(self._usual) for _ in range(self._settings.most_workers)]
         self._pump.start()
 
     def submit(self, order: TaskOrder) -> None:
@@ -184,7 +184,7 @@ class RayPool:
     def describe(self) -> dict[str, object]:
         with self._lock:
             busy = {worker.attempt_id: worker.name for worker in self._workers if worker.attempt_id}
-        wanted = self._settings.workers
+        wanted = self._settings.most_workers
         return {"kind": "ray", "workers": self.capacity, "wanted": wanted, "busy": busy, "lacking": self._shortage}
 
     def stop(self, grace_s: float = 5.0) -> None:
@@ -200,7 +200,7 @@ class RayPool:
         self._collect(0.0)
         ray.shutdown()
 
-    # -- the pump: greetings, answers, progress
+    # -- messages of actors: readiness, outcomes, progress
 
     def _run(self) -> None:
         while not self._stopping:
@@ -259,7 +259,7 @@ class RayPool:
             busy = [worker for worker in self._workers if worker.attempt_id]
             asked = {worker.actor.progress.remote(): worker for worker in busy if worker.name}
         for worker in busy:
-            if not worker.name:  # its actor waits for room: that is no silence
+            if not worker.name:  # its actor waits for capacity, which does not count as silence
                 none = "" if worker.hopeless_since is None else ": no machine has that"
                 self._listen(Report(worker.attempt_id, worker=f"waiting for {worker.capacity}{none}"))
         if not asked:
@@ -272,7 +272,7 @@ class RayPool:
         try:
             attempt_id, done, preview = ray.get(ref)
         except RayError:
-            return  # its answer will say so
+            return  # its outcome reports it
         if attempt_id == worker.attempt_id:
             self._listen(Report(attempt_id, done, worker=worker.name, preview=preview))
 

@@ -1,4 +1,4 @@
-"""Ray without its types: it ships none that a strict checker accepts."""
+"""Aliases for values of Ray, which ships no types that a strict checker accepts."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from workers.blobs.base import Blobs
 from workers.execution.renderer import prepare_process
 from workers.previews.byte_cache import ByteCache
 from workers.previews.context import PreviewContext
-from workers.previews.kinds import directions, paint, propagate, regions, suggest
+from workers.previews.kinds import clusters, directions, flicker, paint, propagate, regions, suggest
 from workers.previews.memory import Check
 from workers.previews.model import Overtaken, PreviewQuery, Record
 from workers.previews.warm import WarmFrames
@@ -22,6 +22,7 @@ def kinds() -> dict[str, Kind]:
     return {
         "paint": paint.paint, "source": paint.source, "styles": paint.styles, "propagate": propagate.propagate,
         "regions": regions.regions, "directions": directions.directions, "keys": suggest.suggest,
+        "flicker": flicker.flicker, "clusters": clusters.clusters, "spread": clusters.spread,
     }  # fmt: skip
 
 

@@ -57,7 +57,7 @@ class LayerPainter:
             return dict(self.planned(min(key, number), max(key, number) + 1, side_px, {}))[number]
         if (streamed := self._streamed(lead, side_px)) is not None:
             return streamed
-        params = self._method.single_frame_params(self._params)
+        params = self._params if total == 1 else self._method.single_frame_params(self._params)
         inputs = self._files(number, number + 1, self._scale(lead[-1]))
         return next(painted(self._method, params, self._layer.seed, lead[-1:], inputs, self._check))[1]
 

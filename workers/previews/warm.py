@@ -37,12 +37,12 @@ class WarmFrames:
     def info(self, key: str) -> VideoInfo:
         """Size at full resolution, frame count, pace."""
 
-        def look() -> VideoInfo:
+        def probe() -> VideoInfo:
             with self._decoders.reader(key) as reader:
                 width, height = reader.size
                 return VideoInfo(width, height, reader.frames, reader.fps, reader.frames / max(reader.fps, 1e-6))
 
-        return self._cache.get(("info", key), look, lambda _: 200)
+        return self._cache.get(("info", key), probe, lambda _: 200)
 
     def frames(self, key: str, start: int, stop: int, side_px: int) -> list[Frame]:
         """Frames [start, stop), those that there are, scaled to fit `side_px`; never enlarged."""

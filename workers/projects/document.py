@@ -8,11 +8,12 @@ loses nothing. Members named `ui` belong to the page.
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from pipeline.compositing import Blend, covers
+from pipeline.video.writer import Format
 from workers.model import MAX_SEED, Json
 
 SCHEMA = 1
@@ -66,6 +67,20 @@ class Drawing(Part):
     ui: Ui = {}
 
 
+class LabelMap(Drawing):
+    """A corrected label map: gray value = label."""
+
+    solve: FrameRange | None = Field(
+        default=None, description="Frames [first, end) that are clustered again from it; null: the shot."
+    )
+
+    @model_validator(mode="after")
+    def _own_frame_is_solved(self) -> Self:
+        if self.solve is not None and not self.solve[0] <= self.frame < self.solve[1]:
+            raise ValueError("solve must contain the map's own frame")
+        return self
+
+
 class PaintedKey(Part):
     """A frame as the artist wants it. Transparent pixels, or black ones of the mask, are left to the method."""
 
@@ -97,7 +112,7 @@ class Layer(Part):
     directions: tuple[object, ...] = ()
     region_maps: tuple[Drawing, ...] = Field(default=(), max_length=1000)
     scribbles: tuple[Drawing, ...] = Field(default=(), max_length=1000)
-    labels: tuple[Drawing, ...] = Field(default=(), max_length=1000)
+    labels: tuple[LabelMap, ...] = Field(default=(), max_length=1000)
     label_styles: Json = {}
     importance: tuple[Drawing, ...] = Field(default=(), max_length=1000)
     histogram: Json | None = None
@@ -107,6 +122,14 @@ class Layer(Part):
     def covers(self) -> bool:
         """Whether nothing below the layer can be seen."""
         return covers(self.opacity, self.blend, self.matte is not None)
+
+    @property
+    def label_intervals(self) -> list[Json]:
+        """How many frames before and after a corrected label map are clustered again, for maps that say so."""
+        return [
+            {"frame": one.frame, "before": one.frame - one.solve[0], "after": one.solve[1] - 1 - one.frame}
+            for one in sorted(self.labels, key=lambda one: one.frame) if one.solve is not None
+        ]  # fmt: skip
 
     @property
     def design(self) -> Json | None:
@@ -145,9 +168,15 @@ class Variant(Part):
 class Output(Part):
     """What jobs of the project make."""
 
-    format: Literal["mp4", "webm", "png"] = "mp4"
+    format: Format = "mp4"
     quality: int = Field(default=20, ge=0, le=51, description="Constant rate factor, 0 (lossless) to 51.")
     artefacts: tuple[InputName, ...] = Field(default=(), max_length=32)
+    report: bool = Field(default=False, description="Measure the film against the video, see `report.json`.")
+    on_damage: Literal["warn", "fail"] = Field(
+        default="warn",
+        description="If frames of an input are missing or unreadable: use what can be read and add a warning to the "
+        "job, or fail with the code `damaged-media`.",
+    )
 
 
 class Document(Part):

@@ -1,35 +1,70 @@
-"""How long a job will take: from finished jobs of the same method on this farm, by frames and pixels."""
+"""What a job will take: from finished jobs of the same method on this farm, by frames and pixels."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from statistics import median
+from math import exp, log
+from statistics import linear_regression, median
 
+from pipeline.methods import method, parse_params
+from pipeline.methods.base import PROCESS_BYTES, PlanContext
 from pipeline.methods.layers import LAYERS
 from workers.errors import NotFound
 from workers.jobs.frame_window import window_info
-from workers.model import Asset, Job, JobRequest
+from workers.model import Asset, Job, JobRequest, Json
+from workers.scheduling.planning import video_info
 
 SAMPLES = 20
 """Finished jobs that are looked at, the newest first."""
+NEAREST = 5
+"""Jobs of these that count: those whose frames and length are most alike."""
 ALIKE = 8.0
 """Jobs whose frames have this many times more or fewer pixels tell nothing."""
+LEAST_SPREAD, MOST_GROWTH = 1.3, 1.5
+"""Least quotient of the largest and smallest frame with which jobs tell how time grows with pixels, and the largest
+exponent of that growth."""
+STARTED_S = 1.0
+"""CPU seconds of a job that do not depend on its length: plans, opening of files, the last step."""
+BYTES_PER_PIXEL = {"mp4": 0.05, "webm": 0.05, "png": 1.5, "gif": 0.5}
+"""Of a frame in the result, by format. While a job runs, its segments and its result exist at the same time."""
+BYTES_PER_PIXEL_SAVED = 1.0
+"""Of the states that tasks save for others, a frame."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """Wall time of a job once it has begun.
+    """What a job takes once it has begun.
 
     Attributes:
         frames: that it paints; None: unknown.
-        seconds: None: no finished job tells.
-        samples: jobs that `seconds` is from.
+        seconds: wall time; None: unknown.
+        samples: finished jobs that the figures are from; 0: they are the method's own, measured on one core.
+        cpu_s: CPU time of all tasks, seconds.
+        memory_bytes: largest memory of a task's process.
+        disk_bytes: largest size of its files while it runs.
     """
 
     frames: int | None
     seconds: float | None
     samples: int
+    cpu_s: float | None = None
+    memory_bytes: int | None = None
+    disk_bytes: int | None = None
+
+
+@dataclass(frozen=True)
+class MeasuredJob:
+    """What a finished job took. `cpu_s` and `peak_bytes` are 0 where they were not measured."""
+
+    params: Json
+    """As given."""
+    frames: int
+    pixels: int
+    """Of a frame."""
+    seconds: float
+    cpu_s: float
+    peak_bytes: int
 
 
 def parts(request: JobRequest) -> list[JobRequest]:
@@ -42,33 +77,119 @@ def parts(request: JobRequest) -> list[JobRequest]:
 
 def summed(estimates: Sequence[Estimate]) -> Estimate:
     """The estimate of a job from those of its parts; unknown if one is."""
-    seconds = [found.seconds for found in estimates if found.seconds is not None]
-    known = len(seconds) == len(estimates)
-    return Estimate(estimates[0].frames, sum(seconds) if known else None, min(found.samples for found in estimates))
+    first = estimates[0]
+    return Estimate(
+        first.frames, _total([e.seconds for e in estimates]), min(e.samples for e in estimates),
+        _total([e.cpu_s for e in estimates]),
+        max((e.memory_bytes for e in estimates if e.memory_bytes is not None), default=None),
+        max((e.disk_bytes for e in estimates if e.disk_bytes is not None), default=None),
+    )  # fmt: skip
+
+
+def _total(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return sum(known) if len(known) == len(values) else None
 
 
 def estimate(request: JobRequest, finished: Iterable[Job], find: Callable[[str], Asset]) -> Estimate:
-    """The median time a frame and pixel of similar jobs, times the frames and pixels of this one.
+    """The estimate of a job from finished jobs.
 
     Args:
         finished: jobs of the same method that succeeded, the newest first.
         find: the asset of an id. Raises NotFound.
     """
-    frames, pixels = _size(request, find)
+    try:
+        info = find(request.inputs["video"]).info
+    except (KeyError, NotFound):
+        return Estimate(None, None, 0)
+    found = (_measured(job, find) for job in finished)
+    return estimate_from(request, info, [each for each in found if each is not None])
+
+
+def estimate_from(request: JobRequest, info: Json, history: Sequence[MeasuredJob]) -> Estimate:
+    """The median time a frame of the most similar jobs, scaled to the pixels of this one, times its frames.
+
+    Jobs with the same parameters are preferred, then those of similar length and frame size. Without any, the figures
+    are the method's own (`Method.cpu_s_per_megapixel`, `Method.resources`).
+
+    Args:
+        info: of the job's video.
+        history: of the same method.
+    """
+    info = window_info(info, request.frames)
+    frames, pixels = _size(info)
     if frames is None or not pixels:
         return Estimate(frames, None, 0)
-    rates = []
-    for job in finished:
-        count, own = _size(job.request, find)
-        if count and own and 1 / ALIKE <= own / pixels <= ALIKE and job.started_at and job.finished_at:
-            rates.append((job.finished_at - job.started_at) / (count * own))
-    return Estimate(frames, round(median(rates) * frames * pixels, 1) if rates else None, len(rates))
+    work = frames * pixels
+    disk = round(work * (2 * BYTES_PER_PIXEL.get(request.output.format, 1.0) + BYTES_PER_PIXEL_SAVED))
+    nearest = _nearest(request, frames, pixels, history)
+    if not nearest:
+        cpu_s = round(STARTED_S + method(request.method).cpu_s_per_megapixel * work / 1e6, 2)
+        return Estimate(frames, cpu_s, 0, cpu_s, _declared_memory(request, info), disk)
+    seconds = frames * _per_frame([(each, each.seconds) for each in nearest], pixels)
+    cpu = [(each, each.cpu_s) for each in nearest if each.cpu_s]
+    peak = max(each.peak_bytes for each in nearest)
+    return Estimate(
+        frames, round(seconds, 1), len(nearest), round(frames * _per_frame(cpu, pixels), 2) if cpu else None,
+        peak or _declared_memory(request, info), disk,
+    )  # fmt: skip
 
 
-def _size(request: JobRequest, find: Callable[[str], Asset]) -> tuple[int | None, int]:
-    """Frames, and pixels of a frame, of a job's video."""
+def _nearest(request: JobRequest, frames: int, pixels: int, history: Sequence[MeasuredJob]) -> list[MeasuredJob]:
+    """The most similar jobs: with the same parameters if there is one, then by frames and pixels."""
+
+    def distance(job: MeasuredJob) -> float:
+        return abs(log(job.frames / frames)) + abs(log(job.pixels / pixels))
+
+    alike = [job for job in history if 1 / ALIKE <= job.pixels / pixels <= ALIKE]
+    same = [job for job in alike if job.params == request.params]
+    return sorted(same or alike, key=distance)[:NEAREST]
+
+
+def _per_frame(measured: Sequence[tuple[MeasuredJob, float]], pixels: int) -> float:
+    """Seconds a frame of so many pixels. Jobs of several frame sizes also tell how the time grows with the pixels (a
+    method may work at a fixed size inside); with jobs of one size it is taken to be proportional.
+
+    Args:
+        measured: jobs and their seconds, at least one.
+    """
+    points = [(log(job.pixels), log(max(seconds, 1e-6) / job.frames)) for job, seconds in measured]
+    growth = _growth(points)
+    return exp(median(y + growth * (log(pixels) - x) for x, y in points))
+
+
+def _growth(points: Sequence[tuple[float, float]]) -> float:
+    """Exponent with which y grows with x, by least squares; 1 if the values of x are too close together."""
+    if max(x for x, _ in points) - min(x for x, _ in points) < log(LEAST_SPREAD):
+        return 1.0
+    slope = linear_regression([x for x, _ in points], [y for _, y in points]).slope
+    return min(max(slope, 0.0), MOST_GROWTH)
+
+
+def _measured(job: Job, find: Callable[[str], Asset]) -> MeasuredJob | None:
     try:
-        info = window_info(find(request.inputs["video"]).info, request.frames)
+        frames, pixels = _size(window_info(find(job.request.inputs["video"]).info, job.request.frames))
     except (KeyError, NotFound):
-        return None, 0
+        return None
+    if not frames or not pixels or not job.started_at or not job.finished_at:
+        return None
+    if any(step.reused for step in job.steps):
+        return None  # it computed only what had changed
+    return MeasuredJob(
+        job.request.params, frames, pixels, job.finished_at - job.started_at, sum(step.cpu_s for step in job.steps),
+        max((step.peak_bytes for step in job.steps), default=0),
+    )  # fmt: skip
+
+
+def _declared_memory(request: JobRequest, info: Json) -> int:
+    """Largest memory that the method declares for a task of the job."""
+    chosen = method(request.method)
+    params = parse_params(chosen, request.params)
+    context = PlanContext(params, request.seed, video_info(info), frozenset(request.inputs))
+    declared = [chosen.resources(step.name, context) for step in chosen.steps_of(params)]
+    return max((found.memory_bytes for found in declared if found is not None), default=0) or PROCESS_BYTES
+
+
+def _size(info: Json) -> tuple[int | None, int]:
+    """Frames, and pixels of a frame, of a video."""
     return int(info.get("frames", 0)) or None, int(info.get("width", 0)) * int(info.get("height", 0))

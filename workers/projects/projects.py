@@ -25,6 +25,7 @@ from workers.projects.parsing import parse_document
 from workers.projects.sources import layer_sources
 from workers.projects.submissions import Selection, Submission, submissions
 from workers.store.projects import Draft, StoredProjects
+from workers.store.reuse import Reuse
 
 Sources = tuple[LayerSources, ...]
 
@@ -45,6 +46,7 @@ class Projects:
     Args:
         store: where they are kept.
         assets, jobs, files: of the same farm.
+        reuse: finds the jobs whose results a new job may use, if they ended at most `reuse_s` ago.
         scratch: a folder for files while they are made; None: the system's.
     """
 
@@ -54,8 +56,11 @@ class Projects:
         assets: FarmAssets,
         jobs: FarmJobs,
         files: FarmFiles,
+        reuse: Reuse,
+        reuse_s: float,
         scratch: Path | None = None,
     ) -> None:
+        self._reuse, self._reuse_s = reuse, reuse_s
         self._store, self._assets, self._jobs, self._files, self._scratch = store, assets, jobs, files, scratch
 
     # -- documents
@@ -145,12 +150,21 @@ class Projects:
         made = []
         for one in submissions(document, selection):
             key = idempotency_key and f"{idempotency_key}/{one.shot}/{one.variant or ''}"
-            request = self.request(one, project.owner, {"project": project_id, "shot": one.shot})
-            job = self._jobs.submit(request, project.owner, key, max_active=max_active)
+            labels = {"project": project_id, "shot": one.shot} | ({"variant": one.variant} if one.variant else {})
+            request = self.request(one, project.owner, labels)
+            base = self._base(project_id, one)
+            job = self._jobs.submit(request, project.owner, key, max_active=max_active, base_id=base)
             made.append(SubmittedShot(job, one.shot, one.variant, kept.version))
         noted = [ProjectJob(each.job.id, each.shot, each.variant, each.version, each.job.created_at) for each in made]
         self._store.add_jobs(project_id, noted)
         return made
+
+    def _base(self, project_id: str, one: Submission) -> str | None:
+        """The newest finished job of the same shot, whose results are used where nothing has changed; empty: there is
+        none; None: results are not reused."""
+        if self._reuse_s <= 0:
+            return None
+        return self._reuse.base(project_id, one.shot, one.variant, one.method, one.frames, self._reuse_s) or ""
 
     def request(self, submission: Submission, owner: str, labels: dict[str, str] | None = None) -> JobRequest:
         """The job of a submission, its inputs made to assets of `owner`."""

@@ -13,7 +13,7 @@ from pipeline.methods import methods
 from pipeline.methods.base import InputSpec, Method
 from pipeline.methods.layers import LAYERS
 from pipeline.methods.layers.names import MATTE, VIDEO, input_name
-from workers.model import JobRequest, Json, OutputSpec
+from workers.model import WARN, JobRequest, Json, OutputSpec
 from workers.projects.document import Document, Layer, Output, Shot, Variant
 from workers.projects.faults import BadProject, Path, fault
 from workers.projects.materials import ImagesByFrame, JsonValue, Material, Uploaded
@@ -53,12 +53,13 @@ class Submission:
     frames: tuple[int, int] | None = None
     """[first, end) of the video; None: all of it."""
     priority: int = 0
+    on_damage: str = WARN
 
     def request(self, ids: Mapping[str, str], labels: Mapping[str, str]) -> JobRequest:
         """The job. `ids`: asset id of every input."""
         return JobRequest(
             self.method, dict(ids), self.params, self.seed, self.output, self.priority, self.name, dict(labels),
-            frames=self.frames,
+            frames=self.frames, on_damage=self.on_damage,
         )  # fmt: skip
 
 
@@ -116,17 +117,19 @@ def _submission(document: Document, pick: Pick, selection: Selection) -> Submiss
         params=work.params,
         seed=work.seed,
         inputs=work.inputs,
-        output=OutputSpec(output.format, output.quality, output.artefacts),
-        name=_film_name(document, shot),
+        output=OutputSpec(output.format, output.quality, output.artefacts, output.report),
+        name=_film_name(document, pick),
         frames=frames,
         priority=selection.priority,
+        on_damage=output.on_damage,
     )
 
 
-def _film_name(document: Document, shot: Shot) -> str:
-    """The project's name, with the shot's if it has one or the project has several."""
-    part = shot.name or (shot.id if len(document.shots) > 1 else "")
-    return (f"{document.name}: {part}" if part else document.name)[:200]
+def _film_name(document: Document, pick: Pick) -> str:
+    """The project's name; the shot's, if it has one or the project has several; and the variant's, if it is one."""
+    shot = pick.shot.name or (pick.shot.id if len(document.shots) > 1 else "")
+    variant = next((one.name or one.id for one in document.variants if one.id == pick.variant), "")
+    return ": ".join(part for part in (document.name, shot, variant) if part)[:200]
 
 
 def is_plain(layers: Sequence[Layer]) -> bool:

@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 from pipeline.errors import StorageError
 from workers.faults import failed_outcome, is_final, is_resource_away
 from workers.jobs import state_machine as machine
-from workers.log_context import about
+from workers.log_context import log_extra
 from workers.model import Fault, TaskOutcome
 from workers.operations import DrainScope, Slot, WorkerInfo
 from workers.pools.base import Pool, Report
@@ -36,10 +36,10 @@ _PACES = ((4.0, 1), (30.0, 3), (float("inf"), 6))
 """(Seconds since the dispatcher was last idle, ticks between writes of progress). Frequent writes would cost a fast
 method several percent of its time."""
 _IDLE_TICK_S = 1.0
-"""Interval of looking for work that another process has accepted."""
+"""Seconds between searches for work that another process has accepted."""
 _FULL_TICK_S = 5.0
 """The same while every slot is occupied."""
-_LOOK_TICKS = 3
+_CANCEL_CHECK_TICKS = 3
 """Most ticks between two checks for attempts that another process has cancelled."""
 _MAX_BACK_OFF_S = 15.0
 _RESOURCE_AWAY_S = 3.0
@@ -87,11 +87,12 @@ class Dispatcher:
         self._running_parts = (
             self._handle_reports, self._keep_leases, self._enrol, self._write_progress, self._revoke,
         )  # fmt: skip
-        """What looks after running attempts in each turn. Repeatable: an exception in the middle loses nothing."""
+        """Functions for running attempts, called in every tick. Repeatable: an exception in the middle loses
+        nothing."""
         self._thread = threading.Thread(target=self._run, name="impasto-dispatcher", daemon=True)
         self._process_lock: ProcessLock | None = None
-        self._last_renewal = self._progress_written = self._last_look = self._last_idle = float("-inf")
-        self._last_turn = time.monotonic()
+        self._last_renewal = self._progress_written = self._last_cancel_check = self._last_idle = float("-inf")
+        self._last_tick = time.monotonic()
         self.trouble = ""
         """Why it cannot work now; empty if it can."""
 
@@ -101,7 +102,7 @@ class Dispatcher:
         """Start, with the jobs that an earlier dispatcher has left. `stop` releases `process_lock`."""
         self._pool.start(self._receive)
         self._process_lock = process_lock
-        self._last_turn = self._last_idle = time.monotonic()
+        self._last_tick = self._last_idle = time.monotonic()
         self._thread.start()
 
     def stop(self, grace_s: float = 5.0) -> None:
@@ -125,13 +126,13 @@ class Dispatcher:
         return not self._flights
 
     def poke(self) -> None:
-        """The store has changed: look for work now."""
-        self._last_look = float("-inf")
+        """Search for work now, because the store has changed."""
+        self._last_cancel_check = float("-inf")
         self._wake.set()
 
     def check(self) -> None:
         """Raise StorageError if it cannot work, or if its thread hangs or has died."""
-        silent_s = time.monotonic() - self._last_turn
+        silent_s = time.monotonic() - self._last_tick
         if not self._thread.is_alive() or silent_s > 4 * _MAX_BACK_OFF_S:
             raise StorageError(f"The dispatcher has been silent for {silent_s:.0f} s.", remedy="Restart the service.")
         if trouble := self.trouble or str(self._pool.describe().get("lacking", "")):
@@ -153,13 +154,13 @@ class Dispatcher:
         back_off, woken, searched = 0.0, True, float("-inf")
         while not self._stopping:
             self._wake.clear()
-            self._last_turn = time.monotonic()
+            self._last_tick = time.monotonic()
             try:
                 parts: list[Callable[[], None]] = [*self._running_parts]
                 rest_s = _IDLE_TICK_S if self._has_free_slot() else _FULL_TICK_S
-                if woken or back_off or self._last_turn - searched >= rest_s:
+                if woken or back_off or self._last_tick - searched >= rest_s:
                     parts += [self._plan, self._fill]
-                    searched = self._last_turn
+                    searched = self._last_tick
                 run_each(parts)
                 back_off, self.trouble = 0.0, ""
             except Exception as error:
@@ -311,10 +312,10 @@ class Dispatcher:
         """Tell the pool of attempts that no longer count (their job was cancelled), and of silent ones."""
         assert self._process_lock is not None
         now = time.monotonic()
-        if not self._flights or now - self._last_look < _BUSY_TICK_S * min(self._pace(), _LOOK_TICKS):
+        if not self._flights or now - self._last_cancel_check < _BUSY_TICK_S * min(self._pace(), _CANCEL_CHECK_TICKS):
             return
         mine = self._store.queue.mine(self._process_lock.id)
-        self._last_look = now
+        self._last_cancel_check = now
         for attempt_id, flight in list(self._flights.items()):
             if attempt_id not in mine and not flight.revoked:
                 flight.revoked = True
@@ -337,7 +338,7 @@ class Dispatcher:
             try:
                 claim = self._store.queue.claim(self._process_lock.id, self._settings.lease_s, self._planner.skipped)
             except ClaimFailed as error:
-                log.exception("no task of the job can be claimed; it is skipped", extra=about(job=error.job_id))
+                log.exception("no task of the job can be claimed; it is skipped", extra=log_extra(job=error.job_id))
                 self._planner.skip(error.job_id)
                 continue
             if claim is None:
@@ -358,7 +359,7 @@ class Dispatcher:
             self._pool.submit(self._orders.order(claim))
         except Exception as error:
             if not is_ours(error):
-                log.exception("an order failed", extra=about(job=claim.job_id))
+                log.exception("an order failed", extra=log_extra(job=claim.job_id))
             self._receive(Report(claim.attempt_id, outcome=failed_outcome(claim.attempt_id, error)))
 
     def _leave(self) -> None:

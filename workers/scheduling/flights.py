@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass
 
-from workers.log_context import About, about
+from workers.log_context import LogContext, log_extra
 from workers.model import Fault, TaskOutcome
 from workers.pools.base import Report
 
@@ -29,8 +29,8 @@ class Flight:
     revoked: bool = False
 
 
-def facts_of(attempt_id: str, flight: Flight, **more: str) -> dict[str, About]:
-    return about(job=flight.job_id, task=flight.task_id, attempt=attempt_id, **more)
+def facts_of(attempt_id: str, flight: Flight, **more: str) -> dict[str, LogContext]:
+    return log_extra(job=flight.job_id, task=flight.task_id, attempt=attempt_id, **more)
 
 
 def log_end(attempt_id: str, flight: Flight, outcome: TaskOutcome, counted: bool) -> None:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import groupby
 
-from pipeline.errors import StorageError
+from pipeline.errors import StorageError, StorageFull
 from workers.blobs.base import Blobs
 from workers.model import asset_key
 from workers.store import Store
@@ -28,7 +28,7 @@ class Removed:
     """Numbers of things that a sweep has removed."""
 
     unfinished: int = 0
-    """Files and uploads of writers that died."""
+    """Unfinished files and uploads of crashed processes."""
     jobs: int = 0
     """Blobs of jobs that are over or forgotten."""
     assets: int = 0
@@ -47,14 +47,15 @@ class GarbageCollector:
         my_turn: whether this process is the one to sweep, of all that share the store.
         undo_s: how long a deleted project can be restored.
         retention: which versions of projects stay.
+        reuse_s: how long task results are kept for later jobs of a project, while there is space.
     """
 
     def __init__(
         self, store: Store, blobs: Blobs, every_s: float, my_turn: Callable[[], bool],
-        undo_s: float = 30 * 86400.0, retention: Retention = Retention(),
+        undo_s: float = 30 * 86400.0, retention: Retention = Retention(), reuse_s: float = 86400.0,
     ) -> None:  # fmt: skip
         self._store, self._blobs = store, blobs
-        self._undo_s, self._retention = undo_s, retention
+        self._undo_s, self._retention, self._reuse_s = undo_s, retention, reuse_s
         self._every_s, self._my_turn = every_s, my_turn
         self._jobs: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._run, name="impasto-collector", daemon=True)
@@ -70,19 +71,33 @@ class GarbageCollector:
             self._thread.join(5.0)
 
     def later(self, job_id: str) -> None:
-        """Clear up behind this job soon."""
+        """Delete what the job no longer needs, soon and in the background."""
         self._jobs.put(job_id)
 
     def job(self, job_id: str) -> int:
-        """Delete the blobs that only the job's tasks needed, or all its blobs if the job was deleted; returns their
-        number."""
+        """Delete the blobs that only the job's tasks needed, or all its blobs if the job was deleted, except those that
+        later jobs may reuse; returns their number."""
+        return self._job(job_id, self._reusable() if self._store.reuse.is_shared(job_id) else set())
+
+    def _job(self, job_id: str, reusable: set[str]) -> int:
         kept = self._store.jobs.blob_keys(job_id)
-        return self._delete(key for key in self._blobs.keys(f"{_JOBS}{job_id}/") if key not in kept)
+        keys = self._blobs.keys(f"{_JOBS}{job_id}/")
+        return self._delete(key for key in keys if key not in kept and key not in reusable)
+
+    def _reusable(self) -> set[str]:
+        """Blobs of tasks that are kept for reuse; if the disk is full, only what unfinished jobs use."""
+        try:
+            self._blobs.check_free_space()
+        except StorageFull:
+            return self._store.reuse.kept_keys(0.0)
+        return self._store.reuse.kept_keys(self._reuse_s)
 
     def sweep(self) -> Removed:
-        """Go through everything. A blob that is being made is safe: its job is not over, its asset is put again."""
+        """Remove everything that is not needed. Blobs in the making are safe: their job is not final, or their asset
+        is stored again."""
         unfinished = self._blobs.sweep()
-        jobs = sum(self.job(job_id) for job_id in self._job_ids() if self._is_over(job_id))
+        reusable = self._reusable()
+        jobs = sum(self._job(job_id, reusable) for job_id in self._job_ids() if self._is_over(job_id))
         assets = sum(self._asset(key) for key in list(self._blobs.keys(_ASSETS)))
         return Removed(unfinished, jobs, assets, self._store.projects.purge(self._undo_s), self._thin())
 
@@ -120,7 +135,7 @@ class GarbageCollector:
         if self._my_turn() and (swept := self.sweep()) != Removed():
             log.info("swept %s", swept)
 
-    # -- what is needed no more
+    # -- deletion
 
     def _delete(self, keys: Iterator[str]) -> int:
         gone = list(keys)

@@ -6,9 +6,10 @@ from collections import OrderedDict
 from dataclasses import dataclass
 
 from pipeline.methods.base import Resources
+from workers.execution.lru_cache import LruCache
 from workers.jobs.frame_window import window_inputs
 from workers.jobs.state_machine import ASSEMBLE
-from workers.model import JobRequest, Json, TaskOrder, asset_key
+from workers.model import EarlierTask, JobRequest, Json, TaskOrder, asset_key
 from workers.store import Claim, Store
 from workers.store.records import emitted_run, request_of
 
@@ -30,13 +31,14 @@ class Orders:
     """Builds orders. Used by one thread.
 
     Args:
-        hands_on: whether their pool has a way from task to task that is quicker than blobs.
+        shares_memory: whether the pool passes artefacts between tasks in memory.
     """
 
     def __init__(self, store: Store, shares_memory: bool) -> None:
         self._store = store
         self._shares_memory = shares_memory
         self._known: OrderedDict[tuple[str, int], _Before] = OrderedDict()
+        self._earlier: LruCache[dict[str, EarlierTask]] = LruCache(_REMEMBERED)
 
     def order(self, claim: Claim) -> TaskOrder:
         """Raises NotFound if an input has been deleted, StorageError."""
@@ -66,8 +68,15 @@ class Orders:
             stages=before.stages,
             on_damage=request.on_damage,
             resources=None if task["needs"] is None else Resources(**task["needs"]),
+            earlier=self._earlier_task(claim.job["base_id"], step, task["key"]),
             leads=self._shares_memory and self._store.task_inputs.leads(task["id"]),
         )
+
+    def _earlier_task(self, base_id: str | None, step: str, key: str) -> EarlierTask | None:
+        """The same task of the job on which this one is based."""
+        if not base_id or step == ASSEMBLE:
+            return None
+        return self._earlier.get(f"{base_id}/{step}", lambda: self._store.reuse.earlier(base_id, step)).get(key)
 
     def _before(self, job_id: str, step: int, request: JobRequest, name: str) -> _Before:
         key = (job_id, step)

@@ -9,6 +9,7 @@ from urllib.parse import urlsplit
 from pipeline.errors import BadInput, BadParameter, DamagedMedia, did_you_mean, together
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import InputKind, InputSpec, Method, Params
+from pipeline.video.writer import FORMATS
 from workers.jobs.frame_window import window_info
 from workers.jobs.job_warnings import DAMAGE_REMEDY
 from workers.model import (
@@ -28,8 +29,6 @@ from workers.model import (
 )
 from workers.scheduling.planning import expected_weights, steps_of
 from workers.store import Accepted
-
-FORMATS = ("mp4", "webm", "png")
 
 FITS: Mapping[InputKind, tuple[str, ...]] = {
     "video": ("video", "image", "archive"),

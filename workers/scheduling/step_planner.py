@@ -8,7 +8,7 @@ import time
 from pipeline.errors import ImpastoError, StorageError
 from workers.faults import fault_from
 from workers.jobs.frame_window import window_inputs
-from workers.log_context import about
+from workers.log_context import log_extra
 from workers.scheduling.planning import plan_step
 from workers.store import StepToPlan, Store
 
@@ -38,7 +38,7 @@ class StepPlanner:
         return bool(due)
 
     def skip(self, job_id: str) -> None:
-        """Leave the job alone for `SKIP_S`."""
+        """Skip the job for `SKIP_S` seconds."""
         self.skipped[job_id] = time.monotonic() + SKIP_S
 
     def plan_one(self, todo: StepToPlan) -> None:
@@ -49,7 +49,7 @@ class StepPlanner:
         except StorageError:
             raise
         except Exception as error:
-            log.warning("planning failed: %s", error, extra=about(job=todo.job_id), exc_info=not is_ours(error))
+            log.warning("planning failed: %s", error, extra=log_extra(job=todo.job_id), exc_info=not is_ours(error))
             self._record_failure(todo, error)
 
     def _record_failure(self, todo: StepToPlan, error: Exception) -> None:
@@ -58,7 +58,7 @@ class StepPlanner:
         except StorageError:
             raise
         except Exception:
-            log.exception("a failed plan cannot be recorded; the job is skipped", extra=about(job=todo.job_id))
+            log.exception("a failed plan cannot be recorded; the job is skipped", extra=log_extra(job=todo.job_id))
             self.skip(todo.job_id)
 
     def _plan_and_store(self, todo: StepToPlan) -> None:

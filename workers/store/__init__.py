@@ -14,6 +14,7 @@ from workers.store.jobs import Accepted, Jobs
 from workers.store.keys import Keys
 from workers.store.plans import Plans, StepToPlan
 from workers.store.projects import StoredProjects
+from workers.store.reuse import Reuse
 from workers.store.statistics import Statistics
 from workers.store.task_inputs import TaskInputs
 from workers.store.task_queue import Heartbeat, TaskQueue
@@ -31,13 +32,16 @@ class Store:
         policy: retries and the length of histories.
         now: clock, seconds since the epoch; None: the clock of the database, which all processes share.
 
+    Attributes:
+        database: the connection that all parts share.
+
     Raises:
         StorageError: the database cannot be reached.
     """
 
     def __init__(self, url: str, policy: StorePolicy | None = None, now: Clock | None = None) -> None:
-        self._db = Database(url)
-        shared = (self._db, EventNotifier(), policy or StorePolicy(), now or self._db.now)
+        self.database = Database(url)
+        shared = (self.database, EventNotifier(), policy or StorePolicy(), now or self.database.now)
         counters = AttemptCounters()
         self.assets = Assets(*shared)
         self.jobs = Jobs(*shared)
@@ -50,15 +54,16 @@ class Store:
         self.workers = Workers(*shared)
         self.keys = Keys(*shared)
         self.projects = StoredProjects(*shared)
+        self.reuse = Reuse(*shared)
         self.webhooks = Webhooks(*shared)
         self.validation = Validation(*shared)
 
     def check(self) -> None:
         """Raise StorageError if the database does not answer now."""
-        self._db.check()
+        self.database.check()
 
     def close(self) -> None:
-        self._db.close()
+        self.database.close()
 
 
 __all__ = ["Accepted", "Claim", "ClaimFailed", "Heartbeat", "StepToPlan", "Store", "StorePolicy"]

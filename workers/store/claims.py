@@ -1,4 +1,4 @@
-"""Claiming a task of a job that is under lock: a new attempt."""
+"""Claims a task of a locked job: begins a new attempt."""
 
 from __future__ import annotations
 

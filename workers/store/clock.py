@@ -1,4 +1,4 @@
-"""What time it is, for all processes of a store: leases and waits are compared between machines."""
+"""The time of the database server, the same for all processes of a store: machines compare leases and waits."""
 
 from __future__ import annotations
 
@@ -6,30 +6,30 @@ import time
 
 from sqlalchemy import Connection, text
 
-_LOOK_EVERY_S = 10.0
+_SYNC_INTERVAL_S = 10.0
 _NOW = text("SELECT extract(epoch FROM clock_timestamp())::double precision")
 
 
 class ServerClock:
-    """PostgreSQL's clock, asked for now and then and carried on by ours that nobody sets.
+    """PostgreSQL's clock, read every ten seconds; the monotonic clock of this machine supplies the time in between.
 
-    A machine whose clock is wrong, or is set while it works, so neither loses its leases nor takes those of others.
+    A machine whose clock is wrong, or is set while it works, neither loses its leases nor takes those of others.
     """
 
     def __init__(self) -> None:
         self._ahead: float | None = None
-        """Of the monotonic clock, s."""
-        self._looked = float("-inf")
+        """Server time minus monotonic time, seconds; None before the first reading."""
+        self._synced_at = float("-inf")
 
     def __call__(self) -> float:
         """Seconds since the epoch."""
         return time.time() if self._ahead is None else time.monotonic() + self._ahead
 
-    def look(self, connection: Connection) -> None:
-        """Ask the server, unless that was just done."""
+    def synchronize(self, connection: Connection) -> None:
+        """Read the server's time, unless it was read within the last ten seconds."""
         before = time.monotonic()
-        if before - self._looked < _LOOK_EVERY_S:
+        if before - self._synced_at < _SYNC_INTERVAL_S:
             return
         server_time = float(connection.execute(_NOW).scalar_one())
-        self._looked = time.monotonic()
-        self._ahead = server_time - (before + self._looked) / 2
+        self._synced_at = time.monotonic()
+        self._ahead = server_time - (before + self._synced_at) / 2

@@ -7,6 +7,9 @@ from collections import Counter
 
 from workers.model import Json
 
+MEASURES = ("flicker", "detail", "structure", "edge_width_px", "faces_kept")
+"""Of a quality report, see docs/quality.md."""
+
 
 class AttemptCounters:
     """Counts of ended attempts. Thread-safe."""
@@ -17,6 +20,8 @@ class AttemptCounters:
         self._failures: Counter[str] = Counter()
         self._frames: Counter[str] = Counter()
         self._seconds: dict[str, float] = {}
+        self._reports: dict[str, dict[str, list[float]]] = {}
+        """Measure -> method -> [number of reports, sum of its values]."""
 
     def ended(self, outcome: str, code: str, method: str, frames: int, seconds: float) -> None:
         """An attempt ended.
@@ -34,12 +39,25 @@ class AttemptCounters:
             if frames:
                 self._frames[method] += frames
 
+    def reported(self, method: str, quality: Json) -> None:
+        """A job has finished with this summary of its quality report."""
+        with self._lock:
+            for measure in MEASURES:
+                if isinstance(value := quality.get(measure), int | float):
+                    row = self._reports.setdefault(measure, {}).setdefault(method, [0.0, 0.0])
+                    row[0] += 1
+                    row[1] += value
+
     def counts(self) -> Json:
-        """Attempts by outcome, failures by code, frames and busy seconds by method."""
+        """Attempts by outcome, failures by code, frames, busy seconds and quality reports by method."""
         with self._lock:
             return {
                 "attempts": dict(self._attempts),
                 "failures": dict(self._failures),
                 "frames": dict(self._frames),
                 "busy_s": dict(self._seconds),
+                "reports": {
+                    measure: {method: tuple(row) for method, row in rows.items()}
+                    for measure, rows in self._reports.items()
+                },
             }

@@ -1,4 +1,4 @@
-"""The connection: opened, migrated, and used through two kinds of transaction, `read` and `write`.
+"""The database connection: opened, migrated, and used in two kinds of transaction, `read` and `write`.
 
 SQLite runs in WAL mode, so that readers never wait, with `synchronous=FULL`: a commit is on the disk when it returns,
 because an accepted job must survive a power cut (NORMAL may lose the last commits). There are a few commits a second;
@@ -18,15 +18,13 @@ from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
-from alembic import command
-from alembic.config import Config
-from alembic.util.exc import CommandError
 from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url, text
 from sqlalchemy.exc import ArgumentError, DatabaseError, DataError, DBAPIError, InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 
 from pipeline.errors import BadParameter, StorageError, StorageFull
 from workers.store.clock import ServerClock
+from workers.store.migrate import migrate
 
 BUSY_TIMEOUT_S = 20
 _READ = "impasto_read"
@@ -41,7 +39,7 @@ _POSTGRES = {
 }
 """Connection parameters of PostgreSQL."""
 _READ_ONLY = "25006"
-"""PostgreSQL's state after a fail-over: we talk to the one that only follows now."""
+"""SQLSTATE of PostgreSQL after a fail-over: the connected server is now a read-only standby."""
 
 
 class Database:
@@ -50,13 +48,16 @@ class Database:
     Args:
         url: SQLAlchemy URL, `sqlite:///path` or `postgresql://...`. A missing SQLite file is made.
 
+    Attributes:
+        engine: the pool of connections, for its events; use `read` and `write` for statements.
+
     Raises:
         StorageError: it cannot be reached, or is newer than this program.
         BadParameter: the URL names no database that is known.
     """
 
     def __init__(self, url: str) -> None:
-        self._engine = _engine(url)
+        self.engine = _engine(url)
         self._one_writer = threading.RLock() if self.is_sqlite else nullcontext()
         self._clock = None if self.is_sqlite else ServerClock()
         with _as_storage_error():
@@ -64,7 +65,7 @@ class Database:
 
     @property
     def is_sqlite(self) -> bool:
-        return self._engine.dialect.name == "sqlite"
+        return self.engine.dialect.name == "sqlite"
 
     def now(self) -> float:
         """Seconds since the epoch: the same for all who use this database."""
@@ -73,15 +74,15 @@ class Database:
     @contextmanager
     def read(self) -> Iterator[Connection]:
         """A snapshot to read from."""
-        with _as_storage_error(), self._engine.connect().execution_options(**{_READ: True}) as connection:
-            self._look(connection)
+        with _as_storage_error(), self.engine.connect().execution_options(**{_READ: True}) as connection:
+            self._synchronize_clock(connection)
             yield connection
 
     @contextmanager
     def snapshot(self) -> Iterator[Connection]:
         """One state of the database for several queries; writing is refused."""
         options = {} if self.is_sqlite else {"isolation_level": "REPEATABLE READ", "postgresql_readonly": True}
-        with _as_storage_error(), self._engine.connect() as raw:
+        with _as_storage_error(), self.engine.connect() as raw:
             connection = raw.execution_options(**{_READ: True}, **options)
             if self.is_sqlite:
                 connection.exec_driver_sql("PRAGMA query_only=ON")
@@ -94,18 +95,18 @@ class Database:
     @contextmanager
     def write(self) -> Iterator[Connection]:
         """A transaction: committed at the end, rolled back by any exception."""
-        with _as_storage_error(), self._one_writer, self._engine.begin() as connection:
-            self._look(connection)
+        with _as_storage_error(), self._one_writer, self.engine.begin() as connection:
+            self._synchronize_clock(connection)
             yield connection
 
     def lock(self, connection: Connection, name: str) -> None:
-        """Let nobody else hold `name` until this write transaction ends: for what is not there to be locked yet."""
+        """Lock `name` until this write transaction ends: for rows that do not exist yet and so cannot be locked."""
         if not self.is_sqlite:  # there, nobody else writes
             connection.execute(text("SELECT pg_advisory_xact_lock(hashtextextended(:name, 482309))"), {"name": name})
 
-    def _look(self, connection: Connection) -> None:
+    def _synchronize_clock(self, connection: Connection) -> None:
         if self._clock is not None:
-            self._clock.look(connection)
+            self._clock.synchronize(connection)
 
     def check(self) -> None:
         """Raise StorageError if the database does not answer now."""
@@ -113,22 +114,15 @@ class Database:
             connection.execute(text("SELECT 1"))
 
     def close(self) -> None:
-        self._engine.dispose()
+        self.engine.dispose()
 
     def _migrate(self) -> None:
-        config = Config()
-        config.set_main_option("script_location", str(Path(__file__).parent / "migrations"))
-        with self._one_writer, self._engine.begin() as connection:
+        with self._one_writer, self.engine.begin() as connection:
             if not self.is_sqlite:  # two processes may start at once; SQLite's BEGIN IMMEDIATE has settled that
-                for setting in ("statement_timeout", "lock_timeout"):  # a large database takes its time
+                for setting in ("statement_timeout", "lock_timeout"):  # may take minutes for a large database
                     connection.execute(text(f"SET LOCAL {setting} = 0"))
                 connection.execute(text("SELECT pg_advisory_xact_lock(482309)"))
-            config.attributes["connection"] = connection
-            try:
-                command.upgrade(config, "head")
-            except CommandError as error:  # it does not know the revision that the database is at
-                remedy = "Start the newer version again, or restore the backup from before the upgrade."
-                raise StorageError("The database belongs to a newer version of Impasto.", remedy=remedy) from error
+            migrate(connection)
 
 
 def _engine(url: str) -> Engine:
@@ -165,7 +159,7 @@ def _make_folder(database: Path) -> None:
 
 
 def _prepare_sqlite(connection: Any, _record: Any) -> None:
-    connection.isolation_level = None  # we say BEGIN ourselves
+    connection.isolation_level = None  # BEGIN is sent explicitly
     for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", f"busy_timeout={BUSY_TIMEOUT_S * 1000}"):
         connection.execute(f"PRAGMA {pragma}").close()
 

@@ -19,9 +19,9 @@ from pipeline.errors import StorageError
 log = logging.getLogger(__name__)
 
 GONE = 1 << 62
-"""In place of the newest event of a job that was deleted."""
+"""Stands for the newest event of a deleted job."""
 _REMEMBERED = 4096
-_LOOK_EVERY_S = (0.25, 1.0)
+_POLL_INTERVAL_S = (0.25, 1.0)
 _AWAY_S = 2.0
 _IDLE_TIMEOUT_S = 5.0
 """Seconds for which the query thread runs without listeners before it ends."""
@@ -31,13 +31,13 @@ Newest = Callable[[Collection[str]], Mapping[str, int]]
 
 
 class EventNotifier:
-    """Knows of jobs how far their history has grown."""
+    """The number of each job's newest event, and a way to wait for the next one."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
         self._newest: OrderedDict[str, int] = OrderedDict()
         self._waited: Counter[str] = Counter()
-        self._looking = False
+        self._polling = False
 
     def notify(self, job_id: str, seq: int) -> None:
         """The job has an event of this number."""
@@ -54,7 +54,7 @@ class EventNotifier:
             return self._newest.get(job_id, 0)
 
     def wait(self, job_id: str, after: int, timeout_s: float, newest: Newest) -> bool:
-        """Until the job is known to have an event with seq > `after`; False on time-out.
+        """Wait until the job is known to have an event with seq > `after`; False on time-out.
 
         Args:
             newest: asks the database, for all jobs that somebody waits for.
@@ -66,9 +66,9 @@ class EventNotifier:
     def _waiting(self, job_id: str, newest: Newest) -> Iterator[None]:
         with self._changed:
             self._waited[job_id] += 1
-            if not self._looking:
-                self._looking = True
-                threading.Thread(target=self._look, args=(newest,), name="impasto-events", daemon=True).start()
+            if not self._polling:
+                self._polling = True
+                threading.Thread(target=self._poll, args=(newest,), name="impasto-events", daemon=True).start()
         try:
             yield
         finally:
@@ -77,9 +77,9 @@ class EventNotifier:
                 if not self._waited[job_id]:
                     del self._waited[job_id]
 
-    def _look(self, newest: Newest) -> None:
+    def _poll(self, newest: Newest) -> None:
         """Query while there are listeners, and a little longer."""
-        needed, (soon_s, late_s) = time.monotonic(), _LOOK_EVERY_S
+        needed, (soon_s, late_s) = time.monotonic(), _POLL_INTERVAL_S
         pause_s = soon_s
         while True:
             time.sleep(pause_s)
@@ -87,13 +87,13 @@ class EventNotifier:
                 waited = list(self._waited)
                 needed = time.monotonic() if waited else needed
                 if time.monotonic() - needed > _IDLE_TIMEOUT_S:
-                    self._looking = False
+                    self._polling = False
                     return
             if waited:
-                pause_s = soon_s if self._look_once(waited, newest) else min(late_s, 1.2 * pause_s)
+                pause_s = soon_s if self._poll_once(waited, newest) else min(late_s, 1.2 * pause_s)
 
-    def _look_once(self, waited: list[str], newest: Newest) -> bool:
-        """Whether there was news."""
+    def _poll_once(self, waited: list[str], newest: Newest) -> bool:
+        """Whether a job had a new event."""
         try:
             found = newest(waited)
         except StorageError as error:

@@ -35,7 +35,7 @@ class Lane:
     running: int
     """Tasks of the owner that run now."""
     most: int | None
-    """How many of them may."""
+    """Most tasks of the owner that may run at once."""
 
     @property
     def order(self) -> tuple[int, int, str]:
@@ -81,7 +81,7 @@ def due() -> tuple[Any, ...]:
 
 
 def moment(now: float) -> dict[str, float]:
-    """What `due` asks for."""
+    """Parameters of the query `due`."""
     return {"now": now, "too_late": now + LONGEST_WAIT_S}
 
 

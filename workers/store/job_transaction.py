@@ -95,6 +95,10 @@ class JobTransaction:
             self._apply(effect, task)
         return after
 
+    def prioritise(self, priority: int) -> None:
+        """Change the priority, also in the request that is shown."""
+        self._set(priority=priority, request={**self.row["request"], "priority": priority})
+
     def add_event(self, kind: str, data: Json) -> None:
         """Append to the job's history."""
         seq = self.seq + 1
@@ -206,7 +210,8 @@ class JobTransaction:
         self.connection.execute(update(tasks).where(*freed).values(state=TaskState.READY.value))
 
     def _end_running(self) -> None:
-        """End what runs. Tasks that have not begun are cancelled because their job is (see `states`): to write a row
+        """End running attempts. Tasks that have not begun are cancelled because their job is (see `states`): to write
+        a row
         for each of a hundred thousand would keep the user waiting for seconds."""
         attempts = schema.attempts
         running = (attempts.c.job_id == self.job_id, attempts.c.outcome == RUNNING)

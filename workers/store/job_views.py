@@ -8,7 +8,7 @@ from typing import Any
 
 from sqlalchemy import BindParameter, Connection, bindparam, func, select
 
-from workers.model import Job, RunState, StepView, TaskState
+from workers.model import CPU, PEAK_MEMORY, Job, RunState, StepView, TaskState
 from workers.store import schema
 from workers.store.progress import StepMeter, job_eta_s, job_progress
 from workers.store.records import AnySelect, Row, fault_of, request_of, warnings_of
@@ -112,7 +112,10 @@ def _step(job: Row, step: Row, meter: StepMeter) -> StepView:
         counts=counts,
         progress=meter.progress,
         seconds=stages.pop("method", 0.0),
+        cpu_s=stages.pop(CPU, 0.0),
+        peak_bytes=int(stages.pop(PEAK_MEMORY, 0)),
         stages=stages,
+        reused=step["reused"],
     )
 
 

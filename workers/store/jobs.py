@@ -6,17 +6,18 @@ import hashlib
 import json
 from dataclasses import dataclass, fields
 
-from sqlalchemy import ColumnElement, Connection, Table, bindparam, delete, func, insert, select, text
+from sqlalchemy import ColumnElement, Connection, Table, bindparam, delete, func, insert, or_, select, text
 from sqlalchemy.exc import IntegrityError
 
 from pipeline.errors import BadParameter
 from workers.errors import Conflict, IdempotencyMismatch, NotFound, QuotaExceeded
 from workers.ids import new_id
 from workers.jobs import state_machine as machine
-from workers.model import Job, JobRequest, Json, Page, RunState, Submitted, TaskState
+from workers.model import MAX_PRIORITY, Job, JobRequest, Json, Page, RunState, Submitted, TaskState
 from workers.store import schema, task_states
 from workers.store.base import StorePart
 from workers.store.event_notifier import GONE
+from workers.store.job_transaction import JobTransaction
 from workers.store.job_views import job_views
 from workers.store.records import Row, Values, pack_cursor, request_to_json, unpack_cursor
 
@@ -56,13 +57,16 @@ class Jobs(StorePart):
         return Submitted(**{field.name: getattr(job, field.name) for field in fields(Job)}, new=new)
 
     def add(
-        self, accepted: Accepted, owner: str, idempotency_key: str = "", max_active: int | None = None
-    ) -> Submitted:
+        self, accepted: Accepted, owner: str, idempotency_key: str = "", max_active: int | None = None,
+        base_id: str | None = None,
+    ) -> Submitted:  # fmt: skip
         """Accept a job durably. The same owner, key and request: the job of before.
 
         Args:
             max_active: unfinished jobs that the owner may have, this one included; None: any number. Counted in the
                 transaction that adds the job, so that concurrent requests cannot exceed it.
+            base_id: the earlier job whose results are used where nothing has changed; empty: none, but the results of
+                this job are kept for a later one; None: they are not.
 
         Raises:
             IdempotencyMismatch: the key came with another request.
@@ -75,7 +79,7 @@ class Jobs(StorePart):
                 known = _by_key(connection, owner, idempotency_key, digest)
                 if known is None:
                     self._check_quota(connection, owner, max_active)
-                job_id = known or self._insert(connection, accepted, owner, idempotency_key, digest)
+                job_id = known or self._insert(connection, accepted, owner, idempotency_key, digest, base_id)
         except IntegrityError:  # the same key, accepted elsewhere between our look and our insert
             with self._db.read() as connection:
                 known = _by_key(connection, owner, idempotency_key, digest)
@@ -98,12 +102,35 @@ class Jobs(StorePart):
                 remedy="Wait until one ends, or cancel one.",
             )
 
+    def _check_reopening(self, job: JobTransaction, max_active: int | None) -> None:
+        """A job that has ended counts against the quota again."""
+        if RunState(job.row["state"]).final:
+            self._check_quota(job.connection, job.row["owner"], max_active)
+
     def get(self, job_id: str) -> Job:
         with self._db.read() as connection:
             found = connection.execute(_JOB, {"id": job_id}).mappings().all()
             if not found:
                 raise NotFound(f"There is no job {job_id}.", field="job", value=job_id)
             return job_views(connection, found)[0]
+
+    def ahead(self, job_id: str, most: int = 1000) -> list[Job]:
+        """Queued and running jobs of higher priority, or of the same and submitted earlier, oldest first; at most
+        `most`. Jobs of several owners take turns, so that some of them may begin later. Raises NotFound."""
+        table = schema.jobs
+        with self._db.read() as connection:
+            own = connection.execute(_JOB, {"id": job_id}).mappings().first()
+            if own is None:
+                raise NotFound(f"There is no job {job_id}.", field="job", value=job_id)
+            earlier = (table.c.priority == own["priority"]) & (table.c.id < job_id)
+            query = (
+                select(table)
+                .where(text(schema.UNFINISHED_TEXT), table.c.state != RunState.PAUSED.value)
+                .where(earlier | (table.c.priority > own["priority"]))
+                .order_by(table.c.id)
+                .limit(most)
+            )
+            return job_views(connection, connection.execute(query).mappings().all())
 
     def page(
         self,
@@ -113,10 +140,17 @@ class Jobs(StorePart):
         label: tuple[str, str] | None = None,
         cursor: str | None = None,
         limit: int = 50,
+        search: str = "",
     ) -> Page:
-        """Newest first."""
+        """Newest first.
+
+        Args:
+            state: a `RunState`, or "active": any that is not final.
+            search: words; each must be contained in the name, the method, the owner or a label as name:value, or begin
+                the id. The case of the letters a to z does not matter.
+        """
         table = schema.jobs
-        where = _filters(state, method, owner, label)
+        where = _filters(state, method, owner, label) + [_named(word) for word in search.split()]
         if cursor is not None:
             where.append(table.c.id < unpack_cursor(cursor, str)[0])
         query = select(table).where(*where).order_by(table.c.id.desc()).limit(limit + 1)
@@ -131,19 +165,46 @@ class Jobs(StorePart):
             job.apply(event)
         return self.get(job_id)
 
-    def retry(self, job_id: str) -> Job:
-        """Start again what failed or was cancelled. Raises Conflict, NotFound (an input was deleted since)."""
+    def prioritise(self, job_id: str, priority: int | None) -> Job:
+        """Give an unfinished job another priority; None: one above all other unfinished jobs, as far as there is one.
+
+        Raises: Conflict (the job has ended), NotFound.
+        """
         with self._transaction(job_id) as job:
+            if RunState(job.row["state"]).final:
+                raise Conflict("The job has ended.", field="state", value=job.row["state"], remedy="Retry it first.")
+            if priority is None:
+                others = select(func.max(schema.jobs.c.priority)).where(
+                    schema.jobs.c.id != job_id, text(schema.UNFINISHED_TEXT)
+                )
+                highest = job.connection.execute(others).scalar()
+                priority = min(
+                    MAX_PRIORITY, max(job.row["priority"], -MAX_PRIORITY if highest is None else highest + 1)
+                )
+            job.prioritise(priority)
+        return self.get(job_id)
+
+    def retry(self, job_id: str, max_active: int | None = None) -> Job:
+        """Start again what failed or was cancelled.
+
+        Args:
+            max_active: unfinished jobs that the owner may have, this one included; None: any number.
+
+        Raises: Conflict, NotFound (an input was deleted since), QuotaExceeded.
+        """
+        with self._transaction(job_id) as job:
+            self._check_reopening(job, max_active)
             _need_assets(job.connection, job.row["request"]["inputs"])
             blocked = _blocked(job.connection, job_id, RunState(job.row["state"]))
             job.apply(machine.Retry(blocked[TaskState.FAILED], blocked[TaskState.CANCELLED]))
         return self.get(job_id)
 
-    def requeue(self, task_id: str) -> None:
-        """Start one failed or cancelled task again. Raises Conflict, NotFound."""
+    def requeue(self, task_id: str, max_active: int | None = None) -> None:
+        """Start one failed or cancelled task again. Arguments and errors: as `retry`."""
         with self._db.read() as connection:
             job_id = _job_of_task(connection, task_id)
         with self._transaction(job_id) as job:
+            self._check_reopening(job, max_active)
             _need_assets(job.connection, job.row["request"]["inputs"])
             job.write_task_states()
             task = job.task(task_id)
@@ -183,7 +244,9 @@ class Jobs(StorePart):
         with self._db.read() as connection:
             return set(connection.execute(select(schema.files.c.key).where(schema.files.c.job_id == job_id)).scalars())
 
-    def _insert(self, connection: Connection, accepted: Accepted, owner: str, key: str, digest: str) -> str:
+    def _insert(
+        self, connection: Connection, accepted: Accepted, owner: str, key: str, digest: str, base_id: str | None
+    ) -> str:
         request, now, job_id = accepted.request, self._now(), new_id("job_")
         _need_assets(connection, request.inputs)
         row = {
@@ -201,6 +264,7 @@ class Jobs(StorePart):
             "last_seq": 1,
             "idempotency_key": key or None,
             "digest": digest,
+            "base_id": base_id,
             "created_at": now,
             "updated_at": now,
         }
@@ -253,7 +317,9 @@ def _filters(
 ) -> list[ColumnElement[bool]]:
     table, labels = schema.jobs, schema.job_labels
     where: list[ColumnElement[bool]] = []
-    if state is not None:
+    if state == "active":
+        where.append(table.c.state.in_([one.value for one in RunState if not one.final]))
+    elif state is not None:
         where.append(table.c.state == known_state(RunState, state))
     if method is not None:
         where.append(table.c.method == method)
@@ -263,6 +329,20 @@ def _filters(
         named = select(labels.c.job_id).where(labels.c.name == label[0], labels.c.value == label[1])
         where.append(table.c.id.in_(named))
     return where
+
+
+def _named(word: str) -> ColumnElement[bool]:
+    """Whether name, method, owner or a label as name:value contain a word, or the id begins with it."""
+    table, labels = schema.jobs, schema.job_labels
+    label = labels.c.name + ":" + labels.c.value
+    labelled = select(labels.c.job_id).where(label.icontains(word, autoescape=True))
+    return or_(
+        table.c.request["name"].as_string().icontains(word, autoescape=True),
+        table.c.method.icontains(word, autoescape=True),
+        table.c.owner.icontains(word, autoescape=True),
+        table.c.id.istartswith(word, autoescape=True),
+        table.c.id.in_(labelled),
+    )
 
 
 def known_state(states: type[RunState] | type[TaskState], state: str) -> str:

@@ -1,5 +1,5 @@
-"""API keys: `impasto_<id>_<secret>`. Only the SHA-256 of the secret part is kept: with 256 random bits in it there is
-nothing to guess, so a slow hash would only slow us down."""
+"""API keys: `impasto_<id>_<secret>`. Only the SHA-256 of the secret part is kept: it has 256 random bits and cannot be
+guessed, so a slow hash would add cost and no safety."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Planning in the database: which step is next, and its tasks, kept once."""
+"""Plans in the database: which step is next, and its tasks, stored once."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _TO_PLAN = (
 
 @dataclass(frozen=True)
 class StepToPlan:
-    """A step whose turn it is and that has no tasks yet."""
+    """A current step that has no tasks yet."""
 
     job_id: str
     step: int

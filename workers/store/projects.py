@@ -208,11 +208,6 @@ class StoredProjects(StorePart):
         with self._db.read() as connection:
             return [_job(row) for row in connection.execute(query).mappings()]
 
-    def owner_of(self, project_id: str) -> str:
-        """Raises NotFound."""
-        with self._db.read() as connection:
-            return str(_row(connection, project_id)["owner"])
-
     # -- retention
 
     def thin(self, retention: Retention) -> int:

@@ -10,6 +10,9 @@
     live_sessions (of every process, as of a moment ago)
     projects --< project_versions, project_assets (named by any version), project_jobs
 
+A job of a project has `jobs.base_id`: the earlier job whose results it may use, or empty if there is none. Traces of
+tasks (what they read) are kept for such jobs only.
+
 Counts of tasks by state are kept in `steps`, updated in the transaction that moves a task, so that neither claiming
 nor showing a job counts rows; `jobs.ready` repeats the current step's if the job may start tasks now, so that an index
 holds just the jobs that a claim may choose from. Every write to a job locks its row first; that makes them one after
@@ -35,6 +38,7 @@ from sqlalchemy import (
     Table,
     Text,
     UniqueConstraint,
+    false,
     text,
 )
 
@@ -106,6 +110,7 @@ jobs = Table(
     Column("ready", Integer, nullable=False, default=0, server_default="0"),
     Column("error", JSON(none_as_null=True)),
     Column("warnings", JSON(none_as_null=True)),
+    Column("base_id", String(40)),
     Column("last_seq", BigInteger, nullable=False),
     Column("idempotency_key", String(255)),
     Column("digest", String(64), nullable=False),
@@ -164,6 +169,7 @@ steps = Table(
     Column("weight_done", Double, nullable=False, default=0.0),
     Column("busy_s", Double, nullable=False, default=0.0),
     Column("stages", JSON, nullable=False, default=dict),
+    Column("reused", Integer, nullable=False, default=0, server_default="0"),
 )
 
 tasks = Table(
@@ -190,6 +196,8 @@ tasks = Table(
     Column("note", JSON, key="result"),
     Column("artefacts", JSON),
     Column("segment", Text),
+    Column("trace", JSON(none_as_null=True)),
+    Column("reused", Boolean, nullable=False, default=False, server_default=false()),
     UniqueConstraint("job_id", "position"),
     Index(None, "job_id", "state", "position"),
 )

@@ -16,7 +16,7 @@ from workers.store.database import Database
 from workers.store.event_notifier import EventNotifier
 from workers.store.job_transaction import ACTIVE, RUNNING, StorePolicy
 
-_LOOK_BACK_S = 900.0
+_FAILURE_WINDOW_S = 900.0
 _PACE_S = 300.0
 _CHEAP_S, _SHARE = 0.05, 20
 
@@ -63,7 +63,7 @@ class Statistics(StorePart):
                 "tasks": self._tasks.get(connection),
                 "queue": _queue(connection, self._now()),
                 "attempts_running": _count(connection),
-                "failures": _failures(connection, self._now() - _LOOK_BACK_S),
+                "failures": _failures(connection, self._now() - _FAILURE_WINDOW_S),
                 "frames_per_s": _frames_per_s(connection, self._now() - _PACE_S),
                 "webhooks_waiting": _webhooks(connection),
                 "totals": self._counters.counts(),

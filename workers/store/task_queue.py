@@ -12,8 +12,8 @@ from sqlalchemy import Connection, RowMapping, bindparam, delete, func, insert, 
 from pipeline.errors import StorageError
 from workers.jobs import state_machine as machine
 from workers.jobs.state_machine import StateEvent
-from workers.log_context import about
-from workers.model import TaskOutcome, TaskState
+from workers.log_context import log_extra
+from workers.model import PEAK_MEMORY, TaskOutcome, TaskState
 from workers.operations import DrainScope
 from workers.store import fair_scheduler, schema
 from workers.store.base import Clock, StorePart
@@ -172,6 +172,8 @@ class TaskQueue(StorePart):
                 event = machine.Done(_frees(current.job.connection, current.task["id"]))
             _end(current, event, outcome, worker)
         self._count(current, event)
+        if isinstance(event, machine.Done) and isinstance(quality := outcome.result.get("quality"), dict):
+            self._counters.reported(current.job.row["method"], quality)
         return True
 
     def _count(self, current: _CurrentAttempt, event: StateEvent) -> None:
@@ -203,7 +205,7 @@ class TaskQueue(StorePart):
         except StorageError:
             raise
         except Exception:
-            log.exception("the attempt cannot be given back", extra=about(attempt=outcome.attempt_id))
+            log.exception("the attempt cannot be given back", extra=log_extra(attempt=outcome.attempt_id))
             return False
 
     def put_off(self, attempt_id: str, seconds: float, log: str) -> bool:
@@ -300,11 +302,12 @@ def _record_heartbeat(current: _CurrentAttempt, heartbeat: Heartbeat) -> None:
 def _keep_result(current: _CurrentAttempt, outcome: TaskOutcome) -> None:
     """Store the result of a successful attempt: result, artefacts, segment, files, and its seconds."""
     job, task = current.job, current.task
-    made = {"result": outcome.result, "artefacts": outcome.artefacts, "segment": outcome.segment}
+    made = {"result": outcome.result, "artefacts": outcome.artefacts, "segment": outcome.segment,
+            "trace": None if job.row["base_id"] is None else outcome.trace, "reused": outcome.reused}  # fmt: skip
     job.connection.execute(update(schema.tasks).where(schema.tasks.c.id == task["id"]).values(made))
     for name, (key, media_type) in outcome.files.items():
         _keep_file(job, name, key, media_type)
-    _add_measures(job, task, outcome.stages, job.now - current.attempt["started_at"])
+    _add_measures(job, task, outcome, job.now - current.attempt["started_at"])
     job.add_warnings(outcome.warnings)
 
 
@@ -317,11 +320,15 @@ def _keep_file(job: JobTransaction, name: str, key: str, media_type: str) -> Non
         job.connection.execute(insert(files).values(job_id=job.job_id, name=name, **row))
 
 
-def _add_measures(job: JobTransaction, task: TaskRow, stages: Mapping[str, float], seconds: float) -> None:
+def _add_measures(job: JobTransaction, task: TaskRow, outcome: TaskOutcome, seconds: float) -> None:
     steps = schema.steps
-    step = job.step_row(task["step"])
-    summed = {name: step["stages"].get(name, 0.0) + stages.get(name, 0.0) for name in {*step["stages"], *stages}}
-    values = {"stages": summed, "busy_s": step["busy_s"] + seconds, "weight_done": step["weight_done"] + task["weight"]}
+    step, stages = job.step_row(task["step"]), outcome.stages
+    before = step["stages"]
+    summed = {name: before.get(name, 0.0) + stages.get(name, 0.0) for name in {*before, *stages}}
+    if PEAK_MEMORY in summed:
+        summed[PEAK_MEMORY] = max(before.get(PEAK_MEMORY, 0.0), stages.get(PEAK_MEMORY, 0.0))
+    values = {"stages": summed, "busy_s": step["busy_s"] + seconds, "weight_done": step["weight_done"] + task["weight"],
+              "reused": step["reused"] + outcome.reused}  # fmt: skip
     where = (steps.c.job_id == job.job_id, steps.c.step == task["step"])
     job.connection.execute(update(steps).where(*where).values(values))
 

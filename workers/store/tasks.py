@@ -60,7 +60,7 @@ class Tasks(StorePart):
 
 def _tasks() -> AnySelect:
     tasks, steps, jobs = schema.tasks, schema.steps, schema.jobs
-    columns = (tasks.c.id, tasks.c.job_id, tasks.c.key, tasks.c.progress, tasks.c.position)
+    columns = (tasks.c.id, tasks.c.job_id, tasks.c.key, tasks.c.progress, tasks.c.position, tasks.c.reused)
     return (
         select(*columns, task_states.of_task(jobs.c.state).label("state"), steps.c.name.label("step_name"))
         .join(steps, (steps.c.job_id == tasks.c.job_id) & (steps.c.step == tasks.c.step))
@@ -94,7 +94,9 @@ def _task_views(connection: Connection, rows: Sequence[Row]) -> list[TaskView]:
 
 def _task_view(row: Row, attempts: tuple[Json, ...]) -> TaskView:
     state = TaskState(row["state"])
-    return TaskView(row["id"], row["job_id"], row["step_name"], row["key"], state, row["progress"], attempts)
+    return TaskView(
+        row["id"], row["job_id"], row["step_name"], row["key"], state, row["progress"], attempts, row["reused"]
+    )  # fmt: skip
 
 
 def _attempt(row: Row) -> Json:

@@ -85,7 +85,7 @@ class Workers(StorePart):
             return list(_drained(connection).values())
 
     def drain(self, place: DrainScope, name: str = "", by: str = "", reason: str = "") -> Drain:
-        """Start nothing new there. Twice is the same as once. Raises NotFound: there is no such place."""
+        """Drain a place: no further task starts there. A second call has no effect. Raises NotFound."""
         table = schema.drains
         with self._db.write() as connection:
             self._db.lock(connection, f"drain {place} {name}")
@@ -97,7 +97,7 @@ class Workers(StorePart):
         return known
 
     def resume(self, place: DrainScope, name: str = "") -> None:
-        """Work may start there again. Twice is the same as once. Raises NotFound: there is no such place."""
+        """Resume a drained place. A second call has no effect. Raises NotFound: there is no such place."""
         table = schema.drains
         with self._db.write() as connection:
             gone = delete(table).where(table.c.place == place, table.c.name == name)

@@ -52,12 +52,15 @@ class Abstraction(Method):
             "each valid until the next.", "importance.image",
         ),
     )  # fmt: skip
+    task_cpus = 2.0  # the analysis of a frame overlaps the painting of the one before
     steps: ClassVar[tuple[Step[AbstractionParams], ...]] = (
         Step("scan", "Find the shots", plan_scan, run_scan, weight=0.05),
         Step("reference", "Learn the colours", plan_reference, run_reference, weight=0.0),
         Step("abstract", "Paint", plan_abstract, run_abstract),
     )
     artefacts: ClassVar[tuple[str, ...]] = ("svg",)
+    palette_input: ClassVar[str] = "reference"
+    cpu_s_per_megapixel: ClassVar[float] = 0.12
     examples: ClassVar[tuple[Example, ...]] = (
         Example("cartoon", "Cartoon", {"vividness": 1.25}),
         Example("poster", "Poster", {"vividness": 1.6, "growing_limit": 30, "smallest_region": 0.6, "line_width": 3.6}),

@@ -19,7 +19,7 @@ from pipeline.lines.coherent import Ink
 from pipeline.methods.abstraction.line_extractor import LineExtractor
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.sharp_lines import SharpLineExtractor
-from pipeline.methods.abstraction.sizes import Sizes, draws_curves
+from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px, draws_curves
 from pipeline.methods.tasks import Clock
 from pipeline.segmentation.cuts import is_cut, light_steadiness, thumbnail
 from pipeline.segmentation.edges import edges
@@ -70,7 +70,7 @@ class FrameAnalyzer:
         self.light_steadiness = 1.0
         self._deferred: Pending[None] = Ready(None)
         self._search_due = False
-        self.smooth_side, self.smooth_px = _short_gaussian(0.6 + 0.4 * size[1] / 360)
+        self.smooth_side, self.smooth_px = _short_gaussian(analysis_blur_px(size))
 
     def step(self, frame: Frame, mask: Plane | None = None) -> FrameAnalysis:
         """Analysis of the next frame. Importance, edges and lines run in the background when there is a helper."""

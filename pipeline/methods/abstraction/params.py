@@ -45,7 +45,7 @@ class AbstractionParams(Params):
     edges: Literal["auto", "soft", "sharp"] = choice(
         "auto", "Edges",
         "How region borders and lines are drawn. soft = from the low-pass filtered label map; sharp = as curves, "
-        "anti-aliased by exact pixel coverage: edges of about 1.6 px at any size, and more flicker; auto = sharp from "
+        "anti-aliased by exact pixel coverage: edges of about 1.5 px at any size, and more flicker; auto = sharp from "
         "480 lines on.", "Regions",
     )  # fmt: skip
 

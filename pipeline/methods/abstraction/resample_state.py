@@ -21,7 +21,6 @@ COARSE = (
     "analyzer.importance.cues", "analyzer.importance.mask", "analyzer.lines.response", "analyzer.lines.opacity",
     "analyzer.lines.ink",
 )  # fmt: skip
-SEARCH = "analyzer.importance.search."
 TENSORS = "analyzer.lines.tensors"
 
 
@@ -34,7 +33,7 @@ def resample_state(state: Arrays, sizes: Sizes, coarse: Mapping[str, tuple[int, 
         coarse: (width, height) of the planes that are coarser than the frame (`COARSE`), by name.
 
     Regions keep their ids and colours. A region that has no pixel at the new size ends like a region that is covered.
-    Motion remainders, the tensors of `lines=flow` and a face search in progress are reset.
+    Motion remainders and the tensors of `lines=flow` are reset.
     """
     size = sizes.work
     moved = dict(state)
@@ -48,7 +47,6 @@ def resample_state(state: Arrays, sizes: Sizes, coarse: Mapping[str, tuple[int, 
     before = _size(state)
     if before is None or before == size:
         return moved
-    moved = {name: array for name, array in moved.items() if not name.startswith(SEARCH)}
     for name in PICTURES:
         if name in moved:
             moved[name] = _resample(moved[name], size)

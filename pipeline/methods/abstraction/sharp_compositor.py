@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import math
+
 from pipeline.background import Background
 from pipeline.colour.memory import blend_colours, moving_borders
 from pipeline.colour.paint import overlay
 from pipeline.frames import Frame, Labels
+from pipeline.lines.coherent import Ink
 from pipeline.methods.abstraction.analysis import FrameAnalysis
 from pipeline.methods.abstraction.compositor import INK, CompositedFrame, Compositor
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.region_stage import ColouredRegions
-from pipeline.methods.abstraction.sizes import Sizes, enlarge_flow, enlarge_mask
+from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px, enlarge_flow, enlarge_mask, shrink_mask
 from pipeline.methods.tasks import Clock
 from pipeline.segmentation.motion import backward_maps, past_weights
-from pipeline.vector.borders import Borders, align_borders, find_borders
+from pipeline.segmentation.ramps import divide_ramps
+from pipeline.vector.borders import Borders, align_borders, find_borders, tuck_borders
 from pipeline.vector.fill import fill_regions
 from pipeline.vector.smoothing import smooth_borders
 
@@ -24,14 +28,17 @@ LEAST_SIGMA_PX = 1.2
 """Smallest standard deviation when the picture is larger than the label map: enough to hide the label map's pixels."""
 LEAST_LIMIT_PX = 0.75
 """Smallest displacement limit: enough to straighten the steps of a slanting border."""
+LEAST_REACH_PX = 2
+"""Smallest distance, px of the label map, from which a border is moved under a line: a slanting border has steps."""
+RAMP_SIGMAS = 3.5
+"""Extent of the thin regions that are divided (`divide_ramps`), in standard deviations of the blur before analysis."""
 
 
 class SharpCompositor(Compositor):
     """Smooths borders, fills regions and draws lines over them.
 
     The picture that it keeps, `picture`, has the blended region colours without lines, so that a line that has moved
-    leaves no trace. `CompositedFrame.labels` are the labels of the segmentation: the borders are smoothed, not the
-    label map.
+    leaves no trace. `CompositedFrame.labels` are the labels before borders are smoothed.
     """
 
     def __init__(self, params: AbstractionParams, sizes: Sizes, clock: Clock, background: Background) -> None:
@@ -41,6 +48,7 @@ class SharpCompositor(Compositor):
         self.sigma_px = SIGMA_SHARE * radius_px
         if sizes.work != sizes.output:
             self.sigma_px = max(LEAST_SIGMA_PX, self.sigma_px)
+        self.widest_ramp_px = round(RAMP_SIGMAS * analysis_blur_px(sizes.work))
         self.limit_px = max(LEAST_LIMIT_PX, LIMIT_SHARE * radius_px)
 
     def prepare(self, analysis: FrameAnalysis) -> None:
@@ -56,21 +64,25 @@ class SharpCompositor(Compositor):
 
     def step(self, coloured: ColouredRegions) -> CompositedFrame:
         """Composite a frame, after `prepare` with the analysis of the same frame."""
-        analysis, labels, colours = coloured.analysis, coloured.regions.labels, coloured.colours
+        analysis, colours = coloured.analysis, coloured.colours
         with self.clock("paint"):
-            borders = self._borders(labels, analysis)
+            labels = divide_ramps(coloured.regions.labels, coloured.regions.means, self.widest_ramp_px)
+            ink = None if analysis.ink is None else analysis.ink.result()
+            borders = self._borders(labels, analysis, ink)
             flat = fill_regions(borders, colours, self.sizes.output, self.background)
             self.picture = self._blend(flat, labels, analysis)
             frame = self.picture.copy()
-            ink = None if analysis.ink is None else analysis.ink.result()
             if ink is not None:
                 overlay(frame, ink, INK, self.params.line_opacity, self.background)
         return CompositedFrame(frame, coloured.regions, labels, colours, ink, borders)
 
-    def _borders(self, labels: Labels, analysis: FrameAnalysis) -> Borders:
+    def _borders(self, labels: Labels, analysis: FrameAnalysis, ink: Ink | None) -> Borders:
         borders = find_borders(labels)
         if analysis.flow is not None:
             borders = align_borders(borders, labels, analysis.lab, analysis.flow)
+        if ink is not None:
+            drawn = shrink_mask(ink, self.sizes)
+            borders = tuck_borders(borders, drawn, max(LEAST_REACH_PX, math.ceil(self.limit_px)))
         return smooth_borders(borders, self.sigma_px, self.limit_px)
 
     def _blend(self, picture: Frame, labels: Labels, analysis: FrameAnalysis) -> Frame:

@@ -35,6 +35,11 @@ def draws_curves(params: AbstractionParams, sizes: Sizes) -> bool:
     return large or params.edges == "sharp" or sizes.work != sizes.output
 
 
+def analysis_blur_px(size: tuple[int, int]) -> float:
+    """Standard deviation of the Gaussian blur of frames of `size` (width, height) before they are analysed, px."""
+    return 0.6 + 0.4 * size[1] / 360
+
+
 def enlarge_flow(flow: Flow, sizes: Sizes) -> Flow:
     """A flow field at the output size, float32 (h, w, 2), px of that size."""
     if sizes.work == sizes.output:
@@ -48,3 +53,10 @@ def enlarge_mask(plane: NDArray[np.uint8], sizes: Sizes) -> NDArray[np.uint8]:
     if sizes.work == sizes.output:
         return plane
     return np.asarray(cv2.resize(plane, sizes.output, interpolation=cv2.INTER_NEAREST), np.uint8)
+
+
+def shrink_mask(plane: NDArray[np.uint8], sizes: Sizes) -> NDArray[np.uint8]:
+    """A plane of the output size at the size of the analysed frames, by area averages, uint8 (h, w)."""
+    if sizes.work == sizes.output:
+        return plane
+    return np.asarray(cv2.resize(plane, sizes.work, interpolation=cv2.INTER_AREA), np.uint8)

@@ -12,11 +12,11 @@ from typing import ClassVar
 
 from pipeline.frames import Frame
 from pipeline.methods.analogy.keyframe_synthesizer import run_interval
+from pipeline.methods.analogy.layer_composite import run_composite
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.plan import plan_composite, plan_synthesis, run_frames
 from pipeline.methods.analogy.propagation import Propagator
 from pipeline.methods.analogy.scan import plan_scan, run_scan
-from pipeline.methods.analogy.shot_layers import run_composite
 from pipeline.methods.analogy.synthesizer import run_sweeps
 from pipeline.methods.base import (
     Example,
@@ -96,6 +96,16 @@ class Analogy(Method):
             "style_lines", "image", False, "Lines of the style",
             "The lines of the painting: black on white; it must have the size of the painting.",
         ),
+        InputSpec(
+            "directions", "video", False, "Directions of the strokes",
+            "Direction of the strokes at each pixel, one frame for each frame of the video: red = x, green = y "
+            "(255 = up), as in normal maps; gray = computed from the picture.",
+        ),
+        InputSpec(
+            "style_directions", "image", False, "Directions of the style",
+            "Direction of the strokes of the painting, coded alike; it must have the size of the painting. Without it, "
+            "directions are computed.",
+        ),
         *_guide("a"), *_guide("b"), *_guide("c"),
     )  # fmt: skip
     steps: ClassVar[tuple[Step[AnalogyParams], ...]] = (
@@ -104,6 +114,8 @@ class Analogy(Method):
         Step("composite", "Composite layers", plan_composite, run_composite, weight=0.0),
     )
     artefacts: ClassVar[tuple[str, ...]] = ()
+    palette_input: ClassVar[str] = "style_output"
+    cpu_s_per_megapixel: ClassVar[float] = 4.7
     examples: ClassVar[tuple[Example, ...]] = (
         Example("loose", "Broad brush strokes", {"guide_weight": 1.5, "coherence_weight": 60}),
         Example("close", "Close to the scene", {"guide_weight": 10, "coherence_weight": 5}),
@@ -113,8 +125,8 @@ class Analogy(Method):
     )
 
     def single_frame_params(self, params: AnalogyParams) -> AnalogyParams:
-        """Parameters of a single frame: without temporal coherence."""
-        return params.model_copy(update={"temporal": "off"})
+        """Parameters of a single frame of a video: without temporal coherence, and not those of a still."""
+        return params.model_copy(update={"temporal": "off", "guided_stills": "off"})
 
     def propagator(self, params: AnalogyParams, frames: Sequence[Frame], seed: int) -> KeyPropagator | None:
         """Propagates an edited keyframe along the motion; None without temporal coherence."""

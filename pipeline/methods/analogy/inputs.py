@@ -55,6 +55,7 @@ class InputFrame:
         line_distance: float32 (h, w), distance to the nearest line, px; None = no lines.
         paintable: bool (h, w), pixels that may be painted; None = all pixels.
         silhouette: bool (h, w), pixels of the layer; None = everywhere.
+        directions: float32 (h, w, 3), given directions, see `authored_tensors`; None = computed.
     """
 
     frame: Frame
@@ -62,6 +63,7 @@ class InputFrame:
     line_distance: Plane | None = None
     paintable: Mask | None = None
     silhouette: Mask | None = None
+    directions: Plane | None = None
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,7 @@ class StylePair:
         extra_guides: uint8 (h, w, n); None = no extra guides.
         usable: uint8 (h, w), 0 = the pixel must not be used; None = all pixels may be used.
         line_distance: float32 (h, w), distance to the lines of the style, px; None = no lines.
+        directions: float32 (h, w, 3), given directions, see `authored_tensors`; None = computed.
     """
 
     output: Bytes
@@ -83,6 +86,7 @@ class StylePair:
     extra_guides: Bytes | None = None
     usable: Bytes | None = None
     line_distance: Plane | None = None
+    directions: Plane | None = None
 
     @property
     def guides(self) -> Bytes:
@@ -122,6 +126,11 @@ class SynthesisInputs(Protocol):
         ...
 
     @property
+    def rotates(self) -> bool:
+        """Whether patches rotate by the difference of the directions of style and frame."""
+        ...
+
+    @property
     def statistics_artefact(self) -> str:
         """Name of the artefact with the `LayerStatistics` of these inputs, saved by the step `scan`."""
         ...
@@ -152,6 +161,11 @@ class SynthesisInputs(Protocol):
 
     def has_style_pair(self) -> bool:
         """Whether a style pair is given."""
+        ...
+
+    @property
+    def painting_alone(self) -> bool:
+        """Whether the given style is a painting without anything registered with it: no input, guides, or lines."""
         ...
 
 

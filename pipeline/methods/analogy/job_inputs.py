@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cached_property
 
 import cv2
@@ -17,6 +18,7 @@ from pipeline.methods.analogy.style_images import default_pair
 from pipeline.methods.base import TaskContext
 from pipeline.synthesis.distance import distance
 from pipeline.synthesis.images import Bytes, stacked
+from pipeline.synthesis.orientation import authored_tensors
 from pipeline.synthesis.tone_matching import derived_guide, lab_guide
 
 GUIDES = ("a", "b", "c")
@@ -76,16 +78,27 @@ class JobInputs:
             )  # fmt: skip
         return bool(given) and self.params.lines_weight > 0
 
+    @property
+    def rotates(self) -> bool:
+        given = self._context.has("directions") or self._context.has("style_directions")
+        return given if self.params.rotation == "auto" else self.params.rotation == "on"
+
+    @property
+    def _has_directions(self) -> bool:
+        return self.rotates and self._context.has("directions")
+
     def frames(self, start: int, stop: int) -> Iterator[InputFrame]:
         guides = {guide: self._context.frames(f"guide_{guide.name}", start, stop) for guide in self.guides}
         drawings = self._context.frames("lines", start, stop) if self.has_lines else None
+        directions = self._context.frames("directions", start, stop) if self._has_directions else None
         for frame in self._context.frames("video", start, stop):
             planes = [
                 guide_plane(_next(pictures, f"guide_{guide.name}", frame), guide.channels)
                 for guide, pictures in guides.items()
             ]
             distance_px = None if drawings is None else line_distance(_next(drawings, "lines", frame))
-            yield InputFrame(frame, stacked(planes) if planes else None, distance_px)
+            tensors = None if directions is None else authored_tensors(_next(directions, "directions", frame))
+            yield InputFrame(frame, stacked(planes) if planes else None, distance_px, directions=tensors)
 
     def velocities(self, first: int) -> tuple[Flow, Flow] | None:
         return None
@@ -105,6 +118,11 @@ class JobInputs:
     def has_style_pair(self) -> bool:
         return self._context.has("style_output")
 
+    @property
+    def painting_alone(self) -> bool:
+        registered = ("style", "style_lines", "style_directions", *(f"style_guide_{name}" for name in GUIDES))
+        return self.has_style_pair() and not any(self._context.has(name) for name in registered)
+
     def style_pair(self) -> StylePair:
         """The given style pair, or the default pair.
 
@@ -120,12 +138,20 @@ class JobInputs:
                 )  # fmt: skip
             plain, painting = default_pair(context)
             guides, lines = self._style_guides(painting), self._style_lines(painting)
-            return StylePair(painting, lab_guide(plain), True, guides, None, lines)
+            pair = StylePair(painting, lab_guide(plain), True, guides, None, lines)
+            return replace(pair, directions=self._style_directions(painting))
         painting = context.image("style_output")
         check_painting_size(painting, "inputs.style_output")
         plain_picture = same_size(context.image("style"), painting, "inputs.style") if context.has("style") else None
         guides, lines = self._style_guides(painting), self._style_lines(painting)
-        return make_style_pair(painting, plain_picture, self.params.style_smoothing, guides, lines)
+        pair = make_style_pair(painting, plain_picture, self.params.style_smoothing, guides, lines)
+        return replace(pair, directions=self._style_directions(painting))
+
+    def _style_directions(self, painting: Frame) -> Plane | None:
+        if not self.rotates or not self._context.has("style_directions"):
+            return None
+        picture = same_size(self._context.image("style_directions"), painting, "inputs.style_directions")
+        return authored_tensors(picture)
 
     def _style_lines(self, painting: Frame) -> Plane | None:
         if not self.has_lines or not self._context.has("style_lines"):

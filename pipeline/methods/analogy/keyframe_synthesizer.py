@@ -5,6 +5,7 @@ Section 4 of benard2013stylizing. Each keyframe, paired with the frame that it w
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -12,24 +13,32 @@ import numpy as np
 
 from pipeline.methods.analogy.inputs import StylePair, SynthesisInputs
 from pipeline.methods.analogy.layer_inputs import inputs_of
-from pipeline.methods.analogy.level_animation import KeyframeAnimation, LevelFrames, estimated_velocities, levels_of
+from pipeline.methods.analogy.level_animation import KeyframeAnimation, estimated_velocities, levels_of
 from pipeline.methods.analogy.params import AnalogyParams
-from pipeline.methods.analogy.plan import KeyInterval
+from pipeline.methods.analogy.plan import KeyInterval, interval_key
 from pipeline.methods.analogy.shot_layers import LayerStatistics
 from pipeline.methods.analogy.style_images import energy_of, keyframe_style
+from pipeline.methods.analogy.style_scaling import style_of
 from pipeline.methods.analogy.synthesizer import STEP, PreviousOffsets, Synthesizer
 from pipeline.methods.base import Task, TaskContext, TaskResult
 from pipeline.synthesis.atlas import downscaled_offsets
-from pipeline.synthesis.images import NOWHERE, pack_offsets, unpack_offsets
+from pipeline.synthesis.images import NOWHERE, Bytes, Offsets, pack_offsets, unpack_offsets
+from pipeline.synthesis.key_blend import KeyColours, Synthesised, with_blended_colours
 from pipeline.synthesis.operations import FrameState
-from pipeline.synthesis.sweeps import SolvedFrame, Sweep, order, trace_ribbons
+from pipeline.synthesis.refine import colours
+from pipeline.synthesis.ribbons import ribbons_to_keys
+from pipeline.synthesis.sweeps import SolvedFrame, Sweep, order
 from pipeline.synthesis.tone_matching import ToneMatch, tone_statistics
+
+_LAST_HALVED_LEVEL = 1
+"""Coarsest level at which a sweep covers only the half of an interval that is nearer to its key."""
 
 
 def run_interval(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult:
     """Synthesise one interval and emit its frames."""
     args = dict(task.args["interval"])
-    interval = KeyInterval(**{**args, "keys": tuple(args["keys"])})
+    fixed = tuple((int(index), int(start)) for index, start in args["fixed"])
+    interval = KeyInterval(**{**args, "keys": tuple(args["keys"]), "fixed": fixed})
     synthesizer = KeyframeSynthesizer(context, interval)
     synthesizer.paint(task.key)
     return synthesizer.result(interval.last - interval.first)
@@ -49,11 +58,16 @@ class KeyframeSynthesizer(Synthesizer):
         self.interval = interval
         super().__init__(context, inputs, style.pair)
         self.levels, self._painted = levels, style.painted
-        if interval.fixed_frame >= 0:
-            edge = context.load(STEP, f"{interval.fixed_task}-edge")[str(interval.fixed_frame)]
-            self._painted[interval.fixed_frame] = unpack_offsets(edge, self._style_side(0))
-
-        self._velocities = estimated_velocities(inputs, context.clock, interval.start, interval.stop)
+        for index, start in interval.fixed:
+            edge = context.load(STEP, f"{interval_key(start, interval.layer)}-edge")[str(index)]
+            self._painted[index] = unpack_offsets(edge, self._style_side(0))
+        self._ribbons: dict[int, Offsets] = {}
+        self._full: list[int] = []
+        self._frames = [self.level_frames(interval.start, interval.stop, 0, lambda guide: guide)]
+        for level in range(1, levels):
+            with context.clock("guides"):
+                self._frames.append(self._frames[level - 1].halved())
+        self._velocities = estimated_velocities(self._frames[0], context.clock)
 
     def _frames_on_device(self) -> int:
         return self.interval.stop - self.interval.start
@@ -69,81 +83,100 @@ class KeyframeSynthesizer(Synthesizer):
         solved: dict[int, SolvedFrame[Any]] = {}
         interval = self.interval
         for level in reversed(range(self.levels)):
-            solved, level_frames = self._level(level, solved)
+            solved = self._level(level, solved)
             if level:
                 self.preview(level, self.ops.fetch(solved[(interval.first + interval.last) // 2].offsets))
         for index in range(interval.first, interval.last):
-            shown = index if index in self._painted else self.shown(index, interval.start)
-            self.emit_frame(index, self.ops.fetch(solved[shown].offsets), level_frames)
+            self.emit_frame(index, self.ops.fetch(solved[self._shown_at(index)].offsets), self._frames[0])
         ends = sorted({interval.start, interval.last} & set(solved))
         side = self._style_side(0)
         edge = {str(index): pack_offsets(self.ops.fetch(solved[index].offsets), side) for index in ends}
         self.context.save(f"{key}-edge", edge)
 
-    def _level(
-        self, level: int, coarser: dict[int, SolvedFrame[Any]]
-    ) -> tuple[dict[int, SolvedFrame[Any]], LevelFrames]:
+    def _shown_at(self, index: int) -> int:
+        """The frame whose painting is shown at frame `index`; keyframes keep their frames."""
+        return index if index in self._painted else self.shown(index, self.interval.start)
+
+    def painting(self, index: int, offsets: Offsets) -> Bytes:
+        """The painted frame; with `key_blend`, between two keyframes, with the blended colours of both."""
+        painting, shown, full = super().painting(index, offsets), self._shown_at(index), self._full
+        last = max((i for i in full if i < shown), default=None)
+        following = min((i for i in full if i > shown), default=None)
+        if self.params.key_blend == 0 or shown in full or last is None or following is None:
+            return painting
+        share = (shown - last) / (following - last)
+        before, after = (
+            KeyColours(
+                np.ascontiguousarray(colours(self.style(0).style, ribbon)[..., :3]), ribbon[..., 0] > NOWHERE, weight
+            )
+            for ribbon, weight in zip(self._ribbons[shown], (1 - share, share), strict=True)
+        )
+        with self.context.clock("blend"):
+            opaque = np.ascontiguousarray(painting[..., :3])
+            right, below = (
+                np.ascontiguousarray(colours(self.style(0).style, offsets + np.array(step, np.float32))[..., :3])
+                for step in ((1, 0), (0, 1))
+            )
+            blended = with_blended_colours(Synthesised(opaque, right, below), before, after, self.params.key_blend)
+        if shown in self._painted:
+            blended = np.where(self._painted[shown][..., :1] > NOWHERE, opaque, blended)
+        return np.ascontiguousarray(np.concatenate([blended, painting[..., 3:]], axis=-1))
+
+    def _level(self, level: int, coarser: dict[int, SolvedFrame[Any]]) -> dict[int, SolvedFrame[Any]]:
         """Run all sweeps of a level; returns its frames."""
-        interval, style = self.interval, self.style(level)
-        level_frames = self.level_frames(interval.start, interval.stop, level, lambda guide: guide)
+        style = self.style(level)
         animation = KeyframeAnimation(
-            level_frames,
+            self._frames[level],
             self.context.clock,
             style.style.first_usable,
             self._painted,
             self._velocities,
             self.boil(level),
         )
-        self._trace_ribbons(animation, level)
-        solved = coarser
-        for number in range(2 * self.params.sweeps):
-            forward = number % 2 == 0
-            previous = self._previous_result(level, solved, from_coarser=number == 0)
+        with self.context.clock("ribbons"):
+            painted = {index: downscaled_offsets(offsets, level) for index, offsets in self._painted.items()}
+            interval = range(self.interval.start, self.interval.stop)
+            animation.ribbon_offsets = ribbons_to_keys(self.ops, style, animation, interval, painted)
+        self._ribbons, self._full = animation.ribbon_offsets, animation.full
+        solved: dict[int, SolvedFrame[Any]] = {}
+        sweeps = self._sweeps(level, animation)
+        for number, frames in enumerate(sweeps):
+            previous, keep_first = self._previous_result(level, solved, coarser), frames[0] in solved
             schedule = self.schedule(level, level * 8 + number)
-            sweep = Sweep(self.ops, style, animation, previous, schedule, forward, keep_first=number > 0)
-            solved = self._run(sweep, forward, (self.levels - 1 - level) * 2 * self.params.sweeps + number)
-        return solved, level_frames
+            sweep = Sweep(self.ops, style, animation, previous, schedule, frames.step > 0, keep_first)
+            with self.context.clock("synthesis"):
+                for each in sweep.run(frames):
+                    solved[each.index] = SolvedFrame(each.index, _without_inputs(each.state), each.offsets)
+                    # Each level takes four times as long as all coarser ones together, less a quarter.
+                    self.context.progress(0.25**level * (0.25 + 0.75 * number / len(sweeps)))
+        return solved
+
+    def _sweeps(self, level: int, animation: KeyframeAnimation) -> list[range]:
+        """Frame numbers of each sweep of a level, in order.
+
+        Departure: at the two finest levels, where nearly all the work lies, sweeps lead from each key to the middle
+        only. Every frame then starts from the nearer key, which the random merge prefers.
+        """
+        start, stop = self.interval.start, self.interval.stop
+        ends = [index for index in (start, stop - 1) if index in animation.full]
+        if level > _LAST_HALVED_LEVEL or not ends:
+            return [order(start, stop, number % 2 == 0) for number in range(2 * self.params.sweeps)]
+        if len(ends) < 2:
+            return [order(start, stop, ends[0] == start)] * self.params.sweeps
+        middle = (start + stop - 1) // 2
+        return [order(start, middle + 1, True), order(middle, stop, False)] * self.params.sweeps
 
     def _previous_result(
-        self, level: int, solved: dict[int, SolvedFrame[Any]], from_coarser: bool
+        self, level: int, solved: Mapping[int, SolvedFrame[Any]], coarser: Mapping[int, SolvedFrame[Any]]
     ) -> PreviousOffsets:  # fmt: skip
         """The previous result of each frame: of the sweep before, or of the coarser level."""
 
         def previous(index: int, state: FrameState[Any]) -> Any:
-            if index not in solved:
-                return None
-            if from_coarser:
-                return self._upsampled((level + 1, solved[index]))(index, state)
-            return solved[index].offsets
+            if index in solved:
+                return solved[index].offsets
+            return self._upsampled((level + 1, coarser[index]))(index, state) if index in coarser else None
 
         return previous
-
-    def _run(self, sweep: Sweep[Any], forward: bool, number: int) -> dict[int, SolvedFrame[Any]]:
-        """Run sweep `number` of the task; returns its frames."""
-        found: dict[int, SolvedFrame[Any]] = {}
-        total = self.levels * 2 * self.params.sweeps
-        with self.context.clock("synthesis"):
-            for solved in sweep.run(order(self.interval.start, self.interval.stop, forward)):
-                found[solved.index] = SolvedFrame(solved.index, _without_inputs(solved.state), solved.offsets)
-                self.context.progress(min(1.0, (number + 0.5) / total))
-        return found
-
-    def _trace_ribbons(self, animation: KeyframeAnimation, level: int) -> None:
-        """Trace each pixel to the first and the last frame of the interval, where these are fully painted."""
-        interval = self.interval
-        ends = [index for index in (interval.start, interval.stop - 1) if index in animation.full]
-        for index in range(interval.start, interval.stop):
-            width, height = animation.target(index).size
-            animation.ribbon_offsets[index] = np.full((2, height, width, 2), NOWHERE, np.float32)
-        for end in ends:
-            at_start = end == interval.start
-            frames = range(end, interval.stop) if at_start else range(end, interval.start - 1, -1)
-            with self.context.clock("ribbons"):
-                start = downscaled_offsets(self._painted[end], level)
-                for index, offsets in trace_ribbons(self.ops, self.style(level), animation, frames, start):
-                    animation.ribbon_offsets[index][0 if at_start else 1] = offsets
-        if not ends:
-            animation.ribbon_offsets.clear()
 
 
 def _without_inputs(state: FrameState[Any]) -> FrameState[Any]:
@@ -153,9 +186,9 @@ def _without_inputs(state: FrameState[Any]) -> FrameState[Any]:
 
 def _given_style_pair(context: TaskContext[AnalogyParams], inputs: SynthesisInputs) -> StylePair:
     """The style pair given in addition to keyframes, its guide matched to the tones of the video."""
-    pair = inputs.style_pair()
+    pair = style_of(context, inputs)
     if not pair.derived or inputs.params.tone_match == "off":
         return pair
     statistics = LayerStatistics.of(context.load("scan", inputs.statistics_artefact))
     own = tone_statistics([pair.guide])
-    return replace(pair, guide=ToneMatch(own, statistics.tones)(pair.guide))
+    return replace(pair, guide=ToneMatch(own, statistics.tones, inputs.params.tone_limit)(pair.guide))

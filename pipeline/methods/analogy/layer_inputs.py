@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -50,6 +51,7 @@ from pipeline.methods.analogy.style_images import default_pair
 from pipeline.methods.base import TaskContext
 from pipeline.synthesis.distance import Sites, extrapolated, nearest, within_reach
 from pipeline.synthesis.images import Bytes, stacked
+from pipeline.synthesis.orientation import authored_tensors
 from pipeline.video.exr import signed
 from pipeline.video.guard.pictures import guarded_raw
 
@@ -135,16 +137,22 @@ class LayerInputs:
         in_style = self._keyframe_style or {"lines", "output"} <= self._layer.style.keys()
         return in_style and self._passes.has("lines") and self.params.lines_weight > 0
 
+    @property
+    def rotates(self) -> bool:
+        given = self._passes.has("directions") or "directions" in self._layer.style
+        return given if self.params.rotation == "auto" else self.params.rotation == "on"
+
     def frames(self, start: int, stop: int) -> Iterator[InputFrame]:
         for index in range(start, min(stop, self._layer.frames)):
             yield self._frame(index)
 
     def _frame(self, index: int) -> InputFrame:
         frame, mask = self._passes.frame(index), self._passes.mask(index)
-        distance_px = line_distance(self._passes.lines(index)) if self.has_lines else None
+        distance_px = line_distance(self._passes.picture("lines", index)) if self.has_lines else None
         planes = [self._guide_plane(guide, index, mask) for guide in self.guides]
+        directions = self._directions(index)
         if mask is None:
-            return InputFrame(frame, stacked(planes) if planes else None, distance_px)
+            return InputFrame(frame, stacked(planes) if planes else None, distance_px, directions=directions)
         sites = self._sites_of(index, mask)
         guides = [
             plane if guide.name == "mask" else extrapolated(plane, sites)
@@ -152,8 +160,15 @@ class LayerInputs:
         ]
         paintable = within_reach(sites, self._reach_px)
         return InputFrame(
-            extrapolated(frame, sites), stacked(guides) if guides else None, distance_px, paintable, mask
+            extrapolated(frame, sites), stacked(guides) if guides else None, distance_px, paintable, mask,
+            None if directions is None else extrapolated(directions, sites),
         )  # fmt: skip
+
+    def _directions(self, index: int) -> Plane | None:
+        """The given directions of a frame, see `authored_tensors`; None = none are given, or patches do not rotate."""
+        if not self.rotates or not self._passes.has("directions"):
+            return None
+        return authored_tensors(self._passes.picture("directions", index))
 
     def _guide_plane(self, guide: Guide, index: int, mask: Mask | None) -> Bytes:
         if guide.name == "mask" and mask is not None:
@@ -240,6 +255,11 @@ class LayerInputs:
     def has_style_pair(self) -> bool:
         return "output" in self._layer.style or self._context.has("style_output")
 
+    @property
+    def painting_alone(self) -> bool:
+        style = self._layer.style
+        return set(style) == {"output"} if style else JobInputs(self._context).painting_alone
+
     def style_pair(self) -> StylePair:
         style = self._layer.style
         if "output" not in style:
@@ -251,7 +271,14 @@ class LayerInputs:
             painting = np.ascontiguousarray(painting[..., :3])
         plain = same_size(self._style_picture("input"), painting, style["input"]) if "input" in style else None
         lines = self._style_lines(painting) if self.has_lines and "lines" in style else None
-        return make_style_pair(painting, plain, self.params.style_smoothing, self._style_guides(painting), lines)
+        pair = make_style_pair(painting, plain, self.params.style_smoothing, self._style_guides(painting), lines)
+        return replace(pair, directions=self._style_directions(painting))
+
+    def _style_directions(self, painting: Bytes) -> Plane | None:
+        if not self.rotates or "directions" not in self._layer.style:
+            return None
+        path = self._layer.style["directions"]
+        return authored_tensors(same_size(self._style_picture("directions"), painting, path))
 
     def _style_pair_of_job(self) -> StylePair:
         """The style pair of the job, or the default pair; without guides."""

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +22,7 @@ from pipeline.synthesis.atlas import downscaled_offsets
 from pipeline.synthesis.distance import extrapolated, nearest
 from pipeline.synthesis.images import NOWHERE, Bytes, Offsets, Target, halved, stacked
 from pipeline.synthesis.motion import Motion, downscaled_velocity, motions_between, suppress_small_motion
-from pipeline.synthesis.orientation import orientation
+from pipeline.synthesis.orientation import DirectionSources
 from pipeline.synthesis.tone_matching import ToneMatch, ToneStatistics, lab_guide, tone_statistics
 
 MIN_LEVEL_PX = 24
@@ -43,7 +45,7 @@ def tone_matching(params: AnalogyParams, pair: StylePair, tones: ToneStatistics)
     """The function that maps a guide of the video to the tones of the style; the identity if matching is off."""
     if params.tone_match == "off" or (params.tone_match == "auto" and not pair.derived):
         return lambda guide: guide
-    return ToneMatch(tones, tone_statistics([pair.guide]))
+    return ToneMatch(tones, tone_statistics([pair.guide]), params.tone_limit)
 
 
 class LevelFrames:
@@ -55,6 +57,7 @@ class LevelFrames:
         line_distances: float32 (h, w), distance to the nearest line, px of the level; empty without lines.
         paintable: uint8 (h, w), 1 = the pixel may be painted; empty if the layer covers the frame.
         silhouettes: uint8 (h, w), 1 = pixel of the layer; empty if the layer covers the frame.
+        directions: given directions, see `authored_tensors`; empty if none are given.
 
     Args:
         match: maps a guide to the tones of the style.
@@ -71,12 +74,24 @@ class LevelFrames:
         self.line_distances: dict[int, Plane] = {}
         self.paintable: dict[int, Bytes] = {}
         self.silhouettes: dict[int, Bytes] = {}
+        self.directions: dict[int, Plane] = {}
         frames = inputs.frames(start, stop)
         for index in range(start, stop):
             with clock("guides"):
                 if (frame := next(frames, None)) is None:
                     return
                 self._add(index, frame, match)
+
+    def halved(self) -> LevelFrames:
+        """The same frames at the next coarser level."""
+        coarse = copy(self)
+        coarse.level += 1
+        coarse.frames = {index: _reduced(frame, 1) for index, frame in self.frames.items()}
+        coarse.guides = {index: _reduced(guide, 1) for index, guide in self.guides.items()}
+        coarse.line_distances = {index: _reduced_distances(px, 1) for index, px in self.line_distances.items()}
+        coarse.paintable = {index: _reduced_mask(mask, 1) for index, mask in self.paintable.items()}
+        coarse.silhouettes = {index: _reduced_mask(mask, 1) for index, mask in self.silhouettes.items()}
+        return coarse
 
     def _add(self, index: int, frame: InputFrame, match: Callable[[Bytes], Bytes]) -> None:
         level = self.level
@@ -85,16 +100,24 @@ class LevelFrames:
         self.frames[index], self.guides[index] = _reduced(frame.frame, level), _reduced(guide, level)
         if frame.line_distance is not None:
             self.line_distances[index] = _reduced_distances(frame.line_distance, level)
+        if frame.directions is not None:
+            self.directions[index] = _reduced_plane(frame.directions, level)
         if frame.paintable is not None and frame.silhouette is not None:
             self.paintable[index] = _reduced_mask(frame.paintable, level)
             self.silhouettes[index] = _reduced_mask(frame.silhouette, level)
 
     def target(self, index: int) -> Target:
         """Frame `index` as the target of the synthesis."""
-        guide, params = self.guides[index], self.inputs.params
-        gray = np.ascontiguousarray(guide[..., 0])
-        bins = orientation(gray, params.rotation_sigma) if params.rotation == "on" else None
-        return Target(guide, bins, self.line_distances.get(index))
+        guide, lines = self.guides[index], self.line_distances.get(index)
+        if not self.inputs.rotates:
+            return Target(guide, None, lines)
+        sources = DirectionSources(np.ascontiguousarray(guide[..., 0]), lines, self.directions.get(index))
+        return Target(guide, direction_bins_of(sources, self.inputs.params, self.level), lines)
+
+
+def direction_bins_of(sources: DirectionSources, params: AnalogyParams, level: int) -> Bytes:
+    """Directions of a frame or a style at a level, uint8 (h, w)."""
+    return sources.bins(params.rotation_sigma, params.lines_reach * 0.5**level)
 
 
 def _reduced(image: Bytes, level: int) -> Bytes:
@@ -103,36 +126,39 @@ def _reduced(image: Bytes, level: int) -> Bytes:
     return image
 
 
-def _reduced_mask(mask: Mask, level: int) -> Bytes:
+def _reduced_mask(mask: Mask | Bytes, level: int) -> Bytes:
     reduced = mask.astype(np.uint8)
     for _ in range(level):
         reduced = np.asarray(halved(reduced, nearest=True), np.uint8)
     return reduced
 
 
+def _reduced_plane(plane: Plane, level: int) -> Plane:
+    for _ in range(level):
+        plane = np.asarray(halved(plane), np.float32)
+    return plane
+
+
 def _reduced_distances(distances: Plane, level: int) -> Plane:
     """Distances in px of the level: they halve with each level."""
-    for _ in range(level):
-        distances = np.asarray(halved(distances), np.float32) / np.float32(2)
-    return distances
+    return _reduced_plane(distances, level) * np.float32(0.5**level)
 
 
-def estimated_velocities(inputs: SynthesisInputs, clock: Clock, start: int, stop: int) -> dict[int, tuple[Flow, Flow]]:
+def estimated_velocities(full_size: LevelFrames, clock: Clock) -> dict[int, tuple[Flow, Flow]]:
     """Optical flow at full size, once for all levels: frame number -> (V+ of the frame, V- of the next), px.
 
-    Empty if the inputs have velocities.
+    Pairs of frames are estimated on two threads. Empty if the inputs have velocities.
     """
-    if stop - start < 2 or inputs.velocities(start) is not None:
+    firsts = sorted(full_size.frames)[:-1]
+    if not firsts or full_size.inputs.velocities(firsts[0]) is not None:
         return {}
-    found: dict[int, tuple[Flow, Flow]] = {}
-    before: Gray | None = None
-    for index, frame in zip(range(start, stop), inputs.frames(start, stop), strict=False):
-        gray = to_gray(frame.frame)
-        if before is not None:
-            with clock("flow"):
-                found[index - 1] = _estimated(before, gray, inputs.params.flow)
-        before = gray
-    return found
+    gray = {index: to_gray(frame) for index, frame in full_size.frames.items()}
+
+    def estimated(first: int) -> tuple[Flow, Flow]:
+        return _estimated(gray[first], gray[first + 1], full_size.inputs.params.flow)
+
+    with clock("flow"), ThreadPoolExecutor(2, "impasto-flow") as threads:
+        return dict(zip(firsts, threads.map(estimated, firsts), strict=True))
 
 
 def _estimated(first: Gray, second: Gray, flow: FlowName) -> tuple[Flow, Flow]:

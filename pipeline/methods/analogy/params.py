@@ -53,15 +53,16 @@ class AnalogyParams(Params):
     colours: Literal["rgb", "lab"] = choice(
         "rgb", "Colour space", "Colour space in which the result is compared with the style.", "Likeness"
     )
-    rotation: Switch = choice(
-        "off", "Rotate strokes",
+    rotation: Literal["auto", "on", "off"] = choice(
+        "auto", "Rotate strokes",
         "on = neighbourhoods are rotated by the smallest angle that aligns the direction of the style with that of the "
-        "picture, so that strokes follow shapes; takes a third longer.", "Likeness",
+        "picture, so that strokes follow shapes; takes a third longer. auto = on if directions are given.",
+        "Likeness",
     )  # fmt: skip
     rotation_sigma: float = number(
         3, 0.5, 20, "Smoothness of directions",
-        "Standard deviation of the Gaussian that averages directions. Larger values give calmer directions with less "
-        "detail.", "px", "Likeness",
+        "Standard deviation of the Gaussian that averages computed directions. Larger values give calmer directions "
+        "with less detail.", "px", "Likeness",
     )  # fmt: skip
 
     # -- style
@@ -70,10 +71,22 @@ class AnalogyParams(Params):
         "on = the lightness and hue of the video are mapped to the distribution of the style, so that all tones of the "
         "painting are used. auto = on unless a style input is given.", "Style",
     )  # fmt: skip
+    tone_limit: float = number(
+        2, 1, 20, "Limit of contrast",
+        "Factor by which matching tones may raise or lower the contrast of the video. Larger values use more tones of "
+        "the painting and make noise, flat areas and faces blotchy.", "ratio", "Style",
+    )  # fmt: skip
+    stroke_scale: float = number(
+        1, 0, 8, "Size of strokes",
+        "Size of the strokes of a painting that is given alone. 1 = a stroke takes the same share of the frame as of "
+        "the painting, at every frame size; 2 = twice as large; 0 = the pixels of the painting are used as they are.",
+        "ratio", "Style",
+    )  # fmt: skip
     style_smoothing: float = number(
         1, 0, 10, "Smoothing of the style input",
         "Smoothing with which the style input is derived from the painting if none is given. Larger values remove "
-        "broader strokes.", "px", "Style",
+        "broader strokes. Unit: for a painting given alone, px of a frame of 480x270; otherwise px of the painting.",
+        "px", "Style",
     )  # fmt: skip
     guide_a_weight: float = number(
         4, 0, 50, "Weight of guide a", "Weight of differences in the input guide_a. Larger values follow it more "
@@ -86,6 +99,13 @@ class AnalogyParams(Params):
     guide_c_weight: float = number(
         4, 0, 50, "Weight of guide c", "Weight of differences in the input guide_c. Larger values follow it more "
         "closely.", "per squared gray level", "Style",
+    )  # fmt: skip
+    guided_stills: Literal["auto", "off"] = choice(
+        "auto", "Still images with guides",
+        "auto = for an image whose style has a registered scene or guides, the method chooses the other weights, and "
+        "guide weights are those of EbSynth: the weight of the texture is doubled, that of colour multiplied by 4; "
+        "coherence and variety are raised, less so where the guides change faster in the image than in the style; two "
+        "more levels and half more iterations. The set values are scaled. off = they are used as they are.", "Style",
     )  # fmt: skip
 
     # -- lines
@@ -111,6 +131,11 @@ class AnalogyParams(Params):
         "Penalty on changes of colour along the motion. Larger values flicker less and adapt less to changes of the "
         "scene.",
         "per squared gray level", "Time", "w_tc",
+    )  # fmt: skip
+    coarse_steadiness: float = number(
+        0.25, 0, 1, "Steadiness of coarse levels",
+        "Factor of the steadiness at each coarser level. Coarse levels determine which part of the style goes where: "
+        "smaller values let them follow the scene; 1 = one weight at all levels, as in the paper.", "ratio", "Time",
     )  # fmt: skip
     flow: FlowName = choice(
         "dis-medium", "Optical flow", "Method that estimates motion if no velocities are given.", "Time"
@@ -170,6 +195,12 @@ class AnalogyParams(Params):
         "Weight with which the result changes as the style changes between positions. Its effect is small, as the "
         "paper notes.", "per squared gray level", "Keyframes", "w_dout",
     )  # fmt: skip
+    key_blend: float = number(
+        0, 0, 1, "Blend of keys",
+        "Share to which the colours of frames between two keyframes are adjusted to a blend of both, while their "
+        "texture stays. Larger values change colours more smoothly where the keyframes differ; above 0, the result has "
+        "colours that the keyframes do not have.", "ratio", "Keyframes",
+    )  # fmt: skip
     key_iterations: int = Field(
         1, ge=1, le=20, title="Iterations between keys",
         description="Replaces `iterations` where painted keyframes are the style. One suffices, because frames start "
@@ -177,7 +208,7 @@ class AnalogyParams(Params):
         json_schema_extra={"unit": "rounds", "group": "Keyframes"},
     )  # fmt: skip
     key_search_radius: float = number(
-        8, 1, 4096, "Search radius between keys",
+        3, 1, 4096, "Search radius between keys",
         "Replaces `search_radius` where painted keyframes are the style.", "px", "Keyframes",
     )  # fmt: skip
 
@@ -210,6 +241,12 @@ class AnalogyParams(Params):
         description="Pairs of sweeps, backward and forward through time, per level. Larger values agree better over "
         "long shots and take longer.",
         json_schema_extra={"unit": "pairs", "group": "Search"},
+    )  # fmt: skip
+    sweep_order: Literal["backward-first", "forward-first"] = choice(
+        "backward-first", "Order of sweeps",
+        "Direction in time of the first sweep of each pair. backward-first flickers less, because the last sweep then "
+        "goes forward as viewers do; forward-first is the order in the paper. Between keyframes: always forward-first.",
+        "Search",
     )  # fmt: skip
     search_radius: float = number(
         128, 1, 4096, "Search radius",

@@ -9,8 +9,8 @@ synthesise   layers, shots and intervals between keyframes are independent of ea
 composite    composites the layers, in runs of frames; no tasks without layers
 
 Intervals (section 4 of benard2013stylizing): keyframes are hard constraints, so frames before the first key, between
-two keys and after the last key are independent. A long interval is divided into parts: each part starts from the last
-frame of the part before it, which is fixed like a keyframe.
+two keys and after the last key are independent. A long interval is divided into parts, from its keyframes to its
+middle: each part starts from the last frame of the part nearer to the keyframe, which is fixed like a keyframe.
 """
 
 from __future__ import annotations
@@ -95,8 +95,11 @@ def plan_synthesis(context: PlanContext[AnalogyParams]) -> list[Task]:
     if not layers:
         return _layer_tasks(context, scan, scan["keys"], -1)
     return [
-        task for number, layer in enumerate(layers) for task in _layer_tasks(context, scan, layer["keys"], number)
-    ]  # fmt: skip
+        task
+        for number, layer in enumerate(layers)
+        if layer["stylised"]
+        for task in _layer_tasks(context, scan, layer["keys"], number)
+    ]
 
 
 def _layer_tasks(
@@ -155,16 +158,13 @@ def plan_composite(context: PlanContext[AnalogyParams]) -> list[Task]:
     length = run_frames((context.video.width, context.video.height))
     starts = range(0, scan["frames"], length) if scan["layers"] else ()
     runs = [(start, min(start + length, scan["frames"])) for start in starts]
-    return [
-        Task(f"frames-{start:07d}", {"layers": len(scan["layers"])}, (), (start, stop), 0.05 * (stop - start))
-        for start, stop in runs
-    ]
+    return [Task(f"frames-{start:07d}", {}, (), (start, stop), 0.05 * (stop - start)) for start, stop in runs]
 
 
 def _interval_task(key: str, interval: KeyInterval) -> Task:
     frames = interval.last - interval.first
     emits = (interval.first, interval.last) if interval.layer < 0 else None
-    after = (interval.fixed_task,) if interval.fixed_task else ()
+    after = tuple(interval_key(start, interval.layer) for _, start in interval.fixed)
     return Task(key, {"interval": asdict(interval)}, after, emits, weight=1.3 * frames)
 
 
@@ -196,32 +196,32 @@ def _chained_sweeps(params: AnalogyParams, begin: int, end: int, size: tuple[int
     runs = [(start, min(start + length, end)) for start in range(begin, end, length)]
     sweeps = [(level, sweep) for level in reversed(range(params.levels)) for sweep in range(2 * params.sweeps)]
     before: tuple[int, int] | None = None
+
+    def key(level: int, sweep: int, start: int) -> str:
+        return f"level-{level}-{'forth' if is_forward(params, sweep) else 'back'}-{sweep // 2}-{start:07d}"
+
     for level, sweep in sweeps:
-        forward = is_forward(sweep)
+        forward = is_forward(params, sweep)
         ordered = runs if forward else runs[::-1]
         for place, (start, stop) in enumerate(ordered):
-            yield _sweep_key(level, sweep, start), SweepTask(
+            yield key(level, sweep, start), SweepTask(
                 begin, end, start, stop, level, forward,
                 first=before is None, last=(level, sweep) == sweeps[-1],
-                previous=_sweep_key(*before, start) if before else "",
-                neighbour=_sweep_key(level, sweep, ordered[place - 1][0]) if place else "",
+                previous=key(*before, start) if before else "",
+                neighbour=key(level, sweep, ordered[place - 1][0]) if place else "",
                 from_coarser=before is not None and before[0] != level, sweep=sweep,
             )  # fmt: skip
         before = (level, sweep)
 
 
-def is_forward(sweep: int) -> bool:
-    """Whether a sweep goes forward in time: the second of each pair.
+def is_forward(params: AnalogyParams, sweep: int) -> bool:
+    """Whether a sweep goes forward in time: by default the second of each pair.
 
-    Departure: the paper goes forward, then backward. Here the last sweep is the forward one, because viewers compare
-    each frame with the frame before it, and optical flow is not symmetric. Measured flicker (a person signing, 300
-    rows, Delaunay): 1.55 instead of 1.64.
+    Departure: the paper goes forward, then backward (`sweep_order=forward-first`). Here the last sweep is the forward
+    one, because viewers compare each frame with the frame before it, and optical flow is not symmetric. Measured
+    flicker (a person signing, 300 rows, Delaunay): 1.55 instead of 1.64.
     """
-    return sweep % 2 == 1
-
-
-def _sweep_key(level: int, sweep: int, start: int) -> str:
-    return f"level-{level}-{'forth' if is_forward(sweep) else 'back'}-{sweep // 2}-{start:07d}"
+    return sweep % 2 == (0 if params.sweep_order == "forward-first" else 1)
 
 
 # -- intervals between keyframes
@@ -233,8 +233,7 @@ class KeyInterval:
 
     Attributes:
         keys: frame numbers of the keyframes that are the style: those at the ends, and partial ones in between.
-        fixed_frame: a frame that an earlier task has already synthesised and that is fixed here; -1 = none.
-        fixed_task: the task that has saved that frame; "" = none.
+        fixed: (frame, first frame of the interval that has synthesised it) of frames that are fixed like keyframes.
         layer: number of the layer; -1 = the whole picture.
     """
 
@@ -243,8 +242,7 @@ class KeyInterval:
     first: int
     last: int
     keys: tuple[int, ...]
-    fixed_frame: int = -1
-    fixed_task: str = ""
+    fixed: tuple[tuple[int, int], ...] = ()
     layer: int = -1
 
 
@@ -270,25 +268,46 @@ def split_intervals(
         stop = right + 1 if right in full else right
         inside = tuple(index for index, _ in keys if left <= index < stop)
         style = inside or tuple(index for index, _ in keys)
-        backward = left not in full and right in full
-        for key, part in _interval_parts(left, right, stop, style, backward, most):
-            prefix = f"layer-{layer}-" if layer >= 0 else ""
-            task = prefix + part.fixed_task if part.fixed_task else ""
-            yield prefix + key, replace(part, fixed_task=task, layer=layer)
+        for part in _interval_parts(left, right, stop, style, (left in full, right in full), most):
+            yield interval_key(part.start, layer), replace(part, layer=layer)
+
+
+def interval_key(start: int, layer: int = -1) -> str:
+    """Key of the task that synthesises the interval from frame `start` on."""
+    return f"layer-{layer}-keyed-{start:07d}" if layer >= 0 else f"keyed-{start:07d}"
 
 
 def _interval_parts(
-    left: int, right: int, stop: int, keys: tuple[int, ...], backward: bool, most: int
-) -> Iterator[tuple[str, KeyInterval]]:
-    """Divide one interval into parts of at most `most` frames, starting at its key.
+    left: int, right: int, stop: int, keys: tuple[int, ...], full: tuple[bool, bool], most: int
+) -> Iterator[KeyInterval]:
+    """Divide one interval into parts of at most `most` frames, in the order of their dependencies.
 
-    Neighbouring parts share a frame.
+    Neighbouring parts share a frame, which the part nearer to a keyframe synthesises. Between two keyframes, parts
+    continue from both of them, and the part in the middle, of `most` frames, leads from one side to the other.
+
+    Args:
+        full: whether the frames `left` and `right` are keyframes that are painted everywhere.
     """
-    starts = list(range(left, right, most))
-    fixed: tuple[int, str] = (-1, "")
-    for start in reversed(starts) if backward else starts:
+    forward_end, backward_begin = right, right
+    if right - left > most and all(full):
+        forward_end = left + (right - left - most + 1) // 2
+        backward_begin = forward_end + most
+    elif full == (False, True):
+        forward_end = backward_begin = left
+
+    def part(start: int, inner: int, fixed: dict[int, int]) -> KeyInterval:
+        """The part that emits [start, inner); `fixed`: frame -> first frame of the part that has synthesised it."""
+        return KeyInterval(start, stop if inner == right else inner + 1, start, inner, keys, tuple(fixed.items()))
+
+    before, after = left, right
+    for start in range(left, forward_end, most):
+        inner = min(start + most, forward_end)
+        yield part(start, inner, {start: before} if start > left else {})
+        before = start
+    for start in reversed(range(backward_begin, right, most)):
         inner = min(start + most, right)
-        key = f"keyed-{start:07d}"
-        part_stop = stop if inner == right and not backward else inner + 1
-        yield key, KeyInterval(start, part_stop, start, inner, keys, *fixed)
-        fixed = (start if backward else inner), key
+        yield part(start, inner, {inner: after} if inner < right else {})
+        after = start
+    if left < forward_end < backward_begin:
+        outer = {forward_end: before} | ({backward_begin: after} if backward_begin < right else {})
+        yield part(forward_end, backward_begin, outer)

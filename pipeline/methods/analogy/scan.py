@@ -3,6 +3,7 @@ layers."""
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import cast
 
 from pipeline.errors import BadInput
@@ -12,6 +13,7 @@ from pipeline.methods.analogy.layer_inputs import LayerInputs
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.shot_layers import Factors, Layer, LayerStatistics, RenderPasses, layered_shot
 from pipeline.methods.analogy.style_images import save_default_pair
+from pipeline.methods.analogy.style_scaling import save_scaled_style
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.scan import scan_video
 from pipeline.synthesis.tone_matching import ToneAccumulator, ToneStatistics, lab_guide
@@ -39,12 +41,14 @@ def run_scan(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult:
         context, context.params.cut_sensitivity, lambda frame: accumulator.add(lab_guide(frame))
     )  # fmt: skip
     tones = accumulator.statistics()
-    if not context.has("style_output"):
+    keys = checked_keyframes(JobInputs(context), frames) if shot is None else []
+    if not context.has("style_output") and not _all_keyed(frames, cuts, keys):
         with context.clock("style"):
             save_default_pair(context, frames)
     if shot is None:
         context.save("tones", LayerStatistics(tones).arrays())
-        return {"frames": frames, "cuts": cuts, "keys": checked_keyframes(JobInputs(context), frames), "layers": []}
+        save_scaled_style(context, JobInputs(context))
+        return {"frames": frames, "cuts": cuts, "keys": keys, "layers": []}
     if frames != shot.whole.frames:
         raise BadInput(
             "Some pictures of the shot could not be read.", field="inputs.video", value=f"{frames} of "
@@ -54,17 +58,32 @@ def run_scan(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult:
     return {"frames": frames, "cuts": cuts, "keys": whole["keys"], "message": whole["message"], "layers": layers}
 
 
+def _all_keyed(frames: int, cuts: list[int], keys: list[tuple[int, bool]]) -> bool:
+    """Whether every shot has a keyframe, so that no shot needs another style."""
+    shots = pairwise([0, *cuts, frames])
+    return all(any(first <= index < end for index, _ in keys) for first, end in shots)
+
+
 def _scan_layer(context: TaskContext[AnalogyParams], layer: Layer, tones: ToneStatistics) -> TaskResult:
     """Check that every picture of a layer can be read, and determine the sign of its motion vectors."""
     inputs, passes = LayerInputs(context, layer, None), RenderPasses(layer, context.size)
     with context.clock("scan"):
         factors, message = _vector_factors(context, layer, passes)
         keys = checked_keyframes(inputs, layer.frames)
+        if keys and not layer.stylised:
+            raise BadInput(
+                f"{layer.where} has keyframes, but is not stylised.", field=f"shot.json: layers.{layer.name}.stylise",
+                value=False, remedy="Remove its keyframes, or remove the setting.",
+            )  # fmt: skip
         own = tones if layer.number < 0 else _layer_tones(context, layer, passes)
         statistics = LayerStatistics(own, factors, inputs.overpaint_px())
     LayerInputs(context, layer, statistics, keyframe_style=bool(keys)).guides  # noqa: B018  (raises for invalid guides)
+    save_scaled_style(context, LayerInputs(context, layer, statistics))
     context.save(layer.statistics_artefact, statistics.arrays())
-    return {"name": layer.name, "keys": keys, "message": message, "overpaint_px": statistics.reach_px}
+    return {
+        "name": layer.name, "keys": keys, "message": message, "overpaint_px": statistics.reach_px,
+        "stylised": layer.stylised,
+    }  # fmt: skip
 
 
 def _layer_tones(context: TaskContext[AnalogyParams], layer: Layer, passes: RenderPasses) -> ToneStatistics:

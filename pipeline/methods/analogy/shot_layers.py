@@ -1,4 +1,4 @@
-"""Layers of a shot: their files, parameters, statistics and render passes, and the step `composite`."""
+"""Layers of a shot: their files, parameters, statistics and render passes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pipeline.errors import BadInput, BadParameter
 from pipeline.frames import Flow, Frame, Mask
 from pipeline.methods.analogy.inputs import OPAQUE, eight_bit, id_colours
 from pipeline.methods.analogy.params import AnalogyParams
-from pipeline.methods.base import Task, TaskContext, TaskResult
+from pipeline.methods.base import TaskContext
 from pipeline.synthesis.images import Bytes
 from pipeline.synthesis.tone_matching import ToneStatistics
 from pipeline.video.archive import number_of
@@ -25,7 +25,7 @@ from pipeline.video.shot import LayerFiles, ShotJson, ShotLayout, read_shot
 from pipeline.video.shot_files import FRAMES, Files, is_shot
 
 Factors = tuple[float, float, float]
-_REPLACED_INPUTS = ("guide_a", "guide_b", "guide_c", "lines", "masks")
+_REPLACED_INPUTS = ("guide_a", "guide_b", "guide_c", "lines", "directions", "masks")
 """Inputs of a job that a shot replaces by files of its own."""
 
 
@@ -63,6 +63,11 @@ class Layer:
     def style(self) -> Mapping[str, str]:
         """The layer's own style, otherwise the shot's; the two are not mixed."""
         return self.files.style if "output" in self.files.style else {**self.whole.style, **self.files.style}
+
+    @property
+    def stylised(self) -> bool:
+        """Whether the method paints the layer; False = the layer's own frames are composited unchanged."""
+        return self.files.settings is None or self.files.settings.stylise
 
     @property
     def statistics_artefact(self) -> str:
@@ -260,9 +265,18 @@ class RenderPasses:
             return np.isin(self.ids(index), self._object_ids)
         return np.asarray(self._frame(index)[..., 3] >= OPAQUE)
 
-    def lines(self, index: int) -> Frame:
-        """Line drawing of frame `index`: uint8 (h, w, 3)."""
-        return as_rgb(eight_bit(self._raw(self._paths("lines")[index])))
+    def layer_picture(self, index: int) -> Bytes:
+        """The layer's own frame as uint8 (h, w, 4), straight alpha: opacity of its frames, else its silhouette."""
+        own = self._frame(index)
+        if own.shape[2] == 4 and not self._layer.files.passes["masks"] and not self._object_ids:
+            return own
+        mask = self.mask(index)
+        alpha = np.full(own.shape[:2], 255) if mask is None else np.where(mask, 255, 0)
+        return np.dstack([own[..., :3], alpha.astype(np.uint8)])
+
+    def picture(self, kind: str, index: int) -> Frame:
+        """Frame `index` of the pass `lines` or `directions`: uint8 (h, w, 3)."""
+        return as_rgb(eight_bit(self._raw(self._paths(kind)[index])))
 
     # -- guides
 
@@ -363,35 +377,3 @@ class RenderPasses:
 def as_rgb(image: AnyArray) -> AnyArray:
     """Convert a gray, RGB or RGBA image to RGB: (h, w, 3), same dtype."""
     return np.dstack([image] * 3) if image.ndim == 2 else np.ascontiguousarray(image[..., :3])
-
-
-# -- compositing
-
-
-def run_composite(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult:
-    """Composite the painted layers of a run of frames over the background colour of shot.json; emit the frames."""
-    assert task.emits is not None
-    shot = layered_shot(context)
-    assert shot is not None
-    start, stop = task.emits
-    for index in range(start, stop):
-        canvas = plain_canvas(context.size, shot.settings.background)
-        for layer in range(task.args["layers"]):
-            painted = context.load("synthesise", paint_artefact(layer, index))["rgba"]
-            with context.clock("composite"):
-                canvas = composite_over(painted, canvas)
-        context.emit(index, canvas)
-        context.progress((index + 1 - start) / (stop - start))
-    return {"frames": stop - start}
-
-
-def plain_canvas(size: tuple[int, int], colour: str) -> Frame:
-    """A canvas of one colour "#rrggbb", uint8 (h, w, 3)."""
-    return np.full((size[1], size[0], 3), list(bytes.fromhex(colour[1:])), np.uint8)
-
-
-def composite_over(painted: Bytes, below: Frame) -> Frame:
-    """Composite straight-alpha RGBA over a frame, rounded to nearest; opaque pixels are copied exactly."""
-    alpha = painted[..., 3:].astype(np.uint16)
-    mixed = painted[..., :3].astype(np.uint16) * alpha + below.astype(np.uint16) * (255 - alpha) + 127
-    return np.asarray(mixed // 255, np.uint8)

@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.errors import BadInput
 from pipeline.frames import Frame, Plane
 from pipeline.methods.analogy.inputs import Guide, Keyframe, StylePair, SynthesisInputs
-from pipeline.methods.analogy.level_animation import LevelFrames
+from pipeline.methods.analogy.level_animation import LevelFrames, direction_bins_of
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.plan import KeyInterval
 from pipeline.methods.base import TaskContext
@@ -20,15 +20,11 @@ from pipeline.strokes.layers import StillPainting, paint_still
 from pipeline.synthesis.atlas import Atlas, atlas
 from pipeline.synthesis.energy import Energy
 from pipeline.synthesis.images import Bytes, Offsets, StyleImage, halved, packed
-from pipeline.synthesis.orientation import orientation
+from pipeline.synthesis.orientation import DirectionSources
 from pipeline.tensors.structure import structure_tensor, tangent_field
 from pipeline.video.contact import fit
 
 MAX_CHANNELS = 16
-_TEMPORAL_EXPONENT = 2
-"""The temporal weight is multiplied by 2^-level to this power: a quarter at each coarser level. Departure: the paper
-has one weight. Coarse levels decide which part of the style goes where; the finest level decides whether strokes stay
-in place."""
 
 
 def energy_of(
@@ -58,7 +54,7 @@ def energy_of(
         colours=colours, radius=params.patch_radius, sigma_px=params.patch_sigma, w_out=params.texture_weight,
         guides=(weight, hue, hue, *extra),
         w_sc=params.coherence_weight, r_max_px2=params.coherence_limit,
-        w_tc=0.0 if keyframe_style or params.temporal == "off" else params.steadiness * half**_TEMPORAL_EXPONENT,
+        w_tc=0.0 if keyframe_style or params.temporal == "off" else params.steadiness * params.coarse_steadiness**level,
         w_h=params.variety_weight, h_limit=params.variety_limit,
         w_dt=params.lines_weight / half**2, d_max_px=params.lines_reach * half,
         w_din=params.change_weight if keyframe_style else 0.0,
@@ -67,21 +63,28 @@ def energy_of(
 
 
 class StylePyramid:
-    """A style pair at every level; levels are computed on first use."""
+    """A style pair at every level; levels are computed on first use.
 
-    def __init__(self, pair: StylePair, params: AnalogyParams) -> None:
+    Args:
+        rotates: whether patches rotate, which needs the directions of the style.
+    """
+
+    def __init__(self, pair: StylePair, params: AnalogyParams, rotates: bool) -> None:
         self._pairs = [pair]
-        self._params = params
+        self._params, self._rotates = params, rotates
 
     def at(self, level: int, energy: Energy) -> StyleImage:
         """The style at a level, packed for an energy function."""
         while len(self._pairs) <= level:
             self._pairs.append(_halved_pair(self._pairs[-1]))
         pair = self._pairs[level]
-        gray = np.ascontiguousarray(pair.guide[..., 0])
-        bins = orientation(gray, self._params.rotation_sigma) if self._params.rotation == "on" else None
+        bins = self._directions(pair, level) if self._rotates else None
         features = packed(energy, patch_colours(pair.output, self._params.colours), pair.guides)
         return StyleImage(pair.output, features, bins, pair.usable, pair.line_distance)
+
+    def _directions(self, pair: StylePair, level: int) -> Bytes:
+        sources = DirectionSources(np.ascontiguousarray(pair.guide[..., 0]), pair.line_distance, pair.directions)
+        return direction_bins_of(sources, self._params, level)
 
 
 def patch_colours(output: Bytes, space: str) -> Bytes:
@@ -110,6 +113,7 @@ def _halved_pair(pair: StylePair) -> StylePair:
         None if pair.extra_guides is None else bytes_of(pair.extra_guides),
         None if pair.usable is None else np.asarray(halved(pair.usable, nearest=True), np.uint8),
         None if pair.line_distance is None else np.asarray(halved(pair.line_distance), np.float32) / np.float32(2),
+        None if pair.directions is None else np.asarray(halved(pair.directions), np.float32),
     )  # fmt: skip
 
 
@@ -196,7 +200,9 @@ def keyframe_style(
     if pairs[0].extra_guides is not None:
         planes = [pair.extra_guides for pair in pairs if pair.extra_guides is not None]
         extra_guides = np.asarray(layout.compose(planes), np.uint8)
-    pair = StylePair(colours, guide, False, extra_guides, usable, _line_distances(layout, pairs))
+    lines = _composed(layout, [pair.line_distance for pair in pairs], NO_LINE_DISTANCE_PX)
+    directions = _composed(layout, [pair.directions for pair in pairs], 0.0)
+    pair = StylePair(colours, guide, False, extra_guides, usable, lines, directions)
     painted = {
         key.index: layout.identity(number, key.painted)
         for number, key in enumerate(keys)
@@ -211,17 +217,19 @@ def _keyframe_pair(context: TaskContext[AnalogyParams], inputs: SynthesisInputs,
     guides = frames.guides[key.index]
     extra_guides = np.ascontiguousarray(guides[..., 3:]) if guides.shape[2] > 3 else None
     lines = frames.line_distances.get(key.index)
-    return StylePair(key.colours, np.ascontiguousarray(guides[..., :3]), False, extra_guides, key.painted, lines)
+    directions = frames.directions.get(key.index)
+    return StylePair(
+        key.colours, np.ascontiguousarray(guides[..., :3]), False, extra_guides, key.painted, lines, directions
+    )  # fmt: skip
 
 
-def _line_distances(layout: Atlas, pairs: list[StylePair]) -> Plane | None:
-    """Distances to the lines of all pairs; a pair without lines is far from any line. None = no pair has lines."""
-    if all(pair.line_distance is None for pair in pairs):
+def _composed(layout: Atlas, planes: list[Plane | None], missing: float) -> Plane | None:
+    """The atlas of a float plane of each image; images without it get the value `missing`. None = no image has it."""
+    given = next((plane for plane in planes if plane is not None), None)
+    if given is None:
         return None
-    planes = [
-        np.full(pair.output.shape[:2], NO_LINE_DISTANCE_PX, np.float32)
-        if pair.line_distance is None
-        else pair.line_distance
-        for pair in pairs
+    filled = [
+        np.full((image.height, image.width, *given.shape[2:]), missing, np.float32) if plane is None else plane
+        for plane, image in zip(planes, layout.images, strict=True)
     ]
-    return np.asarray(layout.compose(planes), np.float32)
+    return np.asarray(layout.compose(filled), np.float32)

@@ -10,6 +10,7 @@ import numpy as np
 from pipeline.arrays import AnyArray, Arrays
 from pipeline.compute import device
 from pipeline.frames import Frame
+from pipeline.methods.analogy.guided_stills import guided_still_params, is_guided_still, stretch_of_guides
 from pipeline.methods.analogy.inputs import StylePair, SynthesisInputs
 from pipeline.methods.analogy.layer_inputs import inputs_of
 from pipeline.methods.analogy.level_animation import Boil, LevelAnimation, LevelFrames, levels_of, tone_matching
@@ -17,6 +18,7 @@ from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.plan import SweepTask
 from pipeline.methods.analogy.shot_layers import LayerStatistics, paint_artefact
 from pipeline.methods.analogy.style_images import StylePyramid, energy_of
+from pipeline.methods.analogy.style_scaling import style_of
 from pipeline.methods.base import Task, TaskContext, TaskResult
 from pipeline.synthesis.device_memory import operations
 from pipeline.synthesis.images import Bytes, Offsets, pack_offsets, unpack_offsets
@@ -54,14 +56,21 @@ class Synthesizer:
         self.context, self.inputs = context, inputs
         self.params: AnalogyParams = inputs.params
         with context.clock("style"):
-            self.pair = pair or inputs.style_pair()
-            self.pyramid = StylePyramid(self.pair, self.params)
+            self.pair = pair or style_of(context, inputs)
+            if not self.keyframe_style and is_guided_still(context, inputs, self.pair):
+                self.params = guided_still_params(self.params, self._stretch())
+            self.pyramid = StylePyramid(self.pair, self.params, inputs.rotates)
         self.levels = levels_of(self.params, context.size, min(self.pair.output.shape[:2]))
         self.ops, self.message = operations(device(), context.size, self.pair.output, self._frames_on_device())
         self._loaded: dict[int, LoadedStyle[Any]] = {}
         self._part, self._parts = 0, 1
         self._unsaved: dict[str, Arrays] = {}
         """Results that a sweep of this task passes to a later sweep of the same task."""
+
+    def _stretch(self) -> float:
+        """How much faster guides change in the first frame than in the style."""
+        frame = self.level_frames(0, 1, 0, self.tone_matching()).guides[0]
+        return stretch_of_guides(frame, self.pair.guides, energy_of(self.params, self.inputs.guides, 0).guides)
 
     def _frames_on_device(self) -> int:
         """Number of frames whose offsets are in device memory at the same time."""
@@ -176,9 +185,13 @@ class Synthesizer:
 
         return previous
 
+    def painting(self, index: int, offsets: Offsets) -> Bytes:
+        """The painted frame `index`, uint8 (h, w, 3), or (h, w, 4) if the style has opacity."""
+        return colours(self.style(0).style, offsets)
+
     def emit_frame(self, index: int, offsets: Offsets, level_frames: LevelFrames) -> None:
         """Emit a finished frame, or save it for the step `composite` if it is a layer."""
-        painting = colours(self.style(0).style, offsets)
+        painting = self.painting(index, offsets)
         if self.inputs.layer < 0:
             self.context.emit(index, np.ascontiguousarray(painting[..., :3]))
             return

@@ -37,8 +37,6 @@ DETAIL_DEAD_BAND, DETAIL_GAIN = 0.06, 0.25
 """Dead band and per-frame gain with which the detail map follows its target."""
 DIRECTION_TOLERANCE = 0.2
 """Change of (cos 2a, sin 2a) up to which a direction stays the same; 0.2 is 6 degrees."""
-FACES_EVERY, FACES_KEPT, FACES_SIDE_PX = 12, 60, 400
-"""Face search: interval in frames, lifetime of a detection in frames, longer side of the searched picture in px."""
 ORIENTATION_ROWS = 160
 """Approximate number of rows of the orientation field."""
 BACK_ROWS = 160
@@ -72,7 +70,7 @@ class StrokeAnalyzer:
         self.work = (size[0] // halved, size[1] // halved)
         self.style, self.technique = chosen_style(params), named.technique
         self.design = None if design is None else DesignFields(design, self.style, self.technique, size, self.small)
-        self.denoiser = TemporalDenoiser(params.hold * named.denoise_factor)
+        self.denoiser = TemporalDenoiser(params.noise_floor * named.denoise_factor)
         self.importance = ImportanceTracker(_importance(params), size)
         self.strokes = StrokeLayers(params, size, self.work, seed)
         self.rims = EdgeDarkening()
@@ -238,5 +236,4 @@ def _coarse(back: Flow) -> Half:
 def _importance(params: MultistyleParams) -> ImportanceParams:
     return ImportanceParams(
         face=params.face_detail, saliency=params.saliency_detail, motion=params.motion_detail,
-        detect_every_frames=FACES_EVERY, keep_frames=FACES_KEPT, detection_side_px=FACES_SIDE_PX,
     )  # fmt: skip

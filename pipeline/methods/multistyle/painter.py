@@ -34,9 +34,9 @@ COVER_LIMIT = 60.0
 
 def accumulated_frames(params: MultistyleParams) -> int:
     """Number of previous paintings that each painting is averaged with."""
-    if params.temporal == "off" or params.renderer == "explicit" or not params.linger:
+    if params.temporal == "off" or params.renderer == "explicit" or not params.accumulated_frames:
         return 0
-    return params.linger + STYLES[params.style].extra_frames
+    return params.accumulated_frames + STYLES[params.style].extra_frames
 
 
 class Painter:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from collections.abc import Mapping
+from typing import ClassVar, Literal, get_args
 
 from pipeline.methods.base import Params
 from pipeline.methods.fields import FlowName, Switch, choice, number
@@ -20,13 +21,17 @@ class MultistyleParams(Params):
     Parameters of the group Style change the chosen style for the whole picture. A design overrides them.
     """
 
+    deprecated_names: ClassVar[Mapping[str, str]] = {"hold": "noise_floor", "linger": "accumulated_frames"}
+
     @property
     def effective(self) -> MultistyleParams:
         """The parameters as the renderer uses them: `ease` scales the temporal smoothing of explicit strokes."""
         if self.renderer != "explicit":
             return self
         follow, fade = (self.ease * value + (1 - self.ease) for value in (self.colour_follow, self.stroke_fade))
-        return self.model_copy(update={"hold": self.ease * self.hold, "colour_follow": follow, "stroke_fade": fade})
+        return self.model_copy(
+            update={"noise_floor": self.ease * self.noise_floor, "colour_follow": follow, "stroke_fade": fade}
+        )
 
     # -- style
     style: StyleName = choice("van-gogh", "Style", "Style of everything that no design styles otherwise.", "Style")
@@ -106,7 +111,7 @@ class MultistyleParams(Params):
         2, 0, 20, "Stillness", "A pixel whose 5x5 surroundings change by at most this counts as unchanged.",
         "gray levels", "Time",
     )  # fmt: skip
-    hold: float = number(
+    noise_floor: float = number(
         3, 0, 20, "Noise floor", "Colours that change by less, over 5x5 px, keep their value, so that noise is not "
         "painted.", "gray levels", "Time",
     )  # fmt: skip
@@ -118,7 +123,7 @@ class MultistyleParams(Params):
         0.4, 0.01, 1, "Colour follow", "Fraction of the colour difference to the picture that a stroke makes up a "
         "frame.", "ratio", "Time",
     )  # fmt: skip
-    linger: int = number(
+    accumulated_frames: int = number(
         2, 0, 4, "Accumulated frames",
         "Each painting is averaged with this many previous ones, aligned along the motion, where they show the same "
         "surface; not for explicit strokes.", "frames", "Time",

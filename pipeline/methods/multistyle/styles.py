@@ -111,8 +111,9 @@ class NamedStyle:
     """A style with a name that people recognise.
 
     Attributes:
-        denoise_factor: factor on the parameter `hold`; broad wet paint does not follow every shade. One for a video.
-        extra_frames: frames of temporal accumulation beyond the parameter `linger`. One for a video.
+        denoise_factor: factor on the parameter `noise_floor`, larger for broad wet paint, which does not follow every
+            shade. One for a video.
+        extra_frames: frames of temporal accumulation beyond the parameter `accumulated_frames`. One for a video.
     """
 
     title: str

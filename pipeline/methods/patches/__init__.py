@@ -5,7 +5,7 @@ Steps:
 scan      counts frames, detects cuts, validates the user's inputs
 cluster   computes optical flow between the frames of a window, and clusters pixels of similar motion by random walks;
           labels are consistent over a shot
-correct   clusters the frames between label maps that the user has corrected again
+correct   clusters frames again from label maps that the user has corrected
 register  computes the warp of every cluster from frame to frame, with little distortion
 patch     places each cluster's frames in one panorama, relaxes them, and paints the panorama once
 paint     warps patches back to every frame, over a painting of the pixels that no patch covers
@@ -18,7 +18,9 @@ from typing import ClassVar
 
 from pipeline.frames import Frame
 from pipeline.methods.base import (
+    Arrays,
     Example,
+    FrameClusters,
     InputSpec,
     Method,
     Params,
@@ -29,8 +31,9 @@ from pipeline.methods.base import (
     resources_per_pixel,
 )
 from pipeline.methods.patches.artefacts import ARTEFACTS
-from pipeline.methods.patches.clustering import plan_cluster, plan_correct, run_cluster, run_correct
+from pipeline.methods.patches.clustering import plan_cluster, run_cluster, stored_clusters
 from pipeline.methods.patches.compositing import plan_paint, run_paint
+from pipeline.methods.patches.correction import plan_correct, run_correct
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.patch_construction import plan_patch, run_patch
 from pipeline.methods.patches.registration import plan_register, run_register
@@ -59,7 +62,13 @@ class Patches(Method):
         InputSpec(
             "labels", "images", False, "Corrected label maps",
             "Gray value = label, 0 = unclustered, 1 = background, as in the artefact `labels`. A zip of images named "
-            "by frame number; frames between two of them are clustered again.", "labels.image",
+            "by frame number; the shot is clustered again from them, or the frames that label_intervals names.",
+            "labels.image",
+        ),
+        InputSpec(
+            "label_intervals", "json", False, "Frames that a corrected label map changes",
+            'How many frames before and after a corrected map are clustered again: [{"frame": 40, "before": 10, '
+            '"after": 12}]. A map that it does not name changes its whole shot.', "label_intervals",
         ),
         InputSpec(
             "styles", "json", False, "Styles of patches",
@@ -75,9 +84,11 @@ class Patches(Method):
         Step("paint", "Composite frames", plan_paint, run_paint),
     )
     artefacts: ClassVar[tuple[str, ...]] = ARTEFACTS
+    clusters_step: ClassVar[str] = "cluster"
+    cpu_s_per_megapixel: ClassVar[float] = 1.6
     examples: ClassVar[tuple[Example, ...]] = (
         Example("circles", "Dabs of colour, as in the paper's figure 6", {"style": "circles"}),
-        Example("threes", "On threes: ten paintings per second", {"hold": 3}),
+        Example("threes", "On threes: ten paintings per second", {"frames_per_painting": 3}),
         Example("broad", "Broad strokes", {"stroke_size": 1.6, "threshold": 40}),
         Example("wash", "A washed background", {"background_style": "wash"}),
     )
@@ -85,6 +96,10 @@ class Patches(Method):
     def single_frame_params(self, params: PatchesParams) -> PatchesParams:
         """Parameters of a single frame: without temporal coherence."""
         return params.model_copy(update={"temporal": "off"})
+
+    def frame_clusters(self, arrays: Arrays) -> Mapping[int, FrameClusters]:
+        """Clusters of the frames of a task "run-<run>", at the working size."""
+        return stored_clusters(arrays)
 
     def resources(self, step: str, context: PlanContext[PatchesParams]) -> Resources:
         """Peak memory of a task: measured with `python -m benchmarks.task_memory`, plus 20 %."""

@@ -1,6 +1,7 @@
 """Artefacts of a job: label maps, panoramas and paintings of patches, distortion before and after relaxation.
 
 labels    16-bit gray PNGs by frame, at the frame's size; they can be edited and sent back as the input `labels`
+uncertainty  JSON files by run: frame -> label -> uncertainty, 0..1
 overlay   the same label maps as colours over the frames, for viewing
 patches   panorama and painting of each patch
 energy    a JSON file for each patch, and maps of its distortion before and after relaxation
@@ -23,8 +24,8 @@ from pipeline.methods.patches.params import PatchesParams
 from pipeline.segmentation.mattes import LabelMattes
 from pipeline.video.writer import zip_entry
 
-LABELS, OVERLAY = "labels", "overlay"
-ARTEFACTS = (LABELS, OVERLAY, "patches", "energy")
+LABELS, OVERLAY, UNCERTAINTY = "labels", "overlay", "uncertainty"
+ARTEFACTS = (LABELS, OVERLAY, UNCERTAINTY, "patches", "energy")
 
 
 def png(image: AnyArray) -> bytes:
@@ -50,15 +51,17 @@ class LabelPictures:
     def __init__(self, context: TaskContext[PatchesParams]) -> None:
         self._context = context
         self._files: dict[str, dict[str, bytes]] = {name: {} for name in (LABELS, OVERLAY) if context.wants(name)}
+        self._uncertainty: dict[str, dict[str, float]] = {}
 
     @property
     def requested(self) -> bool:
-        """Whether the job requests at least one of the two."""
-        return bool(self._files)
+        """Whether the job requests at least one of them."""
+        return bool(self._files) or self._context.wants(UNCERTAINTY)
 
-    def add(self, index: int, mattes: LabelMattes) -> None:
-        """Add frame `index`."""
+    def add(self, index: int, mattes: LabelMattes, uncertainty: Mapping[int, float]) -> None:
+        """Add frame `index`. `uncertainty`: of each label, 0..1."""
         labels = mattes.full()
+        self._uncertainty[str(index)] = {str(label): value for label, value in uncertainty.items()}
         if LABELS in self._files:
             self._files[LABELS][f"{index:06d}.png"] = png(labels.astype(np.uint16))
         if OVERLAY in self._files:
@@ -66,6 +69,9 @@ class LabelPictures:
 
     def save(self, key: str) -> None:
         """Save the run's files; `key` is the key of its task."""
+        if self._context.wants(UNCERTAINTY):
+            data = json.dumps(self._uncertainty).encode()
+            self._context.save_file(f"{UNCERTAINTY}-{key}.json", data, "application/json")
         for name, files in self._files.items():
             self._context.save_file(f"{name}-{key}", zip_files(files), _ZIP)
 

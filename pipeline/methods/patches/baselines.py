@@ -21,7 +21,7 @@ from pipeline.methods.patches.scan import WorkingGrid
 from pipeline.methods.patches.window_flow import WindowFlow
 from pipeline.strokes.brush import Canvas, blank
 from pipeline.strokes.emboss import emboss
-from pipeline.strokes.layers import layer_brush, layer_reference, spacing_px, wanted
+from pipeline.strokes.layers import layer_brush, spacing_px, wanted
 from pipeline.strokes.seeds import place
 from pipeline.strokes.tracks import StrokeTracks, advect, start_tracks, update
 
@@ -83,7 +83,7 @@ class AdvectedStrokes:
             occluded: bool (h, w), pixels of the previous frame that are not visible in this one.
         """
         painter = self._painter
-        canvas = blank(layer_reference(frame, painter.brush, painter.scheme))
+        canvas = blank(painter.reference(frame, painter.brush))
         previous, self._layers, tolerance = self._layers, [], error_tolerance(frame, painter.unit)
         for index in range(painter.layers):
             advected = advect(previous[index], flow, occluded) if previous and flow is not None else None
@@ -96,7 +96,7 @@ class AdvectedStrokes:
         """Update and paint the strokes of one layer, in place; returns them."""
         painter = self._painter
         brush = layer_brush(painter.brush, painter.scheme.ratio, index)
-        reference, spacing = layer_reference(frame, brush, painter.scheme), spacing_px(brush, painter.scheme)
+        reference, spacing = painter.reference(frame, brush), spacing_px(brush, painter.scheme)
         seeds = place(frame.shape, spacing, seed=painter.seed, layer=index, birth=number)
         limits = painter.error_limit(index, tolerance)
         if index:

@@ -35,7 +35,9 @@ def plan_paint(context: PlanContext[PatchesParams]) -> list[Task]:
     chained = context.params.temporal == "strokes"
     tasks: list[Task] = []
     previous = ""
-    for start, stop, begin, end in runs(context, RUN // context.params.hold * context.params.hold):
+    for start, stop, begin, end in runs(
+        context, RUN // context.params.frames_per_painting * context.params.frames_per_painting
+    ):
         tracks = [
             track.args() for track in every if track.begin == begin and track.start < stop and track.stop > start
         ]  # fmt: skip
@@ -53,7 +55,9 @@ def run_paint(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
     start, stop, begin = task.args["start"], task.args["stop"], task.args["begin"]
     paint = _frame_painter(task, context)
     painting: Frame | None = None
-    for index, frame in _delayed(frames_to_paint(context, task, params.hold), task, paint, params.hold):
+    for index, frame in _delayed(
+        frames_to_paint(context, task, params.frames_per_painting), task, paint, params.frames_per_painting
+    ):
         if frame is not None:
             with context.clock("composite"):
                 painting = paint(index, frame)
@@ -66,7 +70,7 @@ def run_paint(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
     if params.temporal == "on" and pictures.requested:
         maps = LabelMaps(context, begin)
         for index, frame in enumerate(context.frames("video", start, stop), start=start):
-            pictures.add(index, LabelMattes(maps.require(index), frame))
+            pictures.add(index, LabelMattes(maps.require(index), frame), maps.uncertainty(index))
         pictures.save(task.key)
     return {}
 
@@ -191,7 +195,7 @@ class PatchCompositor:
         if self._residual.used:
             fresh = replace(self._residual, last=None, opacity=None, paintings={})
             picture, painting = self._composite(index, frame, fresh)
-            self._residual.prepare_cross_fade(index, picture, painting, self._params.hold)
+            self._residual.prepare_cross_fade(index, picture, painting, self._params.frames_per_painting)
 
     def _composite(self, index: int, frame: Frame, residual: ResidualLayer) -> tuple[Frame, Frame]:
         """Source picture and painting, uint8 (h, w, 3) each: weighted means of patches and residual layer."""

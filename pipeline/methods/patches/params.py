@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pipeline.methods.base import Params
 from pipeline.methods.fields import FlowName, choice, number
@@ -52,6 +53,8 @@ STROKE_STYLES: dict[str, StrokeStyle] = {
 class PatchesParams(Params):
     """Parameters of painterly video with painting patches (zhang2011patches)."""
 
+    deprecated_names: ClassVar[Mapping[str, str]] = {"hold": "frames_per_painting"}
+
     # -- painting
     style: StyleName = choice(
         "hertzmann", "Style",
@@ -85,7 +88,7 @@ class PatchesParams(Params):
         "Height of the paint under the simulated light. Larger values show thicker strokes; 0 = flat.",
         "ratio", "Painting",
     )  # fmt: skip
-    hold: int = number(
+    frames_per_painting: int = number(
         1, 1, 6, "Frames per painting",
         "Number of frames that show the same painting. 3 = on threes, about 10 paintings per second, as the paper "
         "recommends. Larger values look more like hand-made animation, and motion is less smooth.",

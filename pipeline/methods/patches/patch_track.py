@@ -103,7 +103,7 @@ class _RunStatistics:
 def patch_tracks(context: PlanContext[PatchesParams]) -> list[PatchTrack]:
     """All painting patches of a video, in the order of their shots and labels."""
     scan = context.results["scan"]["video"]
-    results = context.results.get("correct") or context.results["cluster"]
+    results = {**context.results["cluster"], **context.results.get("correct", {})}
     found = []
     for begin, end in pairwise([0, *scan["cuts"], scan["frames"]]):
         for label, rows in sorted(_shot_statistics(results, begin, end).items()):

@@ -1,6 +1,6 @@
 """Step "scan": shots and runs of frames, the working grid, and the user's masks, label maps and styles.
 
-The step decodes the video once and validates all user inputs, so that a mistake is reported before any expensive work.
+It decodes the video once and validates all user inputs, so that a mistake is reported before any expensive work.
 
 Working grid: motion, clusters and warps are computed at reduced resolution, with cells of one to a few pixels.
 
@@ -37,19 +37,29 @@ MAX_LABEL = 65535
 
 
 def plan_scan(context: PlanContext[PatchesParams]) -> list[Task]:
-    """A single task."""
-    return [Task("video", weight=0.02 * max(context.video.frames, 1))]
+    """A task for the video, and one for the user's inputs, so that other inputs do not let the video be read again."""
+    return [
+        Task("video", weight=0.02 * max(context.video.frames, 1)),
+        Task("inputs", after=("video",), weight=0.02),
+    ]
 
 
 def run_scan(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
-    """Count the frames, detect cuts, and validate the user's inputs.
+    """Task "video": count the frames and detect cuts. The result holds the number of frames, and the first frame of
+    each shot but the first.
 
-    The result holds the number of frames, the first frame of each shot but the first, and the frames with corrected
-    label maps.
+    Task "inputs": validate the user's inputs. The result holds the frames with corrected label maps, and how many
+    frames before and after each are clustered again (None: the shot).
     """
+    if task.key == "inputs":
+        count = int(context.load("scan", "video")["frames"])
+        validate_inputs(context, count)
+        intervals = label_intervals(context)
+        keys = keyframes(context, "labels", count)
+        return {"corrections": {str(key): list(intervals[key]) if key in intervals else None for key in keys}}
     count, cuts = scan_video(context, context.params.cut_sensitivity)
-    validate_inputs(context, count)
-    return {"frames": count, "cuts": cuts, "keys": keyframes(context, "labels", count)}
+    context.save("video", {"frames": np.array(count)})
+    return {"frames": count, "cuts": cuts}
 
 
 # -- runs of frames
@@ -164,6 +174,7 @@ def validate_inputs(context: TaskContext[PatchesParams], frames: int) -> None:
         for number in keyframes(context, name, frames):
             read(images[number], grid, number)
     label_styles(context)
+    label_intervals(context)
 
 
 def label_map(image: AnyArray, grid: WorkingGrid, number: int) -> Labels:
@@ -244,6 +255,27 @@ def label_styles(context: TaskContext[PatchesParams]) -> Mapping[int, str]:
             raise BadParameter('A key must be a label, or "background".', field=f"inputs.styles.{key}", value=key,
                                remedy="Labels are the gray values of the artefact `labels`, from 1.")  # fmt: skip
         found[number] = style
+    return found
+
+
+def label_intervals(context: TaskContext[PatchesParams]) -> dict[int, tuple[int, int]]:
+    """Frame -> how many frames before and after it its corrected label map changes, from the input "label_intervals".
+
+    Raises:
+        BadParameter: it is no list of objects with the numbers frame, before and after.
+    """
+    given = context.json("label_intervals") if context.has("label_intervals") else []
+    found = {}
+    for place, row in enumerate(given if isinstance(given, list) else [None]):
+        values = [row.get(name) for name in ("frame", "before", "after")] if isinstance(row, dict) else []
+        numbers = [value for value in values if isinstance(value, int) and not isinstance(value, bool) and value >= 0]
+        if len(numbers) != 3:
+            raise BadParameter(
+                "An interval has the frame numbers frame, before and after, each 0 or more.",
+                field=f"inputs.label_intervals[{place}]", value=str(row)[:100],
+                remedy='For example [{"frame": 40, "before": 10, "after": 12}].',
+            )  # fmt: skip
+        found[numbers[0]] = (numbers[1], numbers[2])
     return found
 
 

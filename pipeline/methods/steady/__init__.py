@@ -47,11 +47,16 @@ class Steady(Method):
         Step("scan", "Compare the videos", plan_scan, run_scan, weight=0.2),
         Step("steady", "Remove the flicker", plan_steady, run_steady),
     )
+    cpu_s_per_megapixel: ClassVar[float] = 0.29
     examples: ClassVar[tuple[Example, ...]] = (
         Example("strokes", "For brush strokes", {"detail": 1}),
         Example("gentle", "Gentle", {"strength": 6}),
         Example("firm", "Firm", {"strength": 80, "trail_suppression": 15}),
     )
+
+    def live_filter(self, params: SteadyParams, size: tuple[int, int]) -> SteadyFilter:
+        """The filter behind a live session, whose painted frames take the place of the input `styled`."""
+        return SteadyFilter(params, size)
 
     def resources(self, step: str, context: PlanContext[SteadyParams]) -> Resources:
         """The filter takes 180 bytes a pixel, measured at 2560x1440; the decoders of two videos come on top."""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 
-from pipeline.arrays import Arrays, State
+from pipeline.arrays import AnyArray, Arrays, State
 from pipeline.flow.warp import fetch, positions
 from pipeline.frames import Flow, Frame, Plane, same_size
 from pipeline.methods.steady.confidence import Picture, confidence, motion
@@ -20,8 +22,21 @@ MEMORY_WEIGHT = np.float32(1)
 """Weight of the source in its own memory; results keep about as much of the past, `strength` against 1."""
 
 
+@dataclass(frozen=True)
+class SourceAnalysis:
+    """Properties of the source frame on which a result depends."""
+
+    back: Flow
+    """Motion from this frame to the last, px."""
+    trust: Plane
+    """Confidence in that motion, float32 (h, w), 0..1."""
+
+
 class SteadyFilter:
-    """Removes the flicker of a stylised stream, using past frames only. Not thread-safe.
+    """Removes the flicker of a stylised stream, using past frames only.
+
+    `step` is `apply(analyze(source), styled)`. `analyze` uses the source only, and the two halves keep separate state,
+    so that each may run on a thread of its own. Not thread-safe otherwise.
 
     Each result x minimises, over the picture,
 
@@ -65,26 +80,36 @@ class SteadyFilter:
         Raises:
             BadFrame: a frame has another size than the first.
         """
+        return self.apply(self.analyze(source), styled, mask)
+
+    def analyze(self, source: Frame) -> SourceAnalysis | None:
+        """First half of `step`: motion and confidence; None at the first frame of a shot, where the result starts
+        afresh. Raises: BadFrame."""
         same_size(source, self.size, "source")
-        target = same_size(styled, self.size, "styled").astype(np.float32)
         before, self._source = self._source, source
         if before is None or is_cut(thumbnail(before), thumbnail(source), self.params.cut_sensitivity):
-            self._memory, self._result = source.astype(np.float32), target
-            return styled.copy()
-        self._result = self._steadied(before, target, mask)
-        shown = restore_detail(self._result, target, self.params.detail) if self.params.detail > 0 else self._result
-        return _rounded(shown if mask is None else _mixed(target, shown, mask))
-
-    def _steadied(self, before: Frame, target: Picture, mask: Plane | None) -> Picture:
-        assert self._source is not None
-        back, forth = motion(before, self._source)
+            self._memory = source.astype(np.float32)
+            return None
+        back, forth = motion(before, source)
         expected, warped = _moved(self._memory, back), fetch(before, back)
-        trust = confidence(back, forth, self._source, warped, expected, self.params.trail_suppression)
+        trust = confidence(back, forth, source, warped, expected, self.params.trail_suppression)
         weight = trust * np.float32(self.params.strength)
-        self._memory = _mixed(self._source.astype(np.float32), expected, weight / (weight + MEMORY_WEIGHT))
+        self._memory = _mixed(source.astype(np.float32), expected, weight / (weight + MEMORY_WEIGHT))
+        return SourceAnalysis(back, trust)
+
+    def apply(self, analysis: SourceAnalysis | None, styled: Frame, mask: Plane | None = None) -> Frame:
+        """Second half of `step`. Raises: BadFrame."""
+        target = same_size(styled, self.size, "styled").astype(np.float32)
+        if analysis is None:
+            self._result = target
+            return styled.copy()
+        weight = analysis.trust * np.float32(self.params.strength)
         if mask is not None:
             weight *= mask
-        return self._solved(target, _moved(self._result, back), weight, np.square(1 - trust) * DISTRUST)
+        moved = _moved(self._result, analysis.back)
+        self._result = self._solved(target, moved, weight, np.square(1 - analysis.trust) * DISTRUST)
+        shown = restore_detail(self._result, target, self.params.detail) if self.params.detail > 0 else self._result
+        return _rounded(shown if mask is None else _mixed(target, shown, mask))
 
     def _solved(self, target: Picture, moved: Picture, weight: Plane, distrust: Plane) -> Picture:
         """Solution of the equation for the styled frame, the moved previous result and the weights."""
@@ -96,6 +121,13 @@ class SteadyFilter:
         correction = solve_screened(weight * keep + distrust, source)
         correction += mean
         return np.asarray((target + correction).clip(0, 255), np.float32)
+
+    def reconfigure(self, params: SteadyParams, size: tuple[int, int]) -> SteadyFilter:
+        """Continue with other parameters or another frame size: what is remembered is resized. See `LiveFilter`."""
+        after = SteadyFilter(params, size)
+        if self._source is not None:
+            after.restore({name: _resized(plane, size) for name, plane in self.state().items()})
+        return after
 
     def state(self) -> State:
         """The complete state; a filter restored from it continues with the same bytes."""
@@ -115,6 +147,10 @@ def _moved(picture: Picture, flow: Flow) -> Picture:
 def _mixed(base: Picture, other: Picture, share: Plane) -> Picture:
     """`base`, with a share 0..1 of `other`."""
     return base + share[..., None] * (other - base)
+
+
+def _resized(picture: AnyArray, size: tuple[int, int]) -> AnyArray:
+    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_LINEAR))
 
 
 def _rounded(picture: Picture) -> Frame:

@@ -5,6 +5,7 @@ import "./css/controls.css";
 import "./css/stage.css";
 import "./css/studio.css";
 import "./css/jobs.css";
+import "./css/clusters.css";
 import "./css/designer.css";
 import { createProject, readProject } from "./designer/api";
 import { addAsset, changeLayer, newDocument, type ProjectDocument } from "./designer/document";
@@ -17,6 +18,7 @@ import type { Asset, View } from "./shared/types";
 import { createProjectList } from "./studio/project-list";
 import { createQuickPage } from "./studio/quick-page";
 import { createWelcome } from "./studio/welcome";
+import { createComparePage } from "./works/compare-page";
 import { createJobList } from "./works/job-list";
 import { createJobPage } from "./works/job-page";
 
@@ -47,7 +49,8 @@ function mark(link: HTMLElement, here: boolean): void {
 
 async function make(place: string, id: string | undefined, query: string): Promise<View> {
   if (place === "jobs") return id ? createJobPage(decodeURIComponent(id)) : works();
-  if (place === "projects" && id) return designer(decodeURIComponent(id));
+  if (place === "compare" && id) return createComparePage(decodeURIComponent(id).split(","));
+  if (place === "projects" && id) return designer(decodeURIComponent(id), query);
   const draft = readDraft(query);
   if (!draft.video) return welcome();
   return quickPage(await api.asset(draft.video), draft);
@@ -61,13 +64,17 @@ function show(next: View): void {
 }
 
 /** The studio, whose code is loaded when it is first opened. */
-async function designer(id: string): Promise<View> {
+async function designer(id: string, query = ""): Promise<View> {
   const { createDesigner } = await import("./designer/designer");
   const [project, methods] = await Promise.all([readProject(id), api.methods()]);
   const shot = project.document.shots[0];
   if (!shot) throw new api.Problem({ detail: "This project has no shot.", remedy: "Make a new one from a video." });
   const asset = await api.asset(project.document.assets[shot.video]?.id ?? "");
-  return createDesigner({ project, asset, methods, reload: () => route() });
+  const wanted = new URLSearchParams(query);
+  const film = wanted.get("film");
+  const take = film ? { film, frame: Number(wanted.get("frame")) } : undefined;
+  if (take) history.replaceState(null, "", `#/projects/${encodeURIComponent(id)}`); // once, not at every reload
+  return createDesigner({ project, asset, methods, reload: () => route(), take });
 }
 
 /** Make a project of the quick page's settings, and open it. */
@@ -75,6 +82,13 @@ async function openInStudio(asset: Asset, draft: Draft): Promise<void> {
   const name = asset.filename.replace(/\.[^.]+$/, "");
   const project = await createProject(documentOf(name, asset, draft));
   location.hash = `#/projects/${project.id}`;
+}
+
+/** The first project: a clip of Impasto's own, and a list of what to do. */
+async function openLesson(): Promise<void> {
+  const clip: Asset = await (await api.request("/v1/scenes/harbour/assets", { method: "POST" })).json();
+  const document = { ...newDocument("My first keys", clip.id, "analogy"), ui: { lesson: "keys" } };
+  location.hash = `#/projects/${(await createProject(document)).id}`;
 }
 
 function documentOf(name: string, asset: Asset, draft: Draft): ProjectDocument {
@@ -104,7 +118,7 @@ function welcome(): View {
     const localUrl = asset.media_type.startsWith("video/") ? URL.createObjectURL(file) : undefined;
     show(await quickPage(asset, draft, localUrl).catch(failure));
   };
-  const start = createWelcome(arrived);
+  const start = createWelcome(arrived, openLesson);
   const latest = createJobList({ limit: 5, empty: h("p", {}, "Your finished films appear here.") });
   const head = h("div", { class: "latest-head" }, h("h2", {}, "Recent works"), h("a", { href: "#/jobs" }, "All works"));
   const close = () => {

@@ -15,7 +15,7 @@ def registered(monkeypatch: pytest.MonkeyPatch) -> list[object]:
     """A process that has not prepared anything yet; what it would register."""
     calls: list[object] = []
     monkeypatch.setattr(runtime, "_prepared", False)
-    monkeypatch.setattr(runtime, "_register", calls.append)
+    monkeypatch.setattr(runtime, "register", calls.append)
     monkeypatch.delitem(sys.modules, "pyopencl", raising=False)
     return calls
 
@@ -37,13 +37,13 @@ def test_without_the_runtime_nothing_is_registered(monkeypatch: pytest.MonkeyPat
     monkeypatch.delenv("OCL_ICD_VENDORS", raising=False)
     monkeypatch.setattr(runtime, "_INTEL_PACKAGE", "no-such-package")
     assert runtime.intel_runtime() is None
-    runtime._register(runtime.intel_runtime())
+    runtime.register(runtime.intel_runtime())
     assert "OCL_ICD_VENDORS" not in runtime.os.environ
 
 
 def test_a_runtime_that_cannot_be_loaded_is_not_registered(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.delenv("OCL_ICD_VENDORS", raising=False)
-    runtime._register(tmp_path / "libintelocl.so")
+    runtime.register(tmp_path / "libintelocl.so")
     assert "OCL_ICD_VENDORS" not in runtime.os.environ
 
 
@@ -55,7 +55,7 @@ def test_registrations_are_kept_and_one_is_added(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(runtime, "SYSTEM_VENDORS", system)
     monkeypatch.setattr(runtime, "cache_folder", lambda: tmp_path / "cache")
     monkeypatch.setattr(runtime, "_load_libraries", lambda folder: True)
-    runtime._register(Path("/wheel/libintelocl.so"))
+    runtime.register(Path("/wheel/libintelocl.so"))
     chosen = Path(runtime.os.environ["OCL_ICD_VENDORS"])
     assert {f.name: f.read_text() for f in chosen.iterdir()} == {
         "card.icd": "libcard.so\n",

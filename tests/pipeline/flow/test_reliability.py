@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from pipeline.flow import estimate
-from pipeline.flow.reliability import inside, motion_boundary, residual_lab, round_trip_px, visible
-from pipeline.flow.warp import fetch, push
+from pipeline.flow.reliability import inside, motion_boundary, visible
+from pipeline.flow.warp import fetch
 from pipeline.scenes import scene
 
 
@@ -25,23 +24,8 @@ def test_fetch_reads_where_the_flow_points() -> None:
     np.testing.assert_allclose(got[4:-4, 4:-4], (ramp() + np.float32([2.5, -1.25, 1.25]))[4:-4, 4:-4], atol=0.05)
 
 
-def test_push_then_fetch_is_the_picture_again() -> None:
-    flow = constant(3, -2)
-    moved, weight = push(ramp(), flow)
-    np.testing.assert_allclose(fetch(moved, flow)[4:-4, 4:-4], ramp()[4:-4, 4:-4], atol=1e-4)
-    assert (weight[:, :3] == 0).all() and (weight[:-2, 3:] == 1).all() and (weight[-2:] == 0).all()
-
-
-def test_push_keeps_the_sum_of_what_stays_inside() -> None:
-    picture = np.zeros((24, 32, 1), np.float32)
-    picture[10:14, 10:14] = 1
-    moved, weight = push(picture, constant(1.3, 0.6))
-    assert (moved[..., 0] * weight).sum() == pytest.approx(16, rel=1e-5)
-
-
-def test_the_round_trip_error_of_opposite_flows_is_zero() -> None:
+def test_points_of_opposite_flows_are_visible() -> None:
     there, back = constant(3, 1), constant(-3, -1)
-    assert round_trip_px(there, back).max() < 1e-5
     assert visible(there, back).sum() == (24 - 1) * (32 - 3)
     assert not visible(there, constant(0, 0)).any()
     assert inside(there).sum() == (24 - 1) * (32 - 3)
@@ -68,11 +52,3 @@ def test_the_visibility_test_separates_visible_from_hidden_points() -> None:
     mask = visible(estimate(here.image, after, "dis-medium"), estimate(after, here.image, "dis-medium"))
     assert mask[~here.occluded_next].mean() > 0.97
     assert mask[here.occluded_next].mean() < 0.7
-
-
-def test_the_residual_is_high_at_hidden_points() -> None:
-    made = scene("shapes", (256, 144), 6, 12.0)
-    here, after = made.frame(3), made.image(4)
-    residual = residual_lab(here.image, after, here.velocity_next)
-    assert residual.dtype == np.float32
-    assert np.median(residual[~here.occluded_next]) < 1.5 < 8 < np.median(residual[here.occluded_next])

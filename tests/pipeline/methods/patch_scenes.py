@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Labels
 from pipeline.methods import parse_params
-from pipeline.methods.local import LocalContext, run_plan
+from pipeline.methods.local import LocalContext, iterate_plan, run_plan
 from pipeline.methods.patches import Patches
 from pipeline.scenes import paints as p
 from pipeline.scenes.base import CutOut, SceneFrame
@@ -71,6 +71,14 @@ def paint(
     return context
 
 
+def clustered(frames: list[Frame], inputs: Mapping[str, Any] | None = None) -> LocalContext:
+    """Run the steps up to the final label maps."""
+    context = LocalContext(parse_params(Patches(), {}), frames, inputs)
+    for _ in iterate_plan(Patches(), context, steps=3):
+        pass
+    return context
+
+
 @cache
 def painted_scene() -> LocalContext:
     return paint([shot.image for shot in truth()])
@@ -78,11 +86,10 @@ def painted_scene() -> LocalContext:
 
 def label_maps(context: LocalContext) -> dict[int, Labels]:
     """Final label maps by frame, at the working size."""
-    step = "correct" if context.has("labels") else "cluster"
     return {
         int(name.removeprefix("labels-")): array.astype(np.int32)
         for (of_step, key), arrays in context.kept.items()
-        if of_step == step and key.startswith("run")
+        if of_step in ("cluster", "correct") and key.startswith("run")
         for name, array in arrays.items()
         if name.startswith("labels-")
     }

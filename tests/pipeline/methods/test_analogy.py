@@ -14,8 +14,11 @@ from pipeline.compute import Device, device
 from pipeline.errors import BadInput, DeviceError
 from pipeline.frames import Frame
 from pipeline.methods import method, parse_params
-from pipeline.methods.analogy.plan import MAX_INTERVAL_FRAMES, run_frames, split_intervals
-from pipeline.methods.analogy.style_images import paint_in_strokes
+from pipeline.methods.analogy import Analogy
+from pipeline.methods.analogy.guided_stills import guided_still_params, stretch_of_guides
+from pipeline.methods.analogy.params import AnalogyParams
+from pipeline.methods.analogy.plan import MAX_INTERVAL_FRAMES, interval_key, run_frames, split_intervals
+from pipeline.methods.analogy.style_images import DEFAULT_PAIR, energy_of, paint_in_strokes
 from pipeline.methods.local import LocalContext, run_plan
 from pipeline.scenes import scene
 from pipeline.scenes.shot import shot_files
@@ -122,6 +125,30 @@ def test_keyframes_are_reproduced_exactly_and_are_the_only_style() -> None:
     assert palette(out) <= palette(*keys.values())
 
 
+def test_the_default_style_is_painted_only_if_a_shot_has_no_keyframe() -> None:
+    cut = [*shot(6), *(255 - frame for frame in shot(6))]
+    for keys, expected in (({2: key(2, 1), 9: key(9, 1)}, False), ({2: key(2, 1)}, True)):
+        chosen = method("analogy")
+        context = LocalContext(parse_params(chosen, QUICK), cut, {"keyframes": keys})
+        run_plan(chosen, context)
+        assert (("scan", DEFAULT_PAIR) in context.kept) == expected, context.results["scan"]
+
+
+def test_blending_two_keyframes_keeps_them_and_makes_the_change_between_them_gradual() -> None:
+    """The second keyframe is brighter by 60: without blending, every pixel jumps from one to the other."""
+    still = [shot()[0]] * 9
+    first = np.minimum(key(0, 1), 180)
+    keys = {0: first, 8: first + 60}
+    plain, blended = (rendered({"keyframes": keys}, still, key_blend=amount) for amount in (0, 1))
+    for index, image in keys.items():
+        np.testing.assert_array_equal(blended[index], image)
+    assert palette(plain) <= palette(*keys.values())
+    jumps = [np.abs(np.diff(out.astype(int).mean(-1), axis=0)).max(0).mean() for out in (plain, blended)]
+    assert jumps[1] < 0.5 * jumps[0]
+    means = blended.mean((1, 2, 3)) - first.mean()
+    np.testing.assert_allclose(means, np.linspace(0, 60, 9), atol=6)
+
+
 def test_painted_pixels_of_a_partial_keyframe_are_exact_and_the_others_are_synthesised() -> None:
     alpha = np.zeros((SIZE[1], SIZE[0], 1), np.uint8)
     alpha[20:60, 10:80] = 255
@@ -195,10 +222,36 @@ def test_intervals_emit_every_frame_once_and_start_from_their_neighbour(
             <= interval.start + MAX_INTERVAL_FRAMES + 1
         )
         assert interval.keys
-        if interval.fixed_task:
-            other = found[interval.fixed_task]
-            assert interval.fixed_frame in (other.start, other.last)
-            assert interval.start <= interval.fixed_frame < interval.stop
+        for index, start in interval.fixed:
+            other = found[interval_key(start)]
+            assert index in (other.start, other.last)
+            assert interval.start <= index < interval.stop
+    keys_in_order = list(found)
+    for number, interval in enumerate(found.values()):
+        assert {interval_key(start) for _, start in interval.fixed} <= set(keys_in_order[:number])
+
+
+@pytest.mark.parametrize("end", [53, 96, 97, 150, 301])
+def test_a_long_gap_is_continued_from_both_keyframes(end: int) -> None:
+    """Each part but the middle one follows a keyframe or a part nearer to it; the middle part has both ends fixed."""
+    parts = [part for _, part in split_intervals(0, end + 1, [(0, True), (end, True)]) if part.first < end]
+    both = [part for part in parts if {part.start, part.last} <= {0, end} | {index for index, _ in part.fixed}]
+    assert len(both) == 1 and both[0].last - both[0].first == MAX_INTERVAL_FRAMES
+    assert abs(both[0].first - (end - both[0].last)) <= 1
+
+
+def test_a_gap_in_parts_has_exact_keyframes_and_reaches_the_far_one_without_a_jump(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    keys = {0: key(0, 1), 11: key(11, 2)}
+    monkeypatch.setattr("pipeline.methods.analogy.plan.MAX_INTERVAL_FRAMES", 5)
+    monkeypatch.setattr("pipeline.methods.analogy.plan._MIN_INTERVAL_FRAMES", 5)
+    out = rendered({"keyframes": keys}, shot(12))
+    for index, image in keys.items():
+        np.testing.assert_array_equal(out[index], image)
+    near = [np.abs(out[index].astype(int) - keys[nearest]).mean() for index, nearest in ((2, 0), (9, 11))]
+    far = [np.abs(out[index].astype(int) - keys[farthest]).mean() for index, farthest in ((2, 11), (9, 0))]
+    assert max(near) < 0.7 * min(far)
 
 
 # -- style and guides
@@ -230,6 +283,34 @@ def test_a_guide_determines_the_positions_in_the_style() -> None:
     assert (out[:26, :, 2] == 200).mean() > 0.97 and (out[34:, :, 0] == 200).mean() > 0.97
 
 
+def test_a_still_with_guides_has_settings_of_its_own_and_a_video_does_not() -> None:
+    """The set values are scaled, so that they keep their effect."""
+    plain, guides = shot()[:1], {"style_output": [painting()], "style": [painting()]}
+    own = rendered(guides, plain)
+    assert not np.array_equal(own, rendered(guides, plain, guided_stills="off"))
+    assert not np.array_equal(own, rendered(guides, plain, texture_weight=4))
+    assert np.array_equal(rendered(None, plain), rendered(None, plain, guided_stills="off"))
+    few = {"temporal": "off", "levels": 2, "iterations": 1}
+    assert np.array_equal(*(rendered(guides, shot(2), guided_stills=value, **few) for value in ("auto", "off")))
+    assert Analogy().single_frame_params(AnalogyParams()).guided_stills == "off"
+
+
+def test_coherence_and_variety_count_less_where_guides_change_faster_than_in_the_style() -> None:
+    y, x = np.mgrid[:128, :128]
+    guide = np.rint(127 + 100 * np.sin(x / 20) * np.cos(y / 25)).astype(np.uint8)[..., None]
+    halved_guide = np.rint(127 + 100 * np.sin(x / 10) * np.cos(y / 12.5)).astype(np.uint8)[..., None]
+    assert stretch_of_guides(guide, guide, (1.0,)) == 1
+    assert stretch_of_guides(halved_guide, guide, (1.0,)) == pytest.approx(4, rel=0.2)
+    both = np.concatenate([halved_guide, guide], -1), np.concatenate([guide, guide], -1)
+    assert 1 < stretch_of_guides(*both, (1.0, 4.0)) < stretch_of_guides(*both, (4.0, 1.0)) < 4
+    assert stretch_of_guides(guide, np.zeros_like(guide), (1.0,)) == 1
+    equal, stretched = (guided_still_params(AnalogyParams(), stretch) for stretch in (0.5, 4.0))
+    assert equal == guided_still_params(AnalogyParams(), 1.0)
+    assert stretched.coherence_weight == pytest.approx(equal.coherence_weight / 8)
+    assert stretched.variety_weight == pytest.approx(equal.variety_weight / 8)
+    assert guided_still_params(AnalogyParams(variety_weight=900), 4.0).variety_weight == 900
+
+
 def test_a_guide_without_style_counterpart_is_rejected() -> None:
     with pytest.raises(BadInput) as caught:
         rendered({"style_output": [painting()], "guide_b": shot()})
@@ -258,10 +339,63 @@ def test_lines_without_style_lines_are_rejected() -> None:
     assert caught.value.field == "inputs.style_lines"
 
 
+def test_given_directions_rotate_the_strokes_of_the_style() -> None:
+    """A style of vertical stripes becomes horizontal stripes where the directions of the frame are horizontal."""
+    style = np.full((96, 96, 3), 220, np.uint8)
+    style[:, np.arange(96) % 8 < 4] = (90, 20, 20)
+    upright, level = np.full_like(style, 128), np.full((SIZE[1], SIZE[0], 3), 128, np.uint8)
+    upright[..., 1], level[..., 0] = 255, 255
+    flat = [np.full((SIZE[1], SIZE[0], 3), 128, np.uint8)]
+    given = {"style_output": [style], "directions": [level], "style_directions": [upright]}
+    plain = rendered({"style_output": [style]}, flat, guide_weight=0)[0].astype(int)
+    turned = rendered(given, flat, guide_weight=0)[0]
+    along_x, along_y = (np.abs(np.diff(turned[8:-8, 8:-8].astype(int), axis=axis)).mean() for axis in (1, 0))
+    assert along_y > 4 * along_x
+    assert np.abs(np.diff(plain, axis=1)).mean() > 4 * np.abs(np.diff(plain, axis=0)).mean()
+
+
+def test_directions_of_another_size_are_rejected() -> None:
+    with pytest.raises(BadInput) as caught:
+        rendered({"style_output": [painting()], "directions": [shot()[0][:20]] * 6})
+    assert caught.value.field == "inputs.directions"
+
+
+def test_the_sweeps_can_run_in_the_order_of_the_paper() -> None:
+    chosen = method("analogy")
+    last = {}
+    for order in ("backward-first", "forward-first"):
+        params = parse_params(chosen, QUICK | {"sweep_order": order})
+        context = LocalContext(params, shot(), {"style_output": [painting()]})
+        last[order] = run_plan(chosen, context)["synthesise"][-1].args["forward"]
+        assert palette(painted(context)) <= palette(painting())
+    assert last == {"backward-first": True, "forward-first": False}
+
+
+def test_the_steadiness_of_coarse_levels_is_a_parameter() -> None:
+    weights = {
+        factor: [energy_of(AnalogyParams(steadiness=2, coarse_steadiness=factor), (), level).w_tc for level in range(3)]
+        for factor in (0.25, 1.0)
+    }
+    assert weights == {0.25: [2, 0.5, 0.125], 1.0: [2, 2, 2]}
+
+
+def test_a_preview_of_half_size_has_strokes_of_half_size() -> None:
+    """The painting is scaled with the frame: its stripes keep their share of the picture."""
+    style = np.full((160, 200, 3), 200, np.uint8)
+    style[:, np.arange(200) % 16 < 8] = (150, 60, 60)
+    widths = []
+    for size in ((96, 72), (192, 144)):
+        frames = [np.full((size[1], size[0], 3), 128, np.uint8)]
+        out = rendered({"style_output": [style]}, frames, guide_weight=0)[0, ..., 1] > 130
+        widths.append(size[0] / np.abs(np.diff(out.astype(int), axis=1)).sum(1).mean())
+    assert 1.7 < widths[1] / widths[0] < 2.3
+
+
 @pytest.mark.parametrize("params", [{}, {"rotation": "on", "variety_weight": 50}, {"temporal": "off"}], ids=str)
 def test_a_frame_that_exceeds_device_memory_is_synthesised_in_bands_with_the_same_bytes(
     params: dict[str, Any], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
+    params = params | {"stroke_scale": 0}
     whole = rendered(**params)
     monkeypatch.setattr(device(), "memory_bytes", SMALL_BYTES)
     with caplog.at_level("WARNING", "pipeline"):

@@ -134,6 +134,43 @@ def test_a_keyframe_of_a_layer_is_exact_in_the_composited_frame() -> None:
     np.testing.assert_array_equal(out[0][opaque], key[opaque][:, :3])
 
 
+# -- compositing
+
+
+def with_settings(files: dict[str, bytes], **front: Any) -> dict[str, bytes]:
+    """The same shot with further settings of the front layer in shot.json."""
+    manifest = json.loads(files["shot.json"])
+    manifest["layers"][1].update(front)
+    return {**files, "shot.json": json.dumps(manifest).encode()}
+
+
+def test_an_unstylised_layer_is_composited_unchanged_and_needs_no_synthesis() -> None:
+    context = shot_context(with_settings(styled(), stylise=False))
+    tasks = run_plan(method("analogy"), context)["synthesise"]
+    assert {task.args["layer"] for task in tasks} == {0}
+    out, source = painted(context), pictures()
+    for index in range(4):
+        np.testing.assert_array_equal(out[index][front(index)], source[index][front(index)])
+        assert colours(out[index][~front(index)][None]) <= colours(RED)
+
+
+def test_a_layer_is_multiplied_with_the_layers_behind_it() -> None:
+    """Fig. 8d of the paper: solid colours over the texture."""
+    plain = painted(rendered(with_settings(styled(), opacity=0)))
+    out, source = painted(rendered(with_settings(styled(), stylise=False, blend="multiply"))), pictures()
+    for index in range(4):
+        inside = front(index)
+        product = plain[index][inside].astype(float) * source[index][inside] / 255
+        np.testing.assert_allclose(out[index][inside], product, atol=0.51)
+        np.testing.assert_array_equal(out[index][~inside], plain[index][~inside])
+
+
+def test_keyframes_of_an_unstylised_layer_are_rejected() -> None:
+    with pytest.raises(BadInput) as caught:
+        rendered(with_settings(keyed(), stylise=False))
+    assert caught.value.field == "shot.json: layers.front.stylise"
+
+
 # -- shots without layers, guides, parameters
 
 

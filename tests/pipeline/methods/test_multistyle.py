@@ -256,10 +256,14 @@ def redness(picture: Frame) -> NDArray[Any]:
 
 def test_ease_scales_the_smoothing_of_explicit_strokes() -> None:
     plain, eased = (MultistyleParams(renderer="explicit", ease=ease).effective for ease in (0, 1))
-    assert (plain.hold, plain.colour_follow, plain.stroke_fade) == (0, 1, 1)
+    assert (plain.noise_floor, plain.colour_follow, plain.stroke_fade) == (0, 1, 1)
     given = MultistyleParams()
     assert given.effective == given
-    assert (eased.hold, eased.colour_follow, eased.stroke_fade) == (given.hold, given.colour_follow, given.stroke_fade)
+    assert (eased.noise_floor, eased.colour_follow, eased.stroke_fade) == (
+        given.noise_floor,
+        given.colour_follow,
+        given.stroke_fade,
+    )
     crisp, calm = (restlessness(renderer="explicit", ease=ease) for ease in (0, 1))
     assert restlessness() < 0.6 * crisp and calm < 0.6 * crisp, (crisp, calm)
 
@@ -297,7 +301,8 @@ def swimming(**values: Any) -> float:
 @pytest.mark.parametrize("style", ["van-gogh", "impressionism"])
 def test_accumulation_reduces_flicker(style: str) -> None:
     implicit, without, explicit, alone = (
-        swimming(style=style, **values) for values in ({}, {"linger": 0}, {"renderer": "explicit"}, {"temporal": "off"})
+        swimming(style=style, **values)
+        for values in ({}, {"accumulated_frames": 0}, {"renderer": "explicit"}, {"temporal": "off"})
     )
     assert implicit < 0.95 * without and implicit < 0.95 * explicit and implicit < 0.5 * alone, (
         implicit, without, explicit, alone,
@@ -518,7 +523,9 @@ def test_paper_appears_only_in_watercolour_regions() -> None:
             "styles": {"without-paper": {"base": "watercolor", "technique": {"paper": 0, "rim": 0}}},
             "keys": [{"region": "one", "style": style}, {"region": "rest", "style": "van-gogh"}],
         }  # fmt: skip
-        context = LocalContext(MultistyleParams(linger=0), frames, {"design": document, "masks": {0: label}}, seed=3)
+        context = LocalContext(
+            MultistyleParams(accumulated_frames=0), frames, {"design": document, "masks": {0: label}}, seed=3
+        )
         run_plan(MULTISTYLE, context)
         pictures.append(painted(context).astype(int))
     off = np.abs(pictures[0] - pictures[1])

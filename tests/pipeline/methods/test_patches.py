@@ -13,20 +13,22 @@ import pytest
 
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame
-from pipeline.methods.base import PlanContext, Task, VideoInfo
-from pipeline.methods.local import LocalContext
-from pipeline.methods.patches import patch_construction
+from pipeline.methods.base import PlanContext, VideoInfo
+from pipeline.methods.local import LocalContext, iterate_plan
+from pipeline.methods.patches import Patches, patch_construction
 from pipeline.methods.patches.clustering import plan_cluster
+from pipeline.methods.patches.correction import Span, spans
 from pipeline.methods.patches.motion_clustering import uncertainty_of
 from pipeline.methods.patches.painter import HertzmannPainter
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.patch_track import FADE_FRAMES, PatchTrack, patch_tracks
-from pipeline.methods.patches.scan import WorkingGrid, label_map, label_styles, mask_map, run_scan, style_of
+from pipeline.methods.patches.scan import WorkingGrid, label_map, label_styles, mask_map, style_of
 from tests.pipeline.methods.frames import painted
 from tests.pipeline.methods.patch_scenes import (
     HIDDEN,
     PAN_PX,
     SIZE,
+    clustered,
     label_maps,
     paint,
     painted_scene,
@@ -157,14 +159,14 @@ def test_patches_change_less_than_advected_strokes_and_those_less_than_independe
 
 def test_on_threes_each_painting_is_shown_for_three_frames() -> None:
     frames = [shot.image for shot in truth()[:7]]
-    on_threes, each = painted(paint(frames, hold=3, temporal="off")), painted(independent_frames())
+    on_threes, each = painted(paint(frames, frames_per_painting=3, temporal="off")), painted(independent_frames())
     for index, frame in enumerate(on_threes):
         np.testing.assert_array_equal(frame, each[index // 3 * 3])
 
 
 def test_a_painting_may_span_two_runs() -> None:
     frames = [shot.image for shot in truth()]
-    output = painted(paint(frames, hold=5, temporal="off"))
+    output = painted(paint(frames, frames_per_painting=5, temporal="off"))
     np.testing.assert_array_equal(output[12], output[10])
 
 
@@ -188,10 +190,43 @@ def test_labels_between_keyframes_are_blended_from_both() -> None:
     frames = [shot.image for shot in truth()[:6]]
     whole = np.ones(SIZE[::-1], np.uint16)
     drawn = np.where(truth()[5].ids == SLAB, 5, 1).astype(np.uint16)
-    maps = label_maps(paint(frames, {"labels": {0: whole, 5: drawn}}))
+    maps = label_maps(clustered(frames, {"labels": {0: whole, 5: drawn}}))
     share = [(maps[index][truth()[index].ids == SLAB] == 5).mean() for index in range(6)]
     assert share[0] == 0 and share[5] == 1
     assert share[4] > 0.8 and share == sorted(share)
+
+
+def test_a_correction_of_an_interval_leaves_the_labels_of_all_other_frames_as_they_are() -> None:
+    """The slab gets label 77 in frames 4 to 8; frames 0 to 11 are the first run, 12 and 13 the second."""
+    frames = [shot.image for shot in truth()]
+    drawn = np.where(truth()[6].ids == SLAB, 77, np.where(truth()[6].ids == WALL, 1, 9)).astype(np.uint16)
+    given = {"labels": {6: drawn}, "label_intervals": [{"frame": 6, "before": 2, "after": 2}]}
+    corrected = clustered(frames, given)
+    maps, draft = label_maps(corrected), label_maps(painted_scene())
+    for index in range(14):
+        assert (77 in maps[index]) == (4 <= index <= 8)
+        if not 4 <= index <= 8:
+            np.testing.assert_array_equal(maps[index], draft[index])
+    np.testing.assert_array_equal(maps[6], drawn)
+    assert np.bincount(maps[5][truth()[5].ids == SLAB]).argmax() == 77
+    solved = {name for step, name in corrected.kept if step == "correct"}
+    assert solved == {"front-0000004-0000000", "back-0000004-0000000", "run-0000000"}
+
+
+def test_new_clusters_of_an_interval_have_numbers_that_the_shot_does_not_use() -> None:
+    frames = [shot.image for shot in truth()]
+    draft = label_maps(painted_scene())
+    used = {int(label) for labels in draft.values() for label in np.unique(labels)}
+    everything = np.ones(SIZE[::-1], np.uint16)
+    given = {"labels": {3: everything}, "label_intervals": [{"frame": 3, "before": 0, "after": 9}]}
+    maps = label_maps(clustered(frames, given))
+    fresh = {int(label) for index in range(4, 13) for label in np.unique(maps[index])} - used
+    assert fresh and min(fresh) > max(used)
+
+
+def test_intervals_of_corrections_are_joined_where_they_overlap() -> None:
+    assert spans({5: (2, 2), 8: (2, 0), 20: (1, 9), 40: None}, 0, 24) == [Span(3, 9, (5, 8)), Span(19, 24, (20,))]
+    assert spans({5: (2, 2), 8: None}, 0, 24) == [Span(0, 24, (5, 8))]
 
 
 def test_a_mask_determines_the_foreground() -> None:
@@ -262,12 +297,13 @@ def test_a_map_with_another_aspect_ratio_or_with_colours_is_refused() -> None:
         ({"labels": {7: np.ones(SIZE[::-1], np.uint8)}}, "inputs.labels[7]"),
         ({"masks": {0: np.zeros((10, 90), np.uint8)}}, "inputs.masks[0]"),
         ({"styles": {"background": "cubist"}}, "inputs.styles.background"),
+        ({"label_intervals": [{"frame": 1, "before": -2, "after": 0}]}, "inputs.label_intervals[0]"),
     ],
 )
 def test_user_inputs_are_validated_in_the_first_step(inputs: dict[str, object], field: str) -> None:
     context = LocalContext(PatchesParams(), [truth()[0].image] * 2, inputs)
     with pytest.raises(BadParameter) as caught:
-        run_scan(Task("video"), context)
+        list(iterate_plan(Patches(), context, steps=1))
     assert caught.value.field == field and caught.value.remedy
 
 
@@ -299,7 +335,7 @@ def context(frames: int, travel: float = 0.0, longest: int = 120) -> PlanContext
     """Plan context with the results of a background that covers every frame, in one run."""
     row = [0, frames - 1, 1000 * frames, frames // 3, 1000, travel]
     results = {
-        "scan": {"video": {"frames": frames, "cuts": [], "keys": []}}, "correct": {},
+        "scan": {"video": {"frames": frames, "cuts": []}, "inputs": {"corrections": {}}}, "correct": {},
         "cluster": {"run-0000000": {"labels": {"1": row}}},
     }  # fmt: skip
     return PlanContext(PatchesParams(longest_patch=longest), 0, VideoInfo(320, 180, frames, 25.0, 1.0), results=results)

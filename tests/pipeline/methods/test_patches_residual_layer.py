@@ -163,12 +163,12 @@ def test_the_last_frames_of_a_run_fade_to_the_next_run() -> None:
     assert distances[0] > 3 and steps.min() > 0.2 * distances[0] and steps.max() < 0.3 * distances[0]
 
 
-@pytest.mark.parametrize("hold", [5, 3])
-def test_a_painting_that_spans_the_end_of_a_run_does_not_change(hold: int) -> None:
+@pytest.mark.parametrize("frames_per_painting", [5, 3])
+def test_a_painting_that_spans_the_end_of_a_run_does_not_change(frames_per_painting: int) -> None:
     frames = [shot.image for shot in truth()]
-    output = painted(paint(frames, hold=hold))
+    output = painted(paint(frames, frames_per_painting=frames_per_painting))
     for index, frame in enumerate(output):
-        np.testing.assert_array_equal(frame, output[index // hold * hold])
+        np.testing.assert_array_equal(frame, output[index // frames_per_painting * frames_per_painting])
 
 
 def test_frames_after_a_cut_do_not_depend_on_frames_before_it() -> None:

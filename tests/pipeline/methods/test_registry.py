@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import re
+import subprocess
+import sys
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -15,7 +17,7 @@ import pytest
 import pipeline
 from pipeline.errors import BadInput, BadParameter
 from pipeline.frames import Frame
-from pipeline.methods import method, methods, parse_params
+from pipeline.methods import PLATFORM, method, methods, parse_params
 from pipeline.methods.base import PROCESS_BYTES, Method, PlanContext, VideoInfo, seeded
 from pipeline.methods.local import LocalContext, required_inputs, run_plan
 from pipeline.scenes import scene
@@ -36,6 +38,18 @@ def shot() -> list[Frame]:
 
 def in_memory(chosen: Method, **more: Any) -> LocalContext[Any]:
     return LocalContext(chosen.Params(), shot(), required_inputs(chosen, shot()), **more)
+
+
+def test_a_method_is_imported_without_the_others() -> None:
+    code = "import sys; from pipeline.methods import method; method('steady'); print(*sys.modules, sep='\\n')"
+    loaded = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout.split()
+    assert "pipeline.methods.steady" in loaded
+    assert not {"pipeline.methods.patches", "pipeline.methods.analogy"} & set(loaded)
+
+
+def test_methods_are_registered_by_their_own_names() -> None:
+    assert {name: chosen.name for name, chosen in methods().items()} == {name: name for name in methods()}
+    assert {name: method(name).name for name in PLATFORM} == {name: name for name in PLATFORM}
 
 
 def fields(chosen: Method) -> dict[str, dict[str, Any]]:
@@ -150,6 +164,22 @@ def test_parameters_are_immutable(chosen: Method) -> None:
     params = chosen.Params()
     with pytest.raises(ValueError, match="frozen"):
         setattr(params, next(iter(fields(chosen))), 1)
+
+
+@pytest.mark.parametrize(
+    ("name", "former", "present", "value"),
+    [
+        ("patches", "hold", "frames_per_painting", 3),
+        ("multistyle", "hold", "noise_floor", 5.0),
+        ("multistyle", "linger", "accumulated_frames", 1),
+    ],
+)
+def test_a_former_parameter_name_sets_the_present_parameter(name: str, former: str, present: str, value: float) -> None:
+    chosen = method(name)
+    assert parse_params(chosen, {former: value}) == parse_params(chosen, {present: value})
+    assert former not in chosen.Params.model_json_schema()["properties"]
+    with pytest.raises(BadParameter, match=f"former name of '{present}'"):
+        parse_params(chosen, {former: value, present: value})
 
 
 def test_an_unknown_method_is_rejected_with_the_known_ones() -> None:

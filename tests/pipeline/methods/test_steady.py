@@ -129,6 +129,30 @@ def test_the_bytes_do_not_depend_on_the_length_of_runs(frames: int, monkeypatch:
     np.testing.assert_array_equal(run(video, flickering(video), masks), whole)
 
 
+class KilledOnce(LocalContext[SteadyParams]):
+    """A context whose process dies when frame 6 comes for the first time."""
+
+    died = False
+
+    def emit(self, index: int, frame: Frame) -> None:
+        if index == 6 and not self.died:
+            self.died = True
+            raise SystemExit
+        super().emit(index, frame)
+
+
+def test_a_run_that_was_killed_is_repeated_with_the_same_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plan, "RUN_FRAMES", 4)
+    video = moving_square(8)
+    context = KilledOnce(SteadyParams(), video, {"styled": flickering(video)})
+    with pytest.raises(SystemExit):
+        run_plan(Steady(), context)
+    assert context.task is not None and context.task.args["start"] == 4
+    context.emitted = {index: frame for index, frame in context.emitted.items() if index < 4}
+    Steady.steps[1].run(context.task, context)
+    np.testing.assert_array_equal(painted(context), run(video, flickering(video)))
+
+
 def test_a_job_equals_the_filter_on_a_stream() -> None:
     video = moving_square(5)
     stream = SteadyFilter(SteadyParams(), SIZE)

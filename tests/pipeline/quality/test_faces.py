@@ -24,3 +24,13 @@ def test_a_face_is_kept_by_a_light_blur_and_lost_by_a_strong_one(media: Path) ->
     counter = FaceCounter()
     assert counter.count(frame, cv2.GaussianBlur(frame, (0, 0), 1)) == (1, 1)
     assert counter.count(frame, cv2.GaussianBlur(frame, (0, 0), 40)) == (1, 0)
+
+
+@pytest.mark.real("media")
+def test_a_wide_frame_is_searched_at_640_px(media: Path) -> None:
+    with VideoReader(media / "video" / "face_portrait_768x1024.mp4") as reader:
+        frame = next(reader.read())
+    wide = cv2.copyMakeBorder(frame, 0, 0, 256, 256, cv2.BORDER_REPLICATE)
+    small = cv2.resize(wide, (640, 512), interpolation=cv2.INTER_AREA)
+    counter = FaceCounter()
+    assert counter.count(wide, wide) == counter.count(small, small) == (1, 1)

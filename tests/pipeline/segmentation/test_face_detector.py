@@ -1,58 +1,90 @@
-"""A face search in slices finds the faces of one complete search."""
+"""Face detection: the pieces of a search cover it, at about equal cost; candidates, confirmation and poses."""
 
 from __future__ import annotations
 
-from itertools import pairwise
+from collections import defaultdict
 
 import cv2
 import numpy as np
 import pytest
-from cv2.data import haarcascades
 from numpy.typing import NDArray
 
 from pipeline.scenes import scene
-from pipeline.segmentation.face_detector import SLICES, FaceDetector, join, slices
+from pipeline.segmentation.face_detector import POSES, FaceDetector, Piece, Pose, pieces, pose_pieces
 
-FACTOR = 1.2
+SIZE = (320, 240)
 
 
 @pytest.fixture(scope="module")
 def picture() -> NDArray[np.uint8]:
-    made = scene("portrait", (320, 240), frames=1).image(0)
+    made = scene("portrait", SIZE, frames=1).image(0)
     return np.asarray(cv2.cvtColor(made, cv2.COLOR_RGB2GRAY), np.uint8)
 
 
-def test_slices_cover_every_size_once() -> None:
-    parts = slices(FACTOR, 24, 240)
-    assert len(parts) == SLICES
-    assert parts[0][0] == 24
-    assert all(low <= high < later for (low, high), (later, _) in pairwise(parts))
-    cost = [
-        sum(1 / s**2 for s in (24, 29, 35, 41, 50, 60, 72, 86, 103, 124, 149, 178, 214) if a <= s <= b)
-        for a, b in parts
-    ]
-    assert max(cost) < 0.4 * sum(cost)
-
-
-@pytest.mark.parametrize("size", [(20, 19), (30, 30), (200, 20)])
-def test_with_few_sizes_some_slices_are_empty(size: tuple[int, int], picture: NDArray[np.uint8]) -> None:
-    parts = slices(FACTOR, *size)
-    assert len(parts) == SLICES
-    whole = FaceDetector().hits(picture, FACTOR, *size) if size[0] <= size[1] else np.empty((0, 4), np.int32)
-    found = [FaceDetector().hits(picture, FACTOR, low, high) for low, high in parts]
-    assert sorted(map(tuple, np.vstack(found))) == sorted(map(tuple, whole))
-
-
-def test_slices_find_the_same_faces_as_one_opencv_search(picture: NDArray[np.uint8]) -> None:
-    cascade = cv2.CascadeClassifier(haarcascades + "haarcascade_frontalface_alt2.xml")
-    at_once = cascade.detectMultiScale(picture, FACTOR, 3, minSize=(24, 24), maxSize=(240, 240))
+@pytest.fixture(scope="module")
+def face(picture: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """The face of `picture`, as one search of the whole picture finds it."""
     finder = FaceDetector()
-    hits = np.vstack([finder.hits(picture, FACTOR, low, high) for low, high in slices(FACTOR, 24, 240)])
-    boxes = join(hits)
-    assert len(boxes) == len(at_once) > 0
-    corners = sorted((x - w / 2, y - h / 2, w, h) for x, y, w, h in boxes)
-    np.testing.assert_allclose(corners, sorted(map(tuple, at_once)), atol=1)
+    found = [
+        box
+        for piece in pose_pieces(SIZE, "frontal", 24)
+        for candidate in finder.candidates(picture, piece)
+        if (box := finder.confirm(picture, candidate)) is not None
+    ]
+    assert found
+    return found[0]
 
 
-def test_no_hits_give_no_faces() -> None:
-    assert join(np.empty((0, 4), np.int32)).shape == (0, 4)
+@pytest.mark.parametrize("count", [1, 40, 200])
+def test_bands_of_pieces_cover_every_position_of_every_size(count: int) -> None:
+    tops: dict[tuple[Pose, int], set[int]] = defaultdict(set)
+    for pose, least, most, top, bottom in pieces(SIZE, 24, count):
+        for side in (
+            side for side in (24, 29, 35, 41, 50, 60, 72, 86, 103, 124, 149, 178, 214) if least <= side <= most
+        ):
+            tops[pose, side] |= set(range(top, bottom - side + 1))
+    for pose in POSES:
+        for side in (60, 103, 214):
+            assert tops[pose, side] == set(range(SIZE[1] - side + 1)), (pose, side)
+    assert tops["frontal", 24] == set(range(SIZE[1] - 23))
+
+
+def test_pieces_are_as_many_as_wanted_and_no_piece_is_much_larger() -> None:
+    found = pieces((640, 480), 24, 100)
+    assert 100 <= len(found) <= 130
+    cost = [(piece.bottom - piece.top) / piece.least**2 for piece in found]
+    assert max(cost) < 5 * np.mean(cost)
+
+
+def test_a_frame_smaller_than_the_window_has_no_pieces() -> None:
+    assert pieces((20, 20), 24, 10) == []
+
+
+def test_pieces_find_the_same_face_as_a_search_of_the_whole_frame(
+    picture: NDArray[np.uint8], face: NDArray[np.float64]
+) -> None:
+    finder = FaceDetector()
+    found = [
+        box
+        for piece in pieces(SIZE, 24, 60)
+        if piece.pose == "frontal"
+        for candidate in finder.candidates(picture, piece)
+        if (box := finder.confirm(picture, candidate)) is not None
+    ]
+    assert any(np.linalg.norm(box[:2] - face[:2]) < 0.1 * face[2] for box in found)
+
+
+def test_a_flat_picture_has_no_candidates_and_confirms_none(face: NDArray[np.float64]) -> None:
+    flat = np.full(SIZE[::-1], 128, np.uint8)
+    assert not len(FaceDetector().candidates(flat, Piece("frontal", 24, 240, 0, 240)))
+    assert FaceDetector().confirm(flat, face) is None
+
+
+def test_a_tilted_face_is_found_upright_in_the_turned_picture(
+    picture: NDArray[np.uint8], face: NDArray[np.float64]
+) -> None:
+    centre = (float(face[0]), float(face[1]))
+    turned = np.asarray(cv2.warpAffine(picture, cv2.getRotationMatrix2D(centre, 25, 1), SIZE), np.uint8)
+    box = FaceDetector().confirm(turned, face, "tilted left")
+    assert box is not None
+    assert np.linalg.norm(box[:2] - face[:2]) < 0.2 * face[2]

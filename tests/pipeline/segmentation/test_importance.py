@@ -18,7 +18,7 @@ SIZE = (160, 96)
 NOTHING = ImportanceParams(face=0, saliency=0, motion=0)
 ONLY_MOTION = ImportanceParams(face=0, saliency=0, motion=1)
 ONLY_SALIENCY = ImportanceParams(face=0, saliency=1, motion=0)
-ONLY_FACES = ImportanceParams(face=1, saliency=0, motion=0, detect_every_frames=8)
+ONLY_FACES = ImportanceParams(face=1, saliency=0, motion=0)
 
 
 @pytest.fixture(autouse=True)
@@ -66,6 +66,14 @@ def test_a_whole_head_is_important_from_the_first_frame_on() -> None:
     for point in ((x, y), (x, y - 60), (x, y + 45), (x - 35, y), (x + 35, y)):
         assert at(plane, point) > 0.9, f"hair, chin, cheeks at {point}"
     assert at(plane, (20, 200)) == 0
+
+
+def test_a_face_of_30_px_is_important_from_the_first_frame_on() -> None:
+    frame = np.full((360, 640, 3), 110, np.uint8)
+    frame[120:204, 200:312] = cv2.resize(portrait(), (112, 84), interpolation=cv2.INTER_AREA)
+    plane = ImportanceTracker(ONLY_FACES, (640, 360)).step(frame)
+    assert at(plane, (200 + FACE_AT[0] * 112 // 320, 120 + FACE_AT[1] * 84 // 240)) > 0.9
+    assert plane.mean() < 0.03
 
 
 def test_a_face_moves_with_the_flow_between_detections() -> None:
@@ -177,7 +185,7 @@ def test_a_restored_tracker_continues_with_the_same_bytes() -> None:
     rng = np.random.default_rng(0)
     frames = [portrait((-3 * i, i)) for i in range(14)]
     flows = [rng.normal(0, 2, (240, 320, 2)).astype(np.float32) for _ in frames]
-    params = ImportanceParams(detect_every_frames=4)
+    params = ImportanceParams()
     whole = ImportanceTracker(params, FACE_SIZE)
     whole.step(frames[0], mask=np.where(rng.random((240, 320)) < 0.1, 0.7, np.nan).astype(np.float32))
     for frame, flow in zip(frames[1:7], flows[1:7], strict=True):

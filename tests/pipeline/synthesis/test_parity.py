@@ -14,7 +14,7 @@ from pipeline.synthesis.bands import BandedOperations, bands
 from pipeline.synthesis.energy import Energy
 from pipeline.synthesis.images import NOWHERE, StyleImage, Target, packed
 from pipeline.synthesis.opencl import OpenCLOperations
-from pipeline.synthesis.operations import NeighbourAppearance, Operations
+from pipeline.synthesis.operations import Operations
 from pipeline.synthesis.reference import ReferenceOperations
 from pipeline.synthesis.refine import FARTHEST_PX, refine
 
@@ -63,10 +63,6 @@ def random_motion() -> np.ndarray:
     return (np.random.default_rng(5).random((23, 31, 2), np.float32) - np.float32(0.5)) * np.float32(4)
 
 
-def visible_bytes(visible: np.ndarray, energy: Energy) -> np.ndarray:
-    return np.repeat((visible * np.uint8(255))[..., None], energy.channels, axis=2)
-
-
 def run_operations(
     ops: Operations[Any], energy: Energy, rotate: bool, masked: bool, rounds: int
 ) -> dict[str, np.ndarray]:
@@ -81,13 +77,12 @@ def run_operations(
     advected = ops.advect(style, now, old, before.bins, ops.upload(random_motion()), ops.upload(visible))
     offsets = ops.merge(style, now.size, advected, ops.random_offsets(style, now.size, (3, 4)), 0.5, (5, 6))
     found = {"old": old, "advected": advected, "merged": offsets}
-    if energy.w_tc or energy.has_change_terms:
-        now.advected = advected
     if energy.w_tc:
+        now.advected = advected
         now.advected_colours = found["before"] = ops.colours_at(style, now.size, advected)
     if energy.has_change_terms:
-        ops.render(style, before, advected)
-        now.neighbour = NeighbourAppearance(before.packed, ops.margined(visible_bytes(visible, energy), energy.radius))
+        guides = random_target(energy, rotate, 7).guides
+        ops.add_change(style, now, advected, guides, ops.upload(visible))
         ribbons = np.stack([random_motion() * 8 + 20, random_motion() * 6 + 15])
         ribbons[:, :4] = NOWHERE
         now.ribbons = ops.upload(ribbons)

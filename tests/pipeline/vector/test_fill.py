@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pipeline.background import Background
 from pipeline.frames import Labels
-from pipeline.vector.borders import align_borders, find_borders
+from pipeline.vector.borders import align_borders, find_borders, tuck_borders
 from pipeline.vector.fill import fill_regions
 from pipeline.vector.smoothing import diffusion_steps, smooth_borders
 
@@ -175,3 +175,17 @@ def test_smoothing_has_the_variance_of_a_gaussian_in_few_steps(sigma_px: float) 
         bell += step * ((np.roll(bell, 1) + np.roll(bell, -1)) / 2 - bell)
     assert bell.sum() == pytest.approx(1) and bell.min() > -0.01
     assert (bell * (np.arange(101) - 50) ** 2).sum() == pytest.approx(sigma_px**2, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("columns", "expected"), [((10, 13), 10.9), ((12, 15), 12.9), ((6, 9), 8.1), ((13, 16), 10.0), ((8, 12), 10.0)],
+    ids=["beside", "near on the right", "near on the left", "too far", "over the border"],
+)  # fmt: skip
+def test_a_border_is_tucked_under_a_line_nearby(columns: tuple[int, int], expected: float) -> None:
+    """A vertical border at x = 10: within 3 px of a line it is moved 0.9 px under the line's outline."""
+    labels = np.repeat(np.array([[1, 2]], np.int32), 20, axis=0).repeat(10, axis=1)
+    ink = np.zeros(labels.shape, np.uint8)
+    ink[:, columns[0] : columns[1]] = 255
+    borders = tuck_borders(find_borders(labels), ink, 3)
+    inside = (borders.lattice[:, 0] == 10) & (borders.lattice[:, 1] > 0) & (borders.lattice[:, 1] < 20)
+    np.testing.assert_allclose(borders.positions[inside, 0], expected, atol=1e-5)

@@ -40,15 +40,29 @@ def elements(document: bytes) -> dict[str, ElementTree.Element]:
     return {e.attrib["id"]: e for e in ElementTree.fromstring(document).iter(f"{SVG}path")}
 
 
-def polygons(path: str) -> list[Polygon]:
-    """The closed polygons of path data made of M, l and z, in tenths of a px."""
+def polygons(path: str, steps: int = 1) -> list[Polygon]:
+    """The closed polygons of path data made of M, l, c and z, in tenths of a px.
+
+    Args:
+        steps: pieces into which each curve is divided; 1 = its control points.
+    """
     found = []
-    for start, moves in re.findall(r"M([^l]*)l([^z]*)z", path):
-        steps = np.array([float(v) for v in f"{start} {moves}".split()]).reshape(-1, 2)
-        points = np.rint(10 * steps.cumsum(axis=0))
-        np.testing.assert_array_equal(points[0], points[-1])
-        found.append(points[:-1])
-    return found
+    for ring in path.split("z")[:-1]:
+        points: list[NDArray[np.float64]] = []
+        for command, text in re.findall(r"([Mlc])([^Mlc]*)", ring):
+            numbers = np.array(text.split(), float).reshape(-1, 2) * 10
+            for piece in numbers.reshape(-1, 3 if command == "c" else 1, 2):
+                start = points[-1] if points else np.zeros(2)
+                points += list(start + (curve(piece, steps) if command == "c" and steps > 1 else piece))
+        np.testing.assert_allclose(points[0], points[-1], atol=1e-6)
+        found.append(np.array(points[:-1]))
+    return [np.rint(polygon) if steps == 1 else polygon for polygon in found]
+
+
+def curve(inner: Polygon, steps: int) -> Polygon:
+    """Points on a cubic Bezier curve that starts at (0, 0)."""
+    u = np.linspace(0, 1, steps + 1)[1:, None]
+    return 3 * u * (1 - u) ** 2 * inner[0] + 3 * u**2 * (1 - u) * inner[1] + u**3 * inner[2]
 
 
 def filled(shapes: list[Polygon], size: tuple[int, int]) -> NDArray[np.bool_]:
@@ -113,7 +127,7 @@ def test_smoothing_and_simplifying_stay_near_the_boundary_and_save_space() -> No
     assert len(nice) < len(exact) / 2
     paths = elements(nice)
     wrong = sum(
-        int((filled(polygons(paths[f"r{label}"].attrib["d"]), (160, 120)) & (labels != label)).sum())
+        int((filled(polygons(paths[f"r{label}"].attrib["d"], 16), (160, 120)) & (labels != label)).sum())
         for label in np.unique(labels)
     )
     assert wrong < 0.03 * labels.size
@@ -127,6 +141,20 @@ def test_tolerance_bounds_how_far_a_boundary_moves() -> None:
             before = outlines.points[outlines.starts[arc] : outlines.starts[arc + 1]]
             after = simple.points[simple.starts[arc] : simple.starts[arc + 1]]
             assert max(distance(point, after) for point in before) <= tolerance + 1e-9
+
+
+def test_curves_stay_near_the_smoothed_border_and_have_fewer_corners() -> None:
+    """Fitted curves are as near as the tolerance says, turn without corners, and need less text than a polyline."""
+    y, x = np.mgrid[:96, :128]
+    labels = (1 + (np.hypot(x - 60.3, y - 47.8) < 31.4)).astype(np.int32)
+    borders = smooth_borders(find_borders(labels), 2.0, 1.5)
+    path = elements(to_svg(labels, colours_for(labels), smoothing=borders, tolerance_px=0.3))["r2"].attrib["d"]
+    (circle,) = polygons(path, steps=24)
+    assert np.abs(np.hypot(*(circle / 10 - (60.8, 48.3)).T) - 31.4).max() < 0.8
+    sides = np.diff(circle, axis=0, append=circle[:1])
+    turns = np.abs((np.diff(np.arctan2(*sides.T), prepend=np.nan) + np.pi) % (2 * np.pi) - np.pi)[1:]
+    assert np.nanmax(turns) < np.radians(12)
+    assert len(polygons(path)[0]) <= 3 * 24, "at most 24 curves"
 
 
 def distance(point: NDArray[np.float64], line: Polygon) -> float:

@@ -13,11 +13,11 @@ from pipeline.errors import MediaTooLarge, UnreadableMedia
 from pipeline.scenes import scene
 from pipeline.video.exr import (
     Exr,
-    beauty,
     depth,
     factors_of,
     normals,
     object_ids,
+    pixels,
     raw_vectors,
     read_exr,
     signed,
@@ -78,7 +78,7 @@ def test_passes_are_found_by_their_names() -> None:
     plane = np.full((2, 3), 0.5, np.float32)
     names = ["Combined.R", "Combined.G", "Combined.B", "Normal.X", "Normal.Y", "Normal.Z", "Depth.Z", "IndexOB.X"]
     image = Exr((3, 2), {f"ViewLayer.{name}": plane for name in names})
-    frame = beauty(image)
+    frame = pixels(image)
     assert frame is not None and (frame == 188).all()
     found = normals(image)
     assert found is not None and found.shape == (2, 3, 3)
@@ -119,7 +119,7 @@ def test_velocities_of_a_rendered_box(media: Path) -> None:
 
     def read(index: int) -> tuple[Exr, np.ndarray]:
         folder = media / "cg_aov" / "box"
-        picture = beauty(read_exr(folder / f"beauty_{index:03d}.exr"))
+        picture = pixels(read_exr(folder / f"beauty_{index:03d}.exr"))
         assert picture is not None
         return read_exr(folder / f"velocity_{index:03d}.exr"), picture
 

@@ -19,7 +19,7 @@ from pipeline.video.join import join
 from pipeline.video.media import MediaInfo
 from pipeline.video.probe import probe
 from pipeline.video.reader import VideoReader
-from pipeline.video.writer import Format, SegmentSpec, segment_writer
+from pipeline.video.writer import FORMATS, Format, SegmentSpec, segment_writer
 from tests.pipeline.video.making import heard_clicks, make_video, picture
 
 
@@ -50,7 +50,7 @@ def source(tmp_path: Path) -> Path:
     return make_video(tmp_path / "source.mp4", frames, options={"crf": "10"}, click_s=[0.2, 0.8])
 
 
-@pytest.mark.parametrize("container", ["mp4", "webm", "png"])
+@pytest.mark.parametrize("container", FORMATS)
 def test_frames_survive_encoding_and_bytes_are_reproducible(container: Format, source: Path, tmp_path: Path) -> None:
     first = render(source, tmp_path / "one.out", container)
     again = render(source, tmp_path / "two.out", container)
@@ -58,7 +58,7 @@ def test_frames_survive_encoding_and_bytes_are_reproducible(container: Format, s
     given, got = frames_of(source), frames_of(first)
     assert len(got) == len(given)
     worst = max(float(abs(a.astype(int) - b).mean()) for a, b in zip(given, got, strict=True))
-    assert worst == 0 if container == "png" else worst < 4
+    assert worst == 0 if container == "png" else worst < (12 if container == "gif" else 4)
 
 
 def test_mp4_has_properties_that_browsers_support(source: Path, tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ from tests.conftest import TestSettings
 
 SIZE = (96, 64)
 FRAMES = 96
-RUNS: dict[Format, int] = {"mp4": 100, "webm": 20, "png": 20}
+RUNS: dict[Format, int] = {"mp4": 100, "webm": 20, "png": 20, "gif": 20}
 
 
 @cache

@@ -1,13 +1,17 @@
-"""Estimates: by frames and pixels of finished jobs, and none without."""
+"""Estimates: by frames and pixels of finished jobs, and the method's own figures without."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from typing import Any
 
+import pytest
+
+from pipeline.methods import method
+from pipeline.methods.base import PROCESS_BYTES
 from tests.workers.projects.documents import asset
-from workers.model import Job, JobRequest, RunState
-from workers.projects.estimates import Estimate, estimate
+from workers.model import Job, JobRequest, RunState, StepView
+from workers.projects.estimates import Estimate, MeasuredJob, estimate, estimate_from
 
 ASSETS = {found.id: found for found in (
     asset("a", "video", frames=100, width=640, height=360), asset("b", "video", frames=50, width=1280, height=720),
@@ -16,7 +20,7 @@ ASSETS = {found.id: found for found in (
 
 
 def _request(letter: str) -> JobRequest:
-    return JobRequest("multistyle", {"video": "ast_" + letter * 64})
+    return JobRequest("toy", {"video": "ast_" + letter * 64})
 
 
 def _job(letter: str, seconds: float) -> Job:
@@ -27,9 +31,48 @@ def _job(letter: str, seconds: float) -> Job:
 
 def test_the_estimate_scales_with_frames_and_pixels() -> None:
     finished = [_job("a", 20.0), _job("a", 60.0), _job("a", 40.0)]
-    assert estimate(_request("b"), finished, ASSETS.__getitem__) == Estimate(50, 80.0, 3)
+    found = estimate(_request("b"), finished, ASSETS.__getitem__)
+    assert (found.frames, found.seconds, found.samples) == (50, 80.0, 3)
 
 
-def test_the_estimate_ignores_unfinished_jobs() -> None:
+def test_cpu_time_and_memory_are_those_of_the_steps_of_finished_jobs() -> None:
+    steps = tuple(
+        StepView(name, name, "succeeded", {}, 1.0, 1.0, {}, cpu_s=cpu_s, peak_bytes=peak)
+        for name, cpu_s, peak in (("scan", 3.0, 700), ("paint", 17.0, 500))
+    )
+    found = estimate(_request("b"), [replace(_job("a", 9.0), steps=steps)], ASSETS.__getitem__)
+    assert (found.cpu_s, found.memory_bytes) == (40.0, 700), "twice the frames times pixels"
+
+
+def test_without_similar_jobs_the_estimate_is_the_methods_own() -> None:
     begun = replace(_job("a", 1.0), finished_at=None)
-    assert estimate(_request("b"), [_job("c", 1.0), begun], ASSETS.__getitem__) == Estimate(50, None, 0)
+    found = estimate(_request("b"), [_job("c", 1.0), begun], ASSETS.__getitem__)
+    rate = method("toy").cpu_s_per_megapixel
+    assert (found.frames, found.samples) == (50, 0)
+    assert found.cpu_s == found.seconds == pytest.approx(1 + rate * 50 * 1280 * 720 / 1e6, abs=0.1)
+    assert found.memory_bytes == PROCESS_BYTES, "the toy declares none"
+    assert found.disk_bytes is not None and found.disk_bytes > 50 * 1280 * 720 * 0.1
+
+
+def test_jobs_with_the_same_parameters_are_preferred() -> None:
+    dear = replace(_request("a"), params={"tasks": 9})
+    finished = [_job("a", 10.0), replace(_job("a", 90.0), request=dear), _job("a", 12.0)]
+    asked = replace(_request("a"), params={"tasks": 9})
+    assert estimate(asked, finished, ASSETS.__getitem__).seconds == 90.0
+    assert estimate(_request("a"), finished, ASSETS.__getitem__).seconds == 11.0
+
+
+def test_jobs_of_two_frame_sizes_tell_how_time_grows_with_pixels() -> None:
+    def job(width: int, seconds: float) -> MeasuredJob:
+        return MeasuredJob({}, 10, width * width, seconds, seconds, 1)
+
+    info = {"frames": 10, "width": 400, "height": 400}
+    grown = estimate_from(JobRequest("toy", {}), info, [job(150, 1.0), job(300, 2.0)])
+    assert grown.cpu_s == pytest.approx(2.67), "half the exponent: twice the time for four times the pixels"
+    assert estimate_from(JobRequest("toy", {}), info, [job(200, 2.0)]).cpu_s == pytest.approx(8.0), (
+        "one size: proportional"
+    )
+
+
+def test_an_unknown_video_gives_no_estimate() -> None:
+    assert estimate(JobRequest("toy", {}), [], ASSETS.__getitem__) == Estimate(None, None, 0)

@@ -39,7 +39,7 @@ def paint(context: PreviewContext) -> Iterator[Record]:
             context.check()
         yield context.picture(start, _painted(context, start, side), final=True)
         return
-    for number, picture in _film(context, start, stop, side):
+    for number, picture in film(context, start, stop, side):
         if (number - start) % step == 0:
             yield context.picture(number, picture, final=True)
 
@@ -78,7 +78,8 @@ def _layer(context: PreviewContext, layer: LayerSources, number: int, side_px: i
     ).copy()
 
 
-def _film(context: PreviewContext, start: int, stop: int, side_px: int) -> Iterator[tuple[int, Frame]]:
+def film(context: PreviewContext, start: int, stop: int, side_px: int) -> Iterator[tuple[int, Frame]]:
+    """Painted frames [start, stop) in order, each with its number."""
     layers = context.query.layers
     films = [LayerPainter(layer, context.frames, context.check).frames(start, stop, side_px) for layer in layers]
     for painted in zip(*films, strict=False):
@@ -97,4 +98,4 @@ def _cropped(context: PreviewContext, crop: tuple[int, int, int, int]) -> Record
     return context.picture(number, piece.copy(), final=True, scale=1.0, crop=list(crop))
 
 
-__all__ = ["paint", "source", "styles"]
+__all__ = ["film", "paint", "source", "styles"]

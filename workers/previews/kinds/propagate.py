@@ -20,7 +20,7 @@ from workers.previews.propagators import PROXY_SIDE_PX, forget_propagator, propa
 _LOG = logging.getLogger(__name__)
 
 MASKS = "keys.mask"
-"""The part of a layer that says where they are painted."""
+"""The part of a layer with the masks of its painted keys."""
 
 
 def propagate(context: PreviewContext) -> Iterator[Record]:

@@ -63,7 +63,7 @@ def _made(context: PreviewContext, layer: LayerSources, artefact: str, into: dic
             "The video is too long to look for regions while you wait.", field="video", value=info.frames,
             remedy=f"Render a job with the artefact {artefact}, or use outlines and label maps.",
         )  # fmt: skip
-    frames = _Video(context, layer.video, info)
+    frames = VideoSource(context, layer.video, info)
     memory = PreviewTaskContext(context.check, chosen.Params(), frames, {}, 0, frozenset({artefact}))
     titles = {step.name: step.title for step in chosen.steps}
     for step, _ in iterate_plan(chosen, memory, steps=len(chosen.steps) - 1):
@@ -78,7 +78,7 @@ def _made(context: PreviewContext, layer: LayerSources, artefact: str, into: dic
             into[name] = data
 
 
-class _Video:
+class VideoSource:
     """A video at full resolution, as `pipeline.methods.local.FrameSource`."""
 
     def __init__(self, context: PreviewContext, key: str, info: VideoInfo) -> None:

@@ -1,4 +1,5 @@
-"""Frames that are worth a painted key: after cuts, and where much is hidden, misfits or is new since the last one."""
+"""Suggests frames for painted keys: after cuts, and where much of the picture is hidden, misfits or is new since the
+last key."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
 /** Projects and their previews over HTTP. */
 
-import { get, Problem, post, problemOf, request, url } from "../shared/api";
-import type { Job, Page } from "../shared/types";
+import { Problem, post, problemOf, request, url } from "../shared/api";
+import { bodyOf, client, type Schemas } from "../shared/client";
+import type { Job, Output, Page } from "../shared/types";
 import type { ProjectDocument } from "./document";
 import { type PreviewHeader, type PreviewRecord, RecordReader } from "./records";
 
@@ -23,19 +24,28 @@ export interface ProjectFault {
   remedy: string;
 }
 
-export const listProjects = (limit: number): Promise<Page<ProjectInfo>> => get(url`/v1/projects?limit=${limit}`);
-export const readProject = (id: string): Promise<Project> => get(url`/v1/projects/${id}`);
+const at = (id: string) => ({ path: { project_id: id } });
 
-export const createProject = async (document: ProjectDocument): Promise<Project> =>
-  (await post("/v1/projects", { name: document.name, document })).json();
+export const listProjects = (limit: number): Promise<Page<ProjectInfo>> =>
+  bodyOf(client.GET("/v1/projects", { params: { query: { limit } } }));
 
-export const deleteProject = (id: string): Promise<Response> => request(url`/v1/projects/${id}`, { method: "DELETE" });
+export const readProject = async (id: string): Promise<Project> =>
+  (await bodyOf(client.GET("/v1/projects/{project_id}", { params: at(id) }))) as unknown as Project;
+
+export const createProject = async (document: ProjectDocument): Promise<Project> => {
+  const body = { name: document.name, document: { ...document } };
+  return (await bodyOf(client.POST("/v1/projects", { body }))) as unknown as Project;
+};
+
+export const deleteProject = async (id: string): Promise<void> => {
+  await client.DELETE("/v1/projects/{project_id}", { params: at(id), keepalive: true });
+};
 
 /** Save a document over the given version; the new version. Throws a Problem with status 412 if another one is stored. */
 export async function saveProject(id: string, document: ProjectDocument, version: number): Promise<number> {
-  const headers = { "If-Match": `"${version}"` };
-  const answer = await post(url`/v1/projects/${id}`, document, { method: "PUT", headers });
-  return ((await answer.json()) as ProjectInfo).version;
+  const params = { ...at(id), header: { "if-match": `"${version}"` } };
+  const saved = await bodyOf(client.PUT("/v1/projects/{project_id}", { params, body: { ...document } }));
+  return saved.version;
 }
 
 export interface ProjectJob {
@@ -44,27 +54,32 @@ export interface ProjectJob {
   variant: string | null;
 }
 
+/** The project's jobs, newest first; those that were deleted are left out. */
+export const projectJobs = async (id: string): Promise<ProjectJob[]> =>
+  ((await bodyOf(client.GET("/v1/projects/{project_id}/jobs", { params: at(id) }))).items as ProjectJob[]).filter(
+    (one) => one.job,
+  );
+
 export interface JobWishes {
+  /** Instead of the document's. */
+  output?: Output;
   variants?: string[];
   range?: [number, number];
 }
 
 export async function submitProject(id: string, wishes: JobWishes, token: string): Promise<ProjectJob[]> {
-  const headers = { "Idempotency-Key": token };
-  const answer = await post(url`/v1/projects/${id}/jobs`, wishes, { headers });
-  return ((await answer.json()) as { items: ProjectJob[] }).items;
+  const params = { ...at(id), header: { "idempotency-key": token } };
+  const page = await bodyOf(client.POST("/v1/projects/{project_id}/jobs", { params, body: wishes }));
+  return page.items as ProjectJob[];
 }
 
 export const checkProject = async (id: string): Promise<ProjectFault[]> =>
-  (await get<{ errors: ProjectFault[] }>(url`/v1/projects/${id}/check`)).errors;
+  (await bodyOf(client.GET("/v1/projects/{project_id}/check", { params: at(id) }))).errors;
 
-export interface Estimate {
-  items: { frames: number; seconds: number | null }[];
-  jobs_ahead: number;
-  ahead_s: number | null;
-}
+export type Estimate = Schemas["EstimatesOut"];
 
-export const estimate = async (id: string): Promise<Estimate> => (await post("/v1/estimates", { project: id })).json();
+export const estimate = (id: string): Promise<Estimate> =>
+  bodyOf(client.POST("/v1/estimates", { body: { project: id } }));
 
 // -- previews ---------------------------------------------------------------------------------------------------------
 
@@ -79,7 +94,17 @@ let sequence = 0;
 
 export interface PreviewOptions {
   project: string;
-  what: "paint" | "source" | "regions" | "directions" | "keys" | "spread" | "styles" | "propagate";
+  what:
+    | "paint"
+    | "source"
+    | "regions"
+    | "directions"
+    | "keys"
+    | "spread"
+    | "styles"
+    | "propagate"
+    | "flicker"
+    | "clusters";
   /** Later requests of the same channel cancel earlier ones. */
   channel: string;
   body: object;

@@ -8,11 +8,19 @@ import { notify } from "../shared/notices";
 import type { Asset, Method, View as PageView } from "../shared/types";
 import { type Project, readProject, saveProject } from "./api";
 import { createSaver, type Saver } from "./autosave";
+import { ClusterLane } from "./cluster-lane";
+import { Clusters } from "./clusters";
 import { createDirectionTool } from "./direction-tool";
 import { type ProjectDocument, pruneAssets, shownAlone } from "./document";
+import { type FilmFrame, filmFrame, findFilm } from "./films";
 import { Filmstrip } from "./filmstrip";
+import { Flicker } from "./flicker";
+import { FlickerLane } from "./flicker-lane";
+import { Foreground } from "./foreground";
 import { type FrameSource, openFrames } from "./frames";
 import { PaintedKeys } from "./keys";
+import { createLabelTool } from "./label-tool";
+import { createLoupeTool } from "./loupe-tool";
 import { createPaintTool, type PaintTool } from "./paint-tool";
 import { Panel } from "./panel";
 import { createPlayback, type Playback } from "./playback";
@@ -31,6 +39,9 @@ class Designer {
   readonly keys: PaintedKeys;
   readonly paint: PaintTool;
   readonly regions: RegionTool;
+  readonly clusters: Clusters;
+  readonly flicker: Flicker;
+  readonly foreground: Foreground;
   readonly parts: StageParts;
   readonly playback: Playback;
   readonly saver: Saver;
@@ -50,22 +61,34 @@ class Designer {
     this.keys = new PaintedKeys(store, this.frames, notify, (frame) => this.previews.propagate(frame));
     this.paint = createPaintTool(store, this.keys, redraw);
     this.regions = createRegionTool(store, redraw);
+    this.clusters = new Clusters(store, notify, redraw);
+    this.flicker = new Flicker(store, redraw);
+    this.foreground = new Foreground(store, redraw);
     const tools = {
+      loupe: createLoupeTool(store, redraw),
+      label: createLabelTool(store, this.clusters, redraw),
       region: this.regions,
       lasso: createLassoTool(store, redraw),
       direction: createDirectionTool(store, redraw),
     };
-    this.parts = { store, frames: this.frames, keys: this.keys, paint: this.paint, tools };
+    const overlays = [this.flicker, this.foreground, this.clusters].map(
+      (part) => (context: CanvasRenderingContext2D) => part.draw(context),
+    );
+    this.parts = { store, frames: this.frames, keys: this.keys, paint: this.paint, tools, overlays };
     this.playback = createPlayback(store);
     this.restored = readUnsaved(project.id);
     this.saver = this.startSaving(project);
     this.previews = startPreviews(store);
+    findFilm(store).catch(notify);
     this.closers.push(this.followFrame(), this.followDocument());
     const shortcuts = {
       store,
       stage: () => this.stage,
       playback: this.playback,
-      tools: () => toolsOf(store.layer.value.method, store.previews.value),
+      tools: () => [
+        ...(store.previews.value ? (["loupe"] as const) : []),
+        ...toolsOf(store.layer.value.method, store.previews.value, this.clusters.available.value),
+      ],
     };
     this.closers.push(installShortcuts(shortcuts));
     if (this.restored) store.edit("Restore unsaved changes", (state) => withUnsaved(state, this.restored));
@@ -164,6 +187,14 @@ class Designer {
     if (store.frame.value === frame) store.tool.value = "brush";
   }
 
+  /** Make a frame of a finished film a key to be corrected by hand. */
+  async takeFromFilm(wanted: FilmFrame): Promise<void> {
+    const { store } = this;
+    store.goTo(wanted.frame);
+    await this.keys.correct(wanted.frame, await filmFrame(wanted));
+    if (store.frame.value === wanted.frame) store.tool.value = "brush";
+  }
+
   /** Show the present frame as the film will have it, at the video's size. */
   async showFull(): Promise<void> {
     const { frame, document, shot, layerId } = this.store;
@@ -178,6 +209,7 @@ class Designer {
 
   async saveAll(): Promise<boolean> {
     await this.keys.flush();
+    await this.clusters.settled();
     return (await this.saver.flush()) && !this.store.uploading.value;
   }
 
@@ -188,6 +220,9 @@ class Designer {
     this.previews.close();
     this.keys.close();
     this.saver.close();
+    this.clusters.close();
+    this.flicker.close();
+    this.foreground.close();
     this.frames.close();
     this.stage?.close();
   }
@@ -202,13 +237,16 @@ export interface DesignerOptions {
   methods: readonly Method[];
   /** Open the project anew. */
   reload(): void;
+  /** A frame of a finished film that becomes a key at once. */
+  take?: FilmFrame | undefined;
 }
 
-export function createDesigner({ project, asset, methods, reload }: DesignerOptions): PageView {
+export function createDesigner({ project, asset, methods, reload, take }: DesignerOptions): PageView {
   const element = document.createElement("div");
   element.className = "designer";
   const designer = new Designer(project, asset, methods);
   render(<DesignerPage designer={designer} reload={reload} />, element);
+  if (take) designer.takeFromFilm(take).catch(notify);
   return {
     element,
     close() {
@@ -230,19 +268,36 @@ function DesignerPage({ designer, reload }: { designer: Designer; reload(): void
         <header class="designer-head">
           <ProjectName store={store} />
           <SaveStatus store={store} saver={designer.saver} reload={discard} />
+          {store.asset.info.damage && (
+            <p class="field-error source-damage" role="note">
+              {store.asset.info.damage} What can be read of it is painted; choose an undamaged copy if you have one.
+            </p>
+          )}
         </header>
         <StageBar store={store} onfull={() => designer.showFull().catch(notify)} />
         <div class="designer-stage" style={{ "--ratio": store.size.width / store.size.height }}>
-          <Toolbar store={store} stage={() => designer.stage} />
+          <Toolbar store={store} clusters={designer.clusters} stage={() => designer.stage} />
           <StageCanvas designer={designer} />
         </div>
-        <Filmstrip store={store} playback={designer.playback} />
+        <Filmstrip
+          store={store}
+          playback={designer.playback}
+          lane={
+            <>
+              <ClusterLane store={store} clusters={designer.clusters} />
+              <FlickerLane store={store} flicker={designer.flicker} />
+            </>
+          }
+        />
       </div>
       <Panel
         store={store}
         keys={designer.keys}
+        clusters={designer.clusters}
+        foreground={designer.foreground}
         saveAll={() => designer.saveAll()}
         correct={() => designer.correctFrame()}
+        take={(frame) => designer.takeFromFilm(frame)}
         suggest={() => designer.suggestKeys()}
       />
     </>

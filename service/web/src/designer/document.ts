@@ -84,6 +84,12 @@ export interface FrameImage {
   strokes?: string | null;
 }
 
+/** A corrected label map of the method patches: gray value = cluster. */
+export interface LabelCorrection extends FrameImage {
+  /** Frames [first, end) that are solved again with it; null: all of the shot. */
+  solve?: [from: number, until: number] | null;
+}
+
 export interface Layer {
   id: string;
   name?: string;
@@ -102,7 +108,7 @@ export interface Layer {
   style_keys?: StyleKey[];
   directions?: DirectionKey[];
   scribbles?: FrameImage[];
-  labels?: FrameImage[];
+  labels?: LabelCorrection[];
   label_styles?: Record<string, string>;
   importance?: FrameImage[];
   ui?: Record<string, Json>;
@@ -122,7 +128,7 @@ export interface Variant {
   name: string;
   shot: string;
   layer: string;
-  set: { params?: Record<string, Json> };
+  set: { method?: string; params?: Record<string, Json> };
   frame: number;
 }
 
@@ -299,7 +305,7 @@ export function splitRegion(
   };
 }
 
-/** Asset names that the document refers to anywhere in its shots. */
+/** Asset names that the document refers to anywhere in its shots, or in styles saved with it. */
 export function usedAssets(document: ProjectDocument): Set<string> {
   const names = new Set<string>();
   const visit = (value: unknown): void => {
@@ -307,6 +313,7 @@ export function usedAssets(document: ProjectDocument): Set<string> {
     else if (value && typeof value === "object") Object.values(value).forEach(visit);
   };
   visit(document.shots);
+  visit(document.ui);
   return names;
 }
 

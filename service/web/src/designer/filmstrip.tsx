@@ -1,5 +1,6 @@
 /** The filmstrip: thumbnails, the playhead, marks of keys, and the buttons to step through the frames. */
 
+import type { ComponentChildren } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
 import * as api from "../shared/api";
 import { IconButton } from "./icon";
@@ -23,7 +24,14 @@ export function keyFrames(store: Store): number[] {
   return [...new Set([...frames, ...open.map((key) => Number(key.slice(prefix.length)))])].sort((a, b) => a - b);
 }
 
-export function Filmstrip({ store, playback }: { store: Store; playback: Playback }) {
+interface FilmstripProps {
+  store: Store;
+  playback: Playback;
+  /** Shown below the strip, frame by frame. */
+  lane?: ComponentChildren;
+}
+
+export function Filmstrip({ store, playback, lane }: FilmstripProps) {
   const strip = useRef<HTMLDivElement>(null);
   const count = useColumns(strip);
   const { frames } = store;
@@ -61,6 +69,7 @@ export function Filmstrip({ store, playback }: { store: Store; playback: Playbac
         <Thumbnails assetId={store.asset.id} shown={thumbnailFrames(count, frames)} />
         <div class="playhead" style={{ left: `${100 * shareOf(store.frame.value + 0.5, frames)}%` }} />
       </div>
+      {lane}
       <KeyMarks store={store} />
     </div>
   );
@@ -109,7 +118,7 @@ function Thumbnails({ assetId, shown }: { assetId: string; shown: number[] }) {
 }
 
 /** A thumbnail's object URL; tried again while the service decodes for others; empty if it is not to be had. */
-async function thumbnail(assetId: string, frame: number, signal: AbortSignal): Promise<string> {
+export async function thumbnail(assetId: string, frame: number, signal: AbortSignal): Promise<string> {
   for (;;) {
     try {
       return await api.objectUrl(api.paths.frame(assetId, frame, THUMBNAIL_SIDE_PX), signal);

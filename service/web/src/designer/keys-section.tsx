@@ -2,10 +2,12 @@
 
 import { useEffect, useRef, useState } from "preact/hooks";
 import { saveFile } from "../shared/api";
-import { notify } from "../shared/notices";
+import { notify, notifyOf } from "../shared/notices";
+import { type FilmFrame, filmHas } from "./films";
 import { keyFrames } from "./filmstrip";
 import { Icon, IconButton } from "./icon";
 import type { PaintedKeys } from "./keys";
+import { isPsd, makePsd, readLayers } from "./psd";
 import type { Result, Store } from "./store";
 import { changePictureLayer, type KeyPicture, type PictureLayer } from "./strokes";
 
@@ -14,15 +16,18 @@ export interface KeysSectionProps {
   keys: PaintedKeys;
   /** Make the shown frame, as it is painted now, a key. */
   correct(): Promise<void>;
+  /** Make a frame of a finished film a key. */
+  take(frame: FilmFrame): Promise<void>;
   /** Find frames that are worth a key. */
   suggest(): Promise<void>;
 }
 
-export function KeysSection({ store, keys, correct, suggest }: KeysSectionProps) {
+export function KeysSection({ store, keys, correct, take, suggest }: KeysSectionProps) {
   const [waiting, setWaiting] = useState(false);
   const frame = store.frame.value;
   const frames = keyFrames(store);
   const here = frames.includes(frame);
+  const film = store.film.value;
   const paint = () => {
     store.tool.value = "brush";
   };
@@ -55,10 +60,30 @@ export function KeysSection({ store, keys, correct, suggest }: KeysSectionProps)
             {waiting ? "Painting it…" : "Correct this frame"}
           </button>
         )}
+        {!here && film && filmHas(store, frame) && (
+          <button
+            type="button"
+            class="button small"
+            title="The frame of the newest finished film becomes a key, for you to paint over"
+            onClick={() => take({ film: film.id, frame }).catch(notify)}
+          >
+            <Icon name="film" />
+            Correct the film's frame
+          </button>
+        )}
         <ImportButton store={store} keys={keys} />
         <button type="button" class="button small" onClick={() => exportFrame(store, keys)}>
           <Icon name="download" />
           Export PNG
+        </button>
+        <button
+          type="button"
+          class="button small"
+          title="With its layers, for other painting programs"
+          onClick={() => exportPsd(store, keys).catch(notify)}
+        >
+          <Icon name="download" />
+          Export PSD
         </button>
         {here && <IconButton name="trash" label="Remove this key" onClick={() => keys.remove(frame)} />}
       </div>
@@ -109,21 +134,45 @@ function ImportButton({ store, keys }: { store: Store; keys: PaintedKeys }) {
   const take = (event: Event) => {
     const input = event.currentTarget as HTMLInputElement;
     const file = input.files?.[0];
-    if (file) keys.import(store.frame.value, file).catch(notify);
+    if (file) importKey(store, keys, file).catch(notify);
     input.value = "";
   };
   return (
     <label class="button small file-button">
       <Icon name="upload" />
-      Import PNG
-      <input type="file" accept="image/png,image/*" aria-label="Import a painted frame" onChange={take} />
+      Import PNG, PSD
+      <input type="file" accept="image/png,image/*,.psd" aria-label="Import a painted frame" onChange={take} />
     </label>
   );
 }
 
+/** A picture becomes one layer; a PSD keeps its layers. */
+async function importKey(store: Store, keys: PaintedKeys, file: File): Promise<void> {
+  const frame = store.frame.value;
+  if (!isPsd(file)) return keys.import(frame, file);
+  const { layers, simplified } = await readLayers(file, store.size);
+  await keys.importLayers(frame, layers);
+  if (!simplified.length) return;
+  const names = simplified.map((name) => `“${name}”`).join(", ");
+  notifyOf({
+    title: "Some layers look different here",
+    message: `Blend modes, masks and effects are not kept: ${names}.`,
+    remedy: "Merge these layers in the other program, and import the file again.",
+  });
+}
+
+const fileName = (store: Store, suffix: string): string =>
+  `${store.document.value.name}-frame-${String(store.frame.value).padStart(5, "0")}.${suffix}`;
+
+async function exportPsd(store: Store, keys: PaintedKeys): Promise<void> {
+  const name = fileName(store, "psd");
+  const { layers, whole } = await keys.layersOf(store.frame.value);
+  saveFile(await makePsd(store.size, layers, whole), name);
+}
+
 function exportFrame(store: Store, keys: PaintedKeys): void {
   const frame = store.frame.value;
-  const name = `${store.document.value.name}-frame-${String(frame).padStart(5, "0")}.png`;
+  const name = fileName(store, "png");
   keys.png(frame).then((blob) => saveFile(blob, name), notify);
 }
 

@@ -21,7 +21,8 @@ import {
   shotOf,
 } from "./document";
 import { copyFrame, type FrameSource } from "./frames";
-import { PictureRaster } from "./raster";
+import type { RasterLayer } from "./psd";
+import { createCanvas, PictureRaster, pngOf } from "./raster";
 import { pictureKey, type State, type Store } from "./store";
 import type { KeyPicture, PictureLayer, Stroke } from "./strokes";
 import { rewrite } from "./undo";
@@ -169,6 +170,33 @@ export class PaintedKeys {
     this.edit("Import a key", frame, {
       layers: [emptyLayer("import", file.name, asset.id), emptyLayer(PAINT_LAYER, "Paint", null)],
     });
+  }
+
+  /** Put raster layers that were painted elsewhere, from back to front, at a frame. */
+  async importLayers(frame: number, layers: readonly RasterLayer[]): Promise<void> {
+    const made = layers.map(async ({ name, canvas, opacity, visible }, i): Promise<PictureLayer> => {
+      const asset = await upload(new File([await pngOf(canvas)], `key-${frame}-layer-${i}.png`, { type: "image/png" }));
+      this.raster.setBase(asset.id, await createImageBitmap(canvas));
+      return { ...emptyLayer(`import-${i}`, name.slice(0, 200), asset.id), opacity, visible };
+    });
+    this.edit("Import a key", frame, {
+      layers: [...(await Promise.all(made)), emptyLayer(PAINT_LAYER, "Paint", null)],
+    });
+  }
+
+  /** The layers of a frame's picture as they are drawn, from back to front, and the finished picture. */
+  async layersOf(frame: number): Promise<{ layers: RasterLayer[]; whole: HTMLCanvasElement }> {
+    const picture = await this.open(frame);
+    const key = pictureKey(this.store.layer.value.id, frame);
+    const layers = picture.layers.map(({ id, name, opacity, visible }, i) => {
+      const [canvas, context] = createCanvas(this.store.size);
+      const layer = picture.layers[i];
+      if (layer) context.drawImage(this.raster.layer(`${key}/${id}`, layer), 0, 0);
+      return { name, canvas, opacity, visible };
+    });
+    const [whole, context] = createCanvas(this.store.size);
+    this.raster.draw(context, key, picture);
+    return { layers, whole };
   }
 
   /** Make a painted frame the lowest layer of a key, to be corrected by hand. */

@@ -3,6 +3,7 @@
 import { useState } from "preact/hooks";
 import { type Blend, changeShot, freeName, type Layer } from "./document";
 import { Icon, IconButton } from "./icon";
+import { LayerFiles } from "./layer-files";
 import type { Store } from "./store";
 
 const BLENDS: [Blend, string][] = [
@@ -71,6 +72,10 @@ function LayerRow({ store, layer, change }: LayerRowProps) {
     if (selected) select(store, layers.find((one) => one.id !== layer.id)?.id ?? "");
   };
   const raise = () => change("Move a layer up", (all) => swapped(all, layer.id));
+  const lower = () => {
+    const below = layers[layers.findIndex((one) => one.id === layer.id) - 1];
+    if (below) change("Move a layer down", (all) => swapped(all, below.id));
+  };
   return (
     <li class="layer-row" aria-current={selected ? "true" : undefined}>
       <div>
@@ -121,9 +126,13 @@ function LayerRow({ store, layer, change }: LayerRowProps) {
               ))}
             </select>
           </label>
+          <LayerFiles store={store} layer={layer} />
           <div class="actions">
             <button type="button" class="button small" disabled={layers.at(-1)?.id === layer.id} onClick={raise}>
               Move up
+            </button>
+            <button type="button" class="button small" disabled={layers[0]?.id === layer.id} onClick={lower}>
+              Move down
             </button>
             <button type="button" class="button small" disabled={layers.length < 2} onClick={drop}>
               <Icon name="trash" />

@@ -1,38 +1,50 @@
 /** The panel beside the stage: the method, what it needs most, all settings, output, and the button that submits. */
 
 import { effect } from "@preact/signals";
-import { useEffect, useRef } from "preact/hooks";
 import { createInputs } from "../forms/inputs";
 import { createMethodCards, createPresets } from "../forms/method-cards";
 import { createForm } from "../forms/schema-form";
+import { notify } from "../shared/notices";
 import type { Method, Params } from "../shared/types";
 import { outputSchema } from "../studio/output-form";
+import type { Clusters } from "./clusters";
+import { ClustersSection } from "./clusters-section";
 import { addAsset, changeLayer, type Layer } from "./document";
+import { Embedded, type Part } from "./embedded";
+import type { FilmFrame } from "./films";
+import type { Foreground } from "./foreground";
 import type { PaintedKeys } from "./keys";
 import { KeysSection } from "./keys-section";
 import { LayersSection } from "./layers-section";
+import { Lesson } from "./lesson";
 import { RegionsSection } from "./regions-section";
 import { ScribblesSection } from "./scribbles-section";
 import type { Store } from "./store";
-import { SubmitBar } from "./submit-bar";
+import { StyleLibrary } from "./style-library";
+import { SubmitBar, submitFilm } from "./submit-bar";
 import { Variants } from "./variants";
 
 export interface PanelProps {
   store: Store;
   keys: PaintedKeys;
+  clusters: Clusters;
+  foreground: Foreground;
   /** Save everything; false if that failed. */
   saveAll(): Promise<boolean>;
   /** Make the shown frame, as it is painted now, a key. */
   correct(): Promise<void>;
+  /** Make a frame of a finished film a key. */
+  take(frame: FilmFrame): Promise<void>;
   /** Find frames that are worth a key. */
   suggest(): Promise<void>;
 }
 
-export function Panel({ store, keys, saveAll, correct, suggest }: PanelProps) {
+export function Panel({ store, keys, clusters, foreground, saveAll, correct, take, suggest }: PanelProps) {
   const method = store.method.value;
   return (
     <aside class="panel designer-panel" aria-label="Settings">
       <div class="panel-body">
+        <Lesson store={store} />
         <details class="group method-choice" open={!method}>
           <summary>
             <span>{method?.title ?? "Method"}</span>
@@ -44,8 +56,13 @@ export function Panel({ store, keys, saveAll, correct, suggest }: PanelProps) {
             key={`${store.layer.value.id}-${method.name}`}
             store={store}
             keys={keys}
+            clusters={clusters}
+            foreground={foreground}
+            solve={() => submitFilm(store, saveAll).catch(notify)}
             method={method}
+            saveAll={saveAll}
             correct={correct}
+            take={take}
             suggest={suggest}
           />
         )}
@@ -55,39 +72,30 @@ export function Panel({ store, keys, saveAll, correct, suggest }: PanelProps) {
   );
 }
 
-interface MethodPartsProps extends Omit<PanelProps, "saveAll"> {
+interface MethodPartsProps extends PanelProps {
   method: Method;
+  /** Paint the film. */
+  solve(): void;
 }
 
-function MethodParts({ store, keys, method, correct, suggest }: MethodPartsProps) {
+function MethodParts(props: MethodPartsProps) {
+  const { store, keys, clusters, foreground, method, saveAll, correct, take, suggest, solve } = props;
   return (
     <>
-      <Embedded make={() => inputSlots(store, method)} />
-      {method.name === "analogy" && <KeysSection store={store} keys={keys} correct={correct} suggest={suggest} />}
-      {method.name === "patches" && <ScribblesSection store={store} keys={keys} />}
+      <StyleLibrary store={store} method={method} />
+      <Embedded key={`inputs-${inputsKey(store)}`} make={() => inputSlots(store, method)} />
+      {method.name === "analogy" && (
+        <KeysSection store={store} keys={keys} correct={correct} take={take} suggest={suggest} />
+      )}
+      {method.name === "patches" && <ScribblesSection store={store} keys={keys} foreground={foreground} />}
+      {method.name === "patches" && <ClustersSection store={store} clusters={clusters} solve={solve} />}
       {method.name === "multistyle" && <RegionsSection store={store} />}
       <Embedded make={() => settings(store, method)} />
       <LayersSection store={store} />
-      <Variants store={store} />
+      <Variants store={store} saveAll={saveAll} />
       <Embedded make={() => output(store, method)} />
     </>
   );
-}
-
-interface Part {
-  element: HTMLElement;
-  close?(): void;
-}
-
-/** An element built without Preact, for example a form made from a schema. */
-function Embedded({ make }: { make(): Part }) {
-  const host = useRef<HTMLDivElement>(null);
-  useEffect(() => {
-    const part = make();
-    host.current?.replaceChildren(part.element);
-    return () => part.close?.();
-  }, []);
-  return <div ref={host} />;
 }
 
 function methodCards(store: Store): Part {
@@ -112,6 +120,9 @@ function inputSlots(store: Store, method: Method): Part {
   const slots = createInputs(ordered, given, () => setInputs(store, slots.values()));
   return slots;
 }
+
+/** Changes with the layer's inputs, so that the slots show what undo or the library has chosen. */
+const inputsKey = (store: Store): string => JSON.stringify(store.layer.value.inputs ?? {});
 
 function setInputs(store: Store, values: Record<string, string>): void {
   const place = store.place;

@@ -165,8 +165,13 @@ export class PictureRaster {
   async png(key: string, picture: KeyPicture): Promise<Blob> {
     const [canvas, context] = createCanvas(this.size);
     this.draw(context, key, picture);
-    const blob = await new Promise<Blob | null>((done) => canvas.toBlob(done, "image/png"));
-    if (!blob) throw new Error("The browser could not write the PNG.");
-    return blob;
+    return pngOf(canvas);
   }
+}
+
+/** A canvas as PNG. */
+export async function pngOf(canvas: HTMLCanvasElement): Promise<Blob> {
+  const blob = await new Promise<Blob | null>((done) => canvas.toBlob(done, "image/png"));
+  if (!blob) throw new Error("The browser could not write the PNG.");
+  return blob;
 }

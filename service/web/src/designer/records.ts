@@ -57,6 +57,19 @@ export interface MaskHeader extends RecordHeader {
   media_type: string;
 }
 
+export interface ClustersHeader extends RecordHeader {
+  type: "clusters";
+  frame: number;
+  uncertainty: Record<string, number>;
+}
+
+export interface FlickerHeader extends RecordHeader {
+  type: "flicker";
+  frame: number;
+  flicker: number | null;
+  error: number | null;
+}
+
 export type PreviewHeader =
   | FrameHeader
   | MapHeader
@@ -64,6 +77,8 @@ export type PreviewHeader =
   | FieldHeader
   | KeysHeader
   | MaskHeader
+  | FlickerHeader
+  | ClustersHeader
   | (RecordHeader & { type: "begin"; seq: number })
   | (RecordHeader & { type: "progress"; done: number; note: string })
   | (RecordHeader & { type: "error"; problem: ProblemFields })

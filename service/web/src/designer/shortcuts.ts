@@ -13,6 +13,7 @@ const TOOL_KEYS: Record<string, Tool> = {
   i: "picker",
   r: "region",
   d: "direction",
+  z: "loupe",
 };
 
 export interface ShortcutParts {

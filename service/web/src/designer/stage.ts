@@ -20,6 +20,8 @@ export interface StageParts {
   keys: PaintedKeys;
   paint: PaintTool;
   tools: Partial<Record<Tool, StageTool>>;
+  /** Drawn over the picture and below the tools' marks; the context is in pixels of the video. */
+  overlays: readonly ((context: CanvasRenderingContext2D) => void)[];
 }
 
 export interface Stage {
@@ -29,7 +31,10 @@ export interface Stage {
   close(): void;
 }
 
-export function mountStage(canvas: HTMLCanvasElement, { store, frames, keys, paint, tools }: StageParts): Stage {
+export function mountStage(
+  canvas: HTMLCanvasElement,
+  { store, frames, keys, paint, tools, overlays }: StageParts,
+): Stage {
   const context = canvas.getContext("2d");
   const pointers = new Map<number, [number, number]>();
   let pending = 0;
@@ -73,12 +78,15 @@ export function mountStage(canvas: HTMLCanvasElement, { store, frames, keys, pai
     context.setTransform(ratio * scale, 0, 0, ratio * scale, ratio * x, ratio * y);
     context.imageSmoothingEnabled = scale < 3;
     drawSource();
-    if (painting()) drawKey();
+    if (store.compared.value) drawCompared(store.compared.value);
+    else if (painting()) drawKey();
     else drawPainted();
+    for (const overlay of overlays) overlay(context);
     const px = 1 / scale;
     drawOutlines(context, store, px);
     tool()?.draw?.(context, px);
     canvas.dataset.frame = String(frames.shown);
+    canvas.dataset.compared = store.compared.value ? "variants" : "";
     canvas.dataset.result = store.results.value.get(store.frame.value)?.final ? "final" : "";
   }
 
@@ -109,6 +117,20 @@ export function mountStage(canvas: HTMLCanvasElement, { store, frames, keys, pai
     if (view === "compare") drawDivider(context, from, height);
   }
 
+  function drawCompared({ left, right }: { left: ImageBitmap; right: ImageBitmap }): void {
+    if (!context) return;
+    const { width, height } = store.size;
+    const from = store.split.value * width;
+    context.drawImage(left, 0, 0, width, height);
+    context.save();
+    context.beginPath();
+    context.rect(from, 0, width - from, height);
+    context.clip();
+    context.drawImage(right, 0, 0, width, height);
+    context.restore();
+    drawDivider(context, from, height);
+  }
+
   function drawDivider(on: CanvasRenderingContext2D, x: number, height: number): void {
     const px = 1 / store.view.value.scale;
     on.fillStyle = "#fff";
@@ -137,7 +159,8 @@ export function mountStage(canvas: HTMLCanvasElement, { store, frames, keys, pai
 
   function onDivider(at: [number, number]): boolean {
     const { scale, x } = store.view.value;
-    const shown = !painting() && store.stageView.value === "compare" && store.results.value.has(store.frame.value);
+    const painted = store.stageView.value === "compare" && store.results.value.has(store.frame.value);
+    const shown = store.compared.value !== null || (!painting() && painted);
     return shown && Math.abs(x + scale * store.split.value * store.size.width - at[0]) < GRAB_PX;
   }
 
@@ -150,7 +173,7 @@ export function mountStage(canvas: HTMLCanvasElement, { store, frames, keys, pai
       if (mode === "tool") tool()?.up();
       mode = "pan";
     } else if (event.button === 1) mode = "pan";
-    else if (onDivider(local(event)) && store.tool.value === "pan") mode = "wipe";
+    else if (onDivider(local(event)) && (store.compared.value || store.tool.value === "pan")) mode = "wipe";
     else mode = tool()?.down(sample(event)) ? "tool" : "pan";
   }
 
@@ -208,8 +231,8 @@ export function mountStage(canvas: HTMLCanvasElement, { store, frames, keys, pai
   const observer = new ResizeObserver(resize);
   observer.observe(canvas);
   const stop = effect(() => {
-    const { view, stageView, split, results, history, frame, tool: chosen, region, layerId } = store;
-    for (const each of [view, stageView, split, results, history, frame, chosen, region, layerId]) each.value;
+    const { view, stageView, split, results, compared, history, frame, tool: chosen, region, layerId } = store;
+    for (const each of [view, stageView, split, results, compared, history, frame, chosen, region, layerId]) each.value;
     redraw();
   });
 

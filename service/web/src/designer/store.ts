@@ -1,7 +1,7 @@
 /** The state of the studio: one project, its history, and what is selected. */
 
 import { computed, type ReadonlySignal, type Signal, signal } from "@preact/signals";
-import type { Asset, Method } from "../shared/types";
+import type { Asset, Job, Method } from "../shared/types";
 import type { Project } from "./api";
 import type { SaveState } from "./autosave";
 import { changeLayer, type Layer, type LayerPlace, layerOf, type ProjectDocument, type Shot, shotOf } from "./document";
@@ -10,7 +10,18 @@ import type { KeyPicture } from "./strokes";
 import { clampFrame } from "./timeline";
 import { type History, record, redo, startHistory, undo } from "./undo";
 
-export type Tool = "pan" | "brush" | "eraser" | "fill" | "picker" | "region" | "lasso" | "direction" | "scribble";
+export type Tool =
+  | "pan"
+  | "brush"
+  | "eraser"
+  | "fill"
+  | "picker"
+  | "region"
+  | "lasso"
+  | "direction"
+  | "scribble"
+  | "label"
+  | "loupe";
 export const PAINT_TOOLS: readonly Tool[] = ["brush", "eraser", "fill", "picker"];
 
 /** What undo restores: the document and the editable pictures of painted keys, by `pictureKey`. */
@@ -34,8 +45,8 @@ export interface Result {
   layer: string | undefined;
 }
 
-/** "onion": the painting, half transparent, over the frame. */
-export type StageView = "source" | "compare" | "onion" | "painted";
+/** "onion": the painting, half transparent, over the frame; "flicker": where it flickers. */
+export type StageView = "source" | "compare" | "onion" | "painted" | "flicker";
 
 export interface Brush {
   color: string;
@@ -61,9 +72,13 @@ export class Store {
   readonly split = signal(0.5);
   readonly region = signal("");
   readonly results = signal<ReadonlyMap<number, Result>>(new Map());
+  /** Two variants of the shown frame, compared in the wipe. */
+  readonly compared = signal<{ left: ImageBitmap; right: ImageBitmap } | null>(null);
   readonly neighbours = signal<readonly Result[]>([]);
   /** Frames that are worth a key, as the service found them. */
   readonly suggested = signal<readonly number[]>([]);
+  /** The newest finished film of the shot. */
+  readonly film = signal<Job | null>(null);
   /** Whether the service previews projects: regions, style cards and painted keys need it. */
   readonly previews = signal(false);
   readonly busy = signal("");
@@ -71,6 +86,8 @@ export class Store {
   readonly saving = signal<SaveState>({ name: "saved" });
   /** Painted keys that are not uploaded yet. */
   readonly uploading = signal(0);
+  /** Corrected label maps that are not uploaded yet. */
+  readonly storing = signal(0);
   /** Whether the service could not be reached when they were to be uploaded. */
   readonly uploadsWait = signal(false);
 

@@ -3,7 +3,9 @@
 import { useEffect, useState } from "preact/hooks";
 import * as api from "../shared/api";
 import { duration } from "../shared/format";
+import type { Output } from "../shared/types";
 import { checkProject, type Estimate, estimate, submitProject } from "./api";
+import { CLUSTER_ARTEFACTS } from "./clusters";
 import type { Store } from "./store";
 
 const REST_MS = 1500;
@@ -19,13 +21,7 @@ export function SubmitBar({ store, saveAll }: { store: Store; saveAll(): Promise
     setSending(true);
     setProblem("");
     try {
-      if (!(await saveAll()))
-        throw new api.Problem({ detail: "The project is not saved.", remedy: "See the message above the stage." });
-      const faults = await checkProject(store.projectId);
-      const fault = faults[0];
-      if (fault) throw new api.Problem({ detail: fault.message, remedy: fault.remedy });
-      const [first] = await submitProject(store.projectId, range ? { range } : {}, api.token());
-      if (first) location.hash = `#/jobs/${first.job.id}`;
+      await submitFilm(store, saveAll, range);
     } catch (error) {
       const { message, remedy } = api.asProblem(error);
       setProblem([message, remedy].filter(Boolean).join(" "));
@@ -53,6 +49,35 @@ export function SubmitBar({ store, saveAll }: { store: Store; saveAll(): Promise
       </button>
     </div>
   );
+}
+
+/** Save the project, submit its film, and show the job. Throws a Problem if something keeps it from that. */
+export async function submitFilm(
+  store: Store,
+  saveAll: () => Promise<boolean>,
+  range?: [number, number],
+): Promise<void> {
+  if (!(await saveAll()))
+    throw new api.Problem({ detail: "The project is not saved.", remedy: "See the message above the stage." });
+  const faults = await checkProject(store.projectId);
+  const fault = faults[0];
+  if (fault) throw new api.Problem({ detail: fault.message, remedy: fault.remedy });
+  const output = withClusters(store);
+  const [first] = await submitProject(
+    store.projectId,
+    { ...(range && { range }), ...(output && { output }) },
+    api.token(),
+  );
+  if (first) location.hash = `#/jobs/${first.job.id}`;
+}
+
+/** The output with the clusters, which the studio shows later; undefined: as the document has it. */
+function withClusters(store: Store): Output | undefined {
+  const [only, ...others] = store.shot.value.layers.filter((layer) => layer.visible !== false);
+  const plain = only && !others.length && (only.opacity ?? 1) === 1 && (only.blend ?? "over") === "over" && !only.matte;
+  if (!plain || only.method !== "patches" || store.document.value.shots.length > 1) return undefined;
+  const { output = {} } = store.document.value;
+  return { ...output, artefacts: [...new Set([...(output.artefacts ?? []), ...CLUSTER_ARTEFACTS])] };
 }
 
 function estimateText({ items, jobs_ahead: ahead }: Estimate): string {

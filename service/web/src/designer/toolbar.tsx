@@ -1,6 +1,7 @@
 /** The tools beside the stage, and the settings of the brush. */
 
 import type { IconName } from "../shared/icons";
+import type { Clusters } from "./clusters";
 import { IconButton } from "./icon";
 import { scribbled } from "./keys";
 import { regionsState } from "./region-tool";
@@ -16,19 +17,29 @@ const TOOLS: Record<Tool, { icon: IconName; label: string; keys: string }> = {
   region: { icon: "select", label: "Pick regions", keys: "R" },
   lasso: { icon: "lasso", label: "Draw a region", keys: "" },
   direction: { icon: "arrow", label: "Direct the strokes", keys: "D" },
+  label: { icon: "fill", label: "Paint cluster labels", keys: "" },
+  loupe: { icon: "eye", label: "Loupe at full size", keys: "Z" },
   scribble: { icon: "brush", label: "Scribble", keys: "" },
 };
 
 /** Tools for what a method takes: painted keys, or regions with styles and directions. */
-export function toolsOf(method: string, previews: boolean): Tool[] {
+export function toolsOf(method: string, previews: boolean, clusters: boolean): Tool[] {
   if (method === "analogy") return ["pan", ...PAINT_TOOLS];
-  if (method === "patches") return ["pan", "brush", "eraser"];
+  if (method === "patches") return ["pan", "brush", "eraser", ...(clusters ? (["label"] as const) : [])];
   if (method !== "multistyle") return ["pan"];
   return previews ? ["pan", "region", "lasso", "direction"] : ["pan", "lasso", "direction"];
 }
 
-export function Toolbar({ store, stage }: { store: Store; stage: () => Stage | null }) {
-  const tools = toolsOf(store.layer.value.method, store.previews.value && regionsState.value !== "missing");
+interface ToolbarProps {
+  store: Store;
+  clusters: Clusters;
+  stage: () => Stage | null;
+}
+
+export function Toolbar({ store, clusters, stage }: ToolbarProps) {
+  const regions = store.previews.value && regionsState.value !== "missing";
+  const chosen = toolsOf(store.layer.value.method, regions, clusters.available.value);
+  const tools: Tool[] = store.previews.value ? [...chosen, "loupe"] : chosen;
   return (
     <div class="toolbar" role="toolbar" aria-label="Tools" aria-orientation="vertical">
       {tools.map((tool) => (
@@ -40,6 +51,7 @@ export function Toolbar({ store, stage }: { store: Store; stage: () => Stage | n
           pressed={store.tool.value === tool}
           onClick={() => {
             store.tool.value = tool;
+            if (tool === "label") clusters.shown.value = true;
           }}
         />
       ))}
@@ -70,11 +82,16 @@ const VIEWS: [StageView, string][] = [
   ["compare", "Compare"],
   ["onion", "Onion skin"],
   ["painted", "Painted"],
+  ["flicker", "Flicker"],
 ];
 
 /** Above the stage: what it shows, or the brush while one paints. */
 export function StageBar({ store, onfull }: { store: Store; onfull(): void }) {
-  const painting = store.tool.value === "brush" || store.tool.value === "eraser" || store.tool.value === "fill";
+  const painting =
+    store.tool.value === "label" ||
+    store.tool.value === "brush" ||
+    store.tool.value === "eraser" ||
+    store.tool.value === "fill";
   return (
     <div class="stage-bar">
       {painting ? <BrushSettings store={store} /> : <ViewSwitch store={store} />}
@@ -104,12 +121,13 @@ function ViewSwitch({ store }: { store: Store }) {
 
 function BrushSettings({ store }: { store: Store }) {
   const brush = store.brush.value;
+  const labels = store.tool.value === "label";
   const set = (change: Partial<typeof brush>) => {
     store.brush.value = { ...brush, ...change };
   };
   return (
     <div class="brush-settings">
-      {scribbled(store.layer.value) ? <ScribbleSwitch store={store} /> : <ColorField store={store} />}
+      {!labels && (scribbled(store.layer.value) ? <ScribbleSwitch store={store} /> : <ColorField store={store} />)}
       <label>
         Size
         <input
@@ -122,18 +140,20 @@ function BrushSettings({ store }: { store: Store }) {
         />
         <output>{brush.size} px</output>
       </label>
-      <label>
-        Opacity
-        <input
-          type="range"
-          min={5}
-          max={100}
-          value={100 * brush.opacity}
-          aria-label="Brush opacity"
-          onInput={(event) => set({ opacity: Number(event.currentTarget.value) / 100 })}
-        />
-        <output>{Math.round(100 * brush.opacity)} %</output>
-      </label>
+      {!labels && (
+        <label>
+          Opacity
+          <input
+            type="range"
+            min={5}
+            max={100}
+            value={100 * brush.opacity}
+            aria-label="Brush opacity"
+            onInput={(event) => set({ opacity: Number(event.currentTarget.value) / 100 })}
+          />
+          <output>{Math.round(100 * brush.opacity)} %</output>
+        </label>
+      )}
     </div>
   );
 }
@@ -182,7 +202,11 @@ function ScribbleSwitch({ store }: { store: Store }) {
 function StageState({ store, onfull }: { store: Store; onfull(): void }) {
   const result = store.results.value.get(store.frame.value);
   const scale =
-    result && store.tool.value === "pan" ? `Preview at ${Math.round(100 * result.scale)} % of full size` : "";
+    store.tool.value === "loupe"
+      ? "The loupe shows the film at 100 % of full size"
+      : result && store.tool.value === "pan"
+        ? `Preview at ${Math.round(100 * result.scale)} % of full size`
+        : "";
   const text = store.problem.value || store.busy.value || scale;
   const small = text === scale && (result?.scale ?? 1) < 0.999;
   return (

@@ -119,7 +119,7 @@ const onOff: MakeControl = (_field, ids, changed) => {
 
 const choice: MakeControl = (field, ids, changed) => {
   const characters = field.options.reduce((sum, option) => sum + option.title.length, 0);
-  const short = field.options.length <= 3 && characters <= 28;
+  const short = field.options.length <= 4 && characters <= 28;
   return short && !field.nullable ? segments(field, ids, changed) : select(field, ids, changed);
 };
 

@@ -1,6 +1,6 @@
 /** Payloads to pictures: a video decoder of the browser, or one image per frame. */
 
-import type { IncomingFrame, Ready } from "./types";
+import type { IncomingFrame, Receive } from "./types";
 
 const MOST_AT_ONCE = 3;
 
@@ -18,7 +18,7 @@ export interface Decoder {
   close(): void;
 }
 
-export const createDecoder = (chosen: Ready["receive"], events: DecoderEvents): Decoder =>
+export const createDecoder = (chosen: Receive, events: DecoderEvents): Decoder =>
   chosen.webcodecs ? videoDecoder(chosen.webcodecs, events) : imageDecoder(chosen.codec, events);
 
 function videoDecoder(codec: string, { onpicture, onlost, onfault }: DecoderEvents): Decoder {

@@ -19,10 +19,11 @@ const main = preparePage();
 async function begin(): Promise<void> {
   const draft = readDraft(location.hash.split("?")[1] ?? "");
   const [live, methods] = await Promise.all([readLiveInfo(), api.methods()]);
-  const able = methods.filter((method) => live.methods.includes(method.name));
-  const method = able.find(({ name }) => name === draft.method) ?? able[0];
-  if (!method || !live.capacity) throw closed();
-  fill(main, createLivePage(method, method.name === draft.method ? draft : readDraft("")));
+  const able = methods.filter(({ name }) => live.methods.includes(name));
+  const filters = methods.filter(({ name }) => live.filters.includes(name));
+  if (!able.length || !live.capacity) throw closed();
+  const known = able.some(({ name }) => name === draft.method);
+  fill(main, createLivePage({ methods: able, filters }, known ? draft : readDraft("")));
 }
 
 const closed = (): api.Problem =>

@@ -3,6 +3,8 @@
 import { h } from "../shared/dom";
 import type { Figures, Second } from "./figures";
 import { createGraph } from "./graph";
+import { sizeSentence } from "./size-sentence";
+import type { SizeReason } from "./types";
 
 const NONE = "–";
 const ms = (value: number | null): string => (value === null ? NONE : String(Math.round(value)));
@@ -13,6 +15,7 @@ interface Painted {
   width: number;
   height: number;
   scale: number;
+  size?: SizeReason;
   stages_ms?: Record<string, number>;
 }
 
@@ -55,7 +58,8 @@ export function createMeters(): Meters {
     { class: "live-tiles" },
     Object.values(tiles).map((each) => each.element),
   );
-  const element = h("div", { class: "live-meters" }, row, graph.element, more);
+  const why = h("p", { class: "live-why", role: "status" });
+  const element = h("div", { class: "live-meters" }, row, why, graph.element, more);
   const latest: { codecs?: string; stages?: Record<string, number>; up?: number; down?: number; scale?: number } = {};
 
   function pairs(): void {
@@ -85,8 +89,9 @@ export function createMeters(): Meters {
       pairs();
       graph.draw(figures.history, targetFps);
     },
-    heard({ width, height, scale, stages_ms: stages }) {
+    heard({ width, height, scale, size, stages_ms: stages }) {
       tiles.size.set(`${width} × ${height}`);
+      if (size) setText(why, sizeSentence(scale, size));
       Object.assign(latest, { scale, ...(stages && { stages }) });
     },
     codecs(text) {
@@ -94,20 +99,26 @@ export function createMeters(): Meters {
     },
     clear() {
       for (const each of Object.values(tiles)) each.set(NONE);
+      setText(why, "");
       graph.draw([], 30);
     },
   };
 }
 
-/** Stages by their names in the protocol; older services say "look" for the analysis. */
+/** Stages by their names in the protocol. */
 const STAGES: Record<string, string> = {
   wait: "Queued",
   decode: "Decoding",
-  look: "Analysis: motion and importance",
   analyze: "Analysis: motion and importance",
   paint: "Painting",
+  filter: "Removing flicker",
   encode: "Encoding",
 };
+
+/** A status is read out whenever its text is set, so only changes are. */
+function setText(element: HTMLElement, text: string): void {
+  if (element.textContent !== text) element.textContent = text;
+}
 
 function tile(title: string, unit: string, ink: string, about: string) {
   const number = h("span", { class: "live-number" }, NONE);

@@ -5,14 +5,13 @@ import { asProblem, Problem } from "../shared/api";
 import { h } from "../shared/dom";
 import { type Draft, draftHash } from "../shared/draft";
 import { announce, notify, notifyOf } from "../shared/notices";
-import type { Method } from "../shared/types";
 import { TITLES } from "./codecs";
 import { createFigures, type Figures } from "./figures";
 import { createInvitation } from "./invitation";
 import { createMeters, type Meters } from "./meters";
 import { createRecorder, type Recorder } from "./recorder";
 import { createScreen } from "./screen";
-import { createSettings, type Settings } from "./settings";
+import { type Choice, createSettings, type Settings } from "./settings";
 import { openSource, type Source } from "./source";
 import { createStatus, type StatusName } from "./status";
 import { createStream, type Stream } from "./stream";
@@ -31,7 +30,7 @@ const START: Record<SourceKind, string> = {
   file: "Play the video",
 };
 
-export function createLivePage(method: Method, draft: Draft): HTMLElement {
+export function createLivePage(choice: Choice, draft: Draft): HTMLElement {
   const status = createStatus();
   const meters = createMeters();
   const screen = createScreen(() => recorder.stop());
@@ -42,7 +41,7 @@ export function createLivePage(method: Method, draft: Draft): HTMLElement {
     onfault: notify,
   });
   const onwire = settled(() => stream?.renew());
-  const settings: Settings = createSettings(method, draft, {
+  const settings: Settings = createSettings(choice, draft, {
     onsource: changeSource,
     onframes: changeFrames,
     onpaint: changePaint,

@@ -1,19 +1,17 @@
 /** The panel beside the picture: the source of the frames, the parameters of the painting, the connection. */
 
-import { createInputs } from "../forms/inputs";
-import { createPresets } from "../forms/method-cards";
 import { createForm } from "../forms/schema-form";
 import type { Problem } from "../shared/api";
 import { h } from "../shared/dom";
 import type { Draft } from "../shared/draft";
 import type { Method, Params, Schema } from "../shared/types";
+import { createFilter } from "./filter";
+import { createPainting } from "./painting";
 import { createSourceChoice, type SourceChoice } from "./source-choice";
-import type { LiveSettings } from "./types";
+import type { FilterChoice, LiveSettings } from "./types";
 
 /** Pixels of a frame, whatever its shape. */
 const AREAS: Record<string, number> = { small: 320 * 240, medium: 640 * 480, large: 1280 * 720 };
-/** Inputs that a running session can replace. */
-const PICTURES = ["image", "image-or-video"];
 
 const option = (value: string | number, title: string): Schema => ({ const: value, title });
 
@@ -47,13 +45,6 @@ const WIRE: Schema = {
       description: "Quality of the returned pictures. Lower values need less bandwidth.",
       group: "Connection",
     },
-    adaptive: {
-      title: "Never fall behind",
-      type: "boolean",
-      default: true,
-      description: "Paint at a smaller size when the service cannot keep up, so that the delay never grows.",
-      group: "Connection",
-    },
   },
 };
 
@@ -62,9 +53,9 @@ export interface SettingsEvents {
   onsource(): void;
   /** Another size or rate. */
   onframes(): void;
-  /** Other parameters or references. */
+  /** Another method, filter, parameter or reference. */
   onpaint(): void;
-  /** Other codecs, quality or adaptivity: they are part of `hello`. */
+  /** Another method, preference, codec or quality: they are part of `hello`. */
   onwire(): void;
 }
 
@@ -79,29 +70,42 @@ export interface Settings {
   quiet(): void;
 }
 
+export interface Choice {
+  /** Methods that can run live, at least one. */
+  methods: Method[];
+  /** Methods that can filter what such a method paints. */
+  filters: Method[];
+}
+
 export function createSettings(
-  method: Method,
+  { methods, filters }: Choice,
   draft: Draft,
   { onsource, onframes, onpaint, onwire }: SettingsEvents,
 ): Settings {
   const source = createSourceChoice(onsource);
   const frames = createForm(FRAMES, { onchange: onframes });
-  const paint = createForm(method.params_schema, { onchange: painted, open: 0 });
   const wire = createForm(WIRE, { onchange: onwire, open: 0 });
-  const presets = createPresets(method.examples ?? [], (values) => {
-    paint.write(values);
-    painted();
-  });
-  const specs = method.inputs.filter((spec) => PICTURES.includes(spec.kind));
-  const inputs = createInputs(specs, draft.inputs, onpaint);
-  const none = Object.fromEntries(specs.map((spec) => [spec.name, null]));
+  const choice = createForm(methodSchema(methods), { onchange: chosen });
+  const filter = createFilter(filters, readFilter(draft), onpaint);
+  let painting = createPainting(named(draft.method), draft, onpaint);
+  choice.write({ method: painting.method.name, ...(draft.film.prefer === "sharp" && { prefer: "sharp" }) });
 
-  paint.write(draft.params);
-  presets.match(paint.values());
+  function named(name: string): Method {
+    const method = methods.find((each) => each.name === name) ?? methods[0];
+    if (!method) throw new Error("There is no live method.");
+    return method;
+  }
 
-  function painted(): void {
-    presets.match(paint.values());
-    if (paint.valid()) onpaint();
+  /** Another method, or another preference: both are part of `hello`. */
+  function chosen(): void {
+    const next = named(String(choice.values().method ?? methods[0]?.name));
+    if (next !== painting.method) {
+      const before = painting.element;
+      painting = createPainting(next, { params: {}, inputs: {} }, onpaint);
+      before.replaceWith(painting.element);
+    }
+    onpaint();
+    onwire();
   }
 
   function values(): LiveSettings {
@@ -110,36 +114,67 @@ export function createSettings(
       fps: 30,
       codec: "auto",
       quality: 85,
-      adaptive: true,
+      prefer: "fluent",
+      ...choice.values(),
       ...frames.values(),
       ...(wire.valid() && wire.values()),
     };
     return {
-      method: method.name,
-      params: { ...method.defaults, ...paint.values() },
-      inputs: { ...none, ...inputs.values() },
+      method: painting.method.name,
+      ...painting.values(),
+      filter: filter.value(),
+      prefer: given.prefer === "sharp" ? "sharp" : "fluent",
       area: AREAS[String(given.size)] ?? 640 * 480,
       fps: Number(given.fps),
       codec: String(given.codec),
       quality: Number(given.quality),
-      adaptive: Boolean(given.adaptive),
     };
+  }
+
+  /** What the address keeps: the preference and the filter are values of the draft's `film`. */
+  function kept(): Partial<Draft> {
+    const behind = filter.changed();
+    const film: Params = {
+      ...(values().prefer === "sharp" && { prefer: "sharp" }),
+      ...(behind && { filter: behind.method, filterParams: behind.params }),
+    };
+    return { method: painting.method.name, params: painting.changed(), inputs: painting.given(), film };
   }
 
   const from = h("div", { class: "live-from" }, source.element, frames.element);
   return {
-    element: h("div", { class: "panel-body" }, from, presets.element, inputs.element, paint.element, wire.element),
+    element: h("div", { class: "panel-body" }, from, choice.element, painting.element, filter.element, wire.element),
     source,
     values,
-    draft: () => ({ method: method.name, params: paint.values(), inputs: inputs.values() }),
+    draft: kept,
     problem(fault) {
-      const [area = "", name] = fault.field.split(".");
+      const [area = "", name, last] = fault.field.split(".");
       const text = [fault.message, fault.remedy].filter(Boolean).join(" ");
-      return area === "inputs" ? inputs.problem(name ?? "", text) : paint.problem(name ?? area, text);
+      return area === "filter" ? filter.problem(last ?? "", text) : painting.problem(area, name, text);
     },
-    quiet() {
-      paint.quiet();
-      inputs.quiet();
-    },
+    quiet: () => painting.quiet(),
   };
+}
+
+/** What to paint with, and what to keep when frames take too long. */
+function methodSchema(methods: Method[]): Schema {
+  const method: Schema = {
+    title: "Method",
+    default: methods[0]?.name ?? "",
+    oneOf: methods.map(({ name, title }) => option(name, title)),
+  };
+  const prefer: Schema = {
+    title: "When frames take too long",
+    default: "fluent",
+    oneOf: [option("fluent", "Fluent"), option("sharp", "Sharp")],
+    description: "Fluent keeps the rate and works at a smaller size. Sharp keeps the size and drops frames.",
+  };
+  return { properties: { ...(methods.length > 1 && { method }), prefer } };
+}
+
+function readFilter({ film }: Draft): FilterChoice | null {
+  const params = film.filterParams;
+  if (typeof film.filter !== "string") return null;
+  const given = params && typeof params === "object" && !Array.isArray(params) ? params : {};
+  return { method: film.filter, params: given };
 }

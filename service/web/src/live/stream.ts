@@ -81,20 +81,23 @@ export function createStream({ screen, figures, settings, events }: StreamOption
   let imagesOnly = false;
   let sentWishes = "";
   let agreedTerms = "";
+  let agreedMethod = "";
 
   // -- opening
 
   async function hello(info: LiveInfo | null): Promise<Hello> {
     const known = info ?? service ?? (await readLiveInfo());
     service = known;
-    const { method, params, fps, quality, adaptive } = settings();
+    const { method, params, filter, prefer, fps, quality } = settings();
     const rate = Math.min(fps, known.limits.fps);
     const shape = { ...measure(), fps: rate };
     size = shape;
     const codecs = await codecsFor(shape, known);
     sentWishes = wishes();
     agreedTerms = terms();
-    return { type: "hello", method, params, inputs: givenInputs(), ...shape, ...codecs, quality, adaptive };
+    agreedMethod = method;
+    const painting = { method, params, inputs: givenInputs(), filter, prefer };
+    return { type: "hello", ...painting, ...shape, ...codecs, quality };
   }
 
   async function codecsFor(shape: Size & { fps: number }, known: LiveInfo): Promise<Offer> {
@@ -108,8 +111,11 @@ export function createStream({ screen, figures, settings, events }: StreamOption
   };
   const measure = () => fitSize(playing().video, settings().area, service?.limits.width ?? Infinity);
   const givenInputs = () => Object.fromEntries(Object.entries(settings().inputs).filter(([, id]) => id)) as Inputs;
-  const wishes = () => JSON.stringify([settings().params, settings().inputs]);
-  const terms = () => JSON.stringify([settings().fps, settings().codec, settings().quality, settings().adaptive]);
+  const wishes = () => JSON.stringify([settings().params, settings().inputs, settings().filter]);
+  const terms = () => {
+    const { method, prefer, fps, codec, quality } = settings();
+    return JSON.stringify([method, prefer, fps, codec, quality]);
+  };
 
   function onready(message: Ready): void {
     ready = message;
@@ -124,9 +130,10 @@ export function createStream({ screen, figures, settings, events }: StreamOption
     createDecoder(message.receive, { onpicture, onlost: askKeyFrame, onfault: decoderFault });
 
   function sendParams(): void {
-    const { params, inputs } = settings();
+    const { method, params, inputs, filter } = settings();
+    if (method !== agreedMethod) return; // the next hello brings them
     sentWishes = wishes();
-    connection.sendMessage({ type: "params", params, inputs });
+    connection.sendMessage({ type: "params", params, inputs, filter });
   }
 
   // -- frames out

@@ -15,6 +15,7 @@ export interface Shape extends Size {
 /** GET /v1/live. */
 export interface LiveInfo {
   methods: string[];
+  filters: string[];
   receives: string[];
   sends: string[];
   capacity: number;
@@ -29,8 +30,27 @@ export interface Ready {
   session: string;
   resumed: boolean;
   send: { codec: string };
-  receive: { codec: string; webcodecs?: string };
+  receive: Receive;
   fps: number;
+}
+
+/** How the service encodes its frames. */
+export interface Receive {
+  codec: string;
+  webcodecs?: string;
+}
+
+/** Why frames are painted at the present size. */
+export interface SizeReason {
+  reason: "slow" | "room" | "input";
+  /** Delay that 95 % of the frames at the previous size did not exceed, and the allowed delay. */
+  latency_ms?: number;
+  deadline_ms?: number;
+}
+
+export interface FilterChoice {
+  method: string;
+  params: Params;
 }
 
 export interface Stats {
@@ -41,13 +61,14 @@ export interface Stats {
   width: number;
   height: number;
   scale: number;
+  size: SizeReason;
   stages_ms: Record<string, number>;
 }
 
 export type Incoming =
   | Ready
   | Stats
-  | { type: "resolution"; width: number; height: number; scale: number }
+  | ({ type: "resolution"; width: number; height: number; scale: number } & SizeReason)
   | { type: "params"; params: Params }
   | { type: "keyframe" }
   | { type: "replaced" }
@@ -59,12 +80,13 @@ export interface LiveSettings {
   method: string;
   params: Params;
   inputs: Record<string, string | null>;
+  filter: FilterChoice | null;
+  prefer: "fluent" | "sharp";
   /** Pixels of a frame, whatever its shape. */
   area: number;
   fps: number;
   codec: string;
   quality: number;
-  adaptive: boolean;
 }
 
 export interface Hello extends Shape {
@@ -72,10 +94,11 @@ export interface Hello extends Shape {
   method: string;
   params: Params;
   inputs: Inputs;
+  filter: FilterChoice | null;
+  prefer: "fluent" | "sharp";
   send: string[];
   receive: string[];
   quality: number;
-  adaptive: boolean;
 }
 
 /** A frame on its way to the service. */

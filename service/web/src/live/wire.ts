@@ -36,11 +36,18 @@ export function unpack(buffer: ArrayBuffer): IncomingFrame {
   };
 }
 
-/** Open the socket; `session` is one to resume, or empty. */
-export function dial(session: string): WebSocket {
-  const address = new URL(session ? `/v1/live?session=${encodeURIComponent(session)}` : "/v1/live", location.href);
+/** Open the socket of a session; `session` is one to resume, or empty. */
+export const dial = (session: string): WebSocket => socketTo("/v1/live", session, storedKey());
+
+/** Open the socket of a viewer; `session` is the one to watch, or empty for the newest. */
+export const dialView = (session: string, key: string): WebSocket =>
+  socketTo("/v1/live/view", session, key || storedKey());
+
+const storedKey = (): string => authorisation().Authorization?.slice("Bearer ".length) ?? "";
+
+function socketTo(path: string, session: string, key: string): WebSocket {
+  const address = new URL(session ? `${path}?session=${encodeURIComponent(session)}` : path, location.href);
   address.protocol = address.protocol.replace("http", "ws");
-  const key = authorisation().Authorization?.slice("Bearer ".length);
   const socket = new WebSocket(address, key ? [PROTOCOL, `impasto.key.${key}`] : [PROTOCOL]);
   socket.binaryType = "arraybuffer";
   return socket;

@@ -1,27 +1,49 @@
 /** Requests of operators. All of them need an admin key. */
 
-import { get, post, request, url } from "../shared/api";
-import type { Job, Page } from "../shared/types";
+import { bodyOf, client, type Schemas } from "../shared/client";
+import type { Job } from "../shared/types";
 import type { Bar, Failure, LiveSession, NodeView, Overview, Queue, Snapshot, Worker } from "./types";
 
-const items = async <Item>(path: string, signal?: AbortSignal): Promise<Item[]> =>
-  (await get<Page<Item>>(path, signal)).items;
+type Items<Item> = Promise<{ data?: { items: Item[] } }>;
+const items = async <Item>(answer: Items<Item>): Promise<Item[]> => (await bodyOf(answer)).items;
 
-const send = (path: string): Promise<Response> => request(path, { method: "POST" });
+/** The job states that the list can be limited to; empty: all. */
+export type JobState = Job["state"] | "";
 
-export async function readOverview(jobState: string, signal?: AbortSignal): Promise<Overview> {
-  const jobsPath = `/v1/jobs?limit=12${jobState && url`&state=${jobState}`}`;
-  const [snapshot, queue, workers, nodes, live, failures, jobs, ready] = await Promise.all([
-    get<Snapshot>("/v1/ops/snapshot", signal),
-    get<Queue>("/v1/ops/queue", signal),
-    items<Worker>("/v1/ops/workers?limit=200", signal),
-    items<NodeView>("/v1/ops/nodes", signal),
-    items<LiveSession>("/v1/ops/live?limit=200", signal),
-    items<Failure>("/v1/ops/failures?limit=20", signal),
-    items<Job>(jobsPath, signal),
+const MOST_JOBS = 25;
+
+/** Which jobs the list shows. `search`: a part of the id, name, method or owner. */
+export interface JobFilter {
+  state: JobState;
+  search: string;
+}
+
+export async function readOverview({ state, search }: JobFilter, signal?: AbortSignal): Promise<Overview> {
+  const options = { signal: signal ?? null };
+  const page = (limit: number) => ({ ...options, params: { query: { limit } } });
+  const ofJobs = { limit: MOST_JOBS, ...(state && { state }), ...(search && { search }) };
+  const [snapshot, queue, machine, workers, nodes, live, failures, jobs, ready] = await Promise.all([
+    bodyOf(client.GET("/v1/ops/snapshot", options)),
+    bodyOf(client.GET("/v1/ops/queue", options)),
+    bodyOf(client.GET("/v1/ops/machine", options)),
+    items(client.GET("/v1/ops/workers", page(200))),
+    items(client.GET("/v1/ops/nodes", options)),
+    items(client.GET("/v1/ops/live", page(200))),
+    items(client.GET("/v1/ops/failures", page(20))),
+    items(client.GET("/v1/jobs", { ...options, params: { query: ofJobs } })),
     readiness(signal),
   ]);
-  return { snapshot, queue, workers, nodes, live, failures, jobs, ready };
+  return {
+    snapshot: snapshot as unknown as Snapshot,
+    queue: queue as Queue,
+    machine,
+    workers: workers as Worker[],
+    nodes: nodes as NodeView[],
+    live: live as LiveSession[],
+    failures: failures as Failure[],
+    jobs: jobs as Job[],
+    ready,
+  };
 }
 
 /** Part -> "ok" or its fault; the answer is 503 when a part does not work. */
@@ -33,14 +55,34 @@ async function readiness(signal?: AbortSignal): Promise<Record<string, string>> 
 const MOST_BARS = 1000;
 /** The latest attempts of a job. */
 export const timeline = (jobId: string, signal?: AbortSignal): Promise<Bar[]> =>
-  items(url`/v1/ops/jobs/${jobId}/timeline?limit=${MOST_BARS}`, signal);
-export const attemptLog = (id: string): Promise<{ log: string }> => get(url`/v1/ops/attempts/${id}/log`);
+  items(
+    client.GET("/v1/ops/jobs/{job_id}/timeline", {
+      params: { path: { job_id: jobId }, query: { limit: MOST_BARS } },
+      signal: signal ?? null,
+    }),
+  );
+export const attemptLog = (id: string): Promise<{ log: string }> =>
+  bodyOf(client.GET("/v1/ops/attempts/{attempt_id}/log", { params: { path: { attempt_id: id } } }));
 
-export const pauseQueue = (reason: string): Promise<Response> => post("/v1/ops/queue/pause", { reason });
-export const resumeQueue = (): Promise<Response> => send("/v1/ops/queue/resume");
+export const pauseQueue = (reason: string) => client.POST("/v1/ops/queue/pause", { body: { reason } });
+export const resumeQueue = () => client.POST("/v1/ops/queue/resume");
 export type PlaceKind = "workers" | "nodes";
-export const drain = (kind: PlaceKind, name: string, reason: string): Promise<Response> =>
-  post(url`/v1/ops/${kind}/${name}/drain`, { reason });
-export const resume = (kind: PlaceKind, name: string): Promise<Response> => send(url`/v1/ops/${kind}/${name}/resume`);
-export const requeue = (taskId: string): Promise<Response> => send(url`/v1/tasks/${taskId}/requeue`);
-export const endLive = (id: string): Promise<Response> => send(url`/v1/ops/live/${id}/end`);
+export const drain = (kind: PlaceKind, name: string, reason: string) =>
+  kind === "workers"
+    ? client.POST("/v1/ops/workers/{worker_id}/drain", { params: { path: { worker_id: name } }, body: { reason } })
+    : client.POST("/v1/ops/nodes/{node}/drain", { params: { path: { node: name } }, body: { reason } });
+export const resume = (kind: PlaceKind, name: string) =>
+  kind === "workers"
+    ? client.POST("/v1/ops/workers/{worker_id}/resume", { params: { path: { worker_id: name } } })
+    : client.POST("/v1/ops/nodes/{node}/resume", { params: { path: { node: name } } });
+export const requeue = (taskId: string) =>
+  client.POST("/v1/tasks/{task_id}/requeue", { params: { path: { task_id: taskId } } });
+/** `priority`: -100..100; null: one above all other unfinished jobs. */
+export const setPriority = (id: string, priority: number | null) =>
+  bodyOf(client.POST("/v1/ops/jobs/{job_id}/priority", { params: { path: { job_id: id } }, body: { priority } }));
+export type BulkAction = Schemas["JobsActionIn"]["action"];
+/** One item for each job, in their order. */
+export const bulk = (action: BulkAction, jobs: string[]) =>
+  bodyOf(client.POST("/v1/ops/jobs/actions", { body: { action, jobs } }));
+export const endLive = (id: string) =>
+  client.POST("/v1/ops/live/{session_id}/end", { params: { path: { session_id: id } } });

@@ -8,20 +8,33 @@ import { createFailures } from "./failures";
 import { createFigures } from "./figures";
 import { createNodes, createWorkers } from "./fleet";
 import { createJobs, createLive } from "./jobs";
+import { createMachine } from "./machine";
 import { createTimeline } from "./timeline";
 import type { BoardCalls, Overview } from "./types";
 
 const EVERY_MS = 2000;
 const LONGEST_MS = 15_000;
-const STATES = ["", "queued", "running", "paused", "failed", "cancelled", "succeeded"];
+/** Pause in typing after which a search begins. */
+const TYPING_MS = 250;
+const STATES: ops.JobState[] = ["", "queued", "running", "paused", "failed", "cancelled", "succeeded"];
 
 /** `first`: the overview read at the start; `ondenied` is called when the key is no admin's (any more). */
 export function createBoard(first: Overview, ondenied: (problem: api.Problem) => void): View {
   const controller = new AbortController();
-  const chosen = { job: new URLSearchParams(location.hash.slice(1)).get("job"), state: "" };
+  const chosen: ops.JobFilter & { job: string | null } = {
+    job: new URLSearchParams(location.hash.slice(1)).get("job"),
+    state: "",
+    search: "",
+  };
   const parts = createParts({ again: () => refresh(), onjob: choose });
   const options = STATES.map((state) => h("option", { value: state }, state || "all states"));
   const filter = h("select", { "aria-label": "Jobs to show" }, options);
+  const search = h("input", {
+    type: "search",
+    maxLength: 100,
+    placeholder: "Name, owner, method or id",
+    "aria-label": "Search jobs",
+  });
   const late = h("p", { class: "late", role: "status", hidden: true });
   const timelineTitle = h("h2", { id: "timeline-title" }, "Timeline");
   const timeline = h(
@@ -36,9 +49,10 @@ export function createBoard(first: Overview, ondenied: (problem: api.Problem) =>
     { class: "board" },
     h("div", { class: "board-head" }, h("h1", {}, "Operations"), late),
     parts.figures.element,
+    section("machine", "This machine", parts.machine.element),
     section("workers", "Workers", parts.workers.element),
     section("machines", "Machines", parts.nodes.element),
-    section("jobs", "Jobs", filter, parts.jobs.element),
+    section("jobs", "Jobs", h("div", { class: "jobs-filter" }, search, filter), parts.jobs.element),
     timeline,
     section("failures", "Failures", parts.failures.element),
     section("live", "Live sessions", parts.live.element),
@@ -49,6 +63,7 @@ export function createBoard(first: Overview, ondenied: (problem: api.Problem) =>
 
   function show(overview: Overview): void {
     parts.figures.update(overview);
+    parts.machine.update(overview.machine);
     parts.workers.update(overview.workers);
     parts.nodes.update(overview.nodes);
     parts.jobs.update(overview.jobs);
@@ -62,7 +77,7 @@ export function createBoard(first: Overview, ondenied: (problem: api.Problem) =>
     const mine = ++turn;
     clearTimeout(timer);
     try {
-      const overview = await ops.readOverview(chosen.state, controller.signal);
+      const overview = await ops.readOverview(chosen, controller.signal);
       if (mine === turn) show(overview);
       if (mine === turn && chosen.job) await showTimeline(chosen.job, overview.snapshot.at);
     } catch (error) {
@@ -103,8 +118,13 @@ export function createBoard(first: Overview, ondenied: (problem: api.Problem) =>
   const onvisible = () => (document.hidden ? clearTimeout(timer) : refresh());
   document.addEventListener("visibilitychange", onvisible, { signal: controller.signal });
   filter.addEventListener("change", () => {
-    chosen.state = filter.value;
+    chosen.state = filter.value as ops.JobState;
     refresh();
+  });
+  search.addEventListener("input", () => {
+    chosen.search = search.value.trim();
+    clearTimeout(timer);
+    timer = window.setTimeout(refresh, TYPING_MS);
   });
   show(first);
   refresh();
@@ -120,6 +140,7 @@ export function createBoard(first: Overview, ondenied: (problem: api.Problem) =>
 function createParts(calls: BoardCalls) {
   return {
     figures: createFigures(calls),
+    machine: createMachine(),
     workers: createWorkers(calls),
     nodes: createNodes(calls),
     jobs: createJobs(calls),

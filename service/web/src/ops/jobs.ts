@@ -3,33 +3,60 @@
 import { act, type JobVerb } from "../shared/api";
 import { confirmButton, plainButton } from "../shared/confirm";
 import { type Child, h } from "../shared/dom";
-import { ago, percent } from "../shared/format";
+import { ago, duration, percent } from "../shared/format";
+import { notify } from "../shared/notices";
 import type { Job } from "../shared/types";
 import { isFinal } from "../works/progress";
 import * as ops from "./api";
+import { createSelection } from "./selection";
 import { createTable, type Updated } from "./table";
 import type { BoardCalls, LiveSession } from "./types";
 
 export function createJobs({ again, onjob }: BoardCalls): Updated<Job> {
-  return createTable<Job>({
+  const selection = createSelection(again);
+  const table = createTable<Job>({
     name: "jobs",
-    columns: ["Job", "State", "Done", "Tasks", ""],
+    columns: ["Job", "Owner", "Priority", "State", "Done", "Left", "Tasks", ""],
     empty: "No such job.",
     key: (job) => job.id,
     state: (job) => job.state,
     cells: (job) => [
-      [job.id, () => identity(job, onjob)],
+      [job.id, () => h("div", { class: "job-name" }, selection.box(job), h("div", {}, identity(job, onjob)))],
+      job.owner,
+      [`${priorityOf(job)} ${isFinal(job)}`, () => (isFinal(job) ? String(priorityOf(job)) : priority(job, again))],
       [job.state + (job.error?.code ?? ""), () => stateBadge(job)],
       percent(job.progress),
+      isFinal(job) || job.eta_s === null ? "" : duration(job.eta_s),
       tasks(job.counts),
       [job.state, () => h("div", { class: "actions" }, verbs(job, again))],
     ],
   });
+  return {
+    element: h("div", { class: "jobs-list" }, selection.element, table.element),
+    update(jobs) {
+      selection.listed(jobs);
+      table.update(jobs);
+    },
+  };
+}
+
+const priorityOf = (job: Job): number => job.request.priority ?? 0;
+
+/** A field for the priority; the job is served anew by it when the field is left. */
+function priority(job: Job, again: () => void): HTMLElement {
+  const label = `Priority of ${job.request.name || job.request.method}`;
+  const field = h("input", { type: "number", class: "priority", min: -100, max: 100, step: 1, "aria-label": label });
+  field.value = String(priorityOf(job));
+  field.addEventListener("change", async () => {
+    if (field.reportValidity()) await ops.setPriority(job.id, Math.round(field.valueAsNumber || 0)).catch(notify);
+    again();
+  });
+  return field;
 }
 
 function identity(job: Job, onjob: (id: string) => void): Child {
-  const { name, method, priority } = job.request;
-  const parts = [name && method, job.owner, priority && `priority ${priority}`, ago(job.created_at)];
+  const { name, method } = job.request;
+  const parts = [name && method, ago(job.created_at)];
   return [
     h("button", { type: "button", class: "link", onclick: () => onjob(job.id) }, name || method),
     h("small", {}, parts.filter(Boolean).join(" · ")),
@@ -57,7 +84,9 @@ function verbs(job: Job, again: () => void): Child[] {
     act: () => act(job.id, "cancel"),
     done: again,
   });
-  return [job.state === "paused" ? plain("Resume", "resume") : plain("Pause", "pause"), cancel];
+  const first = plainButton({ label: "First", act: () => ops.setPriority(job.id, null), done: again });
+  first.title = "Move to the front of the queue: a priority above all other unfinished jobs";
+  return [first, job.state === "paused" ? plain("Resume", "resume") : plain("Pause", "pause"), cancel];
 }
 
 export function createLive({ again }: BoardCalls): Updated<LiveSession> {
@@ -79,7 +108,8 @@ export function createLive({ again }: BoardCalls): Updated<LiveSession> {
 function sessionIdentity(session: LiveSession): Child {
   const size = `${session.width} × ${session.height}`;
   const parts = [session.owner, size, ago(session.opened_at), !session.connected && "waits for its client"];
-  return [h("strong", {}, session.method), h("small", {}, parts.filter(Boolean).join(" · "))];
+  const link = h("a", { href: `/live/view?session=${encodeURIComponent(session.id)}` }, session.method);
+  return [link, h("small", {}, parts.filter(Boolean).join(" · "))];
 }
 
 function endButton(session: LiveSession, again: () => void): HTMLElement {

@@ -16,7 +16,7 @@ let board: View | null = null;
 
 async function begin(): Promise<void> {
   fill(main, h("div", { class: "loading" }, "Loading…"));
-  board = createBoard(await readOverview(""), failure);
+  board = createBoard(await readOverview({ state: "", search: "" }), failure);
   fill(main, board.element);
 }
 

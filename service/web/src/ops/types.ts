@@ -1,5 +1,6 @@
 /** The JSON of /v1/ops. */
 
+import type { Schemas } from "../shared/client";
 import type { Fault, Job } from "../shared/types";
 
 export interface Drain {
@@ -100,10 +101,13 @@ export interface Queue {
   drain: Drain | null;
 }
 
+export type Machine = Schemas["MachineOut"];
+
 /** Everything that the board shows, read at about the same time. */
 export interface Overview {
   snapshot: Snapshot;
   queue: Queue;
+  machine: Machine;
   workers: Worker[];
   nodes: NodeView[];
   live: LiveSession[];

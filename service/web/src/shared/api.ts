@@ -1,135 +1,43 @@
-/** The service's HTTP API as functions. Every failure is a `Problem` (RFC 9457) with a field and a remedy. */
+/** The service's HTTP API as functions, over the client that is generated from its OpenAPI document. */
 
-import type { Asset, Inputs, Job, Json, Method, Output, Page, Params, PreviewRequest } from "./types";
+import { blobOf, bodyOf, client } from "./client";
+import { key, request, url } from "./http";
+import type { Asset, Inputs, Job, Method, Output, Page, Params, PreviewRequest, RunState } from "./types";
 
-const KEY = "impasto.key";
+export * from "./http";
 
-/** Fields of a problem+json answer. */
-export interface ProblemFields {
-  title?: string;
-  detail?: string;
-  code?: string;
-  field?: string;
-  value?: Json;
-  remedy?: string;
-  status?: number;
+export const methods = async (): Promise<Method[]> => (await bodyOf(client.GET("/v1/methods"))).items as Method[];
+
+export const asset = (id: string): Promise<Asset> =>
+  bodyOf(client.GET("/v1/assets/{asset_id}", { params: { path: { asset_id: id } } }));
+
+const ofJob = (id: string) => ({ params: { path: { job_id: id } } });
+
+export const job = async (id: string, signal?: AbortSignal): Promise<Job> =>
+  (await bodyOf(client.GET("/v1/jobs/{job_id}", { ...ofJob(id), signal: signal ?? null }))) as Job;
+
+export interface JobSearch {
+  /** Words that name, method or labels contain. */
+  search?: string;
+  /** A state, or "active" for all that are not final. */
+  state?: RunState | "active";
 }
 
-/** What went wrong, why, and what to do: `field` is the dotted path of the input that caused it, or empty. */
-export class Problem extends Error {
-  readonly title: string;
-  readonly code: string;
-  readonly field: string;
-  readonly remedy: string;
-  /** HTTP status, or 0 if there was no answer. */
-  readonly status: number;
+export const jobs = async (limit: number, wanted: JobSearch = {}, cursor = ""): Promise<Page<Job>> => {
+  const query = { limit, ...wanted, ...(cursor && { cursor }) };
+  return (await bodyOf(client.GET("/v1/jobs", { params: { query } }))) as Page<Job>;
+};
 
-  constructor({ title = "", detail = "", code = "", field = "", remedy = "", status = 0 }: ProblemFields) {
-    super(detail || title || "Something went wrong.");
-    this.title = title;
-    this.code = code;
-    this.field = field || "";
-    this.remedy = remedy || "";
-    this.status = status;
-  }
-}
-
-/** Whether an error is the abort of a request that nobody waits for any more. */
-export const isAbort = (error: unknown): boolean => error instanceof Error && error.name === "AbortError";
-
-/** Any thrown value as a Problem. */
-export function asProblem(error: unknown): Problem {
-  if (error instanceof Problem) return error;
-  console.error(error);
-  return new Problem({ detail: error instanceof Error ? error.message : String(error), code: "page" });
-}
-
-const offline = (): Problem =>
-  new Problem({
-    title: "No answer",
-    detail: "The service does not answer.",
-    code: "offline",
-    remedy: "Check that it is running and that you are connected; then try again.",
-  });
-
-/** A response that is not a success, as a `Problem`. */
-export async function problemOf(response: Response): Promise<Problem> {
-  const body: ProblemFields = await response.json().catch(() => ({}));
-  const detail = typeof body.detail === "string" ? body.detail : `The service answered ${response.status}.`;
-  return new Problem({ ...body, detail, status: response.status });
-}
-
-const key = (): string | null => sessionStorage.getItem(KEY);
-
-/** Headers that every request carries. */
-export const authorisation = (): Record<string, string> => (key() ? { Authorization: `Bearer ${key()}` } : {});
-
-type AskForKey = (refused: boolean) => Promise<string>;
-let prompt: AskForKey | null = null;
-let asking: Promise<void> | null = null;
-
-/** Install what asks the user for an API key; it is called only when the service answers 401. */
-export function onKeyNeeded(ask: AskForKey): void {
-  prompt = ask;
-}
-
-/** Ask once, however many requests were refused meanwhile. `refused`: the key that the service did not accept. */
-export function renewKey(refused: string | null | undefined): Promise<void> {
-  if ((key() && key() !== refused) || !prompt) return Promise.resolve();
-  asking ??= prompt(Boolean(refused))
-    .then((given) => sessionStorage.setItem(KEY, given))
-    .finally(() => {
-      asking = null;
-    });
-  return asking;
-}
-
-export interface RequestOptions extends Omit<RequestInit, "headers"> {
-  headers?: Record<string, string>;
-}
-
-/** Fetch with the key, asking for one on 401. Resolves to a successful Response, else throws a Problem. */
-export async function request(path: string, { headers = {}, ...options }: RequestOptions = {}): Promise<Response> {
-  const used = key();
-  const response = await fetch(path, { ...options, headers: { ...authorisation(), ...headers } }).catch((error) => {
-    throw isAbort(error) ? error : offline();
-  });
-  if (response.status === 401 && prompt) {
-    await renewKey(used);
-    return request(path, { headers, ...options });
-  }
-  if (!response.ok) throw await problemOf(response);
-  return response;
-}
-
-/** The JSON at `path`. */
-export async function get<Body>(path: string, signal?: AbortSignal): Promise<Body> {
-  return (await request(path, { signal: signal ?? null })).json();
-}
-
-/** Send a JSON body. */
-export function post(path: string, body: unknown, options: RequestOptions = {}): Promise<Response> {
-  const headers = { "Content-Type": "application/json", ...options.headers };
-  return request(path, { ...options, method: options.method ?? "POST", headers, body: JSON.stringify(body) });
-}
-
-/** A path of which every inserted value is percent-encoded. */
-export function url(strings: TemplateStringsArray, ...values: (string | number)[]): string {
-  return String.raw({ raw: strings }, ...values.map((value) => encodeURIComponent(value)));
-}
-
-export const methods = async (): Promise<Method[]> => (await get<Page<Method>>("/v1/methods")).items;
-export const asset = (id: string): Promise<Asset> => get(url`/v1/assets/${id}`);
-export const job = (id: string, signal?: AbortSignal): Promise<Job> => get(url`/v1/jobs/${id}`, signal);
-export const jobs = (limit: number, cursor = ""): Promise<Page<Job>> =>
-  get(url`/v1/jobs?limit=${limit}` + (cursor && url`&cursor=${cursor}`));
-export const forget = (id: string): Promise<Response> => request(url`/v1/jobs/${id}`, { method: "DELETE" });
+/** Delete a job; the request is completed even if the page is left meanwhile. */
+export const forget = async (id: string): Promise<void> => {
+  await client.DELETE("/v1/jobs/{job_id}", { ...ofJob(id), keepalive: true });
+};
 
 export type JobVerb = "cancel" | "pause" | "resume" | "retry";
 
 /** Resolves to the job as it is after the action. */
 export const act = async (id: string, verb: JobVerb): Promise<Job> =>
-  (await request(url`/v1/jobs/${id}/${verb}`, { method: "POST" })).json();
+  (await bodyOf(client.POST(`/v1/jobs/{job_id}/${verb}`, ofJob(id)))) as Job;
 
 export interface JobBody {
   method: string;
@@ -142,11 +50,11 @@ export interface JobBody {
 
 /** Submit a job; the same `token` twice is the same job. */
 export const submit = async (body: JobBody, token: string): Promise<Job> =>
-  (await post("/v1/jobs", body, { headers: { "Idempotency-Key": token } })).json();
+  (await bodyOf(client.POST("/v1/jobs", { body, params: { header: { "idempotency-key": token } } }))) as Job;
 
 /** One stylised frame, a PNG blob. */
-export const preview = async (body: PreviewRequest, signal: AbortSignal): Promise<Blob> =>
-  (await post("/v1/previews", body, { signal })).blob();
+export const preview = (body: PreviewRequest, signal: AbortSignal): Promise<Blob> =>
+  blobOf(client.POST("/v1/previews", { body, signal, parseAs: "stream" }));
 
 /** A random token of 32 hexadecimal digits; `crypto.randomUUID` exists in secure contexts only. */
 export function token(): string {

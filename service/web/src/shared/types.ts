@@ -50,10 +50,15 @@ export interface Step {
   progress: number;
   seconds: number;
   stages: Record<string, number>;
+  /** Tasks whose results were taken over from an earlier film. */
+  reused?: number;
+  /** CPU seconds, and the largest memory of a process, bytes; 0 where nothing was measured. */
+  cpu_s: number;
+  peak_bytes: number;
 }
 
 export interface Output {
-  format?: "mp4" | "webm" | "png";
+  format?: "mp4" | "webm" | "png" | "gif";
   quality?: number;
   artefacts?: string[];
   /** Measure the film against its source. */

@@ -31,7 +31,7 @@ export function createWipe(layers: Record<Side, Element>, labels: [string, strin
       class: "wipe-handle",
       role: "slider",
       tabindex: "0",
-      "aria-label": "Compare original and painted",
+      "aria-label": `Compare ${labels[0].toLowerCase()} and ${labels[1].toLowerCase()}`,
       "aria-valuemin": "0",
       "aria-valuemax": "100",
     },
@@ -57,7 +57,7 @@ export function createWipe(layers: Record<Side, Element>, labels: [string, strin
       element.classList.toggle("at-start", value < 14);
       element.classList.toggle("at-end", value > 86);
       handle.setAttribute("aria-valuenow", String(Math.round(value)));
-      handle.setAttribute("aria-valuetext", `${Math.round(value)} % original`);
+      handle.setAttribute("aria-valuetext", `${Math.round(value)} % ${labels[0].toLowerCase()}`);
     },
     alone(what) {
       element.dataset.alone = what ?? "";

@@ -26,8 +26,10 @@ export function outputSchema(artefacts: string[]): Schema {
           { const: "mp4", title: "MP4" },
           { const: "webm", title: "WebM" },
           { const: "png", title: "PNG frames" },
+          { const: "gif", title: "GIF" },
         ],
-        description: "MP4 plays everywhere, WebM is free of patents, PNG frames are lossless, in a zip.",
+        description:
+          "MP4 plays everywhere, WebM is free of patents, PNG frames are lossless, in a zip; a GIF has 720 px and 256 colours at most.",
         group: GROUP,
       },
       quality: {
@@ -36,7 +38,7 @@ export function outputSchema(artefacts: string[]): Schema {
         minimum: 0,
         maximum: 51,
         default: 20,
-        description: "Lower is finer and larger; 0 loses nothing. Not used for PNG.",
+        description: "Lower is finer and larger; 0 loses nothing. Not used for PNG and GIF.",
         group: GROUP,
       },
       seed: {

@@ -4,14 +4,15 @@ import { ACCEPT, acceptDrops, createDropzone } from "../forms/dropzone";
 import { asProblem, isAbort, request } from "../shared/api";
 import { fill, h } from "../shared/dom";
 import { bytes, percent } from "../shared/format";
+import { icon } from "../shared/icons";
 import { problemBlock } from "../shared/notices";
 import type { Asset, View } from "../shared/types";
 import { upload } from "../shared/upload";
 
 const SAMPLE = { path: "/static/media/sample.mp4", name: "flower.mp4" };
 
-/** `onasset` is called with the uploaded video and its file. */
-export function createWelcome(onasset: (asset: Asset, file: File) => void): View {
+/** `onasset` is called with the uploaded video and its file; `onlearn` opens the first project, which explains keys. */
+export function createWelcome(onasset: (asset: Asset, file: File) => void, onlearn: () => Promise<void>): View {
   const fault = h("div", { class: "welcome-fault" });
   const inside = h("div", { class: "drop-inside" });
   const zone = createDropzone(
@@ -59,6 +60,19 @@ export function createWelcome(onasset: (asset: Asset, file: File) => void): View
   const picture = h("img", { src: "/static/img/sample.jpg", alt: "", width: 100, height: 72 });
   const words = h("span", {}, "No clip at hand?", h("strong", {}, "Try the sample"));
   const sample = h("button", { type: "button", class: "sample", onclick: trySample }, picture, words);
+  const learn = h(
+    "button",
+    { type: "button", class: "sample learn", onclick: startLesson },
+    icon("brush"),
+    h("span", {}, "New here?", h("strong", {}, "Learn painted keys in two minutes")),
+  );
+
+  async function startLesson(): Promise<void> {
+    learn.disabled = true;
+    await onlearn().catch((error) => fill(fault, problemBlock(asProblem(error))));
+    learn.disabled = false;
+  }
+
   const lede =
     "Impasto turns video into cartoons and paintings that stay steady from frame to frame: no shimmer, no crawling lines.";
   const text = h(
@@ -66,7 +80,7 @@ export function createWelcome(onasset: (asset: Asset, file: File) => void): View
     { class: "welcome-text" },
     h("h1", {}, "Video in, ", h("em", {}, "painting"), " out."),
     h("p", { class: "lede" }, lede),
-    sample,
+    h("div", { class: "starts" }, sample, learn),
   );
   const element = h("section", { class: "welcome" }, text, h("div", { class: "welcome-drop" }, zone, fault));
   acceptDrops(element, take);

@@ -5,6 +5,7 @@ import { type Child, h } from "../shared/dom";
 import { duration, humanise } from "../shared/format";
 import { announce, notify } from "../shared/notices";
 import type { Job, Json, Params, Step } from "../shared/types";
+import { ownLabels } from "./job-list";
 import { commandLine, curlLine, pythonLine } from "./recipes";
 
 export function createFacts(job: Job): HTMLElement {
@@ -30,7 +31,8 @@ function details(title: string, rows: Child[], ...more: Child[]): HTMLElement {
 
 const pair = (name: string, value: Child): HTMLElement => h("div", {}, h("dt", {}, name), h("dd", {}, value));
 
-function settings({ id, request, created_at: created, finished_at: finished }: Job): Child[] {
+function settings(job: Job): Child[] {
+  const { id, request, created_at: created, finished_at: finished } = job;
   const params = request.method === "layers" ? layers(request.params) : rows(request.params);
   const output = request.output ?? {};
   return [
@@ -40,6 +42,7 @@ function settings({ id, request, created_at: created, finished_at: finished }: J
     pair("Seed", String(request.seed ?? 0)),
     output.format ? pair("Format", output.format.toUpperCase()) : null,
     finished ? pair("Took", duration(finished - created)) : null,
+    ...ownLabels(job).map((label) => pair("Label", label)),
     pair("Job", h("code", {}, id)),
   ];
 }
@@ -79,10 +82,13 @@ function inputPicture(name: string, id: string): HTMLElement {
 }
 
 const plain = (value: Json): string => (typeof value === "object" ? JSON.stringify(value) : String(value));
-const timings = (step: Step): HTMLElement[] =>
-  Object.entries(step.stages).map(([stage, seconds]) =>
+const timings = (step: Step): HTMLElement[] => [
+  ...Object.entries(step.stages).map(([stage, seconds]) =>
     pair(`${step.title}: ${humanise(stage).toLowerCase()}`, duration(seconds)),
-  );
+  ),
+  ...(step.cpu_s ? [pair(`${step.title}: processor time`, duration(step.cpu_s))] : []),
+  ...(step.peak_bytes ? [pair(`${step.title}: largest memory`, `${Math.round(step.peak_bytes / 1e6)} MB`)] : []),
+];
 
 function copies(job: Job): HTMLElement {
   const ways: [string, string][] = [

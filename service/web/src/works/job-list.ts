@@ -1,4 +1,4 @@
-/** The works: cards of all jobs, newest first, with search and a filter by state. */
+/** The works: cards of all jobs, newest first; the service searches them by words and by state. */
 
 import * as api from "../shared/api";
 import { type Child, fill, h } from "../shared/dom";
@@ -9,6 +9,8 @@ import type { Job, Page, View } from "../shared/types";
 import { isFinal, stateWord } from "./progress";
 
 const POLL_MS = 2500;
+/** After the last letter of a search. */
+const REST_MS = 250;
 
 export interface JobListOptions {
   /** Jobs a page. */
@@ -22,10 +24,12 @@ export interface JobListOptions {
 export function createJobList({ limit, more = false, empty = "" }: JobListOptions): View {
   const list = h("ul", { class: "works" });
   const rest = h("div", { class: "works-rest" });
-  const filter = more ? createFilter(() => applyFilter()) : null;
-  const element = h("div", { "aria-busy": "true" }, filter?.element, list, rest);
+  const filter = more ? createFilter(() => search()) : null;
+  const nothing = h("p", { class: "works-none", role: "status", hidden: true }, "No work matches.");
+  const element = h("div", { "aria-busy": "true" }, filter?.element, nothing, list, rest);
   const cards = new Map<string, Card>();
   let timer = 0;
+  let searches = 0;
   let closed = false;
 
   fill(
@@ -35,26 +39,50 @@ export function createJobList({ limit, more = false, empty = "" }: JobListOption
 
   async function load(): Promise<void> {
     clearTimeout(timer);
+    const mine = searches;
     try {
-      const page = await api.jobs(limit);
-      if (!closed) show(page);
+      const page = await api.jobs(limit, filter?.wanted());
+      if (!closed && mine === searches) show(page);
     } catch (error) {
       const again = h("button", { type: "button", class: "button", onclick: () => location.reload() }, "Try again");
       if (!closed) fill(element, problemBlock(api.asProblem(error), again));
     }
   }
 
+  /** Begin the list anew with what the filter asks for. */
+  function search(): void {
+    cards.clear();
+    searches += 1;
+    element.setAttribute("aria-busy", "true");
+    clearTimeout(timer);
+    timer = window.setTimeout(load, REST_MS);
+  }
+
   function show(page: Page<Job>): void {
     element.setAttribute("aria-busy", "false");
     if (!cards.size) list.replaceChildren();
+    dropMissing(page);
     place(page.items, list.firstChild);
-    fill(rest, !cards.size && empty, more && page.cursor && moreButton(page.cursor));
+    const chosen = Object.keys(filter?.wanted() ?? {}).length > 0;
+    nothing.hidden = cards.size > 0 || !chosen;
+    fill(rest, !cards.size && !chosen && empty, more && page.cursor && moreButton(page.cursor));
     if (page.items.some((job) => !isFinal(job))) timer = window.setTimeout(load, POLL_MS);
+  }
+
+  /** Remove cards that belong on this first page and are not there any more: their job was deleted, or has another state. */
+  function dropMissing({ items, cursor }: Page<Job>): void {
+    const oldest = cursor ? (items.at(-1)?.id ?? "") : "";
+    for (const [id, card] of cards) {
+      if (id < oldest || items.some((job) => job.id === id)) continue;
+      card.element.remove();
+      cards.delete(id);
+    }
   }
 
   /** Add cards that are new, refresh those that changed, leave the rest alone. */
   function place(jobs: Job[], before: Node | null = null): void {
     for (const job of jobs) {
+      if (job.request.labels?.export) continue; // another format of a film that is listed
       const known = cards.get(job.id);
       if (known) known.update(job);
       else {
@@ -63,17 +91,13 @@ export function createJobList({ limit, more = false, empty = "" }: JobListOption
         list.insertBefore(card.element, before);
       }
     }
-    applyFilter();
-  }
-
-  function applyFilter(): void {
-    if (!filter) return;
-    for (const card of cards.values()) card.element.hidden = !filter.fits(card);
   }
 
   function moreButton(cursor: string): HTMLElement {
     const next = async () => {
-      const page = await api.jobs(limit, cursor);
+      const mine = searches;
+      const page = await api.jobs(limit, filter?.wanted(), cursor);
+      if (mine !== searches) return; // another search has begun
       place(page.items);
       fill(rest, page.cursor && moreButton(page.cursor));
     };
@@ -99,13 +123,13 @@ const STATES: [string, string][] = [
 
 interface Filter {
   element: HTMLElement;
-  fits(card: Card): boolean;
+  wanted(): api.JobSearch;
 }
 
 function createFilter(changed: () => void): Filter {
   const text = h("input", {
     type: "search",
-    placeholder: "Search works",
+    placeholder: "Name, method or label",
     "aria-label": "Search works",
     oninput: changed,
   });
@@ -116,13 +140,21 @@ function createFilter(changed: () => void): Filter {
   );
   return {
     element: h("div", { class: "works-filter" }, text, state),
-    fits({ job }) {
-      const words = `${job.request.name ?? ""} ${job.request.method}`.toLowerCase();
-      const active = state.value === "active" ? !isFinal(job) : !state.value || job.state === state.value;
-      return active && words.includes(text.value.trim().toLowerCase());
+    wanted() {
+      const search = text.value.trim();
+      return {
+        ...(search && { search }),
+        ...(state.value && { state: state.value as NonNullable<api.JobSearch["state"]> }),
+      };
     },
   };
 }
+
+/** Labels that a user gave a job; the others say where it came from. */
+export const ownLabels = ({ request }: Job): string[] =>
+  Object.entries(request.labels ?? {}).flatMap(([name, value]) =>
+    ["project", "shot", "variant", "version", "export"].includes(name) ? [] : [value ? `${name}: ${value}` : name],
+  );
 
 interface Card {
   element: HTMLElement;
@@ -136,7 +168,12 @@ function createCard(first: Job, changed: () => void): Card {
   const state = h("span", { class: "work-state" });
   const title = h("span", { class: "work-title" });
   const actions = h("div", { class: "work-actions" });
-  const link = h("a", { href: `#/jobs/${first.id}`, class: "work-link" }, poster, bar, title, state);
+  const labels = h(
+    "span",
+    { class: "work-labels" },
+    ownLabels(first).map((label) => h("span", {}, label)),
+  );
+  const link = h("a", { href: `#/jobs/${first.id}`, class: "work-link" }, poster, bar, title, state, labels);
   const element = h("li", { class: "work" }, link, actions);
   let shown = "";
 

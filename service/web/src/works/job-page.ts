@@ -7,14 +7,15 @@ import { follow } from "../shared/events";
 import { ago, percent } from "../shared/format";
 import { iconButton } from "../shared/icons";
 import { notify, problemBlock, warningBlock } from "../shared/notices";
-import type { Job, View } from "../shared/types";
+import type { Job, Page, View } from "../shared/types";
 import { createFacts } from "./facts";
 import { deleteWithUndo } from "./job-list";
 import { createJobPreview } from "./job-preview";
-import { createProgress, isFinal, stateWord } from "./progress";
+import { createProgress, isFinal, type Queue, stateWord } from "./progress";
 import { createResult, type Result } from "./result";
 
 const REFRESH_MS = 600;
+const QUEUE_MS = 4000;
 
 export function createJobPage(id: string): View {
   const element = h("div", { class: "job", "aria-busy": "true" }, h("div", { class: "loading" }, "Loading the job…"));
@@ -24,6 +25,23 @@ export function createJobPage(id: string): View {
   let result: Result | null = null;
   let job: Job | null = null;
   let drawn = "";
+  let queue: Queue | null = null;
+  let looking = 0;
+
+  /** Read the position now and every few seconds while the job is queued. */
+  function lookAtQueue(): void {
+    if (looking) return;
+    const look = async () => {
+      if (controller.signal.aborted || job?.state !== "queued") {
+        looking = 0;
+        return;
+      }
+      queue = await api.get<Queue>(api.url`/v1/jobs/${id}/queue`, controller.signal).catch(() => queue);
+      if (job?.state === "queued") progress.update(job, queue);
+      looking = window.setTimeout(look, QUEUE_MS);
+    };
+    looking = window.setTimeout(look, 0);
+  }
 
   async function refresh(): Promise<void> {
     try {
@@ -46,7 +64,8 @@ export function createJobPage(id: string): View {
   function draw(now: Job): void {
     job = now;
     document.title = `${isFinal(now) ? stateWord(now) : percent(now.progress)} · ${titleOf(now)} · Impasto`;
-    progress.update(now);
+    progress.update(now, queue);
+    if (now.state === "queued") lookAtQueue();
     preview.update(now);
     const look = `${now.state} ${(now.warnings ?? []).map((warning) => warning.message).join()}`;
     if (drawn !== look) compose(now);
@@ -68,6 +87,7 @@ export function createJobPage(id: string): View {
         (now.warnings ?? []).map((warning) => warning.message),
       ),
       result?.downloads,
+      now.state === "succeeded" && correction(now, result),
       progress.element,
       h("div", { class: "actions" }, verbs(now)),
       createFacts(now),
@@ -89,7 +109,7 @@ export function createJobPage(id: string): View {
       leave();
       deleteWithUndo(id, titleOf(now), () => history.back());
     });
-    if (now.state === "succeeded") return [change(), remove];
+    if (now.state === "succeeded") return [change(), compareLink(now), remove];
     if (retryMayHelp(now)) return [button("retry", "Try again", "primary"), change(), remove];
     return [change("primary"), button("retry", "Try again"), remove];
   }
@@ -127,6 +147,45 @@ export function createJobPage(id: string): View {
     },
   };
 }
+
+/** A link to the page that compares the film with those of the project's other variants, once there are two. */
+function compareLink(job: Job): HTMLElement | false {
+  const { project, variant } = job.request.labels ?? {};
+  if (!project || !variant) return false;
+  const link = h("a", { class: "button", hidden: true }, "Compare variants");
+  const label = `project:${project}`;
+  api.get<Page<Job>>(api.url`/v1/jobs?label=${label}&state=succeeded&limit=50`).then(({ items }) => {
+    const newest = new Map<string, string>();
+    for (const one of items) {
+      const name = one.request.labels?.variant;
+      if (name && !newest.has(name)) newest.set(name, one.id);
+    }
+    newest.delete(variant);
+    link.href = `#/compare/${[job.id, ...newest.values()].join(",")}`;
+    link.hidden = !newest.size;
+  }, notify);
+  return link;
+}
+
+/** Choose a frame of the film that becomes a key of its project; null where there are no painted keys. */
+function correction(job: Job, result: Result | null): HTMLElement | null {
+  const project = job.request.labels?.project;
+  if (!project || job.request.method !== "analogy") return null;
+  const first = job.request.frames?.[0] ?? 0;
+  const frame = h("input", { type: "number", min: first + 1, value: first + 1, "aria-label": "Frame to correct" });
+  const open = () => {
+    const wanted = Number(frame.value) - 1;
+    location.hash = `#/projects/${project}?film=${job.id}&frame=${Math.max(first, wanted)}`;
+  };
+  result?.element.addEventListener("frame", (event) => {
+    frame.value = String(first + 1 + (event as CustomEvent<number>).detail);
+  });
+  const button = h("button", { type: "button", class: "button", onclick: open }, "Correct this frame");
+  const lossy = job.request.output?.format !== "png" && h("p", { class: "hint" }, LOSSY);
+  return h("div", { class: "correct-frame" }, h("label", {}, "Frame ", frame), button, lossy);
+}
+
+const LOSSY = "The frame is taken from the compressed film. A film in PNG frames gives its exact pixels.";
 
 const titleOf = (job: Job): string => job.request.name || job.request.method;
 

@@ -21,23 +21,26 @@ export interface Films {
   poster: string | null;
   /** The original's frame that the painted film begins with. */
   first: number;
+  /** Names of both; "Original" and "Painted" if left out. */
+  labels?: [before: string, after: string];
 }
 
+/** The element fires `frame` with the number of the film's frame at which it stops. */
 export interface Player extends View {
   /** Stop at this frame of the painted film. */
   showFrame(frame: number): void;
 }
 
-export function createPlayer({ asset, before, after, poster, first }: Films): Player {
+export function createPlayer({ asset, before, after, poster, first, labels = ["Original", "Painted"] }: Films): Player {
   const follower = film(before, { muted: true, tabindex: "-1", "aria-hidden": "true" });
   const leader = film(after, { poster, muted: true, "aria-label": "The painted film" });
-  const wipe = createWipe({ before: follower, after: leader });
+  const wipe = createWipe({ before: follower, after: leader }, labels);
   const frame = h("div", { class: "frame" }, wipe.element);
   const element: HTMLElement = h(
     "div",
     { class: "player", role: "group", "aria-label": "Player" },
     frame,
-    controls(leader, wipe, () => element),
+    controls(leader, wipe, labels, () => element),
   );
   const fps = asset.info.fps || 25;
   const closers = [keepInStep(leader, follower, first / fps)];
@@ -62,6 +65,12 @@ export function createPlayer({ asset, before, after, poster, first }: Films): Pl
     event.preventDefault();
     toggle(leader);
   });
+  for (const event of ["pause", "seeked"])
+    leader.addEventListener(event, () => {
+      if (!leader.paused) return;
+      const detail = Math.floor(leader.currentTime * fps + 0.01);
+      element.dispatchEvent(new CustomEvent("frame", { detail, bubbles: true }));
+    });
   if (!calm()) leader.play().catch(() => {});
   return {
     element,
@@ -142,7 +151,12 @@ function followByFrame(leader: HTMLVideoElement, stills: Stills, fps: number, fi
   };
 }
 
-function controls(leader: HTMLVideoElement, wipe: Wipe, player: () => HTMLElement): HTMLElement {
+function controls(
+  leader: HTMLVideoElement,
+  wipe: Wipe,
+  labels: [string, string],
+  player: () => HTMLElement,
+): HTMLElement {
   const play = iconButton("play", "Play", () => toggle(leader));
   leader.addEventListener("play", () => relabel(play, "pause", "Pause"));
   leader.addEventListener("pause", () => relabel(play, "play", "Play"));
@@ -151,7 +165,7 @@ function controls(leader: HTMLVideoElement, wipe: Wipe, player: () => HTMLElemen
     else player().requestFullscreen();
   });
   full.hidden = !document.fullscreenEnabled;
-  return h("div", { class: "transport" }, play, timeline(leader), soundButton(leader), viewSwitch(wipe), full);
+  return h("div", { class: "transport" }, play, timeline(leader), soundButton(leader), viewSwitch(wipe, labels), full);
 }
 
 function timeline(leader: HTMLVideoElement): HTMLElement[] {
@@ -182,21 +196,20 @@ function soundButton(leader: HTMLVideoElement): HTMLElement {
   return button;
 }
 
-const VIEWS: [string, Side | null][] = [
-  ["Original", "before"],
-  ["Compare", null],
-  ["Painted", "after"],
-];
-
 /** Both with the handle, or one of them alone. */
-function viewSwitch(wipe: Wipe): HTMLElement {
+function viewSwitch(wipe: Wipe, [before, after]: [string, string]): HTMLElement {
+  const views: [string, Side | null][] = [
+    [before, "before"],
+    ["Compare", null],
+    [after, "after"],
+  ];
   const press = (chosen: Side | null) => {
     wipe.alone(chosen);
     buttons.forEach((button, i) => {
-      button.setAttribute("aria-pressed", String(VIEWS[i]?.[1] === chosen));
+      button.setAttribute("aria-pressed", String(views[i]?.[1] === chosen));
     });
   };
-  const buttons = VIEWS.map(([text, what]) => h("button", { type: "button", onclick: () => press(what) }, text));
+  const buttons = views.map(([text, what]) => h("button", { type: "button", onclick: () => press(what) }, text));
   press(null);
   return h("div", { class: "views", role: "group", "aria-label": "View" }, buttons);
 }

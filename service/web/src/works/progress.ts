@@ -21,7 +21,14 @@ export const isFinal = (job: Job): boolean => ["succeeded", "failed", "cancelled
 
 export interface Progress {
   element: HTMLElement;
-  update(job: Job): void;
+  /** Show the job; `queue`: its position, if it is known. */
+  update(job: Job, queue?: Queue | null): void;
+}
+
+/** How many jobs are served before one, and what they need, seconds. */
+export interface Queue {
+  jobs_ahead: number;
+  seconds: number | null;
 }
 
 export function createProgress(): Progress {
@@ -34,15 +41,25 @@ export function createProgress(): Progress {
   const announced = { step: "", state: "" };
   return {
     element,
-    update(job) {
+    update(job, queue = null) {
       bar.value = job.progress;
       number.textContent = percent(job.progress);
-      text.textContent = timeLeft(job);
+      text.textContent = job.state === "queued" ? queueText(queue) : timeLeft(job);
       element.dataset.state = job.state;
       steps.replaceChildren(...job.steps.map(stepRow));
       narrate(job, announced);
     },
   };
+}
+
+/** "Queued, 2 jobs ahead, about 4 min". */
+export function queueText(queue: Queue | null): string {
+  if (!queue) return "Queued";
+  if (!queue.jobs_ahead) return "Queued, next in line";
+  const jobs = `${queue.jobs_ahead} ${queue.jobs_ahead === 1 ? "job" : "jobs"} ahead`;
+  if (queue.seconds === null) return `Queued, ${jobs}`;
+  const minutes = Math.round(queue.seconds / 60);
+  return `Queued, ${jobs}, ${minutes < 1 ? "less than a minute" : `about ${duration(60 * minutes)}`}`;
 }
 
 function timeLeft(job: Job): string {
@@ -61,13 +78,21 @@ function narrate(job: Job, announced: { step: string; state: string }): void {
 function stepRow(step: Step): HTMLElement {
   const total = Object.values(step.counts ?? {}).reduce((sum, n) => sum + n, 0);
   const tasks = total > 1 && `${step.counts.succeeded ?? 0} of ${total} tasks`;
+  const reused = step.reused ? `${step.reused} of ${total} tasks taken over` : "";
   const seconds = step.state === "succeeded" && step.seconds > 0 && duration(step.seconds);
   const bar = h("span", { class: "step-bar" });
   bar.style.setProperty("--done", String(step.progress));
   const symbol = step.state === "succeeded" ? icon("check") : step.state === "failed" ? icon("alert") : "";
   const mark = h("span", { class: "step-mark" }, symbol);
   const title = h("span", { class: "step-title" }, step.title);
-  const row = h("li", { class: "step" }, mark, title, h("span", { class: "step-hint" }, seconds || tasks || ""), bar);
+  const row = h(
+    "li",
+    { class: "step" },
+    mark,
+    title,
+    h("span", { class: "step-hint" }, reused || seconds || tasks || ""),
+    bar,
+  );
   row.dataset.state = step.state;
   row.setAttribute("aria-label", `${step.title}: ${step.state}, ${percent(step.progress)}`);
   return row;

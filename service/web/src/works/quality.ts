@@ -20,6 +20,8 @@ export interface Quality {
   edge_width_px?: number | null;
   faces?: number;
   faces_kept?: number | null;
+  palette_distance?: number;
+  flicker_of_alone?: number;
   samples: Sample[];
   worst: number[];
 }
@@ -46,6 +48,7 @@ function content(quality: Quality, showFrame: (frame: number) => void): HTMLElem
     h("dl", { class: "quality-figures" }, cells),
     h("p", {}, `Flicker of ${quality.pairs} measured frames. Select a bar to see its frame.`),
     chart(quality, showFrame),
+    worstMoments(quality, showFrame),
   ];
 }
 
@@ -56,10 +59,31 @@ export function rows(quality: Quality): Row[] {
     ["Detail", quality.detail, "", "1 = as much as the source"],
     ["Structure", quality.structure, "", "1 = the scene reads as in the source"],
     ["Edge width", quality.edge_width_px, " px", "1 to 2 px = drawn at this size"],
+    ["Flicker, of frame by frame", quality.flicker_of_alone, "", "1 = as much as frames painted one by one"],
+    ["Palette distance", quality.palette_distance, "", "0 = only colours of the style, of 442"],
     ["Faces kept", quality.faces_kept, "", `of ${quality.faces ?? 0} faces found in the source`],
   ];
   return all.flatMap(([title, value, unit, meaning]): Row[] =>
     value === null || value === undefined ? [] : [[title, `${value.toFixed(2)}${unit}`, meaning]],
+  );
+}
+
+/** Buttons that show the frames with the most flicker. */
+function worstMoments({ worst, samples }: Quality, showFrame: (frame: number) => void): HTMLElement {
+  const flicker = new Map(samples.map((sample) => [sample.frame, sample.flicker]));
+  const buttons = worst.map((frame) =>
+    h(
+      "button",
+      { type: "button", class: "chip-button", onclick: () => showFrame(frame) },
+      `Frame ${frame + 1} · ${(flicker.get(frame) ?? 0).toFixed(2)}`,
+    ),
+  );
+  const label = h("span", {}, "Most flicker:");
+  return h(
+    "div",
+    { class: "quality-worst", role: "group", "aria-label": "Frames with the most flicker" },
+    label,
+    buttons,
   );
 }
 

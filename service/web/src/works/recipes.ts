@@ -15,19 +15,22 @@ export const curlLine = (job: Job, origin: string): string =>
   `curl -sS -H 'Content-Type: application/json' -d ${quoted(JSON.stringify(body(job)))} ${quoted(`${origin}/v1/jobs`)}`;
 
 export function pythonLine(job: Job, origin: string): string {
-  const { method, inputs, params, seed = 0, frames } = job.request;
+  const { method, inputs, params, seed = 0, frames, output } = job.request;
   const piece = frames ? `, frames=(${frames.join(", ")})` : "";
-  const literal = (value: unknown) => `json.loads(${JSON.stringify(JSON.stringify(value))})`;
+  const wanted = output?.format && output.format !== "mp4" ? `, output=${literal({ ...output })}` : "";
   return [
     "import json",
     "from impasto import Client",
     "",
     `with Client(${JSON.stringify(origin)}) as impasto:`,
-    `    job = impasto.submit(${JSON.stringify(method)}, ${literal(inputs)}, ${literal(params)}, seed=${seed}${piece})`,
+    `    job = impasto.submit(${JSON.stringify(method)}, ${literal(inputs)}, ${literal(params)}, seed=${seed}${piece}${wanted})`,
     '    impasto.wait(job["id"])',
-    '    impasto.download(job["id"], "film.mp4")',
+    `    impasto.download(job["id"], "film.${output?.format === "png" ? "zip" : (output?.format ?? "mp4")}")`,
   ].join("\n");
 }
+
+/** A JSON value as a Python expression. */
+const literal = (value: unknown): string => `json.loads(${JSON.stringify(JSON.stringify(value))})`;
 
 /** `impasto render` with placeholders for the files, which the command reads from the user's disk. */
 export function commandLine(job: Job): string {
@@ -35,7 +38,7 @@ export function commandLine(job: Job): string {
   const files = Object.keys(inputs).filter((name) => name !== "video");
   return [
     "impasto render VIDEO",
-    `-o film.${output?.format === "webm" ? "webm" : output?.format === "png" ? "zip" : "mp4"}`,
+    `-o film.${output?.format === "png" ? "zip" : (output?.format ?? "mp4")}`,
     `--method ${method}`,
     ...files.map((name) => `--input ${name}=${name.toUpperCase()}`),
     ...Object.entries(params).map(

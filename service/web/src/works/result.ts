@@ -7,6 +7,7 @@ import { icon } from "../shared/icons";
 import { notify } from "../shared/notices";
 import { mayPlay } from "../shared/stills";
 import type { Job, View } from "../shared/types";
+import { createExports } from "./exports";
 import { createPlayer } from "./player";
 import { createQuality } from "./quality";
 
@@ -19,13 +20,15 @@ export interface Result extends View {
 export function createResult(job: Job): Result {
   const element = h("div", { class: "result" });
   const playback: Playback = { closed: false, close: () => {}, showFrame: () => {} };
-  const playable = job.request.output?.format !== "png";
-  (playable ? play(job, element, playback) : showSheet(job, element)).catch(notify);
+  const shown = { mp4: play, webm: play, png: showSheet, gif: showGif }[job.request.output?.format ?? "mp4"];
+  shown(job, element, playback).catch(notify);
+  const exports = createExports(job);
   const quality = createQuality(job, (frame) => playback.showFrame(frame));
   return {
     element: h("div", { class: "result-and-quality" }, element, quality),
-    downloads: downloads(job),
+    downloads: downloads(job, exports?.element),
     close() {
+      exports?.close();
       playback.closed = true;
       playback.close();
     },
@@ -60,9 +63,14 @@ async function showSheet(job: Job, element: HTMLElement): Promise<void> {
   element.append(h("img", { class: "sheet", alt: "Contact sheet of the frames", src }));
 }
 
-const FORMATS = { mp4: "MP4", webm: "WebM", png: "ZIP" };
+async function showGif(job: Job, element: HTMLElement): Promise<void> {
+  const src = await api.mediaUrl(api.paths.result(job.id));
+  element.append(h("img", { class: "sheet", alt: "The painted film", src }));
+}
 
-function downloads(job: Job): HTMLElement {
+const FORMATS = { mp4: "MP4", webm: "WebM", png: "ZIP", gif: "GIF" };
+
+function downloads(job: Job, exports: HTMLElement | undefined): HTMLElement {
   const save = (path: string) => () => api.download(path).catch(notify);
   const text = `Download ${FORMATS[job.request.output?.format ?? "mp4"]}`;
   const onclick = save(api.paths.result(job.id));
@@ -71,7 +79,13 @@ function downloads(job: Job): HTMLElement {
   const more = others.map((name) =>
     h("button", { type: "button", class: "button small", onclick: save(api.paths.file(job.id, name)) }, label(name)),
   );
-  return h("div", { class: "downloads" }, main, more.length > 0 && h("div", { class: "downloads-more" }, more));
+  return h(
+    "div",
+    { class: "downloads" },
+    main,
+    exports,
+    more.length > 0 && h("div", { class: "downloads-more" }, more),
+  );
 }
 
 const label = (name: string): string => (name === "sheet" ? "Contact sheet" : artefactTitle(name));

@@ -1,0 +1,70 @@
+"""`impasto render --estimate`: what a render will take, from earlier renders on this machine."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from contextlib import suppress
+from pathlib import Path
+
+from pipeline.video.media import MediaInfo
+from pipeline.video.probe import probe_guarded
+from workers.jobs.frame_window import window_info
+from workers.model import Job, JobRequest, Json
+from workers.projects.estimates import MeasuredJob, estimate_from
+
+HISTORY = "render-history.json"
+"""File of finished renders in the home folder."""
+MAX_KEPT = 200
+"""Renders that are kept, the newest first."""
+
+
+def estimate_render(request: JobRequest, video: Path, home: Path) -> Json:
+    """Time, memory and disk space that a render of the video will take, as the fields of `Estimate`.
+
+    Raises: UnreadableMedia, NoVideoStream.
+    """
+    info = _facts(probe_guarded(video))
+    return dataclasses.asdict(estimate_from(request, info, _read(home).get(request.method, [])))
+
+
+def remember(home: Path, request: JobRequest, video: MediaInfo, job: Job) -> None:
+    """Add a finished render to the history. A history that cannot be written is left as it is."""
+    if job.started_at is None or job.finished_at is None:
+        return
+    piece = window_info(_facts(video), request.frames)
+    measured = MeasuredJob(
+        request.params, int(piece["frames"]), int(piece["width"]) * int(piece["height"]),
+        job.finished_at - job.started_at, sum(step.cpu_s for step in job.steps),
+        max((step.peak_bytes for step in job.steps), default=0),
+    )  # fmt: skip
+    rows = [{"method": request.method, **dataclasses.asdict(measured)}, *_rows(home)][:MAX_KEPT]
+    part = home / f".{HISTORY}.part"
+    with suppress(OSError):
+        home.mkdir(parents=True, exist_ok=True)
+        part.write_text(json.dumps(rows, indent=1))
+        part.replace(home / HISTORY)
+
+
+def _facts(video: MediaInfo) -> Json:
+    return {name: getattr(video, name) for name in ("frames", "width", "height", "fps", "duration_s")}
+
+
+def _read(home: Path) -> dict[str, list[MeasuredJob]]:
+    """Measured renders by method, the newest first."""
+    found: dict[str, list[MeasuredJob]] = {}
+    names = {field.name for field in dataclasses.fields(MeasuredJob)}
+    for row in _rows(home):
+        if isinstance(row, dict) and names | {"method"} == set(row):
+            measured = MeasuredJob(**{name: row[name] for name in names})
+            if measured.frames > 0 and measured.pixels > 0:
+                found.setdefault(row["method"], []).append(measured)
+    return found
+
+
+def _rows(home: Path) -> list[Json]:
+    try:
+        rows = json.loads((home / HISTORY).read_text())
+    except (OSError, ValueError):
+        return []
+    return rows if isinstance(rows, list) else []

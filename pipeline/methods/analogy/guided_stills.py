@@ -1,0 +1,84 @@
+"""Settings for a still image whose guides are registered with the style.
+
+The defaults of the other parameters are intended for a painting without guides, whose strokes stay whole, and for
+video. Guides determine the position in the style, so that the texture can count more, larger regions can stay whole,
+and no position need be used often. How large the regions may be depends on the guides: where those of the frame change
+faster than those of the style, neighbouring pixels must come from positions that are farther apart, which eq. 5 of
+benard2013stylizing penalises.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pipeline.methods.analogy.inputs import StylePair, SynthesisInputs
+from pipeline.methods.analogy.params import AnalogyParams
+from pipeline.methods.base import TaskContext
+from pipeline.synthesis.images import Bytes, halved
+
+TEXTURE = 2.0
+"""Factor of `texture_weight`: guide weights are then those of EbSynth, relative to the weight of the style."""
+COLOUR = 4.0
+"""Factor of `colour_weight`: lightness and hue have the same weight by default."""
+COHERENCE = 80 / 15
+"""Factor of `coherence_weight` for guides that change as fast in the frame as in the style."""
+VARIETY = 200.0
+"""Minimum of `variety_weight` for the same guides."""
+STRETCH_POWER = 1.5
+"""Power of the stretch by which coherence and variety are divided."""
+MAX_STRETCH = 16.0
+FURTHER_LEVELS, MOST_LEVELS = 2, 7
+ITERATIONS = 1.5
+"""Factor of `iterations`."""
+_HALVINGS = 2
+"""The stretch is measured at a quarter of the size, where the noise of rendered guides does not count."""
+
+
+def is_guided_still(context: TaskContext[AnalogyParams], inputs: SynthesisInputs, pair: StylePair) -> bool:
+    """Whether the video is one image, and the style has a registered picture or registered guides."""
+    registered = inputs.has_style_pair() and (not pair.derived or pair.extra_guides is not None)
+    return context.video.frames == 1 and registered and inputs.params.guided_stills == "auto"
+
+
+def guided_still_params(params: AnalogyParams, stretch: float) -> AnalogyParams:
+    """The parameters of a guided still. They scale those that are set, so that every parameter keeps its effect.
+
+    Args:
+        stretch: see `stretch_of_guides`.
+    """
+    reduction = max(1.0, stretch) ** -STRETCH_POWER
+    return params.model_copy(
+        update={
+            "texture_weight": params.texture_weight * TEXTURE,
+            "colour_weight": params.colour_weight * COLOUR,
+            "coherence_weight": params.coherence_weight * COHERENCE * reduction,
+            "variety_weight": max(params.variety_weight, VARIETY * reduction),
+            "levels": min(params.levels + FURTHER_LEVELS, MOST_LEVELS),
+            "iterations": round(params.iterations * ITERATIONS),
+        }
+    )
+
+
+def stretch_of_guides(frame: Bytes, style: Bytes, weights: Sequence[float]) -> float:
+    """How much faster guides change in the frame than in the style: ratio of their squared gradients, 1/16 to 16.
+
+    For a style that is shown at half its size the ratio is 4. 1 if the style has no gradients.
+
+    Args:
+        frame: guides of the frame, uint8 (h, w, channels).
+        style: guides of the style, uint8 (h, w, channels).
+        weights: weight of each channel.
+    """
+    in_frame, in_style = (_squared_gradient(guides, weights) for guides in (frame, style))
+    return float(np.clip(in_frame / in_style, 1 / MAX_STRETCH, MAX_STRETCH)) if in_style > 0 else 1.0
+
+
+def _squared_gradient(guides: Bytes, weights: Sequence[float]) -> float:
+    """Weighted mean of the squared gradient over all pixels, gray levels^2 per px^2."""
+    for _ in range(_HALVINGS if min(guides.shape[:2]) >= 2 << _HALVINGS else 0):
+        guides = np.asarray(halved(guides), np.uint8)
+    levels = guides.astype(np.float64)
+    along_x, along_y = ((np.diff(levels, axis=axis) ** 2).mean((0, 1)) for axis in (1, 0))
+    return float(np.dot(along_x + along_y, np.asarray(weights, np.float64)))

@@ -1,0 +1,54 @@
+"""The step `composite`: lays the layers of a shot over each other, from back to front."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.compositing import lay_over
+from pipeline.frames import Frame
+from pipeline.methods.analogy.params import AnalogyParams
+from pipeline.methods.analogy.shot_layers import Layer, RenderPasses, layered_shot, paint_artefact
+from pipeline.methods.base import Task, TaskContext, TaskResult
+from pipeline.synthesis.images import Bytes
+
+
+def run_composite(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult:
+    """Composite the layers of a run of frames over the background colour of shot.json; emit the frames.
+
+    Each layer has an opacity and a blend mode. Layers with `"stylise": false` are composited as they were rendered, as
+    the solid colours of fig. 8d of benard2013stylizing.
+    """
+    assert task.emits is not None
+    shot = layered_shot(context)
+    assert shot is not None
+    start, stop = task.emits
+    passes = [RenderPasses(layer, context.size) for layer in shot.layers]
+    for index in range(start, stop):
+        canvas = _plain_canvas(context.size, shot.settings.background)
+        for layer, source in zip(shot.layers, passes, strict=True):
+            with context.clock("composite"):
+                canvas = _with_layer(canvas, _picture(context, layer, source, index), layer)
+        context.emit(index, canvas)
+        context.progress((index + 1 - start) / (stop - start))
+    return {"frames": stop - start}
+
+
+def _picture(context: TaskContext[AnalogyParams], layer: Layer, passes: RenderPasses, index: int) -> Bytes:
+    """The painting of a layer, or its own frame if it is not stylised: uint8 (h, w, 4), straight alpha."""
+    if layer.stylised:
+        return np.asarray(context.load("synthesise", paint_artefact(layer.number, index))["rgba"], np.uint8)
+    return passes.layer_picture(index)
+
+
+def _with_layer(canvas: Frame, picture: Bytes, layer: Layer) -> Frame:
+    """A layer laid over the layers behind it."""
+    settings = layer.files.settings
+    colours, matte = np.ascontiguousarray(picture[..., :3]), picture[..., 3]
+    if settings is None:
+        return lay_over(canvas, colours, matte=matte)
+    return lay_over(canvas, colours, settings.opacity, settings.blend, matte)
+
+
+def _plain_canvas(size: tuple[int, int], colour: str) -> Frame:
+    """A canvas of one colour "#rrggbb", uint8 (h, w, 3)."""
+    return np.full((size[1], size[0], 3), list(bytes.fromhex(colour[1:])), np.uint8)

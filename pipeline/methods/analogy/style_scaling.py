@@ -1,0 +1,96 @@
+"""Scaling of a painting that is given alone, so that its strokes suit the size of the frame.
+
+The step `scan` saves the scaled painting, and the tasks of the step `synthesise` load it.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from pipeline.methods.analogy.inputs import WHOLE, StylePair, SynthesisInputs
+from pipeline.methods.analogy.params import AnalogyParams
+from pipeline.methods.base import TaskContext
+from pipeline.synthesis.exemplar import natural_sigma, natural_size, resized, with_colours_of
+from pipeline.synthesis.images import Bytes
+from pipeline.synthesis.tone_matching import derived_guide
+
+MAX_SCALE = 4.0
+"""Maximum scale: a pixel of the painting becomes at most 4 px wide."""
+SMOOTHING_SIZE = (480, 270)
+"""Frame size whose pixels are the unit of `style_smoothing`, so that S has the same detail at every frame size."""
+SAME_SIZE = 0.05
+"""Relative difference of size up to which a painting is not scaled."""
+
+
+def scaled_pair(pair: StylePair, params: AnalogyParams, size: tuple[int, int]) -> StylePair:
+    """Scale a painting to the size of the frame and remove the sharpening of its scan.
+
+    With `stroke_scale` 1, painting and frame have equally many pixels, so that a stroke takes the same share of both at
+    any frame size. Every colour remains a colour of the painting.
+
+    Args:
+        pair: a painting without guides, lines and directions.
+        size: (width, height) of the frame, px.
+    """
+    painting = pair.output
+    scale = natural_size((painting.shape[1], painting.shape[0]), size) * params.stroke_scale
+    scale = 1.0 if abs(scale - 1) <= SAME_SIZE else min(scale, MAX_SCALE)
+    output = resized(painting, scale) if scale != 1 else painting
+    sigma = natural_sigma(output)
+    if sigma > 0:
+        output = np.asarray(cv2.GaussianBlur(output, (0, 0), sigma), np.uint8)
+    output = output if output is painting else _recoloured(output, painting)
+    return StylePair(output, _derived_guide(painting, output, scale, params.style_smoothing * _unit_px(size)), True)
+
+
+def _unit_px(size: tuple[int, int]) -> float:
+    """Length of a pixel of `SMOOTHING_SIZE` at this frame size, px."""
+    return natural_size(SMOOTHING_SIZE, size)
+
+
+def _derived_guide(painting: Bytes, output: Bytes, scale: float, smoothing_px: float) -> Bytes:
+    """S of the scaled painting, at the smaller of both sizes, where smoothing takes less time.
+
+    Args:
+        smoothing_px: smoothing at the size of `output`, px.
+    """
+    if scale <= 1:
+        return derived_guide(np.ascontiguousarray(output[..., :3]), smoothing_px)
+    smooth = derived_guide(np.ascontiguousarray(painting[..., :3]), smoothing_px / scale)
+    return np.asarray(cv2.resize(smooth, output.shape[1::-1], interpolation=cv2.INTER_LINEAR), np.uint8)
+
+
+def _recoloured(output: Bytes, painting: Bytes) -> Bytes:
+    """`output` with each colour replaced by the nearest visible colour of the painting."""
+    if painting.shape[2] == 3:
+        return with_colours_of(output, painting)
+    visible = painting[..., 3] > 0
+    palette = painting[visible][None, :, :3] if visible.any() else painting[..., :3]
+    return np.dstack([with_colours_of(np.ascontiguousarray(output[..., :3]), palette), output[..., 3]])
+
+
+def is_scaled(inputs: SynthesisInputs) -> bool:
+    """Whether the style is a painting that is scaled."""
+    return inputs.painting_alone and inputs.params.stroke_scale > 0
+
+
+def save_scaled_style(context: TaskContext[AnalogyParams], inputs: SynthesisInputs) -> None:
+    """Scale the painting of a layer and save it as an artefact of the step `scan`, if it is scaled at all."""
+    if not is_scaled(inputs):
+        return
+    with context.clock("style"):
+        pair = scaled_pair(inputs.style_pair(), inputs.params, context.size)
+    context.save(_artefact(inputs.layer), {"output": pair.output, "guide": pair.guide})
+
+
+def style_of(context: TaskContext[AnalogyParams], inputs: SynthesisInputs) -> StylePair:
+    """The style pair of a layer, scaled if it is a painting alone."""
+    if not is_scaled(inputs):
+        return inputs.style_pair()
+    saved = context.load("scan", _artefact(inputs.layer))
+    return StylePair(np.asarray(saved["output"], np.uint8), np.asarray(saved["guide"], np.uint8), True)
+
+
+def _artefact(layer: int) -> str:
+    return "scaled-style" if layer == WHOLE else f"scaled-style-{layer}"

@@ -1,0 +1,71 @@
+"""Which pairs of frames, and which part of them, a quality report measures, so that it costs little of the render."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pipeline.frames import Frame
+
+SHARE = 0.035
+"""Share of the render's expected processor time that measuring pairs may take."""
+RENDER_S = 1.0
+"""Processor time of a render that does not depend on its length, s."""
+PAIR_S, PAIR_S_PER_MEGAPIXEL = 0.11, 0.05
+"""Processor time of one pair, s: measured, see docs/quality.md."""
+MOST_PAIRS = 60
+MOST_BYTES = 64 << 20
+"""Limit of the source frames that a job keeps in memory for its report."""
+ALONE_EVERY, MOST_ALONE = 150, 3
+"""One pair in so many frames is also painted frame by frame, at most this many."""
+TILE_PX = (320, 180)
+"""(width, height) of the part of each pair that is compared at full resolution."""
+FACES_EVERY = 6
+"""Faces are searched in one of so many sampled pairs."""
+_STEPS = 0.7548776662466927, 0.5698402909980532
+"""Steps of the sequence of places, which covers the square evenly (the R2 sequence): inverses of the powers of the
+root of x^3 = x + 1."""
+
+
+def sampled_pairs(frames: int, count: int) -> list[int]:
+    """Second frames of at most `count` pairs (t - 1, t), evenly spread over a video of `frames` frames."""
+    pairs = max(0, frames - 1)
+    number = min(pairs, count)
+    return sorted({1 + (2 * i + 1) * pairs // (2 * number) for i in range(number)})
+
+
+def affordable_pairs(frames: int, size: tuple[int, int], cpu_s_per_megapixel: float) -> int:
+    """Number of pairs that a job's report measures: at least 1, at most 60.
+
+    It depends on the video and the method only, so that equal jobs have equal reports.
+
+    Args:
+        size: (width, height), px.
+        cpu_s_per_megapixel: processor time of the method a frame and megapixel, s.
+    """
+    megapixels = size[0] * size[1] / 1e6
+    render_s = RENDER_S + cpu_s_per_megapixel * megapixels * frames
+    affordable = SHARE * render_s / (PAIR_S + PAIR_S_PER_MEGAPIXEL * megapixels)
+    kept = MOST_BYTES / (6e6 * max(megapixels, 1e-6))
+    return max(1, int(min(affordable, kept, MOST_PAIRS)))
+
+
+def job_pairs(frames: int, sheet: Sequence[int], count: int) -> list[int]:
+    """Second frames of a job's pairs. As far as they suffice, they are frames that the contact sheet decodes anyway.
+
+    Args:
+        sheet: frames of the contact sheet, ascending.
+    """
+    if count > len(sheet):
+        return sampled_pairs(frames, count)
+    chosen = {max(1, sheet[(2 * i + 1) * len(sheet) // (2 * count)]) for i in range(count)}
+    return sorted(frame for frame in chosen if frame < frames)
+
+
+def tile(frame: Frame, ordinal: int) -> Frame:
+    """The part of a frame that the sample with this number compares: at most 320 x 180 px, at a place that goes through
+    the picture evenly from sample to sample."""
+    (height, width), (across, down) = frame.shape[:2], TILE_PX
+    x, y = ((0.5 + ordinal * step) % 1 for step in _STEPS)
+    left, top = int(x * max(0, width - across)), int(y * max(0, height - down))
+    part: Frame = frame[top : top + down, left : left + across].copy()
+    return part

@@ -1,0 +1,109 @@
+"""Blend of what two keyframes give to a frame between them, in the gradient domain.
+
+Source: jamriska2019stylizing, section 3.4: the gradients come from the picture in which each pixel belongs to one
+keyframe, the colours from a blend of both keyframes that preserves contrast (heitz2018high), and a screened Poisson
+equation joins the two. Departures: the picture is the result of the synthesis and not of two separate ones, and the
+blend preserves the variance and not the whole histogram.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frames import Mask
+from pipeline.solvers.multigrid import Multigrid
+from pipeline.synthesis.images import Bytes
+
+STIFFNESS = 0.004
+"""Weight of colours relative to gradients, 1/px^2: colours are adjusted over about 1 / sqrt(0.004) = 16 px."""
+
+TOLERANCE = 1e-3
+"""Relative residual of the solution."""
+
+
+@dataclass(frozen=True)
+class KeyColours:
+    """The picture that one keyframe gives for a frame, and its weight.
+
+    Attributes:
+        colours: the keyframe advected along the motion, uint8 (h, w, 3).
+        known: pixels that are visible in the keyframe, bool (h, w).
+        weight: 0..1; the weights of both keyframes have a sum of 1.
+    """
+
+    colours: Bytes
+    known: Mask
+    weight: float
+
+
+@dataclass(frozen=True)
+class Synthesised:
+    """A synthesised frame with the gradients that its pixels have in the keyframes.
+
+    Attributes:
+        colours: S^(M(p)), uint8 (h, w, 3).
+        right: S^(M(p) + (1, 0)), uint8 (h, w, 3): what is to the right of the pixel in its keyframe.
+        below: S^(M(p) + (0, 1)), uint8 (h, w, 3).
+    """
+
+    colours: Bytes
+    right: Bytes
+    below: Bytes
+
+
+def with_blended_colours(frame: Synthesised, before: KeyColours, after: KeyColours, amount: float) -> Bytes:
+    """Adjust the colours of a synthesised frame to the blend of both keyframes, keeping the gradients of its pixels.
+
+    Seams between pixels of different keyframes are no gradients of either, and disappear.
+
+    Args:
+        amount: 0 = unchanged, 1 = adjusted completely.
+
+    Returns:
+        uint8 (h, w, 3). Its colours are in general no colours of the keyframes.
+    """
+    known = before.known | after.known
+    if not known.any():
+        return frame.colours
+    picture = frame.colours.astype(np.float64)
+    absorb = np.where(known, STIFFNESS, 0.0)
+    source = absorb[..., None] * (contrast_preserving_blend(before, after) - picture)
+    for axis, neighbour in ((1, frame.right), (0, frame.below)):
+        seam = neighbour.astype(np.float64) - picture - np.diff(picture, axis=axis, append=0)
+        inner = [slice(None), slice(None)]
+        inner[axis] = slice(None, -1)
+        outer = [slice(None), slice(None)]
+        outer[axis] = slice(1, None)
+        source[tuple(inner)] -= seam[tuple(inner)]
+        source[tuple(outer)] += seam[tuple(inner)]
+    planes = np.ascontiguousarray(np.moveaxis(source, -1, 0))
+    system = Multigrid(np.zeros(known.shape, np.bool_), absorb=absorb)
+    change = np.moveaxis(system.solve(np.zeros(planes.shape), source=planes, tolerance=TOLERANCE).x, 0, -1)
+    return np.asarray(np.rint(picture + amount * change).clip(0, 255), np.uint8)
+
+
+def contrast_preserving_blend(before: KeyColours, after: KeyColours) -> NDArray[np.float32]:
+    """Weighted mean of both keyframes whose deviations from the mean colour keep their size: float32 (h, w, 3).
+
+    Where only one keyframe is known, its colours; where none is, 0.
+
+    Source: heitz2018high, equation 2.
+    """
+    first, second = before.colours.astype(np.float32), after.colours.astype(np.float32)
+    both = before.known & after.known
+    mean = [_mean(colours, both) for colours in (first, second)]
+    size = np.float32(np.hypot(before.weight, after.weight))
+    a, b = np.float32(before.weight), np.float32(after.weight)
+    blend = a * mean[0] + b * mean[1] + (a * (first - mean[0]) + b * (second - mean[1])) / size
+    only_first, only_second = before.known & ~both, after.known & ~both
+    conditions = [both[..., None], only_first[..., None], only_second[..., None]]
+    return np.select(conditions, [blend, first, second], np.float32(0)).astype(np.float32)
+
+
+def _mean(colours: NDArray[np.float32], where: Mask) -> NDArray[np.float32]:
+    if not where.any():
+        return np.zeros(3, np.float32)
+    return np.asarray(colours[where].mean(0, dtype=np.float64), np.float32)

@@ -1,0 +1,129 @@
+"""WHIP at /v1/live/whip and WHEP at /v1/live/whep: docs/live.md, WebRTC."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Annotated, cast
+
+from fastapi import APIRouter, Query, Request, Response
+
+from pipeline.errors import BadParameter
+from service.access.depends import Context, Reader, ServiceContext, Submitter
+from service.bodies import chunks
+from service.errors import NotInstalled, UnsupportedMediaType
+from service.live.sessions import Sessions
+from workers.errors import NotFound
+from workers.model import MAX_SEED, Json
+
+if TYPE_CHECKING:
+    from service.live.webrtc.peers import Peers
+
+router = APIRouter(include_in_schema=False)
+
+SDP = "application/sdp"
+MAX_SDP_BYTES = 64 * 1024
+
+
+@router.post("/v1/live/whip")
+async def publish(
+    request: Request, context: Context, caller: Submitter, method: str = "abstraction", params: str = "{}",
+    behind: Annotated[str, Query(alias="filter")] = "", prefer: str = "fluent",
+    seed: Annotated[int, Query(ge=0, le=MAX_SEED)] = 0,
+) -> Response:  # fmt: skip
+    """Open a session whose frames come over WebRTC."""
+    peers = _peers(request)
+    from service.live.webrtc.publisher import Painting, Publisher
+
+    offer, sessions = await _offer(request, context), _sessions(request)
+    live = sessions.live
+    if method not in live.methods():
+        remedy = f"Use one of: {', '.join(live.methods())}."
+        raise BadParameter("This method cannot run live.", field="method", value=method, remedy=remedy)
+    if prefer not in ("fluent", "sharp"):
+        raise BadParameter("Unknown preference.", field="prefer", value=prefer, remedy="Write fluent, or sharp.")
+    checked = live.params(method, _object(params))
+    painting = Painting(method, checked, seed, live.filter(behind, {}) if behind else None, prefer == "fluent")
+    peer = peers.open(caller.owner)
+    publisher = Publisher(peer, sessions, painting, context.settings.live_idle_s)
+    session = await sessions.claim(None, caller, publisher)
+    try:
+        answer = await peer.answer(offer)
+    except BaseException:
+        sessions.end(session)
+        await peer.close()
+        raise
+    peers.run(publisher.run(session))
+    return _created(answer, peer.id, session.id)
+
+
+@router.post("/v1/live/whep")
+async def watch(request: Request, context: Context, caller: Reader, session: str | None = None) -> Response:
+    """Send the painting of a session over WebRTC."""
+    peers = _peers(request)
+    from service.live.webrtc.playback import play
+
+    offer, sessions = await _offer(request, context), _sessions(request)
+    found = sessions.watched(session, caller)
+    form = found.viewers.form if found else None
+    if found is None or form is None:
+        raise NotFound(
+            "No live session is running.", field="session", value=session, remedy="Start one, then try again."
+        )
+    peer = peers.open(caller.owner)
+    play(peer, found.viewers, form, offer, sessions.live.limits.side_px)
+    return _created(await peer.answer(offer), peer.id, found.id)
+
+
+@router.delete("/v1/live/peers/{peer_id}")
+async def leave(request: Request, caller: Reader, peer_id: str) -> Response:
+    """End a WebRTC connection of the caller."""
+    peer = _peers(request).find(peer_id, caller)
+    if peer is None:
+        raise NotFound("There is no such connection.", field="peer", value=peer_id, remedy="It may have ended.")
+    await peer.close()
+    return Response(status_code=200)
+
+
+def _peers(request: Request) -> Peers:
+    """This process's WebRTC connections. Raises NotInstalled."""
+    try:
+        from service.live.webrtc.peers import Peers
+    except ModuleNotFoundError as missing:
+        raise NotInstalled(
+            f"WebRTC needs {missing.name}.", field="address", value=request.url.path,
+            remedy="Install it on the service's machine: pip install 'impasto[webrtc]'.",
+        ) from None  # fmt: skip
+    state = request.app.state
+    if not hasattr(state, "peers"):
+        state.peers = Peers()
+    return cast("Peers", state.peers)
+
+
+def _sessions(request: Request) -> Sessions:
+    return cast(Sessions, request.app.state.live)
+
+
+def _created(answer: str, peer_id: str, session_id: str) -> Response:
+    headers = {"Location": f"/v1/live/peers/{peer_id}", "Impasto-Session": session_id}
+    return Response(answer, 201, headers, SDP)
+
+
+async def _offer(request: Request, context: ServiceContext) -> str:
+    """The SDP offer. Raises UnsupportedMediaType, BodyTooLarge, RequestTimeout."""
+    kind = request.headers.get("Content-Type", "").partition(";")[0].strip()
+    if kind != SDP:
+        raise UnsupportedMediaType("The body is an SDP offer.", field="Content-Type", value=kind, remedy=f"Send {SDP}.")
+    parts = [chunk async for chunk in chunks(request, MAX_SDP_BYTES, context.settings.idle_s)]
+    return b"".join(parts).decode("utf-8", "replace")
+
+
+def _object(text: str) -> dict[str, Json]:
+    try:
+        found = json.loads(text)
+    except ValueError:
+        found = None
+    if not isinstance(found, dict):
+        raise BadParameter(
+            "Parameters are a JSON object.", field="params", value=text, remedy='Write {"lines": "off"}.'
+        )
+    return found

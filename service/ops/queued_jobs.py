@@ -1,0 +1,97 @@
+"""/v1/ops/jobs: priorities, and one action on several jobs, for admin keys."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from fastapi import APIRouter
+from pydantic import BaseModel, ConfigDict, Field
+
+from pipeline.errors import ImpastoError
+from service.access.depends import Admin, Context, ServiceContext
+from service.access.keys import Principal
+from service.jobs.lookup import find_job, max_reopened_jobs
+from service.jobs.schemas import JobOut, job_out
+from service.schemas import ID, JobId
+from workers.faults import fault_from
+from workers.model import MAX_PRIORITY, Fault
+
+router = APIRouter(prefix="/v1/ops/jobs", tags=["ops"])
+
+MOST_JOBS = 200
+Action = Literal["cancel", "pause", "resume", "retry", "delete"]
+
+
+class PriorityIn(BaseModel):
+    """A priority, or the front of the queue."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    priority: int | None = Field(
+        default=None, ge=-MAX_PRIORITY, le=MAX_PRIORITY,
+        description="Higher first; null: one above all other unfinished jobs (100 at most).",
+    )  # fmt: skip
+
+
+class JobsActionIn(BaseModel):
+    """An action, and the jobs that it is for."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    action: Action
+    jobs: tuple[Annotated[str, Field(pattern=ID)], ...] = Field(min_length=1, max_length=MOST_JOBS)
+
+
+@dataclass(frozen=True)
+class JobActionOut:
+    """Result of the action for one job."""
+
+    job_id: str
+    error: Fault | None
+    """Reason for which the action was refused; null: it was done."""
+
+
+@dataclass(frozen=True)
+class JobsActionOut:
+    """One item for each job, in the order of the request."""
+
+    items: tuple[JobActionOut, ...]
+
+
+@router.post("/{job_id}/priority")
+def set_priority(job_id: JobId, body: PriorityIn, context: Context, caller: Admin) -> JobOut:
+    """Give an unfinished job another priority, or move it to the front. Running tasks of other jobs finish; jobs of one
+    priority are served in the order of submission, those of several owners in turns. 409 if it has ended."""
+    find_job(context, caller, job_id)
+    return job_out(context.farm.jobs.prioritise(job_id, body.priority))
+
+
+@router.post("/actions")
+def act_on_jobs(body: JobsActionIn, context: Context, caller: Admin) -> JobsActionOut:
+    """Cancel, pause, resume, retry or delete several jobs. A job for which it is refused does not stop the others."""
+    return JobsActionOut(tuple(_attempted(context, caller, body.action, job_id) for job_id in body.jobs))
+
+
+def _attempted(context: ServiceContext, caller: Principal, action: Action, job_id: str) -> JobActionOut:
+    try:
+        _act(context, caller, action, job_id)
+    except ImpastoError as error:
+        return JobActionOut(job_id, fault_from(error))
+    return JobActionOut(job_id, None)
+
+
+def _act(context: ServiceContext, caller: Principal, action: Action, job_id: str) -> None:
+    jobs, job = context.farm.jobs, find_job(context, caller, job_id)
+    if action == "retry":
+        jobs.retry(job_id, max_reopened_jobs(context, caller, job.owner))
+    elif action == "delete":
+        if job.state.final:
+            context.farm.exports.delete(job_id)
+        jobs.delete(job_id)
+    else:
+        simple: dict[str, Callable[[str], object]] = {
+            "cancel": jobs.cancel, "pause": jobs.pause, "resume": jobs.resume,
+        }  # fmt: skip
+        simple[action](job_id)

@@ -1,0 +1,1 @@
+"""Clips of Impasto's own scenes, to try things on."""

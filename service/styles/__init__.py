@@ -1,0 +1,1 @@
+"""The style library: paintings to choose from."""

@@ -1,0 +1,66 @@
+"""/v1/styles: paintings that every user may choose as a style."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from fastapi import APIRouter, Path, Query, Response
+
+from service.access.depends import Context, Reader, Submitter
+from service.assets.adopt import check_quota
+from service.assets.routes import FRAME_WAIT_S
+from service.errors import Busy, retry_after
+from service.schemas import Listing, Responses
+from service.styles.library import StyleOut
+from workers.errors import NotFound
+from workers.model import Asset
+
+router = APIRouter(prefix="/v1/styles", tags=["styles"])
+
+StyleId = Annotated[str, Path(pattern=r"^[a-z0-9-]{1,60}$", description="A painting's id, as `GET /v1/styles` has it.")]
+JPEG: Responses = {200: {"description": "The painting", "content": {"image/jpeg": {}}}}
+
+
+@dataclass(frozen=True)
+class StyleAssets:
+    """A painting as assets of the caller."""
+
+    painting: Asset
+    source: Asset | None
+    """The picture that it was painted from."""
+
+
+@router.get("")
+def list_styles(context: Context, _caller: Reader) -> Listing[StyleOut]:
+    """Every painting: Impasto's own, then those of the operator's folder."""
+    return Listing(context.styles.listing(), None)
+
+
+@router.get("/{style_id}/picture", response_class=Response, responses=JPEG)
+def get_style_picture(
+    style_id: StyleId,
+    context: Context,
+    _caller: Reader,
+    max_side_px: Annotated[int, Query(ge=16, le=2048, description="Its longer side at most; never enlarged.")] = 320,
+) -> Response:
+    """The painting, scaled. Impasto's own are painted when they are first asked for."""
+    if not context.frames.acquire(timeout=FRAME_WAIT_S):
+        raise Busy("Too many pictures are being made.", headers=retry_after(1), remedy="Ask again in a second.")
+    try:
+        jpeg = context.styles.picture(style_id, max_side_px)
+    finally:
+        context.frames.release()
+    return Response(jpeg, media_type="image/jpeg", headers={"Cache-Control": "private, max-age=3600"})
+
+
+@router.post("/{style_id}/assets")
+def use_style(style_id: StyleId, context: Context, caller: Submitter) -> StyleAssets:
+    """Make the painting an asset of yours, to be named in jobs and projects."""
+    library = context.styles
+    shared = library.painting(style_id)
+    try:
+        context.farm.assets.get(shared.id, caller.owner)
+    except NotFound:
+        check_quota(context, caller, shared.size_bytes)
+    return StyleAssets(library.painting(style_id, caller.owner), library.source(style_id, caller.owner))

@@ -1,0 +1,77 @@
+/**
+ * The live picture alone, without controls: for the browser source of OBS, or a second screen.
+ *
+ * Address: `?session=` (otherwise the newest session), `?fit=cover`, `?mirror`, `?quiet` (no messages), and the API key as
+ * `#key=`, since a browser source has no place to type it in.
+ */
+
+import "../css/live-view.css";
+import { byId } from "../shared/dom";
+import { createDecoder, type Decoder } from "./decode";
+import type { Receive } from "./types";
+import { dialView, unpack } from "./wire";
+
+type ViewMessage =
+  | { type: "ready"; receive: Receive; width: number; height: number }
+  | { type: "waiting" }
+  | { type: "error"; problem: { detail?: string; remedy?: string } };
+
+const RETRY_MS = 2000;
+const query = new URLSearchParams(location.search);
+const key = new URLSearchParams(location.hash.slice(1)).get("key") ?? "";
+const canvas = byId("picture") as HTMLCanvasElement;
+const context = canvas.getContext("2d");
+const status = byId("status");
+
+document.documentElement.dataset.fit = query.get("fit") ?? "contain";
+if (query.has("mirror")) document.documentElement.dataset.mirror = "";
+
+/** `why` is empty while a picture is shown. */
+function show(why: string): void {
+  status.textContent = query.has("quiet") ? "" : why;
+  canvas.hidden = Boolean(why);
+}
+
+function connect(): void {
+  const socket = dialView(query.get("session") ?? "", key);
+  const askKeyFrame = () => socket.readyState === WebSocket.OPEN && socket.send(JSON.stringify({ type: "keyframe" }));
+  let decoder: Decoder | null = null;
+  let fault = "";
+
+  function paint(picture: CanvasImageSource, { width, height }: { width: number; height: number }): void {
+    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+    context?.drawImage(picture, 0, 0, width, height);
+    show("");
+  }
+
+  function open(receive: Receive): void {
+    decoder?.close();
+    decoder = createDecoder(receive, {
+      onpicture: paint,
+      onlost: askKeyFrame,
+      onfault: () => {
+        open(receive);
+        askKeyFrame();
+      },
+    });
+  }
+
+  function hear(message: ViewMessage): void {
+    if (message.type === "ready") open(message.receive);
+    if (message.type === "waiting") show("No live session is running.");
+    if (message.type === "error") fault = [message.problem.detail, message.problem.remedy].filter(Boolean).join(" ");
+  }
+
+  socket.addEventListener("message", ({ data }) => {
+    if (typeof data === "string") hear(JSON.parse(data));
+    else decoder?.decode(unpack(data));
+  });
+  socket.addEventListener("close", () => {
+    decoder?.close();
+    show(fault || "No connection to the service. If it requires a key, add #key= and the key to the address.");
+    setTimeout(connect, RETRY_MS);
+  });
+}
+
+show("Connecting…");
+connect();

@@ -1,0 +1,69 @@
+"""Fixtures of the tests in Chromium: one service and one browser for all files that a process runs."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+from playwright.sync_api import Browser, Playwright, sync_playwright
+
+from service import bundle
+from tests.e2e.pages import CHROMIUM_ARGS, SHELL, Watched, make_clip, open_page, serve
+
+
+@pytest.fixture(scope="package")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Twelve frames, 96x64 px."""
+    return make_clip(tmp_path_factory.mktemp("page") / "disc & field.mp4")
+
+
+@pytest.fixture(scope="package")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The address of a service with one worker. Other files use it too: its jobs and projects are not only yours."""
+    yield from serve(tmp_path_factory.mktemp("service") / "home")
+
+
+@pytest.fixture(scope="package")
+def playwright() -> Iterator[Playwright]:
+    """One for all tests: a second one cannot run in the same thread."""
+    with sync_playwright() as made:
+        yield made
+
+
+@pytest.fixture(scope="package")
+def browser(playwright: Playwright) -> Iterator[Browser]:
+    program = shutil.which(SHELL) or shutil.which("chromium")
+    chromium = playwright.chromium.launch(executable_path=program, args=CHROMIUM_ARGS)
+    yield chromium
+    chromium.close()
+
+
+@pytest.fixture(scope="package")
+def video(service: str, clip: Path) -> str:
+    """The uploaded clip: twelve frames, 96 x 64 px, a disc that moves to the right."""
+    answer = httpx.post(f"{service}/v1/assets", files={"file": (clip.name, clip.read_bytes())})
+    return str(answer.json()["id"])
+
+
+@pytest.fixture
+def watched(browser: Browser) -> Iterator[Watched]:
+    watched = open_page(browser)
+    yield watched
+    watched.page.context.close()
+
+
+@pytest.fixture
+def phone(browser: Browser) -> Iterator[Watched]:
+    watched = open_page(browser, viewport={"width": 390, "height": 844}, is_mobile=True, has_touch=True)
+    yield watched
+    watched.page.context.close()
+
+
+@pytest.fixture(scope="package")
+def axe() -> str:
+    """The source of axe-core, which checks pages for accessibility."""
+    bundle.install_packages(tools=True)
+    return (bundle.WEB / "node_modules/axe-core/axe.min.js").read_text()

@@ -1,0 +1,141 @@
+"""The service as a process, a page that is watched for errors, and the clip of the tests in Chromium."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import av
+import cv2
+import httpx
+import numpy as np
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Page
+
+from service import bundle
+
+ROOT = Path(__file__).resolve().parents[2]
+FRAMES, WIDTH, HEIGHT, FPS = 12, 96, 64, 12
+CHROMIUM_ARGS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run"]
+SHELL = "chromium-headless-shell"
+"""Chromium without windows and menus: the same engine, for two fifths of the CPU time."""
+SLOW_MS = 60_000
+"""The first painted frame may compile kernels; the film needs a moment on a busy machine."""
+KEY = "a-key-for-this-test-only"
+
+
+def make_clip(
+    path: Path, codec: str = "libx264", size: tuple[int, int] = (WIDTH, HEIGHT), frames: int = FRAMES
+) -> Path:
+    """A disc that crosses a field."""
+    width, height = size
+    with av.open(str(path), "w") as out:
+        stream = out.add_stream(codec, rate=FPS)
+        assert isinstance(stream, av.VideoStream)
+        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+        for index in range(frames):
+            frame = np.full((height, width, 3), (90, 140, 70), np.uint8)
+            at = (width * (5 + index) // (frames + 10), height // 2)
+            cv2.circle(frame, at, height * 14 // 64, (220, 170, 40), -1)
+            out.mux(stream.encode(av.VideoFrame.from_ndarray(frame, format="rgb24")))
+        out.mux(stream.encode(None))
+    return path
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def serve(home: Path, **settings: str) -> Iterator[str]:
+    """`impasto serve` as a user runs it, with one worker, until the test is over; its address."""
+    bundle.build()
+    port, log = free_port(), home.with_suffix(".log")
+    command = [sys.executable, "-m", "impasto", "serve", "--port", str(port), "--home", str(home), "--workers", "1"]
+    env = os.environ | {f"IMPASTO_{name}": value for name, value in settings.items()}
+    with log.open("wb") as sink:
+        server = subprocess.Popen(command, cwd=ROOT, stdout=sink, stderr=sink, env=env)
+    try:
+        address = f"http://127.0.0.1:{port}"
+        wait_ready(address, server, log)
+        yield address
+    finally:
+        server.terminate()
+        server.wait(20)
+
+
+def wait_ready(address: str, server: subprocess.Popen[bytes], log: Path) -> None:
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline and server.poll() is None:
+        try:
+            if httpx.get(f"{address}/readyz").status_code == 200:
+                return
+        except httpx.TransportError:
+            pass
+        time.sleep(0.1)
+    pytest.fail(f"the service did not start:\n{log.read_text()[-3000:]}")
+
+
+class Watched:
+    """A page of which every complaint and every request is noted."""
+
+    def __init__(self, context: BrowserContext) -> None:
+        self.page = context.new_page()
+        self.complaints: list[str] = []
+        self.hosts: set[str] = set()
+        self.page.on("pageerror", lambda error: self.complaints.append(f"uncaught: {error}"))
+        self.page.on("console", self._hear)
+        self.page.on("request", lambda request: self.hosts.add(httpx.URL(request.url).host))
+
+    def _hear(self, message: Any) -> None:
+        if message.type in ("error", "warning"):
+            self.complaints.append(f"{message.type}: {message.text} {message.location}")
+
+    def check(self) -> None:
+        """No complaint, and nothing was asked of any other host."""
+        assert self.complaints == []
+        assert self.hosts <= {"127.0.0.1", ""}, "blob: and data: addresses have no host"
+
+
+def open_page(browser: Browser, **options: Any) -> Watched:
+    context = browser.new_context(**({"viewport": {"width": 1440, "height": 900}} | options))
+    context.set_default_timeout(20_000)
+    return Watched(context)
+
+
+def until(page: Page, condition: Callable[[], bool], seconds: float = SLOW_MS / 1000) -> None:
+    """Wait until `condition()`; the page's events are heard meanwhile.
+
+    Playwright's own wait_for_function needs `eval`, which the page's policy forbids.
+    """
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "it never came true"
+        page.wait_for_timeout(30)
+
+
+def accessibility_faults(page: Page, axe: str) -> list[tuple[str, str, list[str]]]:
+    """What axe-core finds in the page as it is, in light and dark: rule, help and elements.
+
+    Args:
+        axe: the fixture of that name.
+    """
+    if not page.evaluate("typeof axe === 'object'"):
+        page.evaluate(axe)
+    faults = []
+    for scheme in ("light", "dark"):
+        page.emulate_media(color_scheme=scheme)
+        page.wait_for_timeout(300)  # colours change gradually
+        found = page.evaluate("async () => (await axe.run()).violations")
+        faults += [
+            (f"{fault['id']} ({scheme})", fault["help"], [node["html"][:160] for node in fault["nodes"]])
+            for fault in found
+        ]
+    return faults

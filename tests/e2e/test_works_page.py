@@ -1,0 +1,111 @@
+"""Works and job pages in Chromium: exports, labels, search."""
+
+from __future__ import annotations
+
+import re
+import time
+from pathlib import Path
+
+import av
+import httpx
+import pytest
+from playwright.sync_api import expect
+
+from tests.e2e.pages import FRAMES, HEIGHT, WIDTH, Watched
+from tests.e2e.studio import FILM_MS, SOON_MS, frames_of
+
+pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(240)]
+
+
+@pytest.fixture(scope="module")
+def film(service: str, video: str) -> str:
+    """A finished job."""
+    body = {
+        "method": "abstraction", "inputs": {"video": video}, "params": {"lines": "off"}, "name": "Field",
+        "labels": {"scene": "12"},
+    }  # fmt: skip
+    job = str(httpx.post(f"{service}/v1/jobs", json=body).json()["id"])
+    deadline = time.monotonic() + FILM_MS / 1000
+    while httpx.get(f"{service}/v1/jobs/{job}").json()["state"] != "succeeded":
+        assert time.monotonic() < deadline
+        time.sleep(0.3)
+    return job
+
+
+@pytest.mark.parametrize(("title", "name"), [("WebM", "Field.webm"), ("PNG frames", "Field.zip"), ("GIF", "Field.gif")])
+def test_a_finished_film_is_saved_in_another_format(
+    title: str, name: str, watched: Watched, service: str, film: str, tmp_path: Path
+) -> None:
+    page = watched.page
+    page.goto(f"{service}/#/jobs/{film}")
+    formats = page.get_by_role("group", name="Export as")
+    expect(formats.get_by_role("button")).to_have_text(["WebM", "PNG frames", "GIF"])
+    with page.expect_download(timeout=FILM_MS) as download:
+        formats.get_by_role("button", name=title).click()
+    assert download.value.suggested_filename == name
+    path = tmp_path / name
+    download.value.save_as(path)
+    if name.endswith(".zip"):
+        frames = frames_of(path.read_bytes())
+        assert (len(frames), frames[0].shape) == (FRAMES, (HEIGHT, WIDTH, 3))
+    else:
+        with av.open(str(path)) as container:
+            assert sum(1 for _ in container.decode(video=0)) == FRAMES
+    expect(formats.get_by_role("button", name=title)).to_be_enabled()
+    watched.check()
+
+
+def test_exports_are_not_among_the_works(watched: Watched, service: str, film: str) -> None:
+    made = httpx.post(f"{service}/v1/jobs/{film}/exports", json={"format": "gif"}).json()
+    page = watched.page
+    page.goto(f"{service}/#/jobs")
+    expect(page.locator(f".work a[href='#/jobs/{film}']")).to_be_visible(timeout=SOON_MS)
+    expect(page.locator(f".work a[href='#/jobs/{made['id']}']")).to_have_count(0)
+
+
+def test_works_are_found_by_label(watched: Watched, service: str, film: str) -> None:
+    page = watched.page
+    page.goto(f"{service}/#/jobs")
+    card = page.locator(".work", has=page.locator(f"a[href='#/jobs/{film}']"))
+    expect(card).to_contain_text("scene: 12", timeout=SOON_MS)
+    search = page.get_by_role("searchbox", name="Search works")
+    search.fill("scene:13")
+    expect(card).to_be_hidden()
+    expect(page.get_by_text("No work matches.")).to_be_visible()
+    search.fill("field scene:12")
+    expect(card).to_be_visible()
+    page.get_by_label("Works to show").select_option("failed")
+    expect(card).to_be_hidden()
+    expect(page.get_by_text("No work matches.")).to_be_visible()
+
+
+def test_the_search_finds_works_that_no_page_has_shown(watched: Watched, service: str, film: str, video: str) -> None:
+    body = {"method": "abstraction", "inputs": {"video": video}, "name": "Crowd"}
+    made = [httpx.post(f"{service}/v1/jobs", json={**body, "seed": seed}).json()["id"] for seed in range(25)]
+    for job in made:
+        httpx.post(f"{service}/v1/jobs/{job}/cancel")
+    page = watched.page
+    page.goto(f"{service}/#/jobs")
+    expect(page.locator(".work:not(.skeleton)")).to_have_count(24, timeout=SOON_MS)
+    card = page.locator(".work", has=page.locator(f"a[href='#/jobs/{film}']"))
+    expect(card).to_be_hidden()
+    page.get_by_role("searchbox", name="Search works").fill("field")
+    expect(card).to_be_visible()
+    page.get_by_role("searchbox", name="Search works").fill("crowd")
+    page.get_by_role("button", name="Show more").click()
+    expect(page.locator(".work")).to_have_count(25)
+    for job in made:
+        httpx.delete(f"{service}/v1/jobs/{job}")
+
+
+def test_the_job_page_names_what_was_used(watched: Watched, service: str, film: str) -> None:
+    page = watched.page
+    page.goto(f"{service}/#/jobs/{film}")
+    page.locator("summary", has_text="Settings").click()
+    settings = page.locator(".facts .pairs").first
+    for text in ("Abstraction", "Lines", "scene: 12", film):
+        expect(settings).to_contain_text(text)
+    page.context.grant_permissions(["clipboard-read", "clipboard-write"], origin=service)
+    page.get_by_role("group", name="Copy this job as").get_by_role("button", name="Command").click()
+    copied = page.evaluate("navigator.clipboard.readText()")
+    assert re.fullmatch(r"impasto render VIDEO -o film.mp4 --method abstraction .*--param lines=off.*", copied)

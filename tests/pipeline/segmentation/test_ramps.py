@@ -1,0 +1,75 @@
+"""Thin regions of intermediate colour are divided between their neighbours; other thin regions are kept."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pipeline.frames import Labels
+from pipeline.segmentation.ramps import divide_ramps
+
+DARK, LIGHT, RED = (40, 128, 128), (220, 128, 128), (130, 200, 160)
+
+
+def means_of(*colours: tuple[int, int, int]) -> NDArray[np.float32]:
+    return np.array([(0, 0, 0), *colours], np.float32)
+
+
+def stripes(*widths: int, height: int = 20) -> Labels:
+    """Vertical stripes of these widths, labelled from 1."""
+    row = np.repeat(np.arange(1, len(widths) + 1), widths)
+    return np.tile(row, (height, 1)).astype(np.int32)
+
+
+@pytest.mark.parametrize(("share", "border"), [(0.5, 12), (0.25, 13), (0.75, 11)])
+@pytest.mark.parametrize("transposed", [False, True])
+def test_a_mixture_is_divided_in_proportion(share: float, border: int, transposed: bool) -> None:
+    """Columns 10 to 13 have `share` of the light colour: that share of them becomes light."""
+    mixture = tuple(np.array(DARK) + share * (np.array(LIGHT) - DARK))
+    labels = stripes(10, 4, 16)
+    out = divide_ramps(labels.T.copy() if transposed else labels, means_of(DARK, mixture, LIGHT), 5)
+    expected = np.where(np.arange(30) < border, 1, 3)
+    np.testing.assert_array_equal(out.T if transposed else out, np.tile(expected, (20, 1)))
+
+
+def test_an_edge_of_two_mixtures_becomes_one_border() -> None:
+    means = means_of(DARK, (100, 128, 128), (160, 128, 128), LIGHT)
+    assert set(np.unique(divide_ramps(stripes(10, 3, 3, 14), means, 5))) == {1, 4}
+
+
+@pytest.mark.parametrize(
+    "means",
+    [means_of(LIGHT, DARK, LIGHT), means_of(DARK, RED, LIGHT), means_of(LIGHT, DARK, (180, 128, 128))],
+    ids=["a wire", "a lip", "a dark line along an edge"],
+)
+def test_a_thin_region_of_its_own_colour_is_kept(means: NDArray[np.float32]) -> None:
+    labels = stripes(10, 3, 17)
+    np.testing.assert_array_equal(divide_ramps(labels, means, 5), labels)
+
+
+def test_a_wide_region_of_intermediate_colour_is_kept() -> None:
+    labels, means = stripes(10, 6, 14), means_of(DARK, (130, 128, 128), LIGHT)
+    np.testing.assert_array_equal(divide_ramps(labels, means, 5), labels)
+    assert set(np.unique(divide_ramps(labels, means, 6))) == {1, 3}
+
+
+def test_a_slanting_edge_stays_straight() -> None:
+    """The shorter of a pixel's row and column decides, so a ramp of any direction is divided along its middle."""
+    y, x = np.mgrid[:60, :60]
+    distance = (x * 2 + y - 90) / np.sqrt(5)
+    labels = (1 + (distance > -2) + (distance > 2)).astype(np.int32)
+    out = divide_ramps(labels, means_of(DARK, (130, 128, 128), LIGHT), 5)
+    inner = np.zeros_like(out, np.bool_)
+    inner[6:-6, 6:-6] = True
+    assert set(np.unique(out[inner])) == {1, 3}
+    assert ((out == 3) == (distance > 0))[inner & (np.abs(distance) > 1)].all()
+
+
+def test_a_row_that_is_no_mixture_leaves_no_tick() -> None:
+    """One row of a ramp belongs to a region of another colour: it is divided as the rows above and below."""
+    labels = stripes(10, 4, 16)
+    labels[9, 10:14] = 4
+    out = divide_ramps(labels, means_of(DARK, (130, 128, 128), LIGHT, RED), 5)
+    assert set(np.unique(out)) == {1, 3}
+    np.testing.assert_array_equal(out[9], out[8])

@@ -1,0 +1,159 @@
+"""A corrected project is rendered again: tasks that do not depend on the correction keep their results, over HTTP.
+
+The video has two shots of 14 frames with a disc that moves before a wall; runs are frames 0 to 11, 12 to 13, and so on.
+"""
+
+from __future__ import annotations
+
+import io
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import av
+import cv2
+import httpx
+import numpy as np
+import pytest
+
+from service.settings import Settings
+from tests.service.live import running
+from workers.farm import open_farm
+
+SIZE = (96, 64)
+SHOT_FRAMES = 14
+CORRECTED = SHOT_FRAMES + 13
+"""In the last run of the second shot."""
+Json = dict[str, Any]
+
+
+@contextmanager
+def service(home: Path, **changes: Any) -> Iterator[httpx.Client]:
+    settings = Settings(home=home, pool="local", workers=1, **changes)
+    farm = open_farm(settings)
+    farm.start()
+    try:
+        with running(settings, farm) as url, httpx.Client(base_url=url, timeout=60) as client:
+            yield client
+    finally:
+        farm.stop()
+
+
+@pytest.fixture(scope="module")
+def clip() -> bytes:
+    out = io.BytesIO()
+    with av.open(out, "w", format="matroska") as container:
+        stream = container.add_stream("ffv1", rate=24)
+        stream.width, stream.height, stream.pix_fmt = *SIZE, "bgr0"
+        for shot in (1, 2):
+            wall = np.random.default_rng(shot).integers(60, 190, (16, 24 + SHOT_FRAMES, 3), np.uint8)
+            wall = cv2.resize(wall, (8 * wall.shape[1] // 2, 64), interpolation=cv2.INTER_CUBIC)
+            for index in range(SHOT_FRAMES):
+                frame = np.ascontiguousarray(wall[:, index : index + SIZE[0]])
+                cv2.circle(frame, (30 + 3 * index, 34), 14, (230, 120, 40) if shot == 1 else (30, 200, 60), -1)
+                cv2.circle(frame, (27 + 3 * index, 30), 4, (20, 20, 20), -1)
+                container.mux(stream.encode(av.VideoFrame.from_ndarray(frame, format="rgb24")))
+        container.mux(stream.encode(None))
+    return out.getvalue()
+
+
+def upload(http: httpx.Client, data: bytes, name: str) -> str:
+    return str(http.post("/v1/assets", files={"file": (name, data)}).json()["id"])
+
+
+def document(video: str, **layer: Any) -> Json:
+    return {
+        "schema": 1,
+        "name": "Two shots",
+        "assets": {"clip": {"id": video}},
+        "shots": [{"id": "s1", "video": "clip", "layers": [{"id": "l1", "method": "patches", **layer}]}],
+        "output": {"format": "png", "artefacts": ["labels", "uncertainty"]},
+    }
+
+
+def corrected(http: httpx.Client, value: Json, labels: bytes) -> Json:
+    """The document with a corrected label map, which changes the two last frames."""
+    image = {"map": {"id": upload(http, labels, "map.png")}}
+    drawn = {"frame": CORRECTED, "image": "map", "solve": [CORRECTED - 1, CORRECTED + 1]}
+    (shot,) = value["shots"]
+    layers = [{**shot["layers"][0], "labels": [drawn]}]
+    return {**value, "assets": {**value["assets"], **image}, "shots": [{**shot, "layers": layers}]}
+
+
+def rendered(http: httpx.Client, project: str) -> Json:
+    (item,) = http.post(f"/v1/projects/{project}/jobs", json={}).json()["items"]
+    job: Json = item["job"]
+    for _ in range(2400):
+        job = http.get(f"/v1/jobs/{job['id']}").json()
+        if job["state"] not in ("queued", "running"):
+            break
+        time.sleep(0.05)
+    assert job["state"] == "succeeded", job["error"]
+    return job
+
+
+def film(http: httpx.Client, job: Json) -> bytes:
+    found = http.get(f"/v1/jobs/{job['id']}/result")
+    assert found.status_code == 200, found.text
+    return found.content
+
+
+def tasks(http: httpx.Client, job: Json) -> dict[str, bool]:
+    """Task -> whether its result was taken over."""
+    items = http.get(f"/v1/jobs/{job['id']}/tasks", params={"limit": 200}).json()["items"]
+    return {f"{task['step']}/{task['key']}": task["reused"] for task in items}
+
+
+def true_labels() -> bytes:
+    """The label map of the corrected frame: the wall is background, the disc an object that was not found."""
+    image = np.ones(SIZE[::-1], np.uint16)
+    cv2.circle(image, (30 + 3 * (CORRECTED - SHOT_FRAMES), 34), 14, 40, -1)
+    return cv2.imencode(".png", image)[1].tobytes()
+
+
+def test_a_correction_repeats_only_the_tasks_that_depend_on_it(clip: bytes, tmp_path: Path) -> None:
+    with service(tmp_path / "home") as http:
+        value = document(upload(http, clip, "two.mkv"))
+        project = http.post("/v1/projects", json={"document": value}).json()["id"]
+        first = rendered(http, project)
+        assert not any(tasks(http, first).values())
+        drawn = true_labels()
+        changed = corrected(http, value, drawn)
+        http.put(f"/v1/projects/{project}", json=changed, headers={"If-Match": '"1"'}).raise_for_status()
+    with service(tmp_path / "home") as http:  # results are kept over a restart
+        second = rendered(http, project)
+        found, film_of_both = tasks(http, second), film(http, second)
+        assert film_of_both != film(http, first)
+        counted = Counter(name.partition("/")[0] for name, reused in found.items() if reused)
+        assert {step["name"]: step["reused"] for step in second["steps"] if step["reused"]} == counted
+    ran = {name for name, reused in found.items() if not reused}
+    start = f"{SHOT_FRAMES + 12:07d}"
+    of_first_shot = {name for name in found if "/s0000000-" in name} | {"paint/run-0000000", "paint/run-0000012"}
+    assert not ran & {"scan/video", *of_first_shot}
+    assert {name for name in ran if name.startswith(("cluster/", "correct/"))} == {
+        f"correct/{which}" for which in (f"front-{start}-{start}", f"back-{start}-{start}", f"run-{start}")
+    }
+    assert {"scan/inputs", f"register/run-{start}", f"paint/run-{start}", "assemble/assemble"} <= ran
+    with service(tmp_path / "other", reuse_s=0) as http:  # rendered as a whole
+        value = corrected(http, document(upload(http, clip, "two.mkv")), drawn)
+        whole = rendered(http, http.post("/v1/projects", json={"document": value}).json()["id"])
+        assert not any(tasks(http, whole).values())
+        assert film(http, whole) == film_of_both
+
+
+def test_results_outlive_the_job_that_made_them(clip: bytes, tmp_path: Path) -> None:
+    """A job is deleted after a second one has taken its results over; a third takes them from the second."""
+    with service(tmp_path / "home") as http:
+        value = document(upload(http, clip, "two.mkv"))
+        value["shots"][0] |= {"range": [0, 8]}
+        project = http.post("/v1/projects", json={"document": value}).json()["id"]
+        first, second = rendered(http, project), rendered(http, project)
+        kept = film(http, first)
+        assert http.delete(f"/v1/jobs/{first['id']}").status_code == 204
+        third = rendered(http, project)
+        for job in (second, third):
+            ran = [name for name, reused in tasks(http, job).items() if not reused]
+            assert ran == ["assemble/assemble"] and film(http, job) == kept

@@ -1,0 +1,1 @@
+"""A service under mixed load for hours: what grows although it should not."""

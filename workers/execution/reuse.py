@@ -1,0 +1,158 @@
+"""Reuse of task results: a task whose inputs are those of the same task of an earlier job is not run again.
+
+A task is a pure function of its order and of what it reads through its context. While it runs, the context records
+every read and a digest of what it got: whether an input is given, the frames of an image sequence, single images,
+artefacts of earlier tasks. When a later job has a task of the same step and key, its worker compares the two orders and
+looks up each recorded read in the new job. If nothing differs, the task would make the same bytes, and gets the earlier
+result.
+
+Source: verifying traces of Mokhov, Mitchell, Peyton Jones: Build systems a la carte (ICFP 2018), section 4.2.2.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.arrays import AnyArray
+from pipeline.errors import ImpastoError
+from pipeline.methods.base import Arrays
+from workers.blobs.base import Blobs
+from workers.model import EarlierTask, Json, TaskOrder, TaskOutcome
+from workers.version import version
+
+ABSENT = "-"
+"""Digest of what is not there."""
+_DIGEST_BYTES = 12
+PREVIEW = "preview"
+
+
+def arrays_digest(arrays: Arrays) -> str:
+    """Digest of names, types, shapes and values."""
+    found = hashlib.blake2b(digest_size=_DIGEST_BYTES)
+    for name in sorted(arrays):
+        array = np.asarray(arrays[name], order="C")
+        found.update(f"{name} {array.dtype.str} {array.shape};".encode())
+        found.update(array.reshape(-1).view(np.uint8).data)
+    return found.hexdigest()
+
+
+def _digest(value: object) -> str:
+    text = json.dumps(value, sort_keys=True, separators=(",", ":"), default=str)
+    return hashlib.blake2b(text.encode(), digest_size=_DIGEST_BYTES).hexdigest()
+
+
+def signature(order: TaskOrder) -> str:
+    """Digest of what a task gets without reading: the version, its place in the plan, parameters, facts of the video,
+    and how emitted frames are encoded."""
+    output = order.output
+    return _digest(
+        [version(), order.method, order.step, order.key, order.args, order.after, order.emits, order.params, order.seed,
+         order.input_info.get("video"), output.format, output.quality, order.frames, order.on_damage]
+    )  # fmt: skip
+
+
+Images = Callable[[str], Mapping[int, AnyArray]]
+"""The images of an input by frame number. Raises ImpastoError if the input is not given."""
+
+
+@dataclass
+class Reads:
+    """The reads of a task, as far as it has run.
+
+    Attributes:
+        order: of the task.
+        images: opens an input.
+        digests: by read, see `current`.
+    """
+
+    order: TaskOrder
+    images: Images
+    digests: dict[str, str]
+
+    def note(self, read: str, digest: str | None = None) -> None:
+        """Record a read. `digest`: if it is known; else it is looked up."""
+        if read not in self.digests:
+            self.digests[read] = self.current(read) if digest is None else digest
+
+    def current(self, read: str) -> str:
+        """Digest of a read in this job: "report" (whether the result is measured), "has NAME", "input NAME" (the whole
+        file), "wants ARTEFACT", "artefact STEP/NAME", "numbers NAME" (frame numbers of an image sequence), "image NAME
+        FRAME"."""
+        kind, _, name = read.partition(" ")
+        if kind == "report":
+            return str(self.order.output.report)
+        if kind == "has":
+            return str(name in self.order.inputs)
+        if kind == "input":
+            return self.order.inputs.get(name, ABSENT)
+        if kind == "wants":
+            return str(name in self.order.output.artefacts)
+        if kind == "artefact":
+            return self.order.artefacts.get(name, ABSENT).rpartition("/")[2]
+        if kind == "numbers":
+            return _digest(sorted(self.images(name)))
+        name, _, frame = name.partition(" ")
+        return image_digest(self.images(name), int(frame))
+
+    def outcome(self, outcome: TaskOutcome) -> Json | None:
+        """The trace to be stored with an outcome; None if it cannot be reused: it has files of its own or warnings."""
+        if outcome.warnings or outcome.fault or outcome.cancelled or outcome.files.keys() - {PREVIEW}:
+            return None
+        return {"signature": signature(self.order), "reads": self.digests}
+
+
+def image_digest(images: Mapping[int, AnyArray], frame: int) -> str:
+    """Digest of an image of a sequence."""
+    return arrays_digest({"": images[frame]}) if frame in set(images) else ABSENT
+
+
+@dataclass(frozen=True)
+class RecordedImages(Mapping[int, AnyArray]):
+    """The images of an input; every access is recorded."""
+
+    name: str
+    images: Mapping[int, AnyArray]
+    reads: Reads
+
+    def __getitem__(self, frame: int) -> AnyArray:
+        image = self.images[frame] if frame in self else None
+        if image is None:
+            raise KeyError(frame)
+        return image
+
+    def __contains__(self, frame: object) -> bool:
+        if not isinstance(frame, int):
+            return False
+        self.reads.note(f"image {self.name} {frame}")
+        return frame in set(self.images)
+
+    def __iter__(self) -> Iterator[int]:
+        self.reads.note(f"numbers {self.name}")
+        return iter(self.images)
+
+    def __len__(self) -> int:
+        self.reads.note(f"numbers {self.name}")
+        return len(self.images)
+
+
+def reused(reads: Reads, earlier: EarlierTask, blobs: Blobs) -> TaskOutcome | None:
+    """The outcome of the same task of an earlier job, if this one would make the same; None if it must run."""
+    trace, order = earlier.trace, reads.order
+    if trace["signature"] != signature(order):
+        return None
+    try:
+        if any(reads.current(read) != digest for read, digest in sorted(trace["reads"].items())):
+            return None
+    except ImpastoError:  # an input that the earlier task read is not given or cannot be read
+        return None
+    made = [*earlier.artefacts.values(), *([earlier.segment] if earlier.segment else [])]
+    if any(blobs.size(key) is None for key in made):
+        return None
+    return TaskOutcome(
+        order.attempt_id, earlier.result, earlier.artefacts, {}, earlier.segment, {}, "", trace=trace, reused=True
+    )

@@ -1,0 +1,32 @@
+"""Parts of the installation that only some farms need: the extras `cluster`, `s3` and `postgresql` of the package."""
+
+from __future__ import annotations
+
+import importlib.util
+
+from pipeline.errors import BadParameter
+from workers.settings import FarmSettings
+
+MODULES = {"cluster": "ray", "s3": "boto3", "postgresql": "psycopg"}
+"""Extra -> the module that it brings."""
+
+
+def check_installed(settings: FarmSettings) -> None:
+    """Raise BadParameter if a setting needs an extra that is not installed."""
+    if settings.pool == "ray":
+        need("cluster", "pool", "ray")
+    if settings.blob_url:
+        need("s3", "blob_url", settings.blob_url)
+    if not settings.url.startswith("sqlite"):
+        need("postgresql", "database_url", settings.url.partition(":")[0])
+
+
+def need(extra: str, field: str, value: str) -> None:
+    """Raise BadParameter unless the extra is installed. `field` and `value` name the setting that needs it."""
+    if importlib.util.find_spec(MODULES[extra]) is None:
+        raise BadParameter(
+            f"This needs the package {MODULES[extra]}, which is not installed.",
+            field=field,
+            value=value,
+            remedy=f"pip install 'impasto[{extra}]'",
+        )
