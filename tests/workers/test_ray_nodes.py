@@ -137,9 +137,9 @@ def test_a_node_joins_works_and_leaves_without_loss(farm: Farm, cluster: Any, da
         farm.workers.drain(DrainScope.NODE, name)
     with subprocess.Popen([*command, *more], cwd=ROOT, stdout=subprocess.PIPE, text=True) as node:
         try:
-            until(lambda: {slot.node for slot in _slots(farm)} == {"north"}, 90)
+            until(lambda: [slot.node for slot in _slots(farm)] == ["north"] * 3, 90)
             before = finished(farm, farm.jobs.submit(request_on(farm, data, seed=10)).id, 60)
-            running = farm.jobs.submit(request_on(farm, data, seed=11, params={"tasks": 3, "sleep_s": 2})).id
+            running = farm.jobs.submit(request_on(farm, data, seed=11, params={"tasks": 6, "sleep_s": 2})).id
             until(lambda: farm.jobs.get(running).counts["running"] == 3, 30)
             node.terminate()
             assert node.wait(60) == 0

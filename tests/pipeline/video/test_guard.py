@@ -200,9 +200,12 @@ def test_a_child_has_few_resources_and_permissions(clip: Path) -> None:
         )
 
 
-def test_a_child_cannot_allocate_too_much_memory(clip: Path) -> None:
+def test_a_child_cannot_allocate_too_much_memory(clip: Path, tmp_path: Path) -> None:
+    """A frame of 12 MB does not fit into 1 MiB; a small one may fit into what the process has allocated before."""
+    large = make_video(tmp_path / "large.mp4", [cv2.resize(picture(0), (2048, 2048))])
     with pytest.raises(UnreadableMedia):
-        DecoderProcess("probe", {"path": str(clip), "limits": {}}, 1, memory_bytes=1 << 20)
+        DecoderProcess("probe", {"path": str(large), "limits": {}}, 1, memory_bytes=1 << 20)
+    assert probe_guarded(large).frames == 1
     assert probe_guarded(clip).frames == 12
 
 
