@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -19,6 +18,7 @@ import pytest
 
 from impasto import Client
 from tests.real.processes import free_port
+from tests.waiting import until
 
 pytestmark = [pytest.mark.slow, pytest.mark.real("ray"), pytest.mark.timeout(900)]
 ROOT = Path(__file__).resolve().parents[2]
@@ -88,13 +88,6 @@ def with_no_fuss(act: Callable[[], None]) -> None:
         return
 
 
-def until(done: Callable[[], bool], timeout_s: float = 120) -> None:
-    deadline = time.monotonic() + timeout_s
-    while not done():
-        assert time.monotonic() < deadline
-        time.sleep(0.2)
-
-
 @pytest.fixture
 def containers() -> Iterator[Containers]:
     """Containers in a folder with a short path: a Unix socket's path has at most 107 bytes, and Ray adds about 75."""
@@ -107,19 +100,19 @@ def containers() -> Iterator[Containers]:
 def test_a_service_container_runs_jobs_on_its_ray_cluster(containers: Containers, tiny_clip: Path) -> None:
     containers.head()
     service = containers.service()
-    until(containers.ready)
+    until(containers.ready, 60)
     assert subprocess.run(["healthy.py", "service"], env=containers.env).returncode == 0
     client = Client(containers.url)
     asset = client.upload(tiny_clip)["id"]
     job = client.submit("abstraction", {"video": asset})
-    until(lambda: client.job(job["id"])["state"] == "succeeded")
+    until(lambda: client.job(job["id"])["state"] == "succeeded", 60)
     _check_logs(containers, job["id"])
     service.send_signal(signal.SIGTERM)
     assert service.wait(40) == 0
     assert not containers.ready()
 
     service = containers.service()
-    until(containers.ready)
+    until(containers.ready, 60)
     (node,) = [child for child in _tree(service) if child.name() == "raylet"]
     node.kill()
     assert service.wait(60) == 1, "a service without its node ends, so that it is started again"
@@ -141,7 +134,7 @@ def _lines(path: Path) -> list[dict[str, Any]]:
 
 def test_a_worker_with_a_wrong_token_cannot_join(containers: Containers) -> None:
     containers.head()
-    until(lambda: subprocess.run(["healthy.py", "worker"], env=containers.env, capture_output=True).returncode == 0)
+    until(lambda: subprocess.run(["healthy.py", "worker"], env=containers.env, capture_output=True).returncode == 0, 60)
     containers.env["RAY_AUTH_TOKEN"] = "fedcba9876543210" * 4
     intruder = containers.start("entrypoint.sh", "worker")
     assert intruder.wait(90) != 0

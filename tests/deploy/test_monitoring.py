@@ -18,6 +18,7 @@ from tests.deploy.expressions import alerts, drawn, metrics_in, shipped
 from tests.e2e.processes import Service
 from tests.real.prometheus import Prometheus
 from tests.service.live_client import jpeg, live
+from tests.waiting import until
 
 pytestmark = pytest.mark.real("prometheus")
 
@@ -60,12 +61,12 @@ class Run:
         key = self.http.post("/v1/keys", json=body).raise_for_status().json()["secret"]
         self.prometheus = Prometheus(folder, key, [self.service.url.removeprefix("http://")])
         self.prometheus.start()
-        _until(lambda: self.prometheus.query('up{job="impasto"} == 1'))
+        until(lambda: self.prometheus.query('up{job="impasto"} == 1'), 30)
 
     def _paint(self, clip: Path) -> str:
         asset = self.http.post("/v1/assets", files={"file": ("a.mp4", clip.read_bytes())}).json()["id"]
         job = self.http.post("/v1/jobs", json={"method": "abstraction", "inputs": {"video": asset}}).json()["id"]
-        _until(lambda: self.http.get(f"/v1/jobs/{job}").json()["state"] == "succeeded", 120)
+        until(lambda: self.http.get(f"/v1/jobs/{job}").json()["state"] == "succeeded", 120)
         return str(job)
 
     def _stream(self) -> None:
@@ -82,7 +83,7 @@ class Run:
 
     def _settle(self) -> None:
         """Until everything has been scraped, and the rules have been looked at. Questions come over several scrapes."""
-        _until(lambda: self.prometheus.query('increase(impasto_live_frames_total{outcome="painted"}[30s]) > 0'))
+        until(lambda: self.prometheus.query('increase(impasto_live_frames_total{outcome="painted"}[30s]) > 0'), 30)
         for _ in range(12):
             self.http.get("/v1/jobs").raise_for_status()
             time.sleep(0.3)
@@ -94,13 +95,6 @@ class Run:
 
     def log(self) -> list[dict[str, Any]]:
         return [json.loads(line) for line in self.service.log.read_text().splitlines() if line.startswith("{")]
-
-
-def _until(done: Any, timeout_s: float = 30) -> None:
-    deadline = time.monotonic() + timeout_s
-    while not done():
-        assert time.monotonic() < deadline
-        time.sleep(0.2)
 
 
 @pytest.fixture(scope="module")

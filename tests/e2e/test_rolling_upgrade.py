@@ -14,7 +14,7 @@ from impasto import Client
 from impasto.cli.app import run
 from tests.e2e.pages import serve
 from tests.e2e.processes import ROOT
-from tests.workers.conftest import until
+from tests.waiting import until
 
 FRAMES, JOBS = 240, 3
 

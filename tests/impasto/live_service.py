@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -33,11 +32,3 @@ def served(home: Path, **settings: Any) -> Iterator[tuple[str, Farm]]:
     with running(chosen, farm) as url:
         yield url, farm
     farm.stop()
-
-
-def until(true: Callable[[], object], patience_s: float = 10.0) -> None:
-    """Wait for it. Fails when it does not come."""
-    end = time.monotonic() + patience_s
-    while not true():
-        assert time.monotonic() < end, "it did not come"
-        time.sleep(0.01)

@@ -22,7 +22,8 @@ from pipeline.errors import BadFrame, BadParameter
 from pipeline.frames import Frame
 from service.live import frames as service_side
 from service.live.messages import Hello
-from tests.impasto.live_service import only_echo, served, until
+from tests.impasto.live_service import only_echo, served
+from tests.waiting import until
 from workers.errors import NotFound
 from workers.live.worker import NoLiveWorker
 

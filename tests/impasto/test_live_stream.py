@@ -34,8 +34,9 @@ from pipeline.frames import Frame
 from pipeline.video.reader import VideoReader
 from pipeline.video.stills import encode_png
 from tests.conftest import TINY_FRAMES, TINY_HEIGHT, TINY_WIDTH
-from tests.impasto.live_service import only_echo, served, until
+from tests.impasto.live_service import only_echo, served
 from tests.service.whip_server import whip_server
+from tests.waiting import until
 
 SIZE = (TINY_WIDTH, TINY_HEIGHT)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ import pytest
 
 from pipeline.video.probe import probe
 from tests.databases import migrated_sqlite
+from tests.waiting import until
 from tests.workers.toy import Toy, ToyRunner
 from workers.blobs.disk import DiskBlobs
 from workers.farm import Farm
@@ -78,15 +78,6 @@ def request_on(farm: Farm, data: Path, **changes: Any) -> JobRequest:
 def finished(farm: Farm, job_id: str, timeout_s: float = 20.0) -> Job:
     """The job once it is final."""
     return until(lambda: (job := farm.jobs.get(job_id)).state.final and job, timeout_s)
-
-
-def until(ask: Callable[[], Any], timeout_s: float = 10.0) -> Any:
-    """The first true answer."""
-    deadline = time.monotonic() + timeout_s
-    while not (answer := ask()):
-        assert time.monotonic() < deadline, "it did not happen in time"
-        time.sleep(0.03)
-    return answer
 
 
 def result(farm: Farm, job_id: str) -> bytes:

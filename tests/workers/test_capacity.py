@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from pipeline.methods.base import Resources
-from tests.workers.conftest import finished, request_on, until
+from tests.waiting import until
+from tests.workers.conftest import finished, request_on
 from tests.workers.test_dispatcher import ManualPool
 from tests.workers.toy import Toy
 from workers.blobs.disk import DiskBlobs

@@ -11,7 +11,8 @@ import pytest
 
 from pipeline.errors import StorageError, StorageFull
 from pipeline.methods.base import Task
-from tests.workers.conftest import finished, request_on, until
+from tests.waiting import until
+from tests.workers.conftest import finished, request_on
 from tests.workers.toy import ToyRunner
 from workers.blobs.disk import DiskBlobs
 from workers.farm import Farm

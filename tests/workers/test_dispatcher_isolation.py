@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from tests.workers.conftest import finished, request_on, until
+from tests.waiting import until
+from tests.workers.conftest import finished, request_on
 from workers.farm import Farm
 from workers.model import Job, RunState
 from workers.pools.local_pool import LocalPool

@@ -13,7 +13,8 @@ from sqlalchemy import text
 
 from pipeline.errors import StorageFull
 from tests.contracts.test_stores import _asset, _job
-from tests.workers.conftest import finished, request_on, result, until
+from tests.waiting import until
+from tests.workers.conftest import finished, request_on, result
 from workers.blobs.disk import DiskBlobs
 from workers.farm import Farm
 from workers.store import Store

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import BadFrame, BadParameter
-from tests.workers.conftest import until
+from tests.waiting import until
 from tests.workers.live_toys import Echo
 from workers.blobs.disk import DiskBlobs
 from workers.live.model import FrameRequest, LiveOrder, Packet, WireFormat

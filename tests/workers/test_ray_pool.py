@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.workers.conftest import finished, request_on, result, until
+from tests.waiting import until
+from tests.workers.conftest import finished, request_on, result
 from tests.workers.toy import ToyRunner
 from workers.blobs.disk import DiskBlobs
 from workers.farm import Farm

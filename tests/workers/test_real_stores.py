@@ -19,7 +19,8 @@ from tests.chaos.faults import SHAPES
 from tests.chaos.run import submit
 from tests.real.postgres import Postgres
 from tests.real.swift import Swift
-from tests.workers.conftest import finished, request_on, result, until
+from tests.waiting import until
+from tests.workers.conftest import finished, request_on, result
 from tests.workers.real_farm import real_settings
 from tests.workers.toy import Toy, ToyRunner
 from workers.blobs.open import open_blobs
