@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import shutil
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import av
 import cv2
@@ -17,13 +18,16 @@ from numpy.typing import NDArray
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from service import bundle
-from tests.parallel import arrange
+from tests.parallel import Scheduling, arrange
 
 if TYPE_CHECKING:  # they are imported where they are needed: most tests have no server
     from tests.real.postgres import Postgres
     from tests.real.swift import Swift
 
 ROOT = Path(__file__).resolve().parent.parent
+# Services that tests start load the kernels that a test uses; to load all of them takes three seconds a process.
+os.environ.setdefault("IMPASTO_WARM_UP", "false")
+os.environ.setdefault("IMPASTO_LIVE_SPARES", "0")
 MEDIA = ROOT.parent / "shared" / "media"
 
 
@@ -112,6 +116,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Arrange tests for several processes. Alone, the order stays that of the files."""
     if config.getoption("numprocesses", None) or hasattr(config, "workerinput"):
         arrange(items)
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Scheduling:
+    return Scheduling(config, log)
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:

@@ -1,12 +1,14 @@
-"""How the suite is spread over processes (`make test`, pytest-xdist with `--dist loadfile`).
+"""How the suite is spread over processes (`make test`: pytest-xdist).
 
-A file stays in one process, because its fixtures are often one server for all of its tests. Files that take longest
-come first, so that no process works alone at the end.
+A file stays in one process, because its fixtures are often one server for all of its tests. Files that share a service
+and a browser, or a Ray cluster, stay in one process together: to start these costs more than most of their tests. What
+takes longest comes first, so that no process works alone at the end.
 """
 
 from __future__ import annotations
 
 import pytest
+from xdist.scheduler import LoadFileScheduling
 
 IN_CHROMIUM = (
     "tests/e2e/test_studio_page.py",
@@ -23,8 +25,7 @@ IN_CHROMIUM = (
     "tests/e2e/test_studio_waiting.py",
     "tests/e2e/test_studio_psd.py",
 )
-"""Files that share the service and the browser of tests/e2e/conftest.py, which end with the last of them that follow
-each other in a process."""
+"""Files that share the service and the browser of tests/e2e/conftest.py."""
 LONGEST = (
     *IN_CHROMIUM,
     "tests/workers/test_ray_nodes.py",
@@ -55,3 +56,11 @@ def arrange(items: list[pytest.Item]) -> None:
     """Order tests, in place: the slowest files first."""
     rank = {file: place for place, file in enumerate(LONGEST)}
     items.sort(key=lambda item: rank.get(item.nodeid.partition("::")[0], len(rank)))
+
+
+class Scheduling(LoadFileScheduling):
+    """A file is one unit of work, and so are all files in Chromium."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        file = super()._split_scope(nodeid)
+        return "in Chromium" if file in IN_CHROMIUM else file

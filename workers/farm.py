@@ -197,7 +197,9 @@ def _pool(settings: FarmSettings, blobs: Blobs, machine: Machine | None) -> Pool
     from workers.pools.local_pool import LocalPool
 
     most = settings.most_workers
-    return LocalPool(lambda: Renderer(blobs, settings.scratch), most, machine, settings.task_memory_bytes)
+    return LocalPool(
+        lambda: Renderer(blobs, settings.scratch, warms_up=settings.warm_up), most, machine, settings.task_memory_bytes
+    )
 
 
 def _live_workers(settings: FarmSettings, blobs: Blobs) -> LiveWorkers | None:

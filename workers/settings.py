@@ -84,6 +84,9 @@ class FarmSettings(BaseModel):
     """An attempt whose dispatcher (on another machine) is silent for this long is given to another."""
     stall_s: float = Field(default=900.0, gt=0)
     """An attempt that reports nothing for this long counts as lost."""
+    warm_up: bool = True
+    """Load the kernels of every method, compiling new ones, when a process starts that renders; off: at their first
+    use, so that the first frame takes seconds longer and the start less work."""
     live_sessions: int = Field(default_factory=lambda: os.cpu_count() or 1, ge=0, le=1024)
     """Most live sessions at once; further ones are refused as busy. 0: none."""
     live_spares: int = Field(default=2, ge=0, le=16)

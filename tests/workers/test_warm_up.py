@@ -56,6 +56,12 @@ def test_a_process_warms_up_once(pupil: Pupil, tmp_path: Path) -> None:
     assert pupil.frames == 2 * warm_up.FRAMES
 
 
+def test_a_process_that_does_not_warm_up_starts_without_work(pupil: Pupil, tmp_path: Path) -> None:
+    with Renderer(DiskBlobs(tmp_path), warms_up=False) as renderer:
+        renderer.warm_up()
+    assert pupil.frames == 0
+
+
 def test_a_method_warmed_by_a_render_is_not_warmed_again(pupil: Pupil) -> None:
     warm_up.warm_up(pupil, Params())  # type: ignore[arg-type]
     warm_up.warm_up_process()

@@ -61,13 +61,22 @@ class Renderer:
         blobs: where inputs are and results go.
         scratch: folder for files while they are written; None: the system's.
         find: finds a method by name (the registry; a test may bring its own).
+        warms_up: whether `warm_up` does anything.
     """
 
-    def __init__(self, blobs: Blobs, scratch: Path | None = None, find: Callable[[str], Method] = method) -> None:
+    def __init__(
+        self,
+        blobs: Blobs,
+        scratch: Path | None = None,
+        find: Callable[[str], Method] = method,
+        *,
+        warms_up: bool = True,
+    ) -> None:
         prepare_process()
         self._blobs = blobs
         self._scratch = scratch
         self._find = find
+        self._warms_up = warms_up
         self._decoders = Decoders(blobs)
 
     def __enter__(self) -> Self:
@@ -83,7 +92,8 @@ class Renderer:
 
     def warm_up(self, stopped: Callable[[], bool] = lambda: False) -> None:
         """Load what methods need before their first frame, once a process. From any thread; never raises."""
-        warm_up_process(stopped)
+        if self._warms_up:
+            warm_up_process(stopped)
 
     def run(
         self,
@@ -167,7 +177,7 @@ class Renderer:
 def remote_renderer(settings: FarmSettings, blobs: Blobs, scratch: Path | None) -> Renderer:
     """Entry point of a renderer process; it logs in the format of the service."""
     set_up_logs(settings)
-    return Renderer(blobs, scratch)
+    return Renderer(blobs, scratch, warms_up=settings.warm_up)
 
 
 def _step_of(chosen: Method, params: Params, name: str) -> Step[AnyParams]:

@@ -1,0 +1,22 @@
+"""Waiting for an event of another thread or process."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+SLOWER = 4
+"""How many times slower a busy machine may be than the idle one for which the tests' waits were chosen.
+
+A wait ends with its event, so that a longer limit costs time only where a test fails.
+"""
+
+
+def until(ask: Callable[[], Any], timeout_s: float = 10.0, every_s: float = 0.03) -> Any:
+    """The first true answer of `ask`; AssertionError after `SLOWER * timeout_s` seconds."""
+    deadline = time.monotonic() + SLOWER * timeout_s
+    while not (answer := ask()):
+        assert time.monotonic() < deadline, f"it did not happen within {SLOWER * timeout_s:g} s"
+        time.sleep(every_s)
+    return answer
