@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import av
@@ -11,9 +12,17 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, Route, expect
 
-from tests.e2e.pages import FRAMES, KEY, SLOW_MS, WIDTH, Watched, make_clip, serve, until
+from tests.e2e.pages import FRAMES, KEY, SLOW_MS, WIDTH, Watched, make_clip, open_page, serve, until
 
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(180)]
+
+
+@pytest.fixture
+def watched(browser: Browser) -> Iterator[Watched]:
+    """A page with animations: films play only where a person has not asked for less motion."""
+    watched = open_page(browser, reduced_motion="no-preference")
+    yield watched
+    watched.page.context.close()
 
 
 def enter_studio(page: Page, service: str, clip: Path) -> None:

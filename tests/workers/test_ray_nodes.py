@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import pytest
 
 from tests.waiting import until
 from tests.workers.conftest import finished, request_on, result
-from tests.workers.toy import ToyRunner
+from tests.workers.toy import runner_after
 from workers.blobs.disk import DiskBlobs
 from workers.farm import Farm
 from workers.operations import DrainScope
@@ -53,7 +54,7 @@ def farm(cluster: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Far
         task_memory_bytes=64 << 20, capacity_wait_s=8,
     )  # fmt: skip
     blobs = DiskBlobs(settings.blobs_at)
-    farm = Farm(settings, RayPool(blobs, settings, ToyRunner))
+    farm = Farm(settings, RayPool(blobs, settings, partial(runner_after, home / "slow")))
     farm.start()
     until(lambda: len(_slots(farm)) == 3, 60)
     yield farm
@@ -101,7 +102,7 @@ def test_a_task_runs_on_a_node_with_its_resources(farm: Farm, data: Path) -> Non
 
 def test_no_machine_is_overcommitted(farm: Farm, data: Path) -> None:
     """Two machines of 2.2 GiB, three workers, tasks of 2 GiB: one on each machine, while the third waits."""
-    params = {"tasks": 6, "sleep_s": 1.0, "memory_mib": 2048}
+    params = {"tasks": 6, "sleep_s": 3.0, "memory_mib": 2048}
     job = farm.jobs.submit(request_on(farm, data, seed=13, params=params)).id
     most = 0
     while not farm.jobs.get(job).state.final:
@@ -153,9 +154,21 @@ def test_a_node_joins_works_and_leaves_without_loss(farm: Farm, cluster: Any, da
     assert [node.name for node in farm.workers.nodes() if node.drain] == []
 
 
+def test_an_actor_that_starts_slowly_ends_no_idle_actor(farm: Farm, data: Path) -> None:
+    """A machine with capacity for both is no reason to end one for the other."""
+    until(lambda: len(_slots(farm)) == 3, 60)
+    idle = {slot.name for slot in _slots(farm)}
+    slow = farm._settings.home / "slow"
+    slow.touch()
+    job = farm.jobs.submit(request_on(farm, data, seed=16, params={"tasks": 1, "memory_mib": 1024}))
+    assert finished(farm, job.id, 60).state == "succeeded"
+    slow.unlink()
+    assert len(idle & {slot.name for slot in _slots(farm)}) == 2, "one was exchanged for one with more memory"
+
+
 def test_tasks_of_a_dead_node_run_on_other_nodes(farm: Farm, cluster: Any, data: Path) -> None:
     until(lambda: len(_slots(farm)) == 3, 60)
-    params = {"tasks": 6, "sleep_s": 1.5}
+    params = {"tasks": 6, "sleep_s": 3}
     job = farm.jobs.submit(request_on(farm, data, seed=12, params=params)).id
     until(lambda: farm.jobs.get(job).counts["running"] == 3, 30)
     until(lambda: all(work.node for worker in farm.workers.workers().items for work in worker.at_work), 10)

@@ -178,3 +178,10 @@ class ToyRunner:
         key = f"jobs/{order.job_id}/{order.attempt_id}/result"
         self._blobs.put(key, b"".join(self._blobs.get(segment) for _, _, segment in order.segments))
         return TaskOutcome(order.attempt_id, {}, {}, {"result": (key, "video/mp4")}, None, {}, "joined\n")
+
+
+def runner_after(slow: Path, blobs: Blobs) -> ToyRunner:
+    """A runner that takes eight seconds to make while the file `slow` exists."""
+    if slow.exists():
+        time.sleep(8)
+    return ToyRunner(blobs)

@@ -32,7 +32,7 @@ from workers.operations import Slot
 from workers.pools.actors import RenderActor
 from workers.pools.artefact_cache import SharedArtefacts
 from workers.pools.base import Report
-from workers.pools.capacity import Capacity, Machines, capacity_for, default_capacity, machines_with, shortage
+from workers.pools.capacity import Capacity, Machines, capacity_for, default_capacity, has_room, machines_with, shortage
 from workers.pools.local_pool import Listen, TaskRunner
 from workers.pools.ray_cluster import connect
 from workers.pools.ray_types import RAY, Actor, ObjectRef
@@ -43,7 +43,9 @@ log = logging.getLogger(__name__)
 _TICK_S = 0.25
 """Interval of progress requests while something runs, seconds."""
 _PATIENCE_S = 3.0
-"""Seconds that a starting actor waits for capacity before an idle actor is ended for it: as long as a start takes."""
+"""Seconds that a starting actor waits before an idle actor is ended for it, if ours leave no capacity for it."""
+_START_S = 60.0
+"""The same if they leave enough: then it is either still starting, or others use the cluster."""
 _HANDED_BYTES = 64 << 20
 """Bytes of artefacts in Ray's shared memory, over all nodes: together with those just made, far below the amount at
 which Ray begins to spill to disk. Spilling took a seventh of two processors."""
@@ -63,6 +65,8 @@ class _Worker:
     name: str = ""
     node: str = ""
     attempt_id: str = ""
+    made_at: float = field(default_factory=time.monotonic)
+    """When it was requested, monotonic s."""
     patient_since: float = field(default_factory=time.monotonic)
     """Since when it has waited for a machine without having been helped."""
     hopeless_since: float | None = None
@@ -299,7 +303,10 @@ class RayPool:
         suitable = machines_with(worker.capacity, machines)
         if suitable:
             worker.hopeless_since = None
-            if worker.attempt_id:
+            with self._lock:
+                named = [(other.node, other.capacity) for other in self._workers if other.name]
+            starts = now - worker.made_at < _START_S and has_room(worker.capacity, machines, named)
+            if worker.attempt_id and not starts:
                 self._end_idle(suitable)
             return
         worker.hopeless_since = worker.hopeless_since or now
