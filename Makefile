@@ -7,7 +7,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 RUN_STAMP := $(VENV)/.installed-to-run
-# Python compiles what it imports; to compile everything would take half a minute.
+# Python compiles what it imports, and keeps that: to compile everything at the installation would take half a minute,
+# and to keep nothing would make every process compile all that it imports.
+unexport PYTHONDONTWRITEBYTECODE
 PIP := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt
 
 .PHONY: install web demo test check audit bench chaos fuzz soak docs gallery clean help
