@@ -8,10 +8,12 @@ from pathlib import Path
 
 import httpx
 import pytest
-from playwright.sync_api import Browser, Playwright, sync_playwright
+from playwright.sync_api import Browser, Playwright, expect, sync_playwright
 
 from service import bundle
-from tests.e2e.pages import CHROMIUM_ARGS, SHELL, Watched, make_clip, open_page, serve
+from tests.e2e.pages import CHROMIUM_ARGS, SHELL, SLOW_MS, Watched, make_clip, open_page, serve
+
+expect.set_options(timeout=SLOW_MS)  # instead of 5 s: a wait ends with its event, however busy the machine is
 
 
 @pytest.fixture(scope="package")

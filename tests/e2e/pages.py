@@ -108,7 +108,7 @@ def open_page(browser: Browser, **options: Any) -> Watched:
     """A page of 1440 x 900 px without animations, which would be drawn all the time while a test waits."""
     given = {"viewport": {"width": 1440, "height": 900}, "reduced_motion": "reduce"}
     context = browser.new_context(**(given | options))
-    context.set_default_timeout(20_000)
+    context.set_default_timeout(SLOW_MS)
     return Watched(context)
 
 
