@@ -93,7 +93,6 @@ def start_painting(page: Page) -> None:
     page.get_by_role("button", name="Brush", exact=True).click()
     page.get_by_label("Brush size").fill("20")
     page.locator(".brush-settings input[type=color]").fill("#2040ff")
-    page.wait_for_timeout(500)
 
 
 def choose_style(page: Page, title: str) -> None:

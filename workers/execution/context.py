@@ -118,7 +118,7 @@ class AttemptContext:
         """The frames; where the first step reads the whole video, those that the quality report needs are saved."""
         if name != "video" or span != (0, None) or self._order.results or self._order.emits:
             return frames
-        self.reads.note("report")
+        self.reads.record("report")
         return keep_pairs(frames, set(self.report_pairs), self.save)
 
     def _source_span(self, name: str, start: int, stop: int | None) -> tuple[int, int | None]:
@@ -136,7 +136,7 @@ class AttemptContext:
             return next(source, None)
 
     def has(self, name: str) -> bool:
-        self.reads.note(f"has {name}")
+        self.reads.record(f"has {name}")
         return name in self._order.inputs
 
     def image(self, name: str) -> Frame:
@@ -171,7 +171,7 @@ class AttemptContext:
     def _input(self, name: str, whole: bool = True) -> str:
         """Blob key of an input. `whole`: the task may read all of it."""
         if whole:
-            self.reads.note(f"input {name}")
+            self.reads.record(f"input {name}")
         if name not in self._order.inputs:
             raise BadParameter(
                 f"The input {name!r} is needed and was not given.",
@@ -189,7 +189,7 @@ class AttemptContext:
         self._keep(name, key)
 
     def load(self, step: str, name: str) -> dict[str, AnyArray]:
-        self.reads.note(f"artefact {step}/{name}")
+        self.reads.record(f"artefact {step}/{name}")
         with self.stages.waiting("store"):
             return read_arrays(self._blobs.get(self._order.artefacts[f"{step}/{name}"]))
 
@@ -205,7 +205,7 @@ class AttemptContext:
             self.files[name] = (key, media_type)
 
     def wants(self, artefact: str) -> bool:
-        self.reads.note(f"wants {artefact}")
+        self.reads.record(f"wants {artefact}")
         return artefact in self._order.output.artefacts
 
     def _keep(self, name: str, key: str) -> None:

@@ -74,7 +74,7 @@ class Reads:
     images: Images
     digests: dict[str, str]
 
-    def note(self, read: str, digest: str | None = None) -> None:
+    def record(self, read: str, digest: str | None = None) -> None:
         """Record a read. `digest`: if it is known; else it is looked up."""
         if read not in self.digests:
             self.digests[read] = self.current(read) if digest is None else digest
@@ -128,15 +128,15 @@ class RecordedImages(Mapping[int, AnyArray]):
     def __contains__(self, frame: object) -> bool:
         if not isinstance(frame, int):
             return False
-        self.reads.note(f"image {self.name} {frame}")
+        self.reads.record(f"image {self.name} {frame}")
         return frame in set(self.images)
 
     def __iter__(self) -> Iterator[int]:
-        self.reads.note(f"numbers {self.name}")
+        self.reads.record(f"numbers {self.name}")
         return iter(self.images)
 
     def __len__(self) -> int:
-        self.reads.note(f"numbers {self.name}")
+        self.reads.record(f"numbers {self.name}")
         return len(self.images)
 
 

@@ -58,20 +58,36 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
     return picture.layers.find((layer) => layer.id === store.paintLayer.value) ?? picture.layers.at(-1);
   }
 
-  function down(sample: PointerSample): boolean {
+  /** Act on the key and the layer to paint on: now, or once a key is open that a quick hand did not wait for. */
+  function whenOpen(act: (picture: KeyPicture, layer: PictureLayer) => void): void {
+    const [frame, shot] = [store.frame.value, store.layerId.value];
+    const on = (picture: KeyPicture) => {
+      const layer = target(picture);
+      if (layer) act(picture, layer);
+    };
     const picture = present();
-    const layer = picture && target(picture);
-    if (!picture || !layer) return false;
+    if (picture) on(picture);
+    else
+      keys
+        .open(frame)
+        .then((opened) => {
+          if (store.frame.value === frame && store.layerId.value === shot) on(present() ?? opened);
+        })
+        .catch(notify);
+  }
+
+  function down(sample: PointerSample): boolean {
     const tool = store.tool.value;
-    if (tool === "picker" || sample.alt) pick(picture, sample);
-    else if (tool === "fill") fill(picture, layer, sample);
-    else begin(layer, sample, tool === "eraser" ? "eraser" : "brush");
+    if (tool === "picker" || sample.alt) whenOpen((picture) => pick(picture, sample));
+    else if (tool === "fill") whenOpen((picture, layer) => fill(picture, layer, sample));
+    else begin(sample, tool === "eraser" ? "eraser" : "brush");
     return true;
   }
 
-  function begin(layer: PictureLayer, sample: PointerSample, kind: BrushStroke["kind"]): void {
+  function begin(sample: PointerSample, kind: BrushStroke["kind"]): void {
+    const picture = present();
     samples = [sampleOf(sample)];
-    live = { layer: layer.id, stroke: { kind, ...store.brush.value, samples } };
+    live = { layer: (picture && target(picture)?.id) ?? "", stroke: { kind, ...store.brush.value, samples } };
     redraw();
   }
 
@@ -82,10 +98,11 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
   }
 
   function up(): void {
-    const picture = present();
-    if (live && picture) {
+    if (live) {
+      const begun = live.layer;
       const stroke: Stroke = { ...live.stroke, samples: thin(samples, LEAST_DISTANCE_PX).map(rounded) };
-      commit(live.stroke.kind === "eraser" ? "Erase" : "Brush stroke", picture, live.layer, stroke);
+      const label = live.stroke.kind === "eraser" ? "Erase" : "Brush stroke";
+      whenOpen((picture, layer) => commit(label, picture, begun || layer.id, stroke));
     }
     live = undefined;
     redraw();
