@@ -107,26 +107,11 @@ class FaceTracker:
         return {"faces": self.faces.view(np.float64).reshape(-1, _COLUMNS).copy()}
 
     def restore(self, state: Arrays) -> None:
-        self.faces = np.array(state["faces"], np.float64).view(FACE)[:, 0]
+        self.faces = faces_of_state(state)
 
     def head_mask(self, shape: tuple[int, int]) -> Plane:
-        """Soft mask of the heads, times their strength: float32, a grid of `shape` over the frame, 0..1."""
-        height, width = shape
-        cell_x, cell_y = np.float32(self._size[0] / width), np.float32(self._size[1] / height)
-        xs = (np.arange(width, dtype=np.float32) + 0.5) * cell_x
-        ys = (np.arange(height, dtype=np.float32) + 0.5) * cell_y
-        plane = np.zeros(shape, np.float32)
-        for face in self.faces:
-            cx, cy, w, h = face["box"].astype(np.float32)
-            strength = np.float32(face["strength"])
-            half_x = max(w * np.float32(_HALF_WIDTH), np.float32(_LEAST_CELLS) * cell_x)
-            half_y = max(h * np.float32(_HALF_HEIGHT), np.float32(_LEAST_CELLS) * cell_y)
-            across = ((xs - cx) / half_x) ** 2
-            down = ((ys - cy + h * np.float32(_RAISE)) / half_y) ** 2
-            distance = np.sqrt(across[None, :] + down[:, None])
-            ramp = np.clip((np.float32(_FADE) - distance) / np.float32(_FADE - 1), 0, 1)
-            np.maximum(plane, strength * ramp * ramp * (3 - 2 * ramp), out=plane)
-        return plane
+        """Soft mask of the heads, see the function `head_mask`."""
+        return head_mask(self.faces, self._size, shape)
 
     def _shifts(self, boxes: NDArray[np.float64], flow: Flow) -> NDArray[np.float64]:
         """Median flow in the middle half of each box, float64 (n, 2), px; 0 for boxes outside the flow's grid."""
@@ -179,3 +164,33 @@ class FaceTracker:
         faces["strength"] += self._gain * (current - faces["strength"])
         inside = ((centres >= 0) & (centres < self._size)).all(axis=1)
         self.faces = faces[(current | (faces["strength"] > 0.02)) & inside]
+
+
+def faces_of_state(state: Arrays) -> Faces:
+    """The faces in the state of a tracker."""
+    return np.array(state["faces"], np.float64).view(FACE)[:, 0]
+
+
+def head_mask(faces: Faces, size: tuple[int, int], shape: tuple[int, int]) -> Plane:
+    """Soft mask of the heads, times their strength: float32, a grid of `shape` over the frame, 0..1.
+
+    Args:
+        size: (width, height) of the frame, px.
+        shape: (rows, columns) of the grid.
+    """
+    height, width = shape
+    cell_x, cell_y = np.float32(size[0] / width), np.float32(size[1] / height)
+    xs = (np.arange(width, dtype=np.float32) + 0.5) * cell_x
+    ys = (np.arange(height, dtype=np.float32) + 0.5) * cell_y
+    plane = np.zeros(shape, np.float32)
+    for face in faces:
+        cx, cy, w, h = face["box"].astype(np.float32)
+        strength = np.float32(face["strength"])
+        half_x = max(w * np.float32(_HALF_WIDTH), np.float32(_LEAST_CELLS) * cell_x)
+        half_y = max(h * np.float32(_HALF_HEIGHT), np.float32(_LEAST_CELLS) * cell_y)
+        across = ((xs - cx) / half_x) ** 2
+        down = ((ys - cy + h * np.float32(_RAISE)) / half_y) ** 2
+        distance = np.sqrt(across[None, :] + down[:, None])
+        ramp = np.clip((np.float32(_FADE) - distance) / np.float32(_FADE - 1), 0, 1)
+        np.maximum(plane, strength * ramp * ramp * (3 - 2 * ramp), out=plane)
+    return plane

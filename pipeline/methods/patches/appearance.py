@@ -155,7 +155,7 @@ def _add_frame(
     """
     (left, top, right, bottom), x, y = full_map(placement, grid.ratio, (grid.width, grid.height), rect.origin)
     weights = np.ascontiguousarray(
-        np.maximum(_soft_mask(inside, grid)[top:bottom, left:right], np.float32(MARGIN_WEIGHT))
+        np.maximum(soft_mask(inside, grid)[top:bottom, left:right], np.float32(MARGIN_WEIGHT))
     )
     gather(total, np.ascontiguousarray(frame[top:bottom, left:right]), weights, x, y)
 
@@ -249,7 +249,7 @@ def _colours(total: Total) -> NDArray[np.float32]:
     return np.asarray(total[..., :3] / np.maximum(total[..., 3:], np.float32(1e-6)), np.float32)
 
 
-def _soft_mask(inside: Mask, grid: WorkingGrid) -> Plane:
+def soft_mask(inside: Mask, grid: WorkingGrid) -> Plane:
     """Soft mask of a cluster at the frame's size: float32 (h, w), 0..1.
 
     The masks of all labels, including 0, sum to 1.

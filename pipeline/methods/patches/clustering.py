@@ -2,15 +2,16 @@
 
     flow-<run>   optical flow between the frames of each window
     run-<run>    label maps; each run continues from the previous one, so labels need no matching afterwards
+    faces-<run>  faces, tracked from run to run in the same way
 
-Flow tasks are parallel and cost about twice as much as the label tasks, which form a chain. Both belong to one step, so
+Flow tasks are parallel and cost about twice as much as the label tasks, which form a chain. All belong to one step, so
 that workers compute flow while one worker follows the chain. Label maps that the user has corrected have no part in
 this step: see `correction`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 
 import numpy as np
@@ -18,6 +19,7 @@ import numpy as np
 from pipeline.arrays import AnyArray, Arrays, State
 from pipeline.frames import Labels
 from pipeline.methods.base import FrameClusters, PlanContext, Task, TaskContext, TaskResult
+from pipeline.methods.patches.face_tracking import faces_key, run_faces
 from pipeline.methods.patches.motion_clustering import ClusterState, cluster_frame
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.patch_track import LabelRow, add_label_statistics
@@ -26,16 +28,25 @@ from pipeline.methods.patches.window_flow import WindowFlow, flow_key, run_flow
 
 
 def plan_cluster(context: PlanContext[PatchesParams]) -> list[Task]:
-    """A flow task and a label task per run of frames; flow only for advected strokes; none for independent frames."""
-    if context.params.temporal == "off":
+    """Tasks per run of frames: flow; with patches, labels and faces; none for independent frames."""
+    params = context.params
+    if params.temporal == "off":
         return []
     tasks, chain = list[Task](), list[Task]()
     for start, stop, begin, end in runs(context):
         args = {"start": start, "stop": stop, "begin": begin, "end": end}
         tasks.append(Task(flow_key(start), args, weight=0.3 * (stop - start)))
         tasks += chain
-        chain = [_label_task(args)] if context.params.temporal == "on" else []
+        chain = [_label_task(args)] if params.temporal == "on" else []
+        if chain and params.face_detail > 0:
+            chain.append(_faces_task(args))
     return tasks + chain
+
+
+def _faces_task(args: dict[str, int]) -> Task:
+    start, previous = args["start"], args["start"] - RUN
+    after = [flow_key(start)] + ([flow_key(previous), faces_key(previous)] if start > args["begin"] else [])
+    return Task(faces_key(start), args, tuple(after), weight=0.02 * (args["stop"] - start))
 
 
 def _label_task(args: dict[str, int]) -> Task:
@@ -45,8 +56,11 @@ def _label_task(args: dict[str, int]) -> Task:
 
 
 def run_cluster(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
-    """Compute flow or label maps, see `run_flow` and `run_labels` for the artefacts."""
-    return run_flow(task, context) if task.key.startswith("flow") else run_labels(task, context)
+    """Compute flow, label maps or faces, see `run_flow`, `run_labels` and `run_faces` for the artefacts."""
+    steps: Mapping[str, Callable[[Task, TaskContext[PatchesParams]], TaskResult]] = {
+        "flow": run_flow, "run": run_labels, "faces": run_faces,
+    }  # fmt: skip
+    return steps[task.key.partition("-")[0]](task, context)
 
 
 def run_labels(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:

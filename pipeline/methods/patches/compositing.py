@@ -15,6 +15,7 @@ from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.patches.artefacts import LabelPictures
 from pipeline.methods.patches.baselines import AdvectedFrames, IndependentFrames, frame_painter
 from pipeline.methods.patches.clustering import LabelMaps
+from pipeline.methods.patches.face_tracking import FaceWeights
 from pipeline.methods.patches.paint_error import Rendering, error_tolerance, patch_weight
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.patch_construction import load_placements, period_artefact
@@ -102,7 +103,7 @@ def _delayed(
 
 def _frame_painter(task: Task, context: TaskContext[PatchesParams]) -> FramePainter:
     if context.params.temporal == "off":
-        return IndependentFrames(frame_painter(context.params, context.size, context.seed))
+        return IndependentFrames(frame_painter(context.params, context.size, context.seed), context.params.face_detail)
     return AdvectedFrames(task, context) if context.params.temporal == "strokes" else PatchCompositor(task, context)
 
 
@@ -184,6 +185,7 @@ class PatchCompositor:
             for args, result in zip(task.args["tracks"], task.args["results"], strict=True)
         ]
         painter = frame_painter(context.params, context.size, context.seed)
+        self._faces = FaceWeights(context, begin)
         self._residual = ResidualLayer(painter, WindowFlow(context, begin), self._grid)
 
     def __call__(self, index: int, frame: Frame) -> Frame:
@@ -209,7 +211,7 @@ class PatchCompositor:
         opacity = residual.limited_opacity(index, 1 - covered)
         total *= ((1 - opacity) / np.maximum(covered, np.float32(1e-6)))[..., None]
         if (opacity > VISIBLE_OPACITY).any():
-            total += residual.paint(index, frame, opacity, limit) * opacity[..., None]
+            total += residual.paint(index, frame, opacity, limit, self._faces(index)) * opacity[..., None]
         else:
             total /= covered[..., None]
         picture, painting = np.rint(np.clip(total, 0, 255)).astype(np.uint8)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -40,6 +40,13 @@ STEEPENING, MOST_STEPS = 2.0, 8
 """Steps of edge steepening per px of a frame 344 px high, see `steepen`, and the largest number of them."""
 MIN_RADIUS = 0.8
 """Smallest stroke radius, px."""
+LEAST_FACE_WEIGHT = 0.02
+"""Weight below which a pixel counts as outside faces."""
+FACE_THRESHOLD, FACE_EDGE = 0.1, 20.0
+"""Strokes on faces: factor on the threshold, and RGB distance at which they end and beyond which they do not cover."""
+FACE_LENGTH, FACE_BLUR = 3.0, 0.25
+"""Their largest length in stroke widths, and the sigma of the blur of what they paint in stroke radii. An eye is about
+a fifth as wide as the face, so that longer strokes would cross it."""
 
 Box = tuple[slice, slice]
 """Rows and columns."""
@@ -108,21 +115,32 @@ class HertzmannPainter:
         Departure from hertzmann1998painterly, section 2.1: strokes that take their colours from a blurred edge are of
         mixed colours, and make every silhouette a ramp of 4 px at 720 lines.
         """
-        return steepen(layer_reference(picture, brush, self.scheme), min(round(STEEPENING * self.unit), MOST_STEPS))
+        return self._steepened(layer_reference(picture, brush, self.scheme))
 
-    def paint_picture(self, picture: Frame) -> Frame:
-        """Paint a picture, with lighting: uint8 (h, w, 3)."""
+    def _steepened(self, picture: Frame) -> Frame:
+        return steepen(picture, min(round(STEEPENING * self.unit), MOST_STEPS))
+
+    def paint_picture(self, picture: Frame, faces: Plane | None = None) -> Frame:
+        """Paint a picture, with lighting: uint8 (h, w, 3).
+
+        Args:
+            faces: float32 (h, w), 0..1, weight of the fine strokes that are added on faces; None = 0.
+        """
         every = np.ones(picture.shape[:2], np.bool_)
-        return self._painting(picture, every, (slice(None), slice(None)))
+        return self._painting(picture, every, (slice(None), slice(None)), faces)
 
-    def paint_part(self, picture: Frame, where: Mask) -> Frame:
-        """Paint only the strokes that start in `where`, bool (h, w); pixels beyond their reach are black."""
+    def paint_part(self, picture: Frame, where: Mask, faces: Plane | None = None) -> Frame:
+        """Paint only the strokes that start in `where`, bool (h, w); pixels beyond their reach are black.
+
+        Args:
+            faces: as for `paint_picture`.
+        """
         box = _bounding_box(where, int(self.reach_px))
         out = np.zeros_like(picture)
-        out[box] = self._painting(np.ascontiguousarray(picture[box]), where, box)
+        out[box] = self._painting(np.ascontiguousarray(picture[box]), where, box, faces)
         return out
 
-    def _painting(self, picture: Frame, where: Mask, box: Box) -> Frame:
+    def _painting(self, picture: Frame, where: Mask, box: Box, faces: Plane | None) -> Frame:
         """Paint a crop. Seeds are placed on the full frame `where`, so they do not depend on the crop `box`."""
         canvas, tolerance = (
             blank(self.reference(picture, self.brush)),
@@ -135,7 +153,44 @@ class HertzmannPainter:
             if index:
                 seeds = seeds[wanted(seeds, reference, canvas, brush.size_px, self.error_limit(index, tolerance))]
             self.paint_layer(canvas, seeds, reference, brush, index)
+        if faces is not None:
+            self._paint_faces(canvas, picture, np.where(where, faces, np.float32(0)), box)
         return emboss(canvas)
+
+    def _paint_faces(self, canvas: Canvas, picture: Frame, faces: Plane, box: Box) -> None:
+        """Add fine strokes on faces, in place. Their opacity and number fall with the weight, so that no seam appears.
+
+        Args:
+            faces: float32, 0..1, weight of these strokes on the full frame, of which `canvas` and `picture` are the
+                crop `box`.
+        """
+        where = faces > LEAST_FACE_WEIGHT
+        if not where.any():
+            return
+        inner = _bounding_box(where[box], int(float(self.brush.size_px)))
+        part, weight = np.ascontiguousarray(picture[inner]), np.ascontiguousarray(faces[box][inner])
+        own, missing = np.ascontiguousarray(canvas[inner]), 1 - weight
+        limit = np.float32(self.threshold * FACE_THRESHOLD) + np.float32(FARTHEST) * missing * missing
+        for index, brush in enumerate(self._face_brushes(weight), start=self.layers):
+            blurred = cv2.GaussianBlur(part, (0, 0), FACE_BLUR * float(brush.size_px) / 2)
+            reference = self._steepened(np.asarray(blurred, np.uint8))
+            seeds = self._seeds(brush, index, where, _within(box, inner))
+            seeds = seeds[wanted(seeds, reference, own, brush.size_px, limit)]
+            self.paint_layer(own, seeds, reference, brush, index, edge=FACE_EDGE)
+        canvas[inner] = own
+
+    def _face_brushes(self, weight: Plane) -> list[Brush]:
+        """Brushes of the additional layers on faces, coarse to fine, down to half the finest layer's width."""
+        coarsest = float(self.brush.size_px)
+        finest = coarsest * self.scheme.ratio ** (self.layers - 1)
+        opacity = np.asarray(np.float32(self.brush.opacity) * weight, np.float32)
+        return [
+            replace(
+                self.brush, size_px=size, length_px=min(FACE_LENGTH * size, float(self.brush.length_px)),
+                opacity=opacity, jitter=0.0, relief_px=float(self.brush.relief_px) * size / coarsest,
+            )
+            for size in (2 * finest, finest, finest / 2) if size >= 2 * MIN_RADIUS - 1e-6
+        ]  # fmt: skip
 
     def _seeds(self, brush: Brush, index: int, where: Mask, box: Box) -> Seeds:
         spacing = spacing_px(brush, self.scheme)
@@ -157,6 +212,7 @@ class HertzmannPainter:
     def paint_layer(
         self, canvas: Canvas, seeds: Seeds, reference: Frame, brush: Brush, index: int,
         targets: NDArray[np.float32] | None = None, presence: NDArray[np.float32] | None = None,
+        edge: float | None = None,
     ) -> None:  # fmt: skip
         """Paint the strokes of one layer, in place.
 
@@ -165,14 +221,22 @@ class HertzmannPainter:
             reference: uint8 (h, w, 3), the blurred picture of this layer.
             targets, presence: colours float32 (n, 3) and fading state float32 (n,) of tracked strokes; None for new
                 strokes.
+            edge: RGB distance at which strokes end; None = the scheme's, for that layer.
         """
-        edge = self.scheme.edge * 0.8**index
+        edge = self.scheme.edge * 0.8**index if edge is None else edge
         rules = TraceRules(reference, canvas if index else None, edge, self.min_length, self.style.curvature)
         targets = colours_at(seeds, reference) if targets is None else targets
         strokes = trace(seeds, directions(reference, brush), brush, targets, rules, self.seed)
         if presence is not None:
             strokes = fade(strokes, presence)
         paint(canvas, strokes, seed=self.seed, guide=reference, tolerance=edge, slopes=slopes_of(reference))
+
+
+def _within(box: Box, inner: Box) -> Box:
+    """The part `inner` of a crop `box` as rows and columns of the full frame."""
+    starts = [(outer.start or 0) + part.start for outer, part in zip(box, inner, strict=True)]
+    rows, columns = (slice(at, at + part.stop - part.start) for at, part in zip(starts, inner, strict=True))
+    return rows, columns
 
 
 def _bounding_box(where: Mask, pad_px: int) -> Box:

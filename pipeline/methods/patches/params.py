@@ -78,6 +78,11 @@ class PatchesParams(Params):
         "errors are more visible, a third of it applies.",
         "RGB distance", "Painting", "T",
     )  # fmt: skip
+    face_detail: float = number(
+        1, 0, 1, "Faces",
+        "Additional fine strokes on faces, so that eyes and mouths of small faces can be recognised. Larger values "
+        "make them cover more; 0 = none, as in the paper.", "ratio", "Painting",
+    )  # fmt: skip
     jitter: float = number(
         0.06, 0, 1, "Colour jitter",
         "Random deviation of a stroke's colour from the picture. Larger values make neighbouring strokes differ more.",

@@ -3,7 +3,7 @@
 The warps of a patch are concatenated from the master frame outward and relaxed jointly, which places every frame in the
 panorama. The colours are averaged there, and the mean is painted.
 
-    <patch>-placement   relaxed placement in each frame, and rectangle of the panorama
+    <patch>-placement   relaxed placement in each frame, rectangle of the panorama, and faces in it
     <patch>-sum-<n>     colour sum of the n-th span of frames
     <patch>             division into periods of similar appearance
     <patch>-period-<n>  mean and painting of the period that begins with the n-th span, if there is one
@@ -34,6 +34,7 @@ from pipeline.methods.patches.appearance import (
 from pipeline.methods.patches.artefacts import save_energy_artefact, save_patch_artefact
 from pipeline.methods.patches.clustering import LabelMaps
 from pipeline.methods.patches.painter import HertzmannPainter
+from pipeline.methods.patches.panorama_faces import Weights, as_plane, load_weights, panorama_weights, save_weights
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.patch_track import PatchTrack, patch_tracks
 from pipeline.methods.patches.registration import FrameWarp, load_warps, save_warps
@@ -113,19 +114,24 @@ def run_patch(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
 def _run_whole(task: Task, track: PatchTrack, context: TaskContext[PatchesParams]) -> TaskResult:
     maps, grid = LabelMaps(context, track.begin), WorkingGrid.of(context.size)
     placements, rect, result = _place(task, track, maps, context)
+    with context.clock("faces"):
+        faces = panorama_weights(track, placements, maps, rect, context)
     with context.clock("mean"):
         sums = {span: colour_sum(span, track, placements, maps, rect, context) for span in colour_spans(track)}
         periods = appearance_periods(sums.values(), track, rect, grid, context.params)
     for number, (start, stop) in enumerate(periods.spans):
         of_period = (part for span, part in sums.items() if start <= span[0] < stop)
-        _paint_period(number, of_period, periods.overall, track, rect, context)
+        _paint_period(number, of_period, periods.overall, faces, track, rect, context)
         context.progress(0.5 + 0.5 * (number + 1) / len(periods.spans))
     return result | _period_result(periods, rect)
 
 
 def _run_placement(task: Task, track: PatchTrack, context: TaskContext[PatchesParams]) -> TaskResult:
-    _, rect, result = _place(task, track, LabelMaps(context, track.begin), context)
+    maps = LabelMaps(context, track.begin)
+    placements, rect, result = _place(task, track, maps, context)
     rect.save(context, track)
+    with context.clock("faces"):
+        save_weights(context, track, panorama_weights(track, placements, maps, rect, context))
     return result
 
 
@@ -151,7 +157,8 @@ def _run_period(task: Task, track: PatchTrack, context: TaskContext[PatchesParam
     periods, rect = AppearancePeriods.load(context, track), PanoramaRect.load(context, track)
     for number, (start, stop) in enumerate(periods.spans):
         if start == span_start:
-            _paint_period(number, _load_sums(track, start, stop, context), periods.overall, track, rect, context)
+            sums, faces = _load_sums(track, start, stop, context), load_weights(context, track)
+            _paint_period(number, sums, periods.overall, faces, track, rect, context)
     return {}
 
 
@@ -200,14 +207,14 @@ def _report_energy(
 
 
 def _paint_period(
-    number: int, sums: Iterable[ColourSum], overall: ColourSum, track: PatchTrack, rect: PanoramaRect,
-    context: TaskContext[PatchesParams],
+    number: int, sums: Iterable[ColourSum], overall: ColourSum, faces: Weights | None, track: PatchTrack,
+    rect: PanoramaRect, context: TaskContext[PatchesParams],
 ) -> None:  # fmt: skip
     """Compute and save panorama and painting of one period."""
     with context.clock("mean"):
         panorama: Frame = period_picture(sums, overall, rect, WorkingGrid.of(context.size), context.params.misfit)
     with context.clock("paint"):
-        painting = patch_painter(track, context).paint_picture(panorama)
+        painting = patch_painter(track, context).paint_picture(panorama, as_plane(faces))
     context.save(period_artefact(track, number), {"panorama": panorama, "painting": painting})
     save_patch_artefact(context, track.key, number, panorama, painting)
 

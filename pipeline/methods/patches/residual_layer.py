@@ -143,13 +143,16 @@ class ResidualLayer:
     next_source: dict[int, tuple[PaintSource, float]] = field(default_factory=dict)
     used: bool = False
 
-    def paint(self, index: int, frame: Frame, opacity: Plane, limit: Plane) -> Rendering:
+    def paint(
+        self, index: int, frame: Frame, opacity: Plane, limit: Plane, faces: Plane | None = None
+    ) -> Rendering:  # fmt: skip
         """Picture and painting of the residual layer of frame `index`, float32 (2, h, w, 3).
 
         Args:
             opacity: float32 (h, w), 0..1. The result is undefined where it is at most
                 `VISIBLE_OPACITY`.
             limit: float32 (h, w), tolerated RGB distance.
+            faces: float32 (h, w), 0..1, weight of fine strokes; None = 0.
         """
         visible, self.used = opacity > VISIBLE_OPACITY, True
         self.source = self._advected_source(index, visible)
@@ -158,7 +161,7 @@ class ResidualLayer:
         if (incomplete := visible & (total < 1)).any():
             missing = (1 - total)[..., None]
             rendering[0] += frame * missing
-            rendering[1] += self._new_paint(frame, incomplete) * missing
+            rendering[1] += self._new_paint(frame, incomplete, faces) * missing
         self.source, self.last = self.source.reset(index, ~visible | (weight < 1)), index
         return rendering
 
@@ -246,11 +249,11 @@ class ResidualLayer:
         weight = np.minimum(np.clip(2 * smooth - 1, 0, 1), kept)
         return rendering, np.where(weight > 0.999, 1, weight).astype(np.float32)
 
-    def _new_paint(self, frame: Frame, where: Mask) -> Frame:
+    def _new_paint(self, frame: Frame, where: Mask, faces: Plane | None) -> Frame:
         """Paint the frame by itself, near the pixels of `where`."""
         reach = 2 * int(self.painter.reach_px / 4) + 1
         near = cv2.dilate(where.astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
-        return self.painter.paint_part(frame, near)
+        return self.painter.paint_part(frame, near, faces)
 
 
 def _warped(plane: Plane, pair: tuple[Flow, Plane] | None) -> Plane:
