@@ -6,6 +6,8 @@ where the response is strong, taper where it decreases, and are equally sharp at
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -81,27 +83,38 @@ def _draw(field: Plane, opacity: NDArray[np.uint8], out: NDArray[np.uint8]) -> N
             out[y, x] = opacity[y, x] if row[x] > 0 else 0
 
 
-def blend_response(response: Plane, before: Plane, flow: Flow, shrink: int, memory: float) -> Plane:
+class Motion(NamedTuple):
+    """Motion since the previous frame, and how far it can be trusted.
+
+    Attributes:
+        flow: previous to current frame at full size, px.
+        weights: float32 at full size, weight of the past, 0..1.
+        shrink: ratio of the full size to the size of the line planes.
+    """
+
+    flow: Flow
+    weights: Plane
+    shrink: int
+
+
+def blend_response(response: Plane, before: Plane, motion: Motion) -> Plane:
     """Average a line response with the previous one along the flow, where the two agree: float32 (h, w).
 
     The response is smooth, so warping it does not blur the outlines of the lines.
 
     Args:
         response, before: float32 (h, w), gray levels, of this and the previous frame.
-        flow: previous to current frame at full size, px.
-        shrink: ratio of the full size to the size of the response.
-        memory: weight of the past where both are equal, 0..1; it is halved at a difference of `RESPONSE_TOLERANCE`.
+        motion: its weights are halved at a difference of `RESPONSE_TOLERANCE`.
     """
     out = np.empty_like(response)
-    _blend_response(response, before, flow, shrink, np.float32(memory), out)
+    _blend_response(response, before, motion, out)
     return out
 
 
 @kernel
-def _blend_response(
-    response: Plane, before: Plane, flow: Flow, shrink: int, memory: np.float32, out: Plane
-) -> None:  # fmt: skip
+def _blend_response(response: Plane, before: Plane, motion: Motion, out: Plane) -> None:
     height, width = response.shape
+    flow, shrink = motion.flow, motion.shrink
     scale, one = np.float32(1) / np.float32(shrink), np.float32(1)
     for y in range(height):
         for x in range(width):
@@ -110,7 +123,8 @@ def _blend_response(
             if dx != 0.0 or dy != 0.0:
                 past = _bilinear(before, np.float32(x) - dx, np.float32(y) - dy)
             apart = (past - response[y, x]) / RESPONSE_TOLERANCE
-            out[y, x] = response[y, x] + memory / (one + apart * apart) * (past - response[y, x])
+            weight = motion.weights[y * shrink, x * shrink] / (one + apart * apart)
+            out[y, x] = response[y, x] + weight * (past - response[y, x])
 
 
 @kernel
@@ -127,32 +141,28 @@ def _bilinear(plane: Plane, x: np.float32, y: np.float32) -> np.float32:
     return np.float32(top + fy * (low - top))
 
 
-def blend_opacity(
-    opacity: NDArray[np.uint8], before: NDArray[np.uint8], flow: Flow, shrink: int, memory: float
-) -> NDArray[np.uint8]:
+def blend_opacity(opacity: NDArray[np.uint8], before: NDArray[np.uint8], motion: Motion) -> NDArray[np.uint8]:
     """Average an opacity with the previous one along the flow: uint8 (h, w).
 
     Args:
-        memory: weight of the previous opacity, 0..1.
         opacity, before: uint8 (h, w) of this and the previous frame.
-        flow: previous to current frame at full size, px.
-        shrink: ratio of the full size to the size of the opacity.
     """
     out = np.empty_like(opacity)
-    _blend_opacity(opacity, before, flow, shrink, np.float32(memory), out)
+    _blend_opacity(opacity, before, motion, out)
     return out
 
 
 @kernel
 def _blend_opacity(
-    opacity: NDArray[np.uint8], before: NDArray[np.uint8], flow: Flow, shrink: int, memory: np.float32,
-    out: NDArray[np.uint8],
+    opacity: NDArray[np.uint8], before: NDArray[np.uint8], motion: Motion, out: NDArray[np.uint8]
 ) -> None:  # fmt: skip
     height, width = opacity.shape
+    flow, shrink = motion.flow, motion.shrink
     for y in range(height):
         for x in range(width):
             dx, dy = flow[y * shrink, x * shrink, 0], flow[y * shrink, x * shrink, 1]
             i = min(max(x - int(np.rint(dx / np.float32(shrink))), 0), width - 1)
             j = min(max(y - int(np.rint(dy / np.float32(shrink))), 0), height - 1)
             now = np.float32(opacity[y, x])
-            out[y, x] = np.uint8(now + memory * (np.float32(before[j, i]) - now))
+            weight = motion.weights[y * shrink, x * shrink]
+            out[y, x] = np.uint8(now + weight * (np.float32(before[j, i]) - now))

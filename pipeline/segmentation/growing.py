@@ -42,7 +42,7 @@ def count_open(pixels: NDArray[np.int32], blocked: NDArray[np.uint8]) -> int:
 @kernel
 def grow(
     labels: Labels, lab: Lab8, blocked: NDArray[np.uint8], limit: NDArray[np.uint8], sums: Sums,
-    pixels: NDArray[np.int32], ignore_limits: bool = False,
+    pixels: NDArray[np.int32], slack: float = 1.0,
 ) -> NDArray[np.int32]:  # fmt: skip
     """Give unlabelled pixels the label of the neighbouring region with the most similar colour, in place.
 
@@ -53,7 +53,7 @@ def grow(
         limit: uint8 (h, w), largest reconstruction error allowed, CIELAB units: 20 (1.2 - I(p)).
         sums: sums of the regions, updated. Colours are compared with the means at the time of the call.
         pixels: int32, flat indices of all unlabelled pixels; may contain labelled pixels.
-        ignore_limits: ignore `blocked` and `limit`, for the remaining pixels at the end.
+        slack: factor on `limit`; infinity ignores `blocked` too, for the remaining pixels at the end.
 
     Returns:
         Flat indices of the pixels that are still unlabelled.
@@ -63,7 +63,7 @@ def grow(
     """
     if not pixels.size:
         return pixels
-    _grow(labels, lab, blocked, limit, means_of(sums), sums, pixels, ignore_limits)
+    _grow(labels, lab, blocked, limit, means_of(sums), sums, pixels, np.float32(slack))
     return _still_unlabelled(labels, pixels)
 
 
@@ -82,9 +82,10 @@ def _still_unlabelled(labels: Labels, pixels: NDArray[np.int32]) -> NDArray[np.i
 @kernel
 def _grow(
     labels: Labels, lab: Lab8, blocked: NDArray[np.uint8], limit: NDArray[np.uint8], means: Means, sums: Sums,
-    pixels: NDArray[np.int32], ignore_limits: bool,
+    pixels: NDArray[np.int32], slack: np.float32,
 ) -> None:  # fmt: skip
     width = labels.shape[1]
+    anywhere = slack == np.float32(np.inf)
     there, colours = labels.reshape(labels.size), lab.reshape(labels.size, 3)
     closed, most = blocked.reshape(labels.size), limit.reshape(labels.size)
     entries = np.empty((4 * pixels.size, 3), np.int32)
@@ -94,7 +95,7 @@ def _grow(
     around = (-width, -1, 1, width)
     last_row = labels.size - width
     for at in pixels:
-        if there[at] != 0 or (closed[at] and not ignore_limits):
+        if there[at] != 0 or (closed[at] and not anywhere):
             continue
         x = at % width
         inside = (at >= width, x > 0, x < width - 1, at < last_row)
@@ -108,7 +109,7 @@ def _grow(
             error = _colour_distance(colours, at, means, other)
             if error < best:
                 best, label = error, other
-        if label != 0 and (best <= most[at] or ignore_limits):
+        if label != 0 and (best <= most[at] * slack or anywhere):
             _enqueue(entries, head, tail, used, best, at, label)
             used += 1
     lowest = 0
@@ -126,10 +127,10 @@ def _grow(
         inside = (at >= width, x > 0, x < width - 1, at < last_row)
         for n in range(4):
             to = at + around[n]
-            if not inside[n] or there[to] != 0 or (closed[to] and not ignore_limits):
+            if not inside[n] or there[to] != 0 or (closed[to] and not anywhere):
                 continue
             error = _colour_distance(colours, to, means, label)
-            if error <= most[to] or ignore_limits:
+            if error <= most[to] * slack or anywhere:
                 lowest = min(lowest, _enqueue(entries, head, tail, used, error, to, label))
                 used += 1
 

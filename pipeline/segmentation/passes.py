@@ -5,15 +5,19 @@ With about thirty separate calls, two threads lose a fifth of a small frame's ti
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.frames import Flow, Labels
+from pipeline.frames import Labels
 from pipeline.jit import kernel
 from pipeline.segmentation.growing import grow
-from pipeline.segmentation.propagation import propagate, smooth_labels
+from pipeline.segmentation.propagation import (
+    PreviousRegions,
+    PropagationLimits,
+    propagate,
+    release_changed,
+    smooth_labels,
+)
 from pipeline.segmentation.refinement import add_regions, correct, merge_table
 from pipeline.segmentation.regions import AREA, LIMIT, Lab8, Sums, means_of, measure, merge, relabel
 from pipeline.segmentation.trapped_ball import fill_small
@@ -24,32 +28,6 @@ MIN_RELEASED_SHARE = 0.001
 """Share of the frame that must have been released before the same ball radius is tried again."""
 SPECK_PX = 4
 """Regions with fewer pixels are merged at any frame size."""
-
-
-class PreviousRegions(NamedTuple):
-    """Regions of the previous frame, and the motion since; see `propagate`.
-
-    Attributes:
-        labels: int32 (h, w), 1..regions.
-        regions: number of regions.
-        flow: float32 (h, w, 2), previous to current frame, px.
-        remainder: int8 (h, w, 2), fractions of the motion that rounding left over.
-        residual: uint8 (h, w), CIELAB difference of each pixel to its past, quarter units.
-    """
-
-    labels: Labels
-    regions: int
-    flow: Flow
-    remainder: NDArray[np.int8]
-    residual: NDArray[np.uint8]
-
-
-class PropagationLimits(NamedTuple):
-    """Limits of `propagate` (`error`) and `correct` (`margin`, `slack`)."""
-
-    error: float
-    margin: float
-    slack: float
 
 
 @kernel
@@ -64,7 +42,8 @@ def propagate_regions(
         previous.labels, previous.flow, previous.remainder, previous.residual, limits.error, 0.9
     )
     smooth = smooth_labels(propagated)
-    sums = measure(smooth, lab, limit, previous.regions)
+    release_changed(smooth, lab, limit, previous, limits)
+    sums = measure(smooth, lab, limit, len(previous.means) - 1)
     return propagated, remainder, correct(smooth, lab, limit, sums, limits.margin, limits.slack), sums
 
 
@@ -82,7 +61,7 @@ def fill_remaining(
         known = sums.shape[0]
         sums = _roll(labels, lab, edges, limit, sums, pixels, radius_px, slack)
         if sums.shape[0] > known:
-            pixels = grow(labels, lab, edges, limit, sums, pixels, False)
+            pixels = grow(labels, lab, edges, limit, sums, pixels, 1.0)
         radius_px //= 2
     return sums, pixels
 

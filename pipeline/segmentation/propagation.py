@@ -2,19 +2,58 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Labels
 from pipeline.jit import kernel
 from pipeline.segmentation.motion import FAR, RESIDUAL_STEPS
+from pipeline.segmentation.regions import Lab8, Means, colour_difference
 
 CLOSED = np.int32(-1)
 """Mark of target pixels that stay unlabelled."""
 BATCH = 512
 """Pixels that are processed together, so that the inner loops vectorise."""
+CHANGED_SLACK = np.float32(0.5)
+"""Factor on the growing limit for a pixel that has changed."""
 REMAINDER_UNIT = 64
 """Steps per pixel of a stored remainder (int8, so at most 2 px)."""
+
+
+class PreviousRegions(NamedTuple):
+    """Regions of the previous frame, and the motion since; see `propagate`.
+
+    Attributes:
+        labels: int32 (h, w), 1..regions.
+        means: float32 (regions + 1, 3), mean colours, 8-bit CIELAB.
+        flow: float32 (h, w, 2), previous to current frame, px.
+        remainder: int8 (h, w, 2), fractions of the motion that rounding left over.
+        residual: uint8 (h, w), CIELAB difference of each pixel to its past, quarter units.
+    """
+
+    labels: Labels
+    means: Means
+    flow: Flow
+    remainder: NDArray[np.int8]
+    residual: NDArray[np.uint8]
+
+
+class PropagationLimits(NamedTuple):
+    """Limits of `propagate`, `release_changed` and `refinement.correct`.
+
+    Attributes:
+        error: T_f, largest difference of a pixel to its past, CIELAB units.
+        margin: a boundary pixel changes region if the other one fits better by more than this, CIELAB units.
+        slack: a pixel leaves its region beyond this multiple of the growing limit.
+        changed: residual from which `release_changed` examines a pixel, CIELAB units.
+    """
+
+    error: float
+    margin: float
+    slack: float
+    changed: float
 
 
 @kernel
@@ -153,3 +192,29 @@ def _filter_places(labels: Labels, places: NDArray[np.int32], out: Labels) -> No
         own = there[places[k]]
         if leader[k] >= 0 and leader[k] != own:
             made[places[k]] = leader[k] if own == 0 else 0
+
+
+@kernel
+def release_changed(
+    labels: Labels, lab: Lab8, limit: NDArray[np.uint8], previous: PreviousRegions, limits: PropagationLimits
+) -> None:
+    """Release, in place, the pixels that have changed and do not fit the region as it was in the previous frame.
+
+    Where a fast object uncovers a ground of a similar colour, flow and residual do not show that its label is wrong,
+    and the object's region would take the colour of the ground. A pixel whose residual is at least `limits.changed` is
+    released (label 0) if it differs from the previous mean of its region by more than `CHANGED_SLACK` times the growing
+    limit.
+
+    Args:
+        labels: int32 (h, w), propagated labels, 0 = unlabelled.
+        limit: uint8 (h, w), growing limit, CIELAB units.
+    """
+    height, width = labels.shape
+    least = limits.changed * RESIDUAL_STEPS
+    for y in range(height):
+        for x in range(width):
+            if previous.residual[y, x] < least or labels[y, x] == 0:
+                continue
+            error = colour_difference(lab, y, x, previous.means, labels[y, x])
+            if error > CHANGED_SLACK * limit[y, x]:
+                labels[y, x] = 0

@@ -12,21 +12,25 @@ from pipeline.arrays import Arrays, State
 from pipeline.background import Pending
 from pipeline.frames import Flow, Labels, Plane
 from pipeline.segmentation.growing import count_open, grow, unlabelled
+from pipeline.segmentation.motion import FAR
 from pipeline.segmentation.passes import (
     MAX_ROLLS,
     MIN_RELEASED_SHARE,
-    PreviousRegions,
-    PropagationLimits,
     append_rows,
     fill_remaining,
     finalize_regions,
     propagate_regions,
 )
+from pipeline.segmentation.propagation import PreviousRegions, PropagationLimits
 from pipeline.segmentation.refinement import add_regions
 from pipeline.segmentation.regions import AREA, NOT_PROPAGATED, Lab8, Means, Sums, means_of, measure
 from pipeline.segmentation.trapped_ball import SMALL_RADIUS_PX, fill, radii
 
 NO_AREAS = np.zeros(1, np.int32)
+FIRST_GROWTH = 0.5
+"""Share of the growing limit up to which a pixel without a past joins a known region before new regions are made."""
+CHANGED = 5.0
+"""Residual from which a pixel is compared with the previous colour of its region, CIELAB units."""
 
 
 @dataclass(frozen=True)
@@ -115,9 +119,10 @@ class Segmenter:
             labels, propagated = np.zeros(self.shape, np.int32), NOT_PROPAGATED
             sums = measure(labels, lab, limit, 0)
         else:
-            previous = PreviousRegions(known.labels, len(known.ids) - 1, flow, self.remainder, residual)
+            previous = PreviousRegions(known.labels, known.means, flow, self.remainder, residual)
             slack = self.params.core_slack if fading else self.params.misfit_slack
-            limits = PropagationLimits(self.params.flow_error_limit, self.params.boundary_margin, slack)
+            changed = float(FAR) if fading else CHANGED
+            limits = PropagationLimits(self.params.flow_error_limit, self.params.boundary_margin, slack, changed)
             propagated, self.remainder, labels, sums = propagate_regions(previous, lab, limit, limits)
         left = int(sums[0, AREA])
         if left:
@@ -138,7 +143,7 @@ class Segmenter:
         neighbour."""
         pixels = unlabelled(labels)
         if len(sums) > 1 and grow_first:
-            pixels = grow(labels, lab, edges, limit, sums, pixels)
+            pixels = grow(labels, lab, edges, limit, sums, pixels, FIRST_GROWTH)
         rolling = radii(count_open(pixels, edges))
         for radius in (r for r in rolling if r > SMALL_RADIUS_PX):
             known = len(sums)
@@ -150,7 +155,7 @@ class Segmenter:
         if not sums[1:, AREA].any():  # the frame consists of edges: one new region
             labels[:] = len(sums)
             return measure(labels, lab, limit, len(sums))
-        grow(labels, lab, edges, limit, sums, pixels, True)
+        grow(labels, lab, edges, limit, sums, pixels, np.inf)
         return sums
 
     def _roll_large(

@@ -16,7 +16,7 @@ from pipeline.colour.scheme import measure as measure_tone
 from pipeline.flow import estimate
 from pipeline.frames import Flow, Frame, Plane, same_size
 from pipeline.lines.coherent import Ink
-from pipeline.methods.abstraction.line_extractor import LineExtractor
+from pipeline.methods.abstraction.line_extractor import LineExtractor, Past
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.sharp_lines import SharpLineExtractor
 from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px, draws_curves
@@ -83,7 +83,8 @@ class FrameAnalyzer:
         back, planes, residual = self._denoise(planes, flow)
         denoised, lightness = np.asarray(cv2.merge(list(planes)), np.uint8), planes[0]
         edge_map = self.background(self._edges, lightness, importance)
-        ink = self.background(self._ink, self.lines, lightness, importance, flow) if self.lines else None
+        past = None if flow is None or residual is None else Past(flow, residual)
+        ink = self.background(self._ink, self.lines, lightness, importance, past) if self.lines else None
         if self.background.helper is None:
             self.finish_frame()
         with self.clock("colour"):
@@ -121,9 +122,9 @@ class FrameAnalyzer:
         with self.clock("edges"):
             return edges(gray, importance.result(), self.params.edge_threshold)
 
-    def _ink(self, lines: LineExtractor, gray: NDArray[np.uint8], importance: Pending[Plane], flow: Flow | None) -> Ink:
+    def _ink(self, lines: LineExtractor, gray: NDArray[np.uint8], importance: Pending[Plane], past: Past | None) -> Ink:
         with self.clock("lines"):
-            return lines.step(gray, importance.result(), flow)
+            return lines.step(gray, importance.result(), past)
 
     def _begins_shot(self, frame: Frame) -> bool:
         """True for the first frame, after a hard cut, and for every frame with `temporal=off`."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +24,18 @@ WEAK, STRONG = 64, 153
 RIM = np.ones((3, 3), np.uint8)
 
 
+class Past(NamedTuple):
+    """Relation of a frame to the previous one.
+
+    Attributes:
+        flow: float32 (h, w, 2), previous to current frame, px.
+        residual: uint8 (h, w), CIELAB difference of each pixel to its past, quarter units; see `motion.denoise`.
+    """
+
+    flow: Flow
+    residual: NDArray[np.uint8]
+
+
 class LineExtractor:
     """Draws lines for frame after frame, at a resolution where the narrow Gaussian is about a pixel wide."""
 
@@ -37,20 +51,19 @@ class LineExtractor:
         flows = params.lines == "flow"
         self.flow_lines = FlowLines(self.sigma_px, TAU, params.steadiness, self.shrink) if flows else None
 
-    def step(self, gray: NDArray[np.uint8], importance: Plane, flow: Flow | None) -> Ink:
+    def step(self, gray: NDArray[np.uint8], importance: Plane, past: Past | None) -> Ink:
         """Ink of the next frame, uint8 (h, w), 0..255, before opacity.
 
         Args:
             gray: uint8 (h, w), denoised.
             importance: float32, any size.
-            flow: from the previous frame, px; None = a shot begins.
+            past: None = a shot begins.
         """
         small = cv2.resize(gray, self.small, interpolation=cv2.INTER_AREA).astype(np.float32)
         weight = np.asarray(cv2.resize(importance, self.small, interpolation=cv2.INTER_LINEAR), np.float32)
-        response = self._respond(small, weight, flow)
+        response = self._respond(small, weight, past)
         ink = soft_threshold(response, weight, self.params.line_threshold, self.params.line_sharpness)
-        past = None if flow is None or self.last is None else PreviousInk(self.last, flow, self.shrink)
-        keep = keep_strokes(ink, past, weight, self.limits)
+        keep = keep_strokes(ink, self._previous_ink(past), weight, self.limits)
         # One pixel more on each side keeps the soft rim of a stroke.
         drawn = np.asarray(cv2.bitwise_and(ink, cv2.dilate(keep, RIM)), np.uint8)
         self.last = drawn
@@ -58,9 +71,12 @@ class LineExtractor:
             return drawn
         return np.asarray(cv2.resize(drawn, self.size, interpolation=cv2.INTER_LINEAR), np.uint8)
 
-    def _respond(self, gray: Plane, importance: Plane, flow: Flow | None) -> Plane:
+    def _previous_ink(self, past: Past | None) -> PreviousInk | None:
+        return None if past is None or self.last is None else PreviousInk(self.last, past.flow, self.shrink)
+
+    def _respond(self, gray: Plane, importance: Plane, past: Past | None) -> Plane:
         if self.flow_lines:
-            return self.flow_lines.step(gray, importance, flow)
+            return self.flow_lines.step(gray, importance, None if past is None else past.flow)
         return dog_response(gray, self.sigma_px, TAU)
 
     def state(self) -> State:

@@ -12,6 +12,8 @@ from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.segmentation.segmenter import Segmentation
 
 Lab = NDArray[np.float64]
+LARGEST_LAG = 6.0
+"""Largest difference of the mean colour that an output colour stands for to the region's present one, CIELAB units."""
 
 
 class Palette:
@@ -21,6 +23,8 @@ class Palette:
         self.params = params
         self.reference = reference
         self.last: Lab | None = None
+        self.followed: Lab | None = None
+        """Mean colours of the regions, blended over time like the output colours."""
         self._table = None
         if reference is not None:
             self._table = scheme.hue_table(reference, params.mean_shift_steps, params.hue_neighbourhood)
@@ -32,32 +36,49 @@ class Palette:
             tone: tone of the frame; required if there is a reference.
             light_steadiness: 0..1, see `cuts.light_steadiness`; in a fade, colours change at once.
         """
-        target = self._target(regions, tone)
-        self.last = target if self.last is None else self._blend(regions, target, self.last, light_steadiness)
+        target, means = self._target(regions, tone), _lab(regions)
+        if self.last is None or self.followed is None:
+            self.last, self.followed = target, means
+        else:
+            before = np.minimum(regions.previous, len(self.last) - 1)
+            weight = self._weight(regions, means - self.followed[before], light_steadiness)
+            self.last = self.last[before] + weight * (target - self.last[before])
+            self.followed = self.followed[before] + weight * (means - self.followed[before])
         return to_8bit(lab_to_srgb(self.last))
 
     def _target(self, regions: Segmentation, tone: scheme.Tone | None) -> Lab:
-        lab = regions.means.astype(np.float64) * (100 / 255, 1, 1) - (0, 128, 128)
+        lab = _lab(regions)
         if self.reference is not None and tone is not None:
             hsv = srgb_to_hsv(lab_to_srgb(lab))
             moved = scheme.apply(self.reference, tone, hsv, self.params.keep_brightness, table=self._table)
             lab = srgb_to_lab(hsv_to_srgb(moved))
         return np.asarray(lab * (1, self.params.vividness, self.params.vividness))
 
-    def _blend(self, regions: Segmentation, target: Lab, last: Lab, light_steadiness: float) -> Lab:
-        """Eq. 4: o_i = (1 - alpha) o_{i-1} + alpha c_i; a new region has its target colour.
+    def _weight(self, regions: Segmentation, change: Lab, light_steadiness: float) -> Lab:
+        """Weight of the target colours, (n + 1, 1). Eq. 4: o_i = (1 - alpha) o_{i-1} + alpha c_i; 1 for a new region.
 
         Departure: alpha is near 1 for a well tracked region, which would then follow every fluctuation of the exposure.
-        It is scaled to a half-life in frames; `colour_half_life` = 0 is the paper's equation.
+        It is scaled to a half-life in frames; `colour_half_life` = 0 is the paper's equation. The colour lags behind by
+        `LARGEST_LAG` at most: a region that has lost an arm to another one would otherwise keep the arm's colour.
+
+        Args:
+            change: difference of the regions' mean colours to those that their output colours stand for.
         """
         half_life = self.params.colour_half_life
         gain = 1 - light_steadiness * 0.5 ** (1 / half_life) if half_life > 0 else 1.0
-        weight = np.where(regions.previous > 0, regions.alpha * gain, 1.0)[:, None]
-        before = last[np.minimum(regions.previous, len(last) - 1)]
-        return np.asarray(before + weight * (target - before))
+        weight = np.where(regions.previous > 0, regions.alpha * gain, 1.0)
+        if half_life > 0:
+            weight = np.maximum(weight, 1 - LARGEST_LAG / np.maximum(np.linalg.norm(change, axis=1), LARGEST_LAG))
+        return np.asarray(weight[:, None])
 
     def state(self) -> State:
-        return {} if self.last is None else {"colours": self.last}
+        """Arrays by name: colours of the previous frame, and the mean colours that they stand for, CIELAB."""
+        return {} if self.last is None or self.followed is None else {"colours": self.last, "followed": self.followed}
 
     def restore(self, state: Arrays) -> None:
-        self.last = state.get("colours")
+        self.last, self.followed = state.get("colours"), state.get("followed")
+
+
+def _lab(regions: Segmentation) -> Lab:
+    """Mean colours of the regions, CIELAB units."""
+    return np.asarray(regions.means.astype(np.float64) * (100 / 255, 1, 1) - (0, 128, 128))

@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Arrays, State
-from pipeline.frames import Flow, Plane
-from pipeline.lines.coherent import Ink, PreviousInk, keep_strokes
-from pipeline.lines.coverage import blend_opacity, blend_response, draw_lines, line_field
+from pipeline.frames import Plane
+from pipeline.lines.coherent import Ink, keep_strokes
+from pipeline.lines.coverage import Motion, blend_opacity, blend_response, draw_lines, line_field
 from pipeline.lines.dog import soft_threshold
-from pipeline.methods.abstraction.line_extractor import LineExtractor
+from pipeline.methods.abstraction.line_extractor import LineExtractor, Past
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.sizes import Sizes
+from pipeline.segmentation.motion import past_weights
 
 NEIGHBOURHOOD, ENLARGED_NEIGHBOURHOOD = np.ones((3, 3), np.uint8), np.ones((5, 5), np.uint8)
 """A line's opacity is that of its strongest pixel within this neighbourhood, so that only its outline fades. In a frame
@@ -43,7 +44,7 @@ class SharpLineExtractor(LineExtractor):
         self.opacity: Ink | None = None
         self.response: Plane | None = None
 
-    def step(self, gray: NDArray[np.uint8], importance: Plane, flow: Flow | None) -> Ink:
+    def step(self, gray: NDArray[np.uint8], importance: Plane, past: Past | None) -> Ink:
         """The line layer of the next frame at the output size, uint8 (h, w), 0..255, before `line_opacity`.
 
         See `LineExtractor.step`.
@@ -51,24 +52,31 @@ class SharpLineExtractor(LineExtractor):
         params = self.params
         small = cv2.resize(gray, self.small, interpolation=cv2.INTER_AREA).astype(np.float32)
         weight = np.asarray(cv2.resize(importance, self.small, interpolation=cv2.INTER_LINEAR), np.float32)
-        response = self._respond(small, weight, flow)
-        if flow is not None and self.response is not None:
-            response = blend_response(response, self.response, flow, self.shrink, params.paint_memory)
+        response = self._respond(small, weight, past)
+        motion = self._motion(past)
+        if motion is not None and self.response is not None:
+            response = blend_response(response, self.response, motion)
         self.response = response
         ink = soft_threshold(response, weight, params.line_threshold, params.line_sharpness)
-        past = None if flow is None or self.last is None else PreviousInk(self.last, flow, self.shrink)
-        keep = keep_strokes(ink, past, weight, self.limits)
+        keep = keep_strokes(ink, self._previous_ink(past), weight, self.limits)
         self.last = np.asarray(cv2.bitwise_and(ink, keep), np.uint8)
-        self.opacity = self._opacity(self.last, flow)
+        self.opacity = self._opacity(self.last, motion)
         field = line_field(response, weight, params.line_threshold, self.margin, max(1, round(2 * self.sigma_px)))
         return draw_lines(field, self.opacity, self.output_size)
 
-    def _opacity(self, ink: Ink, flow: Flow | None) -> Ink:
+    def _motion(self, past: Past | None) -> Motion | None:
+        """The motion since the previous frame. A line of the past has no weight where the frame differs from it."""
+        if past is None or not self.params.paint_memory:
+            return None
+        weights = past_weights(self.params.paint_memory).astype(np.float32) / np.float32(256)
+        return Motion(past.flow, weights[past.residual], self.shrink)
+
+    def _opacity(self, ink: Ink, motion: Motion | None) -> Ink:
         """Opacity of the strokes, which appear and vanish gradually."""
         opacity = np.asarray(cv2.dilate(ink, self.neighbourhood), np.uint8)
-        if flow is None or self.opacity is None or not self.params.paint_memory:
+        if motion is None or self.opacity is None:
             return opacity
-        return blend_opacity(opacity, self.opacity, flow, self.shrink, self.params.paint_memory)
+        return blend_opacity(opacity, self.opacity, motion)
 
     def state(self) -> State:
         """Arrays by name: those of `LineExtractor`, and the previous frame's opacity and response."""

@@ -9,11 +9,16 @@ from pipeline.frames import Plane
 from pipeline.lines.coverage import (
     PEAK_SHARE,
     RESPONSE_TOLERANCE,
+    Motion,
     blend_opacity,
     blend_response,
     draw_lines,
     line_field,
 )
+from pipeline.methods.abstraction.line_extractor import Past
+from pipeline.methods.abstraction.params import AbstractionParams
+from pipeline.methods.abstraction.sharp_lines import SharpLineExtractor
+from pipeline.methods.abstraction.sizes import Sizes
 
 FULL = 255
 
@@ -84,21 +89,36 @@ def test_more_is_drawn_where_importance_is_high() -> None:
 def test_opacity_follows_the_flow_and_fades() -> None:
     before = np.zeros((20, 30), np.uint8)
     before[8, 10] = 200
-    flow = np.tile(np.array([6, 4], np.float32), (40, 60, 1))
-    made = blend_opacity(np.zeros_like(before), before, flow, 2, 0.5)
+    made = blend_opacity(np.zeros_like(before), before, motion((6, 4), (40, 60), 0.5, shrink=2))
     assert made[10, 13] == 100 and made.sum() == 100
 
 
 def test_the_response_is_averaged_where_it_agrees_with_the_past() -> None:
-    still, before = np.zeros((8, 8, 2), np.float32), np.zeros((8, 8), np.float32)
+    before = np.zeros((8, 8), np.float32)
     for difference, weight in ((0.1, 0.8), (float(RESPONSE_TOLERANCE), 0.4), (600.0, 0.0)):
         now = np.full((8, 8), difference, np.float32)
-        kept = 1 - blend_response(now, before, still, 1, 0.8) / difference
+        kept = 1 - blend_response(now, before, motion((0, 0), (8, 8), 0.8)) / difference
         np.testing.assert_allclose(kept, weight, atol=0.01)
 
 
 def test_the_past_response_is_moved_along_the_flow() -> None:
     x = np.tile(np.arange(20, dtype=np.float32), (10, 1))
-    flow = np.tile(np.array([3, 0], np.float32), (20, 40, 1))
-    made = blend_response(x - 1.5, x, flow, 2, 0.8)
+    made = blend_response(x - 1.5, x, motion((3, 0), (20, 40), 0.8, shrink=2))
     np.testing.assert_allclose(made[:, 2:-2], (x - 1.5)[:, 2:-2], atol=1e-5)
+
+
+def motion(flow_px: tuple[float, float], shape: tuple[int, int], weight: float, shrink: int = 1) -> Motion:
+    flow = np.tile(np.array(flow_px, np.float32), (*shape, 1))
+    return Motion(flow, np.full(shape, weight, np.float32), shrink)
+
+
+@pytest.mark.parametrize(("residual", "least", "most"), [(0, 40, 120), (254, 200, 255)])
+def test_a_line_fades_in_unless_its_place_has_changed(residual: int, least: int, most: int) -> None:
+    """The outline of a fast hand is new in every frame; if it faded in, it would not be drawn at all."""
+    lines = SharpLineExtractor(AbstractionParams(line_width=10), Sizes((96, 96), (96, 96)))
+    empty, importance = np.full((96, 96), 170, np.uint8), np.full((96, 96), 0.5, np.float32)
+    lines.step(empty, importance, None)
+    stripe = empty.copy()
+    stripe[:, 46:50] = 60
+    past = Past(np.zeros((96, 96, 2), np.float32), np.full((96, 96), residual, np.uint8))
+    assert least <= lines.step(stripe, importance, past).max() <= most

@@ -16,7 +16,7 @@ from pipeline.lines.dog import dog_response
 from pipeline.lines.fdog import fdog_response
 from pipeline.methods.abstraction import flow_lines
 from pipeline.methods.abstraction.flow_lines import FlowLines
-from pipeline.methods.abstraction.line_extractor import LineExtractor
+from pipeline.methods.abstraction.line_extractor import LineExtractor, Past
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.tensors.structure import structure_tensor, tangent_field
 
@@ -140,23 +140,24 @@ def test_more_iterations_strengthen_lines_only() -> None:
         fdog(gray, iterations=0)
 
 
-def moving(index: int) -> tuple[NDArray[np.uint8], Plane, Flow]:
+def moving(index: int) -> tuple[NDArray[np.uint8], Plane, Past]:
     """A noisy disc that moves two pixels a frame, its importance and its flow."""
     frame = np.full((64, 96), 170, np.float32)
     cv2.circle(frame, (30 + 2 * index, 32), 16, 60, -1, cv2.LINE_AA)
     frame = cv2.GaussianBlur(frame + noise(frame.shape, index, 6), (0, 0), 0.8)
     flow = np.zeros((64, 96, 2), np.float32)
     flow[10:54, 10 + 2 * index : 50 + 2 * index, 0] = 2
-    return frame.clip(0, 255).astype(np.uint8), np.full((64, 96), 0.3, np.float32), flow
+    past = Past(flow, np.zeros((64, 96), np.uint8))
+    return frame.clip(0, 255).astype(np.uint8), np.full((64, 96), 0.3, np.float32), past
 
 
 def test_a_restored_session_continues_with_the_same_bytes() -> None:
     params = AbstractionParams(lines="flow", line_width=9, line_length=10)
     whole, first, second = (LineExtractor(params, (96, 64)) for _ in range(3))
-    expected = [whole.step(g, w, f if k else None).tobytes() for k, (g, w, f) in enumerate(map(moving, range(5)))]
+    expected = [whole.step(g, w, p if k else None).tobytes() for k, (g, w, p) in enumerate(map(moving, range(5)))]
     for k in range(3):
-        gray, weight, flow = moving(k)
-        first.step(gray, weight, flow if k else None)
+        gray, weight, past = moving(k)
+        first.step(gray, weight, past if k else None)
     second.restore({name: array.copy() for name, array in first.state().items()})
     assert set(first.state()) == {"ink", "tensors"}
     assert [second.step(*moving(k)).tobytes() for k in (3, 4)] == expected[3:]
@@ -172,8 +173,8 @@ def test_the_result_is_the_same_without_a_device(monkeypatch: pytest.MonkeyPatch
     without = FlowLines(SIGMA, TAU, 0.8, 1)
     assert with_device.device and not without.device
     for k in range(3):
-        gray, weight, flow = moving(k)
-        drawn = [lines.step(gray.astype(np.float32), weight, flow) for lines in (with_device, without)]
+        gray, weight, past = moving(k)
+        drawn = [lines.step(gray.astype(np.float32), weight, past.flow) for lines in (with_device, without)]
         np.testing.assert_allclose(drawn[0], drawn[1], atol=0 if with_device.device.kind == "cpu" else 1e-3)
 
 

@@ -7,11 +7,11 @@ import pytest
 
 from pipeline.colour.scheme import Tone, learn
 from pipeline.colour.spaces import lab_to_srgb, srgb_to_lab, to_8bit
-from pipeline.methods.abstraction.palette import Palette
+from pipeline.methods.abstraction.palette import LARGEST_LAG, Palette
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.segmentation.segmenter import Segmentation
 
-GRAY, DARK, RED = (150, 128, 128), (60, 128, 128), (140, 190, 170)
+GRAY, DARKER, DARK, RED = (150, 128, 128), (138, 128, 128), (60, 128, 128), (140, 190, 170)
 """8-bit Lab."""
 
 
@@ -76,8 +76,17 @@ def test_the_half_life_parameter_is_the_half_life() -> None:
     mixing = palette(colour_half_life=3)
     mixing.step(regions([GRAY], [0], [0]), None)
     for _ in range(3):
-        made = mixing.step(regions([DARK], [1], [1.0]), None)
-    assert np.abs(srgb_to_lab(made[1] / 255) - (lab_of(GRAY) + lab_of(DARK)) / 2).max() < 0.5
+        made = mixing.step(regions([DARKER], [1], [1.0]), None)
+    assert np.abs(srgb_to_lab(made[1] / 255) - (lab_of(GRAY) + lab_of(DARKER)) / 2).max() < 0.3
+
+
+def test_a_colour_lags_behind_by_a_limit_at_most() -> None:
+    """A region that has lost another thing's pixels does not keep that thing's colour."""
+    mixing = palette(colour_half_life=30)
+    mixing.step(regions([GRAY, GRAY], [0, 0], [0, 0]), None)
+    made = mixing.step(regions([DARK, DARKER], [1, 2], [1.0, 1.0]), None)
+    lag = np.linalg.norm(srgb_to_lab(made[1:] / 255) - [lab_of(DARK), lab_of(DARKER)], axis=1)
+    np.testing.assert_allclose(lag, [LARGEST_LAG, np.linalg.norm(lab_of(GRAY) - lab_of(DARKER))], atol=0.4)
 
 
 def test_in_a_fade_colours_change_at_once() -> None:

@@ -109,7 +109,7 @@ def test_ignoring_limits_leaves_no_unlabelled_pixel(picture: tuple[Labels, Lab8,
         return
     before = labels.copy()
     sums = measure(labels, lab, limit, 3)
-    left = grow(labels, lab, blocked, limit, sums, unlabelled(labels), ignore_limits=True)
+    left = grow(labels, lab, blocked, limit, sums, unlabelled(labels), float("inf"))
     assert left.size == 0 and labels.all()
     np.testing.assert_array_equal(labels[before > 0], before[before > 0])
     assert sums[0, AREA] == 0 and sums[:, AREA].sum() == labels.size

@@ -222,6 +222,24 @@ def disc_at(x: float, radius: int = 9) -> Lab8:
     return lab
 
 
+def test_ground_that_is_uncovered_does_not_keep_the_label_of_a_fast_object() -> None:
+    """The colours differ by less than the flow error limit, and the flow has missed the motion."""
+    stream = Stream(importance=0.4)
+    before = stream.step(square(at=10))
+    after = stream.step(square(at=40))
+    ground = before.ids[before.labels[2, 2]]
+    assert before.ids[before.labels[20, 15]] != ground
+    assert after.ids[after.labels[20, 15]] == ground, "a ghost of the object"
+    assert after.ids[after.labels[20, 45]] != ground, "the object has become ground"
+
+
+def square(at: int) -> Lab8:
+    """A square of 12 px in columns from `at` on, 10 CIELAB units from its ground."""
+    lab = np.full((*SHAPE, 3), 128, np.uint8)
+    lab[16:28, at : at + 12, 1] = 138
+    return lab
+
+
 def test_an_unrelated_picture_is_segmented_anew() -> None:
     stream = Stream()
     first = stream.step(halves(30))
