@@ -21,6 +21,7 @@ import { type FrameSource, openFrames } from "./frames";
 import { PaintedKeys } from "./keys";
 import { createLabelTool } from "./label-tool";
 import { createLoupeTool } from "./loupe-tool";
+import { type Neighbours, startNeighbours } from "./neighbours";
 import { createPaintTool, type PaintTool } from "./paint-tool";
 import { Panel } from "./panel";
 import { createPlayback, type Playback } from "./playback";
@@ -31,7 +32,7 @@ import { installShortcuts } from "./shortcuts";
 import { mountStage, type Stage, type StageParts } from "./stage";
 import { PAINT_TOOLS, type State, Store, type Tool } from "./store";
 import { StageBar, Toolbar, toolsOf } from "./toolbar";
-import { dropUnsaved, readUnsaved, type Unsaved, writeUnsaved } from "./unsaved";
+import { dropUnsaved, readUnsaved, type Unsaved, versionFollowed, writeUnsaved } from "./unsaved";
 
 class Designer {
   readonly store: Store;
@@ -47,10 +48,12 @@ class Designer {
   readonly saver: Saver;
   stage: Stage | null = null;
   private readonly previews: Previews;
+  private readonly neighbours: Neighbours;
   private prepared = false;
   private readonly restored: Unsaved | null;
   /** The document, while it is not saved. */
   private unsaved: ProjectDocument | null = null;
+  private sent: ProjectDocument | undefined;
   private readonly closers: (() => void)[] = [];
 
   constructor(project: Project, asset: Asset, methods: readonly Method[]) {
@@ -58,8 +61,8 @@ class Designer {
     const store = new Store(project, asset, methods);
     this.store = store;
     this.frames = openFrames(asset, redraw);
-    this.keys = new PaintedKeys(store, this.frames, notify, (frame) => this.previews.propagate(frame));
-    this.paint = createPaintTool(store, this.keys, redraw);
+    this.keys = new PaintedKeys(store, this.frames, notify);
+    this.paint = createPaintTool(store, this.keys, redraw, () => this.keepUnsaved());
     this.regions = createRegionTool(store, redraw);
     this.clusters = new Clusters(store, notify, redraw);
     this.flicker = new Flicker(store, redraw);
@@ -79,6 +82,7 @@ class Designer {
     this.restored = readUnsaved(project.id);
     this.saver = this.startSaving(project);
     this.previews = startPreviews(store);
+    this.neighbours = startNeighbours(store, this.keys);
     findFilm(store).catch(notify);
     this.closers.push(this.followFrame(), this.followDocument());
     const shortcuts = {
@@ -94,14 +98,14 @@ class Designer {
     if (this.restored) store.edit("Restore unsaved changes", (state) => withUnsaved(state, this.restored));
     this.closers.push(
       this.keepWhenClosed(),
-      effect(() => this.keepUnsaved(this.keys.pending())),
+      effect(() => this.keepUnsaved()),
     );
   }
 
   /** Unsaved changes that follow another version than the stored one are a conflict, which the page shows. */
   private startSaving(project: Project): Saver {
     return createSaver({
-      version: this.restored?.version ?? project.version,
+      version: this.restored ? versionFollowed(this.restored, project) : project.version,
       document: project.document,
       save: (document, version) => this.save(pruneAssets(document), version),
       asProblem: shared.asProblem,
@@ -110,13 +114,15 @@ class Designer {
       },
       keep: (document) => {
         this.unsaved = document;
-        this.keepUnsaved(this.keys.pending());
+        this.keepUnsaved();
       },
     });
   }
 
   /** Save; a version with the very same document, of which the answer was lost, is as good. */
   private async save(document: ProjectDocument, version: number): Promise<number> {
+    this.sent = document;
+    this.keepUnsaved();
     try {
       return await saveProject(this.store.projectId, document, version);
     } catch (error) {
@@ -127,13 +133,15 @@ class Designer {
     }
   }
 
-  private keepUnsaved(pictures: Unsaved["pictures"]): void {
+  private keepUnsaved(): void {
     const { projectId, document } = this.store;
+    const pictures = { ...this.keys.pending(), ...untracked(() => this.paint.unfinished()) };
     if (!this.unsaved && !Object.keys(pictures).length) {
       dropUnsaved(projectId);
       return;
     }
-    const unsaved = { version: this.saver?.version ?? 0, document: this.unsaved ?? document.peek(), pictures };
+    const present = this.unsaved ?? document.peek();
+    const unsaved = { version: this.saver?.version ?? 0, document: present, sent: this.sent, pictures };
     try {
       writeUnsaved(projectId, unsaved);
     } catch (error) {
@@ -176,7 +184,9 @@ class Designer {
   private prepareNeighbours(frame: number): void {
     if (this.prepared || this.store.layer.peek().method !== "analogy") return;
     this.prepared = true;
-    this.keys.png(frame).then((picture) => this.previews.prepare(frame, picture), notify);
+    this.neighbours
+      .prepare(frame)
+      .catch((error) => shared.isAbort(error) || console.info("Impasto: no preparation.", error));
   }
 
   /** Make the shown frame, as it is painted now, a key to be corrected by hand. */
@@ -218,6 +228,7 @@ class Designer {
     for (const close of this.closers) close();
     this.playback.stop();
     this.previews.close();
+    this.neighbours.close();
     this.keys.close();
     this.saver.close();
     this.clusters.close();

@@ -21,8 +21,9 @@ import {
   shotOf,
 } from "./document";
 import { copyFrame, type FrameSource } from "./frames";
+import { pngOf } from "./png";
 import type { RasterLayer } from "./psd";
-import { createCanvas, PictureRaster, pngOf } from "./raster";
+import { createCanvas, PictureRaster } from "./raster";
 import { pictureKey, type State, type Store } from "./store";
 import type { KeyPicture, PictureLayer, Stroke } from "./strokes";
 import { rewrite } from "./undo";
@@ -30,7 +31,8 @@ import { rewrite } from "./undo";
 /** The layer that shows the video's own frame below the strokes. */
 export const FRAME_LAYER = "frame";
 export const PAINT_LAYER = "paint";
-const REST_MS = 250;
+/** Later than the frames around a key, which need the processors first; see `neighbours.ts`. */
+const REST_MS = 600;
 const RETRY_MS = 3000;
 /** How often to look, every 30 ms, whether the stage shows the frame. */
 const SHOWN_TRIES = 40;
@@ -48,7 +50,6 @@ export class PaintedKeys {
     private readonly store: Store,
     private readonly frames: FrameSource,
     private readonly onproblem: (problem: api.Problem) => void,
-    private readonly onuploaded: (frame: number) => void,
   ) {
     this.raster = new PictureRaster(store.size);
     this.dispose = effect(() => {
@@ -83,6 +84,17 @@ export class PaintedKeys {
     await this.loadBases(picture);
     if (!known && this.isStored(frame)) this.uploaded.add(picture);
     return picture;
+  }
+
+  /** Run `work` with all pictures below the strokes of `picture` loaded. */
+  private async withBases<T>(picture: KeyPicture, work: () => Promise<T>): Promise<T> {
+    const release = this.raster.hold(picture.layers.map((layer) => layer.base));
+    try {
+      await this.loadBases(picture);
+      return await work();
+    } finally {
+      release();
+    }
   }
 
   private async loadBases(picture: KeyPicture): Promise<void> {
@@ -179,14 +191,18 @@ export class PaintedKeys {
       this.raster.setBase(asset.id, await createImageBitmap(canvas));
       return { ...emptyLayer(`import-${i}`, name.slice(0, 200), asset.id), opacity, visible };
     });
-    this.edit("Import a key", frame, {
-      layers: [...(await Promise.all(made)), emptyLayer(PAINT_LAYER, "Paint", null)],
-    });
+    const layersMade = await Promise.all(made);
+    this.edit("Import a key", frame, { layers: [...layersMade, emptyLayer(PAINT_LAYER, "Paint", null)] });
+    await this.loadBases({ layers: layersMade }); // those that were dropped while others were uploaded
   }
 
   /** The layers of a frame's picture as they are drawn, from back to front, and the finished picture. */
   async layersOf(frame: number): Promise<{ layers: RasterLayer[]; whole: HTMLCanvasElement }> {
     const picture = await this.open(frame);
+    return this.withBases(picture, async () => this.drawnLayers(frame, picture));
+  }
+
+  private drawnLayers(frame: number, picture: KeyPicture): { layers: RasterLayer[]; whole: HTMLCanvasElement } {
     const key = pictureKey(this.store.layer.value.id, frame);
     const layers = picture.layers.map(({ id, name, opacity, visible }, i) => {
       const [canvas, context] = createCanvas(this.store.size);
@@ -225,7 +241,13 @@ export class PaintedKeys {
   /** The finished picture of a frame as PNG: its key, or the video's frame. */
   async png(frame: number): Promise<Blob> {
     const picture = await this.open(frame);
-    return this.raster.png(pictureKey(this.store.layer.value.id, frame), picture);
+    return this.withBases(picture, () => this.raster.png(pictureKey(this.store.layer.value.id, frame), picture));
+  }
+
+  /** A picture of the selected layer as PNG, its longest side at most `side` px. */
+  async small(frame: number, picture: KeyPicture, side: number): Promise<Blob> {
+    const key = pictureKey(this.store.layer.value.id, frame);
+    return this.withBases(picture, () => this.raster.small(key, picture, side));
   }
 
   /** Upload every painted key that has changed; resolves when all are in the document. */
@@ -268,10 +290,8 @@ export class PaintedKeys {
   private async uploadOne(key: string, picture: KeyPicture): Promise<void> {
     const [layer = "", at = "0"] = key.split(":");
     const frame = Number(at);
-    await this.loadBases(picture);
-    const image = await upload(
-      new File([await this.raster.png(key, picture)], `key-${frame}.png`, { type: "image/png" }),
-    );
+    const png = await this.withBases(picture, () => this.raster.png(key, picture));
+    const image = await upload(new File([png], `key-${frame}.png`, { type: "image/png" }));
     const strokes = await Promise.all(picture.layers.map((one) => uploadStrokes(one, frame)));
     this.uploaded.add(picture);
     const place = { shot: this.store.shot.value.id, layer };
@@ -280,7 +300,6 @@ export class PaintedKeys {
         ? { ...state, document: withPicture(state.document, place, frame, picture, image, strokes) }
         : state,
     );
-    this.onuploaded(frame);
   }
 }
 

@@ -19,17 +19,23 @@ import { type PointerSample, type StageTool, sampleOf } from "./tool";
 
 const FILL_TOLERANCE = 24;
 const LEAST_DISTANCE_PX = 0.5;
+/** How often a stroke under the pen is kept in this browser. */
+const KEEP_MS = 500;
 
 export interface PaintTool extends StageTool {
   /** The key's picture and the stroke under the pen, for the stage to draw; null while the frame is not open. */
   shown(): { picture: KeyPicture; live: LiveStroke | undefined } | null;
   /** End the stroke under the pen, if there is one: the page is about to close. */
   settle(): void;
+  /** The picture with the stroke under the pen, by `pictureKey`; empty while there is none. */
+  unfinished(): Record<string, KeyPicture>;
   /** Load the frame's key, or prepare a new one, so that the first stroke is not delayed. */
   prepare(frame: number): void;
 }
 
-export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => void): PaintTool {
+/** `keep` is called every half second while a stroke is drawn. */
+export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => void, keep: () => void): PaintTool {
+  let keeping = 0;
   let open: { frame: number; layer: string; picture: KeyPicture } | null = null;
   let live: LiveStroke | undefined;
   let samples: Sample[] = [];
@@ -88,6 +94,8 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
     const picture = present();
     samples = [sampleOf(sample)];
     live = { layer: (picture && target(picture)?.id) ?? "", stroke: { kind, ...store.brush.value, samples } };
+    clearInterval(keeping);
+    keeping = window.setInterval(keep, KEEP_MS);
     redraw();
   }
 
@@ -98,15 +106,21 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
   }
 
   function up(): void {
-    if (live) {
-      const begun = live.layer;
-      const stroke: Stroke = { ...live.stroke, samples: thin(samples, LEAST_DISTANCE_PX).map(rounded) };
-      const label = live.stroke.kind === "eraser" ? "Erase" : "Brush stroke";
-      whenOpen((picture, layer) => commit(label, picture, begun || layer.id, stroke));
-    }
+    clearInterval(keeping);
+    const drawn = live;
     live = undefined;
+    if (drawn) {
+      const stroke = finished(drawn.stroke);
+      const label = drawn.stroke.kind === "eraser" ? "Erase" : "Brush stroke";
+      whenOpen((picture, layer) => commit(label, picture, drawn.layer || layer.id, stroke));
+    }
     redraw();
   }
+
+  const finished = (stroke: BrushStroke): Stroke => ({
+    ...stroke,
+    samples: thin(samples, LEAST_DISTANCE_PX).map(rounded),
+  });
 
   function commit(label: string, picture: KeyPicture, layer: string, stroke: Stroke): void {
     keys.edit(label, store.frame.value, addStroke(picture, layer, stroke));
@@ -139,6 +153,13 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
     move,
     up,
     settle: () => live && up(),
+    unfinished() {
+      const picture = live && present();
+      const layer = picture && (live?.layer || target(picture)?.id);
+      if (!live || !picture || !layer) return {};
+      const key = pictureKey(store.layerId.value, store.frame.value);
+      return { [key]: addStroke(picture, layer, finished(live.stroke)) };
+    },
     prepare: (frame) => void prepare(frame),
     shown() {
       const picture = present();

@@ -5,32 +5,30 @@ import * as legacy from "../shared/api";
 import { asProblem, isAbort } from "../shared/api";
 import { hasPreviews, pictureOf, preview } from "./api";
 import { type Layer, type ProjectDocument, shownAlone } from "./document";
-import type { Store } from "./store";
+import { PAINT_TOOLS, type Store } from "./store";
 
-const REST_MS = 250;
+const REST_MS = 100;
+/** A frame that is painted sooner comes without a coarse picture before it. */
+const SOON_MS = 300;
 const SIDE_PX = 960;
 const BUSY_MS = 1200;
-/** Frames on each side of a key that are repainted while it is painted. */
-const AROUND = 3;
+const PAINTING = "Painting this frame…";
 
 export interface Previews {
-  /** Repaint the frames around a key from it. */
-  propagate(frame: number): void;
   /** A frame as the film will have it, painted at the video's size; PNG. Keys further than a dozen frames do not count. */
   full(frame: number): Promise<Blob>;
   /** Find frames that are worth a key. */
   suggest(): Promise<void>;
-  /** Let the service prepare for that, with a first picture of the frame that is about to be painted. */
-  prepare(frame: number, picture: Blob): void;
   close(): void;
 }
 
 export function startPreviews(store: Store): Previews {
   let timer = 0;
   let running = new AbortController();
-  let around = new AbortController();
   const life = new AbortController();
   let ready = false;
+  /** Whether the last frame took long. */
+  let slow = true;
 
   hasPreviews(store.projectId).then((found) => {
     ready = true;
@@ -44,8 +42,13 @@ export function startPreviews(store: Store): Previews {
     const document = store.document.value;
     const frame = store.frame.value;
     const layer = shownAlone(store.shot.value, store.layerId.value);
+    const painting = PAINT_TOOLS.includes(store.tool.value);
     clearTimeout(timer);
     running.abort();
+    if (painting) {
+      if (store.busy.peek() === PAINTING) store.busy.value = ""; // the stage shows the key itself
+      return;
+    }
     const known = store.results.peek().get(frame);
     if (known?.final && known.document === document && known.layer === layer) return;
     if (ready) timer = window.setTimeout(() => paint(document, frame, layer), REST_MS);
@@ -54,7 +57,7 @@ export function startPreviews(store: Store): Previews {
   async function paint(document: ProjectDocument, frame: number, layer: string | undefined): Promise<void> {
     running = new AbortController();
     const { signal } = running;
-    store.busy.value = "Painting this frame…";
+    store.busy.value = PAINTING;
     try {
       if (store.previews.value) await stream(document, frame, layer, signal);
       else await single(document, frame, signal);
@@ -76,7 +79,8 @@ export function startPreviews(store: Store): Previews {
     layer: string | undefined,
     signal: AbortSignal,
   ): Promise<void> {
-    const body = { document, shot: store.shot.peek().id, layer, frame, max_side_px: SIDE_PX };
+    const body = { document, shot: store.shot.peek().id, layer, frame, coarse: slow, max_side_px: SIDE_PX };
+    let coarseMs = 0;
     await preview({
       project: store.projectId,
       what: "paint",
@@ -85,7 +89,9 @@ export function startPreviews(store: Store): Previews {
       signal,
       async onrecord(record) {
         if (record.header.type !== "frame") return;
-        const { frame: at, scale, final } = record.header;
+        const { frame: at, scale, final, ms } = record.header;
+        if (final) slow = ms - coarseMs > SOON_MS;
+        else coarseMs = ms;
         const picture = await pictureOf(record);
         if (!signal.aborted) store.showResult({ frame: at, picture, scale, final, document, layer });
       },
@@ -99,63 +105,6 @@ export function startPreviews(store: Store): Previews {
     const picture = await createImageBitmap(await legacy.preview(body, signal));
     const scale = picture.width / store.size.width;
     if (!signal.aborted) store.showResult({ frame, picture, scale, final: true, document, layer: layer.id });
-  }
-
-  async function propagate(frame: number): Promise<void> {
-    if (!store.previews.value) return;
-    around.abort();
-    around = new AbortController();
-    const { signal } = around;
-    const document = store.document.value;
-    const layer = store.layerId.value;
-    const body = {
-      document,
-      shot: store.shot.value.id,
-      layer,
-      key: frame,
-      around: AROUND,
-      max_side_px: 480,
-    };
-    store.neighbours.value = [];
-    try {
-      await preview({
-        project: store.projectId,
-        what: "propagate",
-        channel: "neighbours",
-        body,
-        signal,
-        async onrecord(record) {
-          if (record.header.type !== "frame") return;
-          const { frame: at, scale, final } = record.header;
-          const result = { frame: at, picture: await pictureOf(record), scale, final, document, layer };
-          if (signal.aborted) return;
-          const others = store.neighbours.value.filter((other) => other.frame !== at);
-          store.neighbours.value = [...others, result].sort((a, b) => a.frame - b.frame);
-          if (at !== frame) store.showResult({ ...result, final: false });
-        },
-      });
-    } catch (error) {
-      if (isAbort(error)) return;
-      const problem = asProblem(error);
-      if (problem.status !== 404 && problem.status !== 503) store.problem.value = problem.message;
-    }
-  }
-
-  async function prepare(frame: number, picture: Blob): Promise<void> {
-    if (!store.previews.value) return;
-    const document = store.document.value;
-    const image = await base64(picture);
-    const place = { document, shot: store.shot.value.id, layer: store.layerId.value };
-    const body = { ...place, key: frame, image, around: AROUND, max_side_px: 480 };
-    const { signal } = around;
-    await preview({
-      project: store.projectId,
-      what: "propagate",
-      channel: "neighbours",
-      body,
-      signal,
-      onrecord() {},
-    }).catch((error) => isAbort(error) || console.info("Impasto: no preparation.", error));
   }
 
   async function full(frame: number): Promise<Blob> {
@@ -200,24 +149,13 @@ export function startPreviews(store: Store): Previews {
   return {
     full,
     suggest,
-    prepare: (frame, picture) => void prepare(frame, picture),
-    propagate: (frame) => void propagate(frame),
     close() {
       dispose();
       clearTimeout(timer);
       running.abort();
-      around.abort();
       life.abort();
     },
   };
-}
-
-/** Bytes as base64, without the prefix of a data address. */
-async function base64(blob: Blob): Promise<string> {
-  const bytes = new Uint8Array(await blob.arrayBuffer());
-  let text = "";
-  for (let i = 0; i < bytes.length; i += 32_768) text += String.fromCharCode(...bytes.subarray(i, i + 32_768));
-  return btoa(text);
 }
 
 function plainRequest(document: ProjectDocument, video: string, layer: Layer): Omit<legacy.JobBody, "output" | "name"> {

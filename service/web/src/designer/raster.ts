@@ -1,6 +1,7 @@
 /** Drawing painted layers on canvases of the video's size. */
 
 import type { Size } from "./geometry";
+import { pngOf } from "./png";
 import {
   type BrushStroke,
   type FillStroke,
@@ -81,6 +82,14 @@ export interface LiveStroke {
   stroke: BrushStroke;
 }
 
+interface Composed {
+  canvas: HTMLCanvasElement;
+  context: Context;
+  /** null: with a stroke under the pen. */
+  picture: KeyPicture | null;
+  layers: readonly HTMLCanvasElement[];
+}
+
 interface LiveDrawing {
   stroke: BrushStroke;
   scratch: HTMLCanvasElement;
@@ -91,18 +100,33 @@ interface LiveDrawing {
   drawn: number;
 }
 
+/** Bytes of canvases and pictures that are kept, beside those of the picture that is drawn. */
+const KEPT_BYTES = 192 * 2 ** 20;
+
 /** Draws pictures, and keeps each layer's canvas so that one more stroke costs one stroke. */
 export class PictureRaster {
+  /** Least recently used first, as `bases`. */
   private readonly drawn = new Map<string, Drawn>();
   private readonly bases = new Map<string, ImageBitmap>();
+  private readonly held = new Set<readonly (string | null)[]>();
   private live: LiveDrawing | null = null;
+  private composed: Composed | null = null;
 
-  constructor(private readonly size: Size) {}
+  constructor(
+    private readonly size: Size,
+    private readonly keptBytes = KEPT_BYTES,
+  ) {}
 
   /** Pictures below strokes, by asset id; a layer whose base is missing shows its strokes only. */
   setBase(asset: string, picture: ImageBitmap): void {
     this.bases.set(asset, picture);
     for (const [id, drawn] of this.drawn) if (drawn.base === asset) this.drawn.delete(id);
+  }
+
+  /** Keep these bases until the returned function is called, whatever is drawn meanwhile. */
+  hold(assets: readonly (string | null)[]): () => void {
+    this.held.add(assets);
+    return () => this.held.delete(assets);
   }
 
   hasBase(asset: string): boolean {
@@ -120,19 +144,53 @@ export class PictureRaster {
     const drawn = known && extends_ ? known : this.begin(layer);
     for (const stroke of layer.strokes.slice(drawn.strokes.length)) drawStroke(drawn.context, stroke, this.size);
     drawn.strokes = layer.strokes;
-    this.drawn.set(key, drawn);
+    touch(this.drawn, key, drawn);
     return drawn.canvas;
   }
 
   private begin(layer: PictureLayer): Drawn {
     const [canvas, context] = createCanvas(this.size);
     const base = layer.base ? this.bases.get(layer.base) : undefined;
-    if (base) context.drawImage(base, 0, 0, this.size.width, this.size.height);
+    if (layer.base && base) {
+      context.drawImage(base, 0, 0, this.size.width, this.size.height);
+      touch(this.bases, layer.base, base);
+    }
     return { canvas, context, base: layer.base, strokes: [] };
   }
 
-  /** Draw all visible layers. `live`: the stroke under the pen, on top of its layer. */
-  draw(context: Context, key: string, picture: KeyPicture, live?: LiveStroke): void {
+  /** Draw all visible layers. */
+  draw(context: Context, key: string, picture: KeyPicture): void {
+    this.compose(context, key, picture);
+    this.forgetOthers(key, picture);
+  }
+
+  /**
+   * The visible layers as one canvas, which stays the same object. `live`: the stroke under the pen, on top of its layer.
+   * Nothing is drawn again while neither has changed.
+   */
+  whole(key: string, picture: KeyPicture, live?: LiveStroke): HTMLCanvasElement {
+    const layers = picture.layers.map((layer) => this.layer(`${key}/${layer.id}`, layer));
+    const same =
+      !live && this.composed?.picture === picture && layers.every((one, i) => one === this.composed?.layers[i]);
+    const [canvas, context] = this.composed ? [this.composed.canvas, this.composed.context] : createCanvas(this.size);
+    if (!same) {
+      context.clearRect(0, 0, this.size.width, this.size.height);
+      this.compose(context, key, picture, live);
+      this.forgetOthers(key, picture);
+    }
+    this.composed = { canvas, context, picture: live ? null : picture, layers };
+    return canvas;
+  }
+
+  /** Whether the picture hides everything below it. */
+  covers(picture: KeyPicture): boolean {
+    const [lowest] = picture.layers;
+    return Boolean(
+      lowest?.visible && lowest.opacity === 1 && lowest.base?.startsWith("frame:") && this.bases.has(lowest.base),
+    );
+  }
+
+  private compose(context: Context, key: string, picture: KeyPicture, live?: LiveStroke): void {
     for (const layer of picture.layers) {
       if (!layer.visible) continue;
       context.globalAlpha = layer.opacity;
@@ -140,6 +198,22 @@ export class PictureRaster {
       context.drawImage(live?.layer === layer.id ? this.withLive(canvas, live.stroke) : canvas, 0, 0);
     }
     context.globalAlpha = 1;
+  }
+
+  /** Drop what has not been used for longest, of other pictures only: a dropped base has to be loaded again. */
+  private forgetOthers(key: string, picture: KeyPicture): void {
+    const used = new Set([...picture.layers.map((layer) => layer.base), ...[...this.held].flat()]);
+    const most = Math.floor(this.keptBytes / (4 * this.size.width * this.size.height));
+    const canvases = [...this.drawn].filter(([id]) => !id.startsWith(`${key}/`));
+    const pictures = [...this.bases].filter(([id]) => !used.has(id));
+    for (const [id, { canvas }] of canvases.slice(0, Math.max(0, canvases.length - most / 2))) {
+      canvas.width = 0; // frees its memory now, not at the next garbage collection
+      this.drawn.delete(id);
+    }
+    for (const [id, base] of pictures.slice(0, Math.max(0, pictures.length - most / 2))) {
+      base.close();
+      this.bases.delete(id);
+    }
   }
 
   /** The layer with the stroke under the pen. Only samples that are new since the last call are drawn. */
@@ -161,6 +235,17 @@ export class PictureRaster {
     return whole;
   }
 
+  /** The finished picture as PNG, its longest side at most `side` px. */
+  async small(key: string, picture: KeyPicture, side: number): Promise<Blob> {
+    const scale = Math.min(1, side / Math.max(this.size.width, this.size.height));
+    const shrunk = (length: number) => Math.max(1, Math.round(length * scale));
+    const [canvas, context] = createCanvas({ width: shrunk(this.size.width), height: shrunk(this.size.height) });
+    context.imageSmoothingQuality = "high";
+    context.scale(canvas.width / this.size.width, canvas.height / this.size.height);
+    this.draw(context, key, picture);
+    return pngOf(canvas);
+  }
+
   /** The finished picture as PNG. */
   async png(key: string, picture: KeyPicture): Promise<Blob> {
     const [canvas, context] = createCanvas(this.size);
@@ -169,9 +254,8 @@ export class PictureRaster {
   }
 }
 
-/** A canvas as PNG. */
-export async function pngOf(canvas: HTMLCanvasElement): Promise<Blob> {
-  const blob = await new Promise<Blob | null>((done) => canvas.toBlob(done, "image/png"));
-  if (!blob) throw new Error("The browser could not write the PNG.");
-  return blob;
+/** Put an entry at the end of a map: it is the most recently used one. */
+function touch<K, V>(map: Map<K, V>, key: K, value: V): void {
+  map.delete(key);
+  map.set(key, value);
 }

@@ -77,9 +77,10 @@ export function mountStage(
     context.clearRect(0, 0, canvas.width, canvas.height);
     context.setTransform(ratio * scale, 0, 0, ratio * scale, ratio * x, ratio * y);
     context.imageSmoothingEnabled = scale < 3;
-    drawSource();
+    const key = !store.compared.value && painting() ? paint.shown() : null;
+    if (!key || !keys.raster.covers(key.picture)) drawSource();
     if (store.compared.value) drawCompared(store.compared.value);
-    else if (painting()) drawKey();
+    else if (painting()) drawKey(key);
     else drawPainted();
     for (const overlay of overlays) overlay(context);
     const px = 1 / scale;
@@ -95,10 +96,10 @@ export function mountStage(
     if (frames.picture) context?.drawImage(frames.picture, 0, 0, width, height);
   }
 
-  function drawKey(): void {
-    const shown = paint.shown();
+  function drawKey(shown: ReturnType<PaintTool["shown"]>): void {
     if (!shown || !context) return;
-    keys.raster.draw(context, pictureKey(store.layerId.value, store.frame.value), shown.picture, shown.live);
+    const key = pictureKey(store.layerId.value, store.frame.value);
+    context.drawImage(keys.raster.whole(key, shown.picture, shown.live), 0, 0);
   }
 
   function drawPainted(): void {

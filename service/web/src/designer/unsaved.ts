@@ -7,6 +7,8 @@ export interface Unsaved {
   /** The stored version that the changes follow. */
   version: number;
   document: ProjectDocument;
+  /** What was being saved: the next version may have this document already, whose answer has not come. */
+  sent?: ProjectDocument | undefined;
   /** Painted keys that are not uploaded: by `pictureKey`. */
   pictures: Record<string, KeyPicture>;
 }
@@ -18,6 +20,12 @@ export function readUnsaved(project: string): Unsaved | null {
   if (!text) return null;
   const found: Partial<Unsaved> & Pick<Unsaved, "version" | "document"> = JSON.parse(text);
   return { pictures: {}, ...found };
+}
+
+/** The version that unsaved changes follow, given what is stored now: an answer that never came is no conflict. */
+export function versionFollowed(unsaved: Unsaved, stored: { version: number; document: ProjectDocument }): number {
+  const arrived = JSON.stringify(unsaved.sent) === JSON.stringify(stored.document);
+  return arrived ? stored.version : unsaved.version;
 }
 
 /** Throws a DOMException if the browser has no room for it. */

@@ -8,7 +8,7 @@ import type { Asset, PreviewRequest, View } from "../shared/types";
 import { createWipe } from "../shared/wipe";
 import { createOriginal } from "./original";
 
-const DEBOUNCE_MS = 220;
+const DEBOUNCE_MS = 100;
 const MAX_SIDE_PX = 720;
 /** The service makes few previews at once: when it is busy, ask again. */
 const BUSY_TRIES = 10;
