@@ -63,8 +63,8 @@ def drop(browser: Browser, address: str, folder: Path) -> list[Row]:
             page.goto(address)
             page.locator(".drop-large").wait_for()
             page.locator("input[type=file]").first.set_input_files(video)
-            studio.wait(lambda page=page: studio.probed(page, "painted"), page)
-            found.append(studio.probed(page, "painted")[0] - studio.probed(page, "inputs")[0])
+            painted = studio.wait_probed(page, "painted")
+            found.append(painted[0] - studio.probed(page, "inputs")[0])
     return [Row("Drop to the first painted preview: 720p, abstraction; first time", found[:1], "ms", "2000 ms"),
             Row("the same, later", found[1:], "ms", "2000 ms")]  # fmt: skip
 
@@ -198,8 +198,7 @@ def open_(browser: Browser, address: str, folder: Path) -> list[Row]:
             page.goto(place)
             page.locator(".stage-canvas[data-frame]").wait_for()
             page.locator(".key-mark").nth(KEYS - 1).wait_for()
-            studio.wait(lambda page=page: studio.probed(page, "frames"), page)
-            took.append(studio.probed(page, "frames")[0][0])
+            took.append(studio.wait_probed(page, "frames")[0][0])
             page.wait_for_timeout(3000)
             memory.append(studio.renderer_mib())
     return [Row("Ten minutes of 1080p with 50 keys: open", took, "ms", "3000 ms"),

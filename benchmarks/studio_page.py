@@ -23,7 +23,6 @@ from benchmarks.clips import clip
 from service import bundle
 
 ARGS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run"]
-VIEWPORT = {"width": 1440, "height": 900}
 STAGE_MARGIN_PX = 12
 WAIT_S = 60.0
 Document = dict[str, Any]
@@ -95,14 +94,14 @@ def chromium() -> Iterator[Browser]:
 @contextmanager
 def opened(browser: Browser) -> Iterator[Page]:
     """A page with the probe."""
-    context = browser.new_context(viewport=VIEWPORT)
+    context = browser.new_context(viewport={"width": 1440, "height": 900})
     context.set_default_timeout(1000 * WAIT_S)
     context.add_init_script(PROBE)
     yield context.new_page()
     context.close()
 
 
-def wait(condition: Callable[[], bool], page: Page | None = None, seconds: float = WAIT_S) -> None:
+def wait(condition: Callable[[], object], page: Page | None = None, seconds: float = WAIT_S) -> None:
     deadline = time.monotonic() + seconds
     while not condition():
         if time.monotonic() > deadline:
@@ -112,6 +111,12 @@ def wait(condition: Callable[[], bool], page: Page | None = None, seconds: float
 
 def probed(page: Page, name: str) -> Any:
     return page.evaluate(f"probe.{name}")
+
+
+def wait_probed(page: Page, name: str) -> Any:
+    """What the probe has found, as soon as it has found something."""
+    wait(lambda: probed(page, name), page)
+    return probed(page, name)
 
 
 def clear(page: Page) -> None:
