@@ -28,6 +28,15 @@ SHELL = "chromium-headless-shell"
 SLOW_MS = 60_000
 """The first painted frame may compile kernels; the film needs a moment on a busy machine."""
 KEY = "a-key-for-this-test-only"
+COLOURS_HAVE_CHANGED = """async () => {
+  const frame = () => new Promise((done) => requestAnimationFrame(done));
+  await frame();
+  await frame();
+  const endless = ({ effect }) => effect.getComputedTiming().iterations === Infinity;
+  await Promise.allSettled(document.getAnimations().filter((each) => !endless(each)).map((each) => each.finished));
+  await frame();
+}"""
+"""Waits for the end of all transitions, which a stopped machine may begin late."""
 
 
 def make_clip(
@@ -134,7 +143,8 @@ def accessibility_faults(page: Page, axe: str) -> list[tuple[str, str, list[str]
     faults = []
     for scheme in ("light", "dark"):
         page.emulate_media(color_scheme=scheme)
-        page.wait_for_timeout(300)  # colours change gradually
+        page.wait_for_timeout(300)  # the browser tells the page of the scheme later
+        page.evaluate(COLOURS_HAVE_CHANGED)
         found = page.evaluate("async () => (await axe.run()).violations")
         faults += [
             (f"{fault['id']} ({scheme})", fault["help"], [node["html"][:160] for node in fault["nodes"]])
