@@ -122,6 +122,8 @@ class Method:
         clusters_step: the step whose arrays `frame_clusters` reads; empty: the method has no clusters.
         cpu_s_per_megapixel: CPU seconds a frame and megapixel at default parameters, measured by
             `python -m benchmarks.estimates`; estimates use it until the farm has finished jobs of its own.
+        cpu_growth: exponent with which CPU seconds a frame grow with its pixels, measured there too; below 1 where
+            parts work at a fixed size.
         input_schemas: JSON Schema of the inputs of kind "json", by input name, made when asked for.
         input_checks: checks of those documents, by input name.
     """
@@ -141,6 +143,7 @@ class Method:
     examples: ClassVar[tuple[Example, ...]] = ()
     palette_input: ClassVar[str] = ""
     cpu_s_per_megapixel: ClassVar[float] = 1.0
+    cpu_growth: ClassVar[float] = 1.0
     input_schemas: ClassVar[Mapping[str, Callable[[], JsonSchema]]] = MappingProxyType({})
     input_checks: ClassVar[Mapping[str, InputCheck]] = MappingProxyType({})
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from math import exp, log
-from statistics import linear_regression, median
+from math import log
 
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import PROCESS_BYTES, PlanContext
@@ -13,6 +12,7 @@ from pipeline.methods.layers import LAYERS
 from workers.errors import NotFound
 from workers.jobs.frame_window import window_info
 from workers.model import Asset, Job, JobRequest, Json
+from workers.projects.cost_fit import Work, fitted
 from workers.scheduling.planning import video_info
 
 SAMPLES = 20
@@ -21,11 +21,9 @@ NEAREST = 5
 """Jobs of these that count: those whose frames and length are most alike."""
 ALIKE = 8.0
 """Jobs whose frames have this many times more or fewer pixels tell nothing."""
-LEAST_SPREAD, MOST_GROWTH = 1.3, 1.5
-"""Least quotient of the largest and smallest frame with which jobs tell how time grows with pixels, and the largest
-exponent of that growth."""
 STARTED_S = 1.0
-"""CPU seconds of a job that do not depend on its length: plans, opening of files, the last step."""
+"""CPU seconds of a job that do not depend on its length, where no job was measured: plans, opening of files, the last
+step."""
 BYTES_PER_PIXEL = {"mp4": 0.05, "webm": 0.05, "png": 1.5, "gif": 0.5}
 """Of a frame in the result, by format. While a job runs, its segments and its result exist at the same time."""
 BYTES_PER_PIXEL_SAVED = 1.0
@@ -107,7 +105,7 @@ def estimate(request: JobRequest, finished: Iterable[Job], find: Callable[[str],
 
 
 def estimate_from(request: JobRequest, info: Json, history: Sequence[MeasuredJob]) -> Estimate:
-    """The median time a frame of the most similar jobs, scaled to the pixels of this one, times its frames.
+    """Times by the model of `cost_fit`, fitted to the most similar jobs.
 
     Jobs with the same parameters are preferred, then those of similar length and frame size. Without any, the figures
     are the method's own (`Method.cpu_s_per_megapixel`, `Method.resources`).
@@ -126,11 +124,13 @@ def estimate_from(request: JobRequest, info: Json, history: Sequence[MeasuredJob
     if not nearest:
         cpu_s = round(STARTED_S + method(request.method).cpu_s_per_megapixel * work / 1e6, 2)
         return Estimate(frames, cpu_s, 0, cpu_s, _declared_memory(request, info), disk)
-    seconds = frames * _per_frame([(each, each.seconds) for each in nearest], pixels)
-    cpu = [(each, each.cpu_s) for each in nearest if each.cpu_s]
+    asked = Work(frames, pixels)
+    growth = method(request.method).cpu_growth
+    seconds = fitted([(Work(each.frames, each.pixels), each.seconds) for each in nearest], growth).of(asked)
+    cpu = [(Work(each.frames, each.pixels), each.cpu_s) for each in nearest if each.cpu_s]
     peak = max(each.peak_bytes for each in nearest)
     return Estimate(
-        frames, round(seconds, 1), len(nearest), round(frames * _per_frame(cpu, pixels), 2) if cpu else None,
+        frames, round(seconds, 1), len(nearest), round(fitted(cpu, growth).of(asked), 2) if cpu else None,
         peak or _declared_memory(request, info), disk,
     )  # fmt: skip
 
@@ -144,26 +144,6 @@ def _nearest(request: JobRequest, frames: int, pixels: int, history: Sequence[Me
     alike = [job for job in history if 1 / ALIKE <= job.pixels / pixels <= ALIKE]
     same = [job for job in alike if job.params == request.params]
     return sorted(same or alike, key=distance)[:NEAREST]
-
-
-def _per_frame(measured: Sequence[tuple[MeasuredJob, float]], pixels: int) -> float:
-    """Seconds a frame of so many pixels. Jobs of several frame sizes also tell how the time grows with the pixels (a
-    method may work at a fixed size inside); with jobs of one size it is taken to be proportional.
-
-    Args:
-        measured: jobs and their seconds, at least one.
-    """
-    points = [(log(job.pixels), log(max(seconds, 1e-6) / job.frames)) for job, seconds in measured]
-    growth = _growth(points)
-    return exp(median(y + growth * (log(pixels) - x) for x, y in points))
-
-
-def _growth(points: Sequence[tuple[float, float]]) -> float:
-    """Exponent with which y grows with x, by least squares; 1 if the values of x are too close together."""
-    if max(x for x, _ in points) - min(x for x, _ in points) < log(LEAST_SPREAD):
-        return 1.0
-    slope = linear_regression([x for x, _ in points], [y for _, y in points]).slope
-    return min(max(slope, 0.0), MOST_GROWTH)
 
 
 def _measured(job: Job, find: Callable[[str], Asset]) -> MeasuredJob | None:

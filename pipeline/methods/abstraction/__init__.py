@@ -61,6 +61,7 @@ class Abstraction(Method):
     artefacts: ClassVar[tuple[str, ...]] = ("svg",)
     palette_input: ClassVar[str] = "reference"
     cpu_s_per_megapixel: ClassVar[float] = 0.12
+    cpu_growth: ClassVar[float] = 1.1
     examples: ClassVar[tuple[Example, ...]] = (
         Example("cartoon", "Cartoon", {"vividness": 1.25}),
         Example("poster", "Poster", {"vividness": 1.6, "growing_limit": 30, "smallest_region": 0.6, "line_width": 3.6}),

@@ -86,6 +86,7 @@ class Patches(Method):
     artefacts: ClassVar[tuple[str, ...]] = ARTEFACTS
     clusters_step: ClassVar[str] = "cluster"
     cpu_s_per_megapixel: ClassVar[float] = 1.6
+    cpu_growth: ClassVar[float] = 0.5
     examples: ClassVar[tuple[Example, ...]] = (
         Example("circles", "Dabs of colour, as in the paper's figure 6", {"style": "circles"}),
         Example("threes", "On threes: ten paintings per second", {"frames_per_painting": 3}),

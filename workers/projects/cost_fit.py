@@ -1,0 +1,77 @@
+"""How the time of a job grows with its frames and their size, fitted to a few measured jobs.
+
+    seconds  =  c (s + frames) (pixels / 10^6)^g
+
+The model has three unknowns and there are often only one or two jobs, whose times differ with the content of the video
+and with whatever else the machine was doing. So the exponent g and the start-up term s have expected values, which the
+jobs change the more, the more they are spread over frame sizes and lengths: the maximum a posteriori estimate with
+normally distributed logarithms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from math import exp, log
+from typing import NamedTuple
+
+NOISE = 0.3
+"""Standard deviation of the logarithm of a job's time about the model: content of the video, load of the machine."""
+GROWTH_SPREAD = 0.3
+"""Standard deviation of the exponent of the growth with pixels about the method's own."""
+GROWTHS = tuple(step / 20 for step in range(31))
+STARTS, START_SPREAD = (0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0), 1.0
+"""Start-up terms that are tried, as numbers of frames, and the standard deviation of the logarithm of 1 + s."""
+
+
+class Work(NamedTuple):
+    """What a job computes."""
+
+    frames: int
+    pixels: int
+    """Of a frame."""
+
+
+@dataclass(frozen=True)
+class CostModel:
+    """Attributes: see the equation above; `start` is in frames."""
+
+    level: float
+    start: float
+    growth: float
+
+    def of(self, work: Work) -> float:
+        """Seconds that the work takes."""
+        return exp(self.level + _shape(work, self.start, self.growth))
+
+
+def fitted(measured: Sequence[tuple[Work, float]], expected_growth: float) -> CostModel:
+    """The most probable model.
+
+    Args:
+        measured: at least one job and its seconds, > 0.
+        expected_growth: the method's own exponent (`Method.cpu_growth`).
+    """
+
+    def improbability(model: CostModel) -> float:
+        away = (model.growth - expected_growth) / GROWTH_SPREAD, log(1 + model.start) / START_SPREAD
+        return _misfit(measured, model) + away[0] ** 2 + away[1] ** 2
+
+    models = [_with(measured, start, growth) for start, growth in product(STARTS, GROWTHS)]
+    return min(models, key=improbability)
+
+
+def _misfit(measured: Sequence[tuple[Work, float]], model: CostModel) -> float:
+    return sum(((log(max(seconds, 1e-6)) - log(model.of(work))) / NOISE) ** 2 for work, seconds in measured)
+
+
+def _with(measured: Sequence[tuple[Work, float]], start: float, growth: float) -> CostModel:
+    """The model with this start-up term and exponent whose level fits best."""
+    differences = [log(max(seconds, 1e-6)) - _shape(work, start, growth) for work, seconds in measured]
+    return CostModel(sum(differences) / len(differences), start, growth)
+
+
+def _shape(work: Work, start: float, growth: float) -> float:
+    """Logarithm of the time but for the level."""
+    return log(start + work.frames) + growth * log(work.pixels / 1e6)
