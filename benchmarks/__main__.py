@@ -18,6 +18,7 @@ from benchmarks import (
     overhead,
     patches,
     speedup,
+    steady,
     workers,
 )
 
@@ -36,6 +37,7 @@ ALL = {
     "overhead": overhead.main,
     "api": api.main,
     "speedup": speedup.main,
+    "steady": steady.main,
 }
 
 

@@ -14,8 +14,9 @@ from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Plane
 from pipeline.jit import kernel
 
-BOUNDARY = 1.0
-"""Exponent by which the confidence falls where the gradient of the flow reaches the limit of a motion boundary."""
+BOUNDARY = 0.3
+"""Exponent by which the confidence falls where the gradient of the flow reaches the limit of a motion boundary. It is
+small, since the limit of slow motion lies within the noise of a flow's gradient."""
 WINDOW_PX = 5
 """Side of the window over which colour differences are averaged. An inaccuracy of the flow at an edge adds differences
 of both signs, which cancel; a trail has one sign."""
@@ -61,14 +62,14 @@ def confidence(back: Flow, forth: Flow, source: Frame, warped: Frame, expected: 
     exponent = np.empty(back.shape[:2], np.float32)
     difference = np.empty(source.shape, np.float32)
     rate = np.float32(alpha / 255**2)
-    _compare(back, fetch(forth, back), exponent)
+    _compare(back, fetch(forth, back), np.float32(ROUND_TRIP), np.float32(BOUNDARY), exponent)
     _differ(source, warped, expected, rate * np.float32(SINGLE), exponent, difference)
     _decay(cv2.blur(difference, (WINDOW_PX, WINDOW_PX)), rate, exponent)
     return np.asarray(cv2.exp(exponent), np.float32)
 
 
 @kernel
-def _compare(back: Any, forth: Any, exponent: Any) -> None:
+def _compare(back: Any, forth: Any, round_trip: Any, boundary: Any, exponent: Any) -> None:
     """Fill `exponent` with the parts of the round trip and of the motion boundaries."""
     height, width = exponent.shape
     for y in range(height):
@@ -76,14 +77,14 @@ def _compare(back: Any, forth: Any, exponent: Any) -> None:
             bx, by, fx, fy = back[y, x, 0], back[y, x, 1], forth[y, x, 0], forth[y, x, 1]
             tolerance = np.float32(0.01) * (bx * bx + by * by + fx * fx + fy * fy) + np.float32(0.5)
             away = (bx + fx) * (bx + fx) + (by + fy) * (by + fy)
-            exponent[y, x] = np.float32(-ROUND_TRIP) * away / tolerance
+            exponent[y, x] = -round_trip * away / tolerance
             left, right, up, down = max(x - 1, 0), min(x + 1, width - 1), max(y - 1, 0), min(y + 1, height - 1)
             gradient = np.float32(0)
             for c in range(2):
                 across, along = back[y, right, c] - back[y, left, c], back[down, x, c] - back[up, x, c]
                 gradient += np.float32(0.25) * (across * across + along * along)
             limit = np.float32(0.01) * (bx * bx + by * by) + np.float32(0.002)
-            exponent[y, x] -= np.float32(BOUNDARY) * gradient / limit
+            exponent[y, x] -= boundary * gradient / limit
             if x + bx < 0 or x + bx > width - 1 or y + by < 0 or y + by > height - 1:
                 exponent[y, x] = -np.inf
 

@@ -11,7 +11,7 @@ from pipeline.arrays import AnyArray, Arrays, State
 from pipeline.flow.warp import fetch, positions
 from pipeline.frames import Flow, Frame, Plane, same_size
 from pipeline.methods.steady.confidence import Picture, confidence, motion
-from pipeline.methods.steady.detail import restore_detail
+from pipeline.methods.steady.detail import NO_AMOUNTS, resized_amounts, restore_detail
 from pipeline.methods.steady.params import SteadyParams
 from pipeline.segmentation.cuts import is_cut, thumbnail
 from pipeline.solvers.screened import solve_screened
@@ -50,7 +50,8 @@ class SteadyFilter:
 
     Departures:
         - The weight is high enough to hold fine texture, too, and the warp is bicubic, so that it does not blur. Detail
-          that is averaged out is amplified afterwards (`restore_detail`), outside the recursion.
+          that is averaged out is amplified afterwards (`restore_detail`), outside the recursion. It has the amount of
+          the styled frame's texture, not its place: a result with the texture of each frame would flicker as they do.
         - The third term lets the colours follow the styled video with half-life h. Without it, a shot keeps the mean
           colour of its first frame.
         - The fourth term keeps the colours of one object from diffusing into another where the motion is unknown.
@@ -66,6 +67,7 @@ class SteadyFilter:
         self.params, self.size = params, size
         self._source: Frame | None = None
         self._memory = self._result = np.empty((0, 0, 3), np.float32)
+        self._amounts = NO_AMOUNTS
         half_life = params.colour_half_life
         self._return = np.float32(2 ** (1 / half_life) - 1 if half_life > 0 else 0)
 
@@ -101,14 +103,16 @@ class SteadyFilter:
         """Second half of `step`. Raises: BadFrame."""
         target = same_size(styled, self.size, "styled").astype(np.float32)
         if analysis is None:
-            self._result = target
+            self._result, self._amounts = target, NO_AMOUNTS
             return styled.copy()
         weight = analysis.trust * np.float32(self.params.strength)
         if mask is not None:
             weight *= mask
         moved = _moved(self._result, analysis.back)
         self._result = self._solved(target, moved, weight, np.square(1 - analysis.trust) * DISTRUST)
-        shown = restore_detail(self._result, target, self.params.detail) if self.params.detail > 0 else self._result
+        shown, detail = self._result, self.params.detail
+        if detail > 0:
+            shown, self._amounts = restore_detail(self._result, target, detail, self._amounts)
         return _rounded(shown if mask is None else _mixed(target, shown, mask))
 
     def _solved(self, target: Picture, moved: Picture, weight: Plane, distrust: Plane) -> Picture:
@@ -126,16 +130,18 @@ class SteadyFilter:
         """Continue with other parameters or another frame size: what is remembered is resized. See `LiveFilter`."""
         after = SteadyFilter(params, size)
         if self._source is not None:
-            after.restore({name: _resized(plane, size) for name, plane in self.state().items()})
+            resized = {name: _resized(plane, size) for name, plane in self.state().items() if name != "amounts"}
+            after.restore({**resized, "amounts": resized_amounts(self._amounts, size)})
         return after
 
     def state(self) -> State:
         """The complete state; a filter restored from it continues with the same bytes."""
         assert self._source is not None
-        return {"source": self._source, "memory": self._memory, "result": self._result}
+        return {"source": self._source, "memory": self._memory, "result": self._result, "amounts": self._amounts}
 
     def restore(self, state: Arrays) -> None:
         self._source, self._memory, self._result = state["source"], state["memory"], state["result"]
+        self._amounts = state["amounts"]
 
 
 def _moved(picture: Picture, flow: Flow) -> Picture:

@@ -29,8 +29,8 @@ class SteadyParams(Params):
         "ratio", "Time",
     )  # fmt: skip
     detail: float = number(
-        0.4, 0, 1, "Restored detail",
-        "Share of the fine detail that the styled frame has and the result lacks which is restored by amplification. "
-        "0 = off; higher values suit frames painted with strokes, and flicker more.",
+        0.8, 0, 1, "Restored detail",
+        "Share of the fine detail that the styled frames have and the result lacks which is restored by amplification. "
+        "0 = off; higher values flicker more.",
         "ratio", "Detail",
     )  # fmt: skip

@@ -8,7 +8,9 @@ The saved state is complete, so the result equals that of one filter over the wh
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from fractions import Fraction
 from itertools import pairwise
 
@@ -20,11 +22,16 @@ from pipeline.errors import BadInput
 from pipeline.frames import Frame, Plane
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.scan import scan_video
-from pipeline.methods.steady.filter import SteadyFilter
+from pipeline.methods.steady.filter import SourceAnalysis, SteadyFilter
 from pipeline.methods.steady.params import SteadyParams
 
 RUN_FRAMES = 96
 """Frames per task, which are repeated after a failure."""
+AHEAD = 2
+"""Frames by which the analysis of the source is ahead of the rest."""
+
+_Waiting = tuple[Future[SourceAnalysis | None], Frame, Plane | None]
+"""A frame whose source is being analysed: the analysis to come, the styled frame, the mask."""
 
 
 def plan_scan(context: PlanContext[SteadyParams]) -> list[Task]:
@@ -97,15 +104,39 @@ def run_steady(task: Task, context: TaskContext[SteadyParams]) -> TaskResult:
     steady = SteadyFilter(context.params, context.size)
     if task.after:
         steady.restore(context.load("steady", task.after[0]))
-    sources = context.frames("video", start, stop), context.frames("styled", start, stop), _masks(context, start, stop)
-    for index, (source, styled, mask) in enumerate(zip(*sources, strict=False), start):
+    for index, (analysis, styled, mask) in enumerate(_analyzed(steady, start, stop, context), start):
         with context.clock("steady"):
-            result = steady.step(source, styled, mask)
+            result = steady.apply(analysis, styled, mask)
         context.emit(index, result)
         context.progress((index + 1 - start) / (stop - start))
     if not task.args["last"]:
         context.save(task.key, steady.state())
     return {"frames": stop - start}
+
+
+def _analyzed(
+    steady: SteadyFilter, start: int, stop: int, context: TaskContext[SteadyParams]
+) -> Iterator[tuple[SourceAnalysis | None, Frame, Plane | None]]:
+    """Analysis, styled frame and mask of each frame. A thread analyses the sources AHEAD frames ahead, in order; the
+    analysis does not depend on the results, so that the bytes are those of one thread."""
+
+    def analyze(source: Frame) -> SourceAnalysis | None:
+        with context.clock("motion"):
+            return steady.analyze(source)
+
+    waiting: deque[_Waiting] = deque()
+    inputs = context.frames("video", start, stop), context.frames("styled", start, stop), _masks(context, start, stop)
+    with ThreadPoolExecutor(1, "impasto-motion") as thread:
+        for source, styled, mask in zip(*inputs, strict=False):
+            waiting.append((thread.submit(analyze, source), styled, mask))
+            if len(waiting) > AHEAD:
+                yield _done(waiting.popleft())
+        for each in waiting:
+            yield _done(each)
+
+
+def _done(frame: _Waiting) -> tuple[SourceAnalysis | None, Frame, Plane | None]:
+    return frame[0].result(), frame[1], frame[2]
 
 
 def _masks(context: TaskContext[SteadyParams], start: int, stop: int) -> Iterator[Plane | None]:

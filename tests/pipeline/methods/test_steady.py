@@ -14,6 +14,7 @@ from pipeline.errors import BadInput
 from pipeline.frames import Frame
 from pipeline.methods.local import LocalContext, run_plan
 from pipeline.methods.steady import Steady, SteadyFilter, SteadyParams, plan
+from pipeline.methods.steady.detail import NO_AMOUNTS, restore_detail
 from pipeline.scenes import scene
 from tests.pipeline.methods.frames import painted
 
@@ -179,3 +180,42 @@ def test_a_cropped_styled_video_is_an_error() -> None:
     with pytest.raises(BadInput, match="another aspect ratio") as caught:
         run(still(3), cropped)
     assert "cropped" in caught.value.remedy
+
+
+def averaged_texture() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """The average of four pictures of noise, and one of them."""
+    noise = 128 + 30 * np.random.default_rng(3).standard_normal((4, 64, 96, 3)).astype(np.float32)
+    return noise.mean(axis=0, dtype=np.float32), noise[0]
+
+
+def texture_of(picture: NDArray[np.float32]) -> float:
+    return float(np.abs(cv2.Laplacian(picture, cv2.CV_32F)).mean())
+
+
+def test_averaged_texture_gets_the_contrast_of_the_styled_frame() -> None:
+    average, styled = averaged_texture()
+    assert texture_of(average) < 0.6 * texture_of(styled)
+    restored, _ = restore_detail(average, styled, 1, NO_AMOUNTS)
+    assert texture_of(restored) == pytest.approx(texture_of(styled), rel=0.15)
+    half, _ = restore_detail(average, styled, 0.5, NO_AMOUNTS)
+    assert texture_of(average) < texture_of(half) < texture_of(restored)
+
+
+def test_a_single_frame_with_more_texture_hardly_changes_the_restored_contrast() -> None:
+    average, styled = averaged_texture()
+    before, amounts = restore_detail(average, styled, 1, NO_AMOUNTS)
+    rough = 128 + 1.5 * (styled - 128)
+    after, _ = restore_detail(average, rough, 1, amounts)
+    alone, _ = restore_detail(average, rough, 1, NO_AMOUNTS)
+    assert texture_of(alone) > 1.25 * texture_of(before)
+    assert texture_of(after) < 1.1 * texture_of(before)
+
+
+def test_a_resized_filter_continues_with_its_amounts_of_texture() -> None:
+    steady = SteadyFilter(SteadyParams(), SIZE)
+    for source, styled in zip(still(3), flickering(still(3)), strict=True):
+        steady.step(source, styled)
+    half = steady.reconfigure(SteadyParams(), (48, 32))
+    assert half.state()["amounts"].shape == (3, 8, 12)
+    small = np.ascontiguousarray(cv2.resize(texture(), (48, 32)))
+    assert half.step(small, small).shape == small.shape
