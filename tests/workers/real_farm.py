@@ -72,7 +72,7 @@ class Worker:
         self._process.stdin.flush()
 
     def _settings_json(self) -> str:
-        settings = self._settings.model_dump(mode="json")
+        settings = self._settings.model_dump(mode="json", exclude_defaults=True)  # an older program lacks the new ones
         settings |= {"s3_access_key": ACCESS_KEY, "s3_secret_key": SECRET_KEY}
         return json.dumps(settings)
 
