@@ -1,4 +1,5 @@
-"""The pages: the studio at /, live at /live, its picture alone at /live/view, operations at /ops, the API at /docs."""
+"""The pages: the studio at /, live at /live, its picture alone at /live/view, operations at /ops, the API at /docs, the
+studio's guide at /docs/shot."""
 
 from __future__ import annotations
 
@@ -44,6 +45,11 @@ def _page(name: str) -> Response:
 @router.get("/docs")
 def docs() -> FileResponse:
     return FileResponse(HERE / "docs" / "index.html")
+
+
+@router.get("/docs/shot")
+def guide() -> FileResponse:
+    return FileResponse(HERE / "docs" / "shot.html")
 
 
 @router.get("/docs/{name}")

@@ -6,7 +6,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.e2e.pages import Watched
-from tests.e2e.studio import FILM_MS, SOON_MS, saved
+from tests.e2e.studio import FILM_MS, SOON_MS, open_project, saved
 
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(300)]
 
@@ -46,3 +46,15 @@ def test_the_first_project_leads_to_two_keys(watched: Watched, service: str) -> 
     lesson.get_by_role("button", name="End the lesson").click()
     expect(lesson).to_be_hidden()
     saved(page)
+
+
+def test_the_guide_is_one_link_away(watched: Watched, service: str, video: str) -> None:
+    page = watched.page
+    page.goto(service)
+    expect(page.get_by_role("link", name="Guide: paint a shot in ten minutes")).to_be_visible(timeout=SOON_MS)
+    open_project(page, service, video, "analogy")
+    with page.expect_popup() as guide:
+        page.get_by_role("link", name="Guide: paint a shot in ten minutes").click()
+    expect(guide.value.get_by_role("heading", name="Paint a shot in ten minutes")).to_be_visible(timeout=SOON_MS)
+    expect(guide.value.get_by_role("link", name="To the studio")).to_be_visible()
+    watched.check()

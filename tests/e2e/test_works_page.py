@@ -11,7 +11,7 @@ import httpx
 import pytest
 from playwright.sync_api import expect
 
-from tests.e2e.pages import FRAMES, HEIGHT, WIDTH, Watched
+from tests.e2e.pages import FPS, FRAMES, HEIGHT, WIDTH, Watched, until
 from tests.e2e.studio import FILM_MS, SOON_MS, frames_of
 
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(240)]
@@ -109,3 +109,33 @@ def test_the_job_page_names_what_was_used(watched: Watched, service: str, film: 
     page.get_by_role("group", name="Copy this job as").get_by_role("button", name="Command").click()
     copied = page.evaluate("navigator.clipboard.readText()")
     assert re.fullmatch(r"impasto render VIDEO -o film.mp4 --method abstraction .*--param lines=off.*", copied)
+
+
+def test_the_worst_moments_of_the_report_are_shown_in_the_player(watched: Watched, service: str, video: str) -> None:
+    page = watched.page
+    body = {"method": "abstraction", "inputs": {"video": video}, "params": {"temporal": "off"}}
+    job = httpx.post(f"{service}/v1/jobs", json=body | {"output": {"report": True}}).json()["id"]
+    page.goto(f"{service}/#/jobs/{job}")
+    chart = page.get_by_role("group", name="Flicker over time")
+    expect(chart).to_be_visible(timeout=FILM_MS)
+    quality = httpx.get(f"{service}/v1/jobs/{job}/files/report").json()["quality"]
+    bars = chart.get_by_role("button")
+    expect(bars).to_have_count(len(quality["samples"]))
+    assert chart.locator(".worst").count() == len(quality["worst"]) > 0
+    heights = [bar.bounding_box()["height"] for bar in bars.all()]
+    flicker = [sample["flicker"] for sample in quality["samples"]]
+    assert heights[flicker.index(max(flicker))] == max(heights), "the highest bar is that of the most flicker"
+    film = page.get_by_label("The painted film")
+    for frame, button in zip(
+        quality["worst"],
+        page.get_by_role("group", name="Frames with the most flicker").get_by_role("button").all(),
+        strict=True,
+    ):
+        expect(button).to_have_text(re.compile(f"^Frame {frame + 1} · "))
+        button.click()
+        until(page, lambda frame=frame: int(film.evaluate("film => film.currentTime") * FPS) == frame)
+    last = quality["samples"][-1]["frame"]
+    bars.last.click()
+    until(page, lambda: int(film.evaluate("film => film.currentTime") * FPS) == last)
+    assert film.evaluate("film => film.paused")
+    watched.check()

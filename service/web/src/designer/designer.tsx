@@ -28,15 +28,20 @@ import { createPlayback, type Playback } from "./playback";
 import { type Previews, startPreviews } from "./previews";
 import { createLassoTool, createRegionTool, type RegionTool } from "./region-tool";
 import { SaveStatus } from "./save-status";
+import { type ScrubFrames, startScrubbing } from "./scrub";
 import { installShortcuts } from "./shortcuts";
 import { mountStage, type Stage, type StageParts } from "./stage";
 import { PAINT_TOOLS, type State, Store, type Tool } from "./store";
 import { StageBar, Toolbar, toolsOf } from "./toolbar";
 import { dropUnsaved, readUnsaved, type Unsaved, versionFollowed, writeUnsaved } from "./unsaved";
 
+/** A frame that is shown small already is sought once the playhead rests: seeking takes the processor. */
+const SEEK_REST_MS = 150;
+
 class Designer {
   readonly store: Store;
   readonly frames: FrameSource;
+  readonly scrub: ScrubFrames;
   readonly keys: PaintedKeys;
   readonly paint: PaintTool;
   readonly regions: RegionTool;
@@ -50,6 +55,7 @@ class Designer {
   private readonly previews: Previews;
   private readonly neighbours: Neighbours;
   private prepared = false;
+  private seeking = 0;
   private readonly restored: Unsaved | null;
   /** The document, while it is not saved. */
   private unsaved: ProjectDocument | null = null;
@@ -61,6 +67,7 @@ class Designer {
     const store = new Store(project, asset, methods);
     this.store = store;
     this.frames = openFrames(asset, redraw);
+    this.scrub = startScrubbing(store, redraw);
     this.keys = new PaintedKeys(store, this.frames, notify);
     this.paint = createPaintTool(store, this.keys, redraw, () => this.keepUnsaved());
     this.regions = createRegionTool(store, redraw);
@@ -77,7 +84,7 @@ class Designer {
     const overlays = [this.flicker, this.foreground, this.clusters].map(
       (part) => (context: CanvasRenderingContext2D) => part.draw(context),
     );
-    this.parts = { store, frames: this.frames, keys: this.keys, paint: this.paint, tools, overlays };
+    this.parts = { store, frames: this.frames, scrub: this.scrub, keys: this.keys, paint: this.paint, tools, overlays };
     this.playback = createPlayback(store);
     this.restored = readUnsaved(project.id);
     this.saver = this.startSaving(project);
@@ -172,7 +179,10 @@ class Designer {
   }
 
   private showFrame(frame: number, tool: Tool): void {
-    this.frames.seek(frame);
+    this.scrub.moved(frame);
+    clearTimeout(this.seeking);
+    if (this.scrub.at(frame)) this.seeking = window.setTimeout(() => this.frames.seek(frame), SEEK_REST_MS);
+    else this.frames.seek(frame);
     if (PAINT_TOOLS.includes(tool)) {
       this.paint.prepare(frame);
       this.prepareNeighbours(frame);
@@ -234,6 +244,8 @@ class Designer {
     this.clusters.close();
     this.flicker.close();
     this.foreground.close();
+    clearTimeout(this.seeking);
+    this.scrub.close();
     this.frames.close();
     this.stage?.close();
   }
@@ -278,6 +290,9 @@ function DesignerPage({ designer, reload }: { designer: Designer; reload(): void
       <div class="designer-main">
         <header class="designer-head">
           <ProjectName store={store} />
+          <a class="button quiet small guide-link" href="/docs/shot" target="_blank" rel="noopener">
+            Guide: paint a shot in ten minutes
+          </a>
           <SaveStatus store={store} saver={designer.saver} reload={discard} />
           {store.asset.info.damage && (
             <p class="field-error source-damage" role="note">

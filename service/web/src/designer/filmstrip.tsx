@@ -94,6 +94,7 @@ function Thumbnails({ assetId, shown }: { assetId: string; shown: number[] }) {
   useEffect(() => {
     const controller = new AbortController();
     const urls: string[] = [];
+    setPictures(new Map()); // those of other columns are revoked
     const load = async () => {
       for (const frame of shown) {
         const url = await thumbnail(assetId, frame, controller.signal);

@@ -6,6 +6,7 @@ import { fitView, panBy, toPicture, type View, zoomAbout } from "./geometry";
 import type { PaintedKeys } from "./keys";
 import type { PaintTool } from "./paint-tool";
 import { drawOutlines } from "./region-tool";
+import type { ScrubFrames } from "./scrub";
 import { PAINT_TOOLS, pictureKey, type Store, type Tool } from "./store";
 import type { PointerSample, StageTool } from "./tool";
 
@@ -17,6 +18,7 @@ const ONION_ALPHA = 0.5;
 export interface StageParts {
   store: Store;
   frames: FrameSource;
+  scrub: ScrubFrames;
   keys: PaintedKeys;
   paint: PaintTool;
   tools: Partial<Record<Tool, StageTool>>;
@@ -33,7 +35,7 @@ export interface Stage {
 
 export function mountStage(
   canvas: HTMLCanvasElement,
-  { store, frames, keys, paint, tools, overlays }: StageParts,
+  { store, frames, scrub, keys, paint, tools, overlays }: StageParts,
 ): Stage {
   const context = canvas.getContext("2d");
   const pointers = new Map<number, [number, number]>();
@@ -86,15 +88,21 @@ export function mountStage(
     const px = 1 / scale;
     drawOutlines(context, store, px);
     tool()?.draw?.(context, px);
-    canvas.dataset.frame = String(frames.shown);
+    canvas.dataset.frame = String(scrubbed() ? store.frame.value : frames.shown);
+    canvas.dataset.exact = String(frames.shown === store.frame.value);
     canvas.dataset.compared = store.compared.value ? "variants" : "";
     canvas.dataset.result = store.results.value.get(store.frame.value)?.final ? "final" : "";
   }
 
   function drawSource(): void {
     const { width, height } = store.size;
-    if (frames.picture) context?.drawImage(frames.picture, 0, 0, width, height);
+    const picture = scrubbed() ?? frames.picture;
+    if (picture) context?.drawImage(picture, 0, 0, width, height);
   }
+
+  /** The small picture of the wanted frame, while the exact one is not there. */
+  const scrubbed = (): ImageBitmap | undefined =>
+    frames.shown === store.frame.value ? undefined : scrub.at(store.frame.value);
 
   function drawKey(shown: ReturnType<PaintTool["shown"]>): void {
     if (!shown || !context) return;

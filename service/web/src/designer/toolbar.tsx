@@ -208,7 +208,8 @@ function StageState({ store, onfull }: { store: Store; onfull(): void }) {
         ? `Preview at ${Math.round(100 * result.scale)} % of full size`
         : "";
   const text = store.problem.value || store.busy.value || scale;
-  const small = text === scale && (result?.scale ?? 1) < 0.999;
+  const painting = PAINT_TOOLS.includes(store.tool.value);
+  const small = !painting && text === scale && (result?.scale ?? 1) < 0.999;
   return (
     <>
       <p class={`stage-hint ${store.problem.value ? "wrong" : ""}`} role="status">

@@ -81,6 +81,7 @@ export function createWelcome(onasset: (asset: Asset, file: File) => void, onlea
     h("h1", {}, "Video in, ", h("em", {}, "painting"), " out."),
     h("p", { class: "lede" }, lede),
     h("div", { class: "starts" }, sample, learn),
+    h("p", { class: "guide-link" }, h("a", { href: "/docs/shot" }, "Guide: paint a shot in ten minutes")),
   );
   const element = h("section", { class: "welcome" }, text, h("div", { class: "welcome-drop" }, zone, fault));
   acceptDrops(element, take);

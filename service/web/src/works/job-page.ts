@@ -58,7 +58,8 @@ export function createJobPage(id: string): View {
       h("a", { class: "button", href: "#/jobs" }, "All works"),
       h("a", { class: "button", href: "#/" }, "To the studio"),
     ];
-    fill(element, h("div", { class: "failure" }, problemBlock(problem, links)));
+    const shown = problem.status === 404 ? GONE : problem;
+    fill(element, h("div", { class: "failure" }, problemBlock(shown, links)));
   }
 
   function draw(now: Job): void {
@@ -184,6 +185,8 @@ function correction(job: Job, result: Result | null): HTMLElement | null {
   const lossy = job.request.output?.format !== "png" && h("p", { class: "hint" }, LOSSY);
   return h("div", { class: "correct-frame" }, h("label", {}, "Frame ", frame), button, lossy);
 }
+
+const GONE = { title: "This job does not exist", message: "It was deleted, or it belongs to another key.", remedy: "" };
 
 const LOSSY = "The frame is taken from the compressed film. A film in PNG frames gives its exact pixels.";
 

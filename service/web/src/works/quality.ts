@@ -46,11 +46,13 @@ function content(quality: Quality, showFrame: (frame: number) => void): HTMLElem
   return [
     h("h2", {}, "Quality"),
     h("dl", { class: "quality-figures" }, cells),
-    h("p", {}, `Flicker of ${quality.pairs} measured frames. Select a bar to see its frame.`),
+    h("p", {}, `Flicker of ${count(quality.pairs, "measured frame")}. Select a bar to see its frame.`),
     chart(quality, showFrame),
     worstMoments(quality, showFrame),
   ];
 }
+
+const count = (n: number, thing: string): string => `${n} ${thing}${n === 1 ? "" : "s"}`;
 
 /** The figures that were measured, in words. */
 export function rows(quality: Quality): Row[] {
