@@ -15,15 +15,16 @@ from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.methods.multistyle.analysis import STROKE, StrokeLayer
 from pipeline.methods.multistyle.params import MultistyleParams
-from pipeline.methods.multistyle.styles import PROFILE_FIELDS, SMALLEST_PX, LayerStyle, pigment
+from pipeline.methods.multistyle.styles import PROFILE_FIELDS, SMALLEST_PX, LayerStyle, face_weight, pigment
 from pipeline.strokes.brush import Brush, tint
 from pipeline.strokes.layers import LayerScheme, area_error, layer_brush, layer_threshold, spacing_px
 from pipeline.strokes.random import Purpose, draws
 from pipeline.strokes.seeds import Seeds, StyleField, place, sample
 from pipeline.strokes.tracks import LifecycleParams, StrokeTracks, advect, start_tracks, update
 
-EDGE_FALL, EDGE_DETAIL_FALL = 0.85, 0.5
-"""Factor on the colour tolerance for each finer layer; relative decrease of the tolerance at full detail."""
+EDGE_FALL, EDGE_DETAIL_FALL, EDGE_FACE_FALL = 0.85, 0.5, 0.5
+"""Factor on the colour tolerance for each finer layer; relative decrease of the tolerance at full detail, and a further
+one in the middle of a face."""
 GAP = 0.6
 """Smallest distance of a new stroke from any other, in spacings."""
 LEAST_BREAK_OFF = 45.0
@@ -176,6 +177,8 @@ class StrokeLayers:
         strict = 0.0 if detail is None else sample(detail, seeds.xy) * np.float32(EDGE_DETAIL_FALL)
         edge = sample(np.multiply(technique["edge"], EDGE_FALL**job.index), seeds.xy)
         strokes["tolerance"] = edge * (1 - strict)
+        if detail is not None and (face := face_weight(detail)) is not None:
+            strokes["tolerance"] *= 1 - sample(face, seeds.xy) * np.float32(EDGE_FACE_FALL)
         for column, name in enumerate(PROFILE_FIELDS):
             strokes["profile"][:, column] = sample(technique[name], seeds.xy)
         return StrokeLayer(seeds.xy, seeds.ids, strokes, sigma_px)

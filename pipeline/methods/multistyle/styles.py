@@ -29,6 +29,13 @@ SIZE_FALL, LENGTH_FALL, THRESHOLD_FALL = (0.55, 0.07), (0.3, 0.35), (0.75, 0.15)
 its square. The square matters for faces, where a stroke as long as the face is wide hides an eye."""
 EXTRA_LAYERS, JITTER_FALL = 1.0, 0.45
 """Additional layers, and relative decrease of the colour jitter, at full detail."""
+FACE_DETAIL = 0.5
+"""Detail above which a pixel counts as a face: other cues reach 0.4 with their default weights."""
+FACE_LENGTH_FALL, FACE_JITTER_FALL, FACE_RELIEF_FALL = 0.6, 0.6, 0.6
+"""Further relative decrease of stroke length, colour jitter and relief in the middle of a face."""
+FACE_OPACITY = 0.7
+"""Part of the missing opacity of a stroke that is added in the middle of a face: through transparent strokes, the blur
+of a coarser layer hides the eyes."""
 SMALLEST_PX = 1.7
 """Width of the finest strokes, px; narrower ones are not visible as strokes."""
 
@@ -256,12 +263,27 @@ def layer_style(values: Values, detail: Plane | None, height: int) -> LayerStyle
         threshold = np.asarray(threshold * _decrease(detail, THRESHOLD_FALL), np.float32)
         jitter = np.asarray(jitter * (1 - np.float32(JITTER_FALL) * detail), np.float32)
         layers = np.asarray(layers + np.float32(EXTRA_LAYERS) * detail, np.float32)
+    opacity, relief = values["opacity"], values["relief"]
+    face = None if detail is None else face_weight(detail)
+    if face is not None:
+        length, jitter, relief = (
+            np.asarray(value * (1 - np.float32(fall) * face), np.float32)
+            for value, fall in ((length, FACE_LENGTH_FALL), (jitter, FACE_JITTER_FALL), (relief, FACE_RELIEF_FALL))
+        )
+        opacity = np.asarray(opacity + np.float32(FACE_OPACITY) * face * (1 - opacity), np.float32)
     brush = Brush(
         size_px=np.maximum(np.multiply(size, px), np.float32(SMALLEST_PX)), length_px=np.multiply(length, px),
-        opacity=values["opacity"], hue_deg=values["hue"], saturation=values["saturation"], value=values["value"],
-        jitter=jitter, relief_px=np.multiply(values["relief"], px), grain=values["grain"],
+        opacity=opacity, hue_deg=values["hue"], saturation=values["saturation"], value=values["value"],
+        jitter=jitter, relief_px=np.multiply(relief, px), grain=values["grain"],
     )  # fmt: skip
     return LayerStyle(brush, layers, threshold, values, widest_px)
+
+
+def face_weight(detail: Plane) -> Plane | None:
+    """Weight 0..1 by which a pixel belongs to a face, float32 (h, w), from the detail map; None = no face."""
+    if detail.max(initial=0) <= FACE_DETAIL:
+        return None
+    return np.asarray(np.maximum(detail - np.float32(FACE_DETAIL), 0) * np.float32(1 / (1 - FACE_DETAIL)), np.float32)
 
 
 def _decrease(detail: Plane, coefficients: tuple[float, float]) -> Plane:
