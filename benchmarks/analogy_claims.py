@@ -70,14 +70,16 @@ def painted(
 # -- measured from outside
 
 
-def _saved(folder: Path, frames: Sequence[Frame]) -> Path:
+def saved(folder: Path, frames: Sequence[Frame]) -> Path:
+    """Write frames as numbered PNG files into a new folder; returns the folder."""
     folder.mkdir(parents=True)
     for index, frame in enumerate(frames):
         cv2.imwrite(str(folder / f"{index:04d}.png"), cv2.cvtColor(frame, cv2.COLOR_RGB2BGR))
     return folder
 
 
-def _asked(tool: str, *paths: Path) -> list[Mapping[str, float]]:
+def asked(tool: str, *paths: Path) -> list[Mapping[str, float]]:
+    """The measurements of a tool, one for each path after the first; empty without the tool."""
     if not (TOOLS / tool).is_file():
         return [{} for _ in paths[1:]]
     done = subprocess.run([sys.executable, TOOLS / tool, *paths, "--json"], check=True, capture_output=True)
@@ -89,11 +91,11 @@ def compare(source: Sequence[Frame], style: Frame, outputs: Mapping[str, Sequenc
     """Print a row for each output."""
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
-        plain = _saved(folder / "source", source)
-        made = [_saved(folder / name, frames) for name, frames in outputs.items()]
-        _saved(folder / "style", [style])
-        steady = _asked("coherence.py", plain, *made)
-        alike = _asked("style_fidelity.py", folder / "style" / "0000.png", *(m / "0004.png" for m in made))
+        plain = saved(folder / "source", source)
+        made = [saved(folder / name, frames) for name, frames in outputs.items()]
+        saved(folder / "style", [style])
+        steady = asked("coherence.py", plain, *made)
+        alike = asked("style_fidelity.py", folder / "style" / "0000.png", *(m / "0004.png" for m in made))
     for name, one, other in zip(outputs, steady, alike, strict=True):
         keys = ("flicker", "structure", "detail"), ("fidelity", "variety", "palette_max")
         cells = [f"{key} {row[key]:.3g}" for part, row in zip(keys, (one, other), strict=True) for key in part if row]

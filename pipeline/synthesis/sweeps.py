@@ -46,13 +46,18 @@ class Animation(Protocol):
 
 @dataclass(frozen=True)
 class SearchSchedule:
-    """Effort of the search: rounds of PatchMatch per frame, radius of the random search (px), and random seed."""
+    """Effort of the search: rounds of PatchMatch per frame, radius of the random search (px), and random seed.
+
+    Attributes:
+        first: (rounds, radius) of the first frame of a shot, which continues no other; None = those of every frame.
+    """
 
     iterations: int = 4
     search_px: float = 32.0
     seed: int = 0
     stream: int = 0
     """Random stream of the level and sweep; `key` adds the frame number in the low 20 bits."""
+    first: tuple[int, float] | None = None
 
     def key(self, index: int) -> RandomKey:
         """Random key of frame `index`."""
@@ -114,8 +119,9 @@ class Sweep(Generic[T]):
         if painted is not None and (painted[..., 0] > NOWHERE).all():
             return start
         self._add_temporal_terms(index, state, advected)
-        schedule, key = self.schedule, self.schedule.key(index)
-        return refine(self.ops, self.style, state, start, key, schedule.iterations, schedule.search_px)
+        schedule = self.schedule
+        rounds, search_px = (self.last is None and schedule.first) or (schedule.iterations, schedule.search_px)
+        return refine(self.ops, self.style, state, start, schedule.key(index), rounds, search_px)
 
     def _with_fixed(self, state: FrameState[T], fixed: T, offsets: T) -> T:
         return self.ops.apply_fixed(self.style, state.size, fixed, offsets)

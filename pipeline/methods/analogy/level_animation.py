@@ -200,12 +200,14 @@ class LevelAnimation:
         usable_position: a usable position (x, y) of the style, assigned to pixels that may not be painted.
         velocities: as `estimated_velocities` returns them; frames that it lacks are estimated at this level.
         boil: seeded removal of temporal coherence; see `Boil`.
+        continues: whether each frame continues its neighbour, instead of merging it with its own previous result.
     """
 
     def __init__(
         self, level_frames: LevelFrames, clock: Clock, usable_position: tuple[int, int] = (0, 0),
-        velocities: Mapping[int, tuple[Flow, Flow]] | None = None, boil: Boil | None = None,
+        velocities: Mapping[int, tuple[Flow, Flow]] | None = None, boil: Boil | None = None, continues: bool = False,
     ) -> None:  # fmt: skip
+        self._continues = continues
         self._frames, self._clock, self._usable_position = level_frames, clock, usable_position
         self._velocities, self._boil = velocities or {}, boil
         self._motions: dict[int, tuple[Motion, Motion]] = {}
@@ -269,7 +271,7 @@ class LevelAnimation:
         return np.where(free, NOWHERE, np.asarray(self._usable_position, np.float32)).astype(np.float32)
 
     def merge_probability(self, index: int, forward: bool) -> float:
-        return 0.5
+        return 1.0 if self._continues else 0.5
 
     def ribbons(self, index: int) -> Offsets | None:
         return None

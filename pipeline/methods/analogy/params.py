@@ -248,6 +248,14 @@ class AnalogyParams(Params):
         "goes forward as viewers do; forward-first is the order in the paper. Between keyframes: always forward-first.",
         "Search",
     )  # fmt: skip
+    refinement: Literal["fast", "full"] = choice(
+        "fast", "Refinement of fine levels",
+        "fast = at the two finest levels, each frame continues the frame before it with two rounds in one forward "
+        "sweep; the first frame of a shot has more. full = every level has all sweeps and iterations, as in the paper; "
+        "flickers a little less and takes about three times as long. Several sweeps, and the sweep order of the paper, "
+        "are always full.",
+        "Search",
+    )  # fmt: skip
     search_radius: float = number(
         128, 1, 4096, "Search radius",
         "Radius of the random search in the style at all but the coarsest level. Larger values find positions farther "

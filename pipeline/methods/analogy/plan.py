@@ -19,6 +19,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 
+from pipeline.methods.analogy.level_animation import levels_of
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.base import PlanContext, Task, TaskResult
 
@@ -27,6 +28,8 @@ MAX_RUN_BYTES = 160 << 20
 """Maximum memory of the offsets of a run at the finest level; it determines the number of frames of a run."""
 _OFFSET_BYTES = 11
 """Memory of the offsets of a frame, bytes per pixel."""
+FINE_LEVELS = 2
+"""Number of finest levels that one forward sweep refines if `refinement` is fast."""
 _GROUPED_LEVEL = 2
 """Levels from this one on are grouped into one task if the shot fits into one run."""
 MAX_INTERVAL_FRAMES = 48
@@ -52,6 +55,7 @@ class SweepTask:
         neighbour: task that has saved the neighbouring frame in time; "" = none.
         from_coarser: whether the previous result is of the next coarser level.
         sweep: number of the sweep within its level.
+        fine: whether each frame continues the frame before it with few rounds, in the only sweep of its level.
         layer: number of the layer; -1 = the whole picture.
     """
 
@@ -67,6 +71,7 @@ class SweepTask:
     neighbour: str = ""
     from_coarser: bool = False
     sweep: int = 0
+    fine: bool = False
     layer: int = -1
 
     def args(self) -> TaskResult:
@@ -179,8 +184,13 @@ def _sweep_task(group: list[tuple[str, SweepTask]]) -> Task:
     return Task(key, args, after, emits, weight=sum(_weight(sweep) for _, sweep in group))
 
 
+_FINE_WEIGHT = 0.4
+"""Time of a sweep of a fine level, as a multiple of that of a sweep with all rounds."""
+
+
 def _weight(sweep: SweepTask) -> float:
-    return (sweep.stop - sweep.start) * (1.0 if sweep.level < 0 else 0.375 * 0.25**sweep.level)
+    full = 1.0 if sweep.level < 0 else 0.375 * 0.25**sweep.level
+    return (sweep.stop - sweep.start) * full * (_FINE_WEIGHT if sweep.fine else 1.0)
 
 
 def _independent_runs(params: AnalogyParams, begin: int, end: int, size: tuple[int, int]) -> Sweeps:
@@ -194,7 +204,13 @@ def _chained_sweeps(params: AnalogyParams, begin: int, end: int, size: tuple[int
     """All sweeps of a shot, run by run, with the tasks that each depends on."""
     length = _run_length(params, size)
     runs = [(start, min(start + length, end)) for start in range(begin, end, length)]
-    sweeps = [(level, sweep) for level in reversed(range(params.levels)) for sweep in range(2 * params.sweeps)]
+    fine = fine_levels(params, size)
+    sweeps = [
+        (level, sweep)
+        for level in reversed(range(params.levels))
+        for sweep in range(2 * params.sweeps)
+        if level >= fine or is_forward(params, sweep)
+    ]
     before: tuple[int, int] | None = None
 
     def key(level: int, sweep: int, start: int) -> str:
@@ -209,7 +225,7 @@ def _chained_sweeps(params: AnalogyParams, begin: int, end: int, size: tuple[int
                 first=before is None, last=(level, sweep) == sweeps[-1],
                 previous=key(*before, start) if before else "",
                 neighbour=key(level, sweep, ordered[place - 1][0]) if place else "",
-                from_coarser=before is not None and before[0] != level, sweep=sweep,
+                from_coarser=before is not None and before[0] != level, sweep=sweep, fine=level < fine,
             )  # fmt: skip
         before = (level, sweep)
 
@@ -222,6 +238,17 @@ def is_forward(params: AnalogyParams, sweep: int) -> bool:
     flicker (a person signing, 300 rows, Delaunay): 1.55 instead of 1.64.
     """
     return sweep % 2 == (0 if params.sweep_order == "forward-first" else 1)
+
+
+def fine_levels(params: AnalogyParams, size: tuple[int, int]) -> int:
+    """Number of finest levels with one forward sweep instead of all sweeps; never the coarsest level.
+
+    Departure: the paper has both sweeps at every level. With one, a frame starts from the frame before it, advected,
+    and needs two rounds only. The first frame, from which all others continue, has more.
+    """
+    if params.refinement == "full" or params.sweeps > 1 or params.sweep_order == "forward-first":
+        return 0
+    return min(FINE_LEVELS, levels_of(params, size, min(size)) - 1)
 
 
 # -- intervals between keyframes

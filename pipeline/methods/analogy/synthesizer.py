@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,12 @@ from pipeline.synthesis.sweeps import SearchSchedule, SolvedFrame, Sweep, order
 
 COARSE_ROUNDS = 2
 """Factor of iterations at the coarsest level, which starts from random offsets and costs little."""
+FINE_ROUNDS = 2
+"""Maximum number of rounds of a frame that continues the frame before it."""
+FINE_SEARCH_PX = 8.0
+"""Maximum radius of its random search, px."""
+FIRST_FRAME_ROUNDS = 2
+"""Factor of iterations for the first frame, which all other frames of the shot continue."""
 STEP = "synthesise"
 
 PreviousOffsets = Callable[[int, FrameState[Any]], Any]
@@ -100,10 +107,10 @@ class Synthesizer:
         """Frames [start, stop) at a level, with guides mapped by `match`."""
         return LevelFrames(self.inputs, self.context.clock, start, stop, level, match)
 
-    def animation(self, level_frames: LevelFrames) -> LevelAnimation:
-        """The animation of these frames."""
-        usable = self.style(level_frames.level).style.first_usable
-        return LevelAnimation(level_frames, self.context.clock, usable, boil=self.boil(level_frames.level))
+    def animation(self, level_frames: LevelFrames, continues: bool = False) -> LevelAnimation:
+        """The animation of these frames. `continues`: see `LevelAnimation`."""
+        usable, boil = self.style(level_frames.level).style.first_usable, self.boil(level_frames.level)
+        return LevelAnimation(level_frames, self.context.clock, usable, boil=boil, continues=continues)
 
     def boil(self, level: int) -> Boil | None:
         """The deliberate flicker at a level; None = off."""
@@ -119,6 +126,15 @@ class Synthesizer:
         iterations = self._iterations(level) * (COARSE_ROUNDS if coarsest else 1)
         search_px = float(max(self.style(level).size)) if coarsest else self._search_px()
         return SearchSchedule(iterations, search_px, self.context.seed & 0xFFFFFFFF, stream)
+
+    def _sweep_schedule(self, task: SweepTask) -> SearchSchedule:
+        """Effort of the search of a sweep: few rounds at a fine level, where only the first frame starts anew."""
+        full = self.schedule(task.level, task.level * 8 + task.sweep)
+        if not task.fine:
+            return full
+        rounds, search_px = min(FINE_ROUNDS, full.iterations), min(FINE_SEARCH_PX, full.search_px)
+        first = FIRST_FRAME_ROUNDS * full.iterations, full.search_px
+        return replace(full, iterations=rounds, search_px=search_px, first=first)
 
     def _iterations(self, level: int) -> int:
         """Rounds of PatchMatch per frame and sweep at a level."""
@@ -222,8 +238,8 @@ class Synthesizer:
         level_frames = self.level_frames(first, last, task.level, match)
         previous = self._previous_offsets(task, match)
         sweep = Sweep(
-            self.ops, self.style(task.level), self.animation(level_frames), previous,
-            self.schedule(task.level, task.level * 8 + task.sweep), task.forward, keep_first=task.sweep > 0,
+            self.ops, self.style(task.level), self.animation(level_frames, task.fine), previous,
+            self._sweep_schedule(task), task.forward, keep_first=task.sweep > 0 and not task.from_coarser,
         )  # fmt: skip
         if task.neighbour:
             state = self.ops.prepare(self.style(task.level), level_frames.target(edge))

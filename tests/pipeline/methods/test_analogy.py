@@ -17,12 +17,21 @@ from pipeline.methods import method, parse_params
 from pipeline.methods.analogy import Analogy
 from pipeline.methods.analogy.guided_stills import guided_still_params, stretch_of_guides
 from pipeline.methods.analogy.params import AnalogyParams
-from pipeline.methods.analogy.plan import MAX_INTERVAL_FRAMES, interval_key, run_frames, split_intervals
+from pipeline.methods.analogy.plan import (
+    MAX_INTERVAL_FRAMES,
+    SweepTask,
+    interval_key,
+    plan_synthesis,
+    run_frames,
+    split_intervals,
+)
 from pipeline.methods.analogy.style_images import DEFAULT_PAIR, energy_of, paint_in_strokes
 from pipeline.methods.local import LocalContext, run_plan
 from pipeline.scenes import scene
 from pipeline.scenes.shot import shot_files
+from pipeline.synthesis import sweeps
 from pipeline.synthesis.device_memory import operations
+from pipeline.synthesis.refine import refine
 from tests.pipeline.methods.frames import painted
 
 pytestmark = pytest.mark.real("opencl")
@@ -371,6 +380,46 @@ def test_the_sweeps_can_run_in_the_order_of_the_paper() -> None:
     assert last == {"backward-first": True, "forward-first": False}
 
 
+@pytest.mark.parametrize(
+    ("params", "expected"),
+    [
+        ({}, [2, 1]),
+        ({"refinement": "full"}, [2, 2]),
+        ({"sweeps": 2}, [4, 4]),
+        ({"sweep_order": "forward-first"}, [2, 2]),
+    ],
+    ids=str,
+)
+def test_fine_levels_have_one_forward_sweep_unless_more_is_asked_for(
+    params: dict[str, Any], expected: list[int]
+) -> None:
+    tasks = plan_synthesis(scanned_plan(QUICK | {"levels": 2} | params))
+    found = [SweepTask(**task.args) for task in tasks]
+    assert [sum(sweep.level == level for sweep in found) for level in (1, 0)] == expected
+    assert found[-1].last and found[-1].fine == (not params)
+
+
+def scanned_plan(params: dict[str, Any]) -> Any:
+    """What the plan of six frames depends on, after the scan of a shot without keyframes."""
+    scan = {"video": {"frames": 6, "cuts": [], "keys": [], "layers": []}}
+    video = SimpleNamespace(width=SIZE[0], height=SIZE[1], frames=6)
+    return SimpleNamespace(params=parse_params(method("analogy"), params), video=video, results={"scan": scan})
+
+
+def test_frames_that_continue_the_frame_before_have_fewer_rounds_than_the_first(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rounds: list[tuple[tuple[int, int], int]] = []
+
+    def counted(ops: Any, style: Any, state: Any, offsets: Any, key: Any, count: int, search_px: float) -> Any:
+        rounds.append((state.size, count))
+        return refine(ops, style, state, offsets, key, count, search_px)
+
+    monkeypatch.setattr(sweeps, "refine", counted)
+    rendered()
+    assert [count for size, count in rounds if size == SIZE] == [6, 2, 2, 2, 2, 2]
+
+
 def test_the_steadiness_of_coarse_levels_is_a_parameter() -> None:
     weights = {
         factor: [energy_of(AnalogyParams(steadiness=2, coarse_steadiness=factor), (), level).w_tc for level in range(3)]
@@ -430,7 +479,7 @@ def test_the_coarse_levels_of_a_short_shot_are_one_task() -> None:
     chosen = method("analogy")
     context = LocalContext(parse_params(chosen, QUICK), shot(), {"style_output": [painting()]})
     tasks = run_plan(chosen, context)["synthesise"]
-    assert len(tasks) == 5 and len(tasks[0].args["earlier"]) == 1
+    assert len(tasks) == 4 and len(tasks[0].args["earlier"]) == 1
     assert not [name for _, name in context.kept if name.endswith("-edge")], "no artefact is saved that no task loads"
 
 
