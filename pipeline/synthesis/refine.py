@@ -28,15 +28,16 @@ def refine(
 
     Departures: besides the four direct neighbours, the four at 8, 4, 2 and 1 px (one distance per round) propose their
     offsets, so a good offset travels as far in 4 rounds as otherwise in 15. The random search runs in every second
-    round only; the other rounds propagate its results. At 640x480 this saves a quarter of the time and raises the
-    energy by 0.6 %. A single round asks the direct neighbours only, because no later round would fill the gaps that
-    distant proposals leave.
+    round only, and not in the last of several; the other rounds propagate its results. At 640x480 this saves a quarter
+    of the time and raises the energy by 0.6 %. A single round asks the direct neighbours only, because no later round
+    would fill the gaps that distant proposals leave.
     """
     for index in range(rounds):
         ops.render(style, state, offsets)
         penalty = ops.penalty(style, state.size, offsets) if style.energy.w_h > 0 else None
         jump = _JUMPS[index % len(_JUMPS)] if rounds > 1 else 1
-        search = Search(key, index, jump, search_px if index % 2 == 0 else 0.0)
+        searches = index % 2 == 0 and (index == 0 or index + 1 < rounds)
+        search = Search(key, index, jump, search_px if searches else 0.0)
         offsets = ops.improve(style, state, offsets, penalty, search)
     return offsets
 

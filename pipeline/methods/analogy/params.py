@@ -250,10 +250,10 @@ class AnalogyParams(Params):
     )  # fmt: skip
     refinement: Literal["fast", "full"] = choice(
         "fast", "Refinement of fine levels",
-        "fast = at the two finest levels, each frame continues the frame before it with two rounds in one forward "
-        "sweep; the first frame of a shot has more. full = every level has all sweeps and iterations, as in the paper; "
-        "flickers a little less and takes about three times as long. Several sweeps, and the sweep order of the paper, "
-        "are always full.",
+        "fast = at the two finest levels, each frame continues the frame before it with at most three rounds in one "
+        "forward sweep; the first frame of a shot has more. full = every level has all sweeps and iterations, as in "
+        "the paper; flickers up to 4 % less and takes more than twice as long. Several sweeps, and the sweep order of "
+        "the paper, are always full.",
         "Search",
     )  # fmt: skip
     search_radius: float = number(

@@ -244,7 +244,7 @@ def fine_levels(params: AnalogyParams, size: tuple[int, int]) -> int:
     """Number of finest levels with one forward sweep instead of all sweeps; never the coarsest level.
 
     Departure: the paper has both sweeps at every level. With one, a frame starts from the frame before it, advected,
-    and needs two rounds only. The first frame, from which all others continue, has more.
+    and needs fewer rounds. The first frame, from which all others continue, has more.
     """
     if params.refinement == "full" or params.sweeps > 1 or params.sweep_order == "forward-first":
         return 0

@@ -29,7 +29,7 @@ from pipeline.synthesis.sweeps import SearchSchedule, SolvedFrame, Sweep, order
 
 COARSE_ROUNDS = 2
 """Factor of iterations at the coarsest level, which starts from random offsets and costs little."""
-FINE_ROUNDS = 2
+FINE_ROUNDS = 3
 """Maximum number of rounds of a frame that continues the frame before it."""
 FINE_SEARCH_PX = 8.0
 """Maximum radius of its random search, px."""

@@ -416,8 +416,8 @@ def test_frames_that_continue_the_frame_before_have_fewer_rounds_than_the_first(
         return refine(ops, style, state, offsets, key, count, search_px)
 
     monkeypatch.setattr(sweeps, "refine", counted)
-    rendered()
-    assert [count for size, count in rounds if size == SIZE] == [6, 2, 2, 2, 2, 2]
+    rendered(iterations=4)
+    assert [count for size, count in rounds if size == SIZE] == [8, 3, 3, 3, 3, 3]
 
 
 def test_the_steadiness_of_coarse_levels_is_a_parameter() -> None:
