@@ -88,7 +88,7 @@ def _analogy() -> Iterator[Case]:
 
     yield case("own-frame", NoInputs, "cut")
     yield case("painting", painting, "cut")
-    yield case("painting-full", painting, "cut", refinement="full")
+    yield case("painting-fast", painting, "cut", refinement="fast")
     yield case("pair", pair)
     yield case("rotation", painting, rotation="on")
     yield case("lab", painting, colours="lab", tone_match="on")

@@ -20,6 +20,7 @@ from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.plan import (
     MAX_INTERVAL_FRAMES,
     SweepTask,
+    fine_levels,
     interval_key,
     plan_synthesis,
     run_frames,
@@ -380,13 +381,20 @@ def test_the_sweeps_can_run_in_the_order_of_the_paper() -> None:
     assert last == {"backward-first": True, "forward-first": False}
 
 
+@pytest.mark.parametrize(("rows", "fine"), [(719, 0), (720, 2)])
+def test_large_frames_are_refined_fast(rows: int, fine: int) -> None:
+    params = parse_params(method("analogy"), {})
+    assert fine_levels(params, (1280, rows)) == fine
+
+
 @pytest.mark.parametrize(
     ("params", "expected"),
     [
-        ({}, [2, 1]),
+        ({}, [2, 2]),
+        ({"refinement": "fast"}, [2, 1]),
         ({"refinement": "full"}, [2, 2]),
-        ({"sweeps": 2}, [4, 4]),
-        ({"sweep_order": "forward-first"}, [2, 2]),
+        ({"refinement": "fast", "sweeps": 2}, [4, 4]),
+        ({"refinement": "fast", "sweep_order": "forward-first"}, [2, 2]),
     ],
     ids=str,
 )
@@ -396,7 +404,7 @@ def test_fine_levels_have_one_forward_sweep_unless_more_is_asked_for(
     tasks = plan_synthesis(scanned_plan(QUICK | {"levels": 2} | params))
     found = [SweepTask(**task.args) for task in tasks]
     assert [sum(sweep.level == level for sweep in found) for level in (1, 0)] == expected
-    assert found[-1].last and found[-1].fine == (not params)
+    assert found[-1].last and found[-1].fine == (params == {"refinement": "fast"})
 
 
 def scanned_plan(params: dict[str, Any]) -> Any:
@@ -416,7 +424,7 @@ def test_frames_that_continue_the_frame_before_have_fewer_rounds_than_the_first(
         return refine(ops, style, state, offsets, key, count, search_px)
 
     monkeypatch.setattr(sweeps, "refine", counted)
-    rendered(iterations=4)
+    rendered(iterations=4, refinement="fast")
     assert [count for size, count in rounds if size == SIZE] == [8, 3, 3, 3, 3, 3]
 
 
@@ -479,7 +487,7 @@ def test_the_coarse_levels_of_a_short_shot_are_one_task() -> None:
     chosen = method("analogy")
     context = LocalContext(parse_params(chosen, QUICK), shot(), {"style_output": [painting()]})
     tasks = run_plan(chosen, context)["synthesise"]
-    assert len(tasks) == 4 and len(tasks[0].args["earlier"]) == 1
+    assert len(tasks) == 5 and len(tasks[0].args["earlier"]) == 1
     assert not [name for _, name in context.kept if name.endswith("-edge")], "no artefact is saved that no task loads"
 
 
