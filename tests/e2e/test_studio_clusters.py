@@ -101,12 +101,12 @@ def test_a_corrected_clustering_is_solved_again_for_its_interval_only(
     expect(page.get_by_role("button", name="Download")).to_be_visible(timeout=FILM_MS)
     second = page.url.rpartition("/")[2]
     reused, ran = taken_over(service, second)
-    clustering = {f"cluster/{kind}-{start:07d}" for kind in ("flow", "run") for start in (0, 12, 24)}
+    clustering = {f"cluster/{kind}-{start:07d}" for kind in ("flow", "run", "faces") for start in (0, 12, 24)}
     assert {"scan/video", *clustering} <= reused
     assert {name for name in ran if name.startswith("correct/")} == {
         "correct/front-0000008-0000000", "correct/back-0000008-0000000", "correct/run-0000000"
     }  # fmt: skip
-    expect(page.locator(".step", has_text="Cluster by motion")).to_contain_text("6 of 6 tasks taken over")
+    expect(page.locator(".step", has_text="Cluster by motion")).to_contain_text("9 of 9 tasks taken over")
     assert result(service, second) == rendered_by_command(service, project, tmp_path)
 
 

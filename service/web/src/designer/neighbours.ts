@@ -16,6 +16,8 @@ const AROUND = 3;
 const PROXY_PX = 480;
 /** Strokes that follow each other faster are repainted together. */
 const REST_MS = 30;
+/** A service without a free place is asked again after this time. */
+const AGAIN_MS = 1000;
 
 export interface Neighbours {
   /** Let the service prepare for a key at that frame: the first repainting is slow. */
@@ -27,6 +29,8 @@ export function startNeighbours(store: Store, keys: PaintedKeys): Neighbours {
   const sent = new Map<string, KeyPicture>();
   let running = new AbortController();
   let timer = 0;
+  /** Number of repaintings that wait or run. */
+  let repainting = 0;
   let shownAround = -1;
 
   const dispose = effect(() => {
@@ -36,9 +40,18 @@ export function startNeighbours(store: Store, keys: PaintedKeys): Neighbours {
     const picture = store.history.value.present.pictures[key];
     if (!picture || method !== "analogy" || !store.previews.value || sent.get(key) === picture) return;
     sent.set(key, picture);
-    clearTimeout(timer);
-    timer = window.setTimeout(() => untracked(() => repaint(frame, picture)), REST_MS);
+    schedule(frame, picture, REST_MS);
   });
+
+  function schedule(frame: number, picture: KeyPicture, afterMs: number): void {
+    if (timer) repainting--;
+    clearTimeout(timer);
+    repainting++;
+    timer = window.setTimeout(() => {
+      timer = 0;
+      untracked(() => repaint(frame, picture)).finally(() => repainting--);
+    }, afterMs);
+  }
 
   async function repaint(frame: number, picture: KeyPicture): Promise<void> {
     const document = store.document.value;
@@ -57,7 +70,9 @@ export function startNeighbours(store: Store, keys: PaintedKeys): Neighbours {
     } catch (error) {
       if (isAbort(error)) return;
       const { status, message } = asProblem(error);
-      if (status !== 404 && status !== 503) store.problem.value = message;
+      const current = sent.get(pictureKey(store.layerId.value, frame)) === picture && store.frame.value === frame;
+      if (status === 503 && current && !timer) schedule(frame, picture, AGAIN_MS);
+      else if (status !== 404 && status !== 503) store.problem.value = message;
     }
   }
 
@@ -83,7 +98,8 @@ export function startNeighbours(store: Store, keys: PaintedKeys): Neighbours {
   return {
     async prepare(frame) {
       if (!store.previews.value) return;
-      await ask(frame, await keys.open(frame), () => {});
+      const picture = await keys.open(frame);
+      if (!repainting) await ask(frame, picture, () => {}); // it would end a repainting that prepares as well
     },
     close() {
       dispose();
