@@ -10,6 +10,13 @@ import pytest
 from pipeline.compute import runtime
 
 
+@pytest.fixture(autouse=True)
+def environment_is_restored(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where the variable was not set: `delenv` alone leaves what a test sets, and later tests find no runtime."""
+    monkeypatch.setenv("OCL_ICD_VENDORS", "")
+    monkeypatch.delenv("OCL_ICD_VENDORS")
+
+
 @pytest.fixture
 def registered(monkeypatch: pytest.MonkeyPatch) -> list[object]:
     """A process that has not prepared anything yet; what it would register."""
