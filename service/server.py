@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import gc
-import logging
 import signal
 import socket
 import threading
@@ -44,9 +43,7 @@ def serve(settings: Settings, on_ready: Callable[[str], None] = lambda url: None
         StorageError: the farm cannot be opened.
         OSError: the address cannot be bound.
     """
-    set_up_logs(settings)
-    for handler in logging.getLogger().handlers:
-        handler.addFilter(RepeatFilter())
+    set_up_logs(settings).addFilter(RepeatFilter())
     farm = open_farm(settings)
     try:
         _check_way_in(settings, farm)

@@ -20,8 +20,9 @@ _HEAD_CHARS, _TAIL_CHARS = 1_000, 7_000
 _TRACE_CHARS = 20_000
 
 
-def set_up_logs(settings: FarmSettings) -> None:
-    """Log to stderr as the settings say. Called at a process's entry; a second call replaces the first."""
+def set_up_logs(settings: FarmSettings) -> logging.Handler:
+    """Log to stderr as the settings say, by the handler that is returned. Called at a process's entry; a second call
+    replaces the first."""
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(JsonLines() if settings.log_format == "json" else TextLines())
     handler.setLevel(settings.log_level.upper())
@@ -32,6 +33,7 @@ def set_up_logs(settings: FarmSettings) -> None:
     root.addHandler(handler)
     for name in OURS:
         logging.getLogger(name).setLevel(min(logging.INFO, handler.level))
+    return handler
 
 
 class JsonLines(logging.Formatter):

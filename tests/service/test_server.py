@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import signal
 import socket
 import subprocess
@@ -14,6 +15,7 @@ import httpx
 import pytest
 
 from pipeline.errors import BadParameter
+from service.repeats import BURST
 from service.server import serve
 from service.settings import Settings
 
@@ -55,6 +57,14 @@ def test_the_service_does_not_start_publicly_without_a_key(home: Path) -> None:
         serve(Settings(home=home, host="0.0.0.0", port=0, pool="none"))
     assert error.value.field == "IMPASTO_ADMIN_KEY"
     assert "127.0.0.1" in error.value.remedy
+
+
+def test_only_the_handler_of_the_service_drops_repeated_lines(home: Path, caplog: pytest.LogCaptureFixture) -> None:
+    with pytest.raises(BadParameter):
+        serve(Settings(home=home, host="0.0.0.0", port=0, pool="none"))
+    for _ in range(2 * BURST):
+        logging.getLogger("workers").error("the same")
+    assert [record.getMessage() for record in caplog.records].count("the same") == 2 * BURST
 
 
 def test_a_taken_port_is_reported(home: Path) -> None:
