@@ -1,4 +1,4 @@
-"""What does `steady` make of frames that other tools stylised one by one, what does it keep, and what does it cost?
+"""Flicker, detail and CPU time of `steady` on frames that other tools stylised one by one.
 
     python -m benchmarks.steady                                four clips, every painter that this machine has
     python -m benchmarks.steady --frames 16 --painters stylization oil --param detail=1

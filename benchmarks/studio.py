@@ -38,7 +38,7 @@ LONG_S, KEYS = 600, 50
 
 @dataclass(frozen=True)
 class Row:
-    """What was measured, in one unit, and the goal in words."""
+    """Measurements of one quantity in one unit, and its goal in words."""
 
     title: str
     values: Sequence[float]
@@ -55,7 +55,7 @@ class Row:
 
 
 def drop(browser: Browser, address: str, folder: Path) -> list[Row]:
-    """From a chosen file to the first painted picture; the first time nothing is compiled or warm."""
+    """Time from the choice of a file to its first painted picture. At the first time, no kernel is loaded."""
     video = studio.written(folder / "drop.mp4", HD, 72)
     found = []
     for _ in range(DROPS):
@@ -77,7 +77,7 @@ MOVE_SLIDER = """share => {
 
 
 def change(browser: Browser, address: str, folder: Path) -> list[Row]:
-    """From a moved slider to the painting with the new value, on the first page and in the studio."""
+    """Time from a change of a slider to the picture painted with it, on the first page and in the studio."""
     video = studio.upload(address, "change.mp4", studio.written(folder / "change.mp4", SMALL, 48).read_bytes())
     with studio.opened(browser) as page:
         page.goto(f"{address}/#/?method=multistyle&video={video}")

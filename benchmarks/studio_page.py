@@ -114,7 +114,7 @@ def probed(page: Page, name: str) -> Any:
 
 
 def wait_probed(page: Page, name: str) -> Any:
-    """What the probe has found, as soon as it has found something."""
+    """Wait until the probe has a result, and return it."""
     wait(lambda: probed(page, name), page)
     return probed(page, name)
 

@@ -43,7 +43,7 @@ _SQUARE_GRAY = 128
 
 @dataclass
 class Figures:
-    """What one run measured."""
+    """Measurements of one run."""
 
     sent: dict[int, float] = field(default_factory=dict)
     """Time at which a frame was handed to the encoder, s, by its number."""

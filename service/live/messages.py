@@ -43,7 +43,7 @@ class Hello(_Message):
     receive: Codecs = ["jpeg"]
     quality: int = Field(default=85, ge=1, le=100)
     prefer: Literal["fluent", "sharp"] = "fluent"
-    """What stays constant when frames take too long: the frame rate ("fluent") or the working size ("sharp")."""
+    """Constant property when frames take too long: the frame rate ("fluent") or the working size ("sharp")."""
     filter: FilterIn | None = None
 
 

@@ -77,7 +77,7 @@ class StyleLibrary:
         raise NotFound("There is no such style.", field="style_id", value=style_id, remedy="See GET /v1/styles.")
 
     def source(self, style_id: str, owner: str) -> Asset | None:
-        """What an exemplar was painted from, as an asset; None for a file of the folder."""
+        """The picture from which an exemplar was painted, as an asset; None for a file of the folder."""
         for one in EXEMPLARS:
             if one.name == style_id:
                 return self._added(self._painted(one, "source"), f"{one.name}-source.png", owner)

@@ -47,7 +47,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Plan:
-    """What a run does: before each fault, or each group of them, it submits `rounds` jobs of every shape.
+    """Plan of a run. Before each fault, or group of faults, it submits `rounds` jobs of every shape.
 
     Attributes:
         seed: of faults, their order, their victims and their times.

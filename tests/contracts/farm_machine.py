@@ -44,7 +44,7 @@ MAX_JOBS, MAX_ACTIVE, MAX_RUNNING = 6, 3, 3
 """Jobs at once; unfinished jobs and running tasks of an owner."""
 ENDS = ("succeed", "succeed", "succeed", "fail", "fail", "fail for good", "release")
 UNLUCKY_ENDS = ("succeed", "fail", "fail")
-"""Of a task that has failed before: few would use up their attempts otherwise."""
+"""Outcomes of a task that has failed before. With fewer failures, hardly any task would use all its attempts."""
 ACTIONS = (
     *["submit"] * 2, *["plan"] * 6, *["claim"] * 10, *["complete"] * 12, *["command"] * 4, *["complete_late"] * 2,
     *["complete_superseded"] * 4, "retry_at_quota", "crash", "freeze", *["time_passes"] * 3, "clock_steps",

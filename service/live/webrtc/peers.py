@@ -18,7 +18,7 @@ _FAULTS = (
     ValueError, AssertionError, LookupError, AttributeError, TypeError,
     InternalError, InvalidStateError, OperationError,
 )  # fmt: skip
-"""What aiortc raises at an offer that is invalid, or that has no common codec."""
+"""Exceptions that aiortc raises for an invalid offer, or for one without a common codec."""
 
 
 class Peer:

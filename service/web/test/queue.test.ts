@@ -1,7 +1,7 @@
 import { expect, test } from "vitest";
 import { queueText } from "../src/works/progress";
 
-test("the position in the queue is told with its time where that is known", () => {
+test("the queue sentence states the position, and the expected wait if it is known", () => {
   expect(queueText(null)).toBe("Queued");
   expect(queueText({ jobs_ahead: 0, seconds: 0 })).toBe("Queued, next in line");
   expect(queueText({ jobs_ahead: 1, seconds: null })).toBe("Queued, 1 job ahead");
