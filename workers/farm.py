@@ -34,7 +34,7 @@ from workers.operations import DrainScope, Violation, WorkerInfo
 from workers.pools.base import Pool
 from workers.pools.machine import Machine, this_machine
 from workers.previews.local_runner import LocalRunner
-from workers.previews.service import PreviewService
+from workers.previews.service import PreviewRunner, PreviewService
 from workers.projects.projects import Projects
 from workers.scheduling.dispatcher import Dispatcher
 from workers.scheduling.garbage_collector import GarbageCollector
@@ -55,6 +55,7 @@ class Farm:
         pool: runs attempts; None: this process accepts and shows jobs only.
         live_workers: render live sessions; None: threads of this process.
         probe: examines uploaded files; by default in a child process, because they are untrusted.
+        preview_runner: makes previews of projects; None: threads of this process.
 
     Attributes:
         store: the database: jobs, tasks and their states. Use the nouns below where there is one.
@@ -70,6 +71,7 @@ class Farm:
         pool: Pool | None,
         live_workers: LiveWorkers | None = None,
         probe: Probe = probe_guarded,
+        preview_runner: PreviewRunner | None = None,
     ) -> None:
         limits = Limits(settings.attempts, settings.interruptions)
         policy = StorePolicy(limits, settings.retry_delay_s, settings.events_kept, settings.owner_tasks)
@@ -94,7 +96,8 @@ class Farm:
         self.projects = Projects(
             self.store.projects, self.assets, self.jobs, self.files, self.store.reuse, settings.reuse_s
         )  # fmt: skip
-        self.previews = PreviewService(LocalRunner(self.blobs, settings.preview_bytes), settings.preview_threads)
+        runner = preview_runner or LocalRunner(self.blobs, settings.preview_bytes)
+        self.previews = PreviewService(runner, settings.preview_threads)
         self.keys, self.webhooks, self.workers = self.store.keys, self.store.webhooks, self.store.workers
         self.live = LiveSessions(live_workers or LocalLiveWorkers(lambda: LiveRenderer(self.blobs)), settings)
         self._health = HealthChecks(self._parts())
@@ -134,6 +137,7 @@ class Farm:
             raise
         self._collector.start()
         self.live.start()
+        self.previews.start_runner()
 
     def drain(self, timeout_s: float) -> bool:
         """Take no new task and let running attempts end; whether all ended within `timeout_s`. Call `stop` then."""
@@ -180,7 +184,8 @@ def open_farm(settings: FarmSettings) -> Farm:
     check_installed(settings)
     blobs = open_blobs(settings)
     machine = None if settings.workers else this_machine()
-    farm = Farm(settings, _pool(settings, blobs, machine), _live_workers(settings, blobs))
+    pool, live_workers = _pool(settings, blobs, machine), _live_workers(settings, blobs)
+    farm = Farm(settings, pool, live_workers, preview_runner=_preview_runner(settings, blobs))
     if machine is not None:
         machine.live_sessions = lambda: farm.live.sessions
     return farm
@@ -209,3 +214,16 @@ def _live_workers(settings: FarmSettings, blobs: Blobs) -> LiveWorkers | None:
     from workers.live.ray_workers import RayLiveWorkers
 
     return RayLiveWorkers(blobs, settings.live_spares)
+
+
+def _preview_runner(settings: FarmSettings, blobs: Blobs) -> PreviewRunner | None:
+    """On a Ray cluster, previews have processes of their own."""
+    if settings.pool != "ray":
+        return None
+    from workers.previews.ray_runner import PreviewActors, RayRunner
+
+    actors = PreviewActors(
+        settings.preview_actors, settings.preview_bytes, settings.preview_threads, settings.preview_idle_s,
+        settings.warm_up,
+    )  # fmt: skip
+    return RayRunner(blobs, actors)

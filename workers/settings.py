@@ -106,6 +106,11 @@ class FarmSettings(BaseModel):
     """Frames and other state of projects that are kept warm for previews, at most."""
     preview_threads: int = Field(default=2, ge=1, le=64)
     """Previews of projects made at once."""
+    preview_actors: int = Field(default=2, ge=1, le=64)
+    """Processes on a Ray cluster that make previews, at most; each has an equal part of `preview_bytes`. A project has
+    one of its own as long as there are no more projects."""
+    preview_idle_s: float = Field(default=900.0, gt=0)
+    """A preview process whose projects were all silent for this long ends (Ray)."""
     project_undo_s: float = Field(default=30 * 86400.0, ge=0)
     """A deleted project can be restored for this long."""
     project_versions_s: float = Field(default=7 * 86400.0, ge=0)

@@ -1,5 +1,4 @@
-"""The Ray actors: thin wrappers around plain classes. With `ray_pool` and
-`ray_seats`, the only files that import Ray."""
+"""The Ray actors: thin wrappers around plain classes."""
 
 from __future__ import annotations
 
@@ -8,22 +7,26 @@ import gc
 import os
 import socket
 import threading
-from collections.abc import Callable, Mapping
+from collections import OrderedDict
+from collections.abc import Callable, Generator, Mapping
 from functools import partial
 from typing import cast
 
 import ray
 from ray.exceptions import RayError
 
+from pipeline.errors import Cancelled
 from workers.blobs.base import Blobs
 from workers.live.channel import Address, LiveWorkerServer
 from workers.live.local_workers import SessionRenderer
 from workers.live.model import LiveOrder
-from workers.model import TaskOrder, TaskOutcome
+from workers.model import Json, TaskOrder, TaskOutcome
 from workers.pools.artefact_cache import ArtefactCache
 from workers.pools.attempt_monitor import AttemptMonitor
 from workers.pools.local_pool import TaskRunner
 from workers.pools.ray_types import RAY, Actor, ObjectRef
+from workers.previews.engine import PreviewEngine
+from workers.previews.model import PreviewQuery, Record
 
 CONTROL = "control"
 RENDER_NICENESS = 10
@@ -32,6 +35,8 @@ FETCH_S = 10.0
 """Beyond this size, the blob store is faster."""
 LOWEST = 19
 """Niceness of processes that render."""
+_ENDED_RUNS = 1000
+"""Ended preview queries that are remembered: the call that ends one may come before the query."""
 
 
 class _RenderActor:
@@ -128,5 +133,72 @@ class _LiveActor:
         self._here.close()
 
 
+class _PreviewActor:
+    """Answers preview queries over warm state of its own, one record a call.
+
+    Args:
+        make_engine: pickled; makes a `PreviewEngine`.
+        warms_up: load the kernels of all methods in a thread of its own, at a low priority.
+    """
+
+    def __init__(self, make_engine: bytes, warms_up: bool) -> None:
+        self._engine = cast(PreviewEngine, ray.cloudpickle.loads(make_engine)())
+        self._runs: dict[int, Generator[Record]] = {}
+        self._ended: OrderedDict[int, None] = OrderedDict()
+        if warms_up:
+            threading.Thread(target=self._warm_up, name="impasto-warm-up", daemon=True).start()
+
+    def _warm_up(self) -> None:
+        with contextlib.suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), LOWEST)
+        self._engine.warm_up()
+
+    def next_record(self, run_id: int, query: PreviewQuery | None) -> Record | None:
+        """The next record of a run; None after the last one, and of an ended run.
+
+        Args:
+            query: begins the run; None: it has begun.
+        """
+        if query is not None:
+            self._runs[run_id] = self._engine.run(query, partial(self._check, run_id))
+        records = self._runs.get(run_id)
+        if records is None or run_id in self._ended:
+            return None
+        try:
+            return next(records, None)
+        except Cancelled:
+            return None
+        finally:
+            if run_id in self._ended:
+                self._close(run_id)
+
+    def _check(self, run_id: int) -> None:
+        if run_id in self._ended:
+            raise Cancelled("Nobody waits for this preview any more.")
+
+    def _close(self, run_id: int) -> None:
+        records = self._runs.get(run_id)
+        with contextlib.suppress(ValueError):  # it is at work: `next_record` closes it afterwards
+            if records is not None:
+                records.close()
+                self._runs.pop(run_id, None)
+
+    @ray.method(concurrency_group=CONTROL)
+    def end(self, run_id: int) -> None:
+        """Stop a run soon, and forget it."""
+        self._ended[run_id] = None
+        while len(self._ended) > _ENDED_RUNS:
+            self._ended.popitem(last=False)
+        self._close(run_id)
+
+    @ray.method(concurrency_group=CONTROL)
+    def state(self) -> Json:
+        """Bytes that are kept warm, and the process's id."""
+        return {"bytes": self._engine.cache.size_bytes, "pid": os.getpid()}
+
+
 RenderActor: Actor = RAY.remote(max_restarts=0, max_task_retries=0, concurrency_groups={CONTROL: 1})(_RenderActor)
 LiveActor: Actor = RAY.remote(num_cpus=0, max_restarts=0, max_task_retries=0)(_LiveActor)
+PreviewActor: Actor = RAY.remote(num_cpus=0, max_restarts=0, max_task_retries=0, concurrency_groups={CONTROL: 1})(
+    _PreviewActor
+)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 
 from workers.blobs.base import Blobs
 from workers.execution.renderer import prepare_process
+from workers.execution.warm_up import warm_up_process
 from workers.previews.byte_cache import ByteCache
 from workers.previews.context import PreviewContext
 from workers.previews.kinds import clusters, directions, flicker, paint, propagate, regions, suggest
@@ -38,10 +39,14 @@ class PreviewEngine:
         self.cache = ByteCache(limit_bytes)
         self._frames = WarmFrames(blobs, self.cache)
 
+    def warm_up(self) -> None:
+        """Load the kernels of every method, compiling new ones. Never raises."""
+        warm_up_process()
+
     def close(self) -> None:
         self._frames.close()
 
-    def run(self, query: PreviewQuery, check: Check) -> Iterator[Record]:
+    def run(self, query: PreviewQuery, check: Check) -> Generator[Record]:
         """The answer, piece by piece: "begin", what the kind gives, then "end" (or "overtaken").
 
         Raises: ImpastoError, what is wrong with the query; then the answer ends.

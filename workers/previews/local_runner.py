@@ -17,6 +17,9 @@ class LocalRunner:
     def __init__(self, blobs: Blobs, limit_bytes: int) -> None:
         self._engine = PreviewEngine(blobs, limit_bytes)
 
+    def start(self) -> None:
+        return
+
     def run(self, query: PreviewQuery, check: Check) -> Iterator[Record]:
         return self._engine.run(query, check)
 

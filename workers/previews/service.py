@@ -17,7 +17,11 @@ _FORGET = 10_000
 
 
 class PreviewRunner(Protocol):
-    """Where previews are made: in this process, or in a process of its own."""
+    """Where previews are made: in this process (`local_runner`), or in Ray actors (`ray_runner`)."""
+
+    def start(self) -> None:
+        """Get ready for the first query. With Ray: once it is connected."""
+        ...
 
     def run(self, query: PreviewQuery, check: Check) -> Iterator[Record]:
         """The answer, record by record. `check` raises once it is not wanted any more."""
@@ -74,6 +78,10 @@ class PreviewService:
         self._slots = threading.BoundedSemaphore(slots)
         self._lock = threading.Lock()
         self._latest: dict[tuple[str, str, str], _Ticket] = {}
+
+    def start_runner(self) -> None:
+        """Get ready for the first query. With Ray: once it is connected."""
+        self._runner.start()
 
     def start(self, query: PreviewQuery) -> PreviewRun:
         """Begin a query; it overtakes earlier ones, or is overtaken at once if a later one has come already."""

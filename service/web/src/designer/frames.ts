@@ -28,8 +28,26 @@ export function openFrames(asset: Asset, onshown: () => void): FrameSource {
 
 const COPY_TIMEOUT_MS = 20_000;
 
-/** A picture of any frame at the video's size, whichever the stage shows. */
-export function copyFrame(asset: Asset, frame: number): Promise<ImageBitmap> {
+let copying: Promise<unknown> = Promise.resolve();
+
+/**
+ * A picture of any frame at the video's size, whichever the stage shows. One is made at a time: each takes a decoder of
+ * its own, which has some 100 MB for 1080p.
+ *
+ * `wanted`: false once nobody waits for it any more; then an AbortError is thrown.
+ */
+export function copyFrame(asset: Asset, frame: number, wanted: () => boolean): Promise<ImageBitmap> {
+  const made = copying.then(() => {
+    if (!wanted()) throw aborted();
+    return decodeFrame(asset, frame);
+  });
+  copying = made.catch(() => {});
+  return made;
+}
+
+export const aborted = (): Error => new DOMException("It is not wanted any more.", "AbortError");
+
+function decodeFrame(asset: Asset, frame: number): Promise<ImageBitmap> {
   return new Promise((resolve, reject) => {
     const problem = () => new api.Problem({ detail: `Frame ${frame + 1} cannot be read.`, remedy: "Try it again." });
     const timer = setTimeout(() => finish(Promise.reject(problem())), COPY_TIMEOUT_MS);

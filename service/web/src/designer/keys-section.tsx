@@ -1,7 +1,7 @@
 /** Painted keys of a layer: start one, import or export a picture, its layers, and the frames around it. */
 
 import { useEffect, useRef, useState } from "preact/hooks";
-import { saveFile } from "../shared/api";
+import { isAbort, saveFile } from "../shared/api";
 import { notify, notifyOf } from "../shared/notices";
 import { type FilmFrame, filmHas } from "./films";
 import { keyFrames } from "./filmstrip";
@@ -185,7 +185,10 @@ function PictureLayers({ store, keys }: { store: Store; keys: PaintedKeys }) {
   useEffect(() => {
     let current = true;
     setLoaded(null);
-    keys.open(frame).then((found) => current && setLoaded(found), notify);
+    keys
+      .open(frame, () => current)
+      .then((found) => current && setLoaded(found))
+      .catch((error) => isAbort(error) || notify(error));
     return () => {
       current = false;
     };

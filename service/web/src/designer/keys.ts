@@ -8,6 +8,7 @@ import * as api from "../shared/api";
 import type { Asset } from "../shared/types";
 import { upload } from "../shared/upload";
 import { isPassing } from "./autosave";
+import { Bases, baseOf, FRAME_LAYER } from "./bases";
 import {
   addAsset,
   changeLayer,
@@ -20,7 +21,7 @@ import {
   removeAtFrame,
   shotOf,
 } from "./document";
-import { copyFrame, type FrameSource } from "./frames";
+import type { FrameSource } from "./frames";
 import { pngOf } from "./png";
 import type { RasterLayer } from "./psd";
 import { createCanvas, PictureRaster } from "./raster";
@@ -28,30 +29,26 @@ import { pictureKey, type State, type Store } from "./store";
 import type { KeyPicture, PictureLayer, Stroke } from "./strokes";
 import { rewrite } from "./undo";
 
-/** The layer that shows the video's own frame below the strokes. */
-export const FRAME_LAYER = "frame";
 export const PAINT_LAYER = "paint";
 /** Later than the frames around a key, which need the processors first; see `neighbours.ts`. */
 const REST_MS = 600;
 const RETRY_MS = 3000;
-/** How often to look, every 30 ms, whether the stage shows the frame. */
-const SHOWN_TRIES = 40;
-
-const baseOf = (layer: string, frame: number): string => `${FRAME_LAYER}:${layer}:${frame}`;
 
 export class PaintedKeys {
   readonly raster: PictureRaster;
   private readonly uploaded = new WeakSet<KeyPicture>();
+  private readonly bases: Bases;
   private readonly dispose: () => void;
   private timer = 0;
   private running: Promise<void> = Promise.resolve();
 
   constructor(
     private readonly store: Store,
-    private readonly frames: FrameSource,
+    frames: FrameSource,
     private readonly onproblem: (problem: api.Problem) => void,
   ) {
     this.raster = new PictureRaster(store.size);
+    this.bases = new Bases(store, frames, this.raster);
     this.dispose = effect(() => {
       const { pictures } = store.history.value.present;
       const pending = Object.values(pictures).filter((picture) => !this.uploaded.has(picture)).length;
@@ -75,40 +72,19 @@ export class PaintedKeys {
     return this.store.layer.value.keys?.find((key) => key.frame === frame);
   }
 
-  /** Open a frame for painting: its key's layers, or a new picture over the video's frame. */
-  async open(frame: number): Promise<KeyPicture> {
+  /**
+   * Open a frame for painting: its key's layers, or a new picture over the video's frame.
+   *
+   * `wanted`: false once nobody waits for it any more; then an AbortError is thrown, and nothing more is loaded.
+   */
+  async open(frame: number, wanted?: () => boolean): Promise<KeyPicture> {
     const known = this.picture(frame);
     const layer = this.store.layer.value.id;
     const stored = scribbled(this.store.layer.value) ? this.readScribble(frame) : this.read(layer, frame);
     const picture = known ?? (await stored) ?? this.blank(layer, frame);
-    await this.loadBases(picture);
+    await this.bases.load(picture, wanted);
     if (!known && this.isStored(frame)) this.uploaded.add(picture);
     return picture;
-  }
-
-  /** Run `work` with all pictures below the strokes of `picture` loaded. */
-  private async withBases<T>(picture: KeyPicture, work: () => Promise<T>): Promise<T> {
-    const release = this.raster.hold(picture.layers.map((layer) => layer.base));
-    try {
-      await this.loadBases(picture);
-      return await work();
-    } finally {
-      release();
-    }
-  }
-
-  private async loadBases(picture: KeyPicture): Promise<void> {
-    for (const { base } of picture.layers) {
-      if (base && !this.raster.hasBase(base)) this.raster.setBase(base, await this.basePicture(base));
-    }
-  }
-
-  private async basePicture(base: string): Promise<ImageBitmap> {
-    if (!base.startsWith(`${FRAME_LAYER}:`)) return readPicture(base);
-    const frame = Number(base.split(":").at(-1));
-    const coming = () => this.store.frame.peek() === frame && this.frames.shown !== frame;
-    for (let tries = 0; coming() && tries < SHOWN_TRIES; tries++) await new Promise((done) => setTimeout(done, 30));
-    return this.frames.shown === frame ? this.frames.copy() : copyFrame(this.store.asset, frame);
   }
 
   private isStored(frame: number): boolean {
@@ -193,13 +169,13 @@ export class PaintedKeys {
     });
     const layersMade = await Promise.all(made);
     this.edit("Import a key", frame, { layers: [...layersMade, emptyLayer(PAINT_LAYER, "Paint", null)] });
-    await this.loadBases({ layers: layersMade }); // those that were dropped while others were uploaded
+    await this.bases.load({ layers: layersMade }); // those that were dropped while others were uploaded
   }
 
   /** The layers of a frame's picture as they are drawn, from back to front, and the finished picture. */
   async layersOf(frame: number): Promise<{ layers: RasterLayer[]; whole: HTMLCanvasElement }> {
     const picture = await this.open(frame);
-    return this.withBases(picture, async () => this.drawnLayers(frame, picture));
+    return this.bases.with(picture, async () => this.drawnLayers(frame, picture));
   }
 
   private drawnLayers(frame: number, picture: KeyPicture): { layers: RasterLayer[]; whole: HTMLCanvasElement } {
@@ -241,13 +217,13 @@ export class PaintedKeys {
   /** The finished picture of a frame as PNG: its key, or the video's frame. */
   async png(frame: number): Promise<Blob> {
     const picture = await this.open(frame);
-    return this.withBases(picture, () => this.raster.png(pictureKey(this.store.layer.value.id, frame), picture));
+    return this.bases.with(picture, () => this.raster.png(pictureKey(this.store.layer.value.id, frame), picture));
   }
 
   /** A picture of the selected layer as PNG, its longest side at most `side` px. */
   async small(frame: number, picture: KeyPicture, side: number): Promise<Blob> {
     const key = pictureKey(this.store.layer.value.id, frame);
-    return this.withBases(picture, () => this.raster.small(key, picture, side));
+    return this.bases.with(picture, () => this.raster.small(key, picture, side));
   }
 
   /** Upload every painted key that has changed; resolves when all are in the document. */
@@ -290,7 +266,7 @@ export class PaintedKeys {
   private async uploadOne(key: string, picture: KeyPicture): Promise<void> {
     const [layer = "", at = "0"] = key.split(":");
     const frame = Number(at);
-    const png = await this.withBases(picture, () => this.raster.png(key, picture));
+    const png = await this.bases.with(picture, () => this.raster.png(key, picture));
     const image = await upload(new File([png], `key-${frame}.png`, { type: "image/png" }));
     const strokes = await Promise.all(picture.layers.map((one) => uploadStrokes(one, frame)));
     this.uploaded.add(picture);
@@ -355,11 +331,6 @@ async function uploadStrokes({ strokes }: PictureLayer, frame: number): Promise<
 async function readStrokes(asset: string): Promise<readonly Stroke[]> {
   const answer = await api.request(api.paths.content(asset));
   return ((await answer.json()) as { strokes: Stroke[] }).strokes;
-}
-
-/** The bytes of an image asset as a picture. */
-export async function readPicture(asset: string): Promise<ImageBitmap> {
-  return createImageBitmap(await (await api.request(api.paths.content(asset))).blob());
 }
 
 const emptyLayer = (id: string, name: string, base: string | null): PictureLayer => ({

@@ -1,5 +1,6 @@
 /** Brush, eraser, fill and colour picker on the layers of a painted key. */
 
+import { isAbort } from "../shared/http";
 import { notify } from "../shared/notices";
 import type { PaintedKeys } from "./keys";
 import { createCanvas, type LiveStroke } from "./raster";
@@ -43,11 +44,11 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
   async function prepare(frame: number): Promise<void> {
     const layer = store.layerId.value;
     try {
-      const picture = await keys.open(frame);
+      const picture = await keys.open(frame, () => store.frame.peek() === frame && store.layerId.peek() === layer);
       if (store.frame.value === frame && store.layerId.value === layer) open = { frame, layer, picture };
       redraw();
     } catch (error) {
-      notify(error);
+      if (!isAbort(error)) notify(error);
     }
   }
 

@@ -119,6 +119,8 @@ export class PictureRaster {
 
   /** Pictures below strokes, by asset id; a layer whose base is missing shows its strokes only. */
   setBase(asset: string, picture: ImageBitmap): void {
+    const before = this.bases.get(asset);
+    if (before !== picture) before?.close();
     this.bases.set(asset, picture);
     for (const [id, drawn] of this.drawn) if (drawn.base === asset) this.drawn.delete(id);
   }

@@ -1,0 +1,196 @@
+"""Previews in Ray actors: equal to those of this process, kept through kills, cancelled when overtaken, ended when
+idle."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Callable, Generator, Iterator
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pipeline.errors import BadParameter
+from tests.waiting import until
+from workers.blobs.disk import DiskBlobs
+from workers.farm import open_farm
+from workers.previews.engine import PreviewEngine
+from workers.previews.local_runner import LocalRunner
+from workers.previews.memory import Check
+from workers.previews.model import LayerSources, PreviewQuery, Record
+from workers.previews.service import PreviewService
+from workers.settings import FarmSettings
+
+pytestmark = [pytest.mark.real("ray"), pytest.mark.serial]
+
+LIMIT_BYTES = 64 << 20
+VIDEO = "video.mp4"
+LAYER = LayerSources("l1", "abstraction", {}, 0, VIDEO)
+FILM = PreviewQuery("paint", "p", "tab", "film", 1, (LAYER,), 64, {"frames": (0, 6), "step": 1})
+Made = Callable[..., Any]
+
+
+def never() -> None:
+    """The check of a client that stays."""
+
+
+class Watched(PreviewEngine):
+    """An engine that writes its process's id to a file of each project's name, waits for the file "go" before a record
+    where it is told to, and dies of a query that says so."""
+
+    def __init__(self, blobs: DiskBlobs, notes: Path, limit_bytes: int) -> None:
+        super().__init__(blobs, limit_bytes)
+        self._notes = notes
+
+    def run(self, query: PreviewQuery, check: Check) -> Generator[Record]:
+        (self._notes / query.project).write_text(str(os.getpid()))
+        if query.options.get("deadly"):
+            os.kill(os.getpid(), signal.SIGKILL)
+        for number, record in enumerate(super().run(query, check)):
+            if number == query.options.get("waits_at"):
+                (self._notes / "waits").write_text(str(os.getpid()))
+                self._wait(check)
+            yield record
+
+    def _wait(self, check: Check) -> None:
+        try:
+            while not (self._notes / "go").exists():
+                check()
+                threading.Event().wait(0.01)
+        except BaseException:
+            (self._notes / "cancelled").touch()
+            raise
+
+
+@pytest.fixture(scope="module")
+def blobs(tmp_path_factory: pytest.TempPathFactory, tiny_clip: Path) -> Iterator[DiskBlobs]:
+    import ray
+
+    from workers.pools.ray_cluster import connect
+
+    home = tmp_path_factory.mktemp("ray")
+    connect(FarmSettings(home=home, pool="ray", workers=1))
+    stored = DiskBlobs(home)
+    stored.put(VIDEO, tiny_clip.read_bytes())
+    yield stored
+    ray.shutdown()
+
+
+@pytest.fixture
+def made(blobs: DiskBlobs, tmp_path: Path) -> Iterator[Made]:
+    """Makes a runner whose engines leave their notes in `tmp_path`."""
+    from workers.previews.ray_runner import PreviewActors, RayRunner
+
+    runners = []
+
+    def make(most: int, idle_s: float = 600.0) -> RayRunner:
+        actors = PreviewActors(most, LIMIT_BYTES, 2, idle_s, warms_up=False)
+        runners.append(RayRunner(blobs, actors, partial(Watched, blobs, tmp_path)))
+        runners[-1].start()
+        return runners[-1]
+
+    yield make
+    for runner in runners:
+        runner.close()
+
+
+def _comparable(records: list[Record]) -> list[tuple[dict[str, object], bytes]]:
+    return [({k: v for k, v in record.header.items() if k != "ms"}, record.payload) for record in records]
+
+
+def _process(runner: Any) -> int:
+    return int(runner.state()["processes"][0])
+
+
+def test_a_preview_is_the_same_in_an_actor_and_after_kill_9_in_its_middle(
+    made: Made, blobs: DiskBlobs, tmp_path: Path
+) -> None:
+    local = LocalRunner(blobs, LIMIT_BYTES)
+    wanted = _comparable(list(local.run(FILM, never)))
+    local.close()
+    runner = made(1)
+    assert _comparable(list(runner.run(FILM, never))) == wanted
+    assert runner.state()["bytes"] > 0
+
+    answer = runner.run(replace(FILM, options=FILM.options | {"waits_at": 3}), never)
+    found = [next(answer) for _ in range(3)]
+    after = threading.Thread(target=lambda: found.extend(answer))
+    after.start()
+    until(lambda: (tmp_path / "waits").exists(), 30)
+    victim = _process(runner)
+    os.kill(victim, signal.SIGKILL)
+    (tmp_path / "go").touch()
+    after.join(120)
+    assert _comparable(found) == wanted
+    assert runner.state()["restarts"] == 1
+    assert _process(runner) != victim
+
+    os.kill(_process(runner), signal.SIGKILL)
+    assert _comparable(list(runner.run(FILM, never))) == wanted, "the next preview answers, too"
+
+
+def test_an_overtaken_preview_ends_in_the_actor(made: Made, tmp_path: Path) -> None:
+    service = PreviewService(made(1), 2)
+    slow = replace(FILM, options=FILM.options | {"waits_at": 1})
+    answer = iter(service.start(slow))
+    first: list[Record] = [next(answer)]
+    rest = threading.Thread(target=lambda: first.extend(answer))
+    rest.start()
+    until(lambda: (tmp_path / "waits").exists(), 30)
+    later = service.start(replace(FILM, seq=2))
+    rest.join(60)
+    assert [record.header["type"] for record in first] == ["begin", "overtaken"]
+    until(lambda: (tmp_path / "cancelled").exists(), 30)
+    assert [record.header["type"] for record in later] == ["begin", *["frame"] * 6, "end"]
+
+
+def test_a_preview_that_nobody_reads_any_more_ends_in_the_actor(made: Made, tmp_path: Path) -> None:
+    answer = made(1).run(replace(FILM, options=FILM.options | {"waits_at": 2}), never)
+    next(answer), next(answer)
+    answer.close()
+    other = made(1)
+    assert list(other.run(replace(FILM, project="q"), never))[-1].header["type"] == "end"
+    assert not (tmp_path / "waits").exists(), "a record is made when it is asked for"
+
+
+def test_errors_keep_their_class_and_a_deadly_query_fails(made: Made) -> None:
+    from workers.previews.ray_runner import PreviewLost
+
+    runner = made(1)
+    with pytest.raises(BadParameter) as raised:
+        list(runner.run(replace(FILM, layers=(replace(LAYER, params={"seed_of_all": 1}),)), never))
+    assert "seed_of_all" in str(raised.value)
+    assert runner.state()["restarts"] == 0
+    with pytest.raises(PreviewLost):
+        list(runner.run(replace(FILM, options=FILM.options | {"deadly": True}), never))
+    assert list(runner.run(FILM, never))[-1].header["type"] == "end"
+
+
+def test_projects_have_actors_of_their_own_while_there_are_enough(made: Made, tmp_path: Path) -> None:
+    runner = made(2)
+    for project in ("p", "q", "r", "p"):
+        assert list(runner.run(replace(FILM, project=project), never))[-1].header["type"] == "end"
+    pids = [(tmp_path / project).read_text() for project in ("p", "q", "r")]
+    assert pids[0] != pids[1]
+    assert set(pids) == {str(pid) for pid in runner.state()["processes"]}
+
+
+def test_an_idle_actor_ends_and_the_next_preview_answers(made: Made, tmp_path: Path) -> None:
+    runner = made(1, idle_s=1.0)
+    wanted = _comparable(list(runner.run(FILM, never)))
+    pid = (tmp_path / "p").read_text()
+    until(lambda: not Path(f"/proc/{pid}").exists(), 30)
+    assert _comparable(list(runner.run(FILM, never))) == wanted
+    assert (tmp_path / "p").read_text() != pid
+    assert runner.state()["restarts"] == 0
+
+
+def test_a_farm_on_ray_makes_its_previews_there(tmp_path: Path) -> None:
+    for pool, where in (("ray", "ray"), ("none", "process")):
+        farm = open_farm(FarmSettings(home=tmp_path / pool, pool=pool))
+        assert farm.previews.state()["where"] == where
+        farm.stop()

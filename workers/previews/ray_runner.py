@@ -1,0 +1,237 @@
+"""Previews on a Ray cluster: warm state in actors, so that it takes neither memory nor processor time of the service.
+
+A project is assigned to one actor, where its frames, motion and labels stay warm. Each project gets an actor of its
+own while there are fewer than `most`; after that, it joins the actor with the fewest projects. One warm actor without
+a project is kept for the next one. An actor whose projects were all silent for `idle_s` ends.
+
+If an actor dies, its projects go to other actors and the queries under way are asked again there: equal queries give
+equal records, so those that the client has already are skipped. Warm state is lost and made again.
+"""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import partial
+from typing import cast
+
+import ray
+from ray.exceptions import RayError, RayTaskError
+
+from pipeline.errors import Cancelled, ImpastoError
+from workers.blobs.base import Blobs
+from workers.model import Json
+from workers.pools.actors import PreviewActor
+from workers.pools.ray_types import RAY, Actor, ObjectRef
+from workers.previews.engine import PreviewEngine
+from workers.previews.memory import Check
+from workers.previews.model import Overtaken, PreviewQuery, Record
+
+log = logging.getLogger(__name__)
+
+CHECK_S = 0.02
+"""Interval of the check whether an answer is still wanted, seconds."""
+LOSSES = 2
+"""Actors that may die of one query, before the query fails."""
+STATE_S = 2.0
+"""An actor that does not report its state within this time counts without its bytes."""
+
+
+class PreviewLost(ImpastoError):
+    """The processes that painted a preview died, one after the other."""
+
+    code = "worker-lost"
+
+
+@dataclass(frozen=True)
+class PreviewActors:
+    """How many actors there are, and how large.
+
+    Attributes:
+        most: actors at once.
+        limit_bytes: of the warm state of all actors together; each has an equal part.
+        threads: records made at once by an actor.
+        idle_s: a project without a query for this long leaves its actor.
+        warms_up: whether a new actor loads the kernels of all methods before they are needed.
+    """
+
+    most: int
+    limit_bytes: int
+    threads: int
+    idle_s: float
+    warms_up: bool = True
+
+
+@dataclass(eq=False)
+class _Home:
+    """An actor and its projects."""
+
+    actor: Actor
+    projects: OrderedDict[str, float] = field(default_factory=OrderedDict)
+    """Project -> monotonic s of its newest query, the longest silent first."""
+    running: int = 0
+    """Queries under way."""
+
+
+class RayRunner:
+    """A `PreviewRunner` over actors. Thread-safe.
+
+    Args:
+        blobs: pickled to the actors; on several machines its folder must be shared by them.
+        make_engine: makes an actor's engine, within the bytes that it is given; None: a PreviewEngine over `blobs`.
+    """
+
+    def __init__(
+        self, blobs: Blobs, actors: PreviewActors, make_engine: Callable[[int], PreviewEngine] | None = None
+    ) -> None:
+        self._limits = actors
+        make = partial(make_engine or partial(PreviewEngine, blobs), actors.limit_bytes // actors.most)
+        self._make_engine: bytes = RAY.cloudpickle.dumps(make)
+        self._homes: list[_Home] = []
+        self._lock = threading.Lock()
+        self._ids = itertools.count(1)
+        self._restarts = 0
+        self._stopped = threading.Event()
+        self._watch = threading.Thread(target=self._end_idle, name="impasto-preview-actors", daemon=True)
+
+    def start(self) -> None:
+        """Start the first actor. Ray must be connected: the pool starts first."""
+        with self._lock:
+            self._keep_spare()
+        self._watch.start()
+
+    def run(self, query: PreviewQuery, check: Check) -> Iterator[Record]:
+        """The answer, as `PreviewEngine.run` gives it. Raises PreviewLost, if the query ends every actor it is given
+        to."""
+        sent = 0
+        for _ in range(1 + LOSSES):
+            home = self._enter(query.project)
+            try:
+                for record in itertools.islice(self._records(home.actor, query, check), sent, None):
+                    sent += 1
+                    yield record
+                return
+            except Overtaken as error:
+                if not sent:
+                    yield Record({"type": "begin", "seq": query.seq})
+                yield Record({"type": "overtaken", "by": error.by})
+                return
+            except RayTaskError:
+                raise
+            except RayError as error:  # the actor has died, or its record was lost with its machine
+                log.warning("a preview actor died: %s", str(error).partition("\n")[0])
+                self._lost(home)
+            finally:
+                self._leave(home)
+        raise PreviewLost(
+            "The process that painted this preview died.", remedy="Change what you ask for, or report it."
+        )
+
+    def _records(self, actor: Actor, query: PreviewQuery, check: Check) -> Iterator[Record]:
+        """The records of one actor. Raises what the query's error is, what `check` raises, RayError."""
+        run_id = next(self._ids)
+        given: PreviewQuery | None = query
+        try:
+            while True:
+                record = _awaited(actor.next_record.remote(run_id, given), check)
+                if record is None:
+                    return
+                given = None
+                yield record
+        finally:
+            actor.end.remote(run_id)
+
+    def _enter(self, project: str) -> _Home:
+        """The project's actor, with one query more."""
+        with self._lock:
+            home = next((home for home in self._homes if project in home.projects), None) or self._assigned()
+            home.projects[project] = time.monotonic()
+            home.projects.move_to_end(project)
+            home.running += 1
+            self._keep_spare()
+            return home
+
+    def _assigned(self) -> _Home:
+        """An actor for a new project: the one with the fewest."""
+        self._keep_spare()
+        if not self._homes:
+            raise Cancelled("The service ends.")
+        return min(self._homes, key=lambda home: len(home.projects))
+
+    def _keep_spare(self) -> None:
+        """Start an actor if none is without a project and another may be."""
+        if self._stopped.is_set() or len(self._homes) >= self._limits.most:
+            return
+        if all(home.projects for home in self._homes):
+            options = PreviewActor.options(max_concurrency=self._limits.threads)
+            self._homes.append(_Home(options.remote(self._make_engine, self._limits.warms_up)))
+
+    def _leave(self, home: _Home) -> None:
+        with self._lock:
+            home.running -= 1
+
+    def _lost(self, home: _Home) -> None:
+        with self._lock:
+            if home in self._homes:
+                self._homes.remove(home)
+                self._restarts += 1
+            self._keep_spare()
+
+    def _end_idle(self) -> None:
+        while not self._stopped.wait(min(30.0, self._limits.idle_s / 4)):
+            for home in self._without_use():
+                ray.kill(home.actor)
+
+    def _without_use(self) -> list[_Home]:
+        """Actors whose last project has become silent. They are taken off the list, and a spare one replaces them."""
+        before = time.monotonic() - self._limits.idle_s
+        with self._lock:
+            idle = []
+            for home in [home for home in self._homes if home.projects and not home.running]:
+                home.projects = OrderedDict((name, at) for name, at in home.projects.items() if at > before)
+                if not home.projects:
+                    self._homes.remove(home)
+                    idle.append(home)
+            self._keep_spare()
+            return idle
+
+    def state(self) -> Json:
+        with self._lock:
+            asked = [home.actor.state.remote() for home in self._homes]
+            restarts = self._restarts
+        ready, _ = ray.wait(asked, num_returns=len(asked), timeout=STATE_S) if asked else ([], [])
+        states = [found for ref in ready if (found := _state(ref)) is not None]
+        return {
+            "bytes": sum(state["bytes"] for state in states), "limit_bytes": self._limits.limit_bytes,
+            "restarts": restarts, "where": "ray", "processes": [state["pid"] for state in states],
+        }  # fmt: skip
+
+    def close(self) -> None:
+        self._stopped.set()
+        with self._lock:
+            homes, self._homes = self._homes, []
+        for home in homes:
+            ray.kill(home.actor)
+
+
+def _awaited(ref: ObjectRef, check: Check) -> Record | None:
+    """The answer of an actor. Raises what `check` raises meanwhile, and the actor's own errors."""
+    while not ray.wait([ref], num_returns=1, timeout=CHECK_S)[0]:
+        check()
+    try:
+        return cast("Record | None", ray.get(ref))
+    except RayTaskError as error:  # the actor lives; our own code has raised
+        raise error.cause or error from None
+
+
+def _state(ref: ObjectRef) -> Json | None:
+    """An actor's state; None if it has died."""
+    try:
+        return cast(Json, ray.get(ref))
+    except RayError:
+        return None
