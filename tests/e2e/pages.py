@@ -77,7 +77,7 @@ def serve(home: Path, **settings: str) -> Iterator[str]:
         yield address
     finally:
         server.terminate()
-        server.wait(20)
+        server.wait(60)
 
 
 def wait_ready(address: str, server: subprocess.Popen[bytes], log: Path) -> None:

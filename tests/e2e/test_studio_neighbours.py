@@ -34,7 +34,8 @@ COUNT_VIDEOS = """const make = document.createElement.bind(document);
 window.videos = 0;
 document.createElement = (name, ...rest) => { videos += name === "video"; return make(name, ...rest); };"""
 STEPS = """() => {
-  for (let i = 0; i < 7; i++) document.body.dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowRight", bubbles: true }));
+  const press = () => new KeyboardEvent("keydown", { key: "ArrowRight", bubbles: true });
+  for (let i = 0; i < 7; i++) document.body.dispatchEvent(press());
 }"""
 
 
