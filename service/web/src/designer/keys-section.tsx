@@ -186,7 +186,7 @@ function PictureLayers({ store, keys }: { store: Store; keys: PaintedKeys }) {
     let current = true;
     setLoaded(null);
     keys
-      .open(frame, () => current)
+      .open(frame, () => current && store.frame.peek() === frame)
       .then((found) => current && setLoaded(found))
       .catch((error) => isAbort(error) || notify(error));
     return () => {
