@@ -3,8 +3,9 @@
     a_i x_i  +  sum over the four neighbours j of (x_i - x_j)  =  b_i
 
 `Multigrid` solves it exactly, with costs that a video at camera rate cannot afford. Here it solves the equation on a
-grid of a quarter of the size, which settles all smooth parts of x; damped Jacobi iterations settle the fine parts,
-which converge fast wherever `a` is not small.
+grid of an eighth of the size, which settles all smooth parts of x. From there, each solution is interpolated to twice
+the size and settled by damped Jacobi iterations, up to the size of the picture (a cascadic multigrid). These
+converge fast wherever `a` is not small.
 """
 
 from __future__ import annotations
@@ -15,13 +16,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.buffers import Buffers
 from pipeline.frames import Plane
 from pipeline.jit import kernel
 from pipeline.solvers.multigrid import Multigrid
 
-COARSE = 4
-"""Edge length of a coarse pixel, px."""
-SWEEPS = 4
+SWEEPS = (4, 2, 2)
+"""Jacobi iterations at the size of the picture, at half of it, and at a quarter of it; the next level is solved."""
 COARSE_TOLERANCE = 1e-2
 """Relative residual of the coarse solution: its error is below that of interpolating it."""
 DAMPING = 0.8
@@ -29,63 +30,84 @@ DAMPING = 0.8
 Field = NDArray[np.float32]
 
 
-def solve_screened(absorb: Plane, source: Field) -> Field:
+def solve_screened(absorb: Plane, source: Field, buffers: Buffers | None = None) -> Field:
     """Solve the equation for all channels of `source`, with Neumann borders.
 
     Args:
         absorb: the terms a >= 0, float32 (h, w). Where a = 0, the solution is interpolated from the surroundings;
             where a = 0 everywhere, x = 0.
         source: the terms b, float32 (h, w, channels).
+        buffers: memory to work in. The solution lies there until the next call with the same `buffers`.
 
     Returns:
         x, float32 (h, w, channels).
     """
-    x = np.ascontiguousarray(_coarse(absorb, source))
-    rows = (x.shape[0], x.shape[1] * x.shape[2])
-    now, other, right = x.reshape(rows), np.empty(rows, np.float32), np.ascontiguousarray(source).reshape(rows)
-    factor = _inverse_diagonal(absorb, x.shape[2])
-    for _ in range(SWEEPS):
-        _relax(now, right, factor, x.shape[2], other)
-        now, other = other, now
-    return now.reshape(x.shape)
+    buffers = Buffers() if buffers is None else buffers
+    levels = [(absorb, np.ascontiguousarray(source, np.float32))]
+    for _ in SWEEPS:
+        levels.append(_halved(*levels[-1]))
+    x = _solved(*levels.pop())
+    for (a, b), sweeps, name in reversed(list(zip(levels, SWEEPS, ("whole", "half", "quarter"), strict=True))):
+        x = _relaxed(a, b, x, sweeps, (buffers, name))
+    return x
 
 
-def _coarse(absorb: Plane, source: Field) -> Field:
-    """The solution of the coarse equation, interpolated to the shape of `source`."""
-    height, width = absorb.shape
-    size = (-(-width // COARSE), -(-height // COARSE))
-    scale = np.float32(COARSE * COARSE)
-    a = cv2.resize(absorb, size, interpolation=cv2.INTER_AREA) * scale
-    b = cv2.resize(source, size, interpolation=cv2.INTER_AREA).reshape(*a.shape, -1) * scale
-    planes = np.moveaxis(b, -1, 0)
-    system = Multigrid(np.zeros(a.shape, np.bool_), absorb=a)
+def _halved(absorb: Plane, source: Field) -> tuple[Plane, Field]:
+    """The equation for pixels of twice the side; a last odd row or column becomes part of the one before."""
+    size = (-(-absorb.shape[1] // 2), -(-absorb.shape[0] // 2))
+    a = cv2.resize(absorb, size, interpolation=cv2.INTER_AREA) * np.float32(4)
+    b = cv2.resize(source, size, interpolation=cv2.INTER_AREA) * np.float32(4)
+    return np.asarray(a, np.float32), np.asarray(b, np.float32).reshape(size[1], size[0], -1)
+
+
+def _solved(absorb: Plane, source: Field) -> Field:
+    """The solution of the coarsest equation."""
+    planes = np.moveaxis(source, -1, 0)
+    system = Multigrid(np.zeros(absorb.shape, np.bool_), absorb=absorb)
     x = system.solve(np.zeros(planes.shape), source=planes, tolerance=COARSE_TOLERANCE).x
-    fine = cv2.resize(np.ascontiguousarray(np.moveaxis(x, 0, -1)), (width, height), interpolation=cv2.INTER_LINEAR)
-    return np.asarray(fine, np.float32).reshape(source.shape)
+    return np.ascontiguousarray(np.moveaxis(x, 0, -1))
 
 
-def _inverse_diagonal(absorb: Plane, channels: int) -> NDArray[np.float32]:
-    """1 / (a + number of neighbours), repeated for each channel: float32 (h, w * channels)."""
-    diagonal = absorb + np.float32(4)
-    for edge in (diagonal[0], diagonal[-1], diagonal[:, 0], diagonal[:, -1]):
-        edge -= 1
-    return np.repeat(1 / diagonal, channels, axis=1)
+def _relaxed(absorb: Plane, source: Field, coarse: Field, sweeps: int, memory: tuple[Buffers, str]) -> Field:
+    """The solution `coarse`, interpolated to the shape of `source` and relaxed."""
+    (height, width, channels), (buffers, name) = source.shape, memory
+    padded = (height + 2, (width + 2) * channels)
+    now, other = buffers.get(f"{name} x", padded), buffers.get(f"{name} next x", padded)
+    inner = slice(1, -1), slice(channels, -channels)
+    start = cv2.resize(coarse, (width, height), interpolation=cv2.INTER_LINEAR)
+    now[inner] = start.reshape(height, width * channels)
+    factor = buffers.get(f"{name} diagonal", (height, width * channels))
+    _inverse_diagonal(absorb, channels, factor)
+    right = source.reshape(height, width * channels)
+    for _ in range(sweeps):
+        _relax(now, right, factor, channels, other)
+        now, other = other, now
+    return now[inner].reshape(source.shape)
+
+
+@kernel
+def _inverse_diagonal(absorb: Any, channels: int, factor: Any) -> None:
+    """Fill `factor` with 1 / (a + number of neighbours), repeated for each channel: float32 (h, w * channels)."""
+    height, width = absorb.shape
+    for y in range(height):
+        neighbours = 4 - (y == 0) - (y == height - 1)
+        for x in range(width):
+            edges = neighbours - (x == 0) - (x == width - 1)
+            value = np.float32(1) / max(absorb[y, x] + np.float32(edges), np.float32(1e-6))
+            for c in range(channels):
+                factor[y, x * channels + c] = value
 
 
 @kernel
 def _relax(x: Any, right: Any, factor: Any, channels: int, out: Any) -> None:
-    """One damped Jacobi iteration from `x` to `out`; rows are interleaved channels."""
-    height, width = x.shape
+    """One damped Jacobi iteration from `x` to `out`, whose rows are interleaved channels and which have a border of
+    one pixel of zeros."""
+    height, width = factor.shape
     keep, take = np.float32(1 - DAMPING), np.float32(DAMPING)
-    for i in range(height):
-        row, above, below = x[i], x[max(i - 1, 0)], x[min(i + 1, height - 1)]
-        up, down = np.float32(i > 0), np.float32(i < height - 1)
-        for j in range(channels):
-            total = right[i, j] + row[j + channels] + up * above[j] + down * below[j]
-            out[i, j] = keep * row[j] + take * total * factor[i, j]
-        for j in range(channels, width - channels):
-            total = right[i, j] + row[j - channels] + row[j + channels] + up * above[j] + down * below[j]
-            out[i, j] = keep * row[j] + take * total * factor[i, j]
-        for j in range(width - channels, width):
-            total = right[i, j] + row[j - channels] + up * above[j] + down * below[j]
-            out[i, j] = keep * row[j] + take * total * factor[i, j]
+    begin, end = channels, channels + width
+    for y in range(height):
+        row, above, below = x[y + 1, begin:end], x[y, begin:end], x[y + 2, begin:end]
+        left, after = x[y + 1, :width], x[y + 1, 2 * channels :]
+        b, f, o = right[y], factor[y], out[y + 1, begin:end]
+        for j in range(width):
+            o[j] = keep * row[j] + take * f[j] * (b[j] + left[j] + after[j] + above[j] + below[j])

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.buffers import Buffers
 from pipeline.flow.dis import dis
 from pipeline.flow.gray import to_gray
-from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Plane
 from pipeline.jit import kernel
 
@@ -36,7 +37,23 @@ def motion(before: Frame, now: Frame) -> tuple[Flow, Flow]:
     return dis(second, first, "half"), dis(first, second, "ultrafast")
 
 
-def confidence(back: Flow, forth: Flow, source: Frame, warped: Frame, expected: Picture, alpha: float) -> Plane:
+@dataclass(frozen=True)
+class Evidence:
+    """What the confidence in the motion of a frame follows from; flows in px."""
+
+    back: Flow
+    """From this frame to the last."""
+    round_trip: Flow
+    """The flow from the last frame to this one, at the pixels that `back` leads to."""
+    source: Frame
+    """This frame."""
+    warped: Frame
+    """The last frame, moved along `back`."""
+    expected: Picture
+    """The average of all past frames along the motion."""
+
+
+def confidence(evidence: Evidence, alpha: float, buffers: Buffers) -> Plane:
     """Confidence that a pixel shows the same point of the scene as the pixel of the last frame that `back` leads to.
 
         exp(-alpha |mean of (source - expected) over 5 x 5 px|^2  -  SINGLE alpha |source - warped|^2
@@ -46,12 +63,8 @@ def confidence(back: Flow, forth: Flow, source: Frame, warped: Frame, expected: 
     0.01 |b|^2 + 0.002 (sundaram2010dense, eq. 5 and 6). Where `back` leads out of the picture, the confidence is 0.
 
     Args:
-        back: flow from this frame to the last, px.
-        forth: flow from the last frame to this one, px.
-        source: this frame.
-        warped: the last frame, moved along `back`.
-        expected: the average of all past frames along the motion.
         alpha: rate of the decay, per squared RGB distance, RGB in 0..1.
+        buffers: memory to work in.
 
     Returns:
         float32 (h, w), 0..1.
@@ -59,12 +72,14 @@ def confidence(back: Flow, forth: Flow, source: Frame, warped: Frame, expected: 
     Source: bonneel2015blind, section 3: the second term. Departure: the first term finds trails, see `SteadyFilter`,
     the third and fourth term find occlusions where the colours are alike.
     """
-    exponent = np.empty(back.shape[:2], np.float32)
-    difference = np.empty(source.shape, np.float32)
+    exponent = buffers.get("exponent", evidence.back.shape[:2])
+    difference = buffers.get("difference", evidence.source.shape)
+    mean = buffers.get("mean difference", evidence.source.shape)
     rate = np.float32(alpha / 255**2)
-    _compare(back, fetch(forth, back), np.float32(ROUND_TRIP), np.float32(BOUNDARY), exponent)
-    _differ(source, warped, expected, rate * np.float32(SINGLE), exponent, difference)
-    _decay(cv2.blur(difference, (WINDOW_PX, WINDOW_PX)), rate, exponent)
+    _compare(evidence.back, evidence.round_trip, np.float32(ROUND_TRIP), np.float32(BOUNDARY), exponent)
+    _differ(evidence.source, evidence.warped, evidence.expected, rate * np.float32(SINGLE), exponent, difference)
+    cv2.blur(difference, (WINDOW_PX, WINDOW_PX), dst=mean)
+    _decay(mean, rate, exponent)
     return np.asarray(cv2.exp(exponent), np.float32)
 
 

@@ -6,28 +6,26 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray, Arrays, State
-from pipeline.flow.warp import fetch, positions
-from pipeline.frames import Flow, Frame, Plane, same_size
-from pipeline.methods.steady.confidence import Picture, confidence, motion
+from pipeline.buffers import Buffers
+from pipeline.flow.warp import positions
+from pipeline.frames import Frame, Plane, same_size
+from pipeline.methods.steady.confidence import Evidence, Picture, confidence, motion
 from pipeline.methods.steady.detail import NO_AMOUNTS, resized_amounts, restore_detail
+from pipeline.methods.steady.equation import add_clipped, equation_terms, remember, show
 from pipeline.methods.steady.params import SteadyParams
 from pipeline.segmentation.cuts import is_cut, thumbnail
 from pipeline.solvers.screened import solve_screened
-
-DISTRUST = np.float32(1)
-"""Weight of the styled frame's colours where the motion cannot be trusted at all."""
-MEMORY_WEIGHT = np.float32(1)
-"""Weight of the source in its own memory; results keep about as much of the past, `strength` against 1."""
 
 
 @dataclass(frozen=True)
 class SourceAnalysis:
     """Properties of the source frame on which a result depends."""
 
-    back: Flow
-    """Motion from this frame to the last, px."""
+    back: tuple[Plane, Plane]
+    """x and y of the pixel in the last frame from which each pixel of this frame has come, px."""
     trust: Plane
     """Confidence in that motion, float32 (h, w), 0..1."""
 
@@ -56,7 +54,8 @@ class SteadyFilter:
           colour of its first frame.
         - The fourth term keeps the colours of one object from diffusing into another where the motion is unknown.
         - The confidence compares the source with a memory of the source that is averaged along the motion as results
-          are. A trail of a result is a trail in the memory, too, is recognised there in every later frame, and fades.
+          are (bilinear samples suffice here). A trail of a result is a trail in the memory, too, is recognised there in
+          every later frame, and fades.
     """
 
     def __init__(self, params: SteadyParams, size: tuple[int, int]) -> None:
@@ -67,9 +66,11 @@ class SteadyFilter:
         self.params, self.size = params, size
         self._source: Frame | None = None
         self._memory = self._result = np.empty((0, 0, 3), np.float32)
+        self._analyzing, self._applying = Buffers(), Buffers()
+        self._everywhere = np.ones((size[1], size[0]), np.float32)
         self._amounts = NO_AMOUNTS
         half_life = params.colour_half_life
-        self._return = np.float32(2 ** (1 / half_life) - 1 if half_life > 0 else 0)
+        self._return = 2 ** (1 / half_life) - 1 if half_life > 0 else 0.0
 
     def step(self, source: Frame, styled: Frame, mask: Plane | None = None) -> Frame:
         """The next frame of the result.
@@ -93,38 +94,43 @@ class SteadyFilter:
             self._memory = source.astype(np.float32)
             return None
         back, forth = motion(before, source)
-        expected, warped = _moved(self._memory, back), fetch(before, back)
-        trust = confidence(back, forth, source, warped, expected, self.params.trail_suppression)
-        weight = trust * np.float32(self.params.strength)
-        self._memory = _mixed(source.astype(np.float32), expected, weight / (weight + MEMORY_WEIGHT))
-        return SourceAnalysis(back, trust)
+        there, buffers = positions(back), self._analyzing
+        round_trip, expected = buffers.get("round trip", forth.shape), buffers.get("expected", source.shape)
+        for picture, moved in ((forth, round_trip), (self._memory, expected)):
+            cv2.remap(picture, *there, cv2.INTER_LINEAR, dst=moved, borderMode=cv2.BORDER_REPLICATE)
+        warped = cv2.remap(before, *there, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        evidence = Evidence(back, round_trip, source, np.asarray(warped, np.uint8), expected)
+        trust = confidence(evidence, self.params.trail_suppression, buffers)
+        remember(source, expected, trust, np.float32(self.params.strength), self._memory)
+        return SourceAnalysis(there, trust)
 
     def apply(self, analysis: SourceAnalysis | None, styled: Frame, mask: Plane | None = None) -> Frame:
         """Second half of `step`. Raises: BadFrame."""
-        target = same_size(styled, self.size, "styled").astype(np.float32)
+        same_size(styled, self.size, "styled")
         if analysis is None:
-            self._result, self._amounts = target, NO_AMOUNTS
+            self._result, self._amounts = styled.astype(np.float32), NO_AMOUNTS
             return styled.copy()
-        weight = analysis.trust * np.float32(self.params.strength)
-        if mask is not None:
-            weight *= mask
-        moved = _moved(self._result, analysis.back)
-        self._result = self._solved(target, moved, weight, np.square(1 - analysis.trust) * DISTRUST)
-        shown, detail = self._result, self.params.detail
+        buffers, shape = self._applying, styled.shape
+        target = buffers.get("target", shape)
+        np.copyto(target, styled)
+        mask = self._everywhere if mask is None else mask
+        self._solve(analysis, target, mask)
+        fine, gain, detail = target, buffers.get("no gain", shape[:2]), self.params.detail
         if detail > 0:
-            shown, self._amounts = restore_detail(self._result, target, detail, self._amounts)
-        return _rounded(shown if mask is None else _mixed(target, shown, mask))
+            fine, gain, self._amounts = restore_detail(self._result, target, detail, self._amounts, buffers)
+        shown: NDArray[np.uint8] = np.empty(shape, np.uint8)
+        show(self._result, fine, gain, target, mask, shown)
+        return shown
 
-    def _solved(self, target: Picture, moved: Picture, weight: Plane, distrust: Plane) -> Picture:
-        """Solution of the equation for the styled frame, the moved previous result and the weights."""
-        keep = 1 + self._return
-        source = cv2.subtract(moved, target) * weight[..., None]
-        mean = np.array(cv2.mean(source)[:3]) / max(keep * cv2.mean(weight)[0], 1e-6)
-        mean = mean.astype(np.float32)
-        source -= (weight * keep)[..., None] * mean
-        correction = solve_screened(weight * keep + distrust, source)
-        correction += mean
-        return np.asarray((target + correction).clip(0, 255), np.float32)
+    def _solve(self, analysis: SourceAnalysis, target: Picture, mask: Plane) -> None:
+        """Replace the previous result by the solution of the equation for the styled frame `target`."""
+        buffers = self._applying
+        moved, absorb = buffers.get("moved", target.shape), buffers.get("absorb", target.shape[:2])
+        cv2.remap(self._result, *analysis.back, cv2.INTER_CUBIC, dst=moved, borderMode=cv2.BORDER_REPLICATE)
+        weight, source = buffers.get("weight", target.shape[:2]), buffers.get("source", target.shape)
+        np.multiply(analysis.trust, mask * np.float32(self.params.strength), out=weight)
+        equation_terms(moved, target, analysis.trust, weight, self._return, (absorb, source))
+        add_clipped(target, solve_screened(absorb, source, buffers), self._result)
 
     def reconfigure(self, params: SteadyParams, size: tuple[int, int]) -> SteadyFilter:
         """Continue with other parameters or another frame size: what is remembered is resized. See `LiveFilter`."""
@@ -137,27 +143,13 @@ class SteadyFilter:
     def state(self) -> State:
         """The complete state; a filter restored from it continues with the same bytes."""
         assert self._source is not None
-        return {"source": self._source, "memory": self._memory, "result": self._result, "amounts": self._amounts}
+        memory, result = self._memory.copy(), self._result.copy()
+        return {"source": self._source, "memory": memory, "result": result, "amounts": self._amounts}
 
     def restore(self, state: Arrays) -> None:
-        self._source, self._memory, self._result = state["source"], state["memory"], state["result"]
-        self._amounts = state["amounts"]
-
-
-def _moved(picture: Picture, flow: Flow) -> Picture:
-    """The picture where the flow leads, continued beyond its border."""
-    moved = cv2.remap(picture, *positions(flow), cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(moved, np.float32)
-
-
-def _mixed(base: Picture, other: Picture, share: Plane) -> Picture:
-    """`base`, with a share 0..1 of `other`."""
-    return base + share[..., None] * (other - base)
+        self._source, self._amounts = state["source"], state["amounts"]
+        self._memory, self._result = state["memory"].copy(), state["result"].copy()
 
 
 def _resized(picture: AnyArray, size: tuple[int, int]) -> AnyArray:
     return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_LINEAR))
-
-
-def _rounded(picture: Picture) -> Frame:
-    return np.asarray(np.rint(picture.clip(0, 255)), np.uint8)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pipeline.buffers import Buffers
 from pipeline.errors import BadInput
 from pipeline.frames import Frame
 from pipeline.methods.local import LocalContext, run_plan
@@ -192,21 +193,29 @@ def texture_of(picture: NDArray[np.float32]) -> float:
     return float(np.abs(cv2.Laplacian(picture, cv2.CV_32F)).mean())
 
 
+def restored_detail(
+    average: NDArray[np.float32], styled: NDArray[np.float32], share: float, before: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """The average with restored texture, and the amounts at this frame."""
+    texture, gain, amounts = restore_detail(average, styled, share, before, Buffers())
+    return average + gain[..., None] * texture, amounts
+
+
 def test_averaged_texture_gets_the_contrast_of_the_styled_frame() -> None:
     average, styled = averaged_texture()
     assert texture_of(average) < 0.6 * texture_of(styled)
-    restored, _ = restore_detail(average, styled, 1, NO_AMOUNTS)
+    restored, _ = restored_detail(average, styled, 1, NO_AMOUNTS)
     assert texture_of(restored) == pytest.approx(texture_of(styled), rel=0.15)
-    half, _ = restore_detail(average, styled, 0.5, NO_AMOUNTS)
+    half, _ = restored_detail(average, styled, 0.5, NO_AMOUNTS)
     assert texture_of(average) < texture_of(half) < texture_of(restored)
 
 
 def test_a_single_frame_with_more_texture_hardly_changes_the_restored_contrast() -> None:
     average, styled = averaged_texture()
-    before, amounts = restore_detail(average, styled, 1, NO_AMOUNTS)
+    before, amounts = restored_detail(average, styled, 1, NO_AMOUNTS)
     rough = 128 + 1.5 * (styled - 128)
-    after, _ = restore_detail(average, rough, 1, amounts)
-    alone, _ = restore_detail(average, rough, 1, NO_AMOUNTS)
+    after, _ = restored_detail(average, rough, 1, amounts)
+    alone, _ = restored_detail(average, rough, 1, NO_AMOUNTS)
     assert texture_of(alone) > 1.25 * texture_of(before)
     assert texture_of(after) < 1.1 * texture_of(before)
 
@@ -219,3 +228,17 @@ def test_a_resized_filter_continues_with_its_amounts_of_texture() -> None:
     assert half.state()["amounts"].shape == (3, 8, 12)
     small = np.ascontiguousarray(cv2.resize(texture(), (48, 32)))
     assert half.step(small, small).shape == small.shape
+
+
+def test_a_filter_that_goes_on_does_not_change_a_state_that_was_taken_before() -> None:
+    steady, styled = SteadyFilter(SteadyParams(), SIZE), flickering(still(6))
+    for frame in styled[:3]:
+        steady.step(texture(), frame)
+    taken = steady.state()
+    kept = {name: plane.copy() for name, plane in taken.items()}
+    after = steady.step(texture(), styled[3])
+    assert all(np.array_equal(taken[name], plane) for name, plane in kept.items())
+    other = SteadyFilter(SteadyParams(), SIZE)
+    other.restore(taken)
+    assert np.array_equal(other.step(texture(), styled[3]), after)
+    assert all(np.array_equal(taken[name], plane) for name, plane in kept.items())
