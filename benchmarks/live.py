@@ -2,6 +2,7 @@
 
     python -m benchmarks live                                     each size for 20 s
     python -m benchmarks.live --seconds 600 --size 640x480@30     an acceptance run
+    python -m benchmarks.live --filter steady                     behind abstraction; --prefer sharp: at full size
     python -m benchmarks.live --overload                          a client that sends at 3 times the capacity
     python -m benchmarks.live --sessions 2                        two sessions at once, and a third that is refused
     python -m benchmarks.live --kill                              kill -9 of the worker in mid-stream
@@ -24,6 +25,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from typing import Any
 
 import cv2
 import psutil
@@ -36,6 +38,7 @@ from impasto.live.client import LiveClient, now_us
 from impasto.live.wire import SUBPROTOCOL, pack
 from pipeline.errors import ImpastoError
 from workers.live.statistics import Histogram
+from workers.model import Json
 
 SIZES = (((352, 288), 60.0), ((640, 480), 30.0), ((1280, 720), 30.0))
 CLIP_FRAMES = 150
@@ -87,10 +90,8 @@ def pictures(size: tuple[int, int]) -> list[bytes]:
     return [data.tobytes() for data in made]
 
 
-def stream(
-    address: str, rate: Rate, payloads: list[bytes], seconds: float, per_s: float = 0.0, prefer: str = "fluent"
-) -> Run:
-    """Send at the rate, or `per_s` frames a second, for so long; what came of it."""
+def stream(address: str, rate: Rate, payloads: list[bytes], seconds: float, per_s: float = 0.0, **options: Any) -> Run:
+    """Send at the rate, or `per_s` frames a second, for so long; what came of it. `options`: see `LiveOptions`."""
     size, fps = rate[0], per_s or rate[1]
     run = Run(size, fps)
 
@@ -98,7 +99,7 @@ def stream(
         if message["type"] == "resolution":
             run.steps.append(f"{message['width']}({message['reason']})")
 
-    with LiveClient(address, on_message=hear, size=size, fps=min(fps, MAX_FPS), prefer=prefer) as client:
+    with LiveClient(address, on_message=hear, size=size, fps=min(fps, MAX_FPS), **options) as client:
         begin = time.monotonic()
         counter = threading.Thread(target=_count, args=(client, run, begin + SETTLE_S))
         counter.start()
@@ -169,18 +170,17 @@ def memory(parent: psutil.Process) -> str:
     return f"service {parent.memory_info().rss / MIB:.0f} MiB, live worker {painter} MiB"
 
 
-def measure(
-    address: str, parent: psutil.Process | None, rate: Rate, seconds: float, overload: bool, kill: bool
-) -> None:
+def measure(address: str, parent: psutil.Process | None, rate: Rate, options: argparse.Namespace) -> None:
     """One client for a while, and memory a tenth of the way and at the end."""
-    payloads, memory_samples = pictures(rate[0]), []
-    per_s = too_much(address, rate, payloads) if overload else 0.0
+    payloads, memory_samples, seconds = pictures(rate[0]), [], options.seconds
+    per_s = too_much(address, rate, payloads) if options.overload else 0.0
+    behind: Json | None = {"method": options.filter} if options.filter else None
     if parent is not None:
         _later(SETTLE_S + seconds / 10, lambda: memory_samples.append(memory(parent)))
         _later(SETTLE_S + seconds - 1, lambda: memory_samples.append(memory(parent)))
-        if kill:
+        if options.kill:
             _later(SETTLE_S + seconds / 2, lambda: live_workers(parent)[0].kill())
-    run = stream(address, rate, payloads, seconds, per_s)
+    run = stream(address, rate, payloads, seconds, per_s, filter=behind, prefer=options.prefer)
     print(run.row(seconds), flush=True)
     print(f"    stages, mean ms: {run.stats.get('stages_ms')}")
     if memory_samples:
@@ -280,6 +280,8 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--size", help="WIDTHxHEIGHT@FPS; else three of them")
     parser.add_argument("--farm", default="ray", choices=("ray", "local"))
     parser.add_argument("--server", help="else one is started")
+    parser.add_argument("--filter", choices=("steady",), help="behind abstraction")
+    parser.add_argument("--prefer", choices=("fluent", "sharp"), default="fluent")
     parser.add_argument("--overload", action="store_true")
     parser.add_argument("--sessions", type=int, default=1)
     parser.add_argument("--kill", action="store_true")
@@ -299,7 +301,7 @@ def _all(options: argparse.Namespace, address: str, parent: psutil.Process | Non
         elif options.sessions > 1:
             together(address, rate, options.seconds, options.sessions)
         else:
-            measure(address, parent, rate, options.seconds, options.overload, options.kill)
+            measure(address, parent, rate, options)
 
 
 def _rates(text: str | None) -> tuple[Rate, ...]:

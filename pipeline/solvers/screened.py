@@ -3,7 +3,7 @@
     a_i x_i  +  sum over the four neighbours j of (x_i - x_j)  =  b_i
 
 `Multigrid` solves it exactly, with costs that a video at camera rate cannot afford. Here it solves the equation on a
-grid of an eighth of the size, which settles all smooth parts of x. From there, each solution is interpolated to twice
+grid of a sixteenth of the size, which settles all smooth parts of x. From there, each solution is interpolated to twice
 the size and settled by damped Jacobi iterations, up to the size of the picture (a cascadic multigrid). These
 converge fast wherever `a` is not small.
 """
@@ -21,8 +21,8 @@ from pipeline.frames import Plane
 from pipeline.jit import kernel
 from pipeline.solvers.multigrid import Multigrid
 
-SWEEPS = (4, 2, 2)
-"""Jacobi iterations at the size of the picture, at half of it, and at a quarter of it; the next level is solved."""
+SWEEPS = {"whole": 4, "half": 2, "quarter": 2, "eighth": 3}
+"""Jacobi iterations at the size of the picture and at parts of it; the next smaller equation is solved."""
 COARSE_TOLERANCE = 1e-2
 """Relative residual of the coarse solution: its error is below that of interpolating it."""
 DAMPING = 0.8
@@ -47,7 +47,7 @@ def solve_screened(absorb: Plane, source: Field, buffers: Buffers | None = None)
     for _ in SWEEPS:
         levels.append(_halved(*levels[-1]))
     x = _solved(*levels.pop())
-    for (a, b), sweeps, name in reversed(list(zip(levels, SWEEPS, ("whole", "half", "quarter"), strict=True))):
+    for (a, b), sweeps, name in reversed(list(zip(levels, SWEEPS.values(), SWEEPS, strict=True))):
         x = _relaxed(a, b, x, sweeps, (buffers, name))
     return x
 

@@ -21,6 +21,7 @@ from pipeline.errors import BadFrame, BadInput, BadParameter
 from pipeline.frames import Frame
 from pipeline.methods.abstraction import Abstraction, AbstractionParams, AbstractionSession
 from pipeline.methods.steady import Steady, SteadyFilter, SteadyParams
+from pipeline.quality.sharpness import edge_widths
 from pipeline.video.stills import encode_png
 from tests.workers.live_toys import Echo
 from workers.blobs.disk import DiskBlobs
@@ -166,13 +167,20 @@ def test_a_filter_is_added_changed_and_removed_without_a_new_start(painter: Live
     assert "filter" not in painter.paint().stages_s
 
 
-def test_filtered_frames_have_the_working_size(painter: LiveRenderer) -> None:
+def test_filtered_frames_have_full_size_at_any_working_size(painter: LiveRenderer) -> None:
     frame = scene(1)[0]
     painter.open(order("abstraction", filter=STEADY))
     for work_size in (SIZE, (80, 48), (120, 72)):
-        assert step(painter, work(frame, work_size)).shape == (work_size[1], work_size[0], 3)
-    painter.change(order("abstraction"))
-    assert step(painter, work(frame, (80, 48))).shape == (96, 160, 3)
+        assert step(painter, work(frame, work_size)).shape == (96, 160, 3)
+
+
+def test_edges_behind_a_filter_are_as_sharp_at_half_of_the_working_size(painter: LiveRenderer) -> None:
+    painter.open(order("abstraction", filter=STEADY))
+    widths = []
+    for work_size in (SIZE, (80, 48)):
+        frames = [step(painter, work(frame, work_size)) for frame in scene(4)]
+        widths.append(float(np.median(edge_widths(frames[-1]))))
+    assert widths[1] < widths[0] + 0.3
 
 
 def test_paint_raises_analysis_errors_in_frame_order(painter: LiveRenderer) -> None:

@@ -46,6 +46,8 @@ class _Analysis:
     stages_s: dict[str, float]
     behind: tuple[LiveFilter, object] | None
     """The filter, and its own analysis of the frame."""
+    size: Size
+    """Working size (width, height), px."""
 
 
 class LiveRenderer:
@@ -62,6 +64,7 @@ class LiveRenderer:
         self._find = find
         self._decoders = Decoders(blobs)
         self._helper = ThreadPoolExecutor(1, thread_name_prefix="impasto-aside")
+        self._beside = ThreadPoolExecutor(1, thread_name_prefix="impasto-filter")
         self._handed: Queue[_Analysis | Exception] = Queue(_AHEAD)
         self._news = threading.Condition()
         self._ahead = 0
@@ -146,7 +149,7 @@ class LiveRenderer:
         references = None if order.inputs == before.inputs else self._references(order.inputs)
         self._wait_until_painted()
         behind = self._filter_of(order.filter, before.filter)
-        self._session = self._session.reconfigure(params, self._size, references, self._drawn(behind))
+        self._session = self._session.reconfigure(params, self._size, references, self._output_size)
         self._filter = behind
         self._order = replace(before, params=order.params, inputs=order.inputs, filter=order.filter)
 
@@ -168,10 +171,6 @@ class LiveRenderer:
             raise BadParameter("This method is not a live filter.", field="filter.method", value=order.method)
         return made
 
-    def _drawn(self, behind: LiveFilter | None) -> Size | None:
-        """Size at which a session draws: that of its input where a filter compares the two."""
-        return self._output_size if behind is None else None
-
     # -- the analysis thread
 
     def _analyze(self, work: FrameRequest) -> _Analysis:
@@ -179,10 +178,18 @@ class LiveRenderer:
         frame = self._decode(work)
         decoded = time.perf_counter()
         session = self._session_for(work.work_size, work.size)
+        beside = None if self._filter is None else self._beside.submit(self._filter.analyze, frame)
         value = session.analyze(frame)
-        behind = None if self._filter is None else (self._filter, self._filter.analyze(frame))
+        behind = None if self._filter is None or beside is None else (self._filter, beside.result())
         analyzed = time.perf_counter()
-        return _Analysis(session, value, work.key, {"decode": decoded - began, "analyze": analyzed - decoded}, behind)
+        return _Analysis(
+            session,
+            value,
+            work.key,
+            {"decode": decoded - began, "analyze": analyzed - decoded},
+            behind,
+            work.work_size,
+        )
 
     def _decode(self, work: FrameRequest) -> Frame:
         assert self._decoder is not None
@@ -199,7 +206,7 @@ class LiveRenderer:
             self._wait_until_painted()
             params = parse_params(self._find(self._order.method), self._order.params)
             self._output_size = output_size
-            self._session = self._session.reconfigure(params, size, None, self._drawn(self._filter))
+            self._session = self._session.reconfigure(params, size, None, self._output_size)
             if self._filter is not None and self._order.filter is not None and size != self._size:
                 chosen = self._order.filter
                 filter_params = parse_params(self._find(chosen.method), chosen.params)
@@ -238,7 +245,7 @@ class LiveRenderer:
         painted = filtered = time.perf_counter()
         if analysis.behind is not None:
             live_filter, source = analysis.behind
-            frame = live_filter.apply(source, frame)
+            frame = _filtered(live_filter, source, frame, analysis.size)
             filtered = time.perf_counter()
         data, size, key = self._encoder_for((frame.shape[1], frame.shape[0])).encode(frame, analysis.key)
         encoded = time.perf_counter()
@@ -257,6 +264,17 @@ class LiveRenderer:
 def _painting(order: LiveOrder) -> tuple[object, ...]:
     """What `LiveRenderer.change` can change."""
     return order.params, order.inputs, order.filter
+
+
+def _filtered(live_filter: LiveFilter, analysis: object, painted: Frame, size: Size) -> Frame:
+    """The painted frame behind the filter. The filter works at the working size `size`. What it changes is interpolated
+    to the size of a larger painted frame, so that borders and lines keep their width."""
+    if painted.shape[1::-1] == size:
+        return live_filter.apply(analysis, painted)
+    small = _resized(painted, size)
+    change = cv2.subtract(live_filter.apply(analysis, small), small, dtype=cv2.CV_16S)
+    change = cv2.resize(change, painted.shape[1::-1], interpolation=cv2.INTER_LINEAR)
+    return np.asarray(cv2.add(painted, change, dtype=cv2.CV_8U), np.uint8)
 
 
 def _resized(frame: Frame, size: Size) -> Frame:

@@ -47,7 +47,7 @@ class Steady(Method):
         Step("scan", "Compare the videos", plan_scan, run_scan, weight=0.2),
         Step("steady", "Remove the flicker", plan_steady, run_steady),
     )
-    cpu_s_per_megapixel: ClassVar[float] = 0.29
+    cpu_s_per_megapixel: ClassVar[float] = 0.21
     task_cpus = 2.0  # the motion of a frame is estimated while the frame before it is steadied
     examples: ClassVar[tuple[Example, ...]] = (
         Example("strokes", "For brush strokes", {"detail": 1}),
