@@ -37,7 +37,7 @@ def fault_from(error: BaseException) -> Fault:
         return Fault(error.code, error.message, error.remedy, error.field, error.value)
     if isinstance(error, NoBlob):
         remedy = "Restore it from a backup, or upload the input again and submit a new job."
-        return Fault(NotFound.code, "A blob that the task needs is gone.", remedy, "blob", str(error.args[0])[:200])
+        return Fault(NotFound.code, "A file that the job needs is gone.", remedy, "blob", str(error.args[0])[:200])
     if isinstance(error, MemoryError):
         return Fault("out-of-memory", "The task needs more memory than there is.", "Use a smaller video.")
     return Fault("internal-error", f"{type(error).__name__}: {error}"[:500], "See the log of the task.")

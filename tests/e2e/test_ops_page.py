@@ -177,11 +177,17 @@ def test_a_worker_is_drained_and_the_queue_paused(
     page.context.close()
 
 
-def test_the_ops_page_fits_a_phone(browser: Browser, service: str, http: httpx.Client) -> None:
+def test_the_ops_page_fits_a_phone(browser: Browser, service: str, http: httpx.Client, clip: Path) -> None:
+    submit(http, upload(http, clip), "a film for the phone")
     watched = open_ops(
         browser, service, viewport={"width": 390, "height": 844}, is_mobile=True, has_touch=True, color_scheme="dark"
     )
     page = watched.page
+    for target in (".link", ".select-target", "input[type=search]", "select"):
+        found = page.locator("#jobs").locator(target).first
+        expect(found).to_be_visible()
+        size = found.bounding_box()
+        assert size is not None and size["height"] >= 44, target
     page.locator("#jobs .link").first.click()
     expect(page.locator("#timeline svg")).to_be_visible()
     assert page.evaluate("document.documentElement.scrollWidth") == 390

@@ -6,6 +6,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import httpx
+import numpy as np
 import pytest
 from playwright.sync_api import expect
 
@@ -31,9 +32,14 @@ pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(300)]
 def test_variants_are_compared_on_a_frame_and_as_films(watched: Watched, service: str, video: str) -> None:
     page = watched.page
     project = open_project(page, service, video, "abstraction", params={"lines": "off"})
+    presets = page.get_by_role("group", name="Presets").get_by_role("button")
+    pictures = presets.locator("img")
+    expect(pictures.last).to_be_visible(timeout=FILM_MS)
+    shown = [decoded(picture.screenshot())[:40, :60] for picture in pictures.all()]
+    assert all(np.abs(one.astype(int) - shown[0]).mean() > 0.3 for one in shown[1:]), "each shows its own painting"
     keep = page.get_by_role("button", name="Keep these settings")
     keep.click()
-    page.get_by_role("group", name="Presets").get_by_role("button").nth(2).click()
+    presets.nth(2).click()
     keep.click()
     saved(page)
     first, second = stored(service, project)["variants"]

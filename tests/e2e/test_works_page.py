@@ -9,9 +9,9 @@ from pathlib import Path
 import av
 import httpx
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Browser, Page, Route, expect
 
-from tests.e2e.pages import FPS, FRAMES, HEIGHT, WIDTH, Watched, until
+from tests.e2e.pages import FPS, FRAMES, HEIGHT, WIDTH, Watched, open_page, until
 from tests.e2e.studio import FILM_MS, SOON_MS, frames_of
 
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(240)]
@@ -139,3 +139,38 @@ def test_the_worst_moments_of_the_report_are_shown_in_the_player(watched: Watche
     until(page, lambda: int(film.evaluate("film => film.currentTime") * FPS) == last)
     assert film.evaluate("film => film.paused")
     watched.check()
+
+
+def show_failed(page: Page, service: str, film: str, code: str) -> None:
+    """The page of a job that has failed with this error, as the service would tell of it."""
+    error = {"code": code, "message": "It cannot be painted.", "remedy": "Choose another."}
+    steps = [{"name": "scan", "title": "Find the shots", "state": "failed", "counts": {}, "progress": 0, "seconds": 0}]
+
+    def fail(route: Route) -> None:
+        job = route.fetch().json()
+        route.fulfill(json=job | {"state": "failed", "progress": 0.4, "error": error, "results": [], "steps": steps})
+
+    page.route(f"**/v1/jobs/{film}", fail)
+    page.goto(f"{service}/#/jobs/{film}")
+    expect(page.get_by_text("The job failed")).to_be_visible()
+
+
+@pytest.mark.parametrize(("code", "first"), [("not-found", "Change settings"), ("internal", "Try again")])
+def test_a_failed_job_offers_what_may_help_first(
+    code: str, first: str, watched: Watched, service: str, film: str
+) -> None:
+    page = watched.page
+    show_failed(page, service, film, code)
+    expect(page.locator(".job-panel .button.primary")).to_have_text([first])
+    expect(page.get_by_text("Nothing was painted.")).to_be_visible()
+    expect(page.locator(".progress-number")).to_be_hidden()
+    expect(page.get_by_label("Progress of the film")).to_be_hidden()
+
+
+def test_the_player_of_a_tablet_has_a_long_slider(browser: Browser, service: str, film: str) -> None:
+    watched = open_page(browser, viewport={"width": 1024, "height": 768}, has_touch=True)
+    watched.page.goto(f"{service}/#/jobs/{film}")
+    box = watched.page.get_by_role("slider", name="Position").bounding_box()
+    assert box is not None and box["width"] > 300 and box["height"] >= 44
+    watched.check()
+    watched.page.context.close()

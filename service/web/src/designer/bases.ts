@@ -72,7 +72,8 @@ export class Bases {
     if (!base.startsWith(`${FRAME_LAYER}:`)) return readPicture(base);
     const frame = Number(base.split(":").at(-1));
     const coming = () => this.store.frame.peek() === frame && this.frames.shown !== frame;
-    for (let tries = 0; coming() && tries < SHOWN_TRIES; tries++) await new Promise((done) => setTimeout(done, LOOK_MS));
+    for (let tries = 0; coming() && tries < SHOWN_TRIES; tries++)
+      await new Promise((done) => setTimeout(done, LOOK_MS));
     return this.frames.shown === frame ? this.frames.copy() : copyFrame(this.store.asset, frame, wanted);
   }
 }

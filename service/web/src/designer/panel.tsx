@@ -17,10 +17,11 @@ import type { PaintedKeys } from "./keys";
 import { KeysSection } from "./keys-section";
 import { LayersSection } from "./layers-section";
 import { Lesson } from "./lesson";
+import { followPresets } from "./preset-pictures";
 import { RegionsSection } from "./regions-section";
 import { ScribblesSection } from "./scribbles-section";
 import type { Store } from "./store";
-import { StyleLibrary } from "./style-library";
+import { SaveStyle, StyleLibrary } from "./style-library";
 import { SubmitBar, submitFilm } from "./submit-bar";
 import { Variants } from "./variants";
 
@@ -91,6 +92,7 @@ function MethodParts(props: MethodPartsProps) {
       {method.name === "patches" && <ClustersSection store={store} clusters={clusters} solve={solve} />}
       {method.name === "multistyle" && <RegionsSection store={store} />}
       <Embedded make={() => settings(store, method)} />
+      <SaveStyle store={store} />
       <LayersSection store={store} />
       <Variants store={store} saveAll={saveAll} />
       <Embedded make={() => output(store, method)} />
@@ -160,7 +162,14 @@ function settings(store: Store, method: Method): Part {
   const element = document.createElement("div");
   element.className = "all-settings";
   element.append(presets.element, form.element);
-  return { element, close };
+  const closePictures = followPresets(store, presets);
+  return {
+    element,
+    close() {
+      close();
+      closePictures();
+    },
+  };
 }
 
 function output(store: Store, method: Method): Part {

@@ -100,8 +100,11 @@ interface LiveDrawing {
   drawn: number;
 }
 
-/** Bytes of canvases and pictures that are kept, beside those of the picture that is drawn. */
-const KEPT_BYTES = 192 * 2 ** 20;
+/**
+ * Bytes of canvases and pictures that are kept, beside those of the picture that is drawn: four of each at 1080p. The
+ * browser's decoder of a long 1080p video takes several hundred MB by itself.
+ */
+const KEPT_BYTES = 64 * 2 ** 20;
 
 /** Draws pictures, and keeps each layer's canvas so that one more stroke costs one stroke. */
 export class PictureRaster {

@@ -1,12 +1,9 @@
 /** Styles as cards: pictures of the user's own frame where the service makes them, else names. */
 
 import { useEffect, useState } from "preact/hooks";
-import { asProblem, isAbort } from "../shared/api";
 import { humanise } from "../shared/format";
-import { preview } from "./api";
+import { paintCards } from "./cards";
 import type { Store } from "./store";
-
-const SIDE_PX = 160;
 
 export interface StyleCardsProps {
   store: Store;
@@ -44,24 +41,10 @@ function usePictures(store: Store, names: readonly string[]): ReadonlyMap<string
     const controller = new AbortController();
     const urls: string[] = [];
     const cards = names.map((name) => ({ id: name, set: { params: { style: name } } }));
-    const document = store.document.value;
-    const place = { document, shot: store.shot.value.id, layer: store.layer.value.id, frame: store.frame.value };
-    preview({
-      project: store.projectId,
-      what: "styles",
-      channel: "styles",
-      body: { ...place, cards, max_side_px: SIDE_PX },
-      signal: controller.signal,
-      onrecord({ header, payload }) {
-        if (header.type !== "frame" || !header.card) return;
-        const card = header.card;
-        const url = URL.createObjectURL(new Blob([payload], { type: header.media_type }));
-        urls.push(url);
-        setPictures((known) => new Map(known).set(card, url));
-      },
-    }).catch((error) => {
-      if (isAbort(error) || asProblem(error).status === 404) return;
-      console.info("Impasto: no style cards.", error);
+    paintCards(store, "styles", cards, controller.signal, (card, picture) => {
+      const url = URL.createObjectURL(picture);
+      urls.push(url);
+      setPictures((known) => new Map(known).set(card, url));
     });
     return () => {
       controller.abort();

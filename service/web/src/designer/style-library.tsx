@@ -85,7 +85,7 @@ export function StyleLibrary({ store, method }: { store: Store; method: Method }
   }, [input]);
   const chosen = store.document.value.assets[store.layer.value.inputs?.[input ?? ""] ?? ""]?.id;
   const saved = [...portableStyles(store.document.value), ...own.saved];
-  if (!input && !saved.length) return <SaveStyle store={store} />;
+  if (!input && !saved.length) return null;
 
   const use = async (style: Style) => {
     if (!input) return;
@@ -164,13 +164,12 @@ export function StyleLibrary({ store, method }: { store: Store; method: Method }
           ))}
         </ul>
       )}
-      <SaveStyle store={store} />
     </details>
   );
 }
 
 /** Keep the layer's method, settings and painting under a name, for other projects too. */
-function SaveStyle({ store }: { store: Store }) {
+export function SaveStyle({ store }: { store: Store }) {
   const [title, setTitle] = useState("");
   const save = (event: Event) => {
     event.preventDefault();

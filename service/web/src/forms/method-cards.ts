@@ -39,8 +39,12 @@ export function createMethodCards(methods: Method[], chosen: string, onchoose: (
 
 export interface Presets {
   element: HTMLElement;
+  /** The examples, the defaults first. */
+  all: readonly Example[];
   /** Mark the example whose parameters these are, if any. */
   match(params: Params): void;
+  /** Show a picture on the example of this name. */
+  picture(name: string, picture: Blob): void;
 }
 
 /** Chips of a method's examples. `onchoose(params)` when one is pressed. */
@@ -51,12 +55,23 @@ export function createPresets(examples: Example[], onchoose: (params: Params) =>
     h(
       "button",
       { type: "button", class: "chip-button", "aria-pressed": "false", onclick: () => onchoose(example.params) },
-      example.title,
+      h("img", { alt: "", hidden: true }),
+      h("span", {}, example.title),
     ),
   );
   const key = (params: Record<string, Json>) => JSON.stringify(Object.entries(params).sort());
+  const element = h("div", { class: "presets", role: "group", "aria-label": "Presets" }, buttons);
   return {
-    element: h("div", { class: "presets", role: "group", "aria-label": "Presets" }, buttons),
+    element,
+    all,
+    picture(name, picture) {
+      const shown = buttons[all.findIndex((example) => example.name === name)]?.querySelector("img");
+      if (!shown) return;
+      if (shown.src) URL.revokeObjectURL(shown.src);
+      shown.src = URL.createObjectURL(picture);
+      shown.hidden = false;
+      element.classList.add("pictured");
+    },
     match(params) {
       buttons.forEach((button, i) => {
         button.setAttribute("aria-pressed", String(key(all[i]?.params ?? {}) === key(params)));

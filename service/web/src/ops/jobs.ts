@@ -21,7 +21,7 @@ export function createJobs({ again, onjob }: BoardCalls): Updated<Job> {
     key: (job) => job.id,
     state: (job) => job.state,
     cells: (job) => [
-      [job.id, () => h("div", { class: "job-name" }, selection.box(job), h("div", {}, identity(job, onjob)))],
+      [job.id, () => h("div", { class: "job-name" }, selection.target(job), h("div", {}, identity(job, onjob)))],
       job.owner,
       [`${priorityOf(job)} ${isFinal(job)}`, () => (isFinal(job) ? String(priorityOf(job)) : priority(job, again))],
       [job.state + (job.error?.code ?? ""), () => stateBadge(job)],

@@ -10,7 +10,7 @@ export interface Selection {
   /** How many jobs are selected, and the buttons. Hidden while none is. */
   element: HTMLElement;
   /** The checkbox of a job. */
-  box(job: Job): HTMLElement;
+  target(job: Job): HTMLElement;
   /** The jobs that are listed now: others are no longer selected. */
   listed(jobs: Job[]): void;
 }
@@ -63,13 +63,13 @@ export function createSelection(again: () => void): Selection {
   );
   return {
     element,
-    box(job) {
+    target(job) {
       const name = `Select ${job.request.name || job.request.method}`;
       const box = h("input", { type: "checkbox", class: "select-job", "aria-label": name });
       box.checked = selected.has(job.id);
       box.addEventListener("change", () => choose(job.id, box.checked));
       boxes.set(job.id, box);
-      return box;
+      return h("label", { class: "select-target" }, box);
     },
     listed(jobs) {
       const ids = new Set(jobs.map((job) => job.id));

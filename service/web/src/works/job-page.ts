@@ -207,6 +207,7 @@ const USER_ERRORS = new Set([
   "no-video-stream",
   "media-too-large",
   "bad-frame",
+  "not-found",
 ]);
 
 function heading(job: Job): HTMLElement {

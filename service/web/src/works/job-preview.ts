@@ -5,6 +5,7 @@ import { h } from "../shared/dom";
 import { icon } from "../shared/icons";
 import { createStills, type Stills } from "../shared/stills";
 import type { Job } from "../shared/types";
+import { isFinal } from "./progress";
 
 const PREVIEW_MS = 1000;
 
@@ -24,7 +25,8 @@ export function createJobPreview(id: string): JobPreview {
     tabindex: "-1",
     "aria-hidden": "true",
   });
-  const blank = h("div", { class: "preview-blank" }, icon("brush"), h("p", {}, "The first frames appear here."));
+  const words = h("p", {}, "The first frames appear here.");
+  const blank = h("div", { class: "preview-blank" }, icon("brush"), words);
   const frame = h("div", { class: "frame" }, original, blank, picture);
   let busy = false;
   let last = 0;
@@ -53,6 +55,7 @@ export function createJobPreview(id: string): JobPreview {
   }
 
   async function update(job: Job): Promise<void> {
+    if (isFinal(job)) words.textContent = "Nothing was painted.";
     if (!started) showOriginal(job.request.inputs.video ?? "");
     const name = ["preview", "poster"].find((file) => job.results.includes(file));
     if (!name || busy || Date.now() - last < PREVIEW_MS) return;
