@@ -1,23 +1,30 @@
 """The pages: the studio at /, live at /live, its picture alone at /live/view, operations at /ops, the API at /docs, the
-studio's guide at /docs/shot."""
+studio's guide at /docs/shot, shared projects at /shared/..."""
 
 from __future__ import annotations
 
-from pathlib import Path
+import pathlib
+from typing import Annotated
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Path
 from starlette.exceptions import HTTPException
-from starlette.responses import FileResponse, PlainTextResponse, Response
+from starlette.responses import FileResponse, PlainTextResponse, RedirectResponse, Response
 
 from service import bundle
 
-HERE = Path(__file__).parent
+HERE = pathlib.Path(__file__).parent
 router = APIRouter(include_in_schema=False)
 
 
 @router.get("/")
 def index() -> Response:
     return _page("index.html")
+
+
+@router.get("/shared/{token}")
+def shared(token: Annotated[str, Path(max_length=1000, pattern=r"^[A-Za-z0-9._~-]+$")]) -> Response:
+    """A link that somebody has shared: the studio's page shows it."""
+    return RedirectResponse(f"/#/shared/{token}", 307)
 
 
 @router.get("/live")

@@ -17,6 +17,7 @@ import { preparePage } from "./shared/page";
 import type { Asset, View } from "./shared/types";
 import { createProjectList } from "./studio/project-list";
 import { createQuickPage } from "./studio/quick-page";
+import { createSharedPage } from "./studio/shared-page";
 import { createWelcome } from "./studio/welcome";
 import { createComparePage } from "./works/compare-page";
 import { createJobList } from "./works/job-list";
@@ -50,6 +51,7 @@ function mark(link: HTMLElement, here: boolean): void {
 async function make(place: string, id: string | undefined, query: string): Promise<View> {
   if (place === "jobs") return id ? createJobPage(decodeURIComponent(id)) : works();
   if (place === "compare" && id) return createComparePage(decodeURIComponent(id).split(","));
+  if (place === "shared" && id) return createSharedPage(decodeURIComponent(id));
   if (place === "projects" && id) return designer(decodeURIComponent(id), query);
   const draft = readDraft(query);
   if (!draft.video) return welcome();

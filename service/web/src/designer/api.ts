@@ -73,6 +73,45 @@ export async function submitProject(id: string, wishes: JobWishes, token: string
   return page.items as ProjectJob[];
 }
 
+export interface ProjectVersion {
+  version: number;
+  /** Seconds since 1970. */
+  at: number;
+  label: string;
+}
+
+/** The newest versions, newest first. */
+export const listVersions = async (id: string): Promise<ProjectVersion[]> =>
+  (await bodyOf(client.GET("/v1/projects/{project_id}/versions", { params: at(id) }))).items;
+
+/** Save the document of an earlier version as a new one. */
+export async function restoreVersion(id: string, version: number, present: number): Promise<void> {
+  const params = { path: { project_id: id, version }, header: { "if-match": `"${present}"` } };
+  await bodyOf(client.POST("/v1/projects/{project_id}/versions/{version}/restore", { params }));
+}
+
+/** A link for whoever has it, which shows the project and its films for `days`. */
+export async function shareProject(id: string, days: number): Promise<string> {
+  const { url: path } = await bodyOf(
+    client.POST("/v1/projects/{project_id}/share", { params: at(id), body: { days } }),
+  );
+  return new URL(path, location.origin).href;
+}
+
+export const endShares = async (id: string): Promise<void> => {
+  await client.DELETE("/v1/projects/{project_id}/share", { params: at(id) });
+};
+
+/** The project and its assets as a zip file. */
+export const exportProject = async (id: string): Promise<Blob> =>
+  (await request(url`/v1/projects/${id}/export`)).blob();
+
+/** A new project from an exported zip file. */
+export async function importProject(file: File): Promise<ProjectInfo> {
+  const headers = { "Content-Type": "application/zip" };
+  return (await request("/v1/projects/import", { method: "POST", body: file, headers })).json();
+}
+
 export const checkProject = async (id: string): Promise<ProjectFault[]> =>
   (await bodyOf(client.GET("/v1/projects/{project_id}/check", { params: at(id) }))).errors;
 

@@ -26,6 +26,7 @@ import { createPaintTool, type PaintTool } from "./paint-tool";
 import { Panel } from "./panel";
 import { createPlayback, type Playback } from "./playback";
 import { type Previews, startPreviews } from "./previews";
+import { ProjectMenu } from "./project-menu";
 import { createLassoTool, createRegionTool, type RegionTool } from "./region-tool";
 import { SaveStatus } from "./save-status";
 import { type ScrubFrames, startScrubbing } from "./scrub";
@@ -293,6 +294,7 @@ function DesignerPage({ designer, reload }: { designer: Designer; reload(): void
           <a class="button quiet small guide-link" href="/docs/shot" target="_blank" rel="noopener">
             Guide: paint a shot in ten minutes
           </a>
+          <ProjectMenu store={store} saver={designer.saver} saveAll={() => designer.saveAll()} reload={discard} />
           <SaveStatus store={store} saver={designer.saver} reload={discard} />
           {store.asset.info.damage && (
             <p class="field-error source-damage" role="note">

@@ -1,6 +1,6 @@
-/** The user's projects on the start page, most recently changed first. Nothing is shown where there are none. */
+/** The user's projects on the start page, most recently changed first. Project files are opened here, too. */
 
-import { deleteProject, listProjects, type ProjectInfo } from "../designer/api";
+import { deleteProject, importProject, listProjects, type ProjectInfo } from "../designer/api";
 import { asProblem } from "../shared/api";
 import { fill, h } from "../shared/dom";
 import { ago } from "../shared/format";
@@ -11,14 +11,35 @@ const SHOWN = 6;
 
 export function createProjectList(): HTMLElement {
   const list = h("ul", { class: "project-list" });
-  const element = h("section", { class: "recent", hidden: true }, h("h2", {}, "Your projects"), list);
+  const chosen = h("input", {
+    type: "file",
+    accept: ".zip",
+    class: "visually-hidden",
+    "aria-label": "Open a project file",
+  });
+  chosen.addEventListener("change", () => {
+    const [file] = chosen.files ?? [];
+    if (file) open(file).catch(notify);
+  });
+  const head = h(
+    "div",
+    { class: "latest-head" },
+    h("h2", {}, "Your projects"),
+    h("label", { class: "button small" }, "Open a project file", chosen),
+  );
+  const element = h("section", { class: "recent", hidden: true }, head, list);
   load().catch((error) => {
     if (asProblem(error).status !== 404) notify(error);
   });
 
+  async function open(file: File): Promise<void> {
+    location.hash = `#/projects/${(await importProject(file)).id}`;
+  }
+
   async function load(): Promise<void> {
     const { items } = await listProjects(SHOWN);
-    element.hidden = !items.length;
+    element.hidden = false;
+    list.hidden = !items.length;
     fill(list, items.map(entry));
   }
 
