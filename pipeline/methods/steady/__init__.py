@@ -60,5 +60,7 @@ class Steady(Method):
         return SteadyFilter(params, size)
 
     def resources(self, step: str, context: PlanContext[SteadyParams]) -> Resources:
-        """The filter takes 180 bytes a pixel, measured at 2560x1440; the decoders of two videos come on top."""
-        return resources_per_pixel(context.video, 60 if step == "scan" else 260)
+        """The filter takes 180 bytes a pixel, measured at 2560x1440; the decoders of two videos come on top. A frame of
+        the second pass takes 18 bytes a pixel, and 24 in it."""
+        ahead = 3 * 18 * context.params.look_ahead + 24 * bool(context.params.look_ahead)
+        return resources_per_pixel(context.video, 60 if step == "scan" else 260 + ahead)

@@ -28,6 +28,12 @@ class SteadyParams(Params):
         1, 0, 3, "Cut sensitivity", "How readily a hard cut is detected, where the result starts afresh. 0 = never.",
         "ratio", "Time",
     )  # fmt: skip
+    look_ahead: int = number(
+        0, 0, 8, "Look ahead",
+        "Number of later frames that each result is averaged with, in a second pass backwards in time: less flicker, "
+        "slightly softer texture, twice the processor time. 0 = past frames only; live streams always have 0.",
+        "frames", "Time",
+    )  # fmt: skip
     detail: float = number(
         0.8, 0, 1, "Restored detail",
         "Share of the fine detail that the styled frames have and the result lacks which is restored by amplification. "

@@ -3,7 +3,8 @@
     scan      one pass over both videos: they match, number of frames, first frames of the shots
     steady    runs of at most RUN_FRAMES frames; a run continues from the state that the previous run of the shot saved
 
-The saved state is complete, so the result equals that of one filter over the whole video byte for byte.
+The saved state is complete, so the result equals that of one filter over the whole video byte for byte. With
+`look_ahead`, a run also steadies the frames after it that its last frames are averaged with.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
 
@@ -24,14 +26,22 @@ from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.scan import scan_video
 from pipeline.methods.steady.filter import SourceAnalysis, SteadyFilter
 from pipeline.methods.steady.params import SteadyParams
+from pipeline.methods.steady.two_sided import Steadied, average_backwards
 
 RUN_FRAMES = 96
 """Frames per task, which are repeated after a failure."""
 AHEAD = 2
 """Frames by which the analysis of the source is ahead of the rest."""
 
-_Waiting = tuple[Future[SourceAnalysis | None], Frame, Plane | None]
-"""A frame whose source is being analysed: the analysis to come, the styled frame, the mask."""
+
+@dataclass(frozen=True)
+class _Waiting:
+    """A frame whose source is being analysed."""
+
+    analysis: Future[SourceAnalysis | None]
+    source: Frame
+    styled: Frame
+    mask: Plane | None
 
 
 def plan_scan(context: PlanContext[SteadyParams]) -> list[Task]:
@@ -89,7 +99,8 @@ def plan_steady(context: PlanContext[SteadyParams]) -> list[Task]:
         for start in range(begin, end, RUN_FRAMES):
             stop = min(start + RUN_FRAMES, end)
             after = (_key(start - RUN_FRAMES),) if start > begin else ()
-            args = {"start": start, "stop": stop, "last": stop == end}
+            ahead = min(stop + context.params.look_ahead, end)
+            args = {"start": start, "stop": stop, "ahead": ahead, "last": stop == end}
             tasks.append(Task(_key(start), args, after, (start, stop), weight=stop - start))
     return tasks
 
@@ -104,21 +115,41 @@ def run_steady(task: Task, context: TaskContext[SteadyParams]) -> TaskResult:
     steady = SteadyFilter(context.params, context.size)
     if task.after:
         steady.restore(context.load("steady", task.after[0]))
-    for index, (analysis, styled, mask) in enumerate(_analyzed(steady, start, stop, context), start):
-        with context.clock("steady"):
-            result = steady.apply(analysis, styled, mask)
-        context.emit(index, result)
-        context.progress((index + 1 - start) / (stop - start))
-    if not task.args["last"]:
-        context.save(task.key, steady.state())
+    for index, result in _results(steady, task, context):
+        if index < stop:
+            context.emit(index, result)
+            context.progress((index + 1 - start) / (stop - start))
     return {"frames": stop - start}
 
 
-def _analyzed(
-    steady: SteadyFilter, start: int, stop: int, context: TaskContext[SteadyParams]
-) -> Iterator[tuple[SourceAnalysis | None, Frame, Plane | None]]:
-    """Analysis, styled frame and mask of each frame. A thread analyses the sources AHEAD frames ahead, in order; the
-    analysis does not depend on the results, so that the bytes are those of one thread."""
+def _results(steady: SteadyFilter, task: Task, context: TaskContext[SteadyParams]) -> Iterator[tuple[int, Frame]]:
+    """Indices and results of the frames of a task, and of those after it that were needed."""
+    frames, params = _forwards(steady, task, context), context.params
+    if params.look_ahead:
+        yield from average_backwards(frames, params.look_ahead, params.trail_suppression)
+    else:
+        yield from ((frame.index, frame.result) for frame in frames)
+
+
+def _forwards(steady: SteadyFilter, task: Task, context: TaskContext[SteadyParams]) -> Iterator[Steadied]:
+    """The pass forwards over frames [start, ahead); saves the state after the last frame of the run."""
+    start, stop, ahead = task.args["start"], task.args["stop"], task.args["ahead"]
+    yield from _part(steady, start, stop, context)
+    if not task.args["last"]:
+        context.save(task.key, steady.state())
+    yield from _part(steady, stop, ahead, context)
+
+
+def _part(steady: SteadyFilter, begin: int, end: int, context: TaskContext[SteadyParams]) -> Iterator[Steadied]:
+    for index, frame in enumerate(_analyzed(steady, begin, end, context), begin):
+        with context.clock("steady"):
+            result = steady.apply(frame.analysis.result(), frame.styled, frame.mask)
+        yield Steadied(index, frame.source, result, frame.mask)
+
+
+def _analyzed(steady: SteadyFilter, start: int, stop: int, context: TaskContext[SteadyParams]) -> Iterator[_Waiting]:
+    """Frames with their analysis to come. A thread analyses the sources AHEAD frames ahead, in order; the analysis does
+    not depend on the results, so that the bytes are those of one thread."""
 
     def analyze(source: Frame) -> SourceAnalysis | None:
         with context.clock("motion"):
@@ -128,15 +159,10 @@ def _analyzed(
     inputs = context.frames("video", start, stop), context.frames("styled", start, stop), _masks(context, start, stop)
     with ThreadPoolExecutor(1, "impasto-motion") as thread:
         for source, styled, mask in zip(*inputs, strict=False):
-            waiting.append((thread.submit(analyze, source), styled, mask))
+            waiting.append(_Waiting(thread.submit(analyze, source), source, styled, mask))
             if len(waiting) > AHEAD:
-                yield _done(waiting.popleft())
-        for each in waiting:
-            yield _done(each)
-
-
-def _done(frame: _Waiting) -> tuple[SourceAnalysis | None, Frame, Plane | None]:
-    return frame[0].result(), frame[1], frame[2]
+                yield waiting.popleft()
+        yield from waiting
 
 
 def _masks(context: TaskContext[SteadyParams], start: int, stop: int) -> Iterator[Plane | None]:

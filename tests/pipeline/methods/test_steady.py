@@ -242,3 +242,41 @@ def test_a_filter_that_goes_on_does_not_change_a_state_that_was_taken_before() -
     other.restore(taken)
     assert np.array_equal(other.step(texture(), styled[3]), after)
     assert all(np.array_equal(taken[name], plane) for name, plane in kept.items())
+
+
+def test_the_second_pass_lowers_flicker_and_keeps_detail() -> None:
+    styled = flickering(still())
+    causal, both = run(still(), styled), run(still(), styled, look_ahead=3)
+    assert len(both) == len(causal) and change(both) < 0.8 * change(causal)
+    shapes = [np.abs(cv2.Sobel(f.astype(np.float32), cv2.CV_32F, 1, 0)).mean() for f in (both[4], texture())]
+    assert shapes[0] == pytest.approx(shapes[1], rel=0.1)
+
+
+def test_the_second_pass_uses_the_frames_of_the_next_run_but_not_those_behind_a_cut(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(plan, "RUN_FRAMES", 5)
+    made = scene("cut", SIZE, frames=18, fps=6)
+    video = [made.image(index) for index in range(18)]
+    styled = flickering(video)
+    results, last = [], []
+    for ahead in (0, 2):
+        context = LocalContext(SteadyParams(look_ahead=ahead), video, {"styled": styled})
+        tasks = run_plan(Steady(), context)["steady"]
+        last = [task.args["stop"] - 1 for task in tasks if task.args["last"]]
+        results.append(painted(context))
+        inner = [task.args["stop"] - 1 for task in tasks if not task.args["last"]]
+    assert len(last) == 2 and inner
+    for index in last:
+        np.testing.assert_array_equal(results[1][index], results[0][index])
+    for index in inner:
+        assert not np.array_equal(results[1][index], results[0][index])
+
+
+def test_the_second_pass_follows_the_mask() -> None:
+    styled = flickering(still(6))
+    mask = np.full((64, 96), 255, np.uint8)
+    mask[:, 48:] = 0
+    result = run(still(6), styled, {"mask": {0: mask}}, look_ahead=2)
+    np.testing.assert_array_equal(result[:, :, 48:], np.asarray(styled)[:, :, 48:])
+    assert change(result[:, :, :48]) < change(np.asarray(styled)[:, :, :48])
