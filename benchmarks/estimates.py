@@ -13,16 +13,19 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from benchmarks.clips import clip
+from benchmarks.clips import MEDIA, clip, fit
+from pipeline.frames import Frame
 from pipeline.methods import methods
 from pipeline.methods.base import Method
 from pipeline.methods.local import LocalContext, required_inputs, run_plan
+from pipeline.video.reader import VideoReader
 from workers.execution.renderer import prepare_process
 from workers.model import JobRequest, Json
 from workers.projects.estimates import Estimate, MeasuredJob, estimate_from
 
-JOBS: tuple[tuple[tuple[int, int], int], ...] = (((320, 240), 12), ((480, 360), 10), ((640, 480), 8))
+Job = tuple[tuple[int, int], int]
 """(width, height) px, and frames."""
+JOBS: tuple[Job, ...] = (((320, 240), 12), ((480, 360), 10), ((640, 480), 8))
 
 
 @dataclass(frozen=True)
@@ -42,17 +45,24 @@ class Row:
         return self.estimated_s / self.measured_s - 1
 
 
-def measure(names: Sequence[str], times: int = 1) -> Iterator[Row]:
-    """Rows of each method of those names, or of all. `times`: multiplies the numbers of frames."""
-    jobs = [(size, times * frames) for size, frames in JOBS]
+def measure(names: Sequence[str], jobs: Sequence[Job] = JOBS, media: str = "") -> Iterator[Row]:
+    """Rows of each method of those names, or of all. `media`: a file of the media folder, else a clip for each size."""
     for name, chosen in methods().items():
         if not names or name in names:
-            _cpu_s(chosen, *JOBS[0])  # compiles kernels
-            yield from _rows(chosen, jobs)
+            _cpu_s(chosen, frames_of(media, *jobs[0]))  # compiles kernels
+            yield from _rows(chosen, jobs, media)
 
 
-def _rows(chosen: Method, jobs: Sequence[tuple[tuple[int, int], int]]) -> Iterator[Row]:
-    took = [_cpu_s(chosen, size, frames) for size, frames in jobs]
+def frames_of(media: str, size: tuple[int, int], count: int) -> list[Frame]:
+    """The first frames of a file of the media folder; without one, of the clip for this size."""
+    if not media:
+        return clip(size, count)
+    with VideoReader(MEDIA / media) as reader:
+        return [fit(frame, size) for frame in reader.read(0, count)]
+
+
+def _rows(chosen: Method, jobs: Sequence[Job], media: str) -> Iterator[Row]:
+    took = [_cpu_s(chosen, frames_of(media, size, frames)) for size, frames in jobs]
     for index, (size, frames) in enumerate(jobs):
         others = [
             MeasuredJob({}, count, width * height, seconds, seconds, 0)
@@ -70,23 +80,30 @@ def _cpu(found: Estimate) -> float:
     return found.cpu_s
 
 
-def _cpu_s(chosen: Method, size: tuple[int, int], frames: int) -> float:
-    video = clip(size, frames)
+def _cpu_s(chosen: Method, video: list[Frame]) -> float:
     context = LocalContext(chosen.Params(), video, required_inputs(chosen, video))
     began = time.process_time()
     run_plan(chosen, context)
     return time.process_time() - began
 
 
+def _job(text: str) -> Job:
+    width, height, frames = (int(part) for part in text.split("x"))
+    return (width, height), frames
+
+
 def main(arguments: Sequence[str]) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("methods", nargs="*", help="names of methods; none: all")
     parser.add_argument("--times", type=int, default=1, help="multiplies the numbers of frames: for fast methods")
+    parser.add_argument("--media", default="", metavar="FILE", help="of the media folder, instead of the usual clips")
+    parser.add_argument("--jobs", nargs="+", type=_job, default=list(JOBS), metavar="WIDTHxHEIGHTxFRAMES")
     options = parser.parse_args(arguments)
+    jobs = [(size, options.times * frames) for size, frames in options.jobs]
     prepare_process()
     print("| method | job | CPU s | estimated | error | without jobs | CPU s a megapixel and frame |")
     print("|---|---|---|---|---|---|---|")
-    for row in measure(options.methods, options.times):
+    for row in measure(options.methods, jobs, options.media):
         (width, height), work = row.size, row.frames * row.size[0] * row.size[1] / 1e6
         print(
             f"| {row.method} | {width}x{height}, {row.frames} frames | {row.measured_s:.2f} | {row.estimated_s:.1f} "

@@ -78,8 +78,9 @@ def _onward(source: Frame, after: Frame, alpha: float, buffers: Buffers) -> Sour
     """Motion from `source` to the frame after it, and the confidence in it."""
     onward, back = motion(after, source)
     there = positions(onward)
-    back, warped = (
-        cv2.remap(picture, *there, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) for picture in (back, after)
+    round_trip, warped = (
+        np.asarray(cv2.remap(picture, *there, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+        for picture in (back, after)
     )
-    evidence = Evidence(onward, back, source, np.asarray(warped, np.uint8), np.asarray(warped, np.float32))
+    evidence = Evidence(onward, round_trip, source, warped, warped.astype(np.float32))
     return SourceAnalysis(there, confidence(evidence, alpha, buffers))
