@@ -78,9 +78,7 @@ def _onward(source: Frame, after: Frame, alpha: float, buffers: Buffers) -> Sour
     """Motion from `source` to the frame after it, and the confidence in it."""
     onward, back = motion(after, source)
     there = positions(onward)
-    round_trip, warped = (
-        np.asarray(cv2.remap(picture, *there, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
-        for picture in (back, after)
-    )
-    evidence = Evidence(onward, round_trip, source, warped, warped.astype(np.float32))
+    round_trip = cv2.remap(back, *there, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    warped = np.asarray(cv2.remap(after, *there, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.uint8)
+    evidence = Evidence(onward, np.asarray(round_trip, np.float32), source, warped, warped.astype(np.float32))
     return SourceAnalysis(there, confidence(evidence, alpha, buffers))
