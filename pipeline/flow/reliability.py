@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 
 from pipeline.flow.warp import fetch, positions
-from pipeline.frames import Flow, Mask
+from pipeline.frames import Flow, Mask, Plane
+from pipeline.jit import kernel
 
 CHI_EPSILON_PX2 = 2.0
 """Largest squared difference of consistent velocities, px^2, for `chi_minus` and `chi_plus`."""
@@ -69,5 +70,21 @@ def chi_plus(velocity_plus: Flow, velocity_minus_after: Flow, epsilon_px2: float
 
 
 def _agree(there: Flow, here: Flow, step: Flow, epsilon_px2: float) -> Mask:
-    same: Mask = np.square(fetch(there, step) - here).sum(-1) < epsilon_px2
-    return same & inside(step)
+    x, y = positions(step)
+    fetched = np.asarray(cv2.remap(there, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+    out = np.empty(x.shape, np.bool_)
+    _agreeing(fetched, np.ascontiguousarray(here), (x, y), np.float32(epsilon_px2), out)
+    return out
+
+
+@kernel
+def _agreeing(fetched: Flow, here: Flow, at: tuple[Plane, Plane], epsilon_px2: np.float32, out: Mask) -> None:
+    """Whether velocities agree and the positions `at`, (x, y) px, are inside the picture; NumPy takes four times as
+    long."""
+    x, y = at
+    height, width = out.shape
+    for i in range(height):
+        for j in range(width):
+            dx, dy = fetched[i, j, 0] - here[i, j, 0], fetched[i, j, 1] - here[i, j, 1]
+            within = 0 <= x[i, j] <= width - 1 and 0 <= y[i, j] <= height - 1
+            out[i, j] = within and dx * dx + dy * dy < epsilon_px2

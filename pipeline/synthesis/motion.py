@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 
 from pipeline.flow.reliability import chi_minus, chi_plus
-from pipeline.frames import Flow
+from pipeline.frames import Flow, Plane
+from pipeline.jit import kernel
 from pipeline.synthesis.images import Bytes, halved
 
 
@@ -57,10 +58,24 @@ def suppress_small_motion(velocity: Flow, first: Bytes, second: Bytes) -> Flow:
     strokes jitter by a pixel. Velocities below `STILL_PX` are set to 0, and velocities below `SLOW_PX` if the images
     do not differ there. Untextured parts of faster objects keep their velocity.
     """
-    squares = np.square(velocity).sum(-1)
-    difference = cv2.boxFilter(cv2.absdiff(first, second), cv2.CV_32F, (5, 5))
-    still = (squares < STILL_PX**2) | ((squares < SLOW_PX**2) & (difference <= MAX_STILL_DIFFERENCE))
-    return np.where(still[..., None], np.float32(0), velocity)
+    difference = np.asarray(cv2.boxFilter(cv2.absdiff(first, second), cv2.CV_32F, (5, 5)), np.float32)
+    out = np.empty(velocity.shape, np.float32)
+    _suppress(np.ascontiguousarray(velocity), difference, out)
+    return out
+
+
+_STILL_PX2, _SLOW_PX2 = np.float32(STILL_PX**2), np.float32(SLOW_PX**2)
+
+
+@kernel
+def _suppress(velocity: Flow, difference: Plane, out: Flow) -> None:
+    for y in range(out.shape[0]):
+        for x in range(out.shape[1]):
+            vx, vy = velocity[y, x, 0], velocity[y, x, 1]
+            square = vx * vx + vy * vy
+            still = square < _STILL_PX2 or (square < _SLOW_PX2 and difference[y, x] <= MAX_STILL_DIFFERENCE)
+            out[y, x, 0] = np.float32(0) if still else vx
+            out[y, x, 1] = np.float32(0) if still else vy
 
 
 def downscaled_velocity(velocity: Flow, levels: int) -> Flow:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pipeline.jit import kernel
 from pipeline.synthesis.images import Bytes, Offsets, StyleImage
 from pipeline.synthesis.operations import FrameState, LoadedStyle, Operations, RandomKey, Search, T
 
@@ -44,6 +45,17 @@ def refine(
 
 def colours(style: StyleImage, offsets: Offsets) -> Bytes:
     """Render offsets: I^(p) = S^(M(p)), uint8 (h, w, 3), or (h, w, 4) if the style has opacity."""
-    at = np.rint(offsets).astype(np.int64)
-    x, y = np.clip(at[..., 0], 0, style.size[0] - 1), np.clip(at[..., 1], 0, style.size[1] - 1)
-    return np.ascontiguousarray(style.colours[y, x])
+    out = np.empty((*offsets.shape[:2], style.colours.shape[2]), np.uint8)
+    _colours(np.ascontiguousarray(style.colours), np.ascontiguousarray(offsets), out)
+    return out
+
+
+@kernel
+def _colours(style: Bytes, offsets: Offsets, out: Bytes) -> None:
+    height, width, channels = style.shape
+    for y in range(out.shape[0]):
+        for x in range(out.shape[1]):
+            at_x = min(max(int(np.rint(offsets[y, x, 0])), 0), width - 1)
+            at_y = min(max(int(np.rint(offsets[y, x, 1])), 0), height - 1)
+            for c in range(channels):
+                out[y, x, c] = style[at_y, at_x, c]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass
 
@@ -29,6 +30,8 @@ MIN_LEVEL_PX = 24
 """Minimum shorter side of the coarsest level, px: smaller pictures have nothing to match and no reliable flow."""
 _EXTRAPOLATED_VELOCITY_PX = 600
 """Maximum distance from a silhouette to which velocities are extrapolated, px."""
+_THREADS = 2
+"""Number of threads that convert frames and estimate motion."""
 _BOIL_BLOCK_PX = 32
 """Side of the blocks that boil, px at full size."""
 _MAX_BOIL_BLOCKS = 256
@@ -75,12 +78,16 @@ class LevelFrames:
         self.paintable: dict[int, Bytes] = {}
         self.silhouettes: dict[int, Bytes] = {}
         self.directions: dict[int, Plane] = {}
-        frames = inputs.frames(start, stop)
-        for index in range(start, stop):
-            with clock("guides"):
+        frames, pending = inputs.frames(start, stop), deque[tuple[int, InputFrame, Future[tuple[Frame, Bytes]]]]()
+        with clock("guides"), ThreadPoolExecutor(_THREADS, "impasto-guides") as threads:
+            for index in range(start, stop):
                 if (frame := next(frames, None)) is None:
-                    return
-                self._add(index, frame, match)
+                    break
+                pending.append((index, frame, threads.submit(_reduced_guides, frame, match, level)))
+                if len(pending) > _THREADS:
+                    self._add(*pending.popleft())
+            for each in pending:
+                self._add(*each)
 
     def halved(self) -> LevelFrames:
         """The same frames at the next coarser level."""
@@ -93,11 +100,9 @@ class LevelFrames:
         coarse.silhouettes = {index: _reduced_mask(mask, 1) for index, mask in self.silhouettes.items()}
         return coarse
 
-    def _add(self, index: int, frame: InputFrame, match: Callable[[Bytes], Bytes]) -> None:
+    def _add(self, index: int, frame: InputFrame, reduced: Future[tuple[Frame, Bytes]]) -> None:
         level = self.level
-        guide = match(lab_guide(frame.frame))
-        guide = guide if frame.guides is None else stacked([guide, frame.guides])
-        self.frames[index], self.guides[index] = _reduced(frame.frame, level), _reduced(guide, level)
+        self.frames[index], self.guides[index] = reduced.result()
         if frame.line_distance is not None:
             self.line_distances[index] = _reduced_distances(frame.line_distance, level)
         if frame.directions is not None:
@@ -118,6 +123,13 @@ class LevelFrames:
 def direction_bins_of(sources: DirectionSources, params: AnalogyParams, level: int) -> Bytes:
     """Directions of a frame or a style at a level, uint8 (h, w)."""
     return sources.bins(params.rotation_sigma, params.lines_reach * 0.5**level)
+
+
+def _reduced_guides(frame: InputFrame, match: Callable[[Bytes], Bytes], level: int) -> tuple[Frame, Bytes]:
+    """The picture and the guides of a frame at a level."""
+    guide = match(lab_guide(frame.frame))
+    guide = guide if frame.guides is None else stacked([guide, frame.guides])
+    return _reduced(frame.frame, level), _reduced(guide, level)
 
 
 def _reduced(image: Bytes, level: int) -> Bytes:
@@ -157,7 +169,7 @@ def estimated_velocities(full_size: LevelFrames, clock: Clock) -> dict[int, tupl
     def estimated(first: int) -> tuple[Flow, Flow]:
         return _estimated(gray[first], gray[first + 1], full_size.inputs.params.flow)
 
-    with clock("flow"), ThreadPoolExecutor(2, "impasto-flow") as threads:
+    with clock("flow"), ThreadPoolExecutor(_THREADS, "impasto-flow") as threads:
         return dict(zip(firsts, threads.map(estimated, firsts), strict=True))
 
 
@@ -196,6 +208,8 @@ class Boil:
 class LevelAnimation:
     """The `pipeline.synthesis.sweeps.Animation` of decoded frames. Motion: given velocities, or optical flow.
 
+    While the device works on a frame, a thread estimates the motion to the next frame of the sweep.
+
     Args:
         usable_position: a usable position (x, y) of the style, assigned to pixels that may not be painted.
         velocities: as `estimated_velocities` returns them; frames that it lacks are estimated at this level.
@@ -207,10 +221,12 @@ class LevelAnimation:
         self, level_frames: LevelFrames, clock: Clock, usable_position: tuple[int, int] = (0, 0),
         velocities: Mapping[int, tuple[Flow, Flow]] | None = None, boil: Boil | None = None, continues: bool = False,
     ) -> None:  # fmt: skip
-        self._continues = continues
+        self._continues, self._estimates = continues, False
         self._frames, self._clock, self._usable_position = level_frames, clock, usable_position
         self._velocities, self._boil = velocities or {}, boil
         self._motions: dict[int, tuple[Motion, Motion]] = {}
+        self._next: dict[int, Future[tuple[Motion, Motion]]] = {}
+        """Motion that a thread estimates: first frame of the pair -> future."""
 
     def target(self, index: int) -> Target:
         with self._clock("guides"):
@@ -220,21 +236,42 @@ class LevelAnimation:
         first = min(index, other)
         if first not in self._motions:
             with self._clock("flow"):
-                self._motions = {first: self._between(first)}
+                self._motions = {first: self._requested(first)}
+            self._request(first + index - other)
         return self._motions[first][0 if index < other else 1]
+
+    def _requested(self, first: int) -> tuple[Motion, Motion]:
+        """Motion between frame `first` and the next frame, from the thread that estimates it if there is one."""
+        requested = self._next.pop(first, None)
+        return self._between(first) if requested is None else requested.result()
+
+    def _request(self, first: int) -> None:
+        """Let a thread estimate the motion between frame `first` and the next frame, unless it is given.
+
+        Layers are left out: their velocities are extrapolated on the device, which one thread uses.
+        """
+        frames = self._frames
+        known = first in self._velocities or not self._estimates or bool(frames.silhouettes)
+        if known or first not in frames.frames or first + 1 not in frames.frames:
+            return
+        threads = ThreadPoolExecutor(1, "impasto-flow")
+        self._next = {first: threads.submit(self._between, first)}
+        threads.shutdown(wait=False)
 
     def _between(self, first: int) -> tuple[Motion, Motion]:
         """Motion from frame `first` to the next frame, and back."""
         level_frames, params = self._frames, self._frames.inputs.params
         epsilon = params.occlusion_epsilon if params.occlusion == "on" else math.inf
-        level, full_size = level_frames.level, level_frames.inputs.velocities(first) or self._velocities.get(first)
+        level, given = level_frames.level, level_frames.inputs.velocities(first)
+        self._estimates = given is None
+        full_size = given or self._velocities.get(first)
         if full_size is None:
             gray = [to_gray(level_frames.frames[k]) for k in (first, first + 1)]
             plus, minus = _estimated(gray[0], gray[1], params.flow)
         else:
             plus, minus = (downscaled_velocity(velocity, level) for velocity in full_size)
             epsilon *= 0.25**level
-        if level_frames.inputs.velocities(first) is None:
+        if given is None:
             plus, minus = self._extrapolated(plus, first), self._extrapolated(minus, first + 1)
         forth, back = motions_between(plus, minus, epsilon)
         return (

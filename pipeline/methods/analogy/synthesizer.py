@@ -70,6 +70,7 @@ class Synthesizer:
         self.levels = levels_of(self.params, context.size, min(self.pair.output.shape[:2]))
         self.ops, self.message = operations(device(), context.size, self.pair.output, self._frames_on_device())
         self._loaded: dict[int, LoadedStyle[Any]] = {}
+        self._latest_frames: tuple[tuple[int, int, int], LevelFrames] | None = None
         self._part, self._parts = 0, 1
         self._unsaved: dict[str, Arrays] = {}
         """Results that a sweep of this task passes to a later sweep of the same task."""
@@ -235,7 +236,7 @@ class Synthesizer:
         first = max(task.start - 1, task.begin) if task.forward else task.start
         last = task.stop if task.forward else min(task.stop + 1, task.end)
         match = self.tone_matching()
-        level_frames = self.level_frames(first, last, task.level, match)
+        level_frames = self._frames_of_sweep(first, last, task.level, match)
         previous = self._previous_offsets(task, match)
         sweep = Sweep(
             self.ops, self.style(task.level), self.animation(level_frames, task.fine), previous,
@@ -247,6 +248,16 @@ class Synthesizer:
         found = self._collect(sweep, task)
         self._save_or_emit(key, task, found, level_frames)
 
+    def _frames_of_sweep(
+        self, first: int, last: int, level: int, match: Callable[[Bytes], Bytes]
+    ) -> LevelFrames:
+        """Frames [first, last) at a level; those of the sweep before if it had the same."""
+        kept = self._latest_frames
+        if kept is None or kept[0] != (first, last, level):
+            self._latest_frames = None  # frees them first
+            self._latest_frames = kept = ((first, last, level), self.level_frames(first, last, level, match))
+        return kept[1]
+
     def _previous_offsets(self, task: SweepTask, match: Callable[[Bytes], Bytes]) -> PreviousOffsets:
         """The previous result of each frame: of the sweep before, or of the coarser level."""
         if task.first or not task.previous or (task.from_coarser and task.level + 1 >= self.levels):
@@ -255,12 +266,17 @@ class Synthesizer:
         saved = self.context.load(STEP, task.previous) if unsaved is None else unsaved
         if not task.from_coarser:
             return lambda index, state: self.ops.upload(self._unpacked(saved, index, task.level))
-        coarse_frames = self.level_frames(task.start, task.stop, task.level + 1, match)
+        coarse_frames = None
+        if self.inputs.rotates:
+            coarse_frames = self.level_frames(task.start, task.stop, task.level + 1, match)
 
         def previous(index: int, state: FrameState[Any]) -> Any:
-            coarse = self.ops.prepare(self.style(task.level + 1), coarse_frames.target(index))
-            solved = SolvedFrame(index, coarse, self.ops.upload(self._unpacked(saved, index, task.level + 1)))
-            return self._upsampled((task.level + 1, solved))(index, state)
+            unpacked = self._unpacked(saved, index, task.level + 1)
+            offsets = self.ops.upload(unpacked)
+            coarse = FrameState((unpacked.shape[1], unpacked.shape[0]), offsets, offsets)
+            if coarse_frames is not None:
+                coarse = self.ops.prepare(self.style(task.level + 1), coarse_frames.target(index))
+            return self._upsampled((task.level + 1, SolvedFrame(index, coarse, offsets)))(index, state)
 
         return previous
 
