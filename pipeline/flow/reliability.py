@@ -71,7 +71,7 @@ def chi_plus(velocity_plus: Flow, velocity_minus_after: Flow, epsilon_px2: float
 
 def _agree(there: Flow, here: Flow, step: Flow, epsilon_px2: float) -> Mask:
     x, y = positions(step)
-    fetched = np.asarray(cv2.remap(there, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+    fetched = np.asarray(cv2.remap(there, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.float32)
     out = np.empty(x.shape, np.bool_)
     _agreeing(fetched, np.ascontiguousarray(here), (x, y), np.float32(epsilon_px2), out)
     return out

@@ -78,7 +78,7 @@ class BandedOperations(ReferenceOperations):
             (state.size[0], last - first), padded_rows(state.packed), padded_rows(state.field), rows(state.bins),
             rows(state.distance), rows(state.advected), rows(state.advected_colours),
             None if state.ribbons is None else self._kernels.upload(state.ribbons[:, first:last]),
-            rows(state.fixed),
+            rows(state.fixed), rows(state.before),
         )  # fmt: skip
 
 

@@ -29,7 +29,7 @@ class OpenCLOperations:
         self.device = device
         self._nothing = device.zeros((16,), np.int32)
         self.costs: DeviceArray | None = None
-        """Cost of each pixel after the latest iteration, float32 (h, w)."""
+        """Cost of each pixel after the latest iteration, float32 (h, w); 0 at pixels that were not improved."""
         self._constants: dict[Energy, tuple[DeviceArray, ...]] = {}
         self._cosines = device.upload(cosines())
 
@@ -160,6 +160,7 @@ class OpenCLOperations:
             state.bins or none, style.features, style.bins, style.usable, style.distance, weights, style.tap_indices,
             self._cosines, style.tap_positions, tap_weights, state.advected_colours or none, penalty or none,
             state.distance or none, state.advected or none, state.ribbons or none, state.fixed or none,
+            state.before or none,
         ))  # fmt: skip
         return out
 
@@ -174,6 +175,7 @@ class OpenCLOperations:
             "LINES": state.distance is not None and style.style.distance is not None,
             "RIBBONS": state.ribbons is not None,
             "FIXED": state.fixed is not None,
+            "SETTLES": state.before is not None,
         }
         shape = {"VECTORS": style.energy.vectors, "SCALE_SHIFT": SCALE_SHIFT}
         return self._defines(style) | shape | {name: int(used) for name, used in present.items()}

@@ -61,6 +61,8 @@ class FrameState(Generic[T]):
             a colour.
         ribbons: corresponding positions in the style for the previous and the next keyframe, float32 (2, h, w, 2).
         fixed: fixed offsets; NOWHERE = the pixel is free.
+        before: offsets before the previous iteration. Pixels whose offsets, and those of the pixels that propose
+            candidates to them, are the same keep them. None = all pixels are improved.
     """
 
     size: tuple[int, int]
@@ -72,6 +74,7 @@ class FrameState(Generic[T]):
     advected_colours: T | None = None
     ribbons: T | None = None
     fixed: T | None = None
+    before: T | None = None
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@
 
    Macros: RADIUS of the patch, CHANNELS per pixel (4, 8 or 16), VECTORS of 16 bytes per row, PAD (margin of the style
    image, px), SCALE_SHIFT, and 0 or 1 for each of ROTATE, COHERENT, TEMPORAL, HISTOGRAM, LINES, MASKED, RIBBONS,
-   FIXED. */
+   FIXED, SETTLES. */
 
 #define SIDE (2 * RADIUS + 1)
 #define WORDS (CHANNELS / 4)
@@ -217,6 +217,25 @@ static void propagate(const Patch *patch, Best *best, global const float2 *offse
     }
 }
 
+#if SETTLES
+/* Whether the offsets of a pixel and of the pixels that propose candidates to it have not changed since `before`. */
+static int settled(global const float2 *offsets, global const float2 *before, const int jump, const int x, const int y,
+                   const int width, const int height)
+{
+    for (int k = 0; k < (jump > 1 ? 9 : 5); k++) {
+        const int step = k == 0 ? 0 : k < 5 ? 1 : jump;
+        const int dx = (k & 3) == 1 ? -step : (k & 3) == 2 ? step : 0;
+        const int dy = (k & 3) == 3 ? -step : (k & 3) == 0 ? step : 0;
+        if (x + dx < 0 || x + dx >= width || y + dy < 0 || y + dy >= height)
+            continue;
+        const int other = (y + dy) * width + x + dx;
+        if (offsets[other].x != before[other].x || offsets[other].y != before[other].y)
+            return 0;
+    }
+    return 1;
+}
+#endif
+
 /* Random search around the best candidate within `radius` px: two draws for each block of random words; each radius is
    half the one before. */
 static void search(const Patch *patch, Best *best, float radius, const uint4 counter, const uint2 key)
@@ -265,7 +284,8 @@ improve(
     global const float *distance /* LINES * height * width */,
     global const float2 *advected /* TEMPORAL * height * width */,
     global const float2 *ribbons /* RIBBONS * 2 * height * width */,
-    global const float2 *fixed /* FIXED * height * width */)
+    global const float2 *fixed /* FIXED * height * width */,
+    global const float2 *before /* SETTLES * height * width */)
 {
     const int x = get_global_id(0), y = get_global_id(1);
     const int width = it.width, height = it.height, style_width = it.style_width, style_height = it.style_height;
@@ -275,6 +295,13 @@ improve(
 #if FIXED
     if (fixed[here].x > NOWHERE) {
         improved[here] = fixed[here];
+        costs[here] = 0.0f;
+        return;
+    }
+#endif
+#if SETTLES
+    if (settled(offsets, before, it.jump, x, y, width, height)) {
+        improved[here] = offsets[here];
         costs[here] = 0.0f;
         return;
     }

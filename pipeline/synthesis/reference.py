@@ -116,6 +116,7 @@ class ReferenceOperations:
             _or(state.advected_colours, bytes3), _or(penalty, flat), _or(lines, flat),
             _or(state.advected, deep),
             _or(state.ribbons, np.zeros((0, 0, 0, 0), np.float32)), _or(state.fixed, deep),
+            _or(state.before, deep),
         )  # fmt: skip
         improve(inputs, self._iteration(style, state.size, search), out)
         return out

@@ -44,6 +44,7 @@ class Inputs(NamedTuple):
     advected: Array
     ribbons: Array
     fixed: Array
+    before: Array
 
 
 class Iteration(NamedTuple):
@@ -261,6 +262,22 @@ def _best(pixel: Pixel, inputs: Inputs, it: Iteration, candidates: Array) -> tup
 
 
 @kernel
+def _settled(x: int, y: int, inputs: Inputs, jump: int) -> bool:
+    """Whether the offsets of a pixel and of the pixels that propose candidates to it have not changed."""
+    height, width, _ = inputs.offsets.shape
+    for k in range(9 if jump > 1 else 5):
+        far = 0 if k == 0 else 1 if k < 5 else jump
+        dx = -far if k & 3 == 1 else far if k & 3 == 2 else 0
+        dy = -far if k & 3 == 3 else far if k & 3 == 0 else 0
+        if not (0 <= x + dx < width and 0 <= y + dy < height):
+            continue
+        now, then = inputs.offsets[y + dy, x + dx], inputs.before[y + dy, x + dx]
+        if now[0] != then[0] or now[1] != then[1]:
+            return False
+    return True
+
+
+@kernel
 def improve(inputs: Inputs, it: Iteration, improved: Array) -> None:
     """One iteration over every pixel."""
     height, width, _ = inputs.offsets.shape
@@ -270,6 +287,9 @@ def improve(inputs: Inputs, it: Iteration, improved: Array) -> None:
         for x in range(width):
             if inputs.fixed.size and inputs.fixed[y, x, 0] > _NOWHERE:
                 improved[y, x] = inputs.fixed[y, x]
+                continue
+            if inputs.before.size and _settled(x, y, inputs, it.jump):
+                improved[y, x] = inputs.offsets[y, x]
                 continue
             direction = int(inputs.bins[y, x]) if inputs.bins.size else int(NO_DIRECTION)
             pixel = Pixel(x, y, direction, lanes)

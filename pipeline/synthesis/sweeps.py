@@ -49,6 +49,7 @@ class SearchSchedule:
     """Effort of the search: rounds of PatchMatch per frame, radius of the random search (px), and random seed.
 
     Attributes:
+        settles: whether iterations leave out pixels around which nothing changes, see `refine`.
         first: (rounds, radius) of the first frame of a shot, which continues no other; None = those of every frame.
     """
 
@@ -58,6 +59,7 @@ class SearchSchedule:
     stream: int = 0
     """Random stream of the level and sweep; `key` adds the frame number in the low 20 bits."""
     first: tuple[int, float] | None = None
+    settles: bool = False
 
     def key(self, index: int) -> RandomKey:
         """Random key of frame `index`."""
@@ -121,7 +123,7 @@ class Sweep(Generic[T]):
         self._add_temporal_terms(index, state, advected)
         schedule = self.schedule
         rounds, search_px = (self.last is None and schedule.first) or (schedule.iterations, schedule.search_px)
-        return refine(self.ops, self.style, state, start, schedule.key(index), rounds, search_px)
+        return refine(self.ops, self.style, state, start, schedule.key(index), rounds, search_px, schedule.settles)
 
     def _with_fixed(self, state: FrameState[T], fixed: T, offsets: T) -> T:
         return self.ops.apply_fixed(self.style, state.size, fixed, offsets)

@@ -32,6 +32,9 @@ MAX_STRETCH = 16.0
 FURTHER_LEVELS, MOST_LEVELS = 2, 7
 ITERATIONS = 1.5
 """Factor of `iterations`."""
+NEAR_SEARCH = 1 / 8
+"""Factor of `search_radius` for guides that do not change faster in the frame than in the style: positions then follow
+from the coarser level, and a wide search finds similar texture at wrong places."""
 _HALVINGS = 2
 """The stretch is measured at a quarter of the size, where the noise of rendered guides does not count."""
 
@@ -57,6 +60,7 @@ def guided_still_params(params: AnalogyParams, stretch: float) -> AnalogyParams:
             "variety_weight": max(params.variety_weight, VARIETY * reduction),
             "levels": min(params.levels + FURTHER_LEVELS, MOST_LEVELS),
             "iterations": round(params.iterations * ITERATIONS),
+            "search_radius": params.search_radius * (NEAR_SEARCH if stretch <= 1 else 1.0),
         }
     )
 

@@ -96,6 +96,7 @@ class LevelFrames:
         coarse.frames = {index: _reduced(frame, 1) for index, frame in self.frames.items()}
         coarse.guides = {index: _reduced(guide, 1) for index, guide in self.guides.items()}
         coarse.line_distances = {index: _reduced_distances(px, 1) for index, px in self.line_distances.items()}
+        coarse.directions = {index: _reduced_plane(plane, 1) for index, plane in self.directions.items()}
         coarse.paintable = {index: _reduced_mask(mask, 1) for index, mask in self.paintable.items()}
         coarse.silhouettes = {index: _reduced_mask(mask, 1) for index, mask in self.silhouettes.items()}
         return coarse

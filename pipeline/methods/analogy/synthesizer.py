@@ -16,7 +16,7 @@ from pipeline.methods.analogy.inputs import StylePair, SynthesisInputs
 from pipeline.methods.analogy.layer_inputs import inputs_of
 from pipeline.methods.analogy.level_animation import Boil, LevelAnimation, LevelFrames, levels_of, tone_matching
 from pipeline.methods.analogy.params import AnalogyParams
-from pipeline.methods.analogy.plan import SweepTask
+from pipeline.methods.analogy.plan import SweepTask, fine_levels
 from pipeline.methods.analogy.shot_layers import LayerStatistics, paint_artefact
 from pipeline.methods.analogy.style_images import StylePyramid, energy_of
 from pipeline.methods.analogy.style_scaling import style_of
@@ -35,6 +35,11 @@ FINE_SEARCH_PX = 8.0
 """Maximum radius of its random search, px."""
 FIRST_FRAME_ROUNDS = 2
 """Factor of iterations for the first frame, which all other frames of the shot continue."""
+FIRST_FRAME_SEARCH_PX = 16.0
+"""Maximum radius of its random search at a fine level, and of that of second sweeps at coarse levels, px."""
+SECOND_SWEEP_ROUNDS = 2
+"""Maximum number of rounds of the second sweep at a coarse level below fine ones: only 1 to 5 % of the pixels change
+in each further round."""
 STEP = "synthesise"
 
 PreviousOffsets = Callable[[int, FrameState[Any]], Any]
@@ -61,6 +66,7 @@ class Synthesizer:
         self, context: TaskContext[AnalogyParams], inputs: SynthesisInputs, pair: StylePair | None = None
     ) -> None:
         self.context, self.inputs = context, inputs
+        self._latest_frames: tuple[tuple[int, int, int], LevelFrames] | None = None
         self.params: AnalogyParams = inputs.params
         with context.clock("style"):
             self.pair = pair or style_of(context, inputs)
@@ -70,14 +76,13 @@ class Synthesizer:
         self.levels = levels_of(self.params, context.size, min(self.pair.output.shape[:2]))
         self.ops, self.message = operations(device(), context.size, self.pair.output, self._frames_on_device())
         self._loaded: dict[int, LoadedStyle[Any]] = {}
-        self._latest_frames: tuple[tuple[int, int, int], LevelFrames] | None = None
         self._part, self._parts = 0, 1
         self._unsaved: dict[str, Arrays] = {}
         """Results that a sweep of this task passes to a later sweep of the same task."""
 
     def _stretch(self) -> float:
         """How much faster guides change in the first frame than in the style."""
-        frame = self.level_frames(0, 1, 0, self.tone_matching()).guides[0]
+        frame = self._frames_of_sweep(0, 1, 0, self.tone_matching()).guides[0]
         return stretch_of_guides(frame, self.pair.guides, energy_of(self.params, self.inputs.guides, 0).guides)
 
     def _frames_on_device(self) -> int:
@@ -129,13 +134,21 @@ class Synthesizer:
         return SearchSchedule(iterations, search_px, self.context.seed & 0xFFFFFFFF, stream)
 
     def _sweep_schedule(self, task: SweepTask) -> SearchSchedule:
-        """Effort of the search of a sweep: few rounds at a fine level, where only the first frame starts anew."""
+        """Effort of the search of a sweep.
+
+        With fine levels, few rounds for their frames, where only the first one starts anew, and for the second sweeps
+        of the other levels.
+        """
         full = self.schedule(task.level, task.level * 8 + task.sweep)
-        if not task.fine:
+        if fine_levels(self.params, self.context.size) == 0:
             return full
+        first_px = min(FIRST_FRAME_SEARCH_PX, full.search_px)
+        if not task.fine:
+            again = replace(full, iterations=min(SECOND_SWEEP_ROUNDS, full.iterations), search_px=first_px)
+            return replace(full if task.first or task.from_coarser else again, settles=True)
         rounds, search_px = min(FINE_ROUNDS, full.iterations), min(FINE_SEARCH_PX, full.search_px)
-        first = FIRST_FRAME_ROUNDS * full.iterations, full.search_px
-        return replace(full, iterations=rounds, search_px=search_px, first=first)
+        first = FIRST_FRAME_ROUNDS * full.iterations, first_px
+        return replace(full, iterations=rounds, search_px=search_px, first=first, settles=True)
 
     def _iterations(self, level: int) -> int:
         """Rounds of PatchMatch per frame and sweep at a level."""
@@ -170,7 +183,10 @@ class Synthesizer:
         """Synthesise each frame of a run independently, from coarse to fine, and emit it."""
         match = self.tone_matching()
         for index in range(run.start, run.stop):
-            level_frames = [self.level_frames(index, index + 1, level, match) for level in range(self.levels)]
+            level_frames = [self._frames_of_sweep(index, index + 1, 0, match)]
+            with self.context.clock("guides"):
+                for _ in range(1, self.levels):
+                    level_frames.append(level_frames[-1].halved())
             if self.shown(index, run.begin) == index:
                 offsets = self._all_levels(index, level_frames, (index - run.start) / (run.stop - run.start))
             self.emit_frame(index, offsets, level_frames[0])
@@ -248,9 +264,7 @@ class Synthesizer:
         found = self._collect(sweep, task)
         self._save_or_emit(key, task, found, level_frames)
 
-    def _frames_of_sweep(
-        self, first: int, last: int, level: int, match: Callable[[Bytes], Bytes]
-    ) -> LevelFrames:
+    def _frames_of_sweep(self, first: int, last: int, level: int, match: Callable[[Bytes], Bytes]) -> LevelFrames:
         """Frames [first, last) at a level; those of the sweep before if it had the same."""
         kept = self._latest_frames
         if kept is None or kept[0] != (first, last, level):

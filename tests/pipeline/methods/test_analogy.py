@@ -319,6 +319,7 @@ def test_coherence_and_variety_count_less_where_guides_change_faster_than_in_the
     assert stretched.coherence_weight == pytest.approx(equal.coherence_weight / 8)
     assert stretched.variety_weight == pytest.approx(equal.variety_weight / 8)
     assert guided_still_params(AnalogyParams(variety_weight=900), 4.0).variety_weight == 900
+    assert (equal.search_radius, stretched.search_radius) == (16, 128)
 
 
 def test_a_guide_without_style_counterpart_is_rejected() -> None:
@@ -362,6 +363,14 @@ def test_given_directions_rotate_the_strokes_of_the_style() -> None:
     along_x, along_y = (np.abs(np.diff(turned[8:-8, 8:-8].astype(int), axis=axis)).mean() for axis in (1, 0))
     assert along_y > 4 * along_x
     assert np.abs(np.diff(plain, axis=1)).mean() > 4 * np.abs(np.diff(plain, axis=0)).mean()
+
+
+def test_keyframes_with_given_directions_are_reproduced() -> None:
+    """Directions are halved with the frames of an interval at every level."""
+    level = np.full((SIZE[1], SIZE[0], 3), (255, 128, 0), np.uint8)
+    keys = {0: shot()[0][..., ::-1], 5: shot()[5][..., ::-1]}
+    found = rendered({"keyframes": keys, "directions": [level] * 6}, levels=2)
+    np.testing.assert_array_equal(found[[0, 5]], np.stack(list(keys.values())))
 
 
 def test_directions_of_another_size_are_rejected() -> None:
@@ -419,13 +428,16 @@ def test_frames_that_continue_the_frame_before_have_fewer_rounds_than_the_first(
 ) -> None:
     rounds: list[tuple[tuple[int, int], int]] = []
 
-    def counted(ops: Any, style: Any, state: Any, offsets: Any, key: Any, count: int, search_px: float) -> Any:
+    def counted(
+        ops: Any, style: Any, state: Any, offsets: Any, key: Any, count: int, search_px: float, settles: bool
+    ) -> Any:
         rounds.append((state.size, count))
-        return refine(ops, style, state, offsets, key, count, search_px)
+        return refine(ops, style, state, offsets, key, count, search_px, settles)
 
     monkeypatch.setattr(sweeps, "refine", counted)
     rendered(iterations=4, refinement="fast")
     assert [count for size, count in rounds if size == SIZE] == [8, 3, 3, 3, 3, 3]
+    assert [count for size, count in rounds if size != SIZE] == [8] * 6 + [2] * 5
 
 
 def test_the_steadiness_of_coarse_levels_is_a_parameter() -> None:
