@@ -31,7 +31,7 @@ def main() -> int:
         print("\n\n".join(_table(json.loads(line)) for line in LEDGER.read_text().splitlines()))
         return 0
     with tempfile.TemporaryDirectory(prefix="impasto-soak-") as folder:
-        run = _soak(Path(folder), 60 * given.minutes, given.every, given.seed)
+        run = _soak(Path(folder), given)
     with LEDGER.open("a") as sink:
         sink.write(json.dumps(run) + "\n")
     print(_table(run))
@@ -43,26 +43,28 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--minutes", type=float, default=60, help="of load")
     parser.add_argument("--every", type=float, default=10, help="seconds between two samples")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--pause", type=float, default=0.0, help="seconds between two pieces of work of one kind")
     parser.add_argument("--table", action="store_true", help="print the runs of the ledger")
     return parser
 
 
-def _soak(folder: Path, seconds: float, every_s: float, seed: int) -> dict[str, Any]:
+def _soak(folder: Path, given: argparse.Namespace) -> dict[str, Any]:
+    seconds = 60 * given.minutes
     service = Service(folder, "local")
     process = service.start()
     try:
         service.wait_ready()
-        load = Load(service.url, seed)
+        load = Load(service.url, given.seed, given.pause)
         sampler = Sampler(psutil.Process(process.pid), folder, service.url)
         load.start()
-        wait(seconds, every_s, sampler.sample)
+        wait(seconds, given.every, sampler.sample)
         load.stop()
     finally:
         service.stop()
     found = {name: (series, trend(series)) for name, series in sampler.series.items()}
     return {
-        "date": datetime.now(UTC).isoformat(timespec="seconds"), "commit": commit(), "seed": seed,
-        "minutes": round(seconds / 60, 1), "load_average": psutil.getloadavg()[1],
+        "date": datetime.now(UTC).isoformat(timespec="seconds"), "commit": commit(), "seed": given.seed,
+        "pause_s": given.pause, "minutes": round(seconds / 60, 1), "load_average": psutil.getloadavg()[1],
         "done": dict(sorted(load.done.items())), "failures": failures(load.done),
         "measures": {name: _row(series.values, line) for name, (series, line) in found.items()},
     }  # fmt: skip

@@ -36,13 +36,16 @@ _LIVE_FRAMES = 40
 class Load:
     """Threads that ask a service until `stop`.
 
+    Each of four threads has one kind of work; it waits `pause_s` seconds between two pieces of work.
+
     Attributes:
         done: what has been done, by kind: jobs by method and final state, uploads, live frames, polls; "fault: ..." for
             answers of 500 and more and for lost connections.
     """
 
-    def __init__(self, url: str, seed: int) -> None:
+    def __init__(self, url: str, seed: int, pause_s: float = 0.0) -> None:
         self._url = url
+        self._pause_s = pause_s
         self._chance = random.Random(seed)
         self._over = threading.Event()
         self.done: Counter[str] = Counter()
@@ -66,6 +69,7 @@ class Load:
                 except Exception as error:
                     self.done[f"fault: {work.__name__}: {type(error).__name__}: {error}"[:120]] += 1
                     self._over.wait(1.0)
+                self._over.wait(self._pause_s)
 
     def _ask(self, client: httpx.Client, method: str, path: str, **more: Any) -> httpx.Response:
         answer = client.request(method, path, **more)
@@ -91,6 +95,7 @@ class Load:
                 self.done[f"job of {method['name']}: refused"] += 1
                 continue
             self._finish(client, answer.json()["id"], method["name"])
+            self._over.wait(self._pause_s)
 
     def _finish(self, client: httpx.Client, job_id: str, method: str) -> None:
         while (state := self._ask(client, "GET", f"/v1/jobs/{job_id}").json()["state"]) not in _FINAL:
