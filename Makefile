@@ -57,7 +57,7 @@ chaos: install ## faults of every part of a farm on real PostgreSQL and S3, ten 
 	$(BIN)/python -m tests.chaos
 	$(BIN)/python -m tests.chaos --cluster --seeds 3
 	$(BIN)/python -m tests.chaos --tiny --rounds 10 --disk --seeds 3 --faults 20 --away 0.1 0.5
-	IMPASTO_FARM_STEPS=10000 $(BIN)/python -m pytest -q --timeout 1800 tests/contracts/test_random_work.py
+	IMPASTO_FARM_STEPS=20000 $(BIN)/python -m pytest -q --timeout 1800 tests/contracts/test_random_work.py
 
 soak: install ## a service under mixed load, and what grows: make soak MINUTES=60
 	$(BIN)/python -m tests.soak --minutes $(MINUTES)
