@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import resource
 import signal
 import socket
 import subprocess
@@ -13,11 +14,13 @@ from pathlib import Path
 
 import httpx
 import pytest
+from fastapi import FastAPI
 
 from pipeline.errors import BadParameter
 from service.repeats import BURST
-from service.server import serve
+from service.server import make_server, serve
 from service.settings import Settings
+from workers.descriptors import MAX_DESCRIPTORS
 
 PROGRAM = """
 import sys
@@ -70,6 +73,17 @@ def test_only_the_handler_of_the_service_drops_repeated_lines(home: Path, caplog
 def test_a_taken_port_is_reported(home: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(OSError, match="in use"):
         serve(Settings(home=home, port=taken.getsockname()[1], pool="none"))
+
+
+def test_the_limit_of_open_files_is_raised_at_start(home: Path) -> None:
+    before, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    try:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (500, hard))
+        make_server(FastAPI(), Settings(home=home))
+        most = MAX_DESCRIPTORS if hard == resource.RLIM_INFINITY else min(hard, MAX_DESCRIPTORS)
+        assert resource.getrlimit(resource.RLIMIT_NOFILE) == (most, hard)
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (before, hard))
 
 
 def test_settings_come_from_the_environment(monkeypatch: pytest.MonkeyPatch, home: Path) -> None:
