@@ -134,9 +134,10 @@ def _numbers(value: object) -> list[float]:
     return [value] if isinstance(value, float) else []
 
 
-def test_deeply_nested_json_is_refused() -> None:
-    with pytest.raises(ImpastoError):
-        strict_json(b"[" * 100_000 + b"]" * 100_000)
+@pytest.mark.parametrize("depth", [65, 480, 950, 100_000])
+def test_deeply_nested_json_is_refused(depth: int) -> None:
+    with pytest.raises(ImpastoError, match="nests deeper than 64"):
+        strict_json(b"[" * depth + b"]" * depth)
 
 
 @CHEAP
