@@ -13,6 +13,7 @@ from tests.workers.conftest import finished, request_on
 from workers.farm import Farm
 from workers.model import Job, RunState
 from workers.pools.local_pool import LocalPool
+from workers.scheduling.step_planner import StepPlanner
 from workers.store import plans, task_queue
 from workers.store.task_queue import TaskQueue
 
@@ -81,6 +82,22 @@ def test_an_unreadable_request_fails_only_its_job(farm: Farm, data: Path, monkey
     assert_others_end(farm, others, faults)
     error = finished(farm, broken.id).error
     assert error is not None and error.code == "internal-error"
+
+
+def test_a_job_whose_failed_plan_cannot_be_recorded_is_skipped_temporarily(
+    farm: Farm, data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken, others = jobs_of(farm, data)
+    faults = Faults(lambda planner, todo: todo.job_id == broken.id)
+    unrecorded = Faults(lambda store, job_id, *_: job_id == broken.id)
+    monkeypatch.setattr(StepPlanner, "_plan_and_store", faults.around(StepPlanner._plan_and_store))
+    monkeypatch.setattr(plans.Plans, "plan_failed", unrecorded.around(plans.Plans.plan_failed))
+    farm.start()
+    assert_others_end(farm, others, faults)
+    assert unrecorded.count > 0
+    assert farm.jobs.get(broken.id).state is RunState.QUEUED
+    faults.active = unrecorded.active = False
+    assert finished(farm, broken.id).state is RunState.SUCCEEDED
 
 
 def test_a_permanently_unstorable_outcome_occupies_no_slot(
