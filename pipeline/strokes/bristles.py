@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import lru_cache
 from typing import NamedTuple
 
 import cv2
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.jit import kernel
-from pipeline.strokes.random import Ids, Purpose, draws
+from pipeline.strokes.random import KEPT_TEXTURES, Ids, Purpose, draws
 
 ACROSS, ALONG = 64, 256
 """Size of the tile in texels, across and along a stroke; both are powers of two."""
@@ -39,7 +39,7 @@ def bristle_args(noise: Tile, ids: Ids, seed: int) -> BristleArgs:
     return BristleArgs(noise, (unit * np.float32(1 << 16)).astype(np.int32))
 
 
-@cache
+@lru_cache(maxsize=KEPT_TEXTURES)
 def tile(seed: int = 0) -> Tile:
     """Make the bristle texture of one brush. The array is read-only."""
     noise = draws(np.arange(ACROSS * ALONG, dtype=np.uint64), seed, Purpose.BRISTLES)[:, 0].reshape(ACROSS, ALONG)
@@ -76,7 +76,7 @@ def hair(tile: Tile, s_px: np.float32, t: np.float32, radius_px: np.float32, acr
     return value
 
 
-@cache
+@lru_cache(maxsize=KEPT_TEXTURES)
 def fine_tile(seed: int = 0) -> Tile:
     """`tile` with linearly interpolated rows, float32 (SUBROWS * ACROSS, ALONG). The array is read-only."""
     rough = tile(seed)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -13,7 +13,7 @@ from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.jit import kernel
 from pipeline.strokes.emboss import pixel_terms
-from pipeline.strokes.random import Purpose, draws
+from pipeline.strokes.random import KEPT_TEXTURES, Purpose, draws
 from pipeline.strokes.seeds import StyleField
 
 RIM_WIDTH, RIM_STEP = 0.008, 22.0
@@ -26,7 +26,7 @@ PAPER = 256
 """Side of the paper's tile, px; a power of two."""
 
 
-@cache
+@lru_cache(maxsize=KEPT_TEXTURES)
 def paper(seed: int = 0) -> Plane:
     """Height of cold-pressed paper, float32 (256, 256), mean 0, standard deviation 1, tileable. Read-only."""
     noise = draws(np.arange(PAPER * PAPER, dtype=np.uint64), seed, Purpose.WEAVE)[:, 1].reshape(PAPER, PAPER)

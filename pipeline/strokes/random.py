@@ -26,6 +26,9 @@ _M0, _M1 = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
 _W0, _W1 = np.uint64(0x9E3779B9), np.uint64(0xBB67AE85)
 _UNIT = 2.0**-24
 
+KEPT_TEXTURES = 8
+"""Textures of so many seeds stay in memory: those of jobs that run at once. A service sees a new seed with each job."""
+
 
 class Purpose(IntEnum):
     """Use of a random number; numbers for different purposes are independent."""

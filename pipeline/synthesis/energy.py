@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import TypeAlias
 
 import numpy as np
@@ -113,7 +113,7 @@ class Tables:
     tap_weights: NDArray[np.int32]
 
 
-@cache
+@lru_cache(maxsize=64)
 def tables(energy: Energy) -> Tables:
     """The tables of an energy function."""
     falloff = _falloff(energy)
