@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 import httpx
-from websockets.asyncio.client import connect
+from websockets.asyncio.client import ClientConnection, connect
 
 from tests.fuzz.samples import SIZE, samples
 from tests.service.live_client import pack
@@ -115,12 +115,18 @@ class Load:
         hello = {"type": "hello", "method": "abstraction", "width": SIZE[0], "height": SIZE[1], "send": ["jpeg"]}
         async with connect(url) as socket:
             await socket.send(json.dumps(hello))
+            await self._until(socket, str)  # ready
             for number in range(1, _LIVE_FRAMES):
                 await socket.send(pack(number, SIZE, samples()["jpg"][0]))
-                await asyncio.wait_for(socket.recv(), 60)
+                await self._until(socket, bytes)
                 self.done["live frames"] += 1
             await socket.send('{"type": "bye"}')
         self.done["live sessions"] += 1
+
+    async def _until(self, socket: ClientConnection, kind: type[str] | type[bytes]) -> None:
+        """Read messages until one of this kind: JSON or a painted frame."""
+        while not isinstance(await asyncio.wait_for(socket.recv(), 60), kind):
+            pass
 
     def _uploads(self, client: httpx.Client) -> None:
         """A resumable upload in two pieces; the asset is deleted again."""
