@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib.util
 import os
 import shutil
@@ -25,6 +26,7 @@ if TYPE_CHECKING:  # they are imported where they are needed: most tests have no
     from tests.real.swift import Swift
 
 ROOT = Path(__file__).resolve().parent.parent
+gc.disable()  # until all tests are imported (pytest_collection_finish): a fifth of that time is a search for garbage
 # Services that tests start load the kernels that a test uses; to load all of them takes three seconds a process.
 os.environ.setdefault("IMPASTO_WARM_UP", "false")
 os.environ.setdefault("IMPASTO_LIVE_SPARES", "0")
@@ -116,6 +118,12 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Arrange tests for several processes. Alone, the order stays that of the files."""
     if config.getoption("numprocesses", None) or hasattr(config, "workerinput"):
         arrange(items)
+
+
+def pytest_collection_finish() -> None:
+    """From here on the garbage collector works, and leaves out what was imported."""
+    gc.freeze()
+    gc.enable()
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Scheduling:

@@ -57,6 +57,27 @@ def make_clip(
     return path
 
 
+def make_two_shots(path: Path, frames: int) -> Path:
+    """Two shots of `frames` / 2 frames each, 96x64 px: a disc that crosses a field, then a bar on another one.
+
+    A frame takes 0.1 ms; one of the synthetic scenes takes 20 ms.
+    """
+    with av.open(str(path), "w") as out:
+        stream = out.add_stream("libx264", rate=FPS)
+        assert isinstance(stream, av.VideoStream)
+        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+        for index in range(frames):
+            x = index * WIDTH // frames
+            frame = np.full((HEIGHT, WIDTH, 3), (90, 140, 70) if 2 * index < frames else (230, 225, 40), np.uint8)
+            if 2 * index < frames:
+                cv2.circle(frame, (x, HEIGHT // 2), 14, (220, 170, 40), -1)
+            else:
+                cv2.rectangle(frame, (x - 20, 10), (x - 5, 50), (20, 30, 160), -1)
+            out.mux(stream.encode(av.VideoFrame.from_ndarray(frame, format="rgb24")))
+        out.mux(stream.encode(None))
+    return path
+
+
 def free_port() -> int:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))

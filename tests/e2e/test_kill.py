@@ -11,6 +11,7 @@ import pytest
 
 from impasto.cli.app import run
 from tests.e2e.killing import RENDER, kill_points, render_killed, serve_killed
+from tests.e2e.pages import make_two_shots
 
 FRAMES = 240
 """Two shots of 120 frames: a chain of two tasks each."""
@@ -18,9 +19,7 @@ FRAMES = 240
 
 @pytest.fixture(scope="module")
 def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("kill") / "cut.mp4"
-    assert run(["scene", "cut", "-o", str(path), "--size", "96x64", "--frames", str(FRAMES), "--quiet"]) == 0
-    return path
+    return make_two_shots(tmp_path_factory.mktemp("kill") / "cut.mp4", FRAMES)
 
 
 @pytest.fixture(scope="module")

@@ -12,26 +12,24 @@ import pytest
 
 from impasto import Client
 from impasto.cli.app import run
-from tests.e2e.pages import serve
+from tests.e2e.pages import make_two_shots, serve
 from tests.e2e.processes import ROOT
 from tests.waiting import until
 
-FRAMES, JOBS = 240, 3
+FRAMES = 240
 
 
 @pytest.fixture(scope="module")
 def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("rolling") / "cut.mp4"
-    assert run(["scene", "cut", "-o", str(path), "--size", "96x64", "--frames", str(FRAMES), "--quiet"]) == 0
-    return path
+    return make_two_shots(tmp_path_factory.mktemp("rolling") / "cut.mp4", FRAMES)
 
 
-@pytest.fixture
-def home(tmp_path: Path) -> Path:
-    return tmp_path / "home"
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("farm") / "home"
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def client(home: Path) -> Iterator[Client]:
     """A client of a service without a pool of its own: workers run all tasks."""
     served = serve(home, POOL="none")
@@ -52,6 +50,33 @@ class Worker:
     def end(self) -> int:
         return self.process.wait(60)
 
+    @property
+    def alive(self) -> bool:
+        return self.process.poll() is None
+
+
+@pytest.fixture(scope="module")
+def started(home: Path) -> Iterator[list[Worker]]:
+    """All workers that were started. The last one outlives its test and is the old one of the next."""
+    workers: list[Worker] = []
+    yield workers
+    for worker in workers:
+        worker.process.kill()
+        worker.end()
+
+
+@pytest.fixture
+def old(home: Path, started: list[Worker]) -> Worker:
+    """The only running worker."""
+    alive = [worker for worker in started if worker.alive]
+    assert len(alive) <= 1, "an earlier test has left more than one"
+    return alive[0] if alive else _start(home, started)
+
+
+def _start(home: Path, started: list[Worker]) -> Worker:
+    started.append(Worker(home))
+    return started[-1]
+
 
 @pytest.fixture(scope="module")
 def undisturbed(clip: Path) -> bytes:
@@ -60,9 +85,9 @@ def undisturbed(clip: Path) -> bytes:
     return out.read_bytes()
 
 
-def _submit(client: Client, clip: Path) -> list[str]:
+def _submit(client: Client, clip: Path, count: int = 2) -> list[str]:
     video = client.upload(clip)["id"]
-    return [client.submit("abstraction", {"video": video}, seed=5)["id"] for _ in range(JOBS)]
+    return [client.submit("abstraction", {"video": video}, seed=5)["id"] for _ in range(count)]
 
 
 def _check(client: Client, jobs: list[str], undisturbed: bytes, tmp_path: Path, workers: set[str]) -> None:
@@ -81,49 +106,42 @@ def _at_work(client: Client, worker: str) -> int:
 
 
 def test_a_new_worker_starts_while_the_old_one_finishes_its_tasks(
-    client: Client, home: Path, clip: Path, undisturbed: bytes, tmp_path: Path
+    client: Client, home: Path, clip: Path, undisturbed: bytes, tmp_path: Path, old: Worker, started: list[Worker]
 ) -> None:
-    old = Worker(home)
-    jobs = _submit(client, clip)
+    jobs = _submit(client, clip, 3)
     until(lambda: _at_work(client, old.id), 30)
-    new = Worker(home)
+    new = _start(home, started)
     until(lambda: _at_work(client, old.id), 30)
     old.process.terminate()
     assert old.end() == 0
     assert [worker["id"] for worker in client.ops.workers()] == [new.id]
     _check(client, jobs, undisturbed, tmp_path, {old.id, new.id})
-    new.process.terminate()
-    assert new.end() == 0
 
 
 def test_a_drained_worker_can_be_killed_without_failed_attempts(
-    client: Client, home: Path, clip: Path, undisturbed: bytes, tmp_path: Path
+    client: Client, home: Path, clip: Path, undisturbed: bytes, tmp_path: Path, old: Worker, started: list[Worker]
 ) -> None:
-    old = Worker(home)
     jobs = _submit(client, clip)
     until(lambda: _at_work(client, old.id), 30)
     client.ops.drain(old.id, "upgrade")
-    new = Worker(home)
+    new = _start(home, started)
     until(lambda: [w["state"] for w in client.ops.workers() if w["id"] == old.id] == ["drained"], 60)
     old.process.kill()
     old.end()
     _check(client, jobs, undisturbed, tmp_path, {old.id, new.id})
-    new.process.terminate()
-    assert new.end() == 0
 
 
 def test_a_second_signal_releases_tasks_at_once(
-    client: Client, home: Path, clip: Path, undisturbed: bytes, tmp_path: Path
+    client: Client, home: Path, clip: Path, undisturbed: bytes, tmp_path: Path, old: Worker, started: list[Worker]
 ) -> None:
     client.ops.drain("queue")
-    worker = Worker(home)
     jobs = _submit(client, clip)
     client.ops.resume("queue")
-    until(lambda: _at_work(client, worker.id), 30)
-    worker.process.terminate()
-    worker.process.terminate()
-    assert worker.end() == 0
-    other = Worker(home)
+    until(lambda: _at_work(client, old.id), 30)
+    old.process.terminate()
+    old.process.terminate()
+    assert old.end() == 0
+    other = _start(home, started)
     for job in jobs:
         client.wait(job, 120)
         assert client.download(job, tmp_path / f"{job}.mp4").read_bytes() == undisturbed

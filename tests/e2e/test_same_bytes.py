@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from impasto.cli.app import run
+from tests.e2e.pages import make_two_shots
 from tests.e2e.processes import Service
 
 FRAMES = 240
@@ -15,9 +16,7 @@ FRAMES = 240
 
 @pytest.fixture(scope="module")
 def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("bytes") / "cut.mp4"
-    assert run(["scene", "cut", "-o", str(path), "--size", "96x64", "--frames", str(FRAMES), "--quiet"]) == 0
-    return path
+    return make_two_shots(tmp_path_factory.mktemp("bytes") / "cut.mp4", FRAMES)
 
 
 def render(clip: Path, out: Path, workers: int) -> bytes:

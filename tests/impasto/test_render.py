@@ -22,7 +22,7 @@ from impasto.cli.app import run
 from tests.conftest import TINY_FRAMES, TINY_HEIGHT, TINY_WIDTH, tiny_frame
 
 LONG_FRAMES = 300
-LONG_SIZE = (336, 224)
+LONG_SIZE = (192, 128)
 
 
 def impasto(*words: str | Path, home: Path) -> list[str]:

@@ -6,6 +6,7 @@ import io
 import json
 import logging
 import re
+import shutil
 import threading
 import time
 import zipfile
@@ -28,6 +29,7 @@ from pipeline.video.probe import probe
 from pipeline.video.reader import VideoReader
 from pipeline.video.stills import encode_png
 from tests.conftest import TINY_FRAMES
+from tests.e2e.pages import CHROMIUM_ARGS, SHELL
 from workers.blobs.disk import DiskBlobs
 from workers.execution import result_quality
 from workers.execution.renderer import Renderer
@@ -461,7 +463,9 @@ def test_chromium_plays_the_result(renderer: Renderer, info: MediaInfo, blobs: D
         video.duration, video.webkitAudioDecodedByteCount]); video.onerror = () => no(video.error.message); });
       video.src = '%s'; video.play();</script>"""
     with sync_playwright() as playwright, blobs.local(done.files["result"][0]) as path:
-        browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
+        browser = playwright.chromium.launch(
+            executable_path=shutil.which(SHELL) or shutil.which("chromium"), args=CHROMIUM_ARGS
+        )
         page = browser.new_page()
         page.route(
             "http://impasto.test/", lambda route: route.fulfill(body=page_text % "/result", content_type="text/html")
