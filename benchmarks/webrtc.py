@@ -48,6 +48,7 @@ class Figures:
     sent: dict[int, float] = field(default_factory=dict)
     """Time at which a frame was handed to the encoder, s, by its number."""
     latencies_s: list[float] = field(default_factory=list)
+    """In the order in which frames were shown."""
     seen: set[int] = field(default_factory=set)
 
     def shown(self, number: int, now: float, since: float) -> None:
@@ -67,10 +68,12 @@ class Figures:
         if not self.latencies_s:
             return f"{len(counted)} frames sent, none shown"
         p50, p95, p99 = (1e3 * float(np.percentile(self.latencies_s, p)) for p in (50, 95, 99))
-        worst = 1e3 * max(self.latencies_s)
+        worst, part = 1e3 * max(self.latencies_s), max(1, len(self.latencies_s) // 10)
+        first, last = (1e3 * float(np.median(each)) for each in (self.latencies_s[:part], self.latencies_s[-part:]))
         return (
             f"{len(counted)} frames sent, {lost} lost ({lost / max(1, len(counted)):.2%}); latency p50 {p50:.0f} ms, "
-            f"p95 {p95:.0f} ms, p99 {p99:.0f} ms, longest {worst:.0f} ms"
+            f"p95 {p95:.0f} ms, p99 {p99:.0f} ms, longest {worst:.0f} ms; median of the first "
+            f"tenth {first:.0f} ms, of the last {last:.0f} ms"
         )
 
 
