@@ -164,7 +164,8 @@ def accessibility_faults(page: Page, axe: str) -> list[tuple[str, str, list[str]
     faults = []
     for scheme in ("light", "dark"):
         page.emulate_media(color_scheme=scheme)
-        page.wait_for_timeout(300)  # the browser tells the page of the scheme later
+        until(page, lambda: bool(page.evaluate(f"matchMedia('(prefers-color-scheme: {scheme})').matches")))  # noqa: B023
+        page.wait_for_timeout(300)
         page.evaluate(COLOURS_HAVE_CHANGED)
         found = page.evaluate("async () => (await axe.run()).violations")
         faults += [

@@ -150,3 +150,18 @@ def test_a_film_is_made_from_a_file_by_keyboard_alone(watched: Watched, service:
     with page.expect_download() as film:
         page.keyboard.press("Enter")
     assert film.value.suggested_filename.endswith(".mp4")
+
+
+def test_every_tool_is_visible_on_a_tablet_that_has_lost_its_connection(
+    browser: Browser, service: str, video: str
+) -> None:
+    page = open_page(browser, viewport={"width": 1024, "height": 768}, has_touch=True).page
+    open_project(page, service, video, "analogy")
+    page.get_by_role("button", name="Brush", exact=True).click()
+    page.context.set_offline(True)
+    draw(page, (0.2, 0.3), (0.8, 0.3))
+    expect(page.get_by_role("alert").filter(has_text="kept in this browser")).to_be_visible(timeout=SOON_MS)
+    toolbar = page.get_by_role("toolbar", name="Tools")
+    assert toolbar.evaluate("bar => bar.scrollHeight <= bar.clientHeight + 1 && bar.scrollWidth <= bar.clientWidth + 1")
+    assert page.locator(".designer-main").evaluate("main => main.scrollWidth <= main.clientWidth")
+    page.context.close()
