@@ -163,5 +163,7 @@ def test_every_tool_is_visible_on_a_tablet_that_has_lost_its_connection(
     expect(page.get_by_role("alert").filter(has_text="kept in this browser")).to_be_visible(timeout=SOON_MS)
     toolbar = page.get_by_role("toolbar", name="Tools")
     assert toolbar.evaluate("bar => bar.scrollHeight <= bar.clientHeight + 1 && bar.scrollWidth <= bar.clientWidth + 1")
+    box = page.locator(".stage-canvas").bounding_box()
+    assert box is not None and box["width"] > 450, "the tools leave most of the room to the picture"
     assert page.locator(".designer-main").evaluate("main => main.scrollWidth <= main.clientWidth")
     page.context.close()
