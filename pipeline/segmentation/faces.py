@@ -81,14 +81,22 @@ class FaceTracker:
         """
         if age == 0:
             self.faces = np.empty(0, FACE)
-            for piece in self._first:
-                self._add(gray, self._finder.candidates(gray, piece), piece.pose, strength=1.0)
+            self.search_whole(gray, strength=1.0)
         elif flow is not None:
             shifts = self._shifts(self.faces["box"], flow)
             self.faces["box"][:, :2] += shifts
             self.faces["detected"][:, :2] += shifts
         self.faces["unchecked"] += 1
         self._smooth()
+
+    def search_whole(self, gray: Gray, strength: float = 0.0) -> None:
+        """Search the whole frame for new frontal faces, which begin with that strength, 0..1.
+
+        Args:
+            gray: uint8 (height, width), the frame.
+        """
+        for piece in self._first:
+            self._add(gray, self._finder.candidates(gray, piece), piece.pose, strength)
 
     def search(self, gray: Gray, age: int) -> None:
         """Search the next piece of the frame, and the surroundings of a known face, for later frames.

@@ -15,7 +15,7 @@ import numpy as np
 from pipeline.arrays import Arrays, State
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.methods.base import Task, TaskContext
-from pipeline.methods.patches.face_tracking import single_frame_weights
+from pipeline.methods.patches.face_tracking import single_frame_planes
 from pipeline.methods.patches.paint_error import error_tolerance
 from pipeline.methods.patches.painter import HertzmannPainter
 from pipeline.methods.patches.params import PatchesParams
@@ -43,7 +43,7 @@ class IndependentFrames:
     def __call__(self, index: int, frame: Frame) -> Frame:
         """Paint frame `index`: uint8 (h, w, 3)."""
         gray = np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.uint8)
-        return self.painter.paint_picture(frame, single_frame_weights(gray, self.face_detail))
+        return self.painter.paint_picture(frame, single_frame_planes(gray, self.face_detail))
 
 
 class AdvectedFrames:

@@ -15,7 +15,7 @@ from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.patches.artefacts import LabelPictures
 from pipeline.methods.patches.baselines import AdvectedFrames, IndependentFrames, frame_painter
 from pipeline.methods.patches.clustering import LabelMaps
-from pipeline.methods.patches.face_tracking import FaceWeights
+from pipeline.methods.patches.face_tracking import ShotFaces
 from pipeline.methods.patches.paint_error import Rendering, error_tolerance, patch_weight
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.patch_construction import load_placements, period_artefact
@@ -185,7 +185,7 @@ class PatchCompositor:
             for args, result in zip(task.args["tracks"], task.args["results"], strict=True)
         ]
         painter = frame_painter(context.params, context.size, context.seed)
-        self._faces = FaceWeights(context, begin)
+        self._faces = ShotFaces(context, begin)
         self._residual = ResidualLayer(painter, WindowFlow(context, begin), self._grid)
 
     def __call__(self, index: int, frame: Frame) -> Frame:

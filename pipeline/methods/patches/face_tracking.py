@@ -1,19 +1,18 @@
-"""Faces: tracked through every shot, as weights of the fine strokes that keep them recognisable.
+"""Faces: tracked through every shot, as weights of the strokes that keep them recognisable, and widths of the faces.
 
-    faces-<run>   faces of the frames of a run; the tasks of a shot form a chain, beside that of the label maps
-
-Departure: zhang2011patches treats faces like everything else. With the strokes of its table 1, the eyes of a face 30 px
-wide are covered by single strokes.
+faces-<run>   faces of the frames of a run; the tasks of a shot form a chain, beside that of the label maps
 """
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.arrays import State
 from pipeline.frames import Plane
 from pipeline.methods.base import Task, TaskContext, TaskResult
+from pipeline.methods.patches.face_strokes import FacePlanes
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.scan import WorkingGrid, run_start
 from pipeline.methods.patches.window_flow import WindowFlow
@@ -24,6 +23,10 @@ HALF_LIFE_FRAMES = 6.0
 """Half-life with which boxes and strengths of faces follow the detections."""
 SEARCHES = 3
 """Pieces of a frame that are searched for new faces; a live session searches one."""
+FEATURES = ((-0.19, -0.11, 0.17, 0.12), (0.19, -0.11, 0.17, 0.12), (0.0, 0.27, 0.24, 0.12))
+"""Eyes and mouth: centre (x, y) and semi-axes of ellipses, in sides of the box, from its centre."""
+FEATURE_WIDTH = 0.25
+"""Strokes at eyes and mouth are those of a face this many times as wide."""
 CELL_PX = 2
 """Cell of the grid on which weights are computed, px of the frame."""
 
@@ -35,6 +38,8 @@ def faces_key(start: int) -> str:
 
 def run_faces(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
     """Track the faces of frames [start, stop), from the state after the frame before them.
+
+    The first frame of each run is searched completely. A live session would find a face that enters the frame later.
 
     The artefact has the state of the tracker after each frame: "<frame>", float64 (n, ...).
     """
@@ -50,6 +55,8 @@ def run_faces(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
         with context.clock("faces"):
             gray, age = np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.uint8), index - begin
             tracker.step(gray, moved, age)
+            if index == start > begin:
+                tracker.search_whole(gray, strength=1.0)
             for part in range(SEARCHES):
                 tracker.search(gray, SEARCHES * age + part)
         arrays[str(index)] = tracker.state()["faces"]
@@ -58,7 +65,7 @@ def run_faces(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
     return {}
 
 
-class FaceWeights:
+class ShotFaces:
     """Reads the faces of a shot that `run_faces` has stored.
 
     Args:
@@ -69,33 +76,59 @@ class FaceWeights:
         self._context, self._begin = context, begin
         self._runs: dict[int, State] = {}
 
-    def __call__(self, index: int) -> Plane | None:
-        """Weight of the fine strokes in frame `index`: float32 (h, w), 0..1; None = 0 everywhere."""
-        detail = np.float32(self._context.params.face_detail)
+    def __call__(self, index: int) -> FacePlanes | None:
+        """The faces of frame `index`, with the weights of strokes on them; None = no faces."""
+        detail = self._context.params.face_detail
         if detail <= 0:
             return None
         start = run_start(index, self._begin)
         if start not in self._runs:
             self._runs = {start: self._context.load("cluster", faces_key(start))}
         faces = faces_of_state({"faces": self._runs[start][str(index)]})
-        return None if not len(faces) else detail * frame_weights(faces, self._context.size)
+        return None if not len(faces) else frame_planes(faces, detail, self._context.size)
 
 
-def frame_weights(faces: Faces, size: tuple[int, int]) -> Plane:
-    """Soft mask of the heads, float32 (h, w), 0..1, computed on a coarser grid.
+def frame_planes(faces: Faces, detail: float, size: tuple[int, int]) -> FacePlanes:
+    """Soft masks of the heads times `detail`, and their widths, computed on a coarser grid.
 
     Args:
         size: (width, height) of the frame, px.
     """
     coarse = max(1, size[1] // CELL_PX), max(1, size[0] // CELL_PX)
-    return np.asarray(cv2.resize(head_mask(faces, size, coarse), size, interpolation=cv2.INTER_LINEAR), np.float32)
+    weight, width = np.zeros(coarse, np.float32), np.zeros(coarse, np.float32)
+    for index in range(len(faces)):
+        own = head_mask(faces[index : index + 1], size, coarse)
+        width = np.where(own > weight, stroke_widths(faces["box"][index], size, coarse), width)
+        np.maximum(weight, own, out=weight)
+    soft = np.asarray(cv2.resize(weight, size, interpolation=cv2.INTER_LINEAR), np.float32)
+    return FacePlanes(
+        np.float32(detail) * soft, np.asarray(cv2.resize(width, size, interpolation=cv2.INTER_NEAREST), np.float32)
+    )
 
 
-def single_frame_weights(gray: Gray, detail: float) -> Plane | None:
-    """Weight of the fine strokes in a frame on its own: float32 (h, w), 0..1; None = 0 everywhere."""
+def stroke_widths(box: NDArray[np.float64], size: tuple[int, int], shape: tuple[int, int]) -> Plane:
+    """Width of a face in px, `FEATURE_WIDTH` times as much at eyes and mouth: float32, a grid of `shape`.
+
+    Args:
+        box: float64 (4,), (centre x, centre y, width, height) of the face, px.
+        size: (width, height) of the frame, px.
+        shape: (rows, columns) of the grid.
+    """
+    x = ((np.arange(shape[1], dtype=np.float32) + 0.5) * np.float32(size[0] / shape[1]) - np.float32(box[0]))[None, :]
+    y = ((np.arange(shape[0], dtype=np.float32) + 0.5) * np.float32(size[1] / shape[0]) - np.float32(box[1]))[:, None]
+    nearest = np.full(shape, np.float32(np.inf))
+    for across, down, half_x, half_y in FEATURES:
+        far_x, far_y = x / np.float32(box[2]) - np.float32(across), y / np.float32(box[3]) - np.float32(down)
+        np.minimum(nearest, (far_x / np.float32(half_x)) ** 2 + (far_y / np.float32(half_y)) ** 2, out=nearest)
+    inside = np.clip(2 - nearest, 0, 1)
+    return np.asarray(np.float32(box[2]) * (1 - np.float32(1 - FEATURE_WIDTH) * inside), np.float32)
+
+
+def single_frame_planes(gray: Gray, detail: float) -> FacePlanes | None:
+    """The faces of a frame on its own, with the weights of strokes on them; None = no faces."""
     if detail <= 0:
         return None
     size = gray.shape[1], gray.shape[0]
     tracker = FaceTracker(size, HALF_LIFE_FRAMES)
     tracker.step(gray, None, 0)
-    return None if not len(tracker.faces) else np.float32(detail) * frame_weights(tracker.faces, size)
+    return None if not len(tracker.faces) else frame_planes(tracker.faces, detail, size)

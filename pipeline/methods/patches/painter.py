@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Mask, Plane
+from pipeline.methods.patches.face_strokes import FACE_BLUR, FACE_LENGTH, LAYERS, LEAST_WEIGHT, FaceBrush, FacePlanes
 from pipeline.methods.patches.paint_error import error_tolerance
 from pipeline.methods.patches.params import STROKE_STYLES, PatchesParams, StrokeStyle
 from pipeline.methods.patches.scan import PAPER_HEIGHT
@@ -40,13 +41,6 @@ STEEPENING, MOST_STEPS = 2.0, 8
 """Steps of edge steepening per px of a frame 344 px high, see `steepen`, and the largest number of them."""
 MIN_RADIUS = 0.8
 """Smallest stroke radius, px."""
-LEAST_FACE_WEIGHT = 0.02
-"""Weight below which a pixel counts as outside faces."""
-FACE_THRESHOLD, FACE_EDGE = 0.1, 20.0
-"""Strokes on faces: factor on the threshold, and RGB distance at which they end and beyond which they do not cover."""
-FACE_LENGTH, FACE_BLUR = 3.0, 0.25
-"""Their largest length in stroke widths, and the sigma of the blur of what they paint in stroke radii. An eye is about
-a fifth as wide as the face, so that longer strokes would cross it."""
 
 Box = tuple[slice, slice]
 """Rows and columns."""
@@ -120,16 +114,16 @@ class HertzmannPainter:
     def _steepened(self, picture: Frame) -> Frame:
         return steepen(picture, min(round(STEEPENING * self.unit), MOST_STEPS))
 
-    def paint_picture(self, picture: Frame, faces: Plane | None = None) -> Frame:
+    def paint_picture(self, picture: Frame, faces: FacePlanes | None = None) -> Frame:
         """Paint a picture, with lighting: uint8 (h, w, 3).
 
         Args:
-            faces: float32 (h, w), 0..1, weight of the fine strokes that are added on faces; None = 0.
+            faces: where strokes are added on faces; None = nowhere.
         """
         every = np.ones(picture.shape[:2], np.bool_)
         return self._painting(picture, every, (slice(None), slice(None)), faces)
 
-    def paint_part(self, picture: Frame, where: Mask, faces: Plane | None = None) -> Frame:
+    def paint_part(self, picture: Frame, where: Mask, faces: FacePlanes | None = None) -> Frame:
         """Paint only the strokes that start in `where`, bool (h, w); pixels beyond their reach are black.
 
         Args:
@@ -140,57 +134,48 @@ class HertzmannPainter:
         out[box] = self._painting(np.ascontiguousarray(picture[box]), where, box, faces)
         return out
 
-    def _painting(self, picture: Frame, where: Mask, box: Box, faces: Plane | None) -> Frame:
+    def _painting(self, picture: Frame, where: Mask, box: Box, faces: FacePlanes | None) -> Frame:
         """Paint a crop. Seeds are placed on the full frame `where`, so they do not depend on the crop `box`."""
-        canvas, tolerance = (
-            blank(self.reference(picture, self.brush)),
-            error_tolerance(picture, self.unit),
-        )
+        reference, tolerance = self.reference(picture, self.brush), error_tolerance(picture, self.unit)
+        canvas = blank(reference)
         for index in range(self.layers):
             brush = layer_brush(self.brush, self.scheme.ratio, index)
-            reference = self.reference(picture, brush)
+            reference = self.reference(picture, brush) if index else reference
             seeds = self._seeds(brush, index, where, box)
             if index:
                 seeds = seeds[wanted(seeds, reference, canvas, brush.size_px, self.error_limit(index, tolerance))]
             self.paint_layer(canvas, seeds, reference, brush, index)
         if faces is not None:
-            self._paint_faces(canvas, picture, np.where(where, faces, np.float32(0)), box)
+            for width, group in faces.where(where).groups():
+                self._paint_faces(canvas, picture, width, group, box)
         return emboss(canvas)
 
-    def _paint_faces(self, canvas: Canvas, picture: Frame, faces: Plane, box: Box) -> None:
-        """Add fine strokes on faces, in place. Their opacity and number fall with the weight, so that no seam appears.
+    def _paint_faces(self, canvas: Canvas, picture: Frame, width_px: float, faces: FacePlanes, box: Box) -> None:
+        """Add strokes on faces of similar width, in place.
+
+        Opacity and number of the strokes fall with the weight, so that no seam appears.
 
         Args:
-            faces: float32, 0..1, weight of these strokes on the full frame, of which `canvas` and `picture` are the
-                crop `box`.
+            width_px: typical width of the faces, px.
+            faces: the faces on the full frame, of which `canvas` and `picture` are the crop `box`.
         """
-        where = faces > LEAST_FACE_WEIGHT
-        if not where.any():
-            return
-        inner = _bounding_box(where[box], int(float(self.brush.size_px)))
-        part, weight = np.ascontiguousarray(picture[inner]), np.ascontiguousarray(faces[box][inner])
-        own, missing = np.ascontiguousarray(canvas[inner]), 1 - weight
-        limit = np.float32(self.threshold * FACE_THRESHOLD) + np.float32(FARTHEST) * missing * missing
-        for index, brush in enumerate(self._face_brushes(weight), start=self.layers):
-            blurred = cv2.GaussianBlur(part, (0, 0), FACE_BLUR * float(brush.size_px) / 2)
-            reference = self._steepened(np.asarray(blurred, np.uint8))
-            seeds = self._seeds(brush, index, where, _within(box, inner))
-            seeds = seeds[wanted(seeds, reference, own, brush.size_px, limit)]
-            self.paint_layer(own, seeds, reference, brush, index, edge=FACE_EDGE)
+        finest = float(self.brush.size_px) * self.scheme.ratio ** (self.layers - 1)
+        where = faces.weight > LEAST_WEIGHT
+        inner = _bounding_box(where[box], int(max(float(self.brush.size_px), width_px * LAYERS[0].share * FACE_LENGTH)))
+        part, own = np.ascontiguousarray(picture[inner]), np.ascontiguousarray(canvas[inner])
+        outer = _within(box, inner)
+        near = faces.within(outer)
+        for index, layer in enumerate(LAYERS, start=self.layers):
+            face = FaceBrush(layer, finest)
+            whole, brush = face.shape(self.brush, faces.width_px), face.brush(self.brush, near)
+            sigma = FACE_BLUR * float(face.size_px(width_px)) / 2
+            reference = np.asarray(cv2.GaussianBlur(part, (0, 0), sigma), np.uint8)
+            if face.is_large(width_px):
+                reference = self._steepened(reference)
+            seeds = self._seeds(whole, index, where, outer)
+            seeds = seeds[wanted(seeds, reference, own, brush.size_px, face.limit(near, self.threshold))]
+            self.paint_layer(own, seeds, reference, brush, index, edge=face.edge(width_px))
         canvas[inner] = own
-
-    def _face_brushes(self, weight: Plane) -> list[Brush]:
-        """Brushes of the additional layers on faces, coarse to fine, down to half the finest layer's width."""
-        coarsest = float(self.brush.size_px)
-        finest = coarsest * self.scheme.ratio ** (self.layers - 1)
-        opacity = np.asarray(np.float32(self.brush.opacity) * weight, np.float32)
-        return [
-            replace(
-                self.brush, size_px=size, length_px=min(FACE_LENGTH * size, float(self.brush.length_px)),
-                opacity=opacity, jitter=0.0, relief_px=float(self.brush.relief_px) * size / coarsest,
-            )
-            for size in (2 * finest, finest, finest / 2) if size >= 2 * MIN_RADIUS - 1e-6
-        ]  # fmt: skip
 
     def _seeds(self, brush: Brush, index: int, where: Mask, box: Box) -> Seeds:
         spacing = spacing_px(brush, self.scheme)

@@ -34,7 +34,7 @@ from pipeline.methods.patches.appearance import (
 from pipeline.methods.patches.artefacts import save_energy_artefact, save_patch_artefact
 from pipeline.methods.patches.clustering import LabelMaps
 from pipeline.methods.patches.painter import HertzmannPainter
-from pipeline.methods.patches.panorama_faces import Weights, as_plane, load_weights, panorama_weights, save_weights
+from pipeline.methods.patches.panorama_faces import Weights, as_planes, load_weights, panorama_weights, save_weights
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.patch_track import PatchTrack, patch_tracks
 from pipeline.methods.patches.registration import FrameWarp, load_warps, save_warps
@@ -214,7 +214,7 @@ def _paint_period(
     with context.clock("mean"):
         panorama: Frame = period_picture(sums, overall, rect, WorkingGrid.of(context.size), context.params.misfit)
     with context.clock("paint"):
-        painting = patch_painter(track, context).paint_picture(panorama, as_plane(faces))
+        painting = patch_painter(track, context).paint_picture(panorama, as_planes(faces))
     context.save(period_artefact(track, number), {"panorama": panorama, "painting": painting})
     save_patch_artefact(context, track.key, number, panorama, painting)
 

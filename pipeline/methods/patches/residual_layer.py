@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.jit import kernel
+from pipeline.methods.patches.face_strokes import FacePlanes
 from pipeline.methods.patches.paint_error import Rendering, fine_sigma_px, misfit
 from pipeline.methods.patches.painter import HertzmannPainter
 from pipeline.methods.patches.scan import PAPER_HEIGHT, WorkingGrid
@@ -144,7 +145,7 @@ class ResidualLayer:
     used: bool = False
 
     def paint(
-        self, index: int, frame: Frame, opacity: Plane, limit: Plane, faces: Plane | None = None
+        self, index: int, frame: Frame, opacity: Plane, limit: Plane, faces: FacePlanes | None = None
     ) -> Rendering:  # fmt: skip
         """Picture and painting of the residual layer of frame `index`, float32 (2, h, w, 3).
 
@@ -152,7 +153,7 @@ class ResidualLayer:
             opacity: float32 (h, w), 0..1. The result is undefined where it is at most
                 `VISIBLE_OPACITY`.
             limit: float32 (h, w), tolerated RGB distance.
-            faces: float32 (h, w), 0..1, weight of fine strokes; None = 0.
+            faces: where strokes are added on faces; None = nowhere.
         """
         visible, self.used = opacity > VISIBLE_OPACITY, True
         self.source = self._advected_source(index, visible)
@@ -249,7 +250,7 @@ class ResidualLayer:
         weight = np.minimum(np.clip(2 * smooth - 1, 0, 1), kept)
         return rendering, np.where(weight > 0.999, 1, weight).astype(np.float32)
 
-    def _new_paint(self, frame: Frame, where: Mask, faces: Plane | None) -> Frame:
+    def _new_paint(self, frame: Frame, where: Mask, faces: FacePlanes | None) -> Frame:
         """Paint the frame by itself, near the pixels of `where`."""
         reach = 2 * int(self.painter.reach_px / 4) + 1
         near = cv2.dilate(where.astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0

@@ -12,8 +12,10 @@ import pytest
 from pipeline.frames import Frame
 from pipeline.methods.patches import patch_construction
 from pipeline.methods.patches.clustering import plan_cluster
-from pipeline.methods.patches.face_tracking import FaceWeights, single_frame_weights
+from pipeline.methods.patches.face_strokes import LAYERS, FaceBrush, FacePlanes
+from pipeline.methods.patches.face_tracking import ShotFaces, single_frame_planes, stroke_widths
 from pipeline.methods.patches.painter import HertzmannPainter
+from pipeline.methods.patches.panorama_faces import as_planes
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.scenes import scene
 from tests.pipeline.methods.frames import painted
@@ -28,16 +30,16 @@ def portrait() -> tuple[Frame, ...]:
     return tuple(scene("portrait", SIZE, frames=FRAMES).image(index) for index in range(FRAMES))
 
 
-def head() -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
-    weights = single_frame_weights(np.asarray(cv2.cvtColor(portrait()[0], cv2.COLOR_RGB2GRAY), np.uint8), 1.0)
-    assert weights is not None
-    return weights
+def head() -> FacePlanes:
+    faces = single_frame_planes(np.asarray(cv2.cvtColor(portrait()[0], cv2.COLOR_RGB2GRAY), np.uint8), 1.0)
+    assert faces is not None
+    return faces
 
 
 def error(painting: Frame) -> float:
     """Mean absolute difference to the first frame inside the head."""
     difference = np.abs(painting.astype(np.float32) - portrait()[0]).mean(axis=-1)
-    return float(difference[head() > 0.9].mean())
+    return float(difference[head().weight > 0.9].mean())
 
 
 def test_fine_strokes_bring_a_face_nearer_to_the_frame_and_change_nothing_far_from_it() -> None:
@@ -45,14 +47,14 @@ def test_fine_strokes_bring_a_face_nearer_to_the_frame_and_change_nothing_far_fr
     without, fine = painter.paint_picture(portrait()[0]), painter.paint_picture(portrait()[0], head())
     assert error(fine) < 0.8 * error(without)
     reach = 2 * int(painter.reach_px) + 1
-    far = cv2.dilate((head() > 0).astype(np.uint8), np.ones((reach, reach), np.uint8)) == 0
+    far = cv2.dilate((head().weight > 0).astype(np.uint8), np.ones((reach, reach), np.uint8)) == 0
     assert far.any()
     np.testing.assert_array_equal(fine[far], without[far])
 
 
 def test_a_part_of_a_frame_gets_the_strokes_of_the_whole_frame_on_a_face() -> None:
     painter = HertzmannPainter.of("hertzmann", SIZE[0] * SIZE[1], SIZE[1], PatchesParams(), 0)
-    whole, where = painter.paint_picture(portrait()[0], head()), head() > 0
+    whole, where = painter.paint_picture(portrait()[0], head()), head().weight > 0
     part = painter.paint_part(portrait()[0], np.ones_like(where), head())
     np.testing.assert_array_equal(part, whole)
 
@@ -68,10 +70,19 @@ def test_patches_paint_faces_finer_and_alike_in_one_task_and_in_many(monkeypatch
 
 def test_faces_are_tracked_from_run_to_run() -> None:
     made = paint(list(portrait()))
-    read = FaceWeights(made, 0)
+    read = ShotFaces(made, 0)
     for index in (0, 11, 12, 13):
-        weights = read(index)
-        assert weights is not None and weights.max() > 0.9, index
+        faces = read(index)
+        assert faces is not None and faces.weight.max() > 0.9, index
+
+
+def test_a_face_that_appears_is_known_from_the_next_run_on() -> None:
+    empty = np.full_like(portrait()[0], 128)
+    made = paint([empty] * 12 + list(portrait()[:2]), cut_sensitivity=0)
+    read = ShotFaces(made, 0)
+    assert read(11) is None
+    faces = read(12)
+    assert faces is not None and faces.weight.max() > 0.9
 
 
 def test_face_tasks_depend_on_flow_and_the_run_before_and_exist_only_on_demand() -> None:
@@ -80,3 +91,43 @@ def test_face_tasks_depend_on_flow_and_the_run_before_and_exist_only_on_demand()
     assert set(tasks["faces-0000024"].after) == {"flow-0000024", "flow-0000012", "faces-0000012"}
     without = replace(context(30), params=PatchesParams(face_detail=0))
     assert not any(task.key.startswith("faces") for task in plan_cluster(without))
+
+
+def flat_face(width_px: float, shape: tuple[int, int] = (40, 40)) -> FacePlanes:
+    return FacePlanes(np.ones(shape, np.float32), np.full(shape, width_px, np.float32))
+
+
+def test_strokes_on_a_large_face_are_a_ninth_of_its_width_and_on_a_small_one_as_fine_as_possible() -> None:
+    large, small = (FaceBrush(LAYERS[0], 2.0).size_px(width) for width in (180.0, 24.0))
+    assert (float(large), float(small)) == (20.0, 4.0)
+    fine = [FaceBrush(layer, 2.0).limit(flat_face(width), 25.0).max() for layer in LAYERS for width in (24.0, 180.0)]
+    assert fine[0] == fine[1] == fine[2] == fine[4]  # all layers cover small faces, the coarsest one all faces
+    assert fine[3] > 3 * fine[2] and fine[5] > fine[3]  # fine strokes on large faces only where they matter
+
+
+def test_eyes_and_mouth_of_a_large_face_get_finer_strokes_than_its_cheeks() -> None:
+    widths = stroke_widths(np.array([50.0, 50.0, 80.0, 80.0]), (100, 100), (100, 100))
+    cheek, eyes, mouth = widths[60, 25], (widths[41, 35], widths[41, 65]), widths[71, 50]
+    assert cheek == 80 and max(*eyes, mouth) < 25
+
+
+def test_faces_of_different_width_are_painted_in_groups_whose_grids_of_seeds_do_not_depend_on_each_other() -> None:
+    one, other = flat_face(30.0), flat_face(150.0)
+    both = FacePlanes(np.hstack([one.weight, other.weight]), np.hstack([one.width_px, other.width_px]))
+    (coarse, first), (fine, second) = both.groups()
+    assert (coarse, fine) == (128.0, 32.0)
+    assert not first.weight[:, :40].any() and not second.weight[:, 40:].any()
+    alone = next(iter(one.groups()))[1]
+    np.testing.assert_array_equal(second.width_px[:, :40], alone.width_px)
+    assert second.width_px.min() >= 32 / 2**0.51
+
+
+def test_width_of_a_face_in_the_panorama_is_that_in_the_frames(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(patch_construction, "SINGLE_TASK_AREA", 0.0)
+    made = paint(list(portrait()[:4]))
+    frame = ShotFaces(made, 0)(0)
+    stored = [load["weights"] for (_, name), load in made.kept.items() if name.endswith("-faces") and "weights" in load]
+    panorama = [as_planes(weights) for weights in stored]
+    assert frame is not None and panorama
+    largest = max(faces.width_px[faces.weight > 0.5].max(initial=0) for faces in panorama if faces is not None)
+    assert largest == pytest.approx(frame.width_px.max(), rel=0.1)
