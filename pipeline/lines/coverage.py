@@ -83,7 +83,7 @@ def _draw(field: Plane, opacity: NDArray[np.uint8], out: NDArray[np.uint8]) -> N
             out[y, x] = opacity[y, x] if row[x] > 0 else 0
 
 
-class Motion(NamedTuple):
+class PastMotion(NamedTuple):
     """Motion since the previous frame, and how far it can be trusted.
 
     Attributes:
@@ -97,7 +97,7 @@ class Motion(NamedTuple):
     shrink: int
 
 
-def blend_response(response: Plane, before: Plane, motion: Motion) -> Plane:
+def blend_response(response: Plane, before: Plane, motion: PastMotion) -> Plane:
     """Average a line response with the previous one along the flow, where the two agree: float32 (h, w).
 
     The response is smooth, so warping it does not blur the outlines of the lines.
@@ -112,7 +112,7 @@ def blend_response(response: Plane, before: Plane, motion: Motion) -> Plane:
 
 
 @kernel
-def _blend_response(response: Plane, before: Plane, motion: Motion, out: Plane) -> None:
+def _blend_response(response: Plane, before: Plane, motion: PastMotion, out: Plane) -> None:
     height, width = response.shape
     flow, shrink = motion.flow, motion.shrink
     scale, one = np.float32(1) / np.float32(shrink), np.float32(1)
@@ -141,7 +141,7 @@ def _bilinear(plane: Plane, x: np.float32, y: np.float32) -> np.float32:
     return np.float32(top + fy * (low - top))
 
 
-def blend_opacity(opacity: NDArray[np.uint8], before: NDArray[np.uint8], motion: Motion) -> NDArray[np.uint8]:
+def blend_opacity(opacity: NDArray[np.uint8], before: NDArray[np.uint8], motion: PastMotion) -> NDArray[np.uint8]:
     """Average an opacity with the previous one along the flow: uint8 (h, w).
 
     Args:
@@ -154,7 +154,7 @@ def blend_opacity(opacity: NDArray[np.uint8], before: NDArray[np.uint8], motion:
 
 @kernel
 def _blend_opacity(
-    opacity: NDArray[np.uint8], before: NDArray[np.uint8], motion: Motion, out: NDArray[np.uint8]
+    opacity: NDArray[np.uint8], before: NDArray[np.uint8], motion: PastMotion, out: NDArray[np.uint8]
 ) -> None:  # fmt: skip
     height, width = opacity.shape
     flow, shrink = motion.flow, motion.shrink

@@ -17,7 +17,7 @@ from workers.farm import Farm
 from workers.faults import failed_outcome
 from workers.model import JobRequest
 from workers.pools.base import Report
-from workers.pools.capacity import Capacity, capacity_for, default_capacity, has_room, machines_with, shortage
+from workers.pools.capacity import Capacity, capacity_for, default_capacity, has_capacity, machines_with, shortage
 from workers.scheduling.planning import plan_step
 from workers.settings import FarmSettings
 
@@ -58,11 +58,11 @@ def test_an_idle_worker_reserves_no_gpu() -> None:
 def test_room_beside_what_is_taken_of_a_machine() -> None:
     machines = [("east", Capacity(4, 0, 8 * GIB)), ("west", Capacity(2, 1, 4 * GIB))]
     taken = [("east", Capacity(2, 0, GIB)), ("east", Capacity(1, 0, GIB)), ("west", Capacity(1, 1, GIB))]
-    assert has_room(Capacity(1, 0, 6 * GIB), machines, taken)
-    assert not has_room(Capacity(1, 0, 7 * GIB), machines, taken)
-    assert not has_room(Capacity(2, 0, GIB), machines, taken)
-    assert not has_room(Capacity(1, 0.5, GIB), machines, taken)
-    assert has_room(Capacity(1, 0.5, GIB), machines, taken[:2])
+    assert has_capacity(Capacity(1, 0, 6 * GIB), machines, taken)
+    assert not has_capacity(Capacity(1, 0, 7 * GIB), machines, taken)
+    assert not has_capacity(Capacity(2, 0, GIB), machines, taken)
+    assert not has_capacity(Capacity(1, 0.5, GIB), machines, taken)
+    assert has_capacity(Capacity(1, 0.5, GIB), machines, taken[:2])
 
 
 def test_machines_large_enough_for_a_task_and_the_message_if_none_is() -> None:

@@ -65,7 +65,7 @@ def machines_with(wanted: Capacity, machines: Machines) -> set[str]:
     return {name for name, machine in machines if machine.covers(wanted)}
 
 
-def has_room(wanted: Capacity, machines: Machines, taken: Iterable[tuple[str, Capacity]]) -> bool:
+def has_capacity(wanted: Capacity, machines: Machines, taken: Iterable[tuple[str, Capacity]]) -> bool:
     """Whether a machine has this capacity beside what is taken of it: `taken` has names of machines, too."""
     parts = list(taken)
     return any(_rest(machine, [part for at, part in parts if at == name]).covers(wanted) for name, machine in machines)

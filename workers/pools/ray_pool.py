@@ -32,7 +32,15 @@ from workers.operations import Slot
 from workers.pools.actors import RenderActor
 from workers.pools.artefact_cache import SharedArtefacts
 from workers.pools.base import Report
-from workers.pools.capacity import Capacity, Machines, capacity_for, default_capacity, has_room, machines_with, shortage
+from workers.pools.capacity import (
+    Capacity,
+    Machines,
+    capacity_for,
+    default_capacity,
+    has_capacity,
+    machines_with,
+    shortage,
+)
 from workers.pools.local_pool import Listen, TaskRunner
 from workers.pools.ray_cluster import connect
 from workers.pools.ray_types import RAY, Actor, ObjectRef
@@ -305,7 +313,7 @@ class RayPool:
             worker.hopeless_since = None
             with self._lock:
                 named = [(other.node, other.capacity) for other in self._workers if other.name]
-            starts = now - worker.made_at < _START_S and has_room(worker.capacity, machines, named)
+            starts = now - worker.made_at < _START_S and has_capacity(worker.capacity, machines, named)
             if worker.attempt_id and not starts:
                 self._end_idle(suitable)
             return

@@ -21,7 +21,7 @@ _EMPTY_BYTES = 1 << 10
 
 
 @dataclass(frozen=True)
-class _Warm:
+class _WarmPropagator:
     """A propagator that is kept; None where the method has none."""
 
     propagator: KeyPropagator | None
@@ -73,10 +73,10 @@ def forget_propagator(context: PreviewContext, layer: LayerSources, side_px: int
     context.cache.drop(_name(context, layer, side_px))
 
 
-def _made(context: PreviewContext, layer: LayerSources, side_px: int) -> _Warm:
+def _made(context: PreviewContext, layer: LayerSources, side_px: int) -> _WarmPropagator:
     chosen = method(layer.method)
     frames = ProxyFrames(context.frames, layer.video, side_px)
-    return _Warm(chosen.propagator(parse_params(chosen, layer.params), frames, layer.seed))
+    return _WarmPropagator(chosen.propagator(parse_params(chosen, layer.params), frames, layer.seed))
 
 
 def _name(context: PreviewContext, layer: LayerSources, side_px: int) -> Hashable:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import Arrays, State
 from pipeline.frames import Plane
 from pipeline.lines.coherent import Ink, keep_strokes
-from pipeline.lines.coverage import Motion, blend_opacity, blend_response, draw_lines, line_field
+from pipeline.lines.coverage import PastMotion, blend_opacity, blend_response, draw_lines, line_field
 from pipeline.lines.dog import soft_threshold
 from pipeline.methods.abstraction.line_extractor import LineExtractor, Past
 from pipeline.methods.abstraction.params import AbstractionParams
@@ -64,14 +64,14 @@ class SharpLineExtractor(LineExtractor):
         field = line_field(response, weight, params.line_threshold, self.margin, max(1, round(2 * self.sigma_px)))
         return draw_lines(field, self.opacity, self.output_size)
 
-    def _motion(self, past: Past | None) -> Motion | None:
+    def _motion(self, past: Past | None) -> PastMotion | None:
         """The motion since the previous frame. A line of the past has no weight where the frame differs from it."""
         if past is None or not self.params.paint_memory:
             return None
         weights = past_weights(self.params.paint_memory).astype(np.float32) / np.float32(256)
-        return Motion(past.flow, weights[past.residual], self.shrink)
+        return PastMotion(past.flow, weights[past.residual], self.shrink)
 
-    def _opacity(self, ink: Ink, motion: Motion | None) -> Ink:
+    def _opacity(self, ink: Ink, motion: PastMotion | None) -> Ink:
         """Opacity of the strokes, which appear and vanish gradually."""
         opacity = np.asarray(cv2.dilate(ink, self.neighbourhood), np.uint8)
         if motion is None or self.opacity is None:
