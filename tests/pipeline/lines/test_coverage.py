@@ -9,7 +9,7 @@ from pipeline.frames import Plane
 from pipeline.lines.coverage import (
     PEAK_SHARE,
     RESPONSE_TOLERANCE,
-    Motion,
+    PastMotion,
     blend_opacity,
     blend_response,
     draw_lines,
@@ -107,9 +107,9 @@ def test_the_past_response_is_moved_along_the_flow() -> None:
     np.testing.assert_allclose(made[:, 2:-2], (x - 1.5)[:, 2:-2], atol=1e-5)
 
 
-def motion(flow_px: tuple[float, float], shape: tuple[int, int], weight: float, shrink: int = 1) -> Motion:
+def motion(flow_px: tuple[float, float], shape: tuple[int, int], weight: float, shrink: int = 1) -> PastMotion:
     flow = np.tile(np.array(flow_px, np.float32), (*shape, 1))
-    return Motion(flow, np.full(shape, weight, np.float32), shrink)
+    return PastMotion(flow, np.full(shape, weight, np.float32), shrink)
 
 
 @pytest.mark.parametrize(("residual", "least", "most"), [(0, 40, 120), (254, 200, 255)])
