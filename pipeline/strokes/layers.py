@@ -60,9 +60,13 @@ def layer_threshold(layers: StyleField, threshold: StyleField, index: int, shape
     """
     if index == 0:
         return np.full(shape[:2], -1, np.float32)
-    missing = np.clip((np.float32(index + 1) - as_plane(layers, shape)) * 2, 0, 1)
-    full = as_plane(threshold, shape)
-    return np.asarray(full + (np.float32(FARTHEST) - full) * missing * missing, np.float32)
+    return threshold_of(as_plane(layers, shape), as_plane(threshold, shape), index)
+
+
+def threshold_of(layers: NDArray[np.float32], threshold: NDArray[np.float32], index: int) -> NDArray[np.float32]:
+    """`layer_threshold` of a finer layer for values of the two parameters, float32 of any one shape."""
+    missing = np.clip((np.float32(index + 1) - layers) * 2, 0, 1)
+    return np.asarray(threshold + (np.float32(FARTHEST) - threshold) * missing * missing, np.float32)
 
 
 def colour_error(reference: Frame, canvas: Canvas) -> Plane:

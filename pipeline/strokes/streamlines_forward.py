@@ -40,6 +40,7 @@ flicker under motion; ratio of a bristle's length to its width, relative to `bri
 _TIP, _PER_TIP = np.float32(0.3), np.float32(1 / 0.3)
 _STRAIGHT = np.float32(0.1)
 """Deviation, px, that the simplification of a stroke's polyline allows; long segments cost as much as short ones."""
+_1, _2, _3, _4 = np.uintp(1), np.uintp(2), np.uintp(3), np.uintp(4)
 _OPAQUE = np.float32(0.03)
 """Transmittance below which a pixel counts as finished."""
 
@@ -165,8 +166,11 @@ def _paint_strokes(
     band_top, band_bottom = band
     rows_high = band_bottom - band_top
     points = strokes.points
+    # Flat arrays with unsigned indices: signed ones are tested for being negative at every access.
+    pixels, image = buffer.reshape(-1), guide.image.reshape(-1)
     # Per pixel of a stroke's bounding box: coverage, and position along and across the stroke.
-    scratch = np.zeros((rows_high * width, 3), np.float32)
+    coverage, lengthwise = np.zeros(rows_high * width, np.float32), np.empty(rows_high * width, np.float32)
+    crosswise = np.empty(rows_high * width, np.float32)
     rows = np.empty((rows_high, 2), np.int32)
     line = np.empty((points.shape[1], 2), np.float32)
     for k in order:
@@ -238,10 +242,11 @@ def _paint_strokes(
                     left, right = max(left, enter - lean * fy), min(right, leave - lean * fy)
                 start, final = max(int(np.ceil(left)), first_column), min(int(np.floor(right)), last_column)
                 row = y - first_row
-                box = row * columns - first_column
+                box, pixel = row * columns - first_column, y * width
                 s_row, t_row = fy * ay, fy * ax
+                first_covered, last_covered = rows[row, 0], rows[row, 1]
                 for x in range(start, final + 1):
-                    if buffer[y, x, TRANSMITTANCE] <= _OPAQUE:
+                    if pixels[np.uintp((pixel + x) * 5 + TRANSMITTANCE)] <= _OPAQUE:
                         continue
                     fx = np.float32(x) - x0
                     s, t = fx * ax + s_row, t_row - fx * ay
@@ -266,12 +271,14 @@ def _paint_strokes(
                             q = _ONE - (_ONE - u) * _PER_TIP
                             w = r * (_ONE - taper_end * q * q)
                     c = min((w - d) * sharp + _HALF, _ONE)
-                    if c > scratch[box + x, 0]:
-                        scratch[box + x, 0] = c
-                        scratch[box + x, 1] = before + s
-                        scratch[box + x, 2] = min(max(t * per_r, -_ONE), _ONE)
-                        rows[row, 0] = min(rows[row, 0], x)
-                        rows[row, 1] = max(rows[row, 1], x)
+                    at = np.uintp(box + x)
+                    if c > coverage[at]:
+                        coverage[at] = c
+                        lengthwise[at] = before + s
+                        crosswise[at] = min(max(t * per_r, -_ONE), _ONE)
+                        first_covered = min(first_covered, x)
+                        last_covered = max(last_covered, x)
+                rows[row, 0], rows[row, 1] = first_covered, last_covered
             before += length
         oa, ob = bristles.offsets[k] & 63, bristles.offsets[k] >> 6
         red, green, blue = strokes.colours[k, 0], strokes.colours[k, 1], strokes.colours[k, 2]
@@ -279,36 +286,40 @@ def _paint_strokes(
         g, thick, strength = strokes.grain[k], strokes.relief_px[k], strokes.opacity[k]
         spread = min(r * _FINEST, _HAIRS)
         pull = _PULL * spread / r
+        streaks = profile[k, STREAKS]
         for y in range(first_row, last_row + 1):
             row = y - first_row
-            box = row * columns - first_column
+            box, pixel = row * columns - first_column, y * width
             for x in range(rows[row, 0], rows[row, 1] + 1):
-                a = scratch[box + x, 0]
+                at = np.uintp(box + x)
+                a = coverage[at]
                 if a <= _ZERO:
                     continue
-                scratch[box + x, 0] = _ZERO
+                coverage[at] = _ZERO
                 a *= strength
                 if guide.enabled:
-                    er = np.float32(guide.image[y, x, 0]) - target_r
-                    eg = np.float32(guide.image[y, x, 1]) - target_g
-                    eb = np.float32(guide.image[y, x, 2]) - target_b
+                    colour = np.uintp((pixel + x) * 3)
+                    er = np.float32(image[colour]) - target_r
+                    eg = np.float32(image[colour + _1]) - target_g
+                    eb = np.float32(image[colour + _2]) - target_b
                     e2 = er * er + eg * eg + eb * eb
                     if e2 >= outer2:
                         continue
                     if e2 > inner2:
                         a *= (tolerance * np.float32(1.25) - np.sqrt(e2)) / (tolerance * np.float32(0.25))
-                along, t = scratch[box + x, 1], scratch[box + x, 2]
+                along, t = lengthwise[at], crosswise[at]
                 shade, ridge = _ZERO, _ONE - t * t * t * t
                 if g > _ZERO:
                     trace = soft_hair(bristles.tile, along * pull, t * spread, oa, ob)
-                    shade = g * profile[k, STREAKS] * (trace - _HALF)
+                    shade = g * streaks * (trace - _HALF)
                     ridge *= _ONE - g * (_ONE - trace)
                     late = (along * part - _HALF) * np.float32(2.0)
                     if late > _ZERO:
                         a *= _ONE - g * dry * late * (_ONE if trace < _HALF * late else _ZERO)
-                a *= buffer[y, x, TRANSMITTANCE]
-                buffer[y, x, 0] += a * (red + shade)
-                buffer[y, x, 1] += a * (green + shade)
-                buffer[y, x, 2] += a * (blue + shade)
-                buffer[y, x, HEIGHT] += a * thick * ridge
-                buffer[y, x, TRANSMITTANCE] -= a
+                paint = np.uintp((pixel + x) * 5)
+                a *= pixels[paint + _4]
+                pixels[paint] += a * (red + shade)
+                pixels[paint + _1] += a * (green + shade)
+                pixels[paint + _2] += a * (blue + shade)
+                pixels[paint + _3] += a * thick * ridge
+                pixels[paint + _4] -= a

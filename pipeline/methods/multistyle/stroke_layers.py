@@ -17,9 +17,9 @@ from pipeline.methods.multistyle.analysis import STROKE, StrokeLayer
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.styles import PROFILE_FIELDS, SMALLEST_PX, LayerStyle, face_weight, pigment
 from pipeline.strokes.brush import Brush, tint
-from pipeline.strokes.layers import LayerScheme, area_error, layer_brush, layer_threshold, spacing_px
+from pipeline.strokes.layers import LayerScheme, area_error, layer_brush, spacing_px, threshold_of
 from pipeline.strokes.random import Purpose, draws
-from pipeline.strokes.seeds import Seeds, StyleField, place, sample
+from pipeline.strokes.seeds import Seeds, StyleField, place, sampler
 from pipeline.strokes.tracks import LifecycleParams, StrokeTracks, advect, start_tracks, update
 
 EDGE_FALL, EDGE_DETAIL_FALL, EDGE_FACE_FALL = 0.85, 0.5, 0.5
@@ -116,13 +116,12 @@ class StrokeLayers:
         candidates = place(
             self.size[::-1], spacing, jitter=scheme.scatter, seed=self.seed, layer=job.index, birth=birth
         )
-        threshold = layer_threshold(style.layers, style.threshold, job.index, self.size[::-1])
         if job.error is not None:
-            candidates = candidates[self._exceeds(candidates, job, threshold)]
+            candidates = candidates[self._exceeds(candidates, job, style, 1)]
         if motion is None or len(self.tracks) <= job.index:
             return start_tracks(candidates, job.reference, spacing, self.lifecycle)
         tracks = advect(self.tracks[job.index], motion.forward)
-        keep = None if job.error is None else self._exceeds(tracks.seeds, job, threshold * np.float32(KEEP))
+        keep = None if job.error is None else self._exceeds(tracks.seeds, job, style, KEEP)
         break_off = max(median(style.technique["edge"]) * EDGE_FALL**job.index, LEAST_BREAK_OFF)
         params = replace(self.lifecycle, break_off=break_off)
         return update(tracks, candidates, job.reference, spacing, params=params, wanted=keep, revealed=revealed)
@@ -134,13 +133,14 @@ class StrokeLayers:
             return outside
         return outside | (_enlarged(motion.changed.astype(np.uint8), self.size) > 0)
 
-    def _exceeds(self, seeds: Seeds, job: _LayerJob, threshold: Plane) -> NDArray[np.bool_]:
-        """Flags of the seeds whose area error exceeds the threshold."""
+    def _exceeds(self, seeds: Seeds, job: _LayerJob, style: LayerStyle, factor: float) -> NDArray[np.bool_]:
+        """Flags of the seeds whose area error exceeds the layer's threshold times `factor`."""
         assert job.error is not None
+        at_seeds = sampler(seeds.xy, self.size[::-1])
+        threshold = threshold_of(at_seeds(style.layers), at_seeds(style.threshold), job.index)
         scale = np.float32(self.work[1] / self.size[1])
-        side = sample(np.asarray(job.brush.size_px, np.float32), seeds.xy) * scale
-        found = area_error(job.error, seeds.xy * scale, side)
-        return np.asarray(found > sample(threshold, seeds.xy), np.bool_)
+        found = area_error(job.error, seeds.xy * scale, at_seeds(job.brush.size_px) * scale)
+        return np.asarray(found > threshold * np.float32(factor), np.bool_)
 
     def _error(self, index: int, picture: Frame, below: Frame, motion: FrameMotion | None) -> Plane:
         """Error that the layer below leaves, RGB distance, float32 (h', w'), smoothed over time.
@@ -164,23 +164,24 @@ class StrokeLayers:
     ) -> StrokeLayer:
         """The layer's strokes with their paint."""
         seeds, technique, brush = tracks.seeds, style.technique, job.brush
-        vivid, contrast, order_mix = (sample(technique[name], seeds.xy) for name in ("vivid", "contrast", "order_mix"))
+        at_seeds = sampler(seeds.xy, self.size[::-1])
+        vivid, contrast, order_mix = (at_seeds(technique[name]) for name in ("vivid", "contrast", "order_mix"))
         strokes = np.zeros(len(tracks), STROKE)
         strokes["colour"] = np.clip(tint(pigment(tracks.targets, vivid, contrast), seeds, brush, self.seed), 0, 255)
         strokes["target"] = tracks.targets
-        strokes["radius_px"] = sample(np.divide(brush.size_px, 2), seeds.xy)
+        strokes["radius_px"] = at_seeds(brush.size_px) / np.float32(2)
         for name in ("opacity", "relief_px", "grain", "length_px"):
-            strokes[name] = sample(getattr(brush, name), seeds.xy)
+            strokes[name] = at_seeds(getattr(brush, name))
         strokes["presence"] = tracks.presence
         variation = draws(seeds.ids, self.seed, Purpose.ORDER)[:, 1] - np.float32(0.5)
         strokes["rank"] = np.sqrt((tracks.initial * tracks.initial).sum(axis=1)) + order_mix * variation
-        strict = 0.0 if detail is None else sample(detail, seeds.xy) * np.float32(EDGE_DETAIL_FALL)
-        edge = sample(np.multiply(technique["edge"], EDGE_FALL**job.index), seeds.xy)
-        strokes["tolerance"] = edge * (1 - strict)
-        if detail is not None and (face := face_weight(detail)) is not None:
-            strokes["tolerance"] *= 1 - sample(face, seeds.xy) * np.float32(EDGE_FACE_FALL)
+        own = None if detail is None else at_seeds(detail)
+        strict = 0.0 if own is None else own * np.float32(EDGE_DETAIL_FALL)
+        strokes["tolerance"] = at_seeds(np.multiply(technique["edge"], EDGE_FALL**job.index)) * (1 - strict)
+        if own is not None and (face := face_weight(own)) is not None:
+            strokes["tolerance"] *= 1 - face * np.float32(EDGE_FACE_FALL)
         for column, name in enumerate(PROFILE_FIELDS):
-            strokes["profile"][:, column] = sample(technique[name], seeds.xy)
+            strokes["profile"][:, column] = at_seeds(technique[name])
         return StrokeLayer(seeds.xy, seeds.ids, strokes, sigma_px)
 
     def state(self) -> State:
