@@ -178,7 +178,7 @@ def test_a_worker_is_drained_and_the_queue_paused(
 
 
 def test_the_ops_page_fits_a_phone(browser: Browser, service: str, http: httpx.Client, clip: Path) -> None:
-    submit(http, upload(http, clip), "phone")
+    submit(http, upload(http, clip), "small film")
     watched = open_ops(
         browser, service, viewport={"width": 390, "height": 844}, is_mobile=True, has_touch=True, color_scheme="dark"
     )
