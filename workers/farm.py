@@ -150,11 +150,11 @@ class Farm:
     def stop(self) -> None:
         """Return running tasks to the queue and end."""
         self.live.stop()
+        self.previews.close()  # its actors, before the dispatcher ends the connection to Ray
         if self._dispatcher is not None:
             self._dispatcher.stop()
         self._collector.stop()
         self.jobs.close()
-        self.previews.close()
         self.assets.close()
         self.files.close()
         self.store.close()
