@@ -37,6 +37,8 @@ COLOURS_HAVE_CHANGED = """async () => {
   await frame();
 }"""
 """Waits for the end of all transitions, which a stopped machine may begin late."""
+LOOKS = 5
+"""A finding of axe counts if it is there each of so many times."""
 
 
 def make_clip(
@@ -156,6 +158,9 @@ def until(page: Page, condition: Callable[[], bool], seconds: float = SLOW_MS / 
 def accessibility_faults(page: Page, axe: str) -> list[tuple[str, str, list[str]]]:
     """What axe-core finds in the page as it is, in light and dark: rule, help and elements.
 
+    A finding counts if it is still there when axe has looked `LOOKS` times, a second apart: on a busy machine colours
+    may be on their way from one scheme to the other.
+
     Args:
         axe: the fixture of that name.
     """
@@ -165,9 +170,12 @@ def accessibility_faults(page: Page, axe: str) -> list[tuple[str, str, list[str]
     for scheme in ("light", "dark"):
         page.emulate_media(color_scheme=scheme)
         until(page, lambda: bool(page.evaluate(f"matchMedia('(prefers-color-scheme: {scheme})').matches")))  # noqa: B023
-        page.wait_for_timeout(300)
-        page.evaluate(COLOURS_HAVE_CHANGED)
-        found = page.evaluate("async () => (await axe.run()).violations")
+        for look in range(LOOKS):
+            page.wait_for_timeout(300 if look == 0 else 1000)
+            page.evaluate(COLOURS_HAVE_CHANGED)
+            found = page.evaluate("async () => (await axe.run()).violations")
+            if not found:
+                break
         faults += [
             (f"{fault['id']} ({scheme})", fault["help"], [node["html"][:160] for node in fault["nodes"]])
             for fault in found
