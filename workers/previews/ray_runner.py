@@ -68,8 +68,8 @@ class PreviewActors:
 
 
 @dataclass(eq=False)
-class _Home:
-    """An actor and its projects."""
+class _PreviewWorker:
+    """An actor and the projects that are assigned to it."""
 
     actor: Actor
     projects: OrderedDict[str, float] = field(default_factory=OrderedDict)
@@ -92,7 +92,7 @@ class RayRunner:
         self._limits = actors
         make = partial(make_engine or partial(PreviewEngine, blobs), actors.limit_bytes // actors.most)
         self._make_engine: bytes = RAY.cloudpickle.dumps(make)
-        self._homes: list[_Home] = []
+        self._workers: list[_PreviewWorker] = []
         self._lock = threading.Lock()
         self._ids = itertools.count(1)
         self._restarts = 0
@@ -110,9 +110,9 @@ class RayRunner:
         to."""
         sent = 0
         for _ in range(1 + LOSSES):
-            home = self._enter(query.project)
+            worker = self._enter(query.project)
             try:
-                for record in itertools.islice(self._records(home.actor, query, check), sent, None):
+                for record in itertools.islice(self._records(worker.actor, query, check), sent, None):
                     sent += 1
                     yield record
                 return
@@ -125,9 +125,9 @@ class RayRunner:
                 raise
             except RayError as error:  # the actor has died, or its record was lost with its machine
                 log.warning("a preview actor died: %s", str(error).partition("\n")[0])
-                self._lost(home)
+                self._lost(worker)
             finally:
-                self._leave(home)
+                self._leave(worker)
         raise PreviewLost(
             "The process that painted this preview died.", remedy="Change what you ask for, or report it."
         )
@@ -146,63 +146,63 @@ class RayRunner:
         finally:
             actor.end.remote(run_id)
 
-    def _enter(self, project: str) -> _Home:
+    def _enter(self, project: str) -> _PreviewWorker:
         """The project's actor, with one query more."""
         with self._lock:
-            home = next((home for home in self._homes if project in home.projects), None) or self._assigned()
-            home.projects[project] = time.monotonic()
-            home.projects.move_to_end(project)
-            home.running += 1
+            worker = next((worker for worker in self._workers if project in worker.projects), None) or self._assigned()
+            worker.projects[project] = time.monotonic()
+            worker.projects.move_to_end(project)
+            worker.running += 1
             self._keep_spare()
-            return home
+            return worker
 
-    def _assigned(self) -> _Home:
+    def _assigned(self) -> _PreviewWorker:
         """An actor for a new project: the one with the fewest."""
         self._keep_spare()
-        if not self._homes:
+        if not self._workers:
             raise Cancelled("The service ends.")
-        return min(self._homes, key=lambda home: len(home.projects))
+        return min(self._workers, key=lambda worker: len(worker.projects))
 
     def _keep_spare(self) -> None:
         """Start an actor if none is without a project and another may be."""
-        if self._stopped.is_set() or len(self._homes) >= self._limits.most:
+        if self._stopped.is_set() or len(self._workers) >= self._limits.most:
             return
-        if all(home.projects for home in self._homes):
+        if all(worker.projects for worker in self._workers):
             options = PreviewActor.options(max_concurrency=self._limits.threads)
-            self._homes.append(_Home(options.remote(self._make_engine, self._limits.warms_up)))
+            self._workers.append(_PreviewWorker(options.remote(self._make_engine, self._limits.warms_up)))
 
-    def _leave(self, home: _Home) -> None:
+    def _leave(self, worker: _PreviewWorker) -> None:
         with self._lock:
-            home.running -= 1
+            worker.running -= 1
 
-    def _lost(self, home: _Home) -> None:
+    def _lost(self, worker: _PreviewWorker) -> None:
         with self._lock:
-            if home in self._homes:
-                self._homes.remove(home)
+            if worker in self._workers:
+                self._workers.remove(worker)
                 self._restarts += 1
             self._keep_spare()
 
     def _end_idle(self) -> None:
         while not self._stopped.wait(min(30.0, self._limits.idle_s / 4)):
-            for home in self._without_use():
-                ray.kill(home.actor)
+            for worker in self._without_use():
+                ray.kill(worker.actor)
 
-    def _without_use(self) -> list[_Home]:
+    def _without_use(self) -> list[_PreviewWorker]:
         """Actors whose last project has become silent. They are taken off the list, and a spare one replaces them."""
         before = time.monotonic() - self._limits.idle_s
         with self._lock:
             idle = []
-            for home in [home for home in self._homes if home.projects and not home.running]:
-                home.projects = OrderedDict((name, at) for name, at in home.projects.items() if at > before)
-                if not home.projects:
-                    self._homes.remove(home)
-                    idle.append(home)
+            for worker in [worker for worker in self._workers if worker.projects and not worker.running]:
+                worker.projects = OrderedDict((name, at) for name, at in worker.projects.items() if at > before)
+                if not worker.projects:
+                    self._workers.remove(worker)
+                    idle.append(worker)
             self._keep_spare()
             return idle
 
     def state(self) -> Json:
         with self._lock:
-            asked = [home.actor.state.remote() for home in self._homes]
+            asked = [worker.actor.state.remote() for worker in self._workers]
             restarts = self._restarts
         ready, _ = ray.wait(asked, num_returns=len(asked), timeout=STATE_S) if asked else ([], [])
         states = [found for ref in ready if (found := _state(ref)) is not None]
@@ -214,9 +214,9 @@ class RayRunner:
     def close(self) -> None:
         self._stopped.set()
         with self._lock:
-            homes, self._homes = self._homes, []
-        for home in homes:
-            ray.kill(home.actor)
+            workers, self._workers = self._workers, []
+        for worker in workers:
+            ray.kill(worker.actor)
 
 
 def _awaited(ref: ObjectRef, check: Check) -> Record | None:
