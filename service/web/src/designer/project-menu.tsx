@@ -83,9 +83,11 @@ function Share({ store, saveAll }: ProjectMenuProps) {
         One file with everything in it. The start page of another service opens it; <code>impasto render</code> paints
         it.
       </p>
-      <button type="button" class="button small" onClick={() => save().catch(notify)}>
-        Save as a file
-      </button>
+      <div class="actions">
+        <button type="button" class="button small" onClick={() => save().catch(notify)}>
+          Save as a file
+        </button>
+      </div>
     </section>
   );
 }
