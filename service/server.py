@@ -22,6 +22,7 @@ from service.settings import Settings
 from service.sockets import guarded
 from workers.descriptors import raise_descriptor_limit
 from workers.farm import Farm, open_farm
+from workers.free_memory import return_free_memory_regularly
 from workers.logs import set_up_logs
 
 ACCEPTED_AT_ONCE = 64
@@ -44,6 +45,7 @@ def serve(settings: Settings, on_ready: Callable[[str], None] = lambda url: None
         OSError: the address cannot be bound.
     """
     set_up_logs(settings).addFilter(RepeatFilter())
+    return_free_memory_regularly()
     farm = open_farm(settings)
     try:
         _check_way_in(settings, farm)

@@ -65,6 +65,7 @@ def worker(options: WorkerOptions) -> None:
     from service.settings import Settings
     from workers.descriptors import raise_descriptor_limit
     from workers.extras import need
+    from workers.free_memory import return_free_memory_regularly
     from workers.logs import set_up_logs
     from workers.pools.ray_node import RayNode
 
@@ -80,6 +81,7 @@ def worker(options: WorkerOptions) -> None:
     )
     set_up_logs(settings)
     raise_descriptor_limit()
+    return_free_memory_regularly()
     if options.ray_address is not None:
         need("cluster", "--ray-address", options.ray_address)
         node = RayNode(

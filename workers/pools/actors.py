@@ -17,6 +17,7 @@ from ray.exceptions import RayError
 
 from pipeline.errors import Cancelled
 from workers.blobs.base import Blobs
+from workers.free_memory import return_free_memory_regularly
 from workers.live.channel import Address, LiveWorkerServer
 from workers.live.local_workers import SessionRenderer
 from workers.live.model import LiveOrder
@@ -44,6 +45,7 @@ class _RenderActor:
 
     def __init__(self, make_runner: Callable[[Blobs], TaskRunner], blobs: Blobs) -> None:
         os.nice(RENDER_NICENESS)
+        return_free_memory_regularly()
         self._monitor = AttemptMonitor()
         self._cache = ArtefactCache(blobs)
         self._runner = make_runner(self._cache)
@@ -97,6 +99,7 @@ class _LiveActor:
         self._make_painter, self._secret = make_painter, secret
         self._painter: SessionRenderer | None = None
         self._server: LiveWorkerServer | None = None
+        return_free_memory_regularly()
 
     def warm_up(self) -> Address:
         """Import and compile everything; then return the address of the frame server.
@@ -142,6 +145,7 @@ class _PreviewActor:
     """
 
     def __init__(self, make_engine: bytes, warms_up: bool) -> None:
+        return_free_memory_regularly()
         self._engine = cast(PreviewEngine, ray.cloudpickle.loads(make_engine)())
         self._runs: dict[int, Generator[Record]] = {}
         self._ended: OrderedDict[int, None] = OrderedDict()
