@@ -148,7 +148,7 @@ def _context(settings: Settings, farm: Farm) -> ServiceContext:
         previews=threading.BoundedSemaphore(settings.preview_slots),
         frames=threading.BoundedSemaphore(settings.frame_slots),
         webhook_secrets=_secrets(settings),
-        styles=StyleLibrary(farm, settings.home / "styles", settings.styles_dir),
+        styles=StyleLibrary(farm, settings.styles_dir),
         registry=CollectorRegistry(),
     )
     service.registry.register(FarmMetrics(farm))

@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import Literal
 
 from pipeline.errors import BadInput
-from pipeline.frames import Frame
 from pipeline.video.stills import encode_png
+from service.styles import exemplars
 from service.styles.exemplars import EXEMPLARS, Exemplar
+from service.styles.painted import painted
 from workers.errors import NotFound
 from workers.farm import Farm
 from workers.model import Asset
-from workers.version import version
 
 OWNER = "styles"
 """Owner of the library's assets: they count for no user's quota."""
@@ -46,12 +46,11 @@ class StyleLibrary:
     """Thread-safe; paints one exemplar at a time.
 
     Args:
-        home: folder for the exemplars once they are painted.
         folder: of the operator's paintings, or None.
     """
 
-    def __init__(self, farm: Farm, home: Path, folder: Path | None) -> None:
-        self._farm, self._home, self._folder = farm, home, folder
+    def __init__(self, farm: Farm, folder: Path | None) -> None:
+        self._farm, self._folder = farm, folder
         self._painting = threading.Lock()
         self._assets: dict[tuple[Path, int, int], str] = {}
 
@@ -89,15 +88,8 @@ class StyleLibrary:
 
     def _painted(self, one: Exemplar, what: Literal["painting", "source"]) -> Path:
         """The file of an exemplar, painted now if it is not there."""
-        path = self._home / f"{one.name}-{what}-{_digest(one)}.png"
         with self._painting:
-            if not path.is_file():
-                frame: Frame = one.painting() if what == "painting" else one.source()
-                self._home.mkdir(parents=True, exist_ok=True)
-                part = path.with_suffix(".part")
-                part.write_bytes(encode_png(frame))
-                part.replace(path)
-        return path
+            return painted(f"{one.name}-{what}.png", (one, exemplars.SIZE), lambda: _png(one, what))
 
     def _added(self, path: Path, filename: str, owner: str) -> Asset:
         facts = path.stat()
@@ -115,9 +107,8 @@ class StyleLibrary:
         return asset
 
 
-def _digest(one: Exemplar) -> str:
-    """Changes with the exemplar and with the program."""
-    return hashlib.sha256(f"{one}{version()}".encode()).hexdigest()[:12]
+def _png(one: Exemplar, what: Literal["painting", "source"]) -> bytes:
+    return encode_png(one.painting() if what == "painting" else one.source())
 
 
 def _id(path: Path) -> str:

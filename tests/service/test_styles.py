@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from fastapi.testclient import TestClient
 
 from service.app import create_app
 from service.settings import Settings
-from service.styles import exemplars
+from service.styles import exemplars, painted
 from workers.farm import open_farm
 
 
@@ -32,8 +33,17 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def client(home: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[TestClient]:
+def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """An empty folder for exemplars, which are painted in 96x64 px."""
     monkeypatch.setattr(exemplars, "SIZE", (96, 64))
+    monkeypatch.setattr(painted, "cache_folder", lambda: tmp_path / "cache")
+    painted.folder.cache_clear()
+    yield painted.folder()
+    painted.folder.cache_clear()
+
+
+@pytest.fixture
+def client(home: Path, folder: Path, own: Path) -> Iterator[TestClient]:
     settings = Settings(home=home, pool="none", styles_dir=folder)
     farm = open_farm(settings)
     with TestClient(create_app(settings, farm), "http://127.0.0.1:8420", raise_server_exceptions=False) as opened:
@@ -56,18 +66,33 @@ def test_the_library_lists_own_exemplars_and_the_folder(client: TestClient) -> N
     assert found == {"The great wave": "Katsushika Hokusai, 1831. The Met, CC0", "Broken": ""}
 
 
-def test_an_exemplar_is_painted_once_and_becomes_assets_of_the_caller(client: TestClient, home: Path) -> None:
-    assert not (home / "styles").exists(), "nothing is painted before it is asked for"
+def test_an_exemplar_is_painted_once_and_becomes_assets_of_the_caller(client: TestClient, own: Path) -> None:
+    assert not list(own.iterdir()), "nothing is painted before it is asked for"
     shown = decoded(client.get("/v1/styles/harbour-print/picture").content)
     assert shown.shape == (64, 96, 3)
-    (painted,) = (home / "styles").iterdir()
-    before = painted.stat().st_mtime_ns
+    (file,) = own.iterdir()
+    before = file.stat().st_mtime_ns
     made = client.post("/v1/styles/harbour-print/assets").json()
-    assert painted.stat().st_mtime_ns == before
+    assert file.stat().st_mtime_ns == before
     painting = decoded(client.get(f"/v1/assets/{made['painting']['id']}/content").content)
     source = decoded(client.get(f"/v1/assets/{made['source']['id']}/content").content)
     assert painting.shape == source.shape and np.abs(painting.astype(int) - source).mean() > 3
     assert client.post("/v1/styles/harbour-print/assets").json() == made
+
+
+def test_exemplars_are_painted_once_for_all_services_and_deleted_when_unused(own: Path) -> None:
+    def paint_again() -> bytes:
+        raise AssertionError("it is there")
+
+    first = painted.painted("a.png", (1, (96, 64)), lambda: b"one")
+    assert painted.painted("a.png", (1, (96, 64)), paint_again) == first and first.read_bytes() == b"one"
+    other = painted.painted("a.png", (1, (48, 32)), lambda: b"other")
+    assert other != first and sorted(own.iterdir()) == sorted([first, other])
+    old = own.parent / "an-earlier-program"
+    old.mkdir()
+    os.utime(old, (0, 0))
+    painted.folder.cache_clear()
+    assert painted.folder() == own and list(own.parent.iterdir()) == [own]
 
 
 def test_a_file_of_the_folder_keeps_its_bytes(client: TestClient, folder: Path) -> None:

@@ -1,0 +1,55 @@
+"""Where the painted exemplars are: in the user's cache folder, painted once for all services of this machine."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import pipeline
+from pipeline.compute.runtime import cache_folder
+
+UNUSED_DAYS = 60
+"""Pictures that no service has used for so long are deleted."""
+
+
+def painted(name: str, facts: object, paint: Callable[[], bytes]) -> Path:
+    """The file of a picture, painted now if it is not there.
+
+    Args:
+        name: of the file, with its suffix.
+        facts: what the picture depends on besides the program; equal facts have equal representations.
+        paint: makes the bytes of the file.
+    """
+    file = folder() / f"{hashlib.sha256(repr(facts).encode()).hexdigest()[:12]}-{name}"
+    if not file.is_file():
+        with tempfile.NamedTemporaryFile(dir=file.parent, delete=False) as part:
+            part.write(paint())
+        Path(part.name).replace(file)
+    return file
+
+
+@cache
+def folder() -> Path:
+    """The folder of this version of the program, which is named after its text."""
+    made = cache_folder() / "styles" / _program()
+    made.mkdir(parents=True, exist_ok=True)
+    os.utime(made)
+    for other in made.parent.iterdir():
+        if other.stat().st_mtime < time.time() - UNUSED_DAYS * 86_400:
+            shutil.rmtree(other, ignore_errors=True)
+    return made
+
+
+def _program() -> str:
+    """SHA-256 of the program that paints: every Python and OpenCL file of the pipeline."""
+    digest = hashlib.sha256()
+    root = Path(pipeline.__file__).parent
+    for file in sorted(path for path in root.rglob("*") if path.suffix in (".py", ".cl")):
+        digest.update(f"{file.relative_to(root)}\0".encode() + file.read_bytes())
+    return digest.hexdigest()[:24]
